@@ -4,6 +4,7 @@ Names for the command line and for `dir` are read from the text of the files, wh
 """
 
 import ast
+import os
 import re
 import warnings
 from collections.abc import Callable, Iterator
@@ -93,6 +94,12 @@ def models_directory() -> Path:
 def model_names() -> list[str]:
     """Return names of the models that come with mbdae."""
     return sorted({file.parent.name for name in LIBRARY_FILES for file in models_directory().glob(f"*/{name}")})
+
+
+def is_model_name(name: str) -> bool:
+    """Return whether a model of this name comes with mbdae; cheaper than a list of all names."""
+    folder = models_directory()
+    return name in os.listdir(folder) and any((folder / name / file).is_file() for file in LIBRARY_FILES)
 
 
 def lazy_import(module: str, name: str) -> Callable[..., Any]:

@@ -1,15 +1,16 @@
 """Models that the compiled core runs: all except those with features that it lacks."""
 
-import mbdae
+from smooth import MODELS
+
 from mbdae import backend
 from mbdae.errors import NotCompiled
 
 
-def _compiles(name):
+def _compiles(mech):
     try:
-        return bool(mbdae.load(name).system(native=backend.load()))
+        return bool(mech.system(native=backend.load()))
     except NotCompiled:
         return False
 
 
-IN_CORE = [name for name in mbdae.model_names() if _compiles(name)]
+IN_CORE = [name for name, mech in MODELS.items() if _compiles(mech)]

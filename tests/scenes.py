@@ -37,8 +37,7 @@ def collada(path):
         corners = [(x, 0, z) for x in range(2 * g, 2 * g + len(names) + 1) for z in (0, 1)]
         text = " ".join(str(c) for corner in corners for c in corner)
         parts = "".join(
-            TRIANGLES.format(n, g, " ".join(str(2 * k + i) for i in (0, 2, 1, 1, 2, 3)))
-            for k, n in enumerate(names)
+            TRIANGLES.format(n, g, " ".join(str(2 * k + i) for i in (0, 2, 1, 1, 2, 3))) for k, n in enumerate(names)
         )
         geometries += GEOMETRY.format(g, 3 * len(corners), text, len(corners), parts)
         bound = "".join(f'<instance_material symbol="{n}m" target="#{n}m"/>' for n in names)
@@ -57,7 +56,8 @@ def motion(scene, q, end=2.0, start=0.0, title="a test"):
     points = np.array([q(x) for x in t])
     mech = SimpleNamespace(scene=scene, title=title, model=scene._model, switches=())
     sol = SimpleNamespace(t=t, q=points, mechanism=mech)
-    return type("Motion", (SimpleNamespace,), {"__call__": lambda self, x: (q(x), None)})(**vars(sol))
+    called = {"__call__": lambda self, times: (np.array([q(x) for x in times]), None)}
+    return type("Motion", (SimpleNamespace,), called)(**vars(sol))
 
 
 def fourbar():
@@ -87,7 +87,5 @@ def flag(folder):
     joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "j")
     scale = np.array([0.1, 0.1, -0.1])
     triangles = coal.MeshLoader().load(str(path), scale)
-    visuals.addGeometryObject(
-        pin.GeometryObject("flag", joint, pin.SE3.Identity(), triangles, str(path), scale)
-    )
+    visuals.addGeometryObject(pin.GeometryObject("flag", joint, pin.SE3.Identity(), triangles, str(path), scale))
     return make_scene(model, visuals)

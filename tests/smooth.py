@@ -2,5 +2,5 @@
 
 import mbdae
 
-_MODELS = {name: mbdae.load(name) for name in mbdae.model_names()}
-SMOOTH = [name for name, mech in _MODELS.items() if not (mech.switches or mech.resets)]
+MODELS = {name: mbdae.load(name) for name in mbdae.model_names()}
+SMOOTH = [name for name, mech in MODELS.items() if not (mech.switches or mech.resets)]

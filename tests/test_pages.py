@@ -12,6 +12,7 @@ import sys
 import warnings
 from contextlib import redirect_stderr, redirect_stdout
 from doctest import ELLIPSIS, OutputChecker
+from functools import cache
 from io import StringIO
 from itertools import pairwise
 from pathlib import Path
@@ -36,6 +37,9 @@ PAGES = ["README.md", *(str(p.relative_to(ROOT)) for f in FOLDERS for p in sorte
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.S | re.M)
 FILE = re.compile(r"(?:#|<!--) (\S+\.(?:toml|py|urdf|xml))( -->)?\n")
 TEXT = {page: (ROOT / page).read_text() for page in PAGES}
+BRIEF = {  # options of commands whose output is not shown: they end by themselves, and take no times of whole runs
+    "live": ("--seconds", "0.5"), "compare": ("--repeats", "0"), "compare four_bar -m": ("-t", "2"),
+}  # fmt: skip
 OUTSIDE = ("python3", "pip", ".", "pytest", "python")  # commands of sh blocks that are not run here
 
 
@@ -81,8 +85,8 @@ def run_block(block: Block, names: dict, monkeypatch) -> None:
                 assert words[0] in OUTSIDE, words
                 assert all((ROOT / w).is_file() for w in words if w.endswith(".py")), words
                 continue
-            ended_by_itself = ["--seconds", "0.5"] if words[1] == "live" else []
-            monkeypatch.setattr(sys, "argv", [*words, *ended_by_itself])
+            more = (x for begin, options in BRIEF.items() if " ".join(words[1:]).startswith(begin) for x in options)
+            monkeypatch.setattr(sys, "argv", [*words, *more])
             with pytest.raises(SystemExit) as ended:
                 main()
             assert ended.value.code == code, words
@@ -106,17 +110,18 @@ def test_blocks(page, tmp_path, monkeypatch):
             assert OutputChecker().check_output(shown, printed, ELLIPSIS), said.getvalue()
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_commands_within_sentences_are_complete(page):
-    for command in re.findall(r"`(mbdae [^`-]+ -[^`]+)`", TEXT[page].replace("\n", " ")):
-        name, *words = shlex.split(command)[1:]
-        if "--help" not in words:
-            cli.commands[name].make_context(name, words)
+def test_commands_within_sentences_are_complete():
+    for page in PAGES:
+        for command in re.findall(r"`(mbdae [^`-]+ -[^`]+)`", TEXT[page].replace("\n", " ")):
+            name, *words = shlex.split(command)[1:]
+            if "--help" not in words:
+                cli.commands[name].make_context(name, words)
 
 
 # -- links ---------------------------------------------------------------------------------------------------------
 
 
+@cache
 def anchors(page: Path) -> set[str]:
     """The anchors that GitHub makes of headings: lower case, hyphens for spaces, without punctuation."""
     headings = re.findall(r"^#+ (.*)$", BLOCK.sub("", page.read_text()), re.M)
@@ -130,17 +135,17 @@ def links(page: str) -> list[tuple[Path, str]]:
     return [((ROOT / page).parent / path if path else ROOT / page, anchor) for path, _, anchor in at]
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_links_lead_somewhere(page):
-    for path, anchor in links(page):
-        assert path.exists(), path
-        assert not anchor or anchor in anchors(path), f"{path} has no heading {anchor}"
+def test_links_lead_somewhere():
+    for page in PAGES:
+        for path, anchor in links(page):
+            assert path.exists(), f"{page} links to {path}"
+            assert not anchor or anchor in anchors(path), f"{page}: {path} has no heading {anchor}"
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_paths_named_exist(page):
-    for path in re.findall(r"\b(?:examples|models|tests)/[\w/]+\.\w+", TEXT[page]):
-        assert (ROOT / path).exists(), path
+def test_paths_named_exist():
+    for page in PAGES:
+        for path in re.findall(r"\b(?:examples|models|tests)/[\w/]+\.\w+", TEXT[page]):
+            assert (ROOT / path).exists(), f"{page} names {path}"
 
 
 def test_every_page_and_picture_is_linked():

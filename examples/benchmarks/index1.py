@@ -10,6 +10,7 @@ import shutil
 import tempfile
 from collections.abc import Callable
 from contextlib import chdir
+from functools import cache
 from time import perf_counter
 from typing import Any
 
@@ -83,9 +84,13 @@ def with_casadi(problem: Problem, solver: str, alpha: float, **options: Any) -> 
         fixed |= {"jit": True, "compiler": "shell", "jit_options": {"flags": ["-O2"], "cleanup": False}}
         fixed |= {"jit_cleanup": False}
 
+    @cache
+    def integrator(rtol: float) -> Any:
+        return ca.integrator("F", solver, dae, 0, grid, {"reltol": rtol, "abstol": rtol, **fixed})
+
     def run(rtol: float) -> Run | None:
         with tempfile.TemporaryDirectory() as folder, chdir(folder):  # where casadi writes its C
-            F = ca.integrator("F", solver, dae, 0, grid, {"reltol": rtol, "abstol": rtol, **fixed})
+            F = integrator(rtol)
             try:
                 started = perf_counter()
                 x = F(x0=x0, z0=z0)["xf"]

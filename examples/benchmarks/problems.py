@@ -4,6 +4,8 @@ Four-bar: bars of 1, 2 and 1.5 m and 1 kg/m on a ground of 2 m. Double pendulum:
 and 0.4 rad from hanging. Both from rest, for 10 s. Andrews' squeezing mechanism for 0.03 s.
 """
 
+from functools import cache
+
 import numpy as np
 import pinocchio as pin
 from planar import Array, Bar, Equations, Problem
@@ -17,6 +19,7 @@ def rod(name: str, parent: str | None, hinge: complex, length: float, mass: floa
     return Bar(name, parent, hinge, length / 2, mass, mass * length**2 / 12, start)
 
 
+@cache
 def four_bar_end() -> Array:
     """Integrate in the crank's angle: other angles by the intersection of two circles, rates by G v = 0."""
     eq = Equations(FOUR_BAR)
@@ -40,6 +43,7 @@ def four_bar_end() -> Array:
     return FOUR_BAR.relative(pose(y[0, -1]))
 
 
+@cache
 def pendulum_end() -> Array:
     """Lagrange's equations in the two angles."""
     eq, n = Equations(DOUBLE_PENDULUM), 2

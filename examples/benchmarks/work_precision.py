@@ -29,7 +29,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -60,9 +60,17 @@ class Point:
     g: float
 
 
-def values(problem: Problem | Stiff, stepped: bool) -> Iterable[float]:
-    """Tolerances, or steps from 500 in the whole span on."""
-    return (problem.end / (500 * 2**k) for k in range(16)) if stepped else TOLERANCES
+class Effort(NamedTuple):
+    """Upper limit of a run in s, repetitions of timed runs, and stride through the tolerances."""
+
+    cap: float
+    repeats: int
+    stride: int
+
+
+def values(problem: Problem | Stiff, stepped: bool, stride: int) -> Iterable[float]:
+    """Every n-th of the tolerances, or steps from 500 in the whole span on."""
+    return (problem.end / (500 * 2**k) for k in range(16)) if stepped else TOLERANCES[::stride]
 
 
 def curve(runner: Runner, values: Iterable[float], reference: np.ndarray, least: float, cap: float) -> Iterator[Point]:
@@ -87,7 +95,7 @@ def cheapest(points: Sequence[Point], error: float, g: float = np.inf) -> Point 
 
 
 def measure(
-    problem: Problem | Stiff, solvers: dict[str, Any], targets: Sequence[float], cap: float, repeats: int
+    problem: Problem | Stiff, solvers: dict[str, Any], targets: Sequence[float], effort: Effort
 ) -> dict[str, list[Point]]:
     """Points of each solver; relevant and short ones are timed again, in turn."""
     reference, runners, points = problem.reference(), {}, {}
@@ -97,14 +105,14 @@ def measure(
             continue
         print(f"{problem.title}: {name}", file=sys.stderr)
         runners[name] = runner
-        points[name] = list(curve(runner, values(problem, stepped), reference, min(targets), cap))
+        points[name] = list(curve(runner, values(problem, stepped, effort.stride), reference, min(targets), effort.cap))
     chosen = {(name, p.value): p for name, found in points.items() for p in found if p.seconds < SHORT}
     for name, found in points.items():
         for point in (cheapest(found, e, g) for e in targets for g in (np.inf, DRIFT)):
             if point and point.seconds < LONG:
                 chosen[name, point.value] = point
     again = {key: (lambda key=key: runners[key[0]](key[1]).seconds) for key in chosen}
-    for key, seconds in medians(again, repeats).items():
+    for key, seconds in medians(again, effort.repeats).items():
         chosen[key].seconds = seconds
     return points
 
@@ -180,15 +188,15 @@ def draw(measured: dict[str, dict[str, list[Point]]], path: Path) -> None:
 def main(argv: Sequence[str] | None = None, picture: Path | None = None) -> dict[str, dict[str, list[Point]]]:
     """Print a table for each problem, draw the figure, and return the points."""
     short = brief(argv, __doc__)
-    targets, cap, repeats = ((1e-2, 1e-4), 0.02, 1) if short else (TARGETS, CAP, 5)
+    targets, effort = ((1e-2, 1e-4), Effort(0.02, 1, 4)) if short else (TARGETS, Effort(CAP, 5, 1))
     print(machine("solve_dae", "mujoco", "exudyn", "casadi", "diffrax"))
     print(f"back end of mbdae: {backends()[-1]}, but for rows that say Python")
     measured = {}
     for title, problem in PROBLEMS.items():
-        measured[title] = measure(problem, solvers(problem), targets, cap, repeats)
+        measured[title] = measure(problem, solvers(problem), targets, effort)
         print("\n" + report(problem, measured[title], targets), flush=True)
     for stiff in () if short else STIFF.values():
-        points = measure(stiff, stiff_solvers(stiff), STIFF_TARGETS, cap, repeats)
+        points = measure(stiff, stiff_solvers(stiff), STIFF_TARGETS, effort)
         print("\n" + report_stiff(stiff, points, STIFF_TARGETS), flush=True)
     if picture or not short:
         draw(measured, picture or PICTURE)

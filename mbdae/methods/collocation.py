@@ -33,6 +33,7 @@ FIRST_ITERATIONS = 3  # further iterations if already the first change is that s
 EXPECTED_RATE = 0.1  # initial estimate of the rate; above REUSE: partial derivatives of unknown rate are not reused
 REUSE_RATE = 0.03  # convergence rate below which partial derivatives and factors are reused for the same h
 ANDERSON_DEPTH = 10  # changes that are combined if the simplified Newton iteration does not converge
+TINY = float(np.finfo(float).tiny)  # keeps quotients finite
 MAX_FIRST_CHANGE = 0.5  # of the size of y and its displacement: a larger change means that the guess is useless
 
 
@@ -277,7 +278,8 @@ class _Stages:
 
     def _norm(self, dK: Array, scale: Array) -> float:
         """Return the root mean square of the change of X by dK, (s, ny), relative to the scale."""
-        return float(np.sqrt(np.mean((self._displacements(dK) / (scale + np.finfo(float).tiny)) ** 2)))
+        X = self._displacements(dK) / (scale + TINY)
+        return float(np.sqrt(np.add.reduce(X * X, axis=None) / X.size))
 
     def _correction(self, K: Array, Z: Array, solvers: list[Solver]) -> tuple[Array, Array]:
         a, h, X = self.a, self.h, self.h * (self.a.A @ K)
@@ -286,6 +288,6 @@ class _Stages:
         dK, dZ = np.zeros_like(K), np.zeros_like(Z)
         for mode, solver in zip(a.modes, solvers, strict=True):
             dk, dz = solver(mode.row @ R, mode.row @ C)
-            dK += np.outer(mode.column, dk).real
-            dZ += np.outer(mode.column, dz).real
+            dK += (mode.column[:, None] * dk).real  # numpy.outer is slower on small arrays
+            dZ += (mode.column[:, None] * dz).real
         return dK, dZ

@@ -74,6 +74,8 @@ def sample_together(sol: Any, times: Array) -> Array | None:
     ts, ys, zs = map(np.asarray, sol.nodes)
     if not isinstance(sol.problem, Mechanism) or len(ts) < 2 or len(times) < 2:
         return None
+    if "dense_order" not in sol.settings:  # poses in time, of a study, which are known at their nodes alone
+        return None
     if not can_sample_at_once(sol.system, sol.settings["dense_order"]):
         return None
     sign = 1.0 if ts[-1] > ts[0] else -1.0

@@ -8,6 +8,7 @@ so that the orders of index 2 hold. Source: Hairer, Lubich, Roche, Lecture Notes
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from scipy.linalg.lapack import dgesv
@@ -97,7 +98,7 @@ class MixedSystem(HessenbergSystem):
             k = np.asarray(self.problem.k(t, y, z, u), float)
             *_, du, info = dgesv(self._partials("k", 3, (t, y, z, u)), k)
             size = largest(du)
-            if info or not np.isfinite(size):
+            if info or not isfinite(size):
                 break
             u = u - du
             if size <= ROUNDING * largest(u) or (last <= 2 * size and size <= SEARCH_TOLERANCE * (1 + largest(u))):

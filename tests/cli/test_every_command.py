@@ -1,143 +1,40 @@
-"""Every command on every model that comes with mbdae, and on its saved run: a result, or a one-line error with a true
-reason.
+"""Every command on every kind of model that comes with mbdae, and on its saved run: a result, or a one-line error with
+a true reason. Short commands run on every model.
 
-An error is justified if a reason of `REASONS` matches whose condition holds, which is computed here from the Jacobian
-of the permanent closures, and from the contents of the mechanism's file. Any other error fails the test, as does a line
-on standard error that is neither a warning of mbdae nor the error.
+An error is justified if a reason of `REASONS` matches whose condition holds (`model_facts`). Any other error fails the
+test, as does a line on standard error that is neither a warning of mbdae nor the error.
 """
 
 import re
 from collections.abc import Callable
-from functools import cache, cached_property
+from functools import cache
 from importlib.metadata import version
 from typing import NamedTuple
 
-import numpy as np
 import pytest
 from commands import call
-from scipy.optimize import least_squares
+from model_facts import SHORT, Facts, drive_of
 
 import mbdae
 from mbdae import Mechanism
 from mbdae.cli.model import ChosenModel
-from mbdae.mechanism.forces.coulomb_friction import CoulombFriction
+from mbdae.studies.comparison.reference_motion import ReferenceMotion
 from mbdae.studies.order.order import order as measure_order
 
-SHORT = {  # s: models that move faster or slower than others; those with mode switches have one before
-    "andrews_squeezer": 0.003, "bouncing_chain": 0.25, "pendulum_on_stop": 0.5, "ratchet": 0.4,
-    "slider_crank_with_stop": 0.25, "stick_slip_slider": 0.004, "woodpecker": 0.002,
-    "humanoid_stance": 0.02, "stewart_platform": 0.02,
+LIKE = {  # larger models of the kind of another one, which alone runs the long studies
+    "ball_on_turntable": "snakeboard", "bicycle": "rolling_disc", "bricard": "four_bar", "heavy_top": "pendulum",
+    "flyball_governor": "double_pendulum", "humanoid_stance": "dual_arm", "jansen_walker": "cam_follower",
+    "n_four_bar": "four_bar", "rattleback": "chaplygin_sleigh", "slider_crank": "four_bar", "sleeping_top": "pendulum",
+    "spring_four_bar": "four_bar", "stewart_platform": "dual_arm",
 }  # fmt: skip
+LONG = r"compare .*ggl|order|report|animate|sweep|equilibria|load-path|root-locus|fit|view"
 FIGURES = ("work_precision", "drifts", "convergence", "posture", "motion")
 COARSE = {  # resolution of studies
     "report.report.TOLERANCES": (1e-4, 1e-6), "view.sliders.POSES": 7, "statics.equilibria.INPUTS": 1,
     "statics.equilibria.POINTS": 61, "replay.plot_panels.POINTS": 50, "replay.replay.MIN_FRAMES": 5,
     "replay.html_page.LEVEL": 1, "order.measurement.Measurement.largest": 3000,
 }  # fmt: skip
-RANK = 1e-9
-
-
-class Facts:
-    """Properties of a model, computed without the studies.
-
-    Args:
-        name: of the model.
-        drive: its input joint.
-    """
-
-    def __init__(self, name: str, drive: str) -> None:
-        self.name, self.mech, self.drive = name, mbdae.load(name), drive
-        j = self.mech.model.joints[self.mech.model.getJointId(drive)]
-        self.single, self.column = j.nv == 1, j.idx_v
-        self.rolls = [c for c in self.mech.closures if not c.is_unilateral and not c.within and not self._placed(c)]
-        self.windows = [c for c in self.mech.closures if c.within]
-        self.switches = bool(self.mech.switches)
-        self.several = [j.nv for j in self.mech.model.joints if j.nv > 1]
-        self.regularised_interfaces = any(isinstance(f, CoulombFriction) for f in self.mech.forces)
-        self.acts = bool(self.mech.drivers or self.mech.motors) or any(
-            f.kind in ("joint_pid", "joint_torque", "dc_motor") for f in self.mech.forces if hasattr(f, "kind")
-        )
-
-    def _placed(self, closure) -> bool:
-        return bool(self.mech.positional[self.mech.rows_of(closure.name)].all())
-
-    @cached_property
-    def rows(self) -> np.ndarray:
-        """G of the permanent closures, neither unilateral nor with an active range, (m, nv), column by column."""
-        kept = [c for c in self.mech.closures if not (c.is_unilateral or c.within)]
-        alone = Mechanism(self.mech.model, kept)
-        return np.array([alone.residual(self.mech.start[0], e)[1] for e in np.eye(self.mech.nv)]).T
-
-    @cached_property
-    def coarse(self) -> str:
-        """Status of a run with the steps of the fit, which are too long for stiff mechanisms."""
-        part = SHORT.get(self.name, 0.1) / 4
-        return mbdae.solve(self.mech, (0, part), step=part / 4).status
-
-    def free(self, *rows: np.ndarray) -> int:
-        """Null space dimension of G with further rows."""
-        every = np.vstack([self.rows, *rows])
-        return self.mech.nv - int(np.linalg.matrix_rank(every, tol=RANK) if len(every) else 0)
-
-    @cached_property
-    def driven(self) -> np.ndarray:
-        """Rows of the drivers except that of the input, (k, nv)."""
-        others = [d for d in self.mech.drivers if d.joint != self.drive]
-        whole = np.array([self.mech.residual(self.mech.start[0], e)[1] for e in np.eye(self.mech.nv)]).T
-        still = self.mech.residual(self.mech.start[0], np.zeros(self.mech.nv))[1]
-        at = [r for d in others for r in self.mech.rows_of(d.name)]
-        return (whole - still[:, None])[at]
-
-    @cached_property
-    def rests(self) -> bool:
-        """Whether least squares finds a pose of the permanent closures whose forces balance, and no fall lowers it."""
-        mech, states = self.mech, np.array(list(self.mech.states.values()))
-        system, permanent = mech.system(), [c.name for c in mech.closures if not (c.is_unilateral or c.within)]
-        rows = np.array([r for name in permanent for r in mech.rows_of(name)], int)
-
-        def null(q: np.ndarray) -> np.ndarray:
-            G = system.closures(q, 0.0)[1][rows]
-            return np.linalg.svd(G)[2][np.linalg.matrix_rank(G, tol=RANK) :].T if len(rows) else np.eye(mech.nv)
-
-        def pose(x: np.ndarray) -> np.ndarray:
-            return mech.manifold.integrate(mech.start[0], x)
-
-        def unbalanced(x: np.ndarray) -> np.ndarray:
-            q = pose(x)
-            Z = null(q)
-            f = system.force(0.0, q, np.zeros(mech.nv), states)[0]
-            g = np.where(mech.positional, system.closures(q, 0.0)[0], 0.0)[rows]
-            return np.concatenate([Z @ (Z.T @ f), 100 * g])
-
-        def falls(q: np.ndarray) -> bool:
-            """Whether the potential energy is lower to both sides of the pose in one of 20 directions."""
-            Z, still = null(q), np.zeros(mech.nv)
-            for z in (Z @ np.random.default_rng(0).standard_normal((Z.shape[1], 20))).T:
-                poses = [mech.manifold.integrate(q, h * z) for h in (1e-3, -1e-3)]
-                closed = [system.restore(0.0, np.concatenate([x, still, states, [0.0]]))[: mech.nq] for x in poses]
-                if sum(system.energy(x, still)[1] for x in closed) < 2 * system.energy(q, still)[1] - 1e-9:
-                    return True
-            return False
-
-        for seed in range(12):
-            x = np.random.default_rng(seed).uniform(-3, 3, mech.nv) * (seed > 0)
-            found = least_squares(unbalanced, x, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
-            if np.abs(found.fun).max() < 1e-7 and not falls(pose(found.x)):
-                return True
-        return False
-
-    @property
-    def movable(self) -> int:
-        """The number of degrees of freedom of poses, with fixed drivers."""
-        return self.free(self.driven)
-
-    @property
-    def held(self) -> int:
-        """The number of degrees of freedom left by drivers."""
-        every = [r for d in self.mech.drivers for r in self.mech.rows_of(d.name)]
-        whole = np.array([self.mech.residual(self.mech.start[0], e)[1] for e in np.eye(self.mech.nv)]).T
-        still = self.mech.residual(self.mech.start[0], np.zeros(self.mech.nv))[1]
-        return self.free((whole - still[:, None])[every])
+tightest_run = ReferenceMotion.tightest
 
 
 class Reason(NamedTuple):
@@ -201,12 +98,6 @@ def judged(facts: Facts, command: str, code: int, err: str) -> None:
     assert any(r.true(facts) for r in said), f"{command}: {errors[0]!r} is untrue"
 
 
-def drive_of(mech: Mechanism) -> str:
-    """The first joint of one coordinate, or the first one."""
-    single = [n for n in mech.joint_names if mech.model.joints[mech.model.getJointId(n)].nv == 1]
-    return (single or mech.joint_names)[0]
-
-
 def brief(name: str) -> float:
     """Span in s of studies that compute a reference or many runs: a fortieth, with the woodpecker's first impact."""
     return SHORT.get(name, 0.1) / (6 if name == "woodpecker" else 40)
@@ -264,7 +155,16 @@ def test_each_gives_a_result_or_a_true_reason(name, tmp_path, monkeypatch):
     monkeypatch.setattr(f"{page}.image", lambda *_, **__: "")  # matplotlib takes longer than all the rest
     for figure in FIGURES:
         monkeypatch.setattr(f"{page}.{figure}", lambda *_, **__: None)
-    orders = []
+    monkeypatch.setattr(f"{page}.replay_page", lambda *_, **__: "")  # `animate` makes the same one
+    orders, tightest = [], {}
+
+    def tightest_once(motion, variant, rtol):
+        key = motion.t_span, motion.times.tobytes(), str(variant), rtol
+        if key not in tightest:
+            tightest[key] = tightest_run(motion, variant, rtol)
+        return tightest[key]
+
+    monkeypatch.setattr(ReferenceMotion, "tightest", tightest_once)  # of both comparisons and the report
 
     def measured(mech, *_, **__):
         orders.append(measure_order(mech, ["herk2"], T=brief(name), steps=10))
@@ -280,6 +180,11 @@ def test_each_gives_a_result_or_a_true_reason(name, tmp_path, monkeypatch):
         monkeypatch.setattr(ChosenModel, method, lambda self: mech)
     drive = drive_of(mech)
     facts = Facts(name, drive)
+    if alike := LIKE.get(name):
+        small = mbdae.load(alike)
+        assert Facts(alike, drive_of(small)).kind == facts.kind
     for command in every_command(name, mech, drive, tmp_path):
+        if alike and re.match(LONG, command):
+            continue
         code, _, err = call(*command.split(), cwd=tmp_path)
         judged(facts, command, code, err)

@@ -95,6 +95,10 @@ FEATURES = {
     "singular start": "# two bars of one length: their tip may stay at the crank's pivot",
     "dependent": '[[closure]]\nname = "again"\nkind = "point"\nframes = ["rod_tip", "slider"]',
 }
+COARSE = {  # resolution of studies
+    "statics.equilibria.INPUTS": 1, "statics.equilibria.POINTS": 61, "view.sliders.POSES": 7,
+    "replay.plot_panels.POINTS": 50, "replay.replay.MIN_FRAMES": 5, "replay.html_page.LEVEL": 1,
+}  # fmt: skip
 ONE_SIDED = ("stop", "rope", "stiction", "clutch", "ratchet", "command", "window")
 BEGAN = "the run began in a singular configuration"
 LEFT_OUT = "statics and modes ignore "
@@ -201,8 +205,8 @@ def studies(path: Path):
 
 @pytest.mark.parametrize("feature", FEATURES)
 def test_each_study_gives_a_result_or_a_true_reason(feature, tmp_path, monkeypatch):
-    for name, coarse in (("INPUTS", 1), ("POINTS", 61)):
-        monkeypatch.setattr(f"mbdae.studies.statics.equilibria.{name}", coarse)
+    for name, coarse in COARSE.items():
+        monkeypatch.setattr(f"mbdae.studies.{name}", coarse)
     path = tmp_path / f"{feature}.toml"
     text = BASE.format(FEATURES[feature])
     path.write_text(singular(text) if feature == "singular start" else text)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import pinocchio as pin
 
+from ...discovery import is_model_name
 from ...errors import InputError, UnknownNameError
 from ...file_io import read_text
 from ...tolerances import INPUT_DIGITS
@@ -23,8 +24,8 @@ from ..model_settings import Motor
 from .build import build
 from .error_context import with_error_context
 from .merge import merge_sources
-from .model_library import IN_FOLDER, find, model_names
-from .parametric import read_parametric, split
+from .model_library import IN_FOLDER, find
+from .parametric import ParametricFile, split
 from .readers import CONVERTERS, MECHANISM, PARAMETRIC, converted
 from .schema import MechanismFile, Source, read_toml
 from .sources import read_source, restored
@@ -110,14 +111,19 @@ def read(
     assemble: bool = True,
     free_flyer: bool = False,
     more: Mapping[str, Any] | None = None,
+    parametric: ParametricFile | None = None,
 ) -> Recipe:
-    """Read the files of a mechanism; ``more`` has additional entries of its tables, the rest is as for `load`."""
+    """Read the files of a mechanism.
+
+    ``more`` has additional entries of its tables, ``parametric`` is its mechanism.py if that was run before; the rest
+    is as for `load`.
+    """
     plain, written = split(str(path))
     found = find(plain)
     name = found.parent.name if found.name in IN_FOLDER else found.stem
-    if found.suffix == PARAMETRIC and Path(plain).suffix != PARAMETRIC and plain not in model_names():
+    if found.suffix == PARAMETRIC and Path(plain).suffix != PARAMETRIC and not is_model_name(plain):
         warnings.warn(f"{plain}: the Python file {found} is run", stacklevel=3)
-    file, chosen = _read(found, name, {**written, **parameters})
+    file, chosen = _read(found, name, {**written, **parameters}, parametric)
     if free_flyer and not file.source:
         raise InputError(f'{name}: free_flyer belongs to a source; a [[body]] says joint = "free"')
     added = dict(more or {})
@@ -134,10 +140,12 @@ def read(
     return Recipe(file, name, parts, motors, left_out, chosen, remarks)
 
 
-def _read(found: Path, name: str, values: Mapping[str, object]) -> tuple[MechanismFile, Sequence[dict[str, Any]]]:
+def _read(
+    found: Path, name: str, values: Mapping[str, object], parametric: ParametricFile | None
+) -> tuple[MechanismFile, Sequence[dict[str, Any]]]:
     """Return the mechanism file, and a description of its parameters."""
     if found.suffix == PARAMETRIC:
-        return read_parametric(found, name, values)
+        return (parametric or ParametricFile(found)).tables(name, values)
     if values:
         raise UnknownNameError(f"parameter of {name}", next(iter(values)), ())
     if found.suffix in CONVERTERS:

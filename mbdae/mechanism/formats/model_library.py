@@ -4,7 +4,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
-from ...discovery import LIBRARY_FILES, model_names, models_directory
+from ...discovery import LIBRARY_FILES, is_model_name, model_names, models_directory
 from ...errors import InputError, UnknownNameError
 from ..allowed_paths import robots_directory
 from .readers import CONVERTERS, MECHANISM, PARAMETRIC, SOURCES
@@ -23,7 +23,7 @@ def find(name: str) -> Path:
     """
     if name.startswith(ROBOTS):
         return resolve(name, Path())
-    path = models_directory() / name if name in model_names() else Path(name)
+    path = models_directory() / name if is_model_name(name) else Path(name)
     try:
         if path.is_dir():
             path = next((path / n for n in IN_FOLDER if (path / n).is_file()), path)

@@ -45,50 +45,62 @@ def _exists(name: str) -> bool:
         return False
 
 
-def read_parametric(path: Path, name: str, values: Mapping[str, object]) -> tuple[MechanismFile, list[dict[str, Any]]]:
-    """Call the function of a mechanism.py.
+class ParametricFile:
+    """A mechanism.py, run once: the function for its tables, and the valid values of its parameters.
 
-    Returns:
-        The mechanism file; and name, value and description (type, range and default) of each parameter.
+    Args:
+        path: of the file.
 
-    Raises:
-        UnknownNameError: for an unknown parameter; lists the valid ones, with their defaults.
-        InputError: for an invalid value, or a file or function that fails.
-    """
-    function = _function(path)
-    fields = _fields(function, path)
-    takes = {key: _words(field) for key, field in fields.items()}
-    known = [f"{key} ({words})" for key, words in takes.items()]
-    for key in values:
-        if key not in fields:
-            raise UnknownNameError(f"parameter of {name}", key, known)
-    table: Any = create_model("Parameters", __config__=ConfigDict(allow_inf_nan=False), **_definitions(fields))
-    try:
-        chosen = table(**values).model_dump(mode="json")
-    except ValidationError as e:
-        first = e.errors()[0]
-        key = str(first["loc"][0])
-        text = f"{name}: {key} = {first['input']}: {first['msg']}" if key in values else f"{name} needs {key}"
-        raise InputError(f"{text}; parameters: {', '.join(known)}") from None
-    try:
-        content = function(**chosen)
-    except MbdaeError:
-        raise
-    except Exception as e:
-        raise InputError(f"{path}: {FUNCTION}({_call(chosen)}) failed: {type(e).__name__}: {e}") from e
-    if not isinstance(content, dict):
-        raise InputError(f"{path}: {FUNCTION}() returned {type(content).__name__}, expected a dict of tables")
-    parameters = [{"name": key, "value": value, "takes": takes[key]} for key, value in chosen.items()]
-    return checked(content, f"{path}({_call(chosen)})"), parameters
-
-
-def parameter_names(path: Path) -> tuple[str, ...]:
-    """Return the names of the parameters of a mechanism.py.
+    Attributes:
+        parameters: description (type, range and default) of each parameter.
 
     Raises:
         InputError: for a file that cannot be run, or an invalid function.
     """
-    return tuple(_fields(_function(path), path))
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.function = path, _function(path)
+        fields = _fields(self.function, path)
+        self.parameters = {key: _words(field) for key, field in fields.items()}
+        finite = ConfigDict(allow_inf_nan=False)
+        self._table: Any = create_model("Parameters", __config__=finite, **_definitions(fields))
+
+    def tables(self, name: str, values: Mapping[str, object]) -> tuple[MechanismFile, list[dict[str, Any]]]:
+        """Call the function.
+
+        Returns:
+            The mechanism file; and name, value and description of each parameter.
+
+        Raises:
+            UnknownNameError: for an unknown parameter; lists the valid ones, with their defaults.
+            InputError: for an invalid value, or a function that fails.
+        """
+        chosen = self._chosen(name, values)
+        call = ", ".join(f"{key}={value!r}" for key, value in chosen.items())
+        try:
+            content = self.function(**chosen)
+        except MbdaeError:
+            raise
+        except Exception as e:
+            raise InputError(f"{self.path}: {FUNCTION}({call}) failed: {type(e).__name__}: {e}") from e
+        if not isinstance(content, dict):
+            raise InputError(f"{self.path}: {FUNCTION}() returned {type(content).__name__}, expected a dict of tables")
+        parameters = [{"name": key, "value": value, "takes": self.parameters[key]} for key, value in chosen.items()]
+        return checked(content, f"{self.path}({call})"), parameters
+
+    def _chosen(self, name: str, values: Mapping[str, object]) -> dict[str, Any]:
+        """Return the values of all parameters."""
+        known = [f"{key} ({words})" for key, words in self.parameters.items()]
+        for key in values:
+            if key not in self.parameters:
+                raise UnknownNameError(f"parameter of {name}", key, known)
+        try:
+            return dict(self._table(**values).model_dump(mode="json"))
+        except ValidationError as e:
+            first = e.errors()[0]
+            key = str(first["loc"][0])
+            text = f"{name}: {key} = {first['input']}: {first['msg']}" if key in values else f"{name} needs {key}"
+            raise InputError(f"{text}; parameters: {', '.join(known)}") from None
 
 
 def _function(path: Path) -> Any:
@@ -129,7 +141,3 @@ def _words(field: FieldInfo) -> str:
     limits = [f"{word} {getattr(m, key)}" for m in field.metadata for key, word in LIMITS.items() if hasattr(m, key)]
     default = "no default" if field.is_required() else f"default {field.default!r}"
     return ", ".join([" ".join([kind, " and ".join(limits)]).strip(), default])
-
-
-def _call(values: Mapping[str, object]) -> str:
-    return ", ".join(f"{key}={value!r}" for key, value in values.items())

@@ -31,7 +31,7 @@ from ..variant import variant
 from .build import body_inertia, build, placement
 from .load import Recipe, make, read
 from .model_library import PARAMETRIC, find
-from .parametric import parameter_names, split
+from .parametric import ParametricFile, split
 from .schema import Body, MechanismFile
 from .table_entries import TABLES, entry_keys, entry_names, first_key, with_entries, with_entry
 
@@ -66,9 +66,12 @@ class Template:
         self.path = str(path)
         file_parameters, _ = split(self.path)
         found = find(file_parameters)
-        self.parameters = parameter_names(found) if found.suffix == PARAMETRIC else ()
+        parametric = ParametricFile(found) if found.suffix == PARAMETRIC else None
+        self.parameters = tuple(parametric.parameters) if parametric else ()
         self.functions: Sequence[Any] = ()
-        self._read = lru_cache(CACHE_SIZE)(lambda text: _without_visuals(read(self.path, json.loads(text))))
+        self._read = lru_cache(CACHE_SIZE)(
+            lambda text: _without_visuals(read(self.path, json.loads(text), parametric=parametric))
+        )
         self._made = lru_cache(CACHE_SIZE)(lambda text: self._make(*json.loads(text)))
         self._first = lru_cache(CACHE_SIZE)(lambda text: self._unchanged(json.loads(text)))
 

@@ -233,7 +233,7 @@ def _frames(sol: "Solution", rate: float, most: int | None) -> tuple[np.ndarray,
         start, end = float(sol.t[0]), float(sol.t[-1])
         count = max(MIN_FRAMES, int(np.ceil(abs(end - start) * rate)) + 1)
         times = np.linspace(start, end, min(count, most or count))
-        q = np.array([sol(t)[0] for t in times])
+        q = sol(times)[0]
     bad = ~np.isfinite(q).all(axis=1)
     if bad.any():
         raise InputError(f"the solution is not finite at t = {times[bad.argmax()]:g}")

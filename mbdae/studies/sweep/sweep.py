@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from ...backend import checked_backend, select_core
+from ...discovery import is_model_name
 from ...errors import InputError, MbdaeError, UnknownNameError
 from ...integrate.options.defaults import DEFAULTS
 from ...integrate.options.span import checked_span
 from ...integrate.steppers.solvers import find_method
 from ...mechanism import Mechanism, describe
 from ...mechanism.callbacks import function_name
-from ...mechanism.formats.model_library import model_names
 from ...mechanism.formats.parametric import split as split_name
 from ...mechanism.imported_model import not_carried_over
 from ...solution.provenance import versions
@@ -178,7 +178,7 @@ def _absolute_path(model: Model) -> str | Callable[..., Mechanism]:
     if not isinstance(model, str | Path):
         return model
     file, _ = split_name(str(model))
-    if file in model_names() or not Path(file).exists():
+    if is_model_name(file) or not Path(file).exists():
         return str(model)
     return str(Path(file).resolve()) + str(model)[len(file) :]
 

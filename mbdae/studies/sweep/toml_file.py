@@ -21,10 +21,11 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
+from ...discovery import is_model_name
 from ...errors import InputError
 from ...file_io import read_text
 from ...mechanism.checked_table import Table, one_line
-from ...mechanism.formats.model_library import PARAMETRIC, find, model_names
+from ...mechanism.formats.model_library import PARAMETRIC, find
 from ...mechanism.formats.parametric import split
 from .plan import RANGE, Parameters, Random
 from .sweep_run import check_settings
@@ -103,7 +104,7 @@ def read_sweep(path: str | Path) -> dict[str, Any]:
 def _model(name: str, path: Path) -> str:
     """Return the model of a file, relative to it if it exists there; warns before a Python file is run."""
     file, _ = split(name)
-    if file in model_names() or not (path.parent / file).exists():
+    if is_model_name(file) or not (path.parent / file).exists():
         return name
     found = find(str(path.parent / file))
     if found.suffix == PARAMETRIC:

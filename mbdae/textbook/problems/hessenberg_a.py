@@ -14,11 +14,28 @@ def hessenberg_a() -> Hessenberg:
 
     Source: Murua, Appl. Numer. Math. 24 (1997), section 5.
     """
+
+    def f(t, y, z):
+        (y1, y2), (z1,) = y.tolist(), z.tolist()  # arithmetic with Python's numbers is several times faster
+        return np.array([y1 * y2**2 * z1**2, y1**2 * y2**2 - 3 * y2**2 * z1])
+
+    def f_z(t, y, z):
+        (y1, y2), (z1,) = y.tolist(), z.tolist()
+        return np.array([[2 * y1 * y2**2 * z1], [-3 * y2**2]])
+
+    def g(t, y):
+        y1, y2 = y.tolist()
+        return np.array([y1**2 * y2 - 1])
+
+    def g_y(t, y):
+        y1, y2 = y.tolist()
+        return np.array([[2 * y1 * y2, y1**2]])
+
     return Hessenberg(
-        f=lambda t, y, z: np.array([y[0] * y[1] ** 2 * z[0] ** 2, y[0] ** 2 * y[1] ** 2 - 3 * y[1] ** 2 * z[0]]),
-        g=lambda t, y: np.array([y[0] ** 2 * y[1] - 1]),
-        g_y=lambda t, y: np.array([[2 * y[0] * y[1], y[0] ** 2]]),
-        f_z=lambda t, y, z: np.array([[2 * y[0] * y[1] ** 2 * z[0]], [-3 * y[1] ** 2]]),
+        f=f,
+        g=g,
+        g_y=g_y,
+        f_z=f_z,
         g_t=lambda t, y: np.zeros(1),
         y0=(1.0, 1.0),
         z0=(1.0,),

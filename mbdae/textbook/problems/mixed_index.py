@@ -2,9 +2,15 @@
 
 import numpy as np
 
+from ...system import Array
 from ..mixed import MixedHessenberg
 
 __all__ = ["mixed_index"]
+
+
+def scalars(y: Array, z: Array, u: Array) -> tuple[float, float, float, float]:
+    """Return y1, y2, z and u; arithmetic with Python's numbers is several times faster."""
+    return *y.tolist(), *z.tolist(), *u.tolist()
 
 
 def mixed_index() -> MixedHessenberg:
@@ -17,28 +23,47 @@ def mixed_index() -> MixedHessenberg:
     """
 
     def f(t, y, z, u):
-        return np.array([y[0] * y[1] ** 2 * z[0] * u[0] ** 2, (y[0] ** 2 - 3 * u[0] ** 2) * y[1] ** 2])
+        y1, y2, z1, u1 = scalars(y, z, u)
+        return np.array([y1 * y2**2 * z1 * u1**2, (y1**2 - 3 * u1**2) * y2**2])
 
     def f_y(t, y, z, u):
+        y1, y2, z1, u1 = scalars(y, z, u)
         return np.array(
-            [
-                [y[1] ** 2 * z[0] * u[0] ** 2, 2 * y[0] * y[1] * z[0] * u[0] ** 2],
-                [2 * y[0] * y[1] ** 2, 2 * (y[0] ** 2 - 3 * u[0] ** 2) * y[1]],
-            ]
+            [[y2**2 * z1 * u1**2, 2 * y1 * y2 * z1 * u1**2], [2 * y1 * y2**2, 2 * (y1**2 - 3 * u1**2) * y2]]
         )
+
+    def f_z(t, y, z, u):
+        y1, y2, _, u1 = scalars(y, z, u)
+        return np.array([[y1 * y2**2 * u1**2], [0.0]])
+
+    def f_u(t, y, z, u):
+        y1, y2, z1, u1 = scalars(y, z, u)
+        return np.array([[2 * y1 * y2**2 * z1 * u1], [-6 * u1 * y2**2]])
+
+    def k(t, y, z, u):
+        y1, _, z1, u1 = scalars(y, z, u)
+        return np.array([u1**3 + u1 - y1 * z1 - y1])
+
+    def g(t, y):
+        y1, y2 = y.tolist()
+        return np.array([y1**2 * y2 - 1])
+
+    def g_y(t, y):
+        y1, y2 = y.tolist()
+        return np.array([[2 * y1 * y2, y1**2]])
 
     return MixedHessenberg(
         f=f,
-        g=lambda t, y: np.array([y[0] ** 2 * y[1] - 1]),
-        k=lambda t, y, z, u: np.array([u[0] ** 3 + u[0] - y[0] * z[0] - y[0]]),
+        g=g,
+        k=k,
         f_y=f_y,
-        f_z=lambda t, y, z, u: np.array([[y[0] * y[1] ** 2 * u[0] ** 2], [0.0]]),
-        f_u=lambda t, y, z, u: np.array([[2 * y[0] * y[1] ** 2 * z[0] * u[0]], [-6 * u[0] * y[1] ** 2]]),
-        g_y=lambda t, y: np.array([[2 * y[0] * y[1], y[0] ** 2]]),
+        f_z=f_z,
+        f_u=f_u,
+        g_y=g_y,
         g_t=lambda t, y: np.zeros(1),
         k_y=lambda t, y, z, u: np.array([[-z[0] - 1, 0.0]]),
         k_z=lambda t, y, z, u: np.array([[-y[0]]]),
-        k_u=lambda t, y, z, u: np.array([[3 * u[0] ** 2 + 1]]),
+        k_u=lambda t, y, z, u: np.array([[3 * u.item() ** 2 + 1]]),
         y0=(1.0, 1.0),
         z0=(1.0,),
         u0=(1.0,),

@@ -65,7 +65,7 @@ def test_both_back_ends_find_every_signal():
             np.testing.assert_allclose(t, u, rtol=0, atol=1e-9, err_msg=text)
             np.testing.assert_allclose(y, z, atol=1e-7 * (1 + np.abs(z).max()), err_msg=text)
             signal, level = text.split(" = ")
-            found = value(system, signal_values(mech)[signal], t[0], y[0])
+            found = value(system, compiled[signal], t[0], y[0])
             assert found == pytest.approx(float(level), rel=1e-9, abs=1e-9), (name, text)
 
 
