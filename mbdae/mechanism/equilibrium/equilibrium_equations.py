@@ -81,7 +81,7 @@ class Statics:
         v: constant velocities of locked coordinates, (nv,).
         locked: velocity indices of the locked coordinates.
         loads: names of scaled forces, or ``"gravity"``.
-        mode: the mode, whose closed contacts carry load; without one, contacts are ignored, with a warning.
+        mode: the mode, whose closed contacts carry load. Clutches and stiction are ignored, with a warning.
 
     Raises:
         UnknownNameError: for a force that does not exist.
@@ -89,15 +89,13 @@ class Statics:
     """
 
     def __init__(
-        self, mech: "Mechanism", t: float, v: Array, locked: Array, loads: Sequence[str] = (), mode: Mode | None = None
+        self, mech: "Mechanism", t: float, v: Array, locked: Array, loads: Sequence[str] = (), *, mode: Mode
     ) -> None:
         self.mech, self.t, self.v, self.locked = mech, t, v, locked
         self.system = s = mech.system()
-        s.enter(mode or s.mode)
-        kinds, ignored = (Unilateral,) if mode is not None else (), "clutches and stiction"
-        if names := ", ".join(dict.fromkeys(switch.name for switch in mech.switches if type(switch) not in kinds)):
-            ignored = ignored if kinds else f"unilateral closures, {ignored}"
-            warnings.warn(f"statics and modes ignore {ignored}: {names}", stacklevel=3)
+        s.enter(mode)
+        if names := ", ".join(dict.fromkeys(switch.name for switch in mech.switches if type(switch) is not Unilateral)):
+            warnings.warn(f"statics and modes ignore clutches and stiction: {names}", stacklevel=3)
         for law, _ in s.laws.bound:
             if isinstance(law, SampledElement):
                 raise InputError(f"{law.name!r} is a sampled controller: statics and modes need a continuous one")

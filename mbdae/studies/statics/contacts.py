@@ -7,6 +7,7 @@ contact presses.
 Source: J. Nocedal, S. J. Wright, Numerical Optimization (2006), section 16.5, for the active-set iteration.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -66,6 +67,20 @@ class Contacts:
         force, size = self.normal_forces(here.lam), float(np.abs(here.lam).max(initial=0.0))
         return sorted((k for k in closed if force[k] < -MODE_ROUNDING * size), key=lambda k: float(force[k]))
 
+    def loads(self, closed: set[int], lam: Array) -> dict[str, float]:
+        """Return the normal forces of closed contacts by name, in N, or N m."""
+        force = self.normal_forces(lam)
+        return {self.switches[k].name: float(force[k]) for k in sorted(closed)}
+
+    def margin(self, k: int, closed: set[int], here: ForceBalance) -> float:
+        """Return the gap of an open contact in rad or characteristic lengths, or the normal force of a closed one."""
+        return float(self.normal_forces(here.lam)[k] if k in closed else self.gaps(here.q)[k])
+
+    def violated(self, closed: set[int], here: ForceBalance) -> list[int]:
+        """Return the open contacts whose gaps are negative, and the closed ones in tension."""
+        gaps = self.gaps(here.q)
+        return [k for k in range(len(gaps)) if k not in closed and gaps[k] < -CLOSED] + self.pulling(closed, here)
+
     def first_violated(self, closed: set[int], q0: Array, q1: Array) -> tuple[int, float] | None:
         """Return the open contact whose gap is negative at q1 and closes first on the way from q0, and where.
 
@@ -86,6 +101,7 @@ class RestingBalance(NamedTuple):
         residual: of the search.
         iterations: number of trial steps of all searches.
         contacts: normal forces in N, or N m, of the closed contacts by name.
+        closed: indices of the closed contacts.
     """
 
     statics: Statics
@@ -93,10 +109,13 @@ class RestingBalance(NamedTuple):
     residual: float
     iterations: int
     contacts: dict[str, float]
+    closed: set[int]
 
 
-def balanced_on_contacts(mech: Mechanism, t: float, v: Array, locked: Array, q: Array, find: str) -> RestingBalance:
-    """Search for an equilibrium that violates no contact.
+def balanced_on_contacts(
+    mech: Mechanism, t: float, v: Array, locked: Array, q: Array, find: str, loads: Sequence[str] = (), p: float = 1.0
+) -> RestingBalance:
+    """Search for an equilibrium that violates no contact, with the factor p on some loads.
 
     Raises:
         EquilibriumError: if none is found.
@@ -104,7 +123,8 @@ def balanced_on_contacts(mech: Mechanism, t: float, v: Array, locked: Array, q: 
     """
     contacts, closed, iterations = Contacts(mech, t), set[int](), 0
     for _ in range(CHANGES * (1 + len(contacts.switches))):
-        statics = Statics(mech, t, v, locked, mode=contacts.mode(closed))
+        statics = Statics(mech, t, v, locked, loads, mode=contacts.mode(closed))
+        statics.factor = p
         reason = None
         try:
             here, residual, n = balanced(statics, q, find)
@@ -123,8 +143,6 @@ def balanced_on_contacts(mech: Mechanism, t: float, v: Array, locked: Array, q: 
             closed.remove(pulling[0])
             q = here.q
             continue
-        force = contacts.normal_forces(here.lam)
-        loads = {contacts.switches[k].name: float(force[k]) for k in sorted(closed)}
-        return RestingBalance(statics, here, residual, iterations, loads)
+        return RestingBalance(statics, here, residual, iterations, contacts.loads(closed, here.lam), closed)
     names = ", ".join(map(repr, contacts.names(closed)))
     raise EquilibriumError(f"no equilibrium: contacts open and close without end, with {names}", q.tolist(), np.inf, "")

@@ -8,6 +8,7 @@ tau_p changes sign at limit points, where the equilibrium snaps through if the l
 where a symmetric mechanism buckles, one or several eigenvalues of H change sign: those with indices between the numbers
 of negative eigenvalues before and after the step, each located as a root along the path. For forces without a potential
 branch points are sign changes of the determinant of the corrector's matrix, which double roots do not change.
+At contacts that close or open the path has a corner, see `mbdae.studies.statics.contact_changes`.
 Source: Keller, Numerical solution of bifurcation and nonlinear eigenvalue problems (1977).
 """
 
@@ -21,31 +22,38 @@ from ...errors import InputError, StepError
 from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.equilibrium.spectrum import CERTAIN, Curvature, curvature, null_space, scale_of
 from ...system import Array
-from ...tolerances import EPS, ITERATION_ROUNDING, SAME_STATE, SMALLEST_PART, VISIBLE
+from ...tolerances import EPS, ITERATION_ROUNDING, ROUNDING, SAME_STATE, SMALLEST_PART, VISIBLE
 from ..path_location import locate
+from .contact_changes import Change, ContactMode, continued
 from .trust_region import symmetric
 
 MAX_STEP, MIN_STEP = 0.03, SMALLEST_PART  # in rad or characteristic lengths, and the range of the factor
 MAX_CORRECTIONS, MAX_POINTS = 8, 5000
 MIN_COSINE = 0.95  # between tangents at both ends of a step
+MIN_FIRST_STEP = 0.1 * MAX_STEP  # after a change of a contact
 LOWEST_FRACTION = -2.0  # of the factor range, at which a diverging path ends
 
 
 class CriticalPoint(NamedTuple):
-    """A limit point or a branch point on a path.
+    """A limit point, a branch point, or a change of a contact on a path.
 
     Attributes:
-        kind: ``"limit"``: the load has an extremum; ``"branch"``: paths intersect.
+        kind: ``"limit"``: the load has an extremum; ``"branch"``: paths intersect; ``"contact"``, ``"separation"``: a
+            contact closes or opens.
         factor: on the load.
         q: configuration, (nq,).
         shapes: M-orthonormal motions dq without stiffness, (m, nv): at a branch point the buckling shapes, which span
             the directions of the other paths. m is the multiplicity; 0 at a branch point of forces without a potential.
+        contact: name of the contact that changes.
+        reverses: whether the load reverses there.
     """
 
     kind: str
     factor: float
     q: Array
     shapes: Array
+    contact: str = ""
+    reverses: bool = False
 
     @property
     def multiplicity(self) -> int:
@@ -54,7 +62,8 @@ class CriticalPoint(NamedTuple):
 
     def to_dict(self) -> JsonObject:
         """Return JSON data."""
-        return {"kind": self.kind, "factor": self.factor, "q": self.q.tolist(), "shapes": self.shapes.tolist()}
+        out: JsonObject = {"kind": self.kind, "factor": self.factor, "q": self.q.tolist()}
+        return out | {"shapes": self.shapes.tolist(), "contact": self.contact, "reverses": self.reverses}
 
 
 class PathPoint(NamedTuple):
@@ -77,33 +86,63 @@ class PathPoint(NamedTuple):
 
 
 class Continuation:
-    """Path of equilibria over u in [0, 1], the fraction of the factor's range."""
+    """Path of equilibria over u in [0, 1], the fraction of the factor's range.
 
-    def __init__(self, statics: Statics, first: float, range: float) -> None:
-        self.statics, self.first, self.range = statics, first, range
+    Args:
+        statics: of the first mode.
+        mode: the contacts that are closed in it.
+        loads: names of the scaled forces.
+        first: the first factor.
+        range: of the factor.
+    """
+
+    def __init__(self, statics: Statics, mode: ContactMode, loads: list[str], first: float, range: float) -> None:
+        self.statics, self.mode, self.loads, self.first, self.range = statics, mode, loads, first, range
         self.l = statics.sizes.l
 
     def run(self, start: ForceBalance) -> tuple[list[PathPoint], list[CriticalPoint], bool]:
         """Trace the path from an equilibrium at u = 0; return points, critical points, and whether it reached u = 1."""
         here = self.tangent(0.0, start, None)
-        points, critical, h = [here], list[CriticalPoint](), MAX_STEP
-        while len(points) < MAX_POINTS:
+        points, critical, h, changes = [here], list[CriticalPoint](), MAX_STEP, 0
+        while len(points) < MAX_POINTS and changes <= self.mode.patience:
             there = self.step(here, h)
             if there is None:
                 h /= 2
                 if h < MIN_STEP:
                     return points, critical, False
                 continue
-            if ended := there.u >= 1.0:
-                h, there = self.located(here, h, lambda p: p.u - 1.0)
-            for at, point in self.critical(here, there, h):
-                points.append(at)
-                critical.append(point)
-            points.append(there)
+            beyond = there.u >= 1.0
+            h, there, change = self.shortened(here, there, h)
+            ended = beyond and change is None
+            found = self.critical(here, there, h) if h else []
+            points += [*(at for at, _ in found), there]
+            critical += [point for _, point in found]
             if ended or there.u < LOWEST_FRACTION:
                 return points, critical, ended
+            if change:
+                after = continued(self, there, change.contact)
+                critical.append(self._change(there, after, change.contact))
+                if after is None:
+                    break
+                points.append(after)
+                changes, there, h = (changes + 1 if not h else 1), after, MIN_FIRST_STEP
+            else:
+                changes = 0
             here, h = there, min(MAX_STEP, 1.5 * h)
         return points, critical, False
+
+    def shortened(self, here: PathPoint, there: PathPoint, h: float) -> tuple[float, PathPoint, Change | None]:
+        """Return a step up to the first change of a contact or to u = 1, and the change."""
+        change = self.mode.first_change(self, here, there, h)
+        if change:
+            h, there = change.h, change.point
+        return (*self.located(here, h, lambda p: p.u - 1.0), None) if there.u >= 1.0 else (h, there, change)
+
+    def _change(self, before: PathPoint, after: PathPoint | None, k: int) -> CriticalPoint:
+        """Return the point at which a contact has changed."""
+        kind, name = "contact" if k in self.mode.closed else "separation", self.mode.contacts.switches[k].name
+        reverses = after is not None and after.du * before.du < 0
+        return self._point(kind, after or before, np.empty((0, len(self.l))))._replace(contact=name, reverses=reverses)
 
     def critical(self, here: PathPoint, there: PathPoint, h: float) -> list[tuple[PathPoint, CriticalPoint]]:
         """Return the critical points of a step, in order."""
@@ -135,7 +174,7 @@ class Continuation:
         return out
 
     def _point(self, kind: str, at: PathPoint, shapes: Array) -> CriticalPoint:
-        return CriticalPoint(kind, float(self.first + self.range * at.u), at.here.q, shapes)
+        return CriticalPoint(kind, float(self.first + self.range * at.u), at.here.q, shapes, reverses=kind == "limit")
 
     def balance(self, q: Array, s: Array, u: float) -> ForceBalance:
         """Return the balance at a closed configuration under a fraction of the load."""
@@ -203,6 +242,8 @@ class Continuation:
         if before is None and np.linalg.norm(c) < VISIBLE:
             at = f"the equilibrium at factor {self.first:g} is neutral or a limit point"
             raise InputError(f"{at}: no unique path starts there; begin at another factor")
+        if len(c) == 1 and abs(c[0]) < ROUNDING:  # perpendicular to the path before, at a corner
+            c = np.ones(1)
         tau = Q @ c / np.abs(Q @ c).max()
         x = null @ np.linalg.solve(R, c)
         x /= np.linalg.norm(x)

@@ -1,15 +1,21 @@
-"""All equilibria of a mechanism with one degree of freedom, along the curves of poses of all circuits."""
+"""All equilibria of a mechanism with one degree of freedom, along the curves of poses of all circuits.
+
+Where contacts leave an interval of a curve, 0 <= gap, equilibria are the zeros of Z^T f inside, and its ends at which
+the contact presses, N >= 0.
+"""
 
 import warnings
 from collections.abc import Iterable, Iterator
+from itertools import chain, pairwise
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
 from ...errors import AssemblyError, InputError, StepError, as_list
 from ...mechanism import Mechanism
-from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
+from ...mechanism.equilibrium.equilibrium_equations import Statics
 from ...mechanism.tree.joints import angle_components
 from ...solution.problem import mechanism_of
 from ...system import Array
@@ -18,6 +24,7 @@ from ..kinematics.assembly_modes import assembly_modes
 from ..kinematics.driven_mechanism import driven_mechanism, omitted_elements, require_one_dof, start_pose
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
+from .contacts import Contacts
 from .equilibrium import Equilibrium, velocities, velocity_labels
 from .stability import verdict
 from .trust_region import TrustRegion
@@ -26,6 +33,7 @@ __all__ = ["equilibria"]
 
 POINTS = 361
 INPUTS = 3  # values of the input, over its range, at which circuits are searched
+Resting = tuple[TrustRegion, dict[str, float]]  # a balance of forces, and the normal forces of its contacts
 ON_CURVE = 0.25  # of the distance between two poses: tolerance for a pose on the curve
 
 
@@ -37,6 +45,8 @@ def equilibria(
     hold: str | Iterable[str] = (),
 ) -> list[Equilibrium]:
     """Find all equilibria of a mechanism with one degree of freedom: the zeros of Z^T f along its curves of poses.
+
+    Those that violate a stop, a rope or a plane are left out, and those that rest on one are added.
 
     Besides the curve of the start, those of the other circuits are traced, from assembly modes at three values of the
     input over its range that do not lie on earlier curves (see `mbdae.assembly_modes`).
@@ -57,7 +67,8 @@ def equilibria(
     mech = mechanism_of(mech, "equilibria")
     held = as_list(hold, "hold is a list of joints")
     fixed = np.array([i for name in held for i in velocities(mech, name)], int)
-    statics, names = Statics(mech, 0.0, np.zeros(mech.nv), fixed), velocity_labels(mech, fixed)
+    contacts, v, names = Contacts(mech, 0.0), np.zeros(mech.nv), velocity_labels(mech, fixed)
+    statics = Statics(mech, 0.0, v, fixed, mode=contacts.mode(set()))
     s0 = np.array(list(mech.states.values()))
     _require_branch(statics, drive, tuple(held), s0)
     first = kinematics(mech, drive, span=span, hold=tuple(held), points=POINTS)
@@ -66,12 +77,15 @@ def equilibria(
 
     out: list[Equilibrium] = []
     for curve in _circuits(first, span, tuple(held)):
-        for here, search in _balanced(statics, curve, s0):
+        free: Iterator[Resting] = (
+            (s, {}) for s in _balanced(statics, curve, s0) if not contacts.violated(set(), s.here)
+        )
+        for search, loads in chain(free, _resting(contacts, fixed, curve, s0)):
+            here, n = search.here, search.iterations
             if all(np.abs(_offsets(mech, e.q[None], here.q)).max() > SAME_STATE for e in out):
-                v, holding = np.zeros(mech.nv), dict(zip(names, here.holding.tolist(), strict=True))
-                judged, residual = verdict(statics, here), search.residual
+                holding, judged = dict(zip(names, here.holding.tolist(), strict=True)), verdict(search.statics, here)
                 out.append(
-                    Equilibrium(mech, 0.0, here.q, v, here.s, here.lam, holding, residual, search.iterations, judged)
+                    Equilibrium(mech, 0.0, here.q, v, here.s, here.lam, holding, search.residual, n, judged, loads)
                 )
     return out
 
@@ -140,7 +154,55 @@ def _contains(mech: Mechanism, curve: Kinematics, q: Array) -> bool:
     return False
 
 
-def _balanced(statics: Statics, curve: Kinematics, s0: Array) -> Iterator[tuple[ForceBalance, TrustRegion]]:
+def _resting(contacts: Contacts, fixed: Array, curve: Kinematics, s0: Array) -> Iterator[Resting]:
+    """Yield the equilibria along a curve that rest on a contact, at zeros of its gap, and the normal force."""
+    mech = curve.mechanism
+    for k in range(len(contacts.switches)):
+        statics = Statics(mech, 0.0, np.zeros(mech.nv), fixed, mode=contacts.mode({k}))
+        for near in _closing_poses(contacts, k, curve):
+            try:
+                search = TrustRegion(statics, statics.point(statics.close(near, s0), s0))
+            except StepError:
+                continue
+            if not search.here.free.Z.shape[1] and not contacts.violated({k}, search.here):
+                yield search, contacts.loads({k}, search.here.lam)
+
+
+def _closing_poses(contacts: Contacts, k: int, curve: Kinematics) -> Iterator[Array]:
+    """Yield poses near the zeros of a gap along a curve, which is interpolated by cubics."""
+    if contacts.all_rows is None:
+        return
+    manifold, row, scale = curve.mechanism.manifold, contacts.rows[k], curve.mechanism.row_scales[contacts.rows[k]]
+    for s, q, tangent in _segments(curve):
+        at = [contacts.all_rows(contacts.t, pose) for pose in q]
+        rates = [float(G[row] @ x) / scale for (_, G, _), x in zip(at, tangent, strict=True)]
+        roots = CubicHermiteSpline(s, [g[row] / scale for g, _, _ in at], rates).roots(False, False)
+        for root in roots[np.isfinite(roots)]:
+            i = int(np.clip(np.searchsorted(s, root, side="right") - 1, 0, len(s) - 2))
+            fraction = (root - s[i]) / (s[i + 1] - s[i])
+            yield manifold.integrate(q[i], fraction * manifold.difference(q[i], q[i + 1]))
+
+
+def _segments(curve: Kinematics) -> Iterator[tuple[Array, Array, Array]]:
+    """Yield arclengths (n,), poses (n, nq) and tangents (n, nv) of the segments of a curve.
+
+    One that ends full turns from where it begins is repeated on the other side of the start if there are contacts, which
+    tell turns apart.
+    """
+    mech = curve.mechanism
+    for stretch in curve.stretches:
+        s, indices = np.unique(curve.s[stretch.first : stretch.last], return_index=True)
+        q, tangent = (x[stretch.first : stretch.last][indices] for x in (curve.q, curve.tangent))
+        if len(s) < 2:
+            continue
+        yield s, q, tangent
+        turned = mech.manifold.difference(q[0], q[-1])
+        closes = np.abs(_offsets(mech, q[:1], q[-1])).max() <= SAME_STATE
+        if mech.switches and closes and np.abs(turned).max() > SAME_STATE:
+            yield s, np.array([mech.manifold.integrate(pose, -turned) for pose in q]), tangent
+
+
+def _balanced(statics: Statics, curve: Kinematics, s0: Array) -> Iterator[TrustRegion]:
     """Yield the equilibria along a curve, at sign changes of the force along it."""
     manifold = statics.system.manifold
 
@@ -148,23 +210,21 @@ def _balanced(statics: Statics, curve: Kinematics, s0: Array) -> Iterator[tuple[
         rho, free = statics.residual_forces(statics.close(q, s0), s0)
         return float(np.sign((free.U @ tangent) @ (free.U @ free.Z[:, 0])) * rho[0])
 
-    for stretch in curve.stretches:
-        at = range(stretch.first, stretch.last - 1)
-        poses = range(stretch.first, stretch.last)
-        values = [along(curve.q[i], curve.tangent[i]) for i in poses]
-        for i, a, b in zip(at, values, values[1:], strict=False):
+    for _, q, tangents in _segments(curve):
+        values = [along(pose, tangent) for pose, tangent in zip(q, tangents, strict=True)]
+        for i, (a, b) in enumerate(pairwise(values)):
             if a * b > 0 or b == 0:
                 continue
-            x, tau = manifold.difference(curve.q[i], curve.q[i + 1]), curve.tangent[i]
+            x, tau = manifold.difference(q[i], q[i + 1]), tangents[i]
             try:
-                c = brentq(lambda c, i=i, x=x, tau=tau: along(manifold.integrate(curve.q[i], c * x), tau), 0, 1)
-                near = statics.close(manifold.integrate(curve.q[i], c * x), s0)
+                c = brentq(lambda c, q=q[i], x=x, tau=tau: along(manifold.integrate(q, c * x), tau), 0, 1)
+                near = statics.close(manifold.integrate(q[i], c * x), s0)
                 search = TrustRegion(statics, statics.point(near, s0))
                 found = search.run("any")
             except (StepError, ValueError):
                 continue
             if found:
-                yield search.here, search
+                yield search
 
 
 def _offsets(mech: Mechanism, poses: Array, q: Array) -> Array:

@@ -203,7 +203,7 @@ def equilibrium(
     if find not in FIND:
         raise UnknownNameError("kind of equilibrium", find, FIND)
     q0, speeds, held, names = complete_arguments(mech, q, t, v, hold)
-    statics, here, residual, iterations, contacts = balanced_on_contacts(mech, t, speeds, held, q0, find)
+    statics, here, residual, iterations, contacts, _ = balanced_on_contacts(mech, t, speeds, held, q0, find)
     holding = dict(zip(names, here.holding.tolist(), strict=True))
     judged = verdict(statics, here)
     return Equilibrium(mech, t, here.q, speeds, here.s, here.lam, holding, residual, iterations, judged, contacts)

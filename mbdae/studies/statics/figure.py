@@ -13,11 +13,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STYLES = {"limit": ("limit point", "o"), "branch": ("branch point", "s")}
+STYLES |= {"contact": ("contact closes", "v"), "separation": ("contact opens", "^")}
 
 
 @fixed_layout
 def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
-    """Draw the factor on the load over a coordinate; unstable equilibria dashed, limit and branch points marked.
+    """Draw the factor on the load over a coordinate; unstable equilibria dashed, critical points marked.
 
     Raises:
         UnknownNameError: for a coordinate that does not exist.

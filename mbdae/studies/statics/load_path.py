@@ -1,7 +1,7 @@
 """Equilibria over a quasi-static load: load-deflection curves through limit points."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,6 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import InputError
 from ...mechanism import Mechanism
-from ...mechanism.equilibrium.equilibrium_equations import Statics
 from ...mechanism.equilibrium.spectrum import curvature
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...solution.columns import coordinates
@@ -18,9 +17,10 @@ from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
+from .contact_changes import ContactMode
+from .contacts import Contacts, balanced_on_contacts
 from .continuation import Continuation, CriticalPoint
 from .equilibrium import complete_arguments
-from .search import balanced
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,9 +40,10 @@ class LoadPath(Tabular):
         factor: on the load, (n,), along the path.
         q: configurations, (n, nq).
         unstable: number of negative eigenvalues of the stiffness, (n,).
-        critical: limit points and branch points.
+        critical: limit points, branch points, and contacts that close or open.
         complete: whether the path reached the end of the range.
         potential: whether forces have a potential along the path: then no branch point can be missed.
+        contacts: normal forces of contacts that are closed somewhere, in N or N m, by name, (n,) each; 0 where open.
     """
 
     mechanism: Mechanism
@@ -53,6 +54,7 @@ class LoadPath(Tabular):
     critical: tuple[CriticalPoint, ...]
     complete: bool
     potential: bool = True
+    contacts: dict[str, Array] = field(default_factory=dict)
 
     @property
     def coordinates(self) -> dict[str, Array]:
@@ -82,9 +84,10 @@ class LoadPath(Tabular):
         return figures.save_if_path(load_deflection(self, coordinate), path)
 
     def tabulated(self) -> Columns:
-        """Return factor, coordinates, and numbers of negative eigenvalues along the path."""
+        """Return factor, coordinates, numbers of negative eigenvalues, and normal forces along the path."""
         known, found = coordinate_units(self.mechanism), self.coordinates
         columns = {"factor": self.factor, **found, "unstable": self.unstable}
+        columns |= {f"contact.{name}": force for name, force in self.contacts.items()}
         return Columns(columns, {name: known[name] for name in found if name in known})
 
     def to_dict(self) -> JsonObject:
@@ -97,6 +100,7 @@ class LoadPath(Tabular):
             "factor": self.factor.tolist(),
             "coordinates": {name: x.tolist() for name, x in self.coordinates.items()},
             "unstable": self.unstable.tolist(),
+            "contacts": {name: x.tolist() for name, x in self.contacts.items()},
             "critical": [e.to_dict() for e in self.critical],
         }
 
@@ -108,7 +112,13 @@ class LoadPath(Tabular):
             f"factor {self.factor[0]:.6g} to {self.factor[-1]:.6g}, {name} {values[0]:.6g} to {values[-1]:.6g} {unit}"
         ]
         words = {"limit": "limit point: snap-through", "branch": "branch point: buckling"}
-        lines += [f"  {words[e.kind]} at factor {e.factor:.12g}{_several(e)}" for e in self.critical]
+        lines += [f"  begins on {name}" for name, force in self.contacts.items() if force[0]]
+        words |= {"contact": "{} closes", "separation": "{} opens"}
+        lines += [
+            f"  {words[e.kind].format(e.contact)} at factor {e.factor:.12g}{_several(e)}"
+            f"{', where the load reverses' * (e.reverses and bool(e.contact))}"
+            for e in self.critical
+        ]
         if not self.potential:
             lines.append("  forces have no potential: branch points with double roots may be missing")
         fraction = float((self.unstable > 0).mean())
@@ -134,7 +144,8 @@ def load_path(
 
         0 = f(t, q, v) + (p - 1) f_load + G^T lam,   0 = g(t, q)
 
-    by continuation in arclength, so that p may reverse at limit points. Source: Keller, Numerical solution of
+    by continuation in arclength, so that p may reverse at limit points. It may rest on stops, ropes and planes, which
+    close and open along the path and press wherever they are closed. Source: Keller, Numerical solution of
     bifurcation and nonlinear eigenvalue problems (1977).
 
     Args:
@@ -159,13 +170,20 @@ def load_path(
     if not np.isfinite([first, last]).all() or first == last:
         raise InputError(f"a path leads from one factor to another, got {first:g} to {last:g}")
     q0, speeds, held, _ = complete_arguments(mech, q, t, v, hold)
-    continuation = Continuation(Statics(mech, t, speeds, held, [load]), first, last - first)
-    continuation.statics.factor = first
-    start = balanced(continuation.statics, q0, "stable")[0]
-    if not len(start.rho):
+    rest = balanced_on_contacts(mech, t, speeds, held, q0, "stable", [load], first)
+    contacts = Contacts(mech, t)
+    if not len(rest.here.rho) and not contacts.switches:
         raise InputError(f"{mech.title!r} has no degree of freedom left: nothing moves with the load")
-    points, critical, complete = continuation.run(start)
+    continuation = Continuation(rest.statics, ContactMode(contacts, rest.closed), [load], first, last - first)
+    points, critical, complete = continuation.run(rest.here)
     unstable = [curvature(p.here.H, p.here.noise).negative for p in points]
     factor, q = np.array([first + (last - first) * p.u for p in points]), np.array([p.here.q for p in points])
     potential = all(p.bent is not None for p in points)
-    return LoadPath(mech, load, factor, q, np.array(unstable), tuple(critical), complete, potential)
+    forces = _normal_forces(contacts, np.array([p.here.lam for p in points]))
+    return LoadPath(mech, load, factor, q, np.array(unstable), tuple(critical), complete, potential, forces)
+
+
+def _normal_forces(contacts: Contacts, lam: Array) -> dict[str, Array]:
+    """Return the normal forces of the contacts that carry any along multipliers (n, ng), by name, (n,) each."""
+    normal = [contacts.normal_forces(row) for row in lam]
+    return {s.name: x for s, x in zip(contacts.switches, np.transpose(normal), strict=True) if x.any()}
