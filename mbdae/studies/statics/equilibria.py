@@ -186,7 +186,7 @@ def _closing_poses(contacts: Contacts, k: int, curve: Kinematics) -> Iterator[Ar
 def _segments(curve: Kinematics) -> Iterator[tuple[Array, Array, Array]]:
     """Yield arclengths (n,), poses (n, nq) and tangents (n, nv) of the segments of a curve.
 
-    One that ends full turns from where it begins is repeated on the other side of the start if there are contacts, which
+    One that ends full turns from where it begins is repeated before the start if there are contacts, which
     tell turns apart.
     """
     mech = curve.mechanism
