@@ -142,10 +142,11 @@ def _negative_fraction(tracked: TrackedGuard, step: "StepMap", at: PointAt, thet
 
 
 def _cubic_minimum(f0: float, f1: float, m0: float, m1: float) -> float:
-    """Return the minimum over nine points of the cubic with values f and derivatives m at 0 and 1."""
-    x = np.linspace(0, 1, 9)
-    values = f0 + x * (m0 + x * (3 * (f1 - f0) - 2 * m0 - m1 + x * (2 * (f0 - f1) + m0 + m1)))
-    return float(values.min())
+    """Return the minimum of the cubic with values f and derivatives m0 < 0 < m1 at 0 and 1, which is between them."""
+    b, c = 3 * (f1 - f0) - 2 * m0 - m1, 2 * (f0 - f1) + m0 + m1
+    root = np.sqrt(max(0.0, b * b - 3 * c * m0))
+    x = -m0 / (b + root) if b >= 0 else (root - b) / (3 * c)  # of m0 + 2 b x + 3 c x^2, where it rises
+    return float(f0 + x * (m0 + x * (b + x * c)))
 
 
 def _locate(tracked: TrackedGuard, step: "StepMap", at: PointAt, high: float) -> float:

@@ -28,6 +28,7 @@ KINDS = {
     "doubling": "period doubling, a multiplier is -1",
     "neimark-sacker": "Neimark-Sacker, a complex pair of multipliers has magnitude 1",
     "branch": "branch point, a multiplier is 1",
+    "grazing": "{} is grazed",
 }
 
 
@@ -126,7 +127,7 @@ class Branch(Tabular):
                 f"  {self.name} = {p.value:.9g}: T = {p.motion.T:.9g} s, {p.motion.stability},"
                 f" largest multiplier {multiplier_text(complex(largest.real, abs(largest.imag)))}"
             )
-        lines += [f"  {self.name} = {b.value:.12g}: {KINDS[b.kind]}" for b in self.bifurcations]
+        lines += [f"  {self.name} = {b.value:.12g}: {KINDS[b.kind].format(repr(b.grazed))}" for b in self.bifurcations]
         return "\n".join([*lines, *([f"  {self.message}"] if self.message else [])])
 
 
@@ -147,7 +148,7 @@ def periodic_branch(
     rtol: float = RTOL,
     start: Mapping[str, Any] | None = None,
 ) -> Branch:
-    """Follow a periodic motion over a parameter, through folds, and locate where its stability changes.
+    """Follow a periodic motion over a parameter, through folds, and locate where its stability changes or it grazes.
 
     Args:
         model: an argument of `mbdae.load`, or a function of the parameter that returns a Mechanism.

@@ -30,6 +30,7 @@ from ...tolerances import EVALUATION_ROUNDING, HALF_DIGITS, SMALLEST_PART
 from ..path_location import locate
 from ..sweep.sweep_run import Maker
 from .flow import Flow
+from .grazing import GrazingMonitor
 from .motion import motion_of
 from .result import Bifurcation, BranchMotion
 from .shooting import Cycle, Guess, Linearisation
@@ -161,7 +162,7 @@ class BranchPath:
 
     def run(self, first: BranchMotion, h: float = FIRST_STEP) -> tuple[list[BranchMotion], list[Bifurcation], str]:
         """Follow a branch from a point to the end of the range; return points, bifurcations and why it ended early."""
-        here, points, found = first, [first], list[Bifurcation]()
+        here, points, found, nearest = first, [first], list[Bifurcation](), GrazingMonitor(first)
         low, high = sorted(self.over[1:])
         while len(points) < MAX_POINTS:
             there = self.step(here, h)
@@ -176,7 +177,11 @@ class BranchPath:
             points.append(there)
             if ended:
                 return points, found, ""
-            here, h = there, min(MAX_STEP, GROWTH * h)
+            if grazing := nearest.grazing(there, h):
+                found.append(grazing)
+                if nearest.ends:
+                    return points, found, f"ends where {grazing.grazed!r} is grazed: there is no derivative beyond"
+            here, h = there, nearest.limited(min(MAX_STEP, GROWTH * h))
         return points, found, f"ends at {self.over.name} = {here.value:.9g} after {MAX_POINTS} points"
 
     def located(

@@ -35,7 +35,7 @@ def periodic(study: Study, model: ChosenModel, **options: Any) -> Result:
 
 @study_command(WORDS, TABLE, PLOT, shared="method", more=[OVER])
 def periodic_branch(study: Study, model: ChosenModel, over: str, **options: Any) -> Result:
-    """Follow a periodic motion over a parameter. Locates folds, period doublings and Neimark-Sacker bifurcations."""
+    """Follow a periodic motion over a parameter. Locates folds, doublings, Neimark-Sacker points, grazing."""
     name, first, last = _range(over)
     return study(model.name, name, first, last, start=model.start, **_given(options))
 

@@ -188,18 +188,20 @@ class Bifurcation:
     """A named point of a branch.
 
     Attributes:
-        kind: ``"fold"``, ``"doubling"``, ``"neimark-sacker"`` or ``"branch"``.
+        kind: ``"fold"``, ``"doubling"``, ``"neimark-sacker"``, ``"branch"`` or ``"grazing"``.
         value: of the parameter.
-        motion: the periodic motion there.
+        motion: the periodic motion there; for grazing one close to it, which has derivatives.
+        grazed: the stop, contact or joint whose guard touches zero.
     """
 
     kind: str
     value: float
     motion: PeriodicMotion
+    grazed: str = ""
 
     def to_dict(self) -> JsonObject:
         """Return JSON data."""
-        return {"kind": self.kind, "value": self.value, "motion": self.motion.to_dict()}
+        return {"kind": self.kind, "value": self.value, "grazed": self.grazed, "motion": self.motion.to_dict()}
 
 
 def multiplier_text(z: complex) -> str:

@@ -1,0 +1,177 @@
+"""Grazing of periodic motions: a guard touches zero without crossing it, or an impact comes to zero speed.
+
+Margins are the least values of guards between the events of a motion, gaps and speeds, and the impulses of its impacts.
+They are smooth along a branch up to where one becomes zero; beyond, the motion has an event more, or one less, and its
+map has a square root. So a margin is followed from its side, and the parameter at its zero is extrapolated from the
+last few points, as a polynomial in the margin. Guards of multipliers are not monitored.
+Source: A. B. Nordmark, Non-periodic motion caused by grazing incidence in an impact oscillator, J. Sound Vib. 145
+(1991).
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...discovery import lazy_import
+from ...mechanism.hybrid.mode_point import AllRows, ModePoint
+from ...mechanism.hybrid.switch import Guard
+from ...solution.solution import Solution
+from ...system import Array
+from ...tolerances import CLOSED, INTERPOLATION, THREE_DIGITS
+from .result import Bifurcation, BranchMotion, PeriodicMotion
+
+minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
+FRACTION, OF_IMPACTS = 0.9, 0.5  # of the distance to a zero: the next step; derivatives grow with 1/impact
+NEAR, NEAR_IMPACTS = INTERPOLATION, THREE_DIGITS  # in units of steps: distance at which the zero is extrapolated
+POINTS = 4  # from which the parameter at a zero is extrapolated
+KNOWN_TIMES = ("command", "speed step")  # guards that are functions of time
+
+
+class Margin(NamedTuple):
+    """A margin of a motion.
+
+    Attributes:
+        name: of the stop, contact or joint.
+        kind: ``"impact"``, or the kind of the guard.
+        value: impulse in N s or N m s, or the guard, in its unit.
+    """
+
+    name: str
+    kind: str
+    value: float
+
+    @property
+    def ends(self) -> bool:
+        """Whether there is no derivative beyond its zero."""
+        return self.kind in ("impact", "contact")
+
+
+class GrazingMonitor:
+    """The margins along a branch, and the nearest zero of one of them.
+
+    Args:
+        first: the first point.
+
+    Attributes:
+        distance: to the zero of a margin ahead, in the unit of steps; infinite if there is none.
+        ends: whether the branch has no derivative beyond the last one found.
+    """
+
+    def __init__(self, first: BranchMotion) -> None:
+        self.last = [(first.value, margins(first.motion))]  # points, at most `POINTS`
+        self.distance, self.fraction, self.ends = np.inf, FRACTION, False
+
+    def grazing(self, here: BranchMotion, h: float) -> Bifurcation | None:
+        """Return the grazing just ahead of the end of a step of length h; None if there is none."""
+        before, found = self.last[-1][1], margins(here.motion)
+        if _kinds(before) != _kinds(found):  # of motions with different events
+            self.last, before = [], found
+        self.last = [*self.last[1 - POINTS :], (here.value, found)]
+        steps, k = _nearest_zero(before, found)
+        self.distance = steps * h
+        if k is None:
+            return None
+        near, self.fraction = (NEAR_IMPACTS, OF_IMPACTS) if found[k].kind == "impact" else (NEAR, FRACTION)
+        if self.distance > near:
+            return None
+        self.distance, self.ends = np.inf, found[k].ends
+        sizes = np.array([margins[k].value for _, margins in self.last])
+        value = sum(
+            p * float(np.prod(np.delete(sizes, i) / (np.delete(sizes, i) - size)))
+            for i, (size, (p, _)) in enumerate(zip(sizes, self.last, strict=True))
+        )
+        return Bifurcation("grazing", value, here.motion, found[k].name)
+
+    def limited(self, h: float) -> float:
+        """Return a step that stays in front of the nearest zero."""
+        return self.fraction * self.distance if self.distance < h else h
+
+
+def _kinds(found: Sequence[Margin]) -> list[tuple[str, str]]:
+    return [(margin.name, margin.kind) for margin in found]
+
+
+def _nearest_zero(before: Sequence[Margin], here: Sequence[Margin]) -> tuple[float, int | None]:
+    """Return the nearest zero beyond a step of the branch, in steps, by a secant, and the index of its margin."""
+    pairs = enumerate(zip(before, here, strict=True))
+    steps = [(b.value / (a.value - b.value), k) for k, (a, b) in pairs if 0 < b.value < a.value]
+    return min(steps, default=(np.inf, None))
+
+
+class Segment(NamedTuple):
+    """A step of a run, from node i, in a mode."""
+
+    run: Solution
+    i: int
+    mode: tuple[int, ...]
+
+
+def margins(motion: PeriodicMotion) -> list[Margin]:
+    """Return the margins of a motion: of its impacts and of guards between its events, each in order of time."""
+    if not motion.mechanism.switches:
+        return []
+    hits = [pair for run in motion.runs for x in run.impacts for pair in zip(x.where, x.impulse, strict=True)]
+    out = [Margin(name, "impact", abs(impulse)) for name, impulse in hits]
+    for chain in _chains(motion.runs):
+        out += _least_values(motion, chain)
+    return out
+
+
+def _chains(runs: Sequence[Solution]) -> list[list[Segment]]:
+    """Return the steps of a period between its events, in one mode each; the last one continues in the first."""
+    out: list[list[Segment]] = [[]]
+    for run in runs:
+        times = run.nodes[0]
+        for i, h in enumerate(np.diff(times)):
+            mode = run.mode(i) or ()
+            if out[-1] and (not h or mode != out[-1][-1].mode):
+                out.append([])
+            if h:
+                out[-1].append(Segment(run, i, mode))
+    chains = [chain for chain in out if chain]
+    if len(chains) == 1:
+        return [[*chains[0], *chains[0][:1]]]
+    if chains[0][0].mode == chains[-1][-1].mode:
+        chains[0] = chains.pop() + chains[0]
+    return chains
+
+
+def _least_values(motion: PeriodicMotion, chain: list[Segment]) -> Iterator[Margin]:
+    """Yield the least values of guards inside a chain of steps."""
+    system, mode, flow = motion.mechanism.system(), chain[0].mode, motion.shooting.flow
+    system.enter(mode)
+    all_rows = AllRows(system)
+    points = [_node(segment.run, segment.i) for segment in chain] + [_node(chain[-1].run, chain[-1].i + 1)]
+
+    def value(guard: Guard, t: float, y: Array) -> float:
+        return guard.value(ModePoint(system, all_rows, t, y))
+
+    guards = [g for s in motion.mechanism.switches for g in s.guards(mode[s.index])]
+    for guard in guards:
+        if guard.kind in KNOWN_TIMES or guard.needs_multipliers:
+            continue
+        values = [value(guard, t, y) for t, y in points]
+        for j in range(1, len(chain)):
+            if not values[j - 1] > values[j] <= values[j + 1] or values[j] <= CLOSED * max(values):
+                continue
+
+            def dense(x: float, guard: Guard = guard, j: int = j) -> float:
+                segment, t = _time(chain, j, x)
+                return value(guard, t, next(iter(segment.run.points(np.array([t])))))
+
+            segment, t = _time(chain, j, float(minimize_scalar(dense, bounds=(0.0, 2.0), method="bounded").x))
+            start = _node(segment.run, segment.i)
+            end = flow.run(*start, t - start[0], None).y[-1] if t > start[0] else start[1]
+            yield Margin(guard.name, guard.kind, value(guard, t, end))
+
+
+def _node(run: Solution, i: int) -> tuple[float, Array]:
+    return float(run.nodes[0][i]), run.nodes[1][i]
+
+
+def _time(chain: list[Segment], j: int, x: float) -> tuple[Segment, float]:
+    """Return the step and the time at a distance x in steps, 0 to 2, from the start of step j - 1."""
+    segment, part = (chain[j - 1], x) if x < 1 else (chain[j], x - 1)
+    first, last = segment.run.nodes[0][segment.i : segment.i + 2].tolist()
+    return segment, first + part * (last - first)
