@@ -63,8 +63,8 @@ class BranchPath:
     ) -> None:
         self.maker, self.over, self.rest, self.options, self.tolerance = maker, over, rest, options, tolerance
 
-    def flow(self, value: float, t: float, y: Array) -> Flow:
-        """Return the runs at a value of the parameter, whose derivatives are accurate at a point.
+    def flow(self, value: float, t: float, y: Array, mode: tuple[int, ...] = ()) -> Flow:
+        """Return the runs at a value of the parameter, whose derivatives are accurate at a point, in a mode.
 
         Raises:
             UnknownNameError, InputError: for an invalid value.
@@ -76,8 +76,8 @@ class BranchPath:
 
         mech = make({name: value})
         q, v, s, _ = np.split(y, np.cumsum([mech.nq, mech.nv, len(mech.states)]))
-        mode = (0,) * len(mech.switches)  # in which shooting begins its parts
-        parameters = Parameters(make, {name: value}, backend.load(), along=[(t, q, v, s, mode)])
+        along = [(t, q, v, s, mode or (0,) * len(mech.switches))]
+        parameters = Parameters(make, {name: value}, backend.load(), along=along)
         return Flow(parameters.mech, parameters, self.options)
 
     def equations(self, cycle: Cycle, guess: Guess, value: float) -> Linearisation:
@@ -86,12 +86,14 @@ class BranchPath:
         Raises:
             MbdaeError: if that is not possible, or the runs fail.
         """
-        flow = self.flow(value, cycle.t, guess.nodes[0])
+        flow = self.flow(value, cycle.t, guess.nodes[0], *guess.modes[:1])
         system = flow.mechanism.system()
         symmetries = Symmetry.named(system, [x.name for x in cycle.symmetries])
-        for y in guess.nodes:
+        nodes = []
+        for i, y in enumerate(guess.nodes):
+            system.enter(guess.modes[i] if guess.modes else system.mode)
             system.derivative(cycle.t, y)
-        nodes = [system.restore(cycle.t + guess.T * i / cycle.parts, y) for i, y in enumerate(guess.nodes)]
+            nodes.append(system.restore(cycle.t + guess.T * i / cycle.parts, y))
         return Linearisation(system, flow, replace(cycle, symmetries=symmetries), replace(guess, nodes=nodes))
 
     def scales(self, at: Linearisation) -> Array:
@@ -165,7 +167,7 @@ class BranchPath:
         here, points, found, nearest = first, [first], list[Bifurcation](), GrazingMonitor(first)
         low, high = sorted(self.over[1:])
         while len(points) < MAX_POINTS:
-            there = self.step(here, h)
+            there = (self.across if nearest.passing else self.step)(here, h)
             if there is None:
                 h /= 2
                 if h < MIN_STEP:
@@ -173,14 +175,15 @@ class BranchPath:
                 continue
             if ended := not low <= there.value <= high:
                 h, there = self.located(here, h, partial(_beyond, low if there.value < low else high))
-            found += self.bifurcations(here, there, h)
+            found += [] if nearest.passing else self.bifurcations(here, there, h)
             points.append(there)
             if ended:
                 return points, found, ""
             if grazing := nearest.grazing(there, h):
                 found.append(grazing)
-                if nearest.ends:
+                if nearest.terminal:
                     return points, found, f"ends where {grazing.grazed!r} is grazed: there is no derivative beyond"
+                h = FIRST_STEP  # across the point, where the branch has a corner
             here, h = there, nearest.limited(min(MAX_STEP, GROWTH * h))
         return points, found, f"ends at {self.over.name} = {here.value:.9g} after {MAX_POINTS} points"
 
@@ -211,7 +214,7 @@ class BranchPath:
         base, k = at.motion.shooting, at.motion.shooting.cycle.parts
         cycle = replace(base.cycle, parts=2 * k)
         guess = replace(base.at, nodes=[*base.at.nodes, *base.at.nodes], T=2 * base.at.T, sigma=2 * base.at.sigma,
-                        turns=2 * base.at.turns)  # fmt: skip
+                        turns=2 * base.at.turns, modes=2 * base.modes)  # fmt: skip
         product = np.linalg.multi_dot([*base.factors[::-1], np.eye(base.n)])
         values, vectors = np.linalg.eig(product)
         x = vectors[:, np.abs(values + 1).argmin()].real

@@ -29,6 +29,7 @@ class FlowEnd:
         fixed: tangent of the end at a fixed time, (ny, m).
         dt: tangent of the time of the section, (m,); zeros for a fixed duration.
         rate: y' there, in the tangent, (ny,).
+        first_rate: y' at the first node, (ny,).
         start: tangent of the first node, (ny, m).
         energy: gradient of the energy at the first node, (ny,).
     """
@@ -38,6 +39,7 @@ class FlowEnd:
     fixed: Array
     dt: Array
     rate: Array
+    first_rate: Array
     start: Array
     energy: Array
 
@@ -78,32 +80,35 @@ class Flow:
             raise InputError(f"the run over a period stopped at t = {sol.t[-1]:.9g} s: {sol.message}")
         return sol
 
-    def end(
-        self, t: float, y: Array, dy: Array, duration: float, section: str | None, mode: tuple[int, ...]
-    ) -> FlowEnd:
+    def end(self, sol: Solution, dy: Array, section: str | None) -> FlowEnd:
         """Return the end of a run and its tangent for variations dy (ny, m) of the start; the last k are parameters'.
 
         Raises:
-            InputError: as `run`, and for runs without derivatives.
+            InputError: for runs without derivatives.
         """
-        sol, k = self.run(t, y, duration, section), len(self.parameters)
-        self._require_mode(sol, mode)
+        k, t, y = len(self.parameters), float(sol.nodes[0][0]), sol.nodes[1][0]
         trace = Trajectory(sol, self.parameters)
         dp = np.eye(k, dy.shape[1], dy.shape[1] - k)
         found = run_tangents(trace, tuple(map(str, range(dy.shape[1]))), dy, dp, section)
+        trace.enter_node(0)
+        first_rate = trace.system.derivative(t, y)[0]
         trace.enter_node(len(trace.ts) - 1)
         rate = trace.system.derivative(float(sol.t[-1]), sol.y[-1])[0]
         dt, energy = found.dt[-1], trace.sensitivity.energy(*trace.system.split(y)).sum(axis=0)[: len(dy)]
-        return FlowEnd(sol, sol.y[-1], found.dy[-1] - np.outer(rate, dt), dt, rate, found.dy[0], energy)
+        fixed = found.dy[-1] - np.outer(rate, dt)
+        return FlowEnd(sol, sol.y[-1], fixed, dt, rate, first_rate, found.dy[0], energy)
 
-    def _require_mode(self, sol: Solution, mode: tuple[int, ...]) -> None:
-        """Require that a run begins in the mode for which the coordinates of its start are made.
 
-        Raises:
-            InputError: names the first switch in another state.
-        """
-        for switch, found, known in zip(self.mechanism.switches, sol.mode(0) or (), mode, strict=True):
-            if found != known:
-                where = f"at t = {sol.t[0]:.9g} s {switch.name!r} is {switch.states[found]}"
-                wanted = f"begin a period, and each part of it, where it is {switch.states[known]}"
-                raise InputError(f"{where}: {wanted}")
+def require_same_rows(before: Solution, after: Solution) -> None:
+    """Require that a run ends with the active rows with which the next one begins: they have the same coordinates.
+
+    Raises:
+        InputError: names the first switch that differs, and what to do.
+    """
+    last, first = before.mode(len(before.nodes[0]) - 1), after.mode(0)
+    for switch, x, y in zip(before.mechanism.switches, last, first, strict=True):
+        if switch.active_rows(x) != switch.active_rows(y):
+            where = (
+                f"at t = {before.t[-1]:.9g} s, the end of a part of the period, {switch.name!r} is {switch.states[x]}"
+            )
+            raise InputError(f"{where}, and {switch.states[y]} at the start of the next: begin at another phase")

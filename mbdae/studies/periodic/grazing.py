@@ -3,7 +3,8 @@
 Margins are the least values of guards between the events of a motion, gaps and speeds, and the impulses of its impacts.
 They are smooth along a branch up to where one becomes zero; beyond, the motion has an event more, or one less, and its
 map has a square root. So a margin is followed from its side, and the parameter at its zero is extrapolated from the
-last few points, as a polynomial in the margin. Guards of multipliers are not monitored.
+last few points, as a polynomial in the margin. Impacts end a branch there; where a joint begins to stick it has a
+corner. Guards of multipliers are not monitored.
 Source: A. B. Nordmark, Non-periodic motion caused by grazing incidence in an impact oscillator, J. Sound Vib. 145
 (1991).
 """
@@ -42,7 +43,7 @@ class Margin(NamedTuple):
     value: float
 
     @property
-    def ends(self) -> bool:
+    def terminal(self) -> bool:
         """Whether there is no derivative beyond its zero."""
         return self.kind in ("impact", "contact")
 
@@ -55,27 +56,29 @@ class GrazingMonitor:
 
     Attributes:
         distance: to the zero of a margin ahead, in the unit of steps; infinite if there is none.
-        ends: whether the branch has no derivative beyond the last one found.
+        terminal: whether the branch has no derivative beyond the last one found.
+        passing: whether the branch is about to cross it, over a corner.
     """
 
     def __init__(self, first: BranchMotion) -> None:
         self.last = [(first.value, margins(first.motion))]  # points, at most `POINTS`
-        self.distance, self.fraction, self.ends = np.inf, FRACTION, False
+        self.distance, self.fraction, self.terminal, self.passing = np.inf, FRACTION, False, False
 
     def grazing(self, here: BranchMotion, h: float) -> Bifurcation | None:
         """Return the grazing just ahead of the end of a step of length h; None if there is none."""
         before, found = self.last[-1][1], margins(here.motion)
         if _kinds(before) != _kinds(found):  # of motions with different events
-            self.last, before = [], found
+            self.last, before, self.passing = [], found, False
         self.last = [*self.last[1 - POINTS :], (here.value, found)]
         steps, k = _nearest_zero(before, found)
         self.distance = steps * h
-        if k is None:
+        if k is None or self.passing:
+            self.distance = np.inf
             return None
         near, self.fraction = (NEAR_IMPACTS, OF_IMPACTS) if found[k].kind == "impact" else (NEAR, FRACTION)
         if self.distance > near:
             return None
-        self.distance, self.ends = np.inf, found[k].ends
+        self.distance, self.terminal, self.passing = np.inf, found[k].terminal, True
         sizes = np.array([margins[k].value for _, margins in self.last])
         value = sum(
             p * float(np.prod(np.delete(sizes, i) / (np.delete(sizes, i) - size)))

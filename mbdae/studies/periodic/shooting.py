@@ -21,7 +21,7 @@ from ...mechanism.equations.symmetry import Symmetry
 from ...mechanism.formulations.index2 import Index2System
 from ...system import Array
 from ...tolerances import AGREEMENT, TRUNCATION
-from .flow import Flow, FlowEnd
+from .flow import Flow, FlowEnd, require_same_rows
 
 MAX_ITERATIONS, MAX_HALVINGS, MAX_REFINEMENTS = 30, 8, 12
 GAIN = 0.1  # of the residual: less is rounding
@@ -57,12 +57,16 @@ class Cycle:
 
 @dataclass(frozen=True)
 class Guess:
-    """Nodes (k, n) of a period, its duration, advances (m,), and full turns (nv,) of revolute joints."""
+    """Nodes (k, n) of a period, its duration, advances (m,), and full turns (nv,) of revolute joints.
+
+    The modes in which its parts begin, (k,), are known after a run.
+    """
 
     nodes: list[Array]
     T: float
     sigma: Array
     turns: Array
+    modes: tuple[tuple[int, ...], ...] = ()
 
 
 class Linearisation:
@@ -81,18 +85,29 @@ class Linearisation:
         last = at.T - at.T * (k - 1) / k
         self.durations = [at.T / k] * (k - 1) + [last]
         self.times = [cycle.t + sum(self.durations[:i]) for i in range(k)]
-        self.charts = [LocalCoordinates(system, t, y) for t, y in zip(self.times, at.nodes, strict=True)]
+        sections = [*[None] * (k - 1), cycle.section]
+        runs = list(map(flow.run, self.times, at.nodes, self.durations, sections))
+        for run, following in zip(runs, [*runs[1:], runs[0]], strict=True):
+            require_same_rows(run, following)
+        self.modes = tuple(run.mode(0) for run in runs)
+        self.charts = [LocalCoordinates(*args) for args in zip(self._workspaces(), self.times, at.nodes, strict=True)]
         self.n = self.charts[0].n
         if any(chart.n != self.n for chart in self.charts):
-            raise InputError("degrees of freedom differ along the motion")
+            raise InputError("degrees of freedom differ between the parts of the period: give parts=1")
         self.lifts, self.ends = [], list[FlowEnd]()
-        for i, (chart, t) in enumerate(zip(self.charts, self.times, strict=True)):
+        for run, chart, t, section in zip(runs, self.charts, self.times, sections, strict=True):
             found = chart.partials(t, chart.x0)
             lift = np.vstack([found.dq, found.dv, found.ds, np.zeros((1, self.n + 1))])[:, : self.n]
             self.lifts.append(lift)
             dy = np.hstack([lift, np.zeros((len(lift), self.p))])
-            section = cycle.section if i == k - 1 else None
-            self.ends.append(flow.end(t, at.nodes[i], dy, self.durations[i], section, system.mode))
+            self.ends.append(flow.end(run, dy, section))
+
+    def _workspaces(self) -> list[Index2System]:
+        """Return a workspace for each part in the mode in which it begins."""
+        out = [self.system, *(self.system.new_workspace() for _ in self.modes[1:])]
+        for workspace, mode in zip(out, self.modes, strict=True):
+            workspace.enter(mode)
+        return out
 
     @cached_property
     def closing(self) -> tuple[Array, Array, Array]:
@@ -146,8 +161,7 @@ class Linearisation:
 
     def flow_direction(self, i: int) -> Array:
         """Return y' at node i in its coordinates, (n,)."""
-        F = self.system.derivative(self.times[i], self.at.nodes[i])[0]
-        return self.charts[i].coordinate_tangents(self.at.nodes[i], F[:, None])[:, 0]
+        return self.charts[i].coordinate_tangents(self.at.nodes[i], self.ends[i].first_rate[:, None])[:, 0]
 
     def symmetry_directions(self, i: int) -> Array:
         """Return the directions of the symmetries at node i in its coordinates, (n, m)."""
@@ -201,7 +215,7 @@ class Linearisation:
         if not SHORTEST * sum(self.durations) < T:
             raise InputError(f"the period shrank to {T:.3g} s: give a better guess of the motion or of T")
         advance = step[n * k + period : n * k + period + len(at.sigma)]
-        return replace(at, nodes=nodes, T=float(T), sigma=at.sigma + advance)
+        return replace(at, nodes=nodes, T=float(T), sigma=at.sigma + advance, modes=self.modes)
 
     @property
     def size(self) -> float:
