@@ -56,8 +56,8 @@ def test_a_geneva_drive_with_a_motor():
     _, T, decay = turn(energy)
     forces = JointTorque(joint="crank", torque=TORQUE), JointDamping(joint="crank", damping=DAMPING)
     mech = mbdae.load("geneva_drive", forces=forces)
-    found = mbdae.periodic(mech, 4 * T, v={"crank": np.sqrt(1.99 * energy / CRANK)}, rtol=1e-8)
-    assert pytest.approx(4 * T, rel=1e-8) == found.T
+    found = mbdae.periodic(mech, 4 * T, v={"crank": np.sqrt(1.99 * energy / CRANK)}, rtol=1e-10)
+    assert pytest.approx(4 * T, rel=1e-10) == found.T
     assert found.multipliers.real == pytest.approx([np.exp(-4 * decay), 0.0], rel=1e-6, abs=1e-9)  # and of the wheel
     assert [x.name for x in found.neutral] == ["time"]
     run = found.run
