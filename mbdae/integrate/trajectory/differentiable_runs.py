@@ -12,6 +12,11 @@ from ..steppers.solvers import SOLVERS
 DIFFERENTIABLE = Tableau, RadauIIA
 
 
+def has_jumps(sol: Solution) -> bool:
+    """Return whether a run has impacts, events at which the state jumps, or changes of mode."""
+    return bool(sol.impacts or sol.resets or len(sol.modes) > 1)
+
+
 def require_differentiable(sol: Solution) -> Mechanism:
     """Return the mechanism of a run that can be recomputed and differentiated.
 

@@ -23,7 +23,7 @@ from ...mechanism.formats.template import Template
 from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
 from ...system import Array
-from ...tolerances import COARSE, INPUT_DIGITS, SEARCH_TOLERANCE
+from ...tolerances import COARSE, INPUT_DIGITS, SEARCH_TOLERANCE, VISIBLE
 from ..sensitivity.run_parameters import (
     MechanismFactory,
     mechanism_factory,
@@ -193,14 +193,36 @@ class _Search:
         for fraction in problem.span_fractions(self.spans, len(start)):
             problem.fraction, tolerance = fraction, SEARCH_TOLERANCE if fraction == 1 else COARSE
             self.report_progress(f"{label}{fraction:.0%} of the samples")
-            problem.simulate(x)
+            x = self._differentiable_start(x, start)
             result = least_squares(
                 problem.residuals, x, problem.jacobian, (self.low, self.high), x_scale=self.scale,
                 ftol=tolerance, xtol=tolerance, gtol=tolerance,
             )  # fmt: skip
             x, message, converged, r = result.x, result.message, result.status > 0, result.fun
+            if problem.rejected and _could_fall(result.fun, result.jac[:, result.active_mask == 0]):
+                converged, message = False, f"steps became short by rejected trials: {problem.rejected[-1]}"
         initial, final = (dict(zip(problem.names, y.tolist(), strict=True)) for y in (start, x))
         return Attempt(initial, final, float(r @ r), converged, message)
+
+    def _differentiable_start(self, x: Array, start: Array) -> Array:
+        """Return the end x of the search over fewer samples, or the start if the longer runs have no derivative there.
+
+        Raises:
+            MbdaeError: if they have none at the start either.
+        """
+        self.problem.rejected = []
+        try:
+            self.problem.jacobian(x)
+        except MbdaeError:
+            self.problem.jacobian(start)
+            return start
+        return x
+
+
+def _could_fall(r: Array, J: Array) -> bool:
+    """Return whether a Gauss-Newton step would visibly reduce |r|^2 of r (n,) with derivatives J (n, m)."""
+    fall = J @ np.linalg.lstsq(J, r, rcond=None)[0]
+    return bool(fall @ fall > VISIBLE * (r @ r))
 
 
 def _unknown(make: MechanismFactory, name: str, given: object) -> Unknown:
@@ -261,4 +283,5 @@ def _result(search: _Search, attempts: list[Attempt]) -> Fit:
         computed, [record.columns for record in problem.recordings], [record.t for record in problem.recordings],
         [record.name for record in problem.recordings], problem.runs, problem.gradients, best.converged, best.message,
         attempts, {name: all_units[name] for record in problem.recordings for name in record.columns},
+        tuple(problem.all_rejected),
     )  # fmt: skip

@@ -8,6 +8,7 @@ import numpy as np
 from ...errors import InputError, MbdaeError, is_number
 from ...integrate.options.span import checked_span
 from ...integrate.solve import solve
+from ...integrate.trajectory.differentiable_runs import has_jumps
 from ...integrate.trajectory.signal_jacobian import differentiable
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import values_text
@@ -52,7 +53,8 @@ class FitResiduals:
                 raise InputError(f"the noise level of {name!r} must be given and positive: sigma={{{name!r}: ...}}")
         self.sigma = {name: float(levels[name]) for name in names_used}
         self._cached: tuple[tuple[tuple[float, ...], float] | None, list[Solution]] = (None, [])
-        self._size = 0
+        self._size, self._derivatives = 0, dict[tuple[tuple[float, ...], float], Array]()
+        self.rejected, self.all_rejected = list[str](), list[str]()  # reasons of trials of a search, and of all
 
     def span_fractions(self, spans: Sequence[float], k: int) -> list[float]:
         """Return the fractions with enough samples, then 1 for all of them."""
@@ -87,13 +89,18 @@ class FitResiduals:
         return self._cached[1]
 
     def residuals(self, x: Array) -> Array:
-        """Return (signal - data)/sigma of all measured values; inf if a run fails."""
+        """Return (signal - data)/sigma of all measured values; inf if a run fails or has no derivative."""
         try:
+            runs = self.simulate(x)
             parts = [self.run_residuals(record, computed_signals(sol, record.columns), len(sol.t))
-                     for record, sol in zip(self.recordings, self.simulate(x), strict=True)]  # fmt: skip
-        except MbdaeError:
-            if self._cached[0] is None:
+                     for record, sol in zip(self.recordings, runs, strict=True)]  # fmt: skip
+            if any(has_jumps(sol) for sol in runs):
+                self.jacobian(x)
+        except MbdaeError as e:
+            if not self._size:
                 raise
+            self.rejected.append(str(e))
+            self.all_rejected.append(str(e))
             return np.full(self._size, np.inf)
         out = np.concatenate(parts)
         self._size = len(out)
@@ -106,7 +113,17 @@ class FitResiduals:
         return out[~np.isnan(np.concatenate([data[:n] for data in record.columns.values()]))]
 
     def jacobian(self, x: Array) -> Array:
-        """Return derivatives of the residuals, (n, k)."""
+        """Return derivatives of the residuals, (n, k), cached for the last x.
+
+        Raises:
+            InputError, MbdaeError: for a run that fails or has no derivative.
+        """
+        key = (tuple(x), self.fraction)
+        if key not in self._derivatives:
+            self._derivatives = {key: self._computed_derivatives(x)}
+        return self._derivatives[key]
+
+    def _computed_derivatives(self, x: Array) -> Array:
         values, rows = dict(zip(self.names, map(float, x), strict=True)), []
         for record, parameters, sol in zip(self.recordings, self.parameters, self.simulate(x), strict=True):
             found = trajectory_sensitivity(parameters.trajectory(sol, values))

@@ -57,6 +57,7 @@ class Fit(Tabular):
         message: termination message.
         searches: one for each start.
         units: of the signals.
+        rejected: reasons of the trials whose runs failed or had no derivative.
     """
 
     model: str
@@ -80,6 +81,7 @@ class Fit(Tabular):
     message: str = ""
     searches: list[Attempt] = field(default_factory=list, repr=False)
     units: dict[str, str] = field(default_factory=dict, repr=False)
+    rejected: tuple[str, ...] = field(default=(), repr=False)
 
     @property
     def agreeing(self) -> int:
@@ -99,7 +101,7 @@ class Fit(Tabular):
     def to_dict(self) -> JsonObject:
         """Return JSON data."""
         scalars = ("model", "values", "deviations", "chi2", "dof", "probability", "at_bounds", "runs", "gradients",
-                 "converged", "message")  # fmt: skip
+                 "converged", "message", "rejected")  # fmt: skip
         return {
             **{key: getattr(self, key) for key in scalars},
             "refuted": self.refuted,
@@ -180,4 +182,6 @@ class Fit(Tabular):
             lines.append("residuals are not noise: a false minimum, too low noise levels, or a wrong model")
         if not self.converged:
             lines.append(f"the search did not converge: {self.message}")
+        if self.rejected:
+            lines.append(f"{len(self.rejected)} trials were rejected, the last: {self.rejected[-1]}")
         return lines

@@ -14,7 +14,9 @@ import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from ...errors import InputError, MbdaeError, UnknownNameError, is_number
+from ...integrate.trajectory.differentiable_runs import has_jumps
 from ...mechanism import Mechanism
+from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import VISIBLE
 from ..sensitivity.cost import Cost
@@ -141,11 +143,7 @@ class Problem:
             return self.last[1]
         values = self.values(z)
         try:
-            motion = self.compute_motion(values)
-            found = {
-                name: motion.evaluate(function, f"constraint {name!r}" if name else "")
-                for name, function in self.functions.items()
-            }
+            motion, found = self._motion(values)
         except MbdaeError as e:
             if not self.history:
                 raise
@@ -160,6 +158,21 @@ class Problem:
         self.report_progress(f"{len(self.history)} motions, cost {self.best[0].cost:.6g}" if self.best else "")
         self.last = z.copy(), found
         return found
+
+    def _motion(self, values: dict[str, float]) -> tuple[Motion, dict[str, CostEvaluation]]:
+        """Return a motion with its cost and constraints; one with jumps must have derivatives.
+
+        Raises:
+            MbdaeError: if they cannot be computed.
+        """
+        motion = self.compute_motion(values)
+        found = {
+            name: motion.evaluate(function, f"constraint {name!r}" if name else "")
+            for name, function in self.functions.items()
+        }
+        if isinstance(motion.result, Solution) and has_jumps(motion.result):
+            found[""].derivatives()
+        return motion, found
 
     def violation(self, evaluation: Evaluation) -> float:
         """Return the constraint violation in constraint sizes; 0 if satisfied."""

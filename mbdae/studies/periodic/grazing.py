@@ -124,15 +124,12 @@ def margins(motion: PeriodicMotion) -> list[Margin]:
 def _chains(runs: Sequence[Solution]) -> list[list[Segment]]:
     """Return the steps of a period between its events, in one mode each; the last one continues in the first."""
     out: list[list[Segment]] = [[]]
-    for run in runs:
-        times = run.nodes[0]
-        for i, h in enumerate(np.diff(times)):
-            mode = run.mode(i) or ()
-            if out[-1] and (not h or mode != out[-1][-1].mode):
-                out.append([])
-            if h:
-                out[-1].append(Segment(run, i, mode))
-    chains = [chain for chain in out if chain]
+    for run, (i, h) in ((run, step) for run in runs for step in enumerate(np.diff(run.nodes[0]))):
+        if not h or (out[-1] and run.mode(i) != out[-1][-1].mode):
+            out.append([])
+        if h:
+            out[-1].append(Segment(run, i, run.mode(i)))
+    chains = list(filter(None, out))
     if len(chains) == 1:
         return [[*chains[0], *chains[0][:1]]]
     if chains[0][0].mode == chains[-1][-1].mode:
@@ -150,14 +147,9 @@ def _least_values(motion: PeriodicMotion, chain: list[Segment]) -> Iterator[Marg
     def value(guard: Guard, t: float, y: Array) -> float:
         return guard.value(ModePoint(system, all_rows, t, y))
 
-    guards = [g for s in motion.mechanism.switches for g in s.guards(mode[s.index])]
-    for guard in guards:
-        if guard.kind in KNOWN_TIMES or guard.needs_multipliers:
-            continue
+    for guard in _monitored(motion, mode):
         values = [value(guard, t, y) for t, y in points]
-        for j in range(1, len(chain)):
-            if not values[j - 1] > values[j] <= values[j + 1] or values[j] <= CLOSED * max(values):
-                continue
+        for j in _lowest(values):
 
             def dense(x: float, guard: Guard = guard, j: int = j) -> float:
                 segment, t = _time(chain, j, x)
@@ -167,6 +159,18 @@ def _least_values(motion: PeriodicMotion, chain: list[Segment]) -> Iterator[Marg
             start = _node(segment.run, segment.i)
             end = flow.run(*start, t - start[0], None).y[-1] if t > start[0] else start[1]
             yield Margin(guard.name, guard.kind, value(guard, t, end))
+
+
+def _monitored(motion: PeriodicMotion, mode: tuple[int, ...]) -> list[Guard]:
+    guards = [g for s in motion.mechanism.switches for g in s.guards(mode[s.index])]
+    return [g for g in guards if g.kind not in KNOWN_TIMES and not g.needs_multipliers]
+
+
+def _lowest(values: Sequence[float]) -> list[int]:
+    """Return the indices of positive minima between the ends of a sequence."""
+    x = np.array(values)
+    inside = (x[:-2] > x[1:-1]) & (x[1:-1] <= x[2:]) & (x[1:-1] > CLOSED * x.max())
+    return (np.flatnonzero(inside) + 1).tolist()
 
 
 def _node(run: Solution, i: int) -> tuple[float, Array]:
