@@ -124,7 +124,7 @@ def margins(motion: PeriodicMotion) -> list[Margin]:
 def _chains(runs: Sequence[Solution]) -> list[list[Segment]]:
     """Return the steps of a period between its events, in one mode each; the last one continues in the first."""
     out: list[list[Segment]] = [[]]
-    for run, (i, h) in ((run, step) for run in runs for step in enumerate(np.diff(run.nodes[0]))):
+    for run, (i, h) in ((x, step) for x in runs for step in enumerate(np.diff(x.nodes[0]))):
         if not h or (out[-1] and run.mode(i) != out[-1][-1].mode):
             out.append([])
         if h:
