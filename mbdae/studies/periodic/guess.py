@@ -1,8 +1,9 @@
 """First guesses of periodic motions: the period, full turns and advances, from runs."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from math import e
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from ...mechanism.time_functions.time_functions import Harmonic
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
+from .exchange import Exchange
 from .flow import Flow
 from .shooting import TWO_PI, Cycle, Guess
 
@@ -23,11 +25,19 @@ MAX_EVENTS = 9  # at the start of a run, between which a period with several eve
 MAX_MULTIPLE = 64  # of the shortest of several periods of drivers
 NEAR_RETURN = 0.2  # of the largest distance from the end of a run: where it was close to its end before
 SAMPLES, REFINED, ZOOMS = 4000, 11, 8  # of a run, and of a return: in the end 1e-9 of the run apart
+NO_JOINTS: Mapping[str, str] = MappingProxyType({})
 MAX_RETURNS = 50  # the last ones of a run
 
 
 def guess_of(
-    flow: Flow, y: Array, T: float | None, t: float, section: str | None, names: Sequence[str], parts: int | None
+    flow: Flow,
+    y: Array,
+    T: float | None,
+    t: float,
+    section: str | None,
+    names: Sequence[str],
+    parts: int | None,
+    joints: Mapping[str, str] = NO_JOINTS,
 ) -> tuple[Cycle, Guess]:
     """Return the kind of a motion and its first guess.
 
@@ -36,6 +46,7 @@ def guess_of(
         UnknownNameError: for an unknown symmetry.
     """
     mech = flow.mechanism
+    exchange = Exchange(mech, joints)
     k = _number_of_parts(parts, section)
     symmetries, free = Symmetry.named(mech.system(), names), is_autonomous(mech, t, y)
     if section:
@@ -46,9 +57,9 @@ def guess_of(
         T = T or _period_of_drivers(mech)
     if T is None:
         raise InputError("the equations do not depend on time: give an estimate of the period, T, or a section")
-    cycle = Cycle(t, k, section, not free and not section, free, symmetries)
+    cycle = Cycle(t, k, section, not free and not section, free, symmetries, exchange)
     *nodes, end = _nodes(flow, cycle, y, T)
-    return cycle, Guess(nodes, T, *_advances(mech, symmetries, y[: mech.nq], end[: mech.nq]))
+    return cycle, Guess(nodes, T, *_advances(mech, symmetries, y[: mech.nq], exchange.moved(end[: mech.nq])))
 
 
 def _nodes(flow: Flow, cycle: Cycle, y: Array, T: float) -> list[Array]:

@@ -4,15 +4,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...errors import InputError, is_number
 from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
-from ...tolerances import SOLUTION_ROUNDING
+from ...tolerances import SOLUTION_ROUNDING, VISIBLE
 from .flow import Flow
-from .guess import guess_of, start_from_run
+from .guess import NO_JOINTS, guess_of, start_from_run
 from .motion import motion_of
 from .result import PeriodicMotion
 from .shooting import Cycle, Guess, Linearisation, newton
@@ -32,6 +34,7 @@ def periodic(
     s: Array | None = None,
     section: str | None = None,
     symmetry: Sequence[str] = (),
+    exchange: Mapping[str, str] = NO_JOINTS,
     parts: int | None = None,
     method: str | None = None,
     rtol: float = RTOL,
@@ -52,6 +55,8 @@ def periodic(
         section: signal and level at which a period begins and ends, ``"q.crank > 0.1"`` for rising crossings.
         symmetry: along which the motion advances in a period: ``"x"``, ``"y"``, ``"z"``, ``"turn"`` about the vertical,
             or names of joints on whose angles nothing depends.
+        exchange: joints that change places at the end of a period, joint = other joint, or ``"-"`` and a joint for the
+            opposite sign: half a stride of a walker with two equal legs, half a swing of a pendulum.
         parts: of the period that are shot separately; for long or strongly unstable motions.
         method: of the runs; pherk6, or the model's, when left out.
         rtol: relative tolerance of the runs.
@@ -65,7 +70,7 @@ def periodic(
     given = start_from_run(model, T, symmetry) if isinstance(model, Solution) else None
     t, y0, T = given or (0.0, start_point(mech, q, v, s), T)
     flow = Flow(mech, Parameters(lambda values: mech, {}), run_options(mech, method, rtol))
-    return converged(flow, guess_of(flow, y0, T, t, section, symmetry, parts), rtol)
+    return converged(flow, guess_of(flow, y0, T, t, section, symmetry, parts, exchange), rtol)
 
 
 def run_options(mech: Mechanism, method: str | None, rtol: float) -> dict[str, Any]:
@@ -104,4 +109,24 @@ def converged(flow: Flow, kind: tuple[Cycle, Guess], rtol: float) -> PeriodicMot
     """
     cycle, guess = kind
     found = newton(Linearisation(flow.mechanism.system(), flow, cycle, guess), GAP * rtol)
-    return motion_of(newton(found.refined(), GAP * rtol))
+    found = newton(found.refined(), GAP * rtol)
+    _require_second_period(found)
+    return motion_of(found)
+
+
+def _require_second_period(found: Linearisation) -> None:
+    """Require that a motion whose joints were exchanged at the end of a period is back after the next one.
+
+    Raises:
+        InputError: if the exchange is no symmetry of the mechanism.
+    """
+    P, mech = found.cycle.exchange, found.flow.mechanism
+    if (P.of_v == np.eye(mech.nv)).all():
+        return
+    middle = found.ends[-1].sol
+    t = float(middle.t[-1])
+    again = found.flow.run(t, middle.y[-1], t - found.cycle.t, None)
+    q0, q1, q2 = found.at.nodes[0][: mech.nq], middle.q[-1], again.q[-1]
+    steps = [mech.manifold.difference(P.moved(b), a) / mech.coordinate_scales for a, b in ((q0, q1), (q1, q2))]
+    if np.abs(steps[1] - steps[0]).max() > VISIBLE:
+        raise InputError("the exchange of joints is no symmetry: the motion does not continue with exchanged joints")

@@ -2,11 +2,12 @@
 
 Unknown: the states at k nodes of a period, the period T unless it is given, advances sigma along symmetries,
 
-    0 = x(phi_i(y_i)) - x_i+1,   i < k - 1;      0 = x(S g(sigma) phi_k-1(y_k-1)) - x_0
+    0 = x(phi_i(y_i)) - x_i+1,   i < k - 1;      0 = x(S g(sigma) P phi_k-1(y_k-1)) - x_0
 
 with coordinates x of states near y_i+1 (`mbdae.mechanism.equations.local_coordinates`): closures are not among the
-equations. S takes multiples of 2 pi from angles. An autonomous motion without a section has free phases: the first node
-moves across F = y' and across the symmetries. Newton's matrix consists of exact tangents of the computed steps.
+equations. S takes multiples of 2 pi from angles, P exchanges joints. An autonomous motion without a section has free
+phases: the first node moves across F = y' and across the symmetries. Newton's matrix consists of exact tangents of the
+computed steps.
 Source: Lust, Roose, An adaptive Newton-Picard algorithm (1998); Seydel, Practical bifurcation and stability analysis.
 """
 
@@ -21,6 +22,7 @@ from ...mechanism.equations.symmetry import Symmetry
 from ...mechanism.formulations.index2 import Index2System
 from ...system import Array
 from ...tolerances import AGREEMENT, TRUNCATION
+from .exchange import Exchange
 from .flow import Flow, FlowEnd, require_same_rows
 
 MAX_ITERATIONS, MAX_HALVINGS, MAX_REFINEMENTS = 30, 8, 12
@@ -40,6 +42,7 @@ class Cycle:
         forced: whether the period is given.
         free: whether the equations do not depend on time.
         symmetries: along which it advances.
+        exchange: of joints at its end.
     """
 
     t: float
@@ -48,6 +51,7 @@ class Cycle:
     forced: bool
     free: bool
     symmetries: tuple[Symmetry, ...]
+    exchange: Exchange
 
     @property
     def unknown_period(self) -> bool:
@@ -111,11 +115,12 @@ class Linearisation:
 
     @cached_property
     def closing(self) -> tuple[Array, Array, Array]:
-        """The end of the last part after S and g(sigma): y (n,), tangent map (ny, ny), directions w (ny, m)."""
+        """The end of the last part after P, S and g(sigma): y (n,), tangent map (ny, ny), directions w (ny, m)."""
         s, y = self.system, self.ends[-1].y.copy()
-        q, nq, nv = s.split(y)[0].copy(), s.nq, s.nv
+        q, nq, nv = self.cycle.exchange.moved(s.split(y)[0]), s.nq, s.nv
         q = s.manifold.integrate(q, -TWO_PI * self.at.turns) if self.at.turns.any() else q
-        D, v = np.eye(nv), y[nq : nq + nv]
+        D = self.cycle.exchange.of_v
+        v = D @ y[nq : nq + nv]
         directions: list[Array] = []
         for symmetry, sigma in zip(self.cycle.symmetries, self.at.sigma.tolist(), strict=True):
             moved = symmetry.moved(q, sigma)
