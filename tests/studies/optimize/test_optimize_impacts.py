@@ -44,7 +44,7 @@ def test_the_gradient_is_the_quotient_of_whole_runs():
 
 def test_trials_that_come_to_rest_are_points_that_could_not_be_computed():
     """The least restitution is wanted, with which the rod comes to rest: there is no derivative there."""
-    options = {**OPTIONS, "t_span": (0.0, 2.5), "rtol": 1e-6}
+    options = {"t_span": (0.0, 2.5), "rtol": 1e-5, "iterations": 4}
     found = mbdae.optimize(
         "pendulum_on_stop", lambda x: (x[NAME], {NAME: 1.0}), {NAME: 0.65}, {NAME: (0.1, 0.9)}, **options
     )

@@ -71,7 +71,7 @@ def test_the_impact_motion_doubles_its_period():
     """det = e^2 exp(-2 z T) = d everywhere, so a multiplier is -1 where the trace is -1 - d."""
     d = E**2 * np.exp(-2 * Z * T)
     u = brentq(lambda u: np.trace(impact_motion(u).monodromy) + 1 + d, 0.3, 1.0, xtol=1e-13)
-    first, last = impact_motion(u + 0.05), impact_motion(u - 0.05)
+    first, last = impact_motion(u + 0.01), impact_motion(u - 0.01)
     x, v = first.start
     found = mbdae.periodic_branch(
         oscillator, "force", first.force, last.force, q=[x], v=[v], rtol=1e-9, start={"phase": first.phase + np.pi}
