@@ -30,15 +30,11 @@ def spread(sweep: Sweep, output: str | None = None) -> "Figure":
         UnknownNameError: for a column that does not exist.
         InputError: for a column, or a sweep, without numbers to draw.
     """
-    numeric = [n for n in sweep.names if sweep.kinds.get(n, "float") in ("int", "float")]
-    name = output or (sweep.outputs or ["steps"])[0]
-    if name not in numeric:
-        raise UnknownNameError("column of numbers", name, numeric)
+    name, parameters = _chosen(sweep, output)
     y = sweep[name].astype(float)
     known = np.isfinite(y)
     if not known.any():
         raise InputError(f"no run of the sweep has a value of {name!r} to draw")
-    parameters = [n for n in sweep.parameters if n in numeric and n != name]
     unit = sweep.meta.get("units", {}).get(name)
     label = escaped(f"{name} ({unit})" if unit else name)
     values = [np.unique(sweep[n]) for n in sweep.parameters] if parameters == sweep.parameters else []
@@ -50,6 +46,15 @@ def spread(sweep: Sweep, output: str | None = None) -> "Figure":
     title = f"{sweep.meta['manifest']['model']}: {len(sweep)} runs{failed}"
     figure.suptitle(escaped(title), fontsize=9)
     return figure
+
+
+def _chosen(sweep: Sweep, output: str | None) -> tuple[str, list[str]]:
+    """Return the column to draw, and the parameters that are numbers."""
+    numeric = [n for n in sweep.names if sweep.kinds.get(n, "float") in ("int", "float")]
+    name = output or (sweep.outputs or ["steps"])[0]
+    if name not in numeric:
+        raise UnknownNameError("column of numbers", name, numeric)
+    return name, [n for n in sweep.parameters if n in numeric and n != name]
 
 
 def _panels(sweep: Sweep, parameters: list[str], y: np.ndarray, label: str, *, curve: bool) -> "Figure":
