@@ -11,6 +11,7 @@ from ...errors import StepError
 from ...mechanism.formulations.index2 import Index2System
 from ...solution.solution import Solution
 from ...system import Array
+from .elastic_resolution import beyond_linear, elastic_resolution
 from .run_diagnostics import accuracy_warnings
 from .run_state import CarryRecord, RunState
 
@@ -27,8 +28,12 @@ def make_solution(run: RunState, status: str, message: str, seconds: float) -> S
     found = _results(run)
     full = Solution(run.problem, t, y, z, status, message, stats, settings, **found)
     out = full if run.options.t_eval is None else _at_times(full, run.options.t_eval, run.sign, found)
-    if out.success and isinstance(run.system, Index2System) and (words := accuracy_warnings(full, run.system)):
-        out.status, out.message = "doubtful", words
+    if out.success and isinstance(run.system, Index2System):
+        unresolved, limit = elastic_resolution(full, run.tableau)
+        warnings = accuracy_warnings(full, run.system), unresolved, beyond_linear(full)
+        out.message = "; ".join(filter(None, (out.message, limit)))
+        if words := "; ".join(filter(None, warnings)):
+            out.status, out.message = "doubtful", words
     log.info(
         "%s: %s, %s steps by %s (%s back end), %.3g s: %s",
         run.problem.title, out.status, stats["steps"], settings["method"], stats["backend"], seconds, out.message,

@@ -84,6 +84,12 @@ class ModalBody:
         """Frequencies of the modes in rad/s, with the frame at rest, (k,), if Mq is diagonal."""
         return np.sqrt(self.stiffness / np.diagonal(self.Mq))
 
+    @property
+    def size(self) -> float:
+        """Largest distance of two nodes in m, of the frame's origin, too."""
+        r = np.array([np.zeros(3), *(node.r for node in self.nodes.values())])
+        return float(np.linalg.norm(r[:, None] - r, axis=2).max())
+
     def deformed(self, q: Array) -> tuple[Array, Array, Array]:
         """Return C (3, k), the inertias I_i = dI/dq_i (k, 3, 3), and H (3, k)."""
         C = self.C if self.C2 is None else self.C + self.C2 @ q

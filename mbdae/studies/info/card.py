@@ -2,6 +2,7 @@
 
 import re
 import textwrap
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -11,10 +12,12 @@ from ... import backend
 from ...data_types import JsonObject
 from ...integrate.options.settings import complete_settings
 from ...mechanism import Closure, Mechanism, redundant
+from ...mechanism.equilibrium.elastic_modes import elastic_modes
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.signals.reactions import mass_scaled_jacobian, rank
 from ...mechanism.tree.frames import find_joint, fixed_links
 from ...mechanism.tree.joints import file_kind
+from ...mechanism.tree.tree_terms import flexible_bodies
 from ...solution.signal_value import signal_values, value
 from ...system import Array
 from ...tabular import Tabular
@@ -61,6 +64,8 @@ class Card(Tabular):
         fixed: links without a parent joint: their base is fixed to the world.
         inertia: the source of M, nle and J in runs of the compiled core: its sweep through the tree, or Pinocchio's
             routines where the sweep does not know a kind of joint; empty without the core.
+        flexible: frequencies of the modes of each flexible body in rad/s, with its frame at rest.
+        vibrations: frequencies of the flexible bodies in rad/s at the start, with the closures, and damping ratios.
     """
 
     title: str
@@ -89,6 +94,8 @@ class Card(Tabular):
     not_modelled: tuple[str, ...] = NOT_MODELLED
     fixed: tuple[str, ...] = ()
     inertia: str = ""
+    flexible: dict[str, list[float]] = field(default_factory=dict)
+    vibrations: tuple[tuple[float, float], ...] = ()
 
     def facts(self) -> dict[str, str]:
         """Return the facts by heading; lists have several lines."""
@@ -123,6 +130,7 @@ class Card(Tabular):
         if self.fixed:
             lines.append(f"  fixed base {', '.join(self.fixed)}")
         lines += self._closures()
+        lines += self._flexible()
         lines += [f"  forces    {', '.join(self.forces) or 'none'}; gravity {list(self.gravity)} m/s^2"]
         lines += [f"  parameter {p['name']} = {p['value']}: {p['takes']}" for p in self.parameters]
         if self.inertia:
@@ -155,6 +163,15 @@ class Card(Tabular):
         line = f"  nq {self.nq}, nv {self.nv}, {rows}, degrees of freedom {self.dof}"
         return line + (f", {self.position_dof} of positions" if self.position_dof != self.dof else "")
 
+    def _flexible(self) -> list[str]:
+        """Return lines of the frequencies of flexible bodies, alone and in the mechanism."""
+        lines = [f"  flexible  {name}: {_rounded(w)} rad/s, its frame at rest" for name, w in self.flexible.items()]
+        if self.vibrations:
+            ratios = {ratio for _, ratio in self.vibrations}
+            damping = f", damping {min(ratios):.2g} to {max(ratios):.2g}" if max(ratios) else ", no damping"
+            lines.append(f"            with the closures {_rounded(w for w, _ in self.vibrations)} rad/s{damping}")
+        return lines
+
     def _closures(self) -> list[str]:
         """Return a line for each closure, and one for reactions that are not unique."""
         lines = []
@@ -165,6 +182,10 @@ class Card(Tabular):
             names = ", ".join(c["name"] for c in self.closures if c["dependent"])
             lines.append(f"            reactions of {names} are not unique: lam has minimum norm")
         return lines
+
+
+def _rounded(frequencies: Iterable[float]) -> str:
+    return ", ".join(f"{w:.6g}" for w in frequencies)
 
 
 def wrapped(line: str) -> str:
@@ -255,7 +276,17 @@ def card(mech: Mechanism) -> Card:
         not_modelled=(*NOT_MODELLED, *mech.left_out),
         fixed=tuple(fixed_links(mech.model)),
         inertia=_inertia_by(mech),
+        **_elastic(mech, q),
     )
+
+
+def _elastic(mech: Mechanism, q: Array) -> dict[str, Any]:
+    """Return the frequencies of flexible bodies, alone and in the mechanism."""
+    if not (bodies := flexible_bodies(mech.model)):
+        return {}
+    found = elastic_modes(mech.system(), 0.0, q)
+    pairs = tuple(zip(found.frequencies.tolist(), found.ratios.tolist(), strict=True))
+    return {"flexible": {body.name: body.modal.frequencies.tolist() for body in bodies}, "vibrations": pairs}
 
 
 def _inertia_by(mech: Mechanism) -> str:

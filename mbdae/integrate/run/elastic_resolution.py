@@ -1,0 +1,139 @@
+"""Vibrations of flexible bodies in a run: which limit its steps, and which it does not resolve.
+
+A vibration eta'' + 2 zeta w eta' + w^2 eta = F(t) follows the smooth deflection eta_s = F/w^2, and oscillates about it
+with the rate r, r^2 = (eta' - eta_s')^2 + (w (eta - eta_s) + 2 zeta eta_s')^2. A step h multiplies its oscillation by
+R(z), z = h w (-zeta + i sqrt(1 - zeta^2)), in place of exp(z). The relative error |R(z) exp(-z) - 1|, of phase or by
+numerical damping, adds up over steps while the oscillation lasts. R is the stability function of the method; for a
+method without stages, of order p, the relative error is |z|^(p + 1)/12.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...errors import StepError
+from ...mechanism.equilibrium.elastic_modes import ElasticModes, elastic_modes
+from ...mechanism.formulations.index2 import Index2System
+from ...mechanism.tree.frames import find_joint
+from ...mechanism.tree.tree_terms import flexible_bodies
+from ...methods import RungeKutta
+from ...methods.explicit import ExplicitMethod
+from ...solution.solution import Solution
+from ...system import Array
+from ...tolerances import COARSE, NEGLIGIBLE, TINY, VISIBLE
+
+SAMPLES = 9  # nodes at which the vibrations are computed, the first one among them
+SIZES = 48  # of steps, at which R is evaluated; interpolated between them
+QUOTIENT_WIDTH = 1e-3  # of 1/w: time between the two points of a rate
+MAX_ERROR = 0.01  # of the largest rate of a vibration: a larger error is a vibration that is not resolved
+LIMITING = 0.2  # h w: smaller steps are not those that a vibration needs
+OSCILLATING = 0.3  # damping ratio: with a larger one a vibration ends within a cycle
+MAX_DEFLECTION = 0.1  # of the size of a body: its square is the relative error of a linear deformation
+MAX_ROTATION = 0.3  # rad: sine and angle differ by a fiftieth
+
+
+class Vibrations(NamedTuple):
+    """Vibrations at some nodes of a run.
+
+    Attributes:
+        modes: at the first node.
+        nodes: their indices, (n,).
+        rates: of the oscillation, (n, m), in m sqrt(kg)/s.
+    """
+
+    modes: ElasticModes
+    nodes: Array
+    rates: Array
+
+
+def elastic_resolution(sol: Solution, method: Any) -> tuple[str, str]:
+    """Return which vibrations of flexible bodies a run does not resolve, and which one limits its steps; or empty.
+
+    Args:
+        sol: a run of a mechanism that reached its end.
+        method: its method.
+    """
+    found = _vibrations(sol) if flexible_bodies(sol.mechanism.model) and len(sol.nodes[0]) > 1 else None
+    if found is None:
+        return "", ""
+    (ts, ys, _), modes, fixed = sol.nodes, found.modes, "step" in sol.settings
+    h, w, rates = np.abs(np.diff(ts)), modes.frequencies, found.rates.max(axis=0)
+    largest = np.maximum(rates, np.abs(ys[:, sol.mechanism.nq + modes.at] @ modes.rows.T).max(axis=0))
+    tolerance = (VISIBLE if fixed else min(sol.settings["rtol"], COARSE)) * largest.max()
+    errors = np.array([_error(found, k, ts, h, method) for k in range(len(w))])
+    names = [f"{label} ({float(f'{x:.3g}'):g} rad/s)" for label, x in zip(modes.labels, w, strict=True)]
+    if (unresolved := (errors > tolerance) & (errors > MAX_ERROR * largest)).any():
+        which = ", ".join(name for name, bad in zip(names, unresolved, strict=True) if bad)
+        smaller = f"take a smaller {'step' if fixed else 'rtol'}, damp it or drop it"
+        return f"not resolved: {which}, whose vibration {sol.settings['method']} damps or delays: {smaller}", ""
+    limits = np.flatnonzero((rates > tolerance) & (h.mean() * w > LIMITING) & (modes.ratios < OSCILLATING))
+    return "", "" if fixed or not len(limits) else f"steps limited by {names[limits[-1]]}; damp or drop it"
+
+
+def beyond_linear(sol: Solution) -> str:
+    """Return which flexible body bends beyond the range of linear modes, and by how much; empty if none does."""
+    mech, q = sol.mechanism, sol.nodes[1][:, : sol.mechanism.nq]
+    found = []
+    for body in flexible_bodies(mech.model):
+        modal, first = body.modal, find_joint(mech.model, body.mode_joints[0]).idx_q
+        x, size = q[:, first : first + modal.modes], modal.size
+        moved = {
+            name: [float(np.linalg.norm(x @ by_q.T, axis=1).max()) for by_q in (node.Phi, node.Psi)]
+            for name, node in modal.nodes.items()
+        }
+        deflection, rotation = np.array(list(moved.values())).max(axis=0, initial=0.0)
+        if (deflection > MAX_DEFLECTION * size > 0) or rotation > MAX_ROTATION:
+            amount = f"{deflection:.2g} m of {size:.2g} m, {rotation:.2g} rad"
+            found.append(f"{body.name} bends beyond the range of linear modes, by {amount}")
+    return "; ".join(found)
+
+
+def _vibrations(sol: Solution) -> Vibrations | None:
+    """Return the vibrations at some nodes; None where the equations cannot be evaluated."""
+    ts, ys, _ = sol.nodes
+    system, nodes = sol.system, np.unique(np.linspace(0, len(ts) - 1, SAMPLES).astype(int))
+    try:
+        modes = elastic_modes(system, ts[0], ys[0, : system.nq])
+        if not len(modes.frequencies):
+            return None
+        return Vibrations(modes, nodes, np.array([_oscillation(system, modes, ts[i], ys[i]) for i in nodes]))
+    except StepError:
+        return None
+
+
+def _oscillation(system: Index2System, modes: ElasticModes, t: float, y: Array) -> Array:
+    """Return the rate of oscillation of each vibration about the smooth deflection, (m,)."""
+    nq, nv, w, lag = system.nq, system.nv, modes.frequencies, 2 * modes.ratios / modes.frequencies
+
+    def smooth(t: float, y: Array) -> tuple[Array, Array]:
+        F = system.derivative(t, y)[0]
+        eta, rate, acceleration = (modes.rows @ x for x in (y[modes.iq], y[nq + modes.at], F[nv + modes.at]))
+        return eta + lag * rate + acceleration / w**2, F
+
+    dt = QUOTIENT_WIDTH / w[-1]
+    deflection, F = smooth(t, y)
+    speed = (smooth(t + dt, system.add(y, dt * F))[0] - deflection) / dt
+    eta, rate = modes.rows @ y[modes.iq], modes.rows @ y[nq + modes.at]
+    return np.hypot(rate - speed, w * (eta - deflection + lag * speed))
+
+
+def _error(found: Vibrations, k: int, ts: Array, h: Array, method: Any) -> float:
+    """Return the largest error of the rate of vibration k: summed over steps, while it oscillates."""
+    w, ratio = found.modes.frequencies[k], min(found.modes.ratios[k], 1.0)
+    z = w * complex(-ratio, np.sqrt(1 - ratio**2))
+    sizes = np.geomspace(max(h.min(), TINY), h.max() * (1 + NEGLIGIBLE), SIZES)
+    errors = np.interp(h, sizes, [step_error(method, z * size) for size in sizes])
+    total, worst = np.concatenate([[0.0], np.cumsum(errors)]), 0.0
+    for i, rate in zip(found.nodes[:-1], found.rates[:-1, k], strict=True):
+        decay = np.exp(-ratio * w * np.abs(ts[i + 1 :] - ts[i]))
+        worst = max(worst, float((rate * decay * np.minimum(total[i + 1 :] - total[i], 1.0)).max()))
+    return worst
+
+
+def step_error(method: Any, z: complex) -> float:
+    """Return |R(z) exp(-z) - 1| of a step of a method."""
+    if not isinstance(method, RungeKutta | ExplicitMethod):
+        return float(abs(z) ** (method.order + 1) / 12)
+    A, b = method.arrays.A, method.arrays.b
+    R = 1 + z * (b @ np.linalg.solve(np.eye(len(b)) - z * A, np.ones(len(b))))
+    return float(abs(R - np.exp(z)) / max(abs(np.exp(z)), TINY))
