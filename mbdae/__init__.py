@@ -32,6 +32,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .mechanism.flexible import attach_flexible as attach_flexible
     from .mechanism.flexible import beam as beam
     from .mechanism.flexible.craig_bampton import modal_body as modal_body
+    from .mechanism.flexible.modal_data import save_modal_body as save_modal_body
     from .mechanism.forces.actuator import Actuator as Actuator
     from .mechanism.forces.bushing import Bushing as Bushing
     from .mechanism.forces.coulomb_friction import CoulombFriction as CoulombFriction
@@ -92,6 +93,7 @@ _CORE = {
     "integrate.solve": ["solve"],
     "mechanism.flexible": ["ModalBody", "attach_flexible", "beam"],
     "mechanism.flexible.craig_bampton": ["modal_body"],
+    "mechanism.flexible.modal_data": ["save_modal_body"],
     "mechanism": [
         "Closure",
         "Clutch",

@@ -3,7 +3,8 @@
     u = [1 0; -Kii^-1 Kib, Phi] [u_b; eta],   Kii Phi = Mii Phi w^2
 
 with interface displacements u_b and normal modes Phi of the body with fixed interfaces; the modes of the body are the
-eigenvectors of the reduced pencil. Deflections under loads at interfaces are exact for any number of normal modes.
+eigenvectors of the reduced pencil, with the mass of the body as modal mass: coordinates are mean deflections in m.
+Deflections under loads at interfaces are exact for any number of normal modes, and with Kii^-1 f those by the weight f.
 
 Source: R. R. Craig, M. C. C. Bampton, Coupling of substructures for dynamic analyses, AIAA Journal 6 (1968).
 """
@@ -23,6 +24,7 @@ from ...tolerances import HALF_DIGITS, SOLUTION_ROUNDING
 from .modal_body import ModalBody, Node
 
 RIGID_MOTIONS = 6
+WEIGHTS = {f"gravity {axis}": e for axis, e in zip("xyz", np.eye(3), strict=True)}
 
 
 def modal_body(
@@ -34,6 +36,7 @@ def modal_body(
     modes: int,
     clamped: str = "",
     damping: float | Sequence[float] = 0.0,
+    loads: Sequence[str] = (),
 ) -> ModalBody:
     """Return a body of lumped masses and a stiffness matrix as a modal body, by Craig and Bampton's reduction.
 
@@ -46,11 +49,12 @@ def modal_body(
         modes: number of normal modes with fixed interfaces, in addition to the static modes of the interfaces.
         clamped: the interface that the frame of the body follows; without it the frame floats with the free body.
         damping: ratio of each mode, or one for all.
+        loads: ``"gravity x"``, ``"gravity y"``, ..: deflections by the weight that modes represent exactly.
 
     Raises:
         InputError: for wrong shapes, a K that is not symmetric or has other than six motions without force, masses
             that are not positive, or more normal modes than there are.
-        UnknownNameError: for an unknown clamped interface.
+        UnknownNameError: for an unknown clamped interface or load.
     """
     r, m = np.asarray(points, float), np.asarray(masses, float)
     stiffness = _checked(r, m, K, interface)
@@ -60,17 +64,21 @@ def modal_body(
     Kr, Mr = csc_array(T.T @ stiffness @ T), csc_array(T.T @ diags_array(np.repeat(m, 3)) @ T)
     if not 0 <= modes < max(len(inner), 1):
         raise InputError(f"modal_body: {len(inner)} displacements between the interfaces, got modes = {modes}")
-    basis = _basis(Kr, Mr, boundary, inner, modes)
+    if unknown := [load for load in loads if load not in WEIGHTS]:
+        raise UnknownNameError("load", unknown[0], WEIGHTS)
+    weights = T.T @ np.array([np.outer(m, WEIGHTS[load]).ravel() for load in loads]).reshape(-1, 3 * len(m)).T
+    basis = _basis(Kr, Mr, boundary, inner, modes, weights)
     squares, shapes = eigh(basis.T @ (Kr @ basis), basis.T @ (Mr @ basis))
     elastic = squares > HALF_DIGITS * squares[-1]
     expected = 0 if clamped else RIGID_MOTIONS
     if (rigid := int(np.count_nonzero(~elastic))) != expected:
         what = f"{rigid} motions without elastic force, expected {expected}"
         raise InputError(f"modal_body: {what}: is K that of this body?")
-    U = T @ (basis @ shapes[:, elastic])
+    mass = float(m.sum())
+    U = T @ (basis @ shapes[:, elastic]) * np.sqrt(mass)
     Phi = U.reshape(len(m), 3, -1)
     nodes = {name: _node(r, Phi, np.asarray(at, int)) for name, at in interface.items()}
-    return ModalBody.of_points(r, m, Phi, squares[elastic], damping, nodes)
+    return ModalBody.of_points(r, m, Phi, mass * squares[elastic], damping, nodes)
 
 
 def _checked(r: Array, m: Array, K: Any, interface: Mapping[str, Sequence[int]]) -> csr_array:
@@ -110,17 +118,27 @@ def _coordinates(r: Array, interface: Mapping[str, Sequence[int]], clamped: str)
     return whole, np.arange(number), np.arange(number, number + len(rest))
 
 
-def _basis(K: csc_array, M: csc_array, boundary: Array, inner: Array, modes: int) -> Array:
-    """Return static modes of the interfaces, and normal modes with fixed interfaces, (c, b + modes)."""
-    Kii = csc_array(K[inner][:, inner])
-    out = np.zeros((K.shape[0], len(boundary) + modes))
-    if len(boundary):
-        out[boundary, : len(boundary)] = np.eye(len(boundary))
-        if len(inner):
-            out[inner, : len(boundary)] = -splu(Kii).solve(K[inner][:, boundary].toarray())
-    if modes:
-        shapes = eigsh(Kii, modes, csc_array(M[inner][:, inner]), 0.0)[1]
-        out[inner[:, None], np.arange(len(boundary), out.shape[1])] = shapes
+def _basis(K: csc_array, M: csc_array, boundary: Array, inner: Array, modes: int, weights: Array) -> Array:
+    """Return static modes of the interfaces, deflections by weights (c, l), and normal modes, (c, b + l + modes).
+
+    The latter two have fixed interfaces.
+    """
+    Kii, Mii = csc_array(K[inner][:, inner]), csc_array(M[inner][:, inner])
+    loads = weights.shape[1] if len(inner) else 0
+    out = np.zeros((K.shape[0], len(boundary) + loads + modes))
+    out[boundary, : len(boundary)] = np.eye(len(boundary))
+    normal = eigsh(Kii, modes, Mii, 0.0)[1] if modes else np.zeros((len(inner), 0))
+    if len(inner):
+        solve = splu(Kii).solve
+        if len(boundary):
+            out[inner, : len(boundary)] = -solve(K[inner][:, boundary].toarray())
+        found = normal
+        for f in weights[inner].T:
+            static = solve(f)
+            for _ in range(2):  # twice: to rounding
+                static -= found @ (found.T @ (Mii @ static))
+            found = np.column_stack([found, static / np.sqrt(static @ (Mii @ static))])
+        out[inner[:, None], np.arange(len(boundary), out.shape[1])] = found
     return out
 
 

@@ -32,13 +32,16 @@ from ...tolerances import PIVOT_RANK
 class Node:
     """A point of a body: r (3,) in m, displacements Phi (3, k) and rotations Psi (3, k) of the modes.
 
-    Phi2 (3, k, k), symmetric in the modes, adds the displacements (sum q_i q_j Phi2_ij)/2; zero if omitted.
+    Phi2 (3, k, k), symmetric in the modes, adds the displacements (sum q_i q_j Phi2_ij)/2; zero if omitted. A strain
+    (k,) of the modes and a modulus in N/m^2 give strain and stress.
     """
 
     r: Array
     Phi: Array
     Psi: Array
     Phi2: Array | None = None
+    strain: Array | None = None
+    modulus: float = 0.0
 
     def displaced(self, q: Array) -> tuple[Array, Array]:
         """Return the position (3,) in the body, and its derivatives by q, (3, k)."""

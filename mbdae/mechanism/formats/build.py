@@ -8,9 +8,10 @@ import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError, printable
 from ..checked_table import HUGE
-from ..flexible import attach_flexible, beam
+from ..flexible import attach_flexible
 from ..imported_model import ImportedModel
 from ..tree.frames import WORLD, find_frame, frame_names
+from .flexible_table import modal_body_of
 from .inertias import checked_inertia
 from .joint_tree import JOINT_MODELS, Tree, depth_first, resolve_joints, rotation_from_z
 from .schema import Body, Flexible, Frame, MechanismFile, Source
@@ -47,10 +48,8 @@ def _with_flexible_bodies(
     """Return the model with flexible bodies, in depth-first order."""
     for x in tables:
         parent = find_frame(model, x.parent)
-        names = ("length", "young", "density", "area", "second_moment", "modes", "elements", "ends", "plane")
-        given = {name: getattr(x, name) for name in (*names, "axial", "damping", "polar_moment", "stiffening")}
-        body = beam(**given, nodes=x.nodes or None)
-        attach_flexible(model, x.name, body, _joint(x), parent.parentJoint, parent.placement * placement(x))
+        at = parent.placement * placement(x)
+        attach_flexible(model, x.name, modal_body_of(x), _joint(x), parent.parentJoint, at)
     if not tables:
         return model, visuals
     bodies = model.flexible

@@ -23,6 +23,7 @@ from ..mechanism import Mechanism
 from ..model_settings import Motor
 from .build import build
 from .error_context import with_error_context
+from .flexible_table import with_data
 from .merge import merge_sources
 from .model_library import IN_FOLDER, find
 from .parametric import ParametricFile, split
@@ -131,6 +132,7 @@ def read(
         "source": tuple(_with_options(s, free_flyer or file.free_flyer, key) for s in file.source),
         "start": file.start if assemble else file.start.model_copy(update={"assemble": False}),
         "motor": MechanismFile(motor={**file.motor, **added.pop("motor", {})}).motor,
+        "flexible": with_data(file.flexible, found),
         **{table: (*getattr(file, table), *entries) for table, entries in added.items()},
     }
     file = file.model_copy(update=update)

@@ -28,6 +28,10 @@ ReplacementKind = Literal[
 JointKind = Literal[
     "revolute", "continuous", "prismatic", "spherical", "planar", "translation", "universal", "free", "fixed"
 ]
+BEAM = (
+    "length", "young", "density", "area", "second_moment", "polar_moment", "shear_stiffness", "fibre", "modes",
+    "elements", "ends", "plane", "axial", "damping", "stiffening", "loads",
+)  # fmt: skip
 WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
 
 
@@ -73,36 +77,45 @@ class Body(Frame):
 
 
 class Flexible(Frame):
-    """A straight elastic beam along x of its frame, see `mbdae.beam`; its nodes are frames ``name.node``.
+    """A straight elastic beam along x of its frame, see `mbdae.beam`, or a body from a file; nodes are ``name.node``.
 
     Attributes:
         name: name of the body and of the joint of its frame; ``"name.mode 1"``, ... are the joints of its modes.
         joint: kind of the joint between the parent and its frame.
         axis: axis of a revolute or prismatic joint.
+        file: numbers of a modal body, ``"rod.npz"`` of `mbdae.save_modal_body`, in place of those of a beam.
+        data: the same numbers as a table, as archives have them.
         length: m.
         young: Young's modulus in N/m^2.
         density: kg/m^3.
         area: area of the cross-section in m^2.
         second_moment: second moment of area for bending along y, and along z if it differs, in m^4.
-        polar_moment: second moment of area about x in m^4; without it the beam has no inertia about its axis.
-        modes: number of modes.
+        polar_moment: second moment of area about x in m^4; without it, or shear, no inertia about the axis.
+        shear_stiffness: shear coefficient x shear modulus x area in N; 0 is rigid against shear.
+        fibre: position (y, z) in the cross-section in m whose strain and stress nodes report.
+        modes: number of normal modes.
         elements: number of elements.
         ends: displacements that the frame holds at the left and at the right end.
         plane: direction of bending, or both.
         axial: whether the beam stretches, too.
         damping: damping ratio of all modes, or of each.
         stiffening: whether bending shortens the beam, so that tension stiffens it and compression makes it buckle.
+        loads: deflections by the weight in the frame, "gravity y", that further modes represent exactly.
         nodes: nodes and their positions along x in m, ends of elements; A and B at both ends if omitted.
     """
 
     joint: Literal["revolute", "prismatic", "spherical", "planar", "translation", "free"] = "free"
     axis: Vector = (0.0, 0.0, 1.0)
-    length: float = Field(gt=0)
-    young: float = Field(gt=0)
-    density: float = Field(gt=0)
-    area: float = Field(gt=0)
-    second_moment: float | tuple[float, float]
+    file: str = ""
+    data: dict[str, Any] | None = None
+    length: float | None = Field(default=None, gt=0)
+    young: float | None = Field(default=None, gt=0)
+    density: float | None = Field(default=None, gt=0)
+    area: float | None = Field(default=None, gt=0)
+    second_moment: float | tuple[float, float] | None = None
     polar_moment: float = Field(default=0.0, ge=0)
+    shear_stiffness: float = Field(default=0.0, ge=0)
+    fibre: tuple[float, float] = (0.0, 0.0)
     modes: int = Field(default=4, ge=1)
     elements: int = Field(default=8, ge=1)
     ends: EndCondition = "clamped"
@@ -110,10 +123,18 @@ class Flexible(Frame):
     axial: bool = False
     damping: float | tuple[float, ...] = 0.0
     stiffening: bool = True
+    loads: tuple[str, ...] = ()
     nodes: dict[str, float] = Field(default_factory=dict)
 
     @model_validator(mode="after")
-    def _check_axis(self) -> "Flexible":
+    def _check_body(self) -> "Flexible":
+        fields = type(self).model_fields
+        given = [x for x in (*BEAM, "nodes") if getattr(self, x) != fields[x].get_default(call_default_factory=True)]
+        if self.file or self.data is not None:
+            if given:
+                raise ValueError(f"{given[0]} belongs to a beam, not to a body from a file")
+        elif missing := [name for name in BEAM[:5] if getattr(self, name) is None]:
+            raise ValueError(f"a beam needs {', '.join(missing)}; another body has a file")
         if "axis" in self.model_fields_set and self.joint not in ("revolute", "prismatic"):
             raise ValueError(f"axis does not belong to a {self.joint} joint; rotate its frame by rpy")
         return self

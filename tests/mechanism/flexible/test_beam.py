@@ -38,14 +38,54 @@ def test_the_mass_is_consistent():
     np.testing.assert_allclose(np.diagonal(body.I0), [0, 1 / 3, 1 / 3], rtol=1e-13)
 
 
+SAGS = {"clamped": ("B", 1 / 8), "pinned": ("m", 5 / 384)}  # rho A g L^4/(EI)
+
+
+@pytest.mark.parametrize("ends", SAGS)
+@pytest.mark.parametrize("modes", [1, 4])
+def test_sag_under_the_weight_is_exact_with_its_mode(ends, modes):
+    node, exact = SAGS[ends]
+    body = mbdae.beam(**UNIT, ends=ends, modes=modes, loads=["gravity y"], nodes={"m": 0.5, "B": 1.0})
+    assert body.nodes[node].Phi[1] @ (body.C[1] / body.stiffness) == pytest.approx(exact, rel=1e-9)
+    without = mbdae.beam(**UNIT, ends=ends, modes=modes, nodes={"m": 0.5, "B": 1.0})
+    published = {("clamped", 1): 1e-2, ("clamped", 4): 4e-5, ("pinned", 1): 4e-3, ("pinned", 4): 3e-4}[ends, modes]
+    error = without.nodes[node].Phi[1] @ (without.C[1] / without.stiffness) / exact - 1
+    assert abs(error) == pytest.approx(published, rel=0.5)
+
+
+def test_shear_and_rotary_inertia():
+    """Of a pinned beam: rho I w^4 - w^2 (EI k^2 + rho I G k^2/A + G) + G EI k^4 = 0, k = pi/L, G the stiffness."""
+    moment, shear, k2 = 0.01, 0.3, np.pi**2
+    thick = {**UNIT, "second_moment": moment, "shear_stiffness": shear, "ends": "pinned", "modes": 1}
+    a, b, c = moment, moment * k2 + moment * shear * k2 + shear, shear * moment * k2**2
+    exact = np.sqrt((b - np.sqrt(b * b - 4 * a * c)) / (2 * a))
+    errors = [mbdae.beam(**thick, elements=n).frequencies[0] / exact - 1 for n in (15, 30, 60)]
+    assert errors[2] == pytest.approx(0, abs=3e-5)
+    np.testing.assert_allclose(np.log2([errors[0] / errors[1], errors[1] / errors[2]]), 2, atol=0.02)
+    assert np.sqrt(moment) * k2 > 1.15 * exact  # without shear
+    body = mbdae.beam(**thick)
+    np.testing.assert_allclose(np.diagonal(body.I0), [2 * moment, 1 / 3 + moment, 1 / 3 + moment], rtol=1e-12)
+
+
+def test_deflection_by_shear_is_exact():
+    """Tip load P on a cantilever: P L^3/(3 EI) + P L/k, and strain P L c/(EI) of a fibre at the clamped end."""
+    nodes = {"A": 0.0, "B": 1.0}
+    body = mbdae.beam(**UNIT, elements=24, modes=48, shear_stiffness=2.0, fibre=(0.1, 0.0), nodes=nodes)
+    x = body.nodes["B"].Phi[1] / body.stiffness
+    assert body.nodes["B"].Phi[1] @ x == pytest.approx(1 / 3 + 1 / 2, rel=1e-9)
+    assert body.nodes["A"].strain @ x == pytest.approx(-0.1, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
         ({"length": -1.0}, InputError, "beam: length needs a positive number, got -1.0"),
-        ({"second_moment": (1.0, 0.0)}, InputError, "second_moment needs a positive number"),
+        ({"second_moment": (1.0, 0.0)}, InputError, "second_moment along z needs a positive number"),
         ({"modes": 20}, InputError, "8 elements have 16 modes with these ends, got modes = 20"),
         ({"nodes": {"x": 0.3}}, InputError, "node 'x' at 0.3 m is no end of an element: 0, 0.125, 0.25"),
         ({"ends": "hinged"}, UnknownNameError, "unknown ends 'hinged' .*; valid: clamped, pinned"),
+        ({"loads": ["gravity z"]}, UnknownNameError, "unknown load 'gravity z' .*; valid: gravity y"),
+        ({"shear_stiffness": -1.0}, InputError, "beam: shear_stiffness needs a number that is not negative, got -1.0"),
         ({"plane": "x"}, UnknownNameError, "unknown plane 'x'; valid: y, z, space"),
     ],
 )

@@ -47,6 +47,19 @@ def test_static_deflections_at_interfaces_are_exact(truss):
     assert np.abs(body.nodes["held"].Phi).max() < 1e-12
 
 
+def test_the_sag_under_the_weight_is_exact_with_its_mode(truss):
+    r, m, K = truss
+    held = {"interface": {"held": [2, 3, 4], "tip": [7]}, "clamped": "held"}
+    body = mbdae.modal_body(r, m, K, modes=2, loads=["gravity z"], **held)
+    free = [i for i in range(42) if i // 3 not in (2, 3, 4)]
+    whole = np.zeros(42)
+    whole[free] = np.linalg.solve(K[np.ix_(free, free)], np.outer(m, [0, 0, 1]).ravel()[free])
+    np.testing.assert_allclose(body.nodes["tip"].Phi @ (body.C[2] / body.stiffness), whole[21:24], rtol=1e-9)
+    assert body.modes == 3 + 1 + 2
+    with pytest.raises(UnknownNameError, match="unknown load 'g'; valid: gravity x, gravity y, gravity z"):
+        mbdae.modal_body(r, m, K, modes=2, loads=["g"], **held)
+
+
 def test_rigid_interfaces_turn(truss):
     r, m, K = truss
     body = mbdae.modal_body(r, m, K, interface={"plate": [0, 1, 2, 5], "B": [9]}, modes=2)

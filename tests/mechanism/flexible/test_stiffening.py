@@ -34,6 +34,46 @@ def test_frequencies_of_a_spinning_blade(speed):
     assert linear < 0  # without stiffening the blade diverges chordwise
 
 
+WITH_SIX_MODES = {2: 4.137322, 5: 6.449627, 10: 11.203624}
+BLADE = """
+gravity = [0.0, 0.0, 0.0]
+[[flexible]]
+name = "blade"
+parent = "world"
+joint = "revolute"
+length = 1.0
+young = 1.0
+density = 1.0
+area = 1.0
+second_moment = 1.0
+elements = 60
+modes = 6
+"""
+
+
+@pytest.mark.parametrize("plane", ["z", "y"])
+def test_frequencies_over_the_speed_from_a_file(plane, tmp_path):
+    """`mbdae root-locus blade.toml v.blade=2:10:5 --hold blade`."""
+    (tmp_path / "blade.toml").write_text(f'{BLADE}plane = "{plane}"\n')
+    locus = mbdae.root_locus(tmp_path / "blade.toml", "v.blade", [2.0, 5.0, 10.0], hold="blade")
+    lowest = np.abs(locus.eigenvalues.imag).min(axis=1)
+    exact = [SPINNING[speed]["zy".index(plane)] for speed in (2, 5, 10)]
+    np.testing.assert_allclose(lowest, exact, rtol=6e-4)
+    if plane == "z":
+        np.testing.assert_allclose(lowest, list(WITH_SIX_MODES.values()), rtol=2e-7)
+
+
+def test_buckling_along_a_load_path():
+    """The published errors of p normal modes: 8e-2 6e-3 9e-4 1e-4 for p = 1, 2, 4, 8."""
+    for modes, error in ((1, 8e-2), (2, 6e-3), (4, 9e-4)):
+        model = pin.Model()
+        model.gravity.linear = np.zeros(3)
+        mbdae.attach_flexible(model, "column", mbdae.beam(**UNIT, modes=modes), pin.JointModelRZ())
+        load = mbdae.Wrench(name="load", frame="column.B", force=(-1.0, 0.0, 0.0))
+        path = mbdae.load_path(mbdae.Mechanism(model, forces=[load]), "load", (0.0, 3.0), hold="column")
+        assert path.critical[0].factor / (np.pi**2 / 4) - 1 == pytest.approx(error, rel=0.2)
+
+
 def critical(loaded, free):
     """The lowest factor of a load at which the stiffness is singular."""
     return 1 / eigh(free - loaded, free, eigvals_only=True)[-1]

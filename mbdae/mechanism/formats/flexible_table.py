@@ -1,0 +1,33 @@
+"""Flexible bodies of mechanism files: beams from their keys, other bodies from files."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..allowed_paths import AllowedPaths
+from ..flexible import ModalBody, beam
+from ..flexible.modal_data import modal_body_from_data, read_modal_data
+from .schema import BEAM, Flexible
+
+
+def with_data(tables: Sequence[Flexible], path: Path) -> tuple[Flexible, ...]:
+    """Return tables with the numbers of their files, which archives keep; ``path`` is that of the mechanism file.
+
+    Raises:
+        InputError: for a missing or invalid file.
+    """
+    paths = AllowedPaths.from_model_file(path)
+    return tuple(
+        x.model_copy(update={"data": read_modal_data(paths.find(x.file))}) if x.file and x.data is None else x
+        for x in tables
+    )
+
+
+def modal_body_of(table: Flexible) -> ModalBody:
+    """Return the body of a table.
+
+    Raises:
+        InputError: for invalid numbers.
+    """
+    if table.data is not None:
+        return modal_body_from_data(table.data, table.name)
+    return beam(**{name: getattr(table, name) for name in BEAM}, nodes=table.nodes or None)

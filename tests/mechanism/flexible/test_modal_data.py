@@ -1,0 +1,83 @@
+"""Flexible bodies from files: the same numbers again, and one line for bad ones."""
+
+import numpy as np
+import pytest
+from flexible_slider_crank import rod
+
+import mbdae
+from mbdae.errors import InputError
+from mbdae.mechanism.flexible.modal_data import modal_body_from_data, modal_data
+
+MODEL = """
+[[flexible]]
+name = "rod"
+parent = "world"
+joint = "revolute"
+file = "rod.npz"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    mbdae.save_modal_body(rod((1e-3,) * 4)[0], tmp_path / "rod.npz")
+    (tmp_path / "rod.toml").write_text(MODEL)
+    return tmp_path
+
+
+def test_a_body_from_a_file_is_the_one_written(folder):
+    body, found = rod((1e-3,) * 4)[0], mbdae.load(folder / "rod.toml")
+    again = found.model.flexible[0].modal
+    for name in ("mass", "s0", "I0", "C", "H0", "Mq", "Hj", "I1", "I2", "stiffness", "damping"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(body, name))
+    np.testing.assert_array_equal(again.nodes["pin"].Phi, body.nodes["pin"].Phi)
+
+
+def test_beams_keep_their_strains_and_second_order(tmp_path):
+    beam = mbdae.beam(1.0, 2.0, 3.0, 1.0, 1.0, elements=4, fibre=(0.1, 0.0))
+    again = modal_body_from_data(modal_data(beam), "beam")
+    np.testing.assert_array_equal(again.C2, beam.C2)
+    np.testing.assert_array_equal(again.nodes["B"].Phi2, beam.nodes["B"].Phi2)
+    np.testing.assert_array_equal(again.nodes["A"].strain, beam.nodes["A"].strain)
+    assert again.nodes["A"].modulus == 2.0
+    with pytest.raises(InputError, match=r"written to .npz files, got beam.txt"):
+        mbdae.save_modal_body(beam, "beam.txt")
+
+
+def test_a_saved_run_keeps_the_numbers(folder):
+    sol = mbdae.solve(folder / "rod.toml", (0, 0.001), method="pherk5", step=1e-4)
+    sol.save(folder / "run.npz")
+    (folder / "rod.npz").unlink()
+    again = mbdae.Solution.load(folder / "run.npz").mechanism
+    np.testing.assert_array_equal(again.mass_matrix(sol.q[-1]), sol.mechanism.mass_matrix(sol.q[-1]))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"mass": -1.0}, "flexible body 'rod': the mass is positive, got -1 kg"),
+        ({"stiffness": [1.0, 2.0, 0.0, 1.0]}, "'rod': stiffness is positive and damping not negative"),
+        ({"C": [[1.0]]}, r"'rod': C needs the shape \(3, 4\), got \(1, 1\)"),
+        ({"I0": np.tri(3).tolist()}, "'rod': I0 is symmetric"),
+        ({"Mq": np.diag([1.0, 1, 1, -1]).tolist()}, "'rod': Mq is positive definite"),
+        ({"H0": [[1.0], [1.0, 2.0]]}, "'rod': H0 needs finite numbers in rows of equal length"),
+        ({"color": 1.0}, "'rod': unknown numbers 'color'; valid: mass, s0, I0"),
+    ],
+)
+def test_bad_numbers_are_refused_in_one_line(change, message):
+    with pytest.raises(InputError, match=message):
+        modal_body_from_data(modal_data(rod((0.0,) * 4)[0]) | change, "rod")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('file = "other.npz"', "'other.npz' is not found"),
+        ('file = "rod.toml"', "rod.toml is no file of a modal body"),
+        ('file = "rod.npz"\nlength = 1.0', "flexible.rod: length belongs to a beam, not to a body from a file"),
+        ("length = 1.0", "flexible.rod: a beam needs young, density, area, second_moment; another body has a file"),
+    ],
+)
+def test_bad_tables_are_refused_in_one_line(folder, text, message):
+    (folder / "rod.toml").write_text(MODEL.replace('file = "rod.npz"', text))
+    with pytest.raises(InputError, match=message):
+        mbdae.load(folder / "rod.toml")
