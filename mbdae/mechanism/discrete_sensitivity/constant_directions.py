@@ -122,7 +122,7 @@ class ConstantDirections:
 
 def _may_be_constant(parameters: "Parameters") -> bool:
     """Return whether the parameters change nothing but such components, on both sides of their values."""
-    other = any(p.specs or p.placements or p.frames or p.side for p in parameters.all)
+    other = any(p.specs or p.placements or p.frames or p.modal or p.elastic or p.side for p in parameters.all)
     return bool(parameters.all) and parameters.mech.workspaces.pooled and not other
 
 

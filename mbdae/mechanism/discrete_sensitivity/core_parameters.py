@@ -7,6 +7,7 @@ from ...finite_differences import weights
 from ..forces.force import PairElement
 from ..formulations.core_description import constraints_of, laws_of
 from ..tree.frames import Pair, find_frame
+from ..tree.tree_terms import flexible_bodies
 from .parameter_direction import Parameter
 from .parameter_partials import Parameters
 
@@ -56,16 +57,20 @@ def _core_data(parameters: Parameters) -> ParameterData:
             k = numbers.setdefault(component, len(numbers))
             directions.append({"parameter": i, "component": k, "x": x.tolist()})
     changed: list[CoreData] = []
+    bodies = flexible_bodies(parameters.system.model)
     for i, (p, laws, rows) in enumerate(zip(parameters.all, parameters.laws, parameters.rows, strict=True)):
         if laws.perturbed:
             factors = weights(laws.perturbed, p.h)
             near = [_perturbed(factors[k], ("pairs", "laws"), laws_of(x)) for k, x in laws.perturbed.items()]
-            changed.append({"parameter": i, "at": laws.at.tolist(), "laws": near, "rows": []})
+            changed.append({"parameter": i, "at": laws.at.tolist(), "laws": near, "rows": [], "bodies": []})
         if rows.perturbed:
             factors = weights(p.stencil, p.h)
             keys = "pairs", "rows", "drivers"
             near = [_perturbed(factors[k], keys, constraints_of(x)) for k, x in rows.perturbed.items()]
-            changed.append({"parameter": i, "at": rows.at.tolist(), "laws": [], "rows": near})
+            changed.append({"parameter": i, "at": rows.at.tolist(), "laws": [], "rows": near, "bodies": []})
+        if p.modal:
+            near = [bodies[k].with_numbers(rates).core_data(p.mech.model) for k, rates in p.modal.items()]
+            changed.append({"parameter": i, "at": [], "laws": [], "rows": [], "bodies": near})
     return [component._asdict() for component in numbers], directions, changed
 
 

@@ -14,6 +14,7 @@ from ...tolerances import SUM_ROUNDING
 from ..closures.constraints import Constraints
 from ..forces import bind_forces
 from ..formulations.index2 import Index2System
+from .modal_direction import changes_elasticity, modal_rates
 from .perturbed_mechanisms import FIRST, PerturbedMechanisms, feasible_stencil
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ class Parameter:
         self.gravity = self.rate(lambda m: m.model.gravity.linear)
         self.armature = self.rate(lambda m: m.model.armature)
         self.forces = self.changed_items(mech.forces, lambda m: m.forces)
+        self.modal, self.elastic = modal_rates(self), changes_elasticity(self)
         self._require_same_sampling()
         self.specs = self.changed_items(mech.constraints, lambda m: m.constraints)
         for i in self.forces:
@@ -114,10 +116,15 @@ class Parameter:
         """Description of the side of a one-sided derivative; empty if it is two-sided."""
         return {STENCIL: "", ABOVE: "above", BELOW: "below"}[self.stencil]
 
+    @property
+    def changes_elements(self) -> bool:
+        """Whether it changes closures, drivers or laws, elasticity among them."""
+        return bool(self.forces or self.specs or self.elastic)
+
     @cached_property
     def keeps_start(self) -> bool:
         """Whether the assembled start does not depend on it: it changes gravity, or laws of forces, alone."""
-        moves = self.inertias or self.placements or self.frames or self.specs or self.armature.any()
+        moves = self.inertias or self.modal or self.placements or self.frames or self.specs or self.armature.any()
         mech = self.mech
         return not moves and all((m.start_values, m.states) == (mech.start_values, mech.states) for m in self.first)
 
@@ -178,8 +185,10 @@ class LawDifferences:
         self.p, self.nv = p, s.nv
         spans = [at for i, (_, at) in enumerate(s.laws.bound) if i in p.forces]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
-        perturbed = near.items() if p.forces else ()
-        self.perturbed = {k: bind_forces([m.forces[i] for i in p.forces], s.model, s.workspace) for k, m in perturbed}
+        perturbed = near.items() if p.forces or p.elastic else ()
+        self.perturbed = {
+            k: bind_forces([m.forces[i] for i in p.forces], s.model, s.workspace, m.model) for k, m in perturbed
+        }
 
     def use_affinity(self) -> None:
         """Use two of the values only, for laws that are affine in the parameter."""

@@ -30,9 +30,10 @@ from ..formulations.closure_friction import ClosureFriction
 from ..formulations.index2 import Index2System
 from ..hybrid.switches import Mode, inactive_rows
 from ..tree.frames import support
-from ..tree.tree_terms import require_rigid
+from ..tree.tree_terms import update_motions, update_poses
 from .constant_directions import ConstantDirections
 from .friction_partials import friction
+from .modal_direction import modal_partials
 from .parameter_direction import SMALL, WIDTH, LawDifferences, Parameter, RowDifferences
 from .perturbed_mechanisms import changed_mechanism
 from .placement_tree import PlacementTree
@@ -72,7 +73,6 @@ class Parameters:
     ) -> None:  # fmt: skip
         self.make, self.values = make, dict(values)
         self.mech = mech = make({} if own else values)
-        require_rigid(mech.model, "gradients")
         rest = {} if own else values
         self.system = s = system or Index2System(mech)
         self.all: list[Parameter] = []
@@ -82,7 +82,7 @@ class Parameters:
             if p.side:
                 end = f"parameter {name!r} = {value:.9g} is at the end of its range"
                 warnings.warn(f"{end}: its derivative is taken from {p.side}", stacklevel=2)
-            if along and (p.forces or p.specs):
+            if along and p.changes_elements:
                 self._choose_width(p, along)
         self.laws = [LawDifferences(p, s, p.perturbed) for p in self.all]
         self.rows = [RowDifferences(p, s, p.perturbed) for p in self.all]
@@ -141,8 +141,8 @@ class Parameters:
             for t, q, v, inner, mode in along:
                 kept = np.ones(s.ng)
                 kept[inactive_rows(s.mechanism.switches, mode)] = 0.0
-                pin.forwardKinematics(s.model, s.workspace, q, v, np.zeros(s.nv))
-                pin.computeJointJacobians(s.model, s.workspace, q)
+                update_motions(s.model, s.workspace, q, v, np.zeros(s.nv))
+                update_poses(s.model, s.workspace, q)
                 own, pulls = kept[rows.at], rows.forces(t, kept)
                 moves = [{k: x * own for k, x in kind.items()} for kind in (rows.rates(t, v), rows.biases(t, v))]
                 kinds = [x for x in (laws.values(t, q, v, inner), pulls, *moves) if x]
@@ -193,12 +193,12 @@ class Parameters:
             K = self.placement_tree.torques(t, q, v, vdot, lam) @ self.motions
             out[:nv] += K[:nv]
             out[-1] += K[-1]
-        pin.forwardKinematics(system.model, system.workspace, q, v, vdot)
-        J = pin.computeJointJacobians(system.model, system.workspace, q)
+        update_motions(system.model, system.workspace, q, v, vdot)
+        J = update_poses(system.model, system.workspace, q)
         for i, p in enumerate(self.all):
-            out[:nv, i] -= self._inertial(p, J) + p.armature * vdot
+            out[:nv, i] -= self._inertial(p, J) + p.armature * vdot + modal_partials(p.modal, system, q, v, vdot)
         if any(laws.perturbed for laws in self.laws):
-            pin.forwardKinematics(system.model, system.workspace, q, v, np.zeros(nv))
+            update_motions(system.model, system.workspace, q, v, np.zeros(nv))
         for i, (laws, rows) in enumerate(zip(self.laws, self.rows, strict=True)):
             laws.add(out[:, i], t, q, v, s)
             rows.add_forces(out[:, i], t, lam)
@@ -241,7 +241,7 @@ class Parameters:
             B, G = self.placement_tree.rows(t, q, v)
             Q, g = B @ self.motions, G @ self.motions
         if any(rows.perturbed for rows in self.rows):
-            pin.computeJointJacobians(self.system.model, self.system.workspace, q)
+            update_poses(self.system.model, self.system.workspace, q)
             for i, rows in enumerate(self.rows):
                 rows.add_rates(Q[:, i], g[:, i], t, v)
         Q[self.system.constraints.inactive] = g[self.system.constraints.inactive] = 0.0
@@ -253,7 +253,7 @@ class Parameters:
         if self.placement_tree:
             out = self.placement_tree.bias(q, v) @ self.motions
         if any(rows.perturbed for rows in self.rows):
-            pin.forwardKinematics(self.system.model, self.system.workspace, q, v, np.zeros(self.system.nv))
+            update_motions(self.system.model, self.system.workspace, q, v, np.zeros(self.system.nv))
             for i, rows in enumerate(self.rows):
                 rows.add_bias(out[:, i], t, v)
         out[self.system.constraints.inactive] = 0.0

@@ -37,6 +37,10 @@ class FlexibleBody:
         """Return the index of the last joint: frames of nodes are on it."""
         return int(model.getJointId(self.mode_joints[-1]))
 
+    def with_numbers(self, modal: ModalBody) -> "FlexibleBody":
+        """Return the same body with other numbers."""
+        return FlexibleBody(self.name, modal)
+
     def core_data(self, model: pin.Model) -> CoreData:
         """Return the body for the core."""
         first = model.joints[model.getJointId(self.mode_joints[0])]

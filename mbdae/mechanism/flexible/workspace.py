@@ -121,26 +121,37 @@ class BoundBody:
 
     def add_bias(self, data: pin.Data, q: Array, v: Array, nle: Array) -> None:
         """Add the terms of the modes to nle (nv,); J, ``data.v`` and ``data.a_gf`` are current."""
-        F = self._force(data, q, v, data.a_gf[self.joint], np.zeros(self.modal.modes))
+        F = self._force(self.modal, data, q, v, data.a_gf[self.joint], np.zeros(self.modal.modes))
         nle[self.base] += F[:6] @ self._base_columns(data)
         nle[self.at] += F[6:]
 
-    def _force(self, data: pin.Data, q: Array, v: Array, acceleration: pin.Motion, rates: Array) -> Array:
+    def add_force(
+        self, modal: ModalBody, data: pin.Data, q: Array, v: Array, a: Array, gravity: Array, out: Array
+    ) -> None:
+        """Add the part of M v' + nle of a body with these numbers to out (nv,); motions for v' = a are current."""
+        F = self._force(modal, data, q, v, self._falling(data, gravity), a[self.at])
+        out[self.base] += F[:6] @ self._base_columns(data)
+        out[self.at] += F[6:]
+
+    def _falling(self, data: pin.Data, gravity: Array) -> pin.Motion:
+        """Return the acceleration of the frame minus gravity, in its axes."""
+        return data.a[self.joint] - pin.Motion(data.oMi[self.joint].rotation.T @ gravity, np.zeros(3))
+
+    def _force(
+        self, modal: ModalBody, data: pin.Data, q: Array, v: Array, acceleration: pin.Motion, rates: Array
+    ) -> Array:
         """Return the force of inertia on frame and modes in the axes of the frame, without the rigid body, (6 + k,)."""
         x, A = q[self.iq], np.concatenate([acceleration.vector, rates])
-        return self.modal.delta(x) @ A + self.modal.gyroscopic(
-            x, np.concatenate([data.v[self.joint].vector, v[self.at]])
-        )
+        return modal.delta(x) @ A + modal.gyroscopic(x, np.concatenate([data.v[self.joint].vector, v[self.at]]))
 
     def inertia_wrench(self, data: pin.Data, q: Array, v: Array, a: Array, gravity: Array | None = None) -> Array:
         """Return the force and the moment about the origin, world axes, (6,), that the deformation adds to m a - m g.
 
         Motions in ``data`` are those of v and v' = a; gravity in m/s^2, none if omitted.
         """
-        pose = data.oMi[self.joint]
-        fall = np.zeros(3) if gravity is None else pose.rotation.T @ gravity
-        acceleration = data.a[self.joint] - pin.Motion(fall, np.zeros(3))
-        return pose.act(pin.Force(self._force(data, q, v, acceleration, a[self.at])[:6])).vector
+        acceleration = self._falling(data, np.zeros(3) if gravity is None else gravity)
+        force = self._force(self.modal, data, q, v, acceleration, a[self.at])
+        return data.oMi[self.joint].act(pin.Force(force[:6])).vector
 
     def momentum(self, data: pin.Data, q: Array, v: Array) -> Array:
         """Return the momenta that the deformation adds, about the origin, world axes, (6,); motions are current."""

@@ -73,14 +73,22 @@ def is_custom(force: object) -> bool:
     return hasattr(force, "bind") and type(force).__module__.partition(".")[0] != "mbdae"
 
 
-def bind_forces(forces: Sequence[MechanismForce], model: pin.Model, data: pin.Data) -> ForceElements:
+def bind_forces(
+    forces: Sequence[MechanismForce], model: pin.Model, data: pin.Data, elastic: pin.Model | None = None
+) -> ForceElements:
     """Bind forces, elasticity of flexible bodies, and damping of the model for joints without a joint_damping.
+
+    Args:
+        forces: the forces.
+        model: the model.
+        data: a workspace of it.
+        elastic: the model whose flexible bodies are elastic, in place of ``model``.
 
     Raises:
         UnknownNameError, InputError: for unknown or unsuitable frames and joints.
     """
     laws = [TorqueElement(f, model) if callable(f) else f.bind(model, data) for f in forces]
-    laws += modal_elasticity(model)
+    laws += modal_elasticity(elastic or model)
     damping, replaced = np.array(model.damping), set[str]()
     for f in forces:
         if isinstance(f, JointDamping):

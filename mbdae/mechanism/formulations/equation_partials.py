@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ...finite_differences import numerical_jacobian
 from ...system import Array
-from ..tree.tree_terms import update_poses
+from ..tree.tree_terms import bound_bodies, update_motions, update_poses
 
 if TYPE_CHECKING:
     from .index2 import Index2System
+
+
+GAMMA_WIDTH = 1e-3  # rad or characteristic lengths: width of differences of gamma with flexible bodies
 
 
 class EquationPartials(NamedTuple):
@@ -70,9 +74,29 @@ def rate_partials(s: "Index2System", t: float, q: Array, v: Array, rows: Array) 
 
 
 def gamma_partials(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]:
-    """Return the partial derivatives of gamma with respect to q and v, over all rows, (ng, nv) each."""
+    """Return the partial derivatives of gamma with respect to q and v, over all rows, (ng, nv) each.
+
+    With flexible bodies, differences of gamma: of order six in q, to 1e-12; exact in v, of which gamma is quadratic.
+    """
+    if bound_bodies(s.workspace):
+        return _differences_of_gamma(s, q, v)
     s.jacobian(q)
     return s.constraints.bias_partials(v)
+
+
+def _differences_of_gamma(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]:
+    scales, zero = s.mechanism.coordinate_scales, np.zeros(s.nv)
+    speed = 1 + float(np.abs(v / scales).max())
+
+    def gamma(dq: Array, dv: Array) -> Array:
+        update_motions(s.model, s.workspace, s.manifold.integrate(q, dq * scales), v + dv * scales, zero)
+        update_poses(s.model, s.workspace, s.manifold.integrate(q, dq * scales))
+        return s.constraints.bias(v + dv * scales)
+
+    by_q = numerical_jacobian(lambda x: gamma(x, zero), s.nv, GAMMA_WIDTH) / scales
+    by_v = numerical_jacobian(lambda x: gamma(zero, x), s.nv, speed) / scales
+    gamma(zero, zero)
+    return by_q, by_v
 
 
 def time_partials(s: "Index2System", t: float, q: Array, v: Array, states: Array, lam: Array) -> tuple[Array, ...]:

@@ -26,8 +26,9 @@ struct ChangedElements {
   int parameter = 0;
   std::vector<int> at;  // indices of the laws' states, or of the rows
   std::vector<PerturbedElements> laws, rows;
+  std::vector<ModalBody> bodies;  // with the rates of their numbers
 
-  FIELDS(parameter, at, laws, rows)
+  FIELDS(parameter, at, laws, rows, bodies)
 };
 
 void check_components(const std::vector<ModelComponent>& components, const Index2System& s) {
@@ -57,6 +58,8 @@ ChangedElement changed_element(ChangedElements x, const Index2System& s) {
     out.rows.push_back(
         {p.weight, std::make_unique<Constraints>(s.mechanics, std::move(p.rows), p.pairs, std::move(p.drivers))});
   }
+  check_bodies(x.bodies, s.mechanics.nq, s.nv, s.mechanics.joints);
+  out.bodies = s.mechanics.bind(std::move(x.bodies));
   return out;
 }
 

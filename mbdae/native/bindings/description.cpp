@@ -214,15 +214,19 @@ void check_drivers(const std::vector<Driver>& drivers, size_t rows) {
   for (const Driver& driver : drivers) check_indices({driver.row}, static_cast<int>(rows), "row");
 }
 
-static void check(const ModalBody& b, const Sizes& n) {
-  check_indices({b.joint}, n.joints, "joint of a flexible body");
-  if (b.modes < 1 || b.modes > n.nv) reject("modes out of range");
-  check_indices({b.iq}, n.nq - b.modes + 1, "mode"), check_indices({b.iv}, n.nv - b.modes + 1, "mode");
+static void check_body(const ModalBody& b, int nq, int nv, int joints) {
+  check_indices({b.joint}, joints, "joint of a flexible body");
+  if (b.modes < 1 || b.modes > nv) reject("modes out of range");
+  check_indices({b.iq}, nq - b.modes + 1, "mode"), check_indices({b.iv}, nv - b.modes + 1, "mode");
   const size_t k = b.modes;
   bool valid = b.C.size() == 3 * k && b.C2.size() == 3 * k * k && b.H0.size() == 3 * k && b.Mq.size() == k * k && b.Hj.size() == 3 * k * k &&
                b.I1.size() == 6 * k && b.I2.size() == 6 * k * k;
   for (const ModalNode& x : b.nodes) valid = valid && x.Phi.size() == 3 * k && x.Psi.size() == 3 * k && x.Phi2.size() == 3 * k * k;
   if (!valid) reject("the numbers of a flexible body do not fit its modes");
+}
+
+void check_bodies(const std::vector<ModalBody>& bodies, int nq, int nv, int joints) {
+  for (const ModalBody& body : bodies) check_body(body, nq, nv, joints);
 }
 
 void check(const Description& d, const Sizes& n, const Tolerances& tolerances) {
@@ -239,7 +243,8 @@ void check(const Description& d, const Sizes& n, const Tolerances& tolerances) {
     if (order[i] != static_cast<int>(i)) reject("the order of elimination is 0, 1, ... in some order");
   if (order.size() != d.rows.size()) reject("as many positions in the order of elimination as rows");
   size_t frames = n.joints;
-  for (const ModalBody& body : d.flexible) check(body, n), frames += body.nodes.size();
+  check_bodies(d.flexible, n.nq, n.nv, n.joints);
+  for (const ModalBody& body : d.flexible) frames += body.nodes.size();
   check_anchors(d.pairs, static_cast<int>(frames)), check_anchors(d.law_pairs, static_cast<int>(frames));
   check_rows(d.rows, d.pairs.size()), check_laws(d.laws, d.law_pairs.size());
   check_drivers(d.drivers, d.rows.size());

@@ -47,6 +47,7 @@ void check_indices(const std::vector<int>& x, int n, const char* what);
 void check_anchors(const Anchors& pairs, int joints);
 void check_rows(const std::vector<Row>& rows, size_t pairs);
 void check_laws(const std::vector<Law>& laws, size_t pairs);
+void check_bodies(const std::vector<ModalBody>& bodies, int nq, int nv, int joints);
 void check_drivers(const std::vector<Driver>& drivers, size_t rows);
 void check(const Description& d, const Sizes& n, const Tolerances& tolerances);
 

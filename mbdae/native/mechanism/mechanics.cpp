@@ -184,6 +184,16 @@ void Mechanics::inverse(const double* q, const double* v, const double* a, doubl
   pinocchio::computeJointJacobians(w->model, w->data);
 }
 
+void Mechanics::add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a,
+                           bool loaded, double* out) {
+  ++motion_stamp_, ++pose_stamp_;
+  w->sweep->add_forces(bodies, q, v, a, loaded, w->poses(), w->J(), out);
+}
+
+std::vector<FlexibleBody> Mechanics::bind(std::vector<ModalBody> bodies) const {
+  return bound(std::move(bodies), w->model);
+}
+
 void Mechanics::expand(const void* model) {
   const auto& tree = *static_cast<const pinocchio::Model*>(model);
   std::vector<int> before;

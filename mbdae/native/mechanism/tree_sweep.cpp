@@ -208,8 +208,9 @@ void TreeSweep::outward(const double* q, const double* v, const double* a, doubl
   }
 }
 
-void TreeSweep::add_flexible(const double* v, const double* a, const double* poses, double* M, double* nle) {
-  for (FlexibleBody& body : *flexible_) {
+void TreeSweep::add_flexible(std::vector<FlexibleBody>& bodies, const double* v, const double* a, const double* poses,
+                             double* M, double* nle) {
+  for (FlexibleBody& body : bodies) {
     const int j = carrier_[body.data.joint];
     const FramePose at = frame_pose(body, poses);
     if (M) body.add_inertia(at, about_.data(), M, about_.size());
@@ -260,20 +261,28 @@ void TreeSweep::poses(const double* q, double* poses, double* J) {
 
 void TreeSweep::inertia(const double* q, double* poses, double* J, double* M) {
   outward<false, true, false>(q, nullptr, nullptr, poses, J), inward<true, false>(M, nullptr);
-  add_flexible(nullptr, nullptr, poses, M, nullptr);
+  add_flexible(*flexible_, nullptr, nullptr, poses, M, nullptr);
 }
 
 void TreeSweep::dynamics(const double* q, const double* v, double* poses, double* J, double* M, double* nle) {
   for (int i = 0; i < 3; ++i) A_[0][i] = -gravity_[i];
   outward<true, true, true>(q, v, nullptr, poses, J), inward<true, true>(M, nle);
-  add_flexible(v, nullptr, poses, M, nle);
+  add_flexible(*flexible_, v, nullptr, poses, M, nle);
 }
 
 void TreeSweep::inverse(const double* q, const double* v, const double* a, double* poses, double* J, double* out) {
   for (int i = 0; i < 3; ++i) A_[0][i] = -gravity_[i];
   outward<true, false, true>(q, v, a, poses, J), inward<false, true>(nullptr, out);
-  add_flexible(v, a, poses, nullptr, out);
+  add_flexible(*flexible_, v, a, poses, nullptr, out);
   for (size_t k = 0; a && k < about_.size(); ++k) out[k] += armature_[k] * a[k];
+}
+
+void TreeSweep::add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a,
+                           bool loaded, double* poses, double* J, double* out) {
+  for (int i = 0; i < 3; ++i) A_[0][i] = loaded ? -gravity_[i] : 0.0;
+  outward<true, false, false>(q, v, a, poses, J);
+  for (FlexibleBody& body : bodies) body.deform(q);
+  add_flexible(bodies, v, a, poses, nullptr, out);
 }
 
 void TreeSweep::motions(const double* q, const double* v, const double* a, double* poses, double* J) {

@@ -47,6 +47,9 @@ class TreeSweep {
   void dynamics(const double* q, const double* v, double* poses, double* J, double* M, double* nle);
   // M a + nle, a = nullptr: 0; velocities, and accelerations for v' = a minus gravity.
   void inverse(const double* q, const double* v, const double* a, double* poses, double* J, double* out);
+  // out += the part of M a + nle of some flexible bodies, without gravity unless `loaded`.
+  void add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a, bool loaded,
+                  double* poses, double* J, double* out);
   // Velocities and accelerations for v' = a.
   void motions(const double* q, const double* v, const double* a, double* poses, double* J);
 
@@ -77,7 +80,7 @@ class TreeSweep {
   FramePose frame_pose(const FlexibleBody& x, const double* poses) const {
     return {poses + 12 * x.data.joint, arms_[carrier_[x.data.joint]].data()};
   }
-  void add_flexible(const double* v, const double* a, const double* poses, double* M, double* nle);
+  void add_flexible(std::vector<FlexibleBody>& bodies, const double* v, const double* a, const double* poses, double* M, double* nle);
   void shift(const std::vector<Six>& x, int joint, double* out) const;
 
   const std::vector<TreeJoint> joints_;

@@ -100,8 +100,13 @@ void Parameters::evaluate_changed(const LinearisationPoint& point) {
   const double *v = point.u.data(), *s = v + nv;
   Numbers conservative(nv), other(nv), here, rates, G, speed;
   for (size_t i = 0; i < changed_.size(); ++i) {
-    const ChangedElement& c = changed_[i];
+    ChangedElement& c = changed_[i];
     double* P = &changed_P_[i * n];
+    if (!c.bodies.empty()) {
+      std::fill(other.begin(), other.end(), 0.0);
+      m.add_forces(c.bodies, point.q.data(), v, point.vdot.data(), point.loaded, other.data());
+      for (size_t l = 0; l < nv; ++l) P[l] -= other[l];
+    }
     for (const PerturbedLaws& near : c.laws) {
       if (!point.loaded) break;
       here.resize(c.at.size()), rates.assign(c.at.size(), 0.0);

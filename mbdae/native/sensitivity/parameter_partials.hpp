@@ -1,5 +1,5 @@
 // Partials of a stage by parameters of a mechanism (mbdae/mechanism/discrete_sensitivity/parameter_partials.py): each
-// is a direction in model components, or a change of laws and rows.
+// is a direction in model components, or a change of laws, rows and flexible bodies.
 #pragma once
 
 #include <map>
@@ -55,6 +55,7 @@ struct ChangedElement {
   std::vector<int> at;  // indices of the laws' states, or of the rows
   std::vector<PerturbedLaws> laws;
   std::vector<PerturbedRows> rows;
+  std::vector<FlexibleBody> bodies;  // with the rates of their numbers
 };
 
 class Parameters {

@@ -1,0 +1,64 @@
+"""Derivatives of runs by modulus, density, section and damping of a flexible body, against difference quotients."""
+
+import flexible_bodies
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.errors import InputError
+from mbdae.finite_differences import numerical_derivative
+from mbdae.mechanism.formats.loaded_model import LoadedModel
+
+VALUES = {"young": 2.1e11, "density": 7850.0, "area": 64e-6, "second_moment": 3.4133333333333334e-10, "damping": 0.01}
+NAMES = [f"flexible.coupler.{name}" for name in VALUES]
+RUN = {"method": "pherk5", "step": 4e-4}
+
+
+@pytest.fixture(scope="module")
+def four_bar(tmp_path_factory):
+    path = tmp_path_factory.mktemp("model") / "four_bar.toml"
+    text = flexible_bodies.FOUR_BAR.read_text().replace("ends =", "damping = 0.01\nends =")
+    path.write_text(text.replace("stiffening = false\n", ""))
+    return mbdae.load(path)
+
+
+def end(mech, **options):
+    sol = mbdae.solve(mech, (0, 0.01), **RUN | options)
+    return np.concatenate([sol.q[-1], sol.v[-1]])
+
+
+@pytest.fixture(scope="module")
+def quotients(four_bar):
+    def column(name, value):
+        make = LoadedModel(four_bar).make
+        return numerical_derivative(lambda x: end(make({name: value * (1 + x)})), 2e-3) / value
+
+    return np.array([column(n, x) for n, x in zip(NAMES, VALUES.values(), strict=True)]).T
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+def test_sensitivities_are_difference_quotients(four_bar, quotients, backend):
+    sol = mbdae.solve(four_bar, (0, 0.01), **RUN, backend=backend)
+    found = mbdae.sensitivity(sol, NAMES)
+    ours = np.concatenate([found.q[-1], found.v[-1]])
+    size = np.abs(quotients).max(axis=0)
+    np.testing.assert_allclose(ours / size, quotients / size, atol=3e-9)
+
+
+@pytest.mark.parametrize("options", [RUN, {"method": "radau5", "step": 1e-3}])
+def test_gradients_are_sensitivities(four_bar, options):
+    sol = mbdae.solve(four_bar, (0, 0.01), **options)
+    found = mbdae.sensitivity(sol, NAMES)
+    last = np.zeros(len(sol.t))
+    last[-1] = 1.0
+    adjoint = mbdae.gradient(sol, lambda s: (float(s["q.rocker"][-1]), {"q.rocker": last}), NAMES)
+    ours = [adjoint.gradient[name] for name in NAMES]
+    np.testing.assert_allclose(ours, found.q[-1][four_bar.joint_names.index("rocker")], rtol=1e-8)
+
+
+def test_parameters_that_change_shapes_are_refused(four_bar):
+    sol = mbdae.solve(four_bar, (0, 1e-3), **RUN)
+    with pytest.raises(InputError, match=r"flexible.coupler.length' .*: no derivative; "):
+        mbdae.sensitivity(sol, ["flexible.coupler.length"])
+    with pytest.raises(InputError, match=r"'gravity.1' moves frames or gravity .* body 'coupler': no derivative"):
+        mbdae.sensitivity(sol, ["gravity.1"])
