@@ -5,7 +5,7 @@ process.
 """
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -14,9 +14,11 @@ from pydantic import AllowInfNan, Field, ValidationError
 from ..data_types import JsonObject
 from ..errors import InputError
 from .checked_table import Table, one_line
+from .flexible import FlexibleBody
+from .flexible.modal_data import modal_body_from_data, modal_data
 from .scene.shapes import PlacementEntries
 from .tree.joints import PER_COORDINATE, PER_VELOCITY, subspace
-from .tree.tree_terms import require_rigid
+from .tree.tree_terms import flexible_bodies
 
 PREFIX = "JointModel"
 COMPOSITE, SKEWED = "Composite", "RevoluteUnboundedUnaligned"
@@ -87,6 +89,7 @@ class _Model(Table):
     joints: tuple[_Link, ...]
     frames: tuple[_Frame, ...]
     arrays: dict[str, tuple[Limit, ...]]
+    flexible: dict[str, dict[str, Any]] = Field(default_factory=dict)
 
 
 def model_to_data(model: pin.Model) -> JsonObject:
@@ -95,7 +98,6 @@ def model_to_data(model: pin.Model) -> JsonObject:
     Raises:
         InputError: for a joint of an unsupported kind.
     """
-    require_rigid(model, "archives of models")
     joints = zip(model.names, model.parents, model.jointPlacements, model.joints, model.inertias, strict=True)
     return {
         "name": model.name,
@@ -117,6 +119,7 @@ def model_to_data(model: pin.Model) -> JsonObject:
             for f in list(model.frames)[1:]
         ],
         "arrays": {name: np.array(getattr(model, name)).tolist() for name in (*PER_VELOCITY, *PER_COORDINATE)},
+        "flexible": {body.name: modal_data(body.modal) for body in flexible_bodies(model)},
     }
 
 
@@ -155,7 +158,23 @@ def model_from_data(data: Mapping[str, object]) -> pin.Model:
             if len(values) != size or invalid.any():
                 raise InputError(f"model: {name} needs {size} numbers")
             getattr(model, name)[:] = values
+    if validated.flexible:
+        model.flexible = _flexible_from_data(validated.flexible, model)
     return model
+
+
+def _flexible_from_data(tables: Mapping[str, Mapping[str, Any]], model: pin.Model) -> tuple[FlexibleBody, ...]:
+    """Return the flexible bodies, whose joints and frames are in the model."""
+    bodies = tuple(FlexibleBody(name, modal_body_from_data(data, name)) for name, data in tables.items())
+    for body in bodies:
+        for kind, names, exists in (
+            ("joint", (body.name, *body.mode_joints), model.existJointName),
+            ("frame", body.node_frames, model.existFrame),
+        ):
+            for name in names:
+                if not exists(name):
+                    raise InputError(f"model: flexible body {body.name!r} has no {kind} {name!r}")
+    return bodies
 
 
 def _placement(x: pin.SE3) -> list[float]:

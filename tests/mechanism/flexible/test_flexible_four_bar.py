@@ -6,7 +6,6 @@ import pytest
 from flexible_bodies import AT_HALF_SECOND, FOUR_BAR, MODES_AT_HALF_SECOND
 
 import mbdae
-from mbdae.errors import InputError
 from mbdae.mechanism.formats.loaded_model import LoadedModel
 
 
@@ -96,12 +95,25 @@ def test_energy_drift_modes_and_equilibria(four_bar, run):
     assert "stable" in str(mbdae.modes(four_bar))
 
 
-def test_a_changed_modulus_and_archives(four_bar):
+def test_a_changed_modulus(four_bar):
     soft = LoadedModel(four_bar).make({"flexible.coupler.young": 1e11})
     ratio = four_bar.model.flexible[0].modal.frequencies / soft.model.flexible[0].modal.frequencies
     np.testing.assert_allclose(ratio, np.sqrt(2.1), rtol=1e-9)
-    with pytest.raises(InputError, match="archives of models of flexible bodies are not supported"):
-        mbdae.mechanism.describe(flexible_bodies.crowd())
+
+
+def test_a_model_made_in_python_is_saved_with_its_bodies(tmp_path):
+    mech = flexible_bodies.crowd()
+    sol = mbdae.solve(mech, (0, 1e-3), method="pherk5", step=1e-3)
+    sol.save(tmp_path / "crowd.npz")
+    again = mbdae.Solution.load(tmp_path / "crowd.npz").mechanism
+    np.testing.assert_array_equal(again.mass_matrix(sol.q[-1]), mech.mass_matrix(sol.q[-1]))
+    np.testing.assert_array_equal(again.residual(sol.q[-1], sol.v[-1]), mech.residual(sol.q[-1], sol.v[-1]))
+
+
+def test_a_sweep_over_the_modulus(four_bar):
+    runs = mbdae.sweep(FOUR_BAR, {"flexible.coupler.young": [1e11, 2.1e11]}, 0.01, outputs=["final q.crank"], rtol=1e-6)
+    assert not runs.failed
+    assert np.ptp(runs["final q.crank"]) > 1e-8
 
 
 @pytest.mark.parametrize(
