@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import UnknownNameError, as_list
 from ..mechanism import Driver
 from ..mechanism.signals.contacts import rolling_closures
+from ..mechanism.signals.deformation import deformation, deformation_units
 from ..mechanism.signals.effort_signals import driver_powers, effort_units, efforts
 from ..mechanism.signals.momentum import MOMENTUM, SHAKING, momentum, shaking_force
 from ..mechanism.tree.coordinate_units import acceleration_units, coordinate_units
@@ -117,6 +118,7 @@ FAMILIES = (
     Family(lambda mech: MOMENTUM, lambda sol: momentum(sol.mechanism.model, sol.q, sol.v)),
     Family(lambda mech: SHAKING, lambda sol: shaking_force(sol.mechanism.model, sol.q, sol.v, sol.vdot)),
     Family(mode_units, mode_columns),
+    Family(lambda mech: deformation_units(mech.model), lambda sol: deformation(sol.mechanism.model, sol.q)),
     Family(lambda mech: ENERGIES, _energies),
 )
 _known: "WeakKeyDictionary[Mechanism, list[Units]]" = WeakKeyDictionary()  # mechanisms are immutable
@@ -154,8 +156,9 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
     (kg m/s) and ``angular_momentum.x`` (kg m^2/s) about it; ``shaking_force.x`` (N) and ``shaking_moment.x`` (N m) of
     the inertia forces, without ``.x`` their magnitudes, see `mbdae.mechanism.signals.momentum`; ``kinetic``,
     ``potential``, ``energy``, and ``work`` of the non-conservative forces and drivers in J; of switches ``gap``,
-    ``mode`` and ``impulse.<name>``, see `mbdae.solution.mode_columns`; ``g`` and ``Gv``, the largest |g| and
-    |G v + g_t| over all rows.
+    ``mode`` and ``impulse.<name>``, see `mbdae.solution.mode_columns`; of nodes of flexible bodies
+    ``displacement.<node>.x`` in m in the axes of the body, ``strain.<node>`` and ``stress.<node>`` (N/m^2) of a fibre;
+    ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all rows.
 
     Args:
         sol: the solution.

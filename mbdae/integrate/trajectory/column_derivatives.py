@@ -10,6 +10,7 @@ from ...mechanism import Mechanism
 from ...mechanism.signal_derivatives import (
     MotionTangent,
     contact_derivatives,
+    deformation_derivatives,
     driver_power_derivatives,
     effort_derivatives,
     frame_motion_derivatives,
@@ -19,6 +20,7 @@ from ...mechanism.signal_derivatives import (
     shaking_derivatives,
 )
 from ...mechanism.signals.contacts import rolling_closures
+from ...mechanism.signals.deformation import deformation_units
 from ...mechanism.signals.effort_signals import effort_units
 from ...mechanism.signals.momentum import MOMENTUM, SHAKING
 from ...solution.columns import CONTACT, frame_units, moving_frames, reaction_units
@@ -94,6 +96,7 @@ FAMILIES = (
     DerivativeFamily(lambda mech: _frame_columns(mech, False), _speeds, False),
     DerivativeFamily(lambda mech: _frame_columns(mech, True), _accelerations, True),
     DerivativeFamily(lambda mech: MOMENTUM, momentum_derivatives, False),
+    DerivativeFamily(lambda mech: deformation_units(mech.model), deformation_derivatives, False),
     DerivativeFamily(lambda mech: SHAKING, lambda motion: _with_magnitude(*shaking_derivatives(motion)), True),
 )  # fmt: skip
 

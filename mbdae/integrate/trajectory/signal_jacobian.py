@@ -8,6 +8,8 @@ import numpy as np
 from ...errors import InputError
 from ...mechanism import Mechanism
 from ...mechanism.signal_derivatives import MotionTangent, TangentDirections
+from ...mechanism.signals.deformation import deformation_units
+from ...mechanism.tree.tree_terms import flexible_bodies
 from ...solution.signal_value import RESIDUALS, SignalValue, find_signal, signal_values
 from ...system import Array
 from .column_derivatives import DerivativeFamily, find_column
@@ -162,7 +164,11 @@ def column_of(mech: Mechanism, name: str) -> tuple[DerivativeFamily, int]:
     Raises:
         InputError: for a signal that has no gradient.
     """
-    if found := find_column(mech, name):
+    known = not flexible_bodies(mech.model) or name in deformation_units(mech.model)
+    if known and (found := find_column(mech, name)):
         return found
+    if not known:
+        words = "coordinates, multipliers, energies, displacement, strain and stress have one"
+        raise InputError(f"signal {name!r} of a mechanism with flexible bodies has no gradient: {words}")
     why = NOT_DIFFERENTIABLE.get(name.partition(".")[0], "its derivative is not known")
     raise InputError(f"signal {name!r} has no gradient: {why}")

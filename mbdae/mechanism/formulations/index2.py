@@ -103,8 +103,8 @@ class Index2System(PinocchioData, RunVariables, System):
             if not np.isfinite(self._M).all():
                 raise StepError("nonfinite", f"the state is not finite at t = {t:.17g}")
             joint = self.mechanism.coordinate_joint(abs(info) - 1)
-            what = f"the mass matrix is singular at joint {joint!r}, t = {t:.17g}: a body without inertia"
-            raise StepError("singular", what)
+            reason = tree.missing_inertia(self.model, joint)
+            raise StepError("singular", f"the mass matrix is singular at joint {joint!r}, t = {t:.17g}: {reason}")
         return U
 
     def force(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:

@@ -1,6 +1,7 @@
 """Exact derivatives of signals of a motion; their values are computed by `mbdae.mechanism`."""
 
 from .contacts import contact_derivatives, path_derivatives
+from .deformation import deformation_derivatives
 from .efforts import driver_power_derivatives, effort_derivatives
 from .frame_motions import frame_motion_derivatives
 from .momentum import momentum_derivatives, shaking_derivatives
@@ -11,6 +12,7 @@ __all__ = [
     "MotionTangent",
     "TangentDirections",
     "contact_derivatives",
+    "deformation_derivatives",
     "driver_power_derivatives",
     "effort_derivatives",
     "frame_motion_derivatives",

@@ -20,6 +20,7 @@ from ...system import Array
 from ..tree.expanded_tree import factor_joints
 from ..tree.frames import Anchor, Pair, find_frame, motion_cross
 from ..tree.pinocchio_data import make_data
+from ..tree.tree_terms import update_motions, update_poses
 
 if TYPE_CHECKING:
     from ..discrete_sensitivity.parameter_partials import Parameters
@@ -91,8 +92,8 @@ class MotionTangent:
             dA[i] += motion_cross(dV[i], w) + motion_cross(V[i][:, None], moved)
         self.X, self.V, self.A, self.dV, self.dA = (x[self.last_joints] for x in (X, V, A, dV, dA))
         self.placements = [data.oMi[i] for i in self.last_joints]
-        pin.forwardKinematics(self.model, self.system.workspace, q, v, np.zeros(len(v)))
-        pin.computeJointJacobians(self.model, self.system.workspace, q)
+        update_motions(self.model, self.system.workspace, q, v, np.zeros(len(v)))
+        update_poses(self.model, self.system.workspace, q)
 
     def placement_motion(self, placement: pin.SE3, motions: list[Array | None]) -> Array:
         """Return motions (6, m) in the world caused by parameters, from their motions (6,) in axes of a placement."""

@@ -56,6 +56,15 @@ def require_rigid(model: pin.Model | None, what: str) -> None:
         raise InputError(f"{what} of flexible bodies are not supported: {body.name!r}; replace it by a rigid body")
 
 
+def missing_inertia(model: pin.Model, joint: str) -> str:
+    """Return why the mass matrix is singular at a joint."""
+    for body in flexible_bodies(model):
+        if joint in body.mode_joints:
+            cure = "give the body that carries it inertia, take fewer modes, or stiffening = false"
+            return f"{body.name!r} bends too far for an inertia of second order in its modes; {cure}"
+    return "a body without inertia"
+
+
 def update_poses(model: pin.Model, data: pin.Data, q: Array) -> Array:
     """Update poses and J (6, nv), and return J."""
     J = pin.computeJointJacobians(model, data, q)

@@ -76,6 +76,34 @@ def test_deflection_by_shear_is_exact():
     assert body.nodes["A"].strain @ x == pytest.approx(-0.1, rel=1e-9)
 
 
+def test_signals_of_a_cantilever_at_rest(tmp_path):
+    """Under its weight: sag rho A g L^4/(8 EI), stress E y w'' = rho A g L^2 y/(2 I) at the clamped end."""
+    (tmp_path / "beam.toml").write_text("""
+gravity = [0.0, -9.81, 0.0]
+[[flexible]]
+name = "beam"
+parent = "world"
+joint = "revolute"
+length = 2.0
+young = 2.1e11
+density = 7850.0
+area = 1e-4
+second_moment = 8e-10
+elements = 16
+modes = 4
+stiffening = false
+loads = ["gravity y"]
+fibre = [5e-3, 0.0]
+""")
+    mech = mbdae.load(tmp_path / "beam.toml")
+    q = mbdae.equilibrium(mech, hold="beam").q
+    sol = mbdae.solve(mech, (0, 1e-6), q, method="pherk5", step=1e-6)
+    load, signals = 7850.0 * 1e-4 * 9.81, sol.signals()
+    assert signals["displacement.beam.B.y"][0] == pytest.approx(-load * 2**4 / (8 * 2.1e11 * 8e-10), rel=1e-9)
+    assert signals["stress.beam.A"][0] == pytest.approx(load * 2**2 * 5e-3 / (2 * 8e-10), rel=3e-3)
+    assert signals["strain.beam.A"][0] == pytest.approx(signals["stress.beam.A"][0] / 2.1e11, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [

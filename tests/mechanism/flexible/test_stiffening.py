@@ -6,6 +6,7 @@ import pytest
 from scipy.linalg import eigh
 
 import mbdae
+from mbdae.errors import StepError
 from mbdae.mechanism.formulations.equation_partials import equation_partials
 
 UNIT = {"length": 1.0, "young": 1.0, "density": 1.0, "area": 1.0, "second_moment": 1.0, "elements": 30}
@@ -103,3 +104,14 @@ def test_energy_of_a_spinning_blade_that_bends_far():
     assert np.ptp(energy) < 1e-8 * max(energy)
     moment = [(mech.mass_matrix(q) @ v)[0] for q, v in zip(sol.q, sol.v, strict=True)]
     assert np.ptp(moment) < 1e-9 * max(moment)
+
+
+def test_a_beam_without_a_hub_that_bends_too_far_is_named():
+    """The clamped modes span nearly all of the rotation of the frame: the rest of its inertia is of second order."""
+    model = pin.Model()
+    mbdae.attach_flexible(model, "blade", mbdae.beam(**UNIT, modes=8), pin.JointModelRZ())
+    mech = mbdae.Mechanism(model)
+    q = np.zeros(mech.nq)
+    q[1] = 0.1
+    with pytest.raises(StepError, match=r"singular at joint 'blade.mode \d', .* 'blade' bends too far .* fewer modes"):
+        mech.system().inertia(0.0, q)

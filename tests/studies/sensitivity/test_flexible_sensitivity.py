@@ -18,7 +18,7 @@ RUN = {"method": "pherk5", "step": 4e-4}
 def four_bar(tmp_path_factory):
     path = tmp_path_factory.mktemp("model") / "four_bar.toml"
     text = flexible_bodies.FOUR_BAR.read_text().replace("ends =", "damping = 0.01\nends =")
-    path.write_text(text.replace("stiffening = false\n", ""))
+    path.write_text(text.replace("stiffening = false\n", "fibre = [4e-3, 0.0]\n"))
     return mbdae.load(path)
 
 
@@ -54,6 +54,25 @@ def test_gradients_are_sensitivities(four_bar, options):
     adjoint = mbdae.gradient(sol, lambda s: (float(s["q.rocker"][-1]), {"q.rocker": last}), NAMES)
     ours = [adjoint.gradient[name] for name in NAMES]
     np.testing.assert_allclose(ours, found.q[-1][four_bar.joint_names.index("rocker")], rtol=1e-8)
+
+
+SIGNALS = "displacement.coupler.middle.y", "strain.coupler.middle", "stress.coupler.middle"
+
+
+def test_derivatives_of_strain_and_stress(four_bar):
+    sol, young = mbdae.solve(four_bar, (0, 0.01), **RUN), "flexible.coupler.young"
+    last = np.eye(len(sol.t))[-1]
+    ours = [mbdae.gradient(sol, lambda s, n=n: (s[n][-1], {n: last}), [young]).gradient[young] for n in SIGNALS]
+
+    def values(x):
+        run = mbdae.solve(LoadedModel(four_bar).make({young: 2.1e11 * (1 + x)}), (0, 0.01), **RUN)
+        return np.array([run.signals()[name][-1] for name in SIGNALS])
+
+    quotient = numerical_derivative(values, 2e-3) / 2.1e11
+    np.testing.assert_allclose(ours, quotient, rtol=1e-7)
+    other = "position.coupler.middle.x"
+    with pytest.raises(InputError, match=rf"'{other}' .* flexible bodies has no gradient: coordinates"):
+        mbdae.gradient(sol, lambda s: (s[other][-1], {other: last}), [young])
 
 
 def test_parameters_that_change_shapes_are_refused(four_bar):
