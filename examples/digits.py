@@ -51,17 +51,9 @@ CAR = (
     "-0.00473688659084893324729 -0.00110468033125734368808"
 )
 CAR_NAMES = (
-    "x_l, m",
-    "y_l, m",
-    "x_r, m",
-    "y_r, m",
-    "x_l', m/s",
-    "y_l', m/s",
-    "x_r', m/s",
-    "y_r', m/s",
-    "lam_1",
-    "lam_2",
-)
+    "x_l, m", "y_l, m", "x_r, m", "y_r, m", "x_l', m/s", "y_l', m/s", "x_r', m/s", "y_r', m/s", "lam_1", "lam_2"
+)  # fmt: skip
+RODS = "-0.331173498825626 0.169737332842786 1.8931929e-4 2.3757512499e-5 -5.3238967706e-6 -8.3633132791e-6"
 
 
 def car_axis() -> list[Digits]:
@@ -75,6 +67,16 @@ def car_axis_equations() -> list[Digits]:
     """Car axis, t = 3 s, its equations at velocity level."""
     sol = solve(TEXTBOOK["car_axis_equations"](), (0, 3), method="radau9", rtol=1e-9, atol=1e-9)
     return errors(dict(zip(CAR_NAMES, [*sol.y[-1], *sol.z[-1]], strict=True)), CAR)
+
+
+def flexible_slider_crank() -> list[Digits]:
+    """Flexible slider-crank, t = 0.1 s, its published start closed first."""
+    sol = solve(load("flexible_slider_crank"), (0, 0.1), method="pherk6", step=0.1 / 9600)
+    x = {name: float(column[-1]) for name, column in sol.signals().items()}
+    across, along = (x[f"displacement.rod.middle.{axis}"] for axis in "yx")
+    second = x["displacement.rod.quarter.y"] - np.sqrt(0.5) * across
+    modes = {"q_1, m": across, "q_2, m": second, "q_3, m": along, "q_4, m": x["displacement.rod.pin.x"]}
+    return errors({"phi_2, rad": x["q.crank"] + x["q.rod"], "x_3, m": x["q.slider"], **modes}, RODS)
 
 
 def fekete() -> list[Digits]:
@@ -268,8 +270,8 @@ def cart_pole() -> list[Digits]:
 
 
 ALL = (
-    car_axis, car_axis_equations, fekete, andrews, bicycle, leaned_bicycle, pendulum, four_bars, bricard, governor,
-    in_the_middle, on_the_axle, cart_pole,
+    car_axis, car_axis_equations, flexible_slider_crank, fekete, andrews, bicycle, leaned_bicycle, pendulum, four_bars,
+    bricard, governor, in_the_middle, on_the_axle, cart_pole,
 )  # fmt: skip
 PROBLEMS: dict[str, Callable[[], list[Digits]]] = {p.__name__: p for p in ALL}
 

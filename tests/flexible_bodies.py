@@ -10,7 +10,7 @@ import mbdae
 from mbdae.mechanism.flexible import ModalBody, attach_flexible
 from mbdae.mechanism.flexible.modal_body import Node
 
-FOUR_BAR = Path(__file__).parent / "data" / "flexible_four_bar.toml"
+FOUR_BAR = Path(__file__).parent.parent / "models" / "flexible_four_bar" / "mechanism.toml"
 AT_HALF_SECOND = {  # two formulations of other programs, to one unit of the last digit
     "crank": 6.176187673203,
     "middle": -1.042298286915e-3,

@@ -25,7 +25,7 @@ from ...tolerances import COARSE, NEGLIGIBLE, TINY, VISIBLE
 SAMPLES = 9  # nodes at which the vibrations are computed, the first one among them
 SIZES = 48  # of steps, at which R is evaluated; interpolated between them
 QUOTIENT_WIDTH = 1e-3  # of 1/w: time between the two points of a rate
-MAX_ERROR = 0.01  # of the largest rate of a vibration: a larger error is a vibration that is not resolved
+MAX_ERROR = 0.05  # of the largest rate of a vibration: a larger error is a vibration that is not resolved
 LIMITING = 0.2  # h w: smaller steps are not those that a vibration needs
 OSCILLATING = 0.3  # damping ratio: with a larger one a vibration ends within a cycle
 MAX_DEFLECTION = 0.1  # of the size of a body: its square is the relative error of a linear deformation

@@ -6,7 +6,7 @@ from flexible_bodies import FOUR_BAR
 from flexible_slider_crank import slider_crank
 
 import mbdae
-from mbdae.integrate.run.elastic_resolution import step_error
+from mbdae.integrate.run.elastic_resolution import _error, _vibrations, step_error
 from mbdae.mechanism.equilibrium.elastic_modes import elastic_modes
 from mbdae.methods import method
 
@@ -41,7 +41,7 @@ def test_a_vibration_that_limits_the_steps_is_named():
 @pytest.mark.parametrize(
     "options",
     [
-        {"method": "pherk6", "rtol": 1e-4},  # published: rates off by 6 to 9 %
+        {"method": "pherk6", "rtol": 1e-5},
         {"method": "radau9", "step": 5e-4},  # the upper mode is damped away
         {"method": "radau9", "rtol": 1e-4},
     ],
@@ -50,6 +50,20 @@ def test_a_vibration_that_is_not_resolved_is_named(options):
     sol = run(**options)
     assert sol.status == "doubtful"
     assert sol.message.startswith(f"{UNRESOLVED} {options['method']} damps or delays: take a smaller ")
+
+
+def test_the_error_of_a_vibration_is_estimated():
+    """At rtol 1e-6, against sixteen thousand steps: the rate of the upper mode is off by 3.5 % of its largest value."""
+    mech, _, q, v = slider_crank()
+    t = np.linspace(0, 0.1, 401)
+    fine, sol = (
+        mbdae.solve(mech, (0, 0.1), q, v, method="pherk6", t_eval=t, **x) for x in ({"step": 1e-5}, {"rtol": 1e-6})
+    )
+    modes = elastic_modes(mech.system(), 0.0, q)
+    rates = [x.v[:, modes.at] @ modes.rows[-1] for x in (sol, fine)]
+    error = np.abs(rates[0] - rates[1]).max()
+    estimated = _error(_vibrations(sol), 3, sol.nodes[0], np.diff(sol.nodes[0]), method("pherk6"))
+    assert 0.7 < estimated / error < 1.5
 
 
 def test_resolved_and_damped_vibrations_are_not():
