@@ -64,16 +64,19 @@ void rotation_jacobian_rate(const FlexibleBody::Node& n, const double* z, const 
 
 FlexibleBody::FlexibleBody(ModalBody data_, std::vector<int> base_, int first_pose_, int first_column_)
     : data(std::move(data_)), base(std::move(base_)), first_pose(first_pose_), first_column(first_column_),
-      nodes_(data.nodes.size()), nu_(6 + data.modes), A_(6 + data.modes), F_(6 + data.modes), columns_(base.size()) {}
+      nodes_(data.nodes.size()), nu_(6 + data.modes), A_(6 + data.modes), F_(6 + data.modes), columns_(base.size()) {
+  for (const ModalNode& x : data.nodes)
+    curved_.push_back(std::any_of(x.Phi2.begin(), x.Phi2.end(), [](double y) { return y != 0; }));
+}
 
 void FlexibleBody::turn_nodes(const double* q) {
   const double* x = q + data.iq;
-  for (size_t i = 0; i < nodes_.size(); ++i) {
-    Node& n = nodes_[i];
-    const ModalNode& at = data.nodes[i];
+  for (size_t number = 0; number < nodes_.size(); ++number) {
+    Node& n = nodes_[number];
+    const ModalNode& at = data.nodes[number];
     const int k = data.modes;
     std::copy(at.r, at.r + 3, n.d), std::fill(n.theta, n.theta + 3, 0.0), n.Phi = at.Phi;
-    for (int i = 0; i < k; ++i)
+    for (int i = 0; i < k && curved_[number]; ++i)
       for (int j = 0; j < k; ++j)
         for (int l = 0; l < 3; ++l) n.Phi[3 * i + l] += at.Phi2[3 * (i * k + j) + l] * x[j];
     for (int i = 0; i < k; ++i)
@@ -104,16 +107,16 @@ void FlexibleBody::place_nodes(const FramePose& at, double* poses, double* J) {
   }
 }
 
-void FlexibleBody::move_node(int i, const FramePose& at, const double* V_, const double* A_, const double* u,
+void FlexibleBody::move_node(int number, const FramePose& at, const double* V_, const double* A_, const double* u,
                              const double* du, double* V_node, double* A_node) const {
-  const Node& n = nodes_[i];
-  const ModalNode& x = data.nodes[i];
+  const Node& n = nodes_[number];
+  const ModalNode& x = data.nodes[number];
   const int k = data.modes;
   double V[6], A[6], relative[3] = {}, s[3] = {}, turn[3], rate[3] = {}, ds[3] = {}, more[3];
   to_frame(at, V_, V), to_frame(at, A_, A);
   combine(n.Phi, u, k, relative), combine(x.Psi, u, k, s);
   if (du) combine(n.Phi, du, k, A), combine(x.Psi, du, k, ds);
-  for (int i = 0; i < k; ++i)
+  for (int i = 0; i < k && curved_[number]; ++i)
     for (int j = 0; j < k; ++j)
       for (int l = 0; l < 3; ++l) A[l] += x.Phi2[3 * (i * k + j) + l] * u[i] * u[j];
   add_cross(A + 3, n.d, A), add_cross(V + 3, relative, A);

@@ -37,7 +37,7 @@ class FlexibleBody {
   void turn_nodes(const double* q);
   void place_nodes(const FramePose& at, double* poses, double* J);
   // Motions of a node about the root's position, from those of the frame; u, du (k,) of the modes, du may be null.
-  void move_node(int i, const FramePose& at, const double* V, const double* A, const double* u, const double* du,
+  void move_node(int number, const FramePose& at, const double* V, const double* A, const double* u, const double* du,
                  double* V_node, double* A_node) const;
   // M by columns, above the diagonal
   void add_inertia(const FramePose& at, const Six* about, double* M, size_t nv) const;
@@ -52,6 +52,7 @@ class FlexibleBody {
 
  private:
   std::vector<Node> nodes_;
+  std::vector<bool> curved_;  // of each node: does it have displacements of second order?
   Deformation<double> now_;
   mutable std::vector<double> nu_, A_, F_;
   mutable std::vector<Six> columns_;  // (base,) in the axes of the frame
