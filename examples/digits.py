@@ -50,9 +50,7 @@ CAR = (
     "-0.0770583684040972357970 0.00744686658723778553466 0.0175568157537232222276 0.770341043779251976443 "
     "-0.00473688659084893324729 -0.00110468033125734368808"
 )
-CAR_NAMES = (
-    "x_l, m", "y_l, m", "x_r, m", "y_r, m", "x_l', m/s", "y_l', m/s", "x_r', m/s", "y_r', m/s", "lam_1", "lam_2"
-)  # fmt: skip
+CAR_NAMES = "x_l, m", "y_l, m", "x_r, m", "y_r, m", *(f"{x}_{end}', m/s" for end in "lr" for x in "xy"), "lam_1", "lam_2"
 RODS = "-0.331173498825626 0.169737332842786 1.8931929e-4 2.3757512499e-5 -5.3238967706e-6 -8.3633132791e-6"
 
 
@@ -72,10 +70,9 @@ def car_axis_equations() -> list[Digits]:
 def flexible_slider_crank() -> list[Digits]:
     """Flexible slider-crank, t = 0.1 s, its published start closed first."""
     sol = solve(load("flexible_slider_crank"), (0, 0.1), method="pherk6", step=0.1 / 9600)
-    x = {name: float(column[-1]) for name, column in sol.signals().items()}
-    across, along = (x[f"displacement.rod.middle.{axis}"] for axis in "yx")
-    second = x["displacement.rod.quarter.y"] - np.sqrt(0.5) * across
-    modes = {"q_1, m": across, "q_2, m": second, "q_3, m": along, "q_4, m": x["displacement.rod.pin.x"]}
+    x = {name.removeprefix("displacement.rod."): float(column[-1]) for name, column in sol.signals().items()}
+    second = x["quarter.y"] - np.sqrt(0.5) * x["middle.y"]
+    modes = {"q_1, m": x["middle.y"], "q_2, m": second, "q_3, m": x["middle.x"], "q_4, m": x["pin.x"]}
     return errors({"phi_2, rad": x["q.crank"] + x["q.rod"], "x_3, m": x["q.slider"], **modes}, RODS)
 
 
