@@ -79,6 +79,7 @@ SHARED: dict[str, Decorator] = {
     "from": click.option("--from", "first", type=float, help="Start of the span, in rad or m; with --to."),
     "to": click.option("--to", "last", type=float, help="End of the span."),
     "closures": click.option("--closures", is_flag=True, help="Mark the closures, also those that are closed."),
+    "deformation": click.option("--deformation", type=float, help="Factor on deflections of flexible bodies."),
     "follow": click.option("--follow", help="A joint whose body the camera follows."),
     "camera": click.option("--camera", help="front, top, side or 3d.  [default: as the motion wants]"),
     "arrows": click.option("--arrows", "every", is_flag=True, help="Draw the forces of all closures."),
@@ -90,7 +91,7 @@ SHARED: dict[str, Decorator] = {
     ),
 }  # fmt: skip
 RUN = "t_span rtol atol step formulation project"
-REPLAY = "speed trace arrow arrows camera follow closures"
+REPLAY = "speed trace arrow arrows camera follow closures deformation"
 STATE = "q v hold t"
 
 

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 
+from ...system import Array
 from ..tree.tree_terms import flexible_bodies
 from .scene import Mark
 
@@ -20,6 +21,17 @@ def flexible_links(model: pin.Model) -> Iterator[Mark]:
             length = float(np.linalg.norm(nodes[j].r - nodes[i].r))
             yield Mark(f"{body.name} {number}", (first + i, one), (first + j, one), length)
         first += len(nodes)
+
+
+def enlarged(model: pin.Model, q: Array, factor: float | None) -> Array:
+    """Return configurations (m, nq) with the coordinates of all modes multiplied by a factor; unchanged without it."""
+    if factor is None:
+        return q
+    out = q.copy()
+    for body in flexible_bodies(model):
+        first = model.joints[model.getJointId(body.mode_joints[0])].idx_q
+        out[:, first : first + body.modal.modes] *= factor
+    return out
 
 
 def hidden_joints(model: pin.Model) -> tuple[set[int], set[int]]:

@@ -10,6 +10,7 @@ import numpy as np
 from ...errors import InputError, UnknownNameError, require
 from ...file_io import atomic_write, write_page
 from ...mechanism.scene.drawables import drawables, motions
+from ...mechanism.scene.flexible_links import enlarged
 from ...mechanism.scene.visible import sampled
 from ..figures import COLOURS
 from . import animation_tracks as tracks
@@ -46,6 +47,7 @@ def animate(
     camera: str | None = None,
     follow: str | None = None,
     closures: bool = False,
+    deformation: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Path:
     """Write a solution as a self-contained HTML page for any browser, as a video, or as an animated scene.
@@ -80,6 +82,7 @@ def animate(
         follow: a joint whose body the camera follows, ``""`` for none; when left out the heaviest one if the
             mechanism travels far.
         closures: whether all closures are marked, also those without a visible gap.
+        deformation: factor on the deflections of flexible bodies in the scene; 1 when left out.
         progress: called with the finished fraction of a video.
 
     Returns:
@@ -96,12 +99,13 @@ def animate(
 
         _checked(sol, fps, speed)
         times, q = _frames(sol, 30.0 if fps is None else fps, MAX_FRAMES)
+        q = enlarged(sol.mechanism.model, q, deformation)
         with atomic_write(path) as draft:
             scene, marks = sol.mechanism.scene.travelled(q), mode_tracks_of(sol, q)
             draft.write_bytes(glb(scene, times, q, sol.mechanism.title, speed or pace(sol), marks))
         return Path(path)
     shown: dict[str, Any] = {"plots": plots, "signals": signals, "traces": traces, "ghosts": ghosts, "arrows": arrows}
-    shown |= {"choices": choices, "camera": camera, "follow": follow, "closures": closures}
+    shown |= {"choices": choices, "camera": camera, "follow": follow, "closures": closures, "deformation": deformation}
     if suffix in VIDEO:
         rate = VIDEO[suffix].fps if fps is None else fps
         speed = pace(sol) if speed is None else speed
@@ -127,6 +131,7 @@ def page(
     camera: str | None = None,
     follow: str | None = None,
     closures: bool = False,
+    deformation: float | None = None,
 ) -> str:
     """Return the page that `animate` writes.
 
@@ -140,6 +145,7 @@ def page(
     if camera is not None:
         _check_known("camera", camera, CAMERAS)
     times, q = _frames(sol, 60.0 / speed if fps is None else fps / speed, MAX_FRAMES if fps is None else None)
+    q = enlarged(mechanism.model, q, deformation)
     scene = mechanism.scene.travelled(q)
     if follow:
         _check_known("body", follow, list(tracks.bodies(scene, mechanism.model)))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 PRINTED_TIMES = 5  # of an event
 REPLAYS = ("html", "video", "glb")
-REPLAY_ARGUMENTS = ("speed", "plots", "traces", "arrows", "every", "camera", "follow", "closures")
+REPLAY_ARGUMENTS = ("speed", "plots", "traces", "arrows", "every", "camera", "follow", "closures", "deformation")
 FILES = (
     output_file("-o", "--output", suffixes=(".npz", ".csv"), help="Save the solution as .npz, or as a .csv table."),
     output_file("--html", suffixes=PAGES, help="Write a replay as one HTML page."),
@@ -73,7 +73,7 @@ def _problem(model: ChosenModel, out: Output, replay: dict[str, Any]) -> "Proble
 
     requested = any(replay[name] for name in REPLAY_ARGUMENTS[1:])
     if requested and not (out.paths["html"] or out.paths["video"]):
-        options = "--plots, --trace, --arrows, --camera, --follow and --closures"
+        options = "--plots, --trace, --arrows, --camera, --follow, --closures and --deformation"
         raise InputError(f"{options} need a replay: --html run.html, or --video run.mp4")
     found = model.problem()
     if any(out.paths[name] for name in REPLAYS) and not isinstance(found, Mechanism):
