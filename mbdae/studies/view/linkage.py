@@ -13,6 +13,7 @@ from ...mechanism.scene.scene import Scene
 from ...mechanism.tree.expanded_tree import expand, factor_joints
 from ...mechanism.tree.frames import find_joint
 from ...mechanism.tree.joints import joint_transform, subspace
+from ...mechanism.tree.tree_terms import flexible_bodies
 from ...system import Array
 from ..replay.threejs import node, typed
 from .sliders import Slider, limits_of, value_of
@@ -21,7 +22,7 @@ ROWS = ("dot_product_1", "dot_product_2", "distance", "coordinate", "sum")  # ki
 
 
 def linkage(mech: Mechanism, scene: Scene, q: Array, sliders: Sequence[Slider]) -> dict[str, Any] | None:
-    """Return data of a mechanism at q (nq,) for a page that closes its loops; None if some kind is unsupported.
+    """Return data of a mechanism at q (nq,) for a page that closes its loops; None if some kind or a body is not.
 
     A joint is given by its parent, its placement there, its transform at q and its motion subspace S: after a step x of
     its coordinates it is at transform exp(S x). Joints with configuration-dependent axes are expanded, so that S is
@@ -33,7 +34,7 @@ def linkage(mech: Mechanism, scene: Scene, q: Array, sliders: Sequence[Slider]) 
         pairs, rows, _ = constraints_of(undriven.system().constraints)
     except (InputError, NotCompiled):
         return None
-    if undriven.switches or any(row.get("kind") not in ROWS for row in rows):
+    if flexible_bodies(mech.model) or undriven.switches or any(row.get("kind") not in ROWS for row in rows):
         return None
     last = np.cumsum([0, *(len(factor_joints(joint)) for joint in list(mech.model.joints)[1:])]).tolist()
     return {
