@@ -39,7 +39,7 @@ OTHER = {  # options that are no arguments: of the model, and of what is done wi
     "from": "with --to the argument span: `from` is a keyword of Python",
     "to": "with --from the argument span",
 }
-REPLAY = ("plots", "trace", "arrow", "arrows", "camera", "follow", "closures", "speed")  # arguments of `animate`
+REPLAY = ("plots", "trace", "arrow", "arrows", "camera", "follow", "closures", "deformation", "speed")  # of `animate`
 OWN = {  # command: its further options
     "animate": {"meshes"},  # of `Solution.load`
     "compare": {"quantity"},  # of `Comparison.plot`
