@@ -14,6 +14,7 @@ from ...mechanism.hybrid.switch import Guard, Switch
 from ...mechanism.hybrid.switches import describe_mode, unswitched_rows
 from ...system import Array, State
 from ...tolerances import CLOSED, COINCIDENT, SMALLEST_PART, ZERO_SPEED
+from .core_contacts import Rebound
 from .guard_location import TrackedGuard, first_guard_root
 from .load_resolution import QUARTERS, PointAt, loads_unresolved, resolving_step
 from .singularity_crossing import POSITION_ACCURACY
@@ -40,9 +41,9 @@ class ModeChanges(EventSource):
     Attributes:
         modes: the modes, each with its first node.
         impacts: the impacts of the run.
+        core_guards: core data of the guards of the mode; None if the core does not have all of them.
+        checked_in_core: whether the core has checked the last steps.
     """
-
-    each_step = True
 
     def __init__(self, system: Index2System) -> None:
         self.system, self.all_rows = system, AllRows(system)
@@ -84,6 +85,17 @@ class ModeChanges(EventSource):
         for signal in run.user_events.signals.values() if run else ():
             signal.system.enter(mode)
         self.guards: list[TrackedGuard] = []
+        guards = [s.core_guard(mode[s.index]) for s in self.switches] if self.system.native else []
+        self.core_guards = [g for g in guards if g] if all(guards) and guards else None
+        self.checked_in_core = False
+
+    @property
+    def each_step(self) -> bool:  # type: ignore[override]
+        """Whether every step must be checked in Python, since the core does not have the guards of the mode."""
+        return self.core_guards is None
+
+    def is_idle(self, run: "RunState", t1: float) -> bool:
+        return False
 
     def begin_interval(self, run: "RunState") -> None:
         """Track the guards of the mode, if the mode is new."""
@@ -140,6 +152,9 @@ class ModeChanges(EventSource):
 
     def first_event(self, step: "StepMap") -> Occurrence | None:
         """Return the end of the mode in a step, where the first guards cross zero."""
+        if self.checked_in_core:
+            self.checked_in_core = False
+            return None
         try:
             theta, self.fired = self._first_root(step)
         except StepError as e:  # a guard cannot be computed: the run ends before this step
@@ -166,7 +181,7 @@ class ModeChanges(EventSource):
     def rejects(self, step: "StepMap") -> bool:
         """Return whether a step is too long to resolve loads of sticking or closed rows, and limit the next step."""
         run = step.run
-        if not run.stepper.controls or not run.stepper.any_size:
+        if self.checked_in_core or not run.stepper.controls or not run.stepper.any_size:
             return False
         h, shortest = abs(step.h), SHORTEST_STEP * abs(run.t1 - run.ts[0])
         worst = loads_unresolved(self.guards, self._points(step), QUARTERS, h)
@@ -229,6 +244,12 @@ class ModeChanges(EventSource):
         self.modes.append((len(run.ts), mode))
         run.switch_mode(y)
         self._track(run.t, run.ys[-1])
+
+    def adopt_rebound(self, run: "RunState", rebound: Rebound) -> None:
+        """Record an impact that the core has resolved, in the mode that continues after it."""
+        self._check_chattering(run.t, [self.guards[rebound.switch].guard])
+        self.impacts.append(rebound.record(run.t, self.system.mechanism))
+        self.modes.append((len(run.ts), self.system.mode))
 
     def explain(self, run: "RunState", reason: StepError) -> StepError:
         """Add the time and the mode in which a run stopped, or the contact that closed at a singular configuration."""

@@ -8,6 +8,7 @@ from ...data_types import JsonObject
 from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
 from ...system import Array, State, Step
 from ...tolerances import AGREEMENT, COINCIDENT, TINY
+from ..events.core_contacts import Rebound, guards_from_core, guards_to_core, set_constants
 from ..events.jumps import MARGIN, MAX_CLUSTER, SmoothInterval
 from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
 from ..events.singularity import SINGULAR_RATIO
@@ -45,6 +46,7 @@ class NativeStepper(Stepper):
         self.run: Run = system.native.Run()
         self.run.project, self.run.seconds = project, CHECK_INTERVAL
         self.passed_events: UserEvents | None = None
+        self.undecided = False  # whether the guards of the next step are left to Python
         self.unrecorded = False  # whether the core has steps that are not recorded
         self.adaptive = inner if isinstance(inner, Adaptive) else None
         self.fixed = inner if isinstance(inner, Fixed) else None
@@ -121,12 +123,19 @@ class NativeStepper(Stepper):
 
     def _advance_core(self, run: "RunState", max_steps: int) -> int:
         """Let the core try steps; return their number, 0 if the next step needs Python."""
+        contacts, changes = self.run.contacts, run.mode_changes
+        contacts.in_core = changes is not None and not self.undecided and max_steps > 1
+        if contacts.in_core:
+            guards_to_core(contacts, changes)
+        elif changes:
+            max_steps = 1
         self._to_native(run, max_steps)
         try:
             self.system.advance(self.tableau, self.run)
         finally:
             self._take_from_core(run)
-        return self.run.taken + self.run.rejected
+        self.undecided, tried = contacts.undecided, self.run.taken + self.run.rejected
+        return self._advance_core(run, 1) if self.undecided and not tried else tried
 
     def _take_from_core(self, run: "RunState") -> None:
         """Record the steps of the core, and take over its step sizes."""
@@ -139,6 +148,7 @@ class NativeStepper(Stepper):
         r, c = self.run, self.run.control
         r.max_undone, r.tiny, r.adaptive = MAX_UNDONE, TINY, self.adaptive is not None
         r.grid.coincident, r.tolerated_move = COINCIDENT, FIXED_STEP_TOLERANCE
+        set_constants(r.contacts, self.system.mechanism)
         m = r.monitor
         m.suspicious_ratio, m.singular_ratio, m.monitored_ratio = SUSPICIOUS_RATIO, SINGULAR_RATIO, MONITORED_RATIO
         m.notch_ratio, m.steps_ahead = NOTCH, AHEAD
@@ -202,6 +212,12 @@ class NativeStepper(Stepper):
         run.carries.extend(first, *r.carries())
         run.in_use += [(first + k, tuple(rows)) for k, rows in r.row_changes]
         run.user_events.adopt_native(r.events)
+        changes, contacts = run.mode_changes, r.contacts
+        rebounds: dict[int, Rebound] = {}
+        if changes and contacts.in_core:
+            rebounds = {x.node: x for x in guards_from_core(contacts, changes)}
+            changes.checked_in_core = True
+        unchecked = changes is not None and not contacts.in_core  # guards are checked first, and may truncate the step
         state, interval = State(*r.state()), r.interval
         restart = None if np.isnan(r.jumps.restart) else r.jumps.restart
         times, i, after_jumps = ts.tolist(), 0, r.after_jumps
@@ -213,7 +229,7 @@ class NativeStepper(Stepper):
             while i < n:
                 regular = (
                     monitor.skip_regular_steps(least_pivot_ratio[i : n - end])
-                    if monitor and not run.mode_changes
+                    if monitor and not unchecked
                     else n - i
                 )
                 run.extend(times[i : i + regular], ys[i : i + regular], zs[i : i + regular], state)
@@ -226,10 +242,12 @@ class NativeStepper(Stepper):
                         run.project_last_node()
             if n < len(times):
                 run.end_interval()
+                if changes and n in rebounds:
+                    changes.adopt_rebound(run, rebounds[n])
                 run.extend(times[n : n + 1], ys[n : n + 1], zs[n : n + 1], state)
-                run.notify_discontinuity()
+                run.notify_discontinuity(mode_changed=n in rebounds)
                 i = n + 1
-        if monitor and run.mode_changes:  # guards are checked first, and may truncate the step
+        if monitor and unchecked:
             self.system.least_pivot_ratio = float(least_pivot_ratio[-1])
             monitor.store_ratio()
         run.interval = SmoothInterval(interval.stop, interval.end, restart)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ...data_types import CoreData
 from ...system import Array
 from ...tolerances import SHORTEST_FLIGHT
 from ..closures.closure import UnilateralClosure
@@ -65,6 +66,17 @@ class Unilateral(UnilateralRow):
         if state == OPEN:
             return (Guard("contact", self.name, self.index, self.gap, self.speed, self.acceleration),)
         return (Guard("separation", self.name, self.index, self.load, needs_multipliers=True, load=self.load),)
+
+    @property
+    def impacts_alone(self) -> bool:
+        """Whether no other row takes part in an impact of this contact: neither friction nor no-slip rows."""
+        return self.rows == (self.row,)
+
+    def core_guard(self, state: int) -> CoreData | None:
+        if state != OPEN:
+            return None
+        restitution = self.restitution if self.impacts_alone else 0.0
+        return {"row": self.row, "sign": self.sign, "restitution": restitution, "rest": self.rest}
 
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         if state != CLOSED and self.gap(point) > tolerance * point.system.mechanism.row_scales[self.row]:
