@@ -156,8 +156,12 @@ class Index2System(PinocchioData, RunVariables, System):
         out.enter(self.mode)
         return out
 
-    def rows_of_all_modes(self, t: float, y: Array) -> tuple[Array, Array] | None:
-        """Return g and G v + g_t over all rows, active or not, (ng,) each; None if Python must compute them."""
+    def rows_of_all_modes(self, t: float, q: Array) -> tuple[Array, Array, Array] | None:
+        """Return g (ng,), G (ng, nv) and g_t (ng,) of all rows, active or not; None if Python must compute them."""
+        return None
+
+    def bias_of_all_modes(self, t: float, q: Array, v: Array) -> Array | None:
+        """Return gamma = Gdot v + g_tt of all rows, active or not, (ng,); None if Python must compute it."""
         return None
 
     def enter(self, mode: Mode) -> None:

@@ -9,18 +9,6 @@ namespace mbdae {
 
 namespace {
 
-// While it exists, no row is inactive.
-class AllActive {
- public:
-  explicit AllActive(Constraints& constraints) : constraints_(constraints) { off_.swap(constraints.off); }
-  ~AllActive() { off_.swap(constraints_.off); }
-  AllActive(const AllActive&) = delete;
-
- private:
-  Constraints& constraints_;
-  std::vector<bool> off_;
-};
-
 // The cubic with values f and derivatives m at 0 and 1: c[3] + c[2] x + c[1] x^2 + c[0] x^3.
 struct Cubic {
   Cubic(double f0, double f1, double m0, double m1) : c{2 * (f0 - f1) + m0 + m1, 3 * (f1 - f0) - 2 * m0 - m1, m0, f0} {}
@@ -78,7 +66,7 @@ double ContactMonitor::rounding(int i) const {
 }
 
 ContactMonitor::Gaps ContactMonitor::gaps(double t, const double* y) {
-  const AllActive all(s_.constraints);
+  const AllRowsActive all(s_.constraints);
   Numbers g(s_.ng, 0.0), g_t(s_.ng, 0.0);
   s_.mechanics.poses(y);
   s_.constraints.value(s_.mechanics, y, rows_, G_.data(), g.data());
@@ -172,7 +160,7 @@ void ContactMonitor::advance() {
 }
 
 double ContactMonitor::gap_acceleration(int i, const double* y, const double* F) {
-  const AllActive all(s_.constraints);
+  const AllRowsActive all(s_.constraints);
   const int k = rows_[i];
   Numbers gamma(s_.ng, 0.0), g_tt(s_.ng, 0.0);
   s_.mechanics.motions(y, y + s_.nq);
@@ -226,7 +214,7 @@ Rebound ContactMonitor::rebound(int i, double t, double* y) {
   if (!(e > 0) || std::fabs(t - guard.last_impact) < guard.rest) leave_to_python();
   if (!(approach < -all_.mode_rounding * speed * scale)) leave_to_python();
 
-  Numbers rate(s_.ng), x(nv), closing(s_.ng, 0.0), opening(s_.ng, 0.0), unit(nv, 0.0), normal(nv, 0.0);
+  Numbers rate(s_.ng), x(nv), closing(s_.ng, 0.0), opening(s_.ng, 0.0), normal(nv, 0.0);
   s_.residual_rate(t, v, rate.data());
   if (!(largest_scaled(rate.data(), limits.row_scales) <= limits.visible * speed)) leave_to_python();
   for (int c : s_.constraints.rows[row].columns) normal[c] = guard.sign * G_[static_cast<size_t>(row) * nv + c];
@@ -235,28 +223,32 @@ Rebound ContactMonitor::rebound(int i, double t, double* y) {
   double free = 0;  // |M^-1/2 n|^2
   for (int c : s_.constraints.rows[row].columns) free += z[c] * z[c];
   s_.saddle.factorize_symmetric();
-  s_.saddle.minimum_norm_motion(rate.data(), x.data(), closing.data());
-  unit = normal;
+  Numbers unit(normal);
   s_.saddle.solve_uncounted(opening.data(), unit.data());  // velocities that a unit impulse causes
   const double compliance = dot(normal.data(), unit.data(), nv);
   if (!(compliance > limits.truncation * limits.truncation * free)) leave_to_python();
-  const double deficit = -e * approach - (approach - dot(normal.data(), x.data(), nv));
-  const double p = deficit / compliance;
 
-  Rebound out{-1, i, 0, {}};
-  Numbers impulses(s_.ng, 0.0), force(normal);
-  for (double& f : force) f *= p;
-  for (int k : s_.rows.in_use()) {
-    impulses[k] = p * opening[k] - closing[k];
-    for (int c : s_.constraints.rows[k].columns) force[c] += impulses[k] * s_.point.G[static_cast<size_t>(k) * nv + c];
+  Rebound out{-1, i, 0, Numbers(s_.ng, 0.0)};
+  const Numbers start(v, v + nv);
+  for (int k = 0; k < 2; ++k) {  // the second time, rounding is removed
+    const double now = k ? dot(normal.data(), v, nv) : approach;
+    if (k) s_.residual_rate(t, v, rate.data());
+    s_.saddle.factorize_symmetric();
+    s_.saddle.minimum_norm_motion(rate.data(), x.data(), closing.data());
+    const double p = (-e * approach - (now - dot(normal.data(), x.data(), nv))) / compliance;
+    for (int c = 0; c < nv; ++c) v[c] += p * unit[c] - x[c];
+    for (int row_in_use : s_.rows.in_use()) out.impulses[row_in_use] += p * opening[row_in_use] - closing[row_in_use];
+    out.impulses[row] += guard.sign * p;
   }
-  for (int c = 0; c < nv; ++c) {
-    const double v1 = v[c] - x[c] + p * unit[c];
-    out.work += 0.5 * force[c] * (v[c] + v1), v[c] = v1;
-  }
+  Numbers force(normal);
+  for (double& f : force) f *= guard.sign * out.impulses[row];
+  for (int k : s_.rows.in_use())
+    for (int c : s_.constraints.rows[k].columns) force[c] += out.impulses[k] * s_.point.G[static_cast<size_t>(k) * nv + c];
+  for (int c = 0; c < nv; ++c) out.work += 0.5 * force[c] * (start[c] + v[c]);
   y[s_.length - 1] += out.work;
   if (!(e * -approach > all_.mode_rounding * largest_speed() * scale) || !finite(y, s_.length)) leave_to_python();
-  out.impulses = all_impulses(impulses), out.impulses[row] = guard.sign * p;
+  const double impulse = out.impulses[row];
+  out.impulses = all_impulses(out.impulses), out.impulses[row] = impulse;
   return out;
 }
 

@@ -12,9 +12,9 @@ TimeLoop::TimeLoop(Method& method, Index2System& system, Run& run)
     : method_(method),
       s_(system),
       run_(run),
+      contacts_(system, run.contacts),
       size0_(s_.ny),
       size1_(s_.ny),
-      contacts_(system, run.contacts),
       z_(s_.nz),
       other_configuration_(s_.mechanics, s_.constraints, s_.counts) {}
 
