@@ -52,6 +52,7 @@ class ModeChanges(EventSource):
         self.always = unswitched_rows(self.switches, system.ng)
         self.modes: list[tuple[int, Mode]] = []
         self.impacts: list[Impact] = []
+        self.impacts_in_core = 0
         self.fired: list[Guard] = []  # guards that are zero at the end of the last step
         self.point_cache: tuple[Array | None, dict[float, ModePoint]] = (
             None,
@@ -249,6 +250,7 @@ class ModeChanges(EventSource):
         """Record an impact that the core has resolved, in the mode that continues after it."""
         self._check_chattering(run.t, [self.guards[rebound.switch].guard])
         self.impacts.append(rebound.record(run.t, self.system.mechanism))
+        self.impacts_in_core += 1
         self.modes.append((len(run.ts), self.system.mode))
 
     def explain(self, run: "RunState", reason: StepError) -> StepError:
@@ -273,7 +275,8 @@ class ModeChanges(EventSource):
         return {"modes": [(i, mode) for i, mode in self.modes if i < len(run.ts)], "impacts": self.impacts}
 
     def statistics(self, run: "RunState") -> JsonObject:
-        return {"transitions": len(self.modes) - 1, "impacts": len(self.impacts)}
+        in_core = {"impacts_in_core": self.impacts_in_core} if run.stepper.backend == "native" else {}
+        return {"transitions": len(self.modes) - 1, "impacts": len(self.impacts), **in_core}
 
     def _check_chattering(self, t: float, fired: list[Guard]) -> None:
         most = MAX_TRANSITIONS * (1 + len(self.switches))
