@@ -77,7 +77,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, tuple[Cost, Cost]]:
         core, python = found[name] = tuple(cost(mechanism, x, 1 if short else 9) for x in (nullcontext, in_python))
         of = f"{core.in_core} of {core.transitions}"
         times = [[f"{1e3 * x.seconds:.3g}", microseconds(x.step), microseconds(x.transition)] for x in (core, python)]
-        rows.append([name, of, *(f"{a} / {b}" for a, b in zip(*times, strict=True)), ratio(python.seconds, core.seconds)])
+        both = [f"{a} / {b}" for a, b in zip(*times, strict=True)]
+        rows.append([name, of, *both, ratio(python.seconds, core.seconds)])
     print(machine() + "\n")
     head = ["core / in Python", "transitions in the core", "ms a run", "us a step", "us a transition", "Python / core"]
     print(table(head, rows))

@@ -12,23 +12,29 @@ from ...mechanism.hybrid.impact import Impact, resolve_impact
 from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...mechanism.hybrid.switch import Guard, Switch
 from ...mechanism.hybrid.switches import describe_mode, unswitched_rows
-from ...system import Array, State
-from ...tolerances import CLOSED, COINCIDENT, SMALLEST_PART, ZERO_SPEED
+from ...system import Array
+from ...tolerances import CLOSED, COINCIDENT, ZERO_SPEED
 from .core_contacts import Rebound
 from .guard_location import TrackedGuard, first_guard_root
-from .load_resolution import QUARTERS, PointAt, loads_unresolved, resolving_step
+from .load_resolution import (
+    QUARTERS,
+    SAFETY,
+    SHRINK,
+    PointAt,
+    loads_unresolved,
+    resolving_step,
+    short_step_loads,
+    shortest_step,
+)
 from .singularity_crossing import POSITION_ACCURACY
 from .source import EventError, EventSource, Occurrence
 
 if TYPE_CHECKING:
     from ...mechanism.hybrid.switches import Mode
-    from ...mechanism.hybrid.undecided_rows import LoadsAfterStep
     from ..run.run_state import RunState
     from ..run.step_map import StepMap
 
-SAFETY, SHRINK = 0.8, 0.2  # of the largest step that resolves the loads; smallest ratio of consecutive step sizes
 COMMANDS = ("command", "speed step")  # guards of jumps at known times
-SHORTEST_STEP = SMALLEST_PART  # of the span: loads that are not resolved by steps of this size are jumps
 MAX_TRANSITIONS = 100  # plus as many per switch: more transitions within a rest time are chattering
 
 
@@ -149,7 +155,7 @@ class ModeChanges(EventSource):
             self.impacts.append(impact)
             self.last_impact |= {s.index: at.t for s in self.switches if s.name in impact.where}
         at = self._point(at.t, y)
-        return y, select_mode(at, self.always, opened, _short_step_loads(run, at))
+        return y, select_mode(at, self.always, opened, short_step_loads(run, at))
 
     def first_event(self, step: "StepMap") -> Occurrence | None:
         """Return the end of the mode in a step, where the first guards cross zero."""
@@ -184,7 +190,7 @@ class ModeChanges(EventSource):
         run = step.run
         if self.checked_in_core or not run.stepper.controls or not run.stepper.any_size:
             return False
-        h, shortest = abs(step.h), SHORTEST_STEP * abs(run.t1 - run.ts[0])
+        h, shortest = abs(step.h), shortest_step(run)
         worst = loads_unresolved(self.guards, self._points(step), QUARTERS, h)
         if worst > 0:
             run.stepper.limit_step(max(shortest, h * max(SHRINK, SAFETY * worst**-0.25)))
@@ -249,7 +255,7 @@ class ModeChanges(EventSource):
     def adopt_rebound(self, run: "RunState", rebound: Rebound) -> None:
         """Record an impact that the core has resolved, in the mode that continues after it."""
         self._check_chattering(run.t, [self.guards[rebound.switch].guard])
-        self.impacts.append(rebound.record(run.t, self.system.mechanism))
+        self.impacts.append(rebound.record(run.t, self.switches, self.system.mode))
         self.impacts_in_core += 1
         self.modes.append((len(run.ts), self.system.mode))
 
@@ -285,22 +291,3 @@ class ModeChanges(EventSource):
             names = " and ".join(repr(g.name) for g in fired)
             mode = describe_mode(self.switches, self.system.mode)
             raise StepError("switching", f"{names}: chattering, modes switch without end at t = {t:.17g} ({mode})")
-
-
-def _short_step_loads(run: "RunState", at: ModePoint) -> "LoadsAfterStep":
-    """Return a function that computes the loads after a step in a mode; its size is a share of the smooth interval."""
-
-    def step(mode: "Mode", share: float) -> tuple[Array, float]:
-        system, before = at.system, at.system.mode
-        system.enter(mode)
-        try:
-            h = share * (run.jumps.interval(at.t).stop - at.t)
-            start = system.update_independent_rows(at.t, State(at.y)).y
-            carry = system.carry(*system.derivative(at.t, start))
-            end = run.tableau.step(system, at.t, h, State(start, carry)).state.y
-            point = ModePoint(system, at.all_rows, at.t + h, end)
-            return point.lam, point.rounding
-        finally:
-            system.enter(before)
-
-    return step

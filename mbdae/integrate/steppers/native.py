@@ -8,9 +8,10 @@ from ...data_types import JsonObject
 from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
 from ...system import Array, State, Step
 from ...tolerances import AGREEMENT, COINCIDENT, TINY
-from ..events.core_contacts import Rebound, guards_from_core, guards_to_core, set_constants
+from ..events.core_contacts import guards_from_core, guards_to_core, set_constants
 from ..events.jumps import MARGIN, MAX_CLUSTER, SmoothInterval
 from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
+from ..events.load_resolution import shortest_step
 from ..events.singularity import SINGULAR_RATIO
 from ..events.singularity_location import AHEAD, MONITORED_RATIO, NOTCH, SUSPICIOUS_RATIO
 from .adaptive import Adaptive
@@ -126,7 +127,7 @@ class NativeStepper(Stepper):
         contacts, changes = self.run.contacts, run.mode_changes
         contacts.in_core = changes is not None and not self.undecided and max_steps > 1
         if contacts.in_core:
-            guards_to_core(contacts, changes)
+            guards_to_core(contacts, changes, shortest_step(run))
         elif changes:
             max_steps = 1
         self._to_native(run, max_steps)
@@ -212,12 +213,8 @@ class NativeStepper(Stepper):
         run.carries.extend(first, *r.carries())
         run.in_use += [(first + k, tuple(rows)) for k, rows in r.row_changes]
         run.user_events.adopt_native(r.events)
-        changes, contacts = run.mode_changes, r.contacts
-        rebounds: dict[int, Rebound] = {}
-        if changes and contacts.in_core:
-            rebounds = {x.node: x for x in guards_from_core(contacts, changes)}
-            changes.checked_in_core = True
-        unchecked = changes is not None and not contacts.in_core  # guards are checked first, and may truncate the step
+        rebounds = guards_from_core(r.contacts, run.mode_changes)
+        unchecked = rebounds is None  # guards are checked first, and may truncate the step
         state, interval = State(*r.state()), r.interval
         restart = None if np.isnan(r.jumps.restart) else r.jumps.restart
         times, i, after_jumps = ts.tolist(), 0, r.after_jumps
@@ -228,9 +225,7 @@ class NativeStepper(Stepper):
             end = finished and n == len(times)
             while i < n:
                 regular = (
-                    monitor.skip_regular_steps(least_pivot_ratio[i : n - end])
-                    if monitor and not unchecked
-                    else n - i
+                    monitor.skip_regular_steps(least_pivot_ratio[i : n - end]) if monitor and not unchecked else n - i
                 )
                 run.extend(times[i : i + regular], ys[i : i + regular], zs[i : i + regular], state)
                 i += regular
@@ -242,10 +237,11 @@ class NativeStepper(Stepper):
                         run.project_last_node()
             if n < len(times):
                 run.end_interval()
-                if changes and n in rebounds:
-                    changes.adopt_rebound(run, rebounds[n])
+                impact = (rebounds or {}).get(n)
+                if impact is not None:
+                    run.mode_changes.adopt_rebound(run, impact)
                 run.extend(times[n : n + 1], ys[n : n + 1], zs[n : n + 1], state)
-                run.notify_discontinuity(mode_changed=n in rebounds)
+                run.notify_discontinuity(mode_changed=impact is not None)
                 i = n + 1
         if monitor and unchecked:
             self.system.least_pivot_ratio = float(least_pivot_ratio[-1])

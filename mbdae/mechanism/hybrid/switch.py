@@ -188,7 +188,7 @@ class Switch:
         return None
 
     def core_guard(self, state: int) -> "CoreData | None":
-        """Return core data of the guard of an open contact; None if only Python has the guards of the state."""
+        """Return core data of the guard of a contact; None if only Python has the guards of the state."""
         return None
 
     def enter(self, system: "Index2System", state: int) -> None:

@@ -67,16 +67,12 @@ class Unilateral(UnilateralRow):
             return (Guard("contact", self.name, self.index, self.gap, self.speed, self.acceleration),)
         return (Guard("separation", self.name, self.index, self.load, needs_multipliers=True, load=self.load),)
 
-    @property
-    def impacts_alone(self) -> bool:
-        """Whether no other row takes part in an impact of this contact: neither friction nor no-slip rows."""
-        return self.rows == (self.row,)
-
     def core_guard(self, state: int) -> CoreData | None:
-        if state != OPEN:
+        alone = self.rows == (self.row,)  # neither friction nor no-slip rows, which also take part in impacts
+        if state != OPEN and not alone:
             return None
-        restitution = self.restitution if self.impacts_alone else 0.0
-        return {"row": self.row, "sign": self.sign, "restitution": restitution, "rest": self.rest}
+        e = self.restitution if alone else 0.0
+        return {"row": self.row, "sign": self.sign, "closed": bool(state), "restitution": e, "rest": self.rest}
 
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         if state != CLOSED and self.gap(point) > tolerance * point.system.mechanism.row_scales[self.row]:

@@ -15,11 +15,12 @@ void set_nodes(Events& e, const ValueNodes& nodes) {
   e.located.clear(), e.stopped = false;
 }
 
-using GuardStates = std::vector<std::tuple<double, double, double, double>>;  // size, level, return time, last impact
+// Size, level, time of return, unit and time of the last impact.
+using GuardStates = std::vector<std::tuple<double, double, double, double, double>>;
 
 GuardStates guard_states(const ContactGuards& c) {
   GuardStates out;
-  for (const ContactGuard& x : c.guards) out.emplace_back(x.size, x.level, x.return_time, x.last_impact);
+  for (const ContactGuard& x : c.guards) out.emplace_back(x.size, x.level, x.return_time, x.unit, x.last_impact);
   return out;
 }
 
@@ -27,7 +28,7 @@ void set_guard_states(ContactGuards& c, const GuardStates& states) {
   if (states.size() != c.guards.size()) reject("as many states as guards");
   for (size_t i = 0; i < states.size(); ++i) {
     ContactGuard& x = c.guards[i];
-    std::tie(x.size, x.level, x.return_time, x.last_impact) = states[i];
+    std::tie(x.size, x.level, x.return_time, x.unit, x.last_impact) = states[i];
   }
 }
 
@@ -71,11 +72,11 @@ void bind_events(nb::module_& m) {
         for (const LocatedEvent& f : e.located) out.emplace_back(f.event, f.t, vector(f.y));
         return out;
       });
-  bind_attributes<ContactGuards>(m, "ContactGuards", "Guards of open contacts, and impacts of single contacts.")
+  bind_attributes<ContactGuards>(m, "ContactGuards", "Guards of contacts, and impacts at which one of them rebounds.")
       .def(
           "set_guards",
           [](ContactGuards& c, const nb::list& guards) { c.guards = DataReader().read<std::vector<ContactGuard>>(guards); },
-          nb::arg("guards"), "Set the guards: dicts of the row, the sign of its gap, restitution and rest.")
+          nb::arg("guards"), "Set the guards: dicts of the row, its sign, whether it is closed, restitution and rest.")
       .def_prop_rw("states", guard_states, set_guard_states)
       .def_prop_ro("impacts", impacts);
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/brent.hpp"
 #include "math/vec3.hpp"
 
 namespace mbdae {
@@ -56,13 +57,12 @@ struct Cubic {
 
 ContactMonitor::ContactMonitor(Index2System& s, ContactGuards& all) : s_(s), all_(all) {
   if (!all.in_core) return;
-  for (const ContactGuard& guard : all.guards) rows_.push_back(guard.row);
+  for (const ContactGuard& guard : all.guards) rows_.push_back(guard.row), loaded_ |= guard.closed;
   G_.assign(static_cast<size_t>(s.ng) * s.nv, 0.0), Z_ = G_;
 }
 
 double ContactMonitor::rounding(int i) const {
-  const Tolerances& limits = s_.mechanics.limits;
-  return limits.evaluation_rounding * (limits.row_scales[rows_[i]] + all_.guards[i].size);
+  return s_.mechanics.limits.evaluation_rounding * (all_.guards[i].unit + all_.guards[i].size);
 }
 
 ContactMonitor::Gaps ContactMonitor::gaps(double t, const double* y) {
@@ -128,15 +128,89 @@ double ContactMonitor::locate(int i, double high) {
     if (std::fabs(move) <= tolerance + all_.step_tolerance * theta) return theta;
     nearest = theta, best = std::fabs(x.f), theta -= move;
   }
-  leave_to_python();
+  return locate_by_brent(i, high);
 }
 
-int ContactMonitor::first_root(const AcceptedStep& step, const PartialStep& shorter, double& theta) {
+// A guard that is zero at the start is divided by theta, which gives its mean rate.
+double ContactMonitor::locate_by_brent(int i, double high) {
+  const bool starts_at_zero = at(0, i).f <= rounding(i);
+  const auto value = [&](double theta) { return at(theta, i).f / (starts_at_zero ? theta : 1); };
+  double low = 0;
+  if (starts_at_zero) {
+    low = 0.5 * high;
+    for (int k = 2; k < all_.max_halvings && !(at(low, i).f > 0); ++k) low *= 0.5;
+    if (!(at(low, i).f > 0)) leave_to_python();
+  }
+  return brent(value, low, value(low), high, value(high), time_tolerance(), all_.step_tolerance, all_.root_iterations);
+}
+
+double ContactMonitor::load_rounding(const double* y, const double* F, const double* lam) {
+  const int nv = s_.nv;
+  const double* a = F + nv;
+  Numbers inertial(nv, 0.0), reaction(nv, 0.0);
+  s_.mechanics.inertia(y);
+  for (int k = 0; k < nv; ++k) {
+    const double* M = s_.mechanics.M() + static_cast<size_t>(k) * nv;
+    inertial[k] += M[k] * a[k];
+    for (int i : s_.mechanics.ancestors[k]) inertial[k] += M[i] * a[i], inertial[i] += M[i] * a[k];
+  }
+  for (int k = 0; k < s_.ng; ++k)
+    for (int c : s_.constraints.rows[k].columns) reaction[c] += s_.point.G[static_cast<size_t>(k) * nv + c] * lam[k];
+  return s_.mechanics.limits.solution_rounding * (largest(inertial.data(), nv) + largest(reaction.data(), nv));
+}
+
+double ContactMonitor::unresolved(int i, const double* load, double rounding) const {
+  const double fourth[5] = {1, -4, 6, -4, 1};
+  double size = s_.mechanics.limits.visible * all_.guards[i].size, least = INFINITY, bend = 0, terms = 0;
+  for (int k = 0; k < 5; ++k) {
+    size = std::max(size, std::fabs(load[k])), least = std::min(least, load[k]);
+    bend += fourth[k] * load[k], terms += std::fabs(fourth[k]);
+    if (k && load[k] < -this->rounding(i)) leave_to_python();
+  }
+  // the quartic through the samples, by their differences, at x from the first of them
+  double d[5];
+  std::copy(load, load + 5, d);
+  for (int n = 1; n < 5; ++n)
+    for (int k = 4; k >= n; --k) d[k] = (d[k] - d[k - 1]) / n;
+  for (double x = -4 * all_.outside; x <= 4 * (1 + all_.outside); x += 1.0 / 8) {
+    const double value = d[0] + x * (d[1] + (x - 1) * (d[2] + (x - 2) * (d[3] + (x - 3) * d[4])));
+    if (value < all_.close_extremum * size) leave_to_python();
+  }
+  bend = std::fabs(bend);
+  if (!(bend > terms * rounding)) return 0;
+  const double distance = least / (size > 0 ? size : 1);
+  return bend / (size * all_.rough * std::max(distance >= 0 ? distance : 1.0, all_.near_limit));
+}
+
+double ContactMonitor::check_loads(const AcceptedStep& step, const PartialStep& shorter) {
   step_ = &step, shorter_ = &shorter, known_.clear();
+  if (!loaded_) return INFINITY;
+  const size_t n = rows_.size();
+  Numbers loads(5 * n), F(s_.ny), lam(s_.ng);
+  double rounding = 0, worst = 0;
+  for (int k = 0; k < 5; ++k) {
+    const double theta = static_cast<double>(k) / 4, t = step.t + theta * (step.t1 - step.t);
+    const Numbers y = k % 4 ? shorter(theta) : Numbers();
+    const double* at = !k ? step.y : k == 4 ? step.y1 : y.data();
+    s_.derivative(t, at, F.data(), lam.data());
+    if (!k) rounding = load_rounding(at, F.data(), lam.data());
+    for (size_t i = 0; i < n; ++i) loads[5 * i + k] = all_.guards[i].sign * lam[rows_[i]];
+  }
+  end_loads_.resize(n);
+  for (size_t i = 0; i < n; ++i) {
+    end_loads_[i] = loads[5 * i + 4];
+    if (all_.guards[i].closed) worst = std::max(worst, unresolved(static_cast<int>(i), &loads[5 * i], rounding));
+  }
+  if (worst > 1) leave_to_python();
+  const double size = step.t1 - step.t;
+  return worst > 0 ? std::max(all_.shortest, size * std::max(all_.shrink, all_.safety * std::pow(worst, -1.0 / 4))) : INFINITY;
+}
+
+int ContactMonitor::first_root(double& theta) {
   std::vector<std::pair<int, double>> candidates;
-  for (size_t i = 0; i < rows_.size(); ++i) {
-    const double high = negative_fraction(static_cast<int>(i));
-    if (high > 0) candidates.emplace_back(static_cast<int>(i), high);
+  for (int i = 0; i < static_cast<int>(rows_.size()); ++i) {
+    const double high = all_.guards[i].closed ? 0 : negative_fraction(i);
+    if (high > 0) candidates.emplace_back(i, high);
   }
   int first = -1;
   while (!candidates.empty()) {  // guards that cross zero before theta
@@ -145,7 +219,7 @@ int ContactMonitor::first_root(const AcceptedStep& step, const PartialStep& shor
     if (first >= 0 && !(root < theta - 4 * time_tolerance())) leave_to_python();  // together
     theta = root, first = i, candidates.clear();
     for (int k = 0; k < static_cast<int>(rows_.size()); ++k)
-      if (k != first && at(theta, k).f < -rounding(k)) candidates.emplace_back(k, theta);
+      if (k != first && !all_.guards[k].closed && at(theta, k).f < -rounding(k)) candidates.emplace_back(k, theta);
   }
   return first;
 }
@@ -153,7 +227,7 @@ int ContactMonitor::first_root(const AcceptedStep& step, const PartialStep& shor
 void ContactMonitor::advance() {
   for (size_t i = 0; i < rows_.size(); ++i) {
     ContactGuard& guard = all_.guards[i];
-    const double f = at(1, static_cast<int>(i)).f + guard.level;
+    const double f = guard.closed ? end_loads_[i] : at(1, static_cast<int>(i)).f + guard.level;
     guard.size = std::max(guard.size, std::fabs(f));
     if (f >= 0) guard.level = 0;
   }
@@ -170,14 +244,27 @@ double ContactMonitor::gap_acceleration(int i, const double* y, const double* F)
   return all_.guards[i].sign * out;
 }
 
-void ContactMonitor::track(double t, const double* y, const double* F) {
+void ContactMonitor::require_loads(const double* y, const double* F, const double* lam) {
+  if (!loaded_) return;
+  double most = 0;
+  for (const ContactGuard& guard : all_.guards)
+    if (guard.closed) most = std::max(most, std::fabs(lam[guard.row]));
+  const double zero = std::max(all_.mode_rounding * most, load_rounding(y, F, lam));
+  for (const ContactGuard& guard : all_.guards)
+    if (guard.closed && !(guard.sign * lam[guard.row] > zero)) leave_to_python();
+}
+
+void ContactMonitor::track(double t, const double* y, const double* F, const double* lam) {
+  const Tolerances& limits = s_.mechanics.limits;
+  const double largest_force = loaded_ ? load_rounding(y, F, lam) / limits.solution_rounding : 0;
   const Gaps now = gaps(t, y);
-  for (size_t i = 0; i < rows_.size(); ++i) {
+  for (int i = 0; i < static_cast<int>(rows_.size()); ++i) {
     ContactGuard& guard = all_.guards[i];
-    const double f = now.value[i], speed = now.rate[i];
-    guard.size = std::fabs(f), guard.level = std::min(0.0, f), guard.return_time = NAN;
-    if (!(f <= rounding(static_cast<int>(i)) && speed > 0)) continue;
-    const double a = gap_acceleration(static_cast<int>(i), y, F);
+    const double f = guard.closed ? guard.sign * lam[guard.row] : now.value[i], speed = now.rate[i];
+    guard.unit = guard.closed ? largest_force : limits.row_scales[guard.row];
+    guard.size = std::fabs(f), guard.level = guard.closed ? 0 : std::min(0.0, f), guard.return_time = NAN;
+    if (guard.closed || !(f <= rounding(i) && speed > 0)) continue;
+    const double a = gap_acceleration(i, y, F);
     if (a < 0) guard.return_time = t - all_.return_factor * 2 * speed / a;
   }
 }
@@ -207,9 +294,11 @@ Rebound ContactMonitor::rebound(int i, double t, double* y) {
   double* v = y + s_.nq;
   const auto largest_speed = [&] { return all_.characteristic_rate + largest_scaled(v, limits.coordinate_scales); };
   const Gaps before = gaps(t, y);
-  for (size_t k = 0; k < rows_.size(); ++k)  // this contact alone is closed
-    if ((before.value[k] <= limits.solution_rounding * limits.row_scales[rows_[k]]) != (static_cast<int>(k) == i))
-      leave_to_python();
+  for (int k = 0; k < static_cast<int>(rows_.size()); ++k) {  // this one alone closes
+    const bool touches = before.value[k] <= limits.solution_rounding * limits.row_scales[rows_[k]];
+    if (!all_.guards[k].closed && touches != (k == i)) leave_to_python();
+  }
+  if (loaded_ && s_.rows.dependent()) leave_to_python();
   const double approach = before.rate[i], speed = largest_speed();
   if (!(e > 0) || std::fabs(t - guard.last_impact) < guard.rest) leave_to_python();
   if (!(approach < -all_.mode_rounding * speed * scale)) leave_to_python();
@@ -248,6 +337,8 @@ Rebound ContactMonitor::rebound(int i, double t, double* y) {
   y[s_.length - 1] += out.work;
   if (!(e * -approach > all_.mode_rounding * largest_speed() * scale) || !finite(y, s_.length)) leave_to_python();
   const double impulse = out.impulses[row];
+  for (const ContactGuard& other : all_.guards)  // all closed contacts are under load
+    if (other.closed && !(other.sign * out.impulses[other.row] > all_.mode_rounding * std::fabs(impulse))) leave_to_python();
   out.impulses = all_impulses(out.impulses), out.impulses[row] = impulse;
   return out;
 }

@@ -166,7 +166,11 @@ int TimeLoop::detect_contact(Proposal& p) {
   ShorterSteps steps(*this, p.t_next - t);
   const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), nullptr, nullptr};
   double theta = 1;
-  const int guard = contacts_.first_root(taken, [&](double x) { return steps.take(x); }, theta);
+  const PartialStep shorter = [&](double x) { return steps.take(x); };
+  const double largest = contacts_.check_loads(taken, shorter);
+  if (run_.adaptive && largest < INFINITY)
+    run_.control.h = std::min(run_.control.h, largest), run_.control.uncut_size = 0;
+  const int guard = contacts_.first_root(theta);
   if (guard < 0) {
     contacts_.advance(), steps.discard();
     return guard;
@@ -204,6 +208,7 @@ void TimeLoop::resolve_impact(int guard, double t) {
   if (run_.project) project_state(s_, t, after_.y.data());
   s_.update_independent_rows(t, after_);
   s_.derivative(t, after_.y.data(), F_.data(), z_after_.data());
+  contacts_.require_loads(after_.y.data(), F_.data(), z_after_.data());
   after_.carry = s_.carry(F_);
   impact_ = std::move(impact);
 }
@@ -223,7 +228,7 @@ void TimeLoop::apply_impact() {
   run_.contacts.guards[impact_.guard].last_impact = run_.interval.t;
   std::swap(run_.state, after_);
   begin_interval(z_after_);
-  contacts_.track(run_.interval.t, run_.state.y.data(), F_.data());
+  contacts_.track(run_.interval.t, run_.state.y.data(), F_.data(), z_.data());
   run_.contacts.impacts.push_back(std::move(impact_));
   impact_ = Rebound();
 }
