@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
-from ...mechanism.hybrid.impact import Impact
+from ...mechanism.hybrid.impact import Impact, positive_impulses
 from ...tolerances import MODE_ROUNDING
 from .guard_location import GRAZING, MAX_HALVINGS, MAX_NEWTON, RETURN_FACTOR, START_ROOT
 from .level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
@@ -40,9 +40,10 @@ class Rebound(NamedTuple):
 
     def record(self, t: float, switches: "Sequence[Switch]", mode: "Mode") -> Impact:
         """Return the impact by name: of this contact, and of those that are closed in the mode."""
-        taking_part = [s for s in switches if s.index == self.switch or mode[s.index]]
-        impulse = tuple(abs(self.impulses[s.row]) for s in taking_part)
-        return Impact(t, tuple(s.name for s in taking_part), impulse, tuple(self.impulses), -self.work)
+        closed = [s for s in switches if s.index == self.switch or mode[s.index]]
+        found = positive_impulses((s.name, abs(self.impulses[s.row])) for s in closed)
+        where, impulse = zip(*found, strict=True)
+        return Impact(t, where, impulse, tuple(self.impulses), -self.work)
 
 
 def set_constants(contacts: "ContactGuards", mechanism: "Mechanism") -> None:

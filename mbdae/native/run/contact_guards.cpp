@@ -269,10 +269,16 @@ void ContactMonitor::track(double t, const double* y, const double* F, const dou
   }
 }
 
+bool ContactMonitor::redundant() const {
+  const std::vector<bool>& off = s_.constraints.off;
+  const long active = off.empty() ? s_.ng : std::count(off.begin(), off.end(), false);
+  return static_cast<long>(s_.rows.in_use().size()) < active;
+}
+
 Numbers ContactMonitor::all_impulses(const Numbers& in_use) const {
   Numbers out(s_.ng, 0.0);
   for (int k : s_.rows.in_use()) out[k] = in_use[k];
-  if (!s_.rows.dependent()) return out;
+  if (!redundant()) return out;
   const std::vector<double>& scales = s_.mechanics.limits.row_scales;
   const size_t nv = s_.nv, ng = s_.ng;
   Numbers impulse(nv, 0.0), columns(nv * ng), scaled(ng);
@@ -298,7 +304,7 @@ Rebound ContactMonitor::rebound(int i, double t, double* y) {
     const bool touches = before.value[k] <= limits.solution_rounding * limits.row_scales[rows_[k]];
     if (!all_.guards[k].closed && touches != (k == i)) leave_to_python();
   }
-  if (loaded_ && s_.rows.dependent()) leave_to_python();
+  if (loaded_ && redundant()) leave_to_python();  // impulses of contacts have signs
   const double approach = before.rate[i], speed = largest_speed();
   if (!(e > 0) || std::fabs(t - guard.last_impact) < guard.rest) leave_to_python();
   if (!(approach < -all_.mode_rounding * speed * scale)) leave_to_python();
@@ -337,8 +343,9 @@ Rebound ContactMonitor::rebound(int i, double t, double* y) {
   y[s_.length - 1] += out.work;
   if (!(e * -approach > all_.mode_rounding * largest_speed() * scale) || !finite(y, s_.length)) leave_to_python();
   const double impulse = out.impulses[row];
-  for (const ContactGuard& other : all_.guards)  // all closed contacts are under load
-    if (other.closed && !(other.sign * out.impulses[other.row] > all_.mode_rounding * std::fabs(impulse))) leave_to_python();
+  const double zero = all_.mode_rounding * std::fabs(impulse);
+  for (const ContactGuard& other : all_.guards)  // closed contacts stay closed
+    if (other.closed && !(other.sign * out.impulses[other.row] >= -zero)) leave_to_python();
   out.impulses = all_impulses(out.impulses), out.impulses[row] = impulse;
   return out;
 }

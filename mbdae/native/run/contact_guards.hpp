@@ -95,6 +95,7 @@ class ContactMonitor {
   double unresolved(int i, const double* load, double rounding) const;
   double time_tolerance() const;  // of a root, relative to the step
   double gap_acceleration(int i, const double* y, const double* F);
+  bool redundant() const;  // do active rows depend on those in use?
   Numbers all_impulses(const Numbers& in_use) const;  // those of minimum norm in characteristic lengths
   [[noreturn]] void leave_to_python() const { throw FallBackToPython(); }
 
