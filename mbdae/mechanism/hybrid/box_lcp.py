@@ -49,7 +49,7 @@ def _of_two(w: float, b: list[float], lower: list[float], upper: list[float]) ->
     if all(lo <= x <= hi for lo, x, hi in zip(lower, inside, upper, strict=True)):
         return np.array(inside)
     sides = []
-    for i, bound in ((i, x) for i in (0, 1) for x in (lower[i], upper[i]) if np.isfinite(x)):
+    for i, bound in ((k, x) for k in (0, 1) for x in (lower[k], upper[k]) if np.isfinite(x)):
         other = min(max(b[1 - i] - w * bound, lower[1 - i]), upper[1 - i])
         value = (bound * bound + other * other) / 2 + w * bound * other - b[i] * bound - b[1 - i] * other
         sides.append((value, (bound, other) if i == 0 else (other, bound)))
