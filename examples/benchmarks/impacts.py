@@ -1,4 +1,4 @@
-"""What an impact costs beyond the steps of its run, resolved in the core or in Python, by model.
+"""Cost of an impact beyond the steps of its run, resolved in the core or in Python, by model.
 
 The core resolves impacts at which a single contact rebounds; all other transitions are located and resolved in Python,
 one step at a time, and so are all of them for comparison. With the CPU times T of runs at two tolerances and of one of

@@ -156,12 +156,8 @@ class Index2System(PinocchioData, RunVariables, System):
         out.enter(self.mode)
         return out
 
-    def rows_of_all_modes(self, t: float, q: Array) -> tuple[Array, Array, Array] | None:
-        """Return g (ng,), G (ng, nv) and g_t (ng,) of all rows, active or not; None if Python must compute them."""
-        return None
-
-    def bias_of_all_modes(self, t: float, q: Array, v: Array) -> Array | None:
-        """Return gamma = Gdot v + g_tt of all rows, active or not, (ng,); None if Python must compute it."""
+    def rows_of_all_modes(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array, Array] | None:
+        """Return g, G, g_t and gamma of all rows, active or not; None if Python must compute them."""
         return None
 
     def enter(self, mode: Mode) -> None:

@@ -28,18 +28,16 @@ class AllRows:
 
     def __call__(self, t: float, q: Array) -> tuple[Array, Array, Array]:
         """Return g (ng,), G (ng, nv) and g_t (ng,)."""
-        found = self.system.rows_of_all_modes(t, q)
-        if found is not None:
-            return found
+        if (found := self.system.rows_of_all_modes(t, q, np.zeros(self.system.nv))) is not None:
+            return found[:3]
         model, data, rows = self._workspace
         update_poses(model, data, q)
         return *rows.value(t), -rows.motion(t)[1]
 
     def bias(self, t: float, q: Array, v: Array) -> Array:
         """Return gamma = Gdot v + g_tt, (ng,)."""
-        found = self.system.bias_of_all_modes(t, q, v)
-        if found is not None:
-            return found
+        if (found := self.system.rows_of_all_modes(t, q, v)) is not None:
+            return found[3]
         model, data, rows = self._workspace
         update_motions(model, data, q, v, np.zeros(len(v)))
         update_poses(model, data, q)
