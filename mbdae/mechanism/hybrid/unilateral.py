@@ -68,11 +68,12 @@ class Unilateral(UnilateralRow):
         return (Guard("separation", self.name, self.index, self.load, needs_multipliers=True, load=self.load),)
 
     def core_guard(self, state: int) -> CoreData | None:
-        alone = self.rows == (self.row,)  # neither friction nor no-slip rows, which also take part in impacts
+        alone = self.rows == (self.row,)  # no no-slip rows, which also take part in impacts
         if state != OPEN and not alone:
             return None
         e = self.restitution if alone else 0.0
-        return {"row": self.row, "sign": self.sign, "closed": bool(state), "restitution": e, "rest": self.rest}
+        data = {"row": self.row, "sign": self.sign, "closed": bool(state), "restitution": e, "rest": self.rest}
+        return {**data, "no_slip": -1, "friction": 0.0}
 
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         if state != CLOSED and self.gap(point) > tolerance * point.system.mechanism.row_scales[self.row]:

@@ -48,7 +48,7 @@ void check_events(const Events& e, const Index2System& s) {
 
 void check_contacts(const ContactGuards& c, const Index2System& s) {
   for (const ContactGuard& guard : c.guards)
-    if (guard.row < 0 || guard.row >= s.ng) reject("a guard does not fit the mechanism");
+    if (guard.row < 0 || guard.row >= s.ng || guard.no_slip >= s.ng) reject("a guard does not fit the mechanism");
 }
 
 void bind_events(nb::module_& m) {

@@ -53,11 +53,47 @@ struct Cubic {
   const double c[4];
 };
 
+// Impulses p of a contact and q of its friction, |q| <= mu p; W are the velocities of normal and tangent due to them.
+class FrictionLaw {
+ public:
+  FrictionLaw(double Wnn, double Wnt, double Wtt, double mu) : Wnn_(Wnn), Wnt_(Wnt), Wtt_(Wtt), mu_(mu) {}
+
+  // The impulses that increase the normal speed by `increase`, with a slip before them; false where they are not unique.
+  bool solve(double increase, double slip, double& p, double& q) {
+    if (!decided_ && Wtt_ > 0) {
+      if (!(Wnn_ - mu_ * std::fabs(Wnt_) > 0)) return false;
+      stick(increase, slip, p, q);
+      if (!(std::fabs(q) <= mu_ * p)) direction_ = q > 0 ? -1 : 1;
+    }
+    if (Wtt_ > 0 && direction_ == 0) {
+      stick(increase, slip, p, q);
+    } else {
+      p = increase / (Wnn_ - direction_ * mu_ * Wnt_), q = -direction_ * mu_ * p;
+      if (!decided_ && direction_ * (slip + Wnt_ * p + Wtt_ * q) < 0) return false;
+    }
+    decided_ = true;
+    return true;
+  }
+
+ private:
+  void stick(double increase, double slip, double& p, double& q) const {
+    const double determinant = Wnn_ * Wtt_ - Wnt_ * Wnt_;
+    p = (Wtt_ * increase + Wnt_ * slip) / determinant, q = -(Wnn_ * slip + Wnt_ * increase) / determinant;
+  }
+
+  const double Wnn_, Wnt_, Wtt_, mu_;
+  int direction_ = 0;  // of the slip after the impact; 0: it sticks
+  bool decided_ = false;
+};
+
 }  // namespace
 
 ContactMonitor::ContactMonitor(Index2System& s, ContactGuards& all) : s_(s), all_(all) {
   if (!all.in_core) return;
   for (const ContactGuard& guard : all.guards) rows_.push_back(guard.row), loaded_ |= guard.closed;
+  evaluated_ = rows_;
+  for (const ContactGuard& guard : all.guards)
+    if (guard.no_slip >= 0) evaluated_.push_back(guard.no_slip);
   G_.assign(static_cast<size_t>(s.ng) * s.nv, 0.0), Z_ = G_;
 }
 
@@ -69,7 +105,7 @@ ContactMonitor::Gaps ContactMonitor::gaps(double t, const double* y) {
   const AllRowsActive all(s_.constraints);
   Numbers g(s_.ng, 0.0), g_t(s_.ng, 0.0);
   s_.mechanics.poses(y);
-  s_.constraints.value(s_.mechanics, y, rows_, G_.data(), g.data());
+  s_.constraints.value(s_.mechanics, y, evaluated_, G_.data(), g.data());
   s_.constraints.complete_g(t, g.data());
   s_.constraints.evaluate_g_t(t, g_t.data());
   Gaps out{0, Numbers(rows_.size()), Numbers(rows_.size())};
@@ -292,6 +328,22 @@ Numbers ContactMonitor::all_impulses(const Numbers& in_use) const {
   return out;
 }
 
+// With current gaps.
+ContactMonitor::Response ContactMonitor::response(int row, double sign) {
+  const size_t nv = s_.nv, at = row * nv;
+  Response out{Numbers(nv, 0.0), Numbers(), Numbers(s_.ng, 0.0)};
+  for (int c : s_.constraints.rows[row].columns) out.row[c] = sign * G_[at + c];
+  s_.point.scale_row(row, G_, Z_);
+  double free = 0;  // |M^-1/2 G^T|^2
+  for (int c : s_.constraints.rows[row].columns) free += Z_[at + c] * Z_[at + c];
+  s_.saddle.factorize_symmetric();
+  out.v = out.row;
+  s_.saddle.solve_uncounted(out.lam.data(), out.v.data());
+  const double truncation = s_.mechanics.limits.truncation;
+  if (!(dot(out.row.data(), out.v.data(), s_.nv) > truncation * truncation * free)) leave_to_python();
+  return out;
+}
+
 Rebound ContactMonitor::rebound(int i, double t, double* y) {
   const Tolerances& limits = s_.mechanics.limits;
   const ContactGuard& guard = all_.guards[i];
@@ -309,44 +361,46 @@ Rebound ContactMonitor::rebound(int i, double t, double* y) {
   if (!(e > 0) || std::fabs(t - guard.last_impact) < guard.rest) leave_to_python();
   if (!(approach < -all_.mode_rounding * speed * scale)) leave_to_python();
 
-  Numbers rate(s_.ng), x(nv), closing(s_.ng, 0.0), opening(s_.ng, 0.0), normal(nv, 0.0);
+  Numbers rate(s_.ng), x(nv), closing(s_.ng, 0.0);
   s_.residual_rate(t, v, rate.data());
   if (!(largest_scaled(rate.data(), limits.row_scales) <= limits.visible * speed)) leave_to_python();
-  for (int c : s_.constraints.rows[row].columns) normal[c] = guard.sign * G_[static_cast<size_t>(row) * nv + c];
-  s_.point.scale_row(row, G_, Z_);
-  const double* z = &Z_[static_cast<size_t>(row) * nv];
-  double free = 0;  // |M^-1/2 n|^2
-  for (int c : s_.constraints.rows[row].columns) free += z[c] * z[c];
-  s_.saddle.factorize_symmetric();
-  Numbers unit(normal);
-  s_.saddle.solve_uncounted(opening.data(), unit.data());  // velocities that a unit impulse causes
-  const double compliance = dot(normal.data(), unit.data(), nv);
-  if (!(compliance > limits.truncation * limits.truncation * free)) leave_to_python();
+  const Response normal = response(row, guard.sign);
+  const Response tangent = guard.no_slip >= 0 ? response(guard.no_slip, 1) : Response{Numbers(nv), Numbers(nv), Numbers(s_.ng)};
+  const double nn = dot(normal.row.data(), normal.v.data(), nv), nt = dot(normal.row.data(), tangent.v.data(), nv);
+  FrictionLaw law(nn, nt, dot(tangent.row.data(), tangent.v.data(), nv), guard.friction);
 
   Rebound out{-1, i, 0, Numbers(s_.ng, 0.0)};
   const Numbers start(v, v + nv);
   for (int k = 0; k < 2; ++k) {  // the second time, rounding is removed
-    const double now = k ? dot(normal.data(), v, nv) : approach;
     if (k) s_.residual_rate(t, v, rate.data());
     s_.saddle.factorize_symmetric();
     s_.saddle.minimum_norm_motion(rate.data(), x.data(), closing.data());
-    const double p = (-e * approach - (now - dot(normal.data(), x.data(), nv))) / compliance;
-    for (int c = 0; c < nv; ++c) v[c] += p * unit[c] - x[c];
-    for (int row_in_use : s_.rows.in_use()) out.impulses[row_in_use] += p * opening[row_in_use] - closing[row_in_use];
+    for (int c = 0; c < nv; ++c) v[c] -= x[c];
+    double p, q;
+    if (!law.solve(-e * approach - dot(normal.row.data(), v, nv), dot(tangent.row.data(), v, nv), p, q)) leave_to_python();
+    for (int c = 0; c < nv; ++c) v[c] += p * normal.v[c] + q * tangent.v[c];
+    for (int r : s_.rows.in_use()) out.impulses[r] += p * normal.lam[r] + q * tangent.lam[r] - closing[r];
     out.impulses[row] += guard.sign * p;
+    if (guard.no_slip >= 0) out.impulses[guard.no_slip] += q;
   }
-  Numbers force(normal);
-  for (double& f : force) f *= guard.sign * out.impulses[row];
-  for (int k : s_.rows.in_use())
-    for (int c : s_.constraints.rows[k].columns) force[c] += out.impulses[k] * s_.point.G[static_cast<size_t>(k) * nv + c];
+  Numbers force(nv, 0.0);
+  const auto add = [&](const Numbers& G, int r) {
+    for (int c : s_.constraints.rows[r].columns) force[c] += out.impulses[r] * G[static_cast<size_t>(r) * nv + c];
+  };
+  for (int r : s_.rows.in_use()) add(s_.point.G, r);
+  add(G_, row);
+  if (guard.no_slip >= 0) add(G_, guard.no_slip);
   for (int c = 0; c < nv; ++c) out.work += 0.5 * force[c] * (start[c] + v[c]);
+  if (guard.no_slip >= 0 && out.work > 0) leave_to_python();
   y[s_.length - 1] += out.work;
   if (!(e * -approach > all_.mode_rounding * largest_speed() * scale) || !finite(y, s_.length)) leave_to_python();
   const double impulse = out.impulses[row];
   const double zero = all_.mode_rounding * std::fabs(impulse);
   for (const ContactGuard& other : all_.guards)  // closed contacts stay closed
     if (other.closed && !(other.sign * out.impulses[other.row] >= -zero)) leave_to_python();
+  const double tangential = guard.no_slip >= 0 ? out.impulses[guard.no_slip] : 0;
   out.impulses = all_impulses(out.impulses), out.impulses[row] = impulse;
+  if (guard.no_slip >= 0) out.impulses[guard.no_slip] = tangential;
   return out;
 }
 

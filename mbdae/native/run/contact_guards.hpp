@@ -1,4 +1,4 @@
-// Guards of open and closed contacts without friction in many steps, and impacts at which one contact rebounds while
+// Guards of open contacts, and of closed ones without friction, in many steps, and impacts at which one contact rebounds while
 // closed ones stay closed: the mode stays the same. All else is left to Python, as all roots of loads
 // (mbdae/integrate/events/guard_location.py, load_resolution.py, hybrid.py, mbdae/mechanism/hybrid/impact.py).
 #pragma once
@@ -24,8 +24,10 @@ struct ContactGuard : TrackedGuard {
   bool closed = false;     // then the guard is the load
   double restitution = 0;  // 0: impacts are left to Python
   double rest = 0;         // s: duration below which a flight ends in rest
+  int no_slip = -1;        // the tangential row of a contact with friction; -1: none
+  double friction = 0;     // its coefficient
 
-  FIELDS(row, sign, closed, restitution, rest)
+  FIELDS(row, sign, closed, restitution, rest, no_slip, friction)
 };
 
 // An impact at which a contact rebounds.
@@ -84,6 +86,11 @@ class ContactMonitor {
     double f, rate;
   };
 
+  struct Response {  // to a unit impulse along a row (nv,), closures kept: velocities (nv,) and their impulses (ng,)
+    Numbers row, v, lam;
+  };
+
+  Response response(int row, double sign);
   Gaps gaps(double t, const double* y);  // and G of their rows
   Value at(double theta, int i);         // minus its level
   double negative_fraction(int i);       // a fraction of the step at which a guard is negative; 0: it stays positive
@@ -101,7 +108,7 @@ class ContactMonitor {
 
   Index2System& s_;
   ContactGuards& all_;
-  std::vector<int> rows_;
+  std::vector<int> rows_, evaluated_;  // of guards; and tangential ones
   bool loaded_ = false;  // is a contact closed?
   Numbers G_, Z_;  // (ng, nv) the rows of guards
   const AcceptedStep* step_ = nullptr;
