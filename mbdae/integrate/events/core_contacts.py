@@ -1,8 +1,8 @@
 """Guards of contacts in the compiled core, and impacts that leave the mode as it is.
 
-The core checks open contacts, and closed ones without friction, in many steps, and resolves impacts at which one contact
-rebounds while closed ones remain under load; then it continues. All other roots of guards, and loads that are close to
-zero or not resolved, are left to Python: the core reports the next step as undecided, and takes it alone.
+The core checks open contacts, and closed ones without friction, in many steps, and resolves impacts at which one
+contact rebounds while closed ones remain under load; then it continues. All other roots of guards, and loads that are
+close to zero or not resolved, are left to Python: the core reports the next step as undecided, and takes it alone.
 """
 
 from collections.abc import Sequence

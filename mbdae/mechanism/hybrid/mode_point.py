@@ -63,7 +63,7 @@ class ModePoint:
         """Return g (ng,), G (ng, nv) and g_t (ng,) of all rows."""
         return self.all_rows(self.t, self.q)
 
-    @property
+    @cached_property
     def g(self) -> Array:
         """Return g of all rows, (ng,)."""
         return self.values[0]

@@ -75,7 +75,9 @@ void bind_events(nb::module_& m) {
   bind_attributes<ContactGuards>(m, "ContactGuards", "Guards of contacts, and impacts at which one of them rebounds.")
       .def(
           "set_guards",
-          [](ContactGuards& c, const nb::list& guards) { c.guards = DataReader().read<std::vector<ContactGuard>>(guards); },
+          [](ContactGuards& c, const nb::list& guards) {
+            c.guards = DataReader().read<std::vector<ContactGuard>>(guards);
+          },
           nb::arg("guards"), "Set the guards: dicts of the row, its sign, whether it is closed, restitution and rest.")
       .def_prop_rw("states", guard_states, set_guard_states)
       .def_prop_ro("impacts", impacts);

@@ -10,7 +10,8 @@ namespace mbdae {
 // Minimization without Derivatives, 1973, chapter 4): inverse interpolation where it converges, otherwise bisection. b
 // is the best so far, c on the other side of the zero.
 template <class Function>
-double brent(Function&& f, double a, double fa, double b, double fb, double resolution, double relative, int iterations) {
+double brent(Function&& f, double a, double fa, double b, double fb, double resolution, double relative,
+             int iterations) {
   double c = a, fc = fa, move = b - a, before = move;
   for (int k = 0; k < iterations; ++k) {
     if ((fb > 0) == (fc > 0) && (fb < 0) == (fc < 0)) c = a, fc = fa, move = before = b - a;
@@ -22,7 +23,8 @@ double brent(Function&& f, double a, double fa, double b, double fb, double reso
       const double ab = (a - b) / (fa - fb), cb = (c - b) / (fc - fb);
       guess = a == c ? -fb * (b - a) / (fb - fa) : -fb * (ab - fa * (cb - ab) / (fc - fa));
     }
-    if (guess * to_middle > 0 && 2 * std::fabs(guess) < std::min(3 * std::fabs(to_middle) - tolerance, std::fabs(before)))
+    const double longest = std::min(3 * std::fabs(to_middle) - tolerance, std::fabs(before));
+    if (guess * to_middle > 0 && 2 * std::fabs(guess) < longest)
       before = move, move = guess;
     else
       before = move = to_middle;

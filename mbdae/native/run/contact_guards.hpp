@@ -1,5 +1,5 @@
-// Guards of open contacts, and of closed ones without friction, in many steps, and impacts at which one contact rebounds while
-// closed ones stay closed: the mode stays the same. All else is left to Python, as all roots of loads
+// Guards of open contacts, and of closed ones without friction, in many steps, and impacts at which one contact rebounds
+// while closed ones stay closed: the mode stays the same. All else is left to Python, as all roots of loads
 // (mbdae/integrate/events/guard_location.py, load_resolution.py, hybrid.py, mbdae/mechanism/hybrid/impact.py).
 #pragma once
 
