@@ -17,7 +17,6 @@ from .load_resolution import CLOSE_EXTREMUM, NEAR_LIMIT, OUTSIDE, ROUGH, SAFETY,
 
 if TYPE_CHECKING:
     from ..._native import ContactGuards
-    from ...mechanism import Mechanism
     from ...mechanism.hybrid.switch import Switch
     from ...mechanism.hybrid.switches import Mode
     from .hybrid import ModeChanges
@@ -46,9 +45,9 @@ class Rebound(NamedTuple):
         return Impact(t, where, impulse, tuple(self.impulses), -self.work)
 
 
-def set_constants(contacts: "ContactGuards", mechanism: "Mechanism") -> None:
+def set_constants(contacts: "ContactGuards") -> None:
     """Pass all thresholds to the core."""
-    contacts.characteristic_rate, contacts.mode_rounding = float(mechanism.characteristic_rate), MODE_ROUNDING
+    contacts.mode_rounding = MODE_ROUNDING
     contacts.return_factor, contacts.start_root, contacts.grazing = RETURN_FACTOR, START_ROOT, GRAZING
     contacts.spacings, contacts.step_tolerance, contacts.iterations = TIME_SPACINGS, RELATIVE_TOLERANCE, MAX_NEWTON
     contacts.root_iterations, contacts.max_halvings = MAX_ITERATIONS, MAX_HALVINGS
@@ -58,7 +57,7 @@ def set_constants(contacts: "ContactGuards", mechanism: "Mechanism") -> None:
 
 def guards_to_core(contacts: "ContactGuards", changes: "ModeChanges", shortest: float) -> None:
     """Pass the guards of the mode to the core, with what is known of them so far, and the shortest step in s."""
-    contacts.shortest = shortest
+    contacts.shortest, contacts.characteristic_rate = shortest, float(changes.system.mechanism.characteristic_rate)
     contacts.set_guards(changes.core_guards or [])
     last = [changes.last_impact.get(x.guard.switch, -inf) for x in changes.guards]
     contacts.states = [(x.size, x.level, x.return_time, x.unit, t) for x, t in zip(changes.guards, last, strict=True)]

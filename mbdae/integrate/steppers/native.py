@@ -149,7 +149,7 @@ class NativeStepper(Stepper):
         r, c = self.run, self.run.control
         r.max_undone, r.tiny, r.adaptive = MAX_UNDONE, TINY, self.adaptive is not None
         r.grid.coincident, r.tolerated_move = COINCIDENT, FIXED_STEP_TOLERANCE
-        set_constants(r.contacts, self.system.mechanism)
+        set_constants(r.contacts)
         m = r.monitor
         m.suspicious_ratio, m.singular_ratio, m.monitored_ratio = SUSPICIOUS_RATIO, SINGULAR_RATIO, MONITORED_RATIO
         m.notch_ratio, m.steps_ahead = NOTCH, AHEAD
