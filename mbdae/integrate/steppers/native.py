@@ -1,6 +1,6 @@
 """Steps of a run in the compiled core, many per call; Python handles events, mode changes and Ctrl-C in between."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -217,33 +217,50 @@ class NativeStepper(Stepper):
         unchecked = rebounds is None  # guards are checked first, and may truncate the step
         state, interval = State(*r.state()), r.interval
         restart = None if np.isnan(r.jumps.restart) else r.jumps.restart
-        times, i, after_jumps = ts.tolist(), 0, r.after_jumps
-        finished = times[-1] == run.t1
+        nodes, i = _Nodes(ts.tolist(), ys, zs, least_pivot_ratio, state), 0
         if monitor:
             monitor.begin_step()
-        for n in [*after_jumps, len(times)]:
-            end = finished and n == len(times)
-            while i < n:
-                regular = (
-                    monitor.skip_regular_steps(least_pivot_ratio[i : n - end]) if monitor and not unchecked else n - i
-                )
-                run.extend(times[i : i + regular], ys[i : i + regular], zs[i : i + regular], state)
-                i += regular
-                if monitor and i < n:
-                    run.extend(times[i : i + 1], ys[i : i + 1], zs[i : i + 1], state)
-                    self.system.least_pivot_ratio, i = float(least_pivot_ratio[i]), i + 1
-                    monitor.store_ratio()
-                    if monitor.inspect(run, end and i == n):
-                        run.project_last_node()
-            if n < len(times):
-                run.end_interval()
-                impact = (rebounds or {}).get(n)
-                if impact is not None:
-                    run.mode_changes.adopt_rebound(run, impact)
-                run.extend(times[n : n + 1], ys[n : n + 1], zs[n : n + 1], state)
-                run.notify_discontinuity(mode_changed=impact is not None)
-                i = n + 1
+        for n in r.after_jumps:
+            self._record_interval(run, nodes, i, n, False, unchecked)
+            run.end_interval()
+            impact = (rebounds or {}).get(n)
+            if impact is not None:
+                run.mode_changes.adopt_rebound(run, impact)
+            nodes.extend(run, n, n + 1)
+            run.notify_discontinuity(mode_changed=impact is not None)
+            i = n + 1
+        self._record_interval(run, nodes, i, len(ts), nodes.t[-1] == run.t1, unchecked)
         if monitor and unchecked:
             self.system.least_pivot_ratio = float(least_pivot_ratio[-1])
             monitor.store_ratio()
         run.interval = SmoothInterval(interval.stop, interval.end, restart)
+
+    def _record_interval(self, run: "RunState", nodes: "_Nodes", i: int, n: int, end: bool, unchecked: bool) -> None:
+        """Record the nodes i to n - 1 of a smooth interval; ``end``: at the end of the run."""
+        monitor = run.singularity_monitor
+        while i < n:
+            regular = n - i
+            if monitor and not unchecked:
+                regular = monitor.skip_regular_steps(nodes.least_pivot_ratio[i : n - end])
+            nodes.extend(run, i, i + regular)
+            i += regular
+            if monitor and i < n:
+                nodes.extend(run, i, i + 1)
+                self.system.least_pivot_ratio, i = float(nodes.least_pivot_ratio[i]), i + 1
+                monitor.store_ratio()
+                if monitor.inspect(run, end and i == n):
+                    run.project_last_node()
+
+
+class _Nodes(NamedTuple):
+    """The nodes of the last steps of the core, and the state after the last of them."""
+
+    t: list[float]
+    y: Array
+    z: Array
+    least_pivot_ratio: Array
+    state: State
+
+    def extend(self, run: "RunState", i: int, n: int) -> None:
+        """Record the nodes i to n - 1."""
+        run.extend(self.t[i:n], self.y[i:n], self.z[i:n], self.state)
