@@ -179,6 +179,32 @@ class Events:
     def nodes(self) -> list[tuple[float, float, float]]: ...
     def located(self) -> list[tuple[int, float, Array]]: ...
 
+class ContactGuards:
+    in_core: bool
+    undecided: bool
+    characteristic_rate: float
+    mode_rounding: float
+    return_factor: float
+    start_root: float
+    grazing: float
+    spacings: float
+    step_tolerance: float
+    iterations: int
+    root_iterations: int
+    max_halvings: int
+    rough: float
+    near_limit: float
+    close_extremum: float
+    outside: float
+    safety: float
+    shrink: float
+    shortest: float
+    def set_guards(self, guards: list) -> None: ...
+
+    states: list[tuple[float, float, float, float, float]]
+    @property
+    def impacts(self) -> list[tuple[int, int, float, list[float]]]: ...
+
 class Core:
     def __init__(self, model: Any, tolerances: Tolerances, description: dict) -> None: ...
     @property
@@ -231,7 +257,7 @@ class Core:
     def raw_derivative(self, t: float, y: Array) -> tuple[Array, Array] | None: ...
     def derivatives(self, t: Array, y: Array) -> tuple[Array, Array]: ...
     def residuals(self, t: Array, y: Array) -> tuple[Array, Array, Array]: ...
-    def rows_of_all_modes(self, t: float, y: Array) -> tuple[Array, Array] | None: ...
+    def rows_of_all_modes(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array, Array] | None: ...
     def pivot_ratio(self, q: Array, rank: int) -> float | None: ...
     def dynamics(self, q: Array, v: Array, a: Array) -> Any: ...
     def minimal_stage_seconds(self, q: Array, v: Array, repetitions: int) -> float: ...
@@ -299,6 +325,7 @@ class Run:
     monitor: SingularityMonitor
     events: Events
     jumps: Jumps
+    contacts: ContactGuards
     adaptive: bool
     project: bool
     monitored: bool

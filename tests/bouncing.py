@@ -3,9 +3,10 @@
 import numpy as np
 import pinocchio as pin
 
-from mbdae import Closure, Mechanism, Stop
+from mbdae import Closure, CoulombFriction, Mechanism, Stop
 
 G = 9.81
+R = 0.01
 
 
 def empty(gravity=-G):
@@ -41,6 +42,18 @@ def pendulum(lower=0.3, restitution=0.7):
     model = empty()
     carried(model, 0, pin.JointModelRY(), "a", com=(0, 0, -1.0))
     return Mechanism(model, stops=[Stop(joint="a", lower=lower, restitution=restitution)])
+
+
+def lever(mu, angle=0.9, e=0.0):
+    """A rod on a carriage, hinged above the floor, its end ahead of the hinge and rounded to a radius R."""
+    model = empty()
+    cart = carried(model, 0, pin.JointModelPX(), "cart", 0.5)
+    rod = carried(model, cart, pin.JointModelRY(), "rod", 0.0, inertia=(0, 0.02, 0))
+    frame(model, rod, "end", 0.5 * np.sin(angle), 0, -0.5 * np.cos(angle))
+    place = pin.SE3(np.eye(3), np.array([0, 0, -0.5 * np.cos(angle) - R]))
+    model.addFrame(pin.Frame("floor", 0, 0, place, pin.FrameType.OP_FRAME))
+    floor = Closure.rolling("floor", "end", R, name="ground", grip="longitudinal", unilateral=True, restitution=e)
+    return Mechanism(model, [floor], [CoulombFriction(closure="ground", coefficient=mu, exact=True)])
 
 
 def dropped_chain(rng):

@@ -121,6 +121,13 @@ def test_ensembles(script, capsys):
     assert "| threads | 2 |" in capsys.readouterr().out
 
 
+def test_impacts(script, capsys):
+    ((core, python),) = script("impacts").main(["--brief"]).values()
+    assert core.in_core == core.transitions == python.transitions > 30
+    assert python.in_core == 0
+    assert "| pendulum_on_stop, 4.2829 s |" in capsys.readouterr().out
+
+
 def test_gradients(script, capsys):
     found = script("gradients").main(["--brief"])
     assert min(found["run"], found["value and gradient"]) > 0

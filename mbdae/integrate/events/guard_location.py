@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 brentq = lazy_import("scipy.optimize", "brentq")
 RETURN_FACTOR = 1.05  # times the flight time predicted from speed and acceleration: the gap is then negative again
 START_ROOT = VISIBLE  # of a bracket: after an impact, a root this close to the start is the start itself
+GRAZING = 0.25  # of the gaps at both ends of a step: a minimum of their cubic above it is no contact
 MAX_HALVINGS = 40  # of a step, towards its start
 MAX_NEWTON = 12  # iterations; three or four are typical
 
@@ -133,7 +134,7 @@ def _negative_fraction(tracked: TrackedGuard, step: "StepMap", at: PointAt, thet
         if not r0 < 0 < r1:
             return None
         f0, h = tracked.value(at(0.0)), abs(step.h)
-        if _cubic_minimum(f0, f1, h * r0, h * r1) > 0.25 * min(f0, f1):
+        if _cubic_minimum(f0, f1, h * r0, h * r1) > GRAZING * min(f0, f1):
             return None
         rate = guard.rate
         theta = float(brentq(lambda x: rate(at(x)), 0.0, 1.0, xtol=COINCIDENT, rtol=COINCIDENT, maxiter=MAX_ITERATIONS))

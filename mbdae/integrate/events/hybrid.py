@@ -12,22 +12,29 @@ from ...mechanism.hybrid.impact import Impact, resolve_impact
 from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...mechanism.hybrid.switch import Guard, Switch
 from ...mechanism.hybrid.switches import describe_mode, unswitched_rows
-from ...system import Array, State
-from ...tolerances import CLOSED, COINCIDENT, SMALLEST_PART, ZERO_SPEED
+from ...system import Array
+from ...tolerances import CLOSED, COINCIDENT, ZERO_SPEED
+from .core_contacts import Rebound
 from .guard_location import TrackedGuard, first_guard_root
-from .load_resolution import QUARTERS, PointAt, loads_unresolved, resolving_step
+from .load_resolution import (
+    QUARTERS,
+    SAFETY,
+    SHRINK,
+    PointAt,
+    loads_unresolved,
+    resolving_step,
+    short_step_loads,
+    shortest_step,
+)
 from .singularity_crossing import POSITION_ACCURACY
 from .source import EventError, EventSource, Occurrence
 
 if TYPE_CHECKING:
     from ...mechanism.hybrid.switches import Mode
-    from ...mechanism.hybrid.undecided_rows import LoadsAfterStep
     from ..run.run_state import RunState
     from ..run.step_map import StepMap
 
-SAFETY, SHRINK = 0.8, 0.2  # of the largest step that resolves the loads; smallest ratio of consecutive step sizes
 COMMANDS = ("command", "speed step")  # guards of jumps at known times
-SHORTEST_STEP = SMALLEST_PART  # of the span: loads that are not resolved by steps of this size are jumps
 MAX_TRANSITIONS = 100  # plus as many per switch: more transitions within a rest time are chattering
 
 
@@ -40,9 +47,9 @@ class ModeChanges(EventSource):
     Attributes:
         modes: the modes, each with its first node.
         impacts: the impacts of the run.
+        core_guards: core data of the guards of the mode; None if the core does not have all of them.
+        checked_in_core: whether the core has checked the last steps.
     """
-
-    each_step = True
 
     def __init__(self, system: Index2System) -> None:
         self.system, self.all_rows = system, AllRows(system)
@@ -51,6 +58,7 @@ class ModeChanges(EventSource):
         self.always = unswitched_rows(self.switches, system.ng)
         self.modes: list[tuple[int, Mode]] = []
         self.impacts: list[Impact] = []
+        self.impacts_in_core = 0
         self.fired: list[Guard] = []  # guards that are zero at the end of the last step
         self.point_cache: tuple[Array | None, dict[float, ModePoint]] = (
             None,
@@ -84,6 +92,17 @@ class ModeChanges(EventSource):
         for signal in run.user_events.signals.values() if run else ():
             signal.system.enter(mode)
         self.guards: list[TrackedGuard] = []
+        guards = [s.core_guard(mode[s.index]) for s in self.switches] if self.system.native else []
+        self.core_guards = [g for g in guards if g] if all(guards) and guards else None
+        self.checked_in_core = False
+
+    @property
+    def each_step(self) -> bool:  # type: ignore[override]
+        """Whether every step must be checked in Python, since the core does not have the guards of the mode."""
+        return self.core_guards is None
+
+    def is_idle(self, run: "RunState", t1: float) -> bool:
+        return False
 
     def begin_interval(self, run: "RunState") -> None:
         """Track the guards of the mode, if the mode is new."""
@@ -136,10 +155,13 @@ class ModeChanges(EventSource):
             self.impacts.append(impact)
             self.last_impact |= {s.index: at.t for s in self.switches if s.name in impact.where}
         at = self._point(at.t, y)
-        return y, select_mode(at, self.always, opened, _short_step_loads(run, at))
+        return y, select_mode(at, self.always, opened, short_step_loads(run, at))
 
     def first_event(self, step: "StepMap") -> Occurrence | None:
         """Return the end of the mode in a step, where the first guards cross zero."""
+        if self.checked_in_core:
+            self.checked_in_core = False
+            return None
         try:
             theta, self.fired = self._first_root(step)
         except StepError as e:  # a guard cannot be computed: the run ends before this step
@@ -166,9 +188,9 @@ class ModeChanges(EventSource):
     def rejects(self, step: "StepMap") -> bool:
         """Return whether a step is too long to resolve loads of sticking or closed rows, and limit the next step."""
         run = step.run
-        if not run.stepper.controls or not run.stepper.any_size:
+        if self.checked_in_core or not run.stepper.controls or not run.stepper.any_size:
             return False
-        h, shortest = abs(step.h), SHORTEST_STEP * abs(run.t1 - run.ts[0])
+        h, shortest = abs(step.h), shortest_step(run)
         worst = loads_unresolved(self.guards, self._points(step), QUARTERS, h)
         if worst > 0:
             run.stepper.limit_step(max(shortest, h * max(SHRINK, SAFETY * worst**-0.25)))
@@ -230,6 +252,13 @@ class ModeChanges(EventSource):
         run.switch_mode(y)
         self._track(run.t, run.ys[-1])
 
+    def adopt_rebound(self, run: "RunState", rebound: Rebound) -> None:
+        """Record an impact that the core has resolved, in the mode that continues after it."""
+        self._check_chattering(run.t, [self.guards[rebound.switch].guard])
+        self.impacts.append(rebound.record(run.t, self.switches, self.system.mode))
+        self.impacts_in_core += 1
+        self.modes.append((len(run.ts), self.system.mode))
+
     def explain(self, run: "RunState", reason: StepError) -> StepError:
         """Add the time and the mode in which a run stopped, or the contact that closed at a singular configuration."""
         return StepError(reason.status, self._explained(run, reason))
@@ -252,7 +281,8 @@ class ModeChanges(EventSource):
         return {"modes": [(i, mode) for i, mode in self.modes if i < len(run.ts)], "impacts": self.impacts}
 
     def statistics(self, run: "RunState") -> JsonObject:
-        return {"transitions": len(self.modes) - 1, "impacts": len(self.impacts)}
+        in_core = {"impacts_in_core": self.impacts_in_core} if run.stepper.backend == "native" else {}
+        return {"transitions": len(self.modes) - 1, "impacts": len(self.impacts), **in_core}
 
     def _check_chattering(self, t: float, fired: list[Guard]) -> None:
         most = MAX_TRANSITIONS * (1 + len(self.switches))
@@ -261,22 +291,3 @@ class ModeChanges(EventSource):
             names = " and ".join(repr(g.name) for g in fired)
             mode = describe_mode(self.switches, self.system.mode)
             raise StepError("switching", f"{names}: chattering, modes switch without end at t = {t:.17g} ({mode})")
-
-
-def _short_step_loads(run: "RunState", at: ModePoint) -> "LoadsAfterStep":
-    """Return a function that computes the loads after a step in a mode; its size is a share of the smooth interval."""
-
-    def step(mode: "Mode", share: float) -> tuple[Array, float]:
-        system, before = at.system, at.system.mode
-        system.enter(mode)
-        try:
-            h = share * (run.jumps.interval(at.t).stop - at.t)
-            start = system.update_independent_rows(at.t, State(at.y)).y
-            carry = system.carry(*system.derivative(at.t, start))
-            end = run.tableau.step(system, at.t, h, State(start, carry)).state.y
-            point = ModePoint(system, at.all_rows, at.t + h, end)
-            return point.lam, point.rounding
-        finally:
-            system.enter(before)
-
-    return step

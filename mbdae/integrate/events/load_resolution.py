@@ -12,12 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import StepError
+from ...mechanism.hybrid.mode_point import ModePoint
 from ...mechanism.hybrid.switch import Guard
-from ...system import Array
-from ...tolerances import REAL, VISIBLE
+from ...system import Array, State
+from ...tolerances import REAL, SMALLEST_PART, VISIBLE
 
 if TYPE_CHECKING:
-    from ...mechanism.hybrid.mode_point import ModePoint
+    from ...mechanism.hybrid.switches import Mode
+    from ...mechanism.hybrid.undecided_rows import LoadsAfterStep
+    from ..run.run_state import RunState
     from .guard_location import TrackedGuard
 
 QUARTERS = np.linspace(0.0, 1.0, 5)  # of a step: sampling points of loads
@@ -28,7 +31,14 @@ ROUGH = 0.05  # of the distance of a load to its limit: largest deviation from a
 NEAR_LIMIT = 0.02  # of the limit, or of the largest load: lower bound of this distance
 CLOSE_EXTREMUM = 0.1  # of the limit, or of the largest load: extrema this close to the limit are sampled
 OUTSIDE = 0.1  # of the range of five samples: extrema this far outside the range are included
-PointAt = Callable[[float], "ModePoint"]
+SAFETY, SHRINK = 0.8, 0.2  # of the largest step that resolves the loads; smallest ratio of consecutive step sizes
+SHORTEST_STEP = SMALLEST_PART  # of the span: loads that are not resolved by steps of this size are jumps
+PointAt = Callable[[float], ModePoint]
+
+
+def shortest_step(run: "RunState") -> float:
+    """Return the size of the steps of a run that resolve all loads, in s."""
+    return SHORTEST_STEP * abs(run.t1 - run.ts[0])
 
 
 def loads_unresolved(guards: Sequence["TrackedGuard"], at: PointAt, thetas: Array, step_size: float) -> float:
@@ -101,3 +111,22 @@ def _distance_to_limit(guard: Guard, loads: Array, smallest: float) -> tuple[flo
     size = 1.0 if guard.kind == "slip" else max(float(sizes.max()), smallest)
     distance = 1.0 - float(sizes.max()) if guard.kind == "slip" else float(loads.min()) / (size or 1.0)
     return size, distance if distance >= 0 else 1.0
+
+
+def short_step_loads(run: "RunState", at: ModePoint) -> "LoadsAfterStep":
+    """Return a function that computes the loads after a step in a mode; its size is a share of the smooth interval."""
+
+    def step(mode: "Mode", share: float) -> tuple[Array, float]:
+        system, before = at.system, at.system.mode
+        system.enter(mode)
+        try:
+            h = share * (run.jumps.interval(at.t).stop - at.t)
+            start = system.update_independent_rows(at.t, State(at.y)).y
+            carry = system.carry(*system.derivative(at.t, start))
+            end = run.tableau.step(system, at.t, h, State(start, carry)).state.y
+            point = ModePoint(system, at.all_rows, at.t + h, end)
+            return point.lam, point.rounding
+        finally:
+            system.enter(before)
+
+    return step

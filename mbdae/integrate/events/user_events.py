@@ -85,7 +85,7 @@ class UserEvents(EventSource):
     @property
     def each_step(self) -> bool:  # type: ignore[override]
         """Whether every step must be checked in Python, since the core cannot detect the events."""
-        return not self.by_signal
+        return bool(self.events) and not self.by_signal
 
     def is_idle(self, run: "RunState", t1: float) -> bool:
         """Return whether there are no events."""

@@ -1,6 +1,6 @@
 """Steps of a run in the compiled core, many per call; Python handles events, mode changes and Ctrl-C in between."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -8,8 +8,10 @@ from ...data_types import JsonObject
 from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
 from ...system import Array, State, Step
 from ...tolerances import AGREEMENT, COINCIDENT, TINY
+from ..events.core_contacts import guards_from_core, guards_to_core, set_constants
 from ..events.jumps import MARGIN, MAX_CLUSTER, SmoothInterval
 from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
+from ..events.load_resolution import shortest_step
 from ..events.singularity import SINGULAR_RATIO
 from ..events.singularity_location import AHEAD, MONITORED_RATIO, NOTCH, SUSPICIOUS_RATIO
 from .adaptive import Adaptive
@@ -45,6 +47,7 @@ class NativeStepper(Stepper):
         self.run: Run = system.native.Run()
         self.run.project, self.run.seconds = project, CHECK_INTERVAL
         self.passed_events: UserEvents | None = None
+        self.undecided = False  # whether the guards of the next step are left to Python
         self.unrecorded = False  # whether the core has steps that are not recorded
         self.adaptive = inner if isinstance(inner, Adaptive) else None
         self.fixed = inner if isinstance(inner, Fixed) else None
@@ -121,12 +124,19 @@ class NativeStepper(Stepper):
 
     def _advance_core(self, run: "RunState", max_steps: int) -> int:
         """Let the core try steps; return their number, 0 if the next step needs Python."""
+        contacts, changes = self.run.contacts, run.mode_changes
+        contacts.in_core = changes is not None and not self.undecided and max_steps > 1
+        if contacts.in_core:
+            guards_to_core(contacts, changes, shortest_step(run))
+        elif changes:
+            max_steps = 1
         self._to_native(run, max_steps)
         try:
             self.system.advance(self.tableau, self.run)
         finally:
             self._take_from_core(run)
-        return self.run.taken + self.run.rejected
+        self.undecided, tried = contacts.undecided, self.run.taken + self.run.rejected
+        return self._advance_core(run, 1) if self.undecided and not tried else tried
 
     def _take_from_core(self, run: "RunState") -> None:
         """Record the steps of the core, and take over its step sizes."""
@@ -139,6 +149,7 @@ class NativeStepper(Stepper):
         r, c = self.run, self.run.control
         r.max_undone, r.tiny, r.adaptive = MAX_UNDONE, TINY, self.adaptive is not None
         r.grid.coincident, r.tolerated_move = COINCIDENT, FIXED_STEP_TOLERANCE
+        set_constants(r.contacts)
         m = r.monitor
         m.suspicious_ratio, m.singular_ratio, m.monitored_ratio = SUSPICIOUS_RATIO, SINGULAR_RATIO, MONITORED_RATIO
         m.notch_ratio, m.steps_ahead = NOTCH, AHEAD
@@ -202,34 +213,54 @@ class NativeStepper(Stepper):
         run.carries.extend(first, *r.carries())
         run.in_use += [(first + k, tuple(rows)) for k, rows in r.row_changes]
         run.user_events.adopt_native(r.events)
+        rebounds = guards_from_core(r.contacts, run.mode_changes)
+        unchecked = rebounds is None  # guards are checked first, and may truncate the step
         state, interval = State(*r.state()), r.interval
         restart = None if np.isnan(r.jumps.restart) else r.jumps.restart
-        times, i, after_jumps = ts.tolist(), 0, r.after_jumps
-        finished = times[-1] == run.t1
+        nodes, i = _Nodes(ts.tolist(), ys, zs, least_pivot_ratio, state), 0
         if monitor:
             monitor.begin_step()
-        for n in [*after_jumps, len(times)]:
-            end = finished and n == len(times)
-            while i < n:
-                regular = (
-                    monitor.skip_regular_steps(least_pivot_ratio[i : n - end])
-                    if monitor and not run.mode_changes
-                    else n - i
-                )
-                run.extend(times[i : i + regular], ys[i : i + regular], zs[i : i + regular], state)
-                i += regular
-                if monitor and i < n:
-                    run.extend(times[i : i + 1], ys[i : i + 1], zs[i : i + 1], state)
-                    self.system.least_pivot_ratio, i = float(least_pivot_ratio[i]), i + 1
-                    monitor.store_ratio()
-                    if monitor.inspect(run, end and i == n):
-                        run.project_last_node()
-            if n < len(times):
-                run.end_interval()
-                run.extend(times[n : n + 1], ys[n : n + 1], zs[n : n + 1], state)
-                run.notify_discontinuity()
-                i = n + 1
-        if monitor and run.mode_changes:  # guards are checked first, and may truncate the step
+        for n in r.after_jumps:
+            self._record_interval(run, nodes, i, n, False, unchecked)
+            run.end_interval()
+            impact = (rebounds or {}).get(n)
+            if impact is not None:
+                run.mode_changes.adopt_rebound(run, impact)
+            nodes.extend(run, n, n + 1)
+            run.notify_discontinuity(mode_changed=impact is not None)
+            i = n + 1
+        self._record_interval(run, nodes, i, len(ts), nodes.t[-1] == run.t1, unchecked)
+        if monitor and unchecked:
             self.system.least_pivot_ratio = float(least_pivot_ratio[-1])
             monitor.store_ratio()
         run.interval = SmoothInterval(interval.stop, interval.end, restart)
+
+    def _record_interval(self, run: "RunState", nodes: "_Nodes", i: int, n: int, end: bool, unchecked: bool) -> None:
+        """Record the nodes i to n - 1 of a smooth interval; ``end``: at the end of the run."""
+        monitor = run.singularity_monitor
+        while i < n:
+            regular = n - i
+            if monitor and not unchecked:
+                regular = monitor.skip_regular_steps(nodes.least_pivot_ratio[i : n - end])
+            nodes.extend(run, i, i + regular)
+            i += regular
+            if monitor and i < n:
+                nodes.extend(run, i, i + 1)
+                self.system.least_pivot_ratio, i = float(nodes.least_pivot_ratio[i]), i + 1
+                monitor.store_ratio()
+                if monitor.inspect(run, end and i == n):
+                    run.project_last_node()
+
+
+class _Nodes(NamedTuple):
+    """The nodes of the last steps of the core, and the state after the last of them."""
+
+    t: list[float]
+    y: Array
+    z: Array
+    least_pivot_ratio: Array
+    state: State
+
+    def extend(self, run: "RunState", i: int, n: int) -> None:
+        """Record the nodes i to n - 1."""
+        run.extend(self.t[i:n], self.y[i:n], self.z[i:n], self.state)

@@ -65,7 +65,7 @@ class GuardPartials:
             dy[j] = x
         t = point.t + (x if j == self.n - 1 else 0.0)
         out = ModePoint(s, rows or point.all_rows, t, s.add(point.y, dy))
-        vars(out)["_values_and_rates"] = point.g + x * self.g[:, j], point.rate + x * self.rate[:, j]
+        vars(out)["g"], vars(out)["rate"] = point.g + x * self.g[:, j], point.rate + x * self.rate[:, j]
         if self.loads:
             F, lam = point.derivative
             vars(out)["derivative"] = F + x * self.loads[0][:, j], lam + x * self.loads[1][:, j]

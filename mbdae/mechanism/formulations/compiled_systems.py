@@ -240,9 +240,9 @@ class CompiledSystem(Index2System):
         self.take_core_record()
         return super().restore(t, y, tight) if projected is None else projected
 
-    def rows_of_all_modes(self, t: float, y: Array) -> tuple[Array, Array] | None:
+    def rows_of_all_modes(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array, Array] | None:
         """See `Index2System.rows_of_all_modes`."""
-        return self.core.rows_of_all_modes(t, y)
+        return self.core.rows_of_all_modes(t, q, v)
 
     def enter(self, mode: Mode) -> None:
         """See `Index2System.enter`."""

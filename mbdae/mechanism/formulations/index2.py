@@ -156,8 +156,8 @@ class Index2System(PinocchioData, RunVariables, System):
         out.enter(self.mode)
         return out
 
-    def rows_of_all_modes(self, t: float, y: Array) -> tuple[Array, Array] | None:
-        """Return g and G v + g_t over all rows, active or not, (ng,) each; None if Python must compute them."""
+    def rows_of_all_modes(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array, Array] | None:
+        """Return g, G, g_t and gamma of all rows, active or not; None if Python must compute them."""
         return None
 
     def enter(self, mode: Mode) -> None:

@@ -82,11 +82,11 @@ class _BoundIteration:
         """Return the multipliers (k,) for given friction bounds, (m,)."""
         x, at, slides = np.zeros(len(self.c)), self.at, self.slides
         x[at[slides]] = self.sliding_ratio[slides] * bound[slides]
-        zero = at[~slides & (bound == 0)]
-        free = np.setdiff1d(np.arange(len(x)), [*at[slides], *zero])
+        free = np.ones(len(x), bool)
+        free[at[slides | (bound == 0)]] = False
         low, high = self.lower.copy(), self.upper.copy()
         low[at], high[at] = -bound, bound
-        if len(free):
+        if free.any():
             C = self.C[:, free]
             x[free] = solve_box_lcp(C, self.c[free] + C.T @ (self.C @ x), low[free], high[free])
         return x

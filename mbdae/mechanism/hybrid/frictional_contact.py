@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...data_types import CoreData
 from ...tolerances import VISIBLE
 from ..closures.closure import UnilateralClosure
 from ..forces.coulomb_friction import CoulombFriction
@@ -60,6 +61,11 @@ class FrictionalContact(Unilateral):
     def guards(self, state: int) -> tuple[Guard, ...]:
         friction_guards = tuple(g._replace(name=self.name, switch=self.index) for g in self.friction.guards(state))
         return (*super().guards(min(state, 1)), *friction_guards)
+
+    def core_guard(self, state: int) -> CoreData | None:
+        data = super().core_guard(state)
+        friction = {"restitution": self.restitution, "no_slip": self.no_slip, "friction": self.coefficient}
+        return None if data is None else {**data, **friction}
 
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         found = super().impact_rows(point, min(state, 1), tolerance)

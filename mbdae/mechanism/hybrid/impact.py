@@ -88,6 +88,13 @@ def row_impacts(point: "ModePoint", unswitched: Array, recent: set[int]) -> list
     return [problem.by_rows(stage) for stage in impact.stages] if impact else []
 
 
+def positive_impulses(impulses: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:
+    """Return the impulses that are positive, not only by rounding, with their names."""
+    found = list(impulses)
+    zero = MODE_ROUNDING * max((p for _, p in found), default=0.0)
+    return [(name, p) for name, p in found if p > zero]
+
+
 class _ImpactProblem:
     """Rows of all switches in contact, by their role in the impact; rates and rows in characteristic lengths.
 
@@ -174,8 +181,8 @@ class _ImpactProblem:
 
     def _contact_impulses(self, impulses: Array) -> list[tuple[str, float]]:
         """Return the names and the positive impulses of contacts."""
-        first = [(self.switches[i].name, rows[0]) for i, rows in self.rows_near_contact.items()]
-        return [(name, p) for name, s in first if s.sign and (p := float(s.sign * impulses[s.row])) > 0]
+        first = [(self.switches[i].name, rows[0]) for i, rows in self.rows_near_contact.items() if rows[0].sign]
+        return positive_impulses([(name, s.sign * float(impulses[s.row])) for name, s in first])
 
     def _velocities_jump(self, recent: set[int]) -> bool:
         """Return whether a velocity jumps; if only recent contacts approach, all active ones come to rest."""

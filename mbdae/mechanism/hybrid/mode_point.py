@@ -1,7 +1,7 @@
 """Point of a run for guards and mode transitions, with all rows, including inactive ones."""
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,22 +16,32 @@ if TYPE_CHECKING:
 
 
 class AllRows:
-    """All rows of a mechanism in any mode, evaluated in a separate workspace."""
+    """All rows of a mechanism in any mode, evaluated by the core, or in a separate workspace."""
 
     def __init__(self, system: "Index2System") -> None:
-        self.model, self.data = system.model, make_data(system.model)
-        self.rows = Constraints(self.model, self.data, system.mechanism.constraints)
+        self.system = system
+
+    @cached_property
+    def _workspace(self) -> tuple[Any, Any, Constraints]:
+        model, data = self.system.model, make_data(self.system.model)
+        return model, data, Constraints(model, data, self.system.mechanism.constraints)
 
     def __call__(self, t: float, q: Array) -> tuple[Array, Array, Array]:
         """Return g (ng,), G (ng, nv) and g_t (ng,)."""
-        update_poses(self.model, self.data, q)
-        return *self.rows.value(t), -self.rows.motion(t)[1]
+        if (found := self.system.rows_of_all_modes(t, q, np.zeros(self.system.nv))) is not None:
+            return found[:3]
+        model, data, rows = self._workspace
+        update_poses(model, data, q)
+        return *rows.value(t), -rows.motion(t)[1]
 
     def bias(self, t: float, q: Array, v: Array) -> Array:
         """Return gamma = Gdot v + g_tt, (ng,)."""
-        update_motions(self.model, self.data, q, v, np.zeros(len(v)))
-        update_poses(self.model, self.data, q)
-        return self.rows.bias(v) - self.rows.motion(t)[2]
+        if (found := self.system.rows_of_all_modes(t, q, v)) is not None:
+            return found[3]
+        model, data, rows = self._workspace
+        update_motions(model, data, q, v, np.zeros(len(v)))
+        update_poses(model, data, q)
+        return rows.bias(v) - rows.motion(t)[2]
 
 
 class ModePoint:
@@ -54,27 +64,20 @@ class ModePoint:
         return self.all_rows(self.t, self.q)
 
     @cached_property
-    def _values_and_rates(self) -> tuple[Array, Array]:
-        found = self.system.rows_of_all_modes(self.t, self.y)
-        if found is not None:
-            return found
-        g, G, g_t = self.values
-        return g, G @ self.v + g_t
-
-    @property
     def g(self) -> Array:
         """Return g of all rows, (ng,)."""
-        return self._values_and_rates[0]
+        return self.values[0]
 
     @property
     def G(self) -> Array:
         """Return G of all rows, (ng, nv)."""
         return self.values[1]
 
-    @property
+    @cached_property
     def rate(self) -> Array:
         """Return G v + g_t of all rows, (ng,)."""
-        return self._values_and_rates[1]
+        _, G, g_t = self.values
+        return G @ self.v + g_t
 
     @cached_property
     def gamma(self) -> Array:

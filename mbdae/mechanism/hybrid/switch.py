@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
+    from ...data_types import CoreData
     from ...system import Array
     from ..formulations.index2 import Index2System
     from ..mechanism import Mechanism
@@ -184,6 +185,10 @@ class Switch:
 
         None without a limit.
         """
+        return None
+
+    def core_guard(self, state: int) -> "CoreData | None":
+        """Return core data of the guard of a contact; None if only Python has the guards of the state."""
         return None
 
     def enter(self, system: "Index2System", state: int) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ...data_types import CoreData
 from ...system import Array
 from ...tolerances import SHORTEST_FLIGHT
 from ..closures.closure import UnilateralClosure
@@ -65,6 +66,14 @@ class Unilateral(UnilateralRow):
         if state == OPEN:
             return (Guard("contact", self.name, self.index, self.gap, self.speed, self.acceleration),)
         return (Guard("separation", self.name, self.index, self.load, needs_multipliers=True, load=self.load),)
+
+    def core_guard(self, state: int) -> CoreData | None:
+        alone = self.rows == (self.row,)  # no no-slip rows, which also take part in impacts
+        if state != OPEN and not alone:
+            return None
+        e = self.restitution if alone else 0.0
+        data = {"row": self.row, "sign": self.sign, "closed": bool(state), "restitution": e, "rest": self.rest}
+        return {**data, "no_slip": -1, "friction": 0.0}
 
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         if state != CLOSED and self.gap(point) > tolerance * point.system.mechanism.row_scales[self.row]:

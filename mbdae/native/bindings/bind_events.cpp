@@ -15,11 +15,40 @@ void set_nodes(Events& e, const ValueNodes& nodes) {
   e.located.clear(), e.stopped = false;
 }
 
+// Size, level, time of return, unit and time of the last impact.
+using GuardStates = std::vector<std::tuple<double, double, double, double, double>>;
+
+GuardStates guard_states(const ContactGuards& c) {
+  GuardStates out;
+  for (const ContactGuard& x : c.guards) out.emplace_back(x.size, x.level, x.return_time, x.unit, x.last_impact);
+  return out;
+}
+
+void set_guard_states(ContactGuards& c, const GuardStates& states) {
+  if (states.size() != c.guards.size()) reject("as many states as guards");
+  for (size_t i = 0; i < states.size(); ++i) {
+    ContactGuard& x = c.guards[i];
+    std::tie(x.size, x.level, x.return_time, x.unit, x.last_impact) = states[i];
+  }
+}
+
+// Node, guard, work and impulses of all rows.
+std::vector<std::tuple<long, int, double, Numbers>> impacts(const ContactGuards& c) {
+  std::vector<std::tuple<long, int, double, Numbers>> out;
+  for (const Rebound& x : c.impacts) out.emplace_back(x.node, x.guard, x.work, x.impulses);
+  return out;
+}
+
 }  // namespace
 
 void check_events(const Events& e, const Index2System& s) {
   for (const SignalEvent& event : e.events)
     if (!event.signal.is_valid(s)) reject("a signal does not fit the mechanism");
+}
+
+void check_contacts(const ContactGuards& c, const Index2System& s) {
+  for (const ContactGuard& guard : c.guards)
+    if (guard.row < 0 || guard.row >= s.ng || guard.no_slip >= s.ng) reject("a guard does not fit the mechanism");
 }
 
 void bind_events(nb::module_& m) {
@@ -43,6 +72,15 @@ void bind_events(nb::module_& m) {
         for (const LocatedEvent& f : e.located) out.emplace_back(f.event, f.t, vector(f.y));
         return out;
       });
+  bind_attributes<ContactGuards>(m, "ContactGuards", "Guards of contacts, and impacts at which one of them rebounds.")
+      .def(
+          "set_guards",
+          [](ContactGuards& c, const nb::list& guards) {
+            c.guards = DataReader().read<std::vector<ContactGuard>>(guards);
+          },
+          nb::arg("guards"), "Set the guards: dicts of the row, its sign, whether it is closed, restitution and rest.")
+      .def_prop_rw("states", guard_states, set_guard_states)
+      .def_prop_ro("impacts", impacts);
 }
 
 }  // namespace mbdae

@@ -72,20 +72,20 @@ auto residuals(PyCore& c, const Array& t, const Array& y) {
   return std::make_tuple(array(g, {n, ng}), array(rate, {n, ng}), array(energies, {n, 2}));
 }
 
-// Including rows inactive in the mode.
-auto rows_of_all_modes(PyCore& c, double t, const Array& y) {
+// g, G, g_t and gamma, including rows inactive in the mode.
+auto rows_of_all_modes(PyCore& c, double t, const Array& q, const Array& v) {
   return attempt(c, [&](Index2System& s) {
-    Numbers at = checked_numbers(y, s.length, "y"), g(s.ng), rate(s.ng);
-    std::vector<bool> off;
-    off.swap(s.constraints.off);
-    try {
-      residual(s, t, at.data(), g.data(), rate.data());
-    } catch (const FallBackToPython&) {
-      off.swap(s.constraints.off);
-      throw;
-    }
-    off.swap(s.constraints.off);
-    return std::make_tuple(vector(g), vector(rate));
+    const AllRowsActive all(s.constraints);
+    const size_t ng = s.ng, nv = s.nv;
+    Numbers at = checked_numbers(q, s.nq, "q"), u = checked_numbers(v, nv, "v");
+    Numbers g(ng), G(ng * nv, 0.0), g_t(ng, 0.0), gamma(ng), g_tt(ng, 0.0);
+    s.mechanics.poses(at.data()), s.mechanics.motions(at.data(), u.data());
+    s.constraints.value(s.mechanics, at.data(), s.constraints.all, G.data(), g.data());
+    s.constraints.complete_g(t, g.data()), s.constraints.evaluate_g_t(t, g_t.data());
+    s.constraints.bias(s.mechanics, at.data(), u.data(), s.constraints.all, gamma.data());
+    s.constraints.evaluate_g_tt(t, g_tt.data());
+    for (size_t k = 0; k < ng; ++k) gamma[k] += g_tt[k];
+    return std::make_tuple(vector(g), array(G, {ng, nv}), vector(g_t), vector(gamma));
   });
 }
 
@@ -143,8 +143,8 @@ void bind_points(nb::class_<PyCore>& core) {
            "Return y' (n, ny) and lam (n, ng) at many points; nan where they cannot be computed.")
       .def("residuals", residuals, arg("t"), arg("y"),
            "Return g (n, ng), G v + g_t (n, ng), and kinetic and potential energy (n, 2) at many points.")
-      .def("rows_of_all_modes", rows_of_all_modes, arg("t"), arg("y"),
-           "Return g and G v + g_t over all rows whatever the mode, or None.")
+      .def("rows_of_all_modes", rows_of_all_modes, arg("t"), arg("q"), arg("v"),
+           "Return g (ng,), G (ng, nv), g_t and Gdot v + g_tt (ng,) over all rows whatever the mode, or None.")
       .def("pivot_ratio", ratio_of_pivots, arg("q"), arg("rank"),
            "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
       .def("dynamics", dynamics, arg("q"), arg("v"), arg("a"),

@@ -83,8 +83,8 @@ void run_loop(PyCore& c, Method& method, Run& run) {
     reject("atol has the wrong length");
   if (run.adaptive && !method.errors) reject("the tableau has no error estimate");
   if (!run.continued) run.steps = Steps(), run.taken = run.rejected = 0, run.monitor.suspicious = false;
-  run.needs_python = false;
-  check_events(run.events, c.core->system);
+  run.needs_python = run.contacts.undecided = false, run.contacts.impacts.clear();
+  check_events(run.events, c.core->system), check_contacts(run.contacts, c.core->system);
   run_unlocked(c, [&] { TimeLoop(method, c.core->system, run).advance(); });
 }
 

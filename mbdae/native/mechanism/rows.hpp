@@ -171,4 +171,16 @@ class Constraints {
   void motion(double t, const Driver& d, double* u) const;
 };
 
+// While it exists, no row is inactive in the mode.
+class AllRowsActive {
+ public:
+  explicit AllRowsActive(Constraints& constraints) : constraints_(constraints) { off_.swap(constraints.off); }
+  ~AllRowsActive() { off_.swap(constraints_.off); }
+  AllRowsActive(const AllRowsActive&) = delete;
+
+ private:
+  Constraints& constraints_;
+  std::vector<bool> off_;
+};
+
 }  // namespace mbdae

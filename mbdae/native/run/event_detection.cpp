@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/brent.hpp"
+
 namespace mbdae {
 
 namespace {
@@ -83,38 +85,18 @@ class Search {
       crossings_->push_back({b.theta, number_, b.y});
   }
 
-  // A zero between a and b by R. P. Brent's method (Algorithms for Minimization without Derivatives, 1973, chapter 4):
-  // inverse interpolation where it converges, otherwise bisection. b is the best so far, c on the other side of the
-  // zero.
-  Crossing locate(Sample a, Sample b) {
+  Crossing locate(const Sample& a, const Sample& b) {
     const double scale = std::max(std::fabs(step_.t), std::fabs(step_.t1));
     const double resolution = all_.spacings * (std::nextafter(scale, INFINITY) - scale) / std::fabs(h_);
-    Sample c = a;
-    double move = b.theta - a.theta, before = move;
-    for (int k = 0; k < all_.iterations; ++k) {
-      if (sign(b.f) == sign(c.f)) c = a, move = before = b.theta - a.theta;
-      if (std::fabs(c.f) < std::fabs(b.f)) a = b, b = c, c = a;
-      const double tolerance = 0.5 * (resolution + all_.step_tolerance * std::fabs(b.theta)),
-                   half = 0.5 * (c.theta - b.theta);
-      if (b.f == 0 || std::fabs(half) <= tolerance) break;
-      const bool converges = std::fabs(before) > tolerance && std::fabs(b.f) < std::fabs(a.f);
-      const double guess = converges ? interpolated(a, b, c) : 0.0;
-      if (guess * half > 0 && 2 * std::fabs(guess) < std::min(3 * std::fabs(half) - tolerance, std::fabs(before)))
-        before = move, move = guess;
-      else
-        before = move = half;
-      a = b;
-      const double theta = b.theta + (std::fabs(move) > tolerance ? move : std::copysign(tolerance, half));
-      b = {theta, shorter_(theta), 0};
-      b.f = value(step_.t + theta * h_, b.y.data());
-    }
-    return {b.theta, number_, b.y};
-  }
-
-  static double interpolated(const Sample& a, const Sample& b, const Sample& c) {
-    if (a.theta == c.theta) return -b.f * (b.theta - a.theta) / (b.f - a.f);
-    const double ab = (a.theta - b.theta) / (a.f - b.f), cb = (c.theta - b.theta) / (c.f - b.f);
-    return -b.f * (ab - a.f * (cb - ab) / (c.f - a.f));
+    std::vector<Sample> known = {a, b};
+    const auto f = [&](double theta) {
+      const Numbers y = shorter_(theta);
+      known.push_back({theta, y, value(step_.t + theta * h_, y.data())});
+      return known.back().f;
+    };
+    const double root = brent(f, a.theta, a.f, b.theta, b.f, resolution, all_.step_tolerance, all_.iterations);
+    const auto at = std::find_if(known.begin(), known.end(), [&](const Sample& x) { return x.theta == root; });
+    return {root, number_, at->y};
   }
 
   // Fraction of the step at which the signal may have crossed its level and returned; 0 for none.

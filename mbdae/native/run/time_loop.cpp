@@ -12,6 +12,7 @@ TimeLoop::TimeLoop(Method& method, Index2System& system, Run& run)
     : method_(method),
       s_(system),
       run_(run),
+      contacts_(system, run.contacts),
       size0_(s_.ny),
       size1_(s_.ny),
       z_(s_.nz),
@@ -92,25 +93,56 @@ void TimeLoop::project(double t) {
   next_.carry = s_.carry(F), next_.memory.reset(), restarted_ = true;
 }
 
+// Steps from the start of the step just taken, shorter than it.
+class TimeLoop::ShorterSteps {
+ public:
+  ShorterSteps(TimeLoop& loop, double h) : loop_(loop), h_(h), restarted_(loop.restarted_) {}
+
+  Numbers take(double theta) {
+    Run& run = loop_.run_;
+    const double t = run.interval.t;
+    if (!taken()) {
+      end_ = std::move(loop_.next_), loop_.next_ = State();
+      z_ = loop_.z_, size_ = loop_.size1_;
+    }
+    loop_.method_.take(run.adaptive, t, theta * h_, run.state, loop_.next_, loop_.z_.data(), loop_.errors_);
+    if (run.adaptive || run.project) loop_.s_.size(loop_.next_.y.data(), loop_.size1_.data());
+    if (run.project) loop_.project(t + theta * h_);
+    last_ = theta;
+    return loop_.next_.y;
+  }
+
+  void end_at(double theta, Proposal& p) {  // instead of the step just taken
+    if (last_ != theta) take(theta);
+    p.t_next = loop_.run_.interval.t + theta * h_;
+    loop_.run_.grid.undo_step();
+  }
+
+  void discard() {
+    if (taken()) loop_.next_ = std::move(end_), loop_.z_ = z_, loop_.size1_ = size_, loop_.restarted_ = restarted_;
+  }
+
+ private:
+  bool taken() const { return !end_.y.empty(); }
+
+  TimeLoop& loop_;
+  const double h_;
+  const bool restarted_;
+  State end_;  // exchanged with that of the loop: arrays keep their addresses
+  Numbers z_, size_;
+  double last_ = 1;  // fraction of the step that was taken last
+};
+
 void TimeLoop::detect_events(Proposal& p) {
   const double t = run_.interval.t, h = p.t_next - t, least = s_.rows.least_pivot_ratio;
   const IndependentRows::Freeze freeze(s_.rows);
   // the input of `update_independent_rows` at the end, to the last bit
   const bool near = s_.point.is_current(next_.y.data()) && !s_.point.is_exactly_current(next_.y.data());
   PointValues values(s_, near ? &other_configuration_ : nullptr);
-  State end;  // swapped with `next_` while shorter steps are taken: arrays keep their addresses
-  Numbers z, size;
-  const bool restarted = restarted_;
-  bool swapped = false;
-  double last = 1;  // fraction of the step that was taken last
+  ShorterSteps steps(*this, h);
   auto shorter = [&](double theta) {
     values.exchange();
-    if (!swapped) end = std::move(next_), next_ = State(), z = z_, size = size1_, swapped = true;
-    method_.take(run_.adaptive, t, theta * h, run_.state, next_, z_.data(), errors_);
-    if (run_.adaptive || run_.project) s_.size(next_.y.data(), size1_.data());
-    if (run_.project) project(t + theta * h);
-    last = theta;
-    return next_.y;
+    return steps.take(theta);
   };
   const auto carried = [&](const State& x) {  // (v', s', w')
     return x.carry.empty() ? nullptr : x.carry.data() + (s_.carried() - (s_.ny - s_.nv));
@@ -121,12 +153,84 @@ void TimeLoop::detect_events(Proposal& p) {
     const bool monitored =
         run_.monitored && std::sqrt(least) < run_.monitor.monitored_ratio * run_.monitor.largest_ratio;
     if (monitored || scan_.stop * h == 0) throw FallBackToPython();
-    if (last != scan_.stop) shorter(scan_.stop);
-    p.t_next = t + scan_.stop * h;
-    run_.grid.undo_step();
-  } else if (swapped) {
-    next_ = std::move(end), z_ = z, size1_ = size, restarted_ = restarted;
+    values.exchange();
+    steps.end_at(scan_.stop, p);
+  } else {
+    steps.discard();
   }
+}
+
+int TimeLoop::detect_contact(Proposal& p) {
+  const double t = run_.interval.t, least = s_.rows.least_pivot_ratio;
+  const IndependentRows::Freeze freeze(s_.rows);
+  ShorterSteps steps(*this, p.t_next - t);
+  const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), nullptr, nullptr};
+  double theta = 1;
+  const PartialStep shorter = [&](double x) { return steps.take(x); };
+  const double largest = contacts_.check_loads(taken, shorter);
+  if (run_.adaptive && largest < INFINITY)
+    run_.control.h = std::min(run_.control.h, largest), run_.control.uncut_size = 0;
+  const int guard = contacts_.first_root(theta);
+  if (guard < 0) {
+    contacts_.advance(), steps.discard();
+    return guard;
+  }
+  const double end = t + theta * (p.t_next - t);
+  const bool suspicious =
+      run_.monitored && std::sqrt(least) < run_.monitor.suspicious_ratio * run_.monitor.largest_ratio;
+  if (suspicious || !(t < end && end < p.t_next)) throw FallBackToPython();
+  steps.end_at(theta, p);
+  return guard;
+}
+
+void TimeLoop::complete_step(Proposal& p) {
+  const std::vector<int> before = s_.rows.in_use();
+  const long node = static_cast<long>(run_.steps.t.size());
+  run_.contacts.undecided = true;  // unless all of this succeeds
+  try {
+    const int guard = detect_contact(p);
+    const bool changed = s_.update_independent_rows(p.t_next, next_);
+    if (changed) run_.steps.changes.emplace_back(node, s_.rows.in_use());
+    if (guard >= 0) resolve_impact(guard, p.t_next);
+  } catch (const FallBackToPython&) {
+    std::vector<std::pair<long, std::vector<int>>>& changes = run_.steps.changes;
+    if (!changes.empty() && changes.back().first == node) changes.pop_back();
+    if (s_.rows.in_use() != before) s_.use_rows(before, s_.rows.rank, s_.rows.floor, s_.rows.frozen);
+    throw;
+  }
+  run_.contacts.undecided = false;
+}
+
+void TimeLoop::resolve_impact(int guard, double t) {
+  const IndependentRows::Freeze freeze(s_.rows);
+  after_ = State(), after_.y = next_.y, F_.resize(s_.ny), z_after_.resize(s_.nz);
+  Rebound impact = contacts_.rebound(guard, t, after_.y.data());
+  if (run_.project) project_state(s_, t, after_.y.data());
+  s_.update_independent_rows(t, after_);
+  s_.derivative(t, after_.y.data(), F_.data(), z_after_.data());
+  contacts_.require_loads(after_.y.data(), F_.data(), z_after_.data());
+  after_.carry = s_.carry(F_);
+  impact_ = std::move(impact);
+}
+
+void TimeLoop::begin_interval(const Numbers& z) {
+  z_ = z;
+  run_.steps.after_jumps.push_back(static_cast<long>(run_.steps.t.size()));
+  record();
+  run_.monitor.last_ratio = INFINITY;
+  if (run_.adaptive || run_.project) s_.size(run_.state.y.data(), size0_.data());
+}
+
+void TimeLoop::apply_impact() {
+  if (impact_.guard < 0) return;
+  impact_.node = static_cast<long>(run_.steps.t.size());
+  run_.steps.changes.emplace_back(impact_.node, s_.rows.in_use());
+  run_.contacts.guards[impact_.guard].last_impact = run_.interval.t;
+  std::swap(run_.state, after_);
+  begin_interval(z_after_);
+  contacts_.track(run_.interval.t, run_.state.y.data(), F_.data(), z_.data());
+  run_.contacts.impacts.push_back(std::move(impact_));
+  impact_ = Rebound();
 }
 
 void TimeLoop::record() {
@@ -162,11 +266,7 @@ bool TimeLoop::apply_jump() {
   }
   next.carry = s_.carry(F);
   std::swap(run_.state, next), run_.interval = interval, run_.jumps.restart = jumps.restart;
-  z_ = z;
-  record();
-  run_.steps.after_jumps.push_back(node);
-  run_.monitor.last_ratio = INFINITY;
-  if (run_.adaptive || run_.project) s_.size(run_.state.y.data(), size0_.data());
+  begin_interval(z);
   return true;
 }
 
@@ -190,9 +290,13 @@ bool TimeLoop::attempt() {
       return true;
     }
     if (run_.project) project(p.t_next);
-    if (!run_.events.events.empty()) detect_events(p);
-    if (s_.update_independent_rows(p.t_next, next_))
-      run_.steps.changes.emplace_back(static_cast<long>(run_.steps.t.size()), s_.rows.in_use());
+    if (contacts_.checks_steps()) {
+      complete_step(p);
+    } else {
+      if (!run_.events.events.empty()) detect_events(p);
+      if (s_.update_independent_rows(p.t_next, next_))
+        run_.steps.changes.emplace_back(static_cast<long>(run_.steps.t.size()), s_.rows.in_use());
+    }
   } catch (const FallBackToPython&) {
     return false;
   }
@@ -229,6 +333,7 @@ void TimeLoop::advance() {
     }
     if (run_.taken == taken) continue;
     if (run_.events.stopped) return;
+    bool leave = false;
     if (run_.monitored) {
       const double before = monitor.last_ratio, here = std::sqrt(s_.rows.least_pivot_ratio);
       monitor.last_ratio = here, monitor.largest_ratio = std::max(monitor.largest_ratio, here);
@@ -236,8 +341,10 @@ void TimeLoop::advance() {
       monitor.suspicious |= here < monitor.monitored_ratio * monitor.largest_ratio ||
                             (low < monitor.suspicious_ratio * monitor.largest_ratio && low < monitor.notch_ratio * high);
       const bool falls = monitor.entered || monitor.steps_ahead * (before - here) > here;
-      if (run_.adaptive && here < monitor.monitored_ratio * monitor.largest_ratio && falls) return;
+      leave = run_.adaptive && here < monitor.monitored_ratio * monitor.largest_ratio && falls;
     }
+    apply_impact();
+    if (leave) return;
     if (!(std::chrono::duration<double>(Clock::now() - started).count() <= run_.seconds)) return;
   }
 }

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "steps/collocation.hpp"
-#include "run/event_detection.hpp"
+#include "run/contact_guards.hpp"
 #include "run/jumps.hpp"
 #include "system/projection.hpp"
 #include "steps/half_explicit_step.hpp"
@@ -45,6 +45,7 @@ struct Run {
   SingularityMonitor monitor;
   Events events;
   Jumps jumps;
+  ContactGuards contacts;
   bool adaptive = false;      // with step-size control; otherwise on the grid
   bool project = false;       // the ends of steps
   bool monitored = false;     // by the singularity monitor
@@ -60,7 +61,7 @@ struct Run {
   long taken = 0, rejected = 0;
   bool needs_python = false;  // for the next step
 
-  FIELDS(interval, control, grid, monitor, events, jumps, adaptive, project, monitored, tolerated_move, tiny,
+  FIELDS(interval, control, grid, monitor, events, jumps, contacts, adaptive, project, monitored, tolerated_move, tiny,
          max_undone, continued, seconds, max_steps, max_carries, taken, rejected, needs_python)
 };
 
@@ -130,8 +131,14 @@ class TimeLoop {
   void project(double t);  // its end
   double move_norm(const Numbers& move) const;  // of the projected end of a step, in tolerances
   bool undoes_step(double h, const Numbers& y, const Numbers& move) const;  // did it undo the step, which led to y?
+  class ShorterSteps;
   void detect_events(Proposal& p);  // on the step just taken, which is cut where an event ends the run
+  int detect_contact(Proposal& p);  // the guard of a contact that closes in it, where it is cut; -1: none
+  void complete_step(Proposal& p);           // check contacts, and select the rows of the next step
+  void resolve_impact(int guard, double t);  // at the end of the step
+  void apply_impact();              // the point after it is the next node
   bool apply_jump();                // the jump after an interval; false if Python must handle it
+  void begin_interval(const Numbers& z);  // at the current state, after a jump or an impact
   void record();                    // record the state
   bool ends_singular();  // does a fixed step end in a singular configuration although another step is possible?
   double error_norm(const double* e, int errors, double noise) const;
@@ -142,6 +149,10 @@ class TimeLoop {
   State next_;
   bool restarted_ = false;  // its carry was recomputed
   EventScan scan_;          // on the accepted step
+  ContactMonitor contacts_;
+  Rebound impact_;          // at the end of the accepted step, if it has a guard
+  State after_;             // the impact
+  Numbers F_, z_after_;     // (ny,), (nz,) y' and lam there
   Numbers errors_;         // (errors, ny)
   Numbers size0_, size1_;  // (ny,) magnitudes at the start and the end of a step
   Numbers z_;              // (nz,) multipliers of the method

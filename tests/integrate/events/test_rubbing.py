@@ -3,13 +3,12 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import G, carried, empty, frame
+from bouncing import G, R, carried, empty, frame, lever
 
 import mbdae
 from mbdae import Closure, CoulombFriction, Mechanism
 from mbdae.errors import InputError
 
-R = 0.01
 OPEN, GRIPS, SLIDES = 0, 1, 2
 
 
@@ -47,18 +46,6 @@ def test_a_block_that_falls_on_an_incline_sticks_or_slides(tangent, mode):
     # the tangential impulse of the floor is mu times the normal one, in the impact and after it
     speed = 0.0 if mode == GRIPS else G * 0.5 * (np.sin(slope) - mu * np.cos(slope))
     assert sol.v[-1] == pytest.approx([speed, 0], abs=1e-12)
-
-
-def lever(mu, angle=0.9, e=0.0):
-    """A rod on a carriage, hinged above the floor, its end ahead of the hinge."""
-    model = empty()
-    cart = carried(model, 0, pin.JointModelPX(), "cart", 0.5)
-    rod = carried(model, cart, pin.JointModelRY(), "rod", 0.0, inertia=(0, 0.02, 0))
-    frame(model, rod, "end", 0.5 * np.sin(angle), 0, -0.5 * np.cos(angle))
-    place = pin.SE3(np.eye(3), np.array([0, 0, -0.5 * np.cos(angle) - R]))
-    model.addFrame(pin.Frame("floor", 0, 0, place, pin.FrameType.OP_FRAME))
-    floor = Closure.rolling("floor", "end", R, name="ground", grip="longitudinal", unilateral=True, restitution=e)
-    return Mechanism(model, [floor], [CoulombFriction(closure="ground", coefficient=mu, exact=True)])
 
 
 @pytest.mark.parametrize("mu", [0.1, 0.9, 3.0])

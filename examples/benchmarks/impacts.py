@@ -1,0 +1,101 @@
+"""Cost of an impact beyond the steps of its run, resolved in the core or in Python, by model.
+
+The core resolves impacts at which a single contact rebounds; all other transitions are located and resolved in Python,
+one step at a time, and so are all of them for comparison. With the CPU times T of runs at two tolerances and of one of
+no duration, T = T_0 + steps * T_step + transitions * T_transition; rejected steps count.
+
+Run: python examples/benchmarks/impacts.py [--brief]
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from time import process_time
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+import numpy as np
+from common import brief, machine, medians, microseconds, ratio, table
+
+import mbdae
+from mbdae.mechanism.hybrid.unilateral import Unilateral
+
+MODELS = {  # span in s: until a contact closes, or the whole run
+    "pendulum_on_stop": (4.2829, 8.0),
+    "slider_crank_with_stop": (0.632, 3.0),
+    "bouncing_chain": (0.5, 3.0),
+    "woodpecker": (1.0,),
+    "ratchet": (6.0,),
+}
+RTOL = 1e-7, 1e-10
+NO_DURATION = 1e-9  # s
+
+
+class Cost(NamedTuple):
+    """Cost of a run at the first tolerance.
+
+    Attributes:
+        transitions: impacts and changes of mode.
+        in_core: of these, resolved in the core.
+        seconds: CPU time of the run.
+        step: CPU time of a step.
+        transition: CPU time of a transition beyond its steps.
+    """
+
+    transitions: int
+    in_core: int
+    seconds: float
+    step: float
+    transition: float
+
+
+@contextmanager
+def in_python() -> Iterator[None]:
+    """Leave all guards to Python."""
+    with patch.object(Unilateral, "core_guard", lambda self, state: None):
+        yield
+
+
+def seconds(mechanism: mbdae.Mechanism, where: AbstractContextManager[None], **options: Any) -> float:
+    """CPU seconds of a run."""
+    with where:
+        began = process_time()
+        mbdae.solve(mechanism, **options)
+        return process_time() - began
+
+
+def cost(
+    mechanism: mbdae.Mechanism, end: float, where: Callable[[], AbstractContextManager[None]], repeats: int
+) -> Cost:
+    """Measure the runs of a mechanism: T = T_0 + steps * T_step + transitions * T_transition at two tolerances."""
+    options: list[dict[str, Any]] = [{"rtol": rtol, "t_span": (0, end)} for rtol in RTOL]
+    with where():
+        stats = [mbdae.solve(mechanism, **x).stats for x in options]
+    options.append({"t_span": (0, NO_DURATION)})
+    times = medians({i: lambda x=x: seconds(mechanism, where(), **x) for i, x in enumerate(options)}, repeats)
+    counts = np.array([[s["steps"] + s["rejected"], s["transitions"]] for s in stats], float)
+    step, transition = np.linalg.solve(counts, [times[0] - times[2], times[1] - times[2]])
+    return Cost(stats[0]["transitions"], stats[0]["impacts_in_core"], times[0], float(step), float(transition))
+
+
+def main(argv: Sequence[str] | None = None) -> dict[tuple[str, float], tuple[Cost, Cost]]:
+    """Print the table and return the costs, in the core and in Python, by model and duration."""
+    short = brief(argv, __doc__)
+    found, rows = {}, []
+    runs = [(name, end) for name, ends in MODELS.items() for end in ends]
+    for name, end in runs[:1] if short else runs:
+        mechanism = mbdae.load(name)
+        core, python = found[name, end] = tuple(
+            cost(mechanism, end, where, 1 if short else 9) for where in (nullcontext, in_python)
+        )
+        of = f"{core.in_core} of {core.transitions}"
+        times = [[f"{1e3 * x.seconds:.3g}", microseconds(x.step), microseconds(x.transition)] for x in (core, python)]
+        both = [f"{a} / {b}" for a, b in zip(*times, strict=True)]
+        rows.append([f"{name}, {end:g} s", of, *both, ratio(python.seconds, core.seconds)])
+    print(machine() + "\n")
+    head = ["core / in Python", "transitions in the core", "ms a run", "us a step", "us a transition", "Python / core"]
+    print(table(head, rows))
+    return found
+
+
+if __name__ == "__main__":
+    main()

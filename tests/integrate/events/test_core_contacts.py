@@ -1,0 +1,158 @@
+"""Contacts and impacts in the core: equal to the Python specification, with few calls of it."""
+
+import itertools
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from bouncing import G, R, carried, empty, lever
+from scipy.optimize import lsq_linear
+
+import mbdae
+from mbdae import Mechanism, Stop
+from mbdae.integrate.events.hybrid import ModeChanges
+from mbdae.mechanism.hybrid.box_lcp import solve_box_lcp
+from mbdae.mechanism.hybrid.unilateral import Unilateral
+
+RUNS = {  # duration in s, method, step in s; impacts, and those that the core resolves
+    "pendulum_on_stop": (4.0, "herk5", 0.05, 9, 9),
+    "slider_crank_with_stop": (0.6, "radau5", 0.01, 5, 5),
+    "bouncing_chain": (0.5, "pherk5", 0.01, 32, 32),
+    "woodpecker": (0.06, "pherk5", 2e-3, 1, 0),
+    "stick_slip_slider": (1.0, "pherk5", 0.01, 0, 0),
+    "ratchet": (1.0, "pherk5", 0.02, 1, 0),
+    "geneva_drive": (1.0, "pherk5", 0.02, 0, 0),
+}
+
+
+@pytest.fixture(scope="module", params=RUNS)
+def runs(request):
+    """A run on both back ends, and its row of the table."""
+    end, method, step, *counts = RUNS[request.param]
+    mech = mbdae.load(request.param)
+    given = {"t_span": (0, end), "method": method, "step": step}
+    return [mbdae.solve(mech, backend=backend, **given) for backend in ("native", "python")], counts
+
+
+def test_both_back_ends_agree(runs):
+    (native, python), _ = runs
+    assert native.modes == python.modes
+    assert native.in_use == python.in_use
+    assert [x.where for x in native.impacts] == [x.where for x in python.impacts]
+    np.testing.assert_allclose(native.t, python.t, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(native.y, python.y, rtol=0, atol=1e-12 * (1 + np.abs(python.y).max()))
+    np.testing.assert_allclose(native.lam, python.lam, rtol=0, atol=1e-12 * np.abs(python.lam).max(initial=1))
+    if python.impacts:
+        ours, theirs = (np.array([[*x.rows, x.loss] for x in sol.impacts]) for sol in (native, python))
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12 * np.abs(theirs).max())
+
+
+def test_how_many_impacts_the_core_resolves(runs):
+    (native, python), (impacts, in_core) = runs
+    assert len(native.impacts) == impacts
+    assert native.stats["impacts_in_core"] == in_core
+    assert "impacts_in_core" not in python.stats
+
+
+def test_a_chain_comes_to_rest_on_closed_contacts():
+    """Through accumulations of impacts, and impacts of a contact while others are closed."""
+    mech = mbdae.load("bouncing_chain")
+    native, python = (mbdae.solve(mech, (0, 0.6), backend=backend) for backend in ("native", "python"))
+    assert [mode for _, mode in native.modes] == [mode for _, mode in python.modes]
+    assert [x.where for x in native.impacts] == [x.where for x in python.impacts]  # without impulses by rounding
+    np.testing.assert_allclose(native.y[-1], python.y[-1], rtol=0, atol=1e-10)
+    changes = sum(a != b for (_, a), (_, b) in itertools.pairwise(native.modes))
+    assert len(native.impacts) - native.stats["impacts_in_core"] <= 2 * changes < 10 < len(native.impacts)
+
+
+def bouncing_pair(e=0.5, heights=(1.0, 0.3)):
+    """Two balls on a plane that do not touch each other; the second one falls from another height."""
+    model = empty()
+    for k in range(2):
+        carried(model, 0, pin.JointModelPZ(), f"z{k}")
+    stops = [Stop(joint=f"z{k}", lower=0.0, restitution=e * (1 - k)) for k in range(2)]
+    return Mechanism(model, stops=stops), np.array(heights), np.zeros(2)
+
+
+@pytest.mark.parametrize("how", [{"rtol": 1e-8}, {"step": 0.02}, {"method": "radau5", "step": 0.02}])
+def test_a_contact_rebounds_while_another_one_bears_its_load(monkeypatch, how):
+    """Without restitution the second ball rests from sqrt(2 h/g) on; the first one bounces at t_1 (3 - 2^(1 - k))."""
+    resolved = []
+    monkeypatch.setattr(ModeChanges, "_change", lambda *given, f=ModeChanges._change: resolved.append(f(*given)))
+    mech, q, v = bouncing_pair()
+    sol = mbdae.solve(mech, (0, 1.2), q, v, **how)
+    first, second = np.sqrt(2 * q / G)
+    t = [first * (3 - 2.0 ** (1 - k)) for k in range(6) if first * (3 - 2.0 ** (1 - k)) < 1.2]
+    of_first = [x for x in sol.impacts if x.where == ("z0 stop",)]
+    np.testing.assert_allclose([x.t for x in of_first], t, rtol=0, atol=1e-13)
+    speeds = [np.sqrt(2 * G * q[0]) / 2**k for k in range(len(t))]
+    np.testing.assert_allclose([x.impulse[0] for x in of_first], np.multiply(1.5, speeds), rtol=1e-12)
+    np.testing.assert_allclose([x.loss for x in of_first], 0.375 * np.square(speeds), rtol=1e-12)
+    assert [x.where for x in sol.impacts if x not in of_first] == [("z1 stop",)]
+    assert len(resolved) == 1  # the impact of the second ball, which changes the mode
+    assert sol.stats["impacts_in_core"] == len(t) >= 2
+    np.testing.assert_allclose(sol.lam[sol.t > second, 1], G, rtol=1e-13)
+
+
+def test_simultaneous_impacts_are_left_to_python():
+    mech, q, v = bouncing_pair(heights=(1.0, 1.0))
+    sol = mbdae.solve(mech, (0, 0.6), q, v)
+    assert sol.impacts[0].where == ("z0 stop", "z1 stop")
+    assert sol.stats["impacts_in_core"] == 0
+
+
+def test_flights_shorter_than_rest_end_in_contact():
+    """Accumulating bounces: all but the last one, which the core leaves to Python, are its own."""
+    mech, q, v = bouncing_pair()
+    sol = mbdae.solve(mech, (0, 2.0), q, v, rtol=1e-9)
+    assert sol.modes[-1][1] == (1, 1)
+    assert sol.t[sol.modes[-1][0]] == pytest.approx(3 * np.sqrt(2 / G), abs=2e-6)  # t_1 (1 + e)/(1 - e)
+    assert sol.stats["impacts_in_core"] == len(sol.impacts) - 2 > 15
+
+
+def test_a_simulator_goes_through_the_same_impacts():
+    simulator = mbdae.Simulator("pendulum_on_stop", method="pherk5", step=0.01)
+    for _ in range(40):
+        simulator.advance(0.05)
+    other = mbdae.solve(mbdae.load("pendulum_on_stop"), (0, 2.0), method="pherk5", step=0.01, jumps=())
+    assert [x.t for x in simulator.solution().impacts] == pytest.approx([x.t for x in other.impacts], abs=1e-12)
+
+
+def test_guards_that_only_python_has_stay_there(monkeypatch):
+    """The same run without guards in the core."""
+    mech = mbdae.load("bouncing_chain")
+    sol = mbdae.solve(mech, (0, 0.3), step=0.01)
+    monkeypatch.setattr(Unilateral, "core_guard", lambda self, state: None)
+    other = mbdae.solve(mech, (0, 0.3), step=0.01)
+    assert other.stats["impacts_in_core"] == 0 < sol.stats["impacts_in_core"]
+    np.testing.assert_allclose(sol.y, other.y, rtol=0, atol=1e-12 * (1 + np.abs(other.y).max()))
+
+
+@pytest.mark.parametrize("mu", [0.1, 1.1])
+def test_the_end_of_a_rod_rebounds_with_friction(mu):
+    """W p = changes of the speeds along normal and tangent, where the tangent sticks; otherwise it slides ahead."""
+    e, angle = 0.4, 0.9
+    mech = lever(mu, angle, e)
+    sol = mbdae.solve(mech, (0, 0.2), np.array([0.0, -0.05]), np.array([1.0, 1.0]), rtol=1e-10)
+    node, inverse = sol.modes[1][0], np.array([1 / 0.5, 1 / 0.02])
+    before, after = sol.v[node - 1], sol.v[node]
+    rows = np.array([[0.0, -0.5 * np.sin(angle)], [1.0, -0.5 * np.cos(angle) - R]])  # normal and tangent at the impact
+    (normal, tangent), W = rows @ before, rows * inverse @ rows.T
+    p = np.linalg.solve(W, [-(1 + e) * normal, -tangent])
+    if abs(p[1]) > mu * p[0]:
+        slips = -np.sign(p[1])
+        p = -(1 + e) * normal / (W[0, 0] - slips * mu * W[0, 1]) * np.array([1.0, -slips * mu])
+        assert slips * (tangent + W[1] @ p) > 0
+    np.testing.assert_allclose(after, before + inverse * (rows.T @ p), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.abs(sol.impacts[0].rows), np.abs(p), rtol=1e-11)
+    assert sol.stats["impacts_in_core"] == len(sol.impacts) >= 1
+
+
+def test_friction_problems_of_two_rows_against_scipy():
+    rng = np.random.default_rng(0)
+    for low, high in itertools.product((-np.inf, -1.0, 0.0), (np.inf, 0.1, 2.0)):
+        C, c = rng.normal(size=(4, 2)), 3 * rng.normal(size=2)
+        bounds = np.array([low, -0.5]), np.array([high, 0.5])
+        d = np.linalg.lstsq(C.T, c, rcond=None)[0]
+        expected = lsq_linear(C, -d, bounds, method="bvls", tol=1e-15).x
+        np.testing.assert_allclose(solve_box_lcp(C, c, *bounds), expected, rtol=0, atol=1e-12)
