@@ -17,10 +17,9 @@ struct Cubic {
 
   double value(double x) const { return c[3] + x * (c[2] + x * (c[1] + x * c[0])); }
 
-  double minimum(int intervals) const {  // over equidistant points of [0, 1]
-    double out = INFINITY;
-    for (int k = 0; k <= intervals; ++k) out = std::min(out, value(static_cast<double>(k) / intervals));
-    return out;
+  double minimum() const {  // where the derivative is negative at 0 and positive at 1
+    const double root = std::sqrt(std::max(0.0, c[1] * c[1] - 3 * c[0] * c[2]));
+    return value(c[1] >= 0 ? -c[2] / (c[1] + root) : (root - c[1]) / (3 * c[0]));
   }
 
   // The first zero in (0, 1), or that of the cubic over x if it is zero at 0; 1 if there is none.
@@ -106,7 +105,7 @@ double ContactMonitor::negative_fraction(int i) {
   const Value start = at(0, i);
   if (!(start.rate < 0)) return 0;
   const Cubic cubic(start.f, end.f, h * start.rate, h * end.rate);
-  if (!(cubic.minimum(8) > all_.grazing * std::min(start.f, end.f))) leave_to_python();
+  if (!(cubic.minimum() > all_.grazing * std::min(start.f, end.f))) leave_to_python();
   return 0;
 }
 
