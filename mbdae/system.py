@@ -249,12 +249,12 @@ class System(Protocol):
         """The constraint rows in use, if some are redundant."""
         return ()
 
-    def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
+    def use_rows(self, rows: tuple[int, ...], frozen: bool = True) -> None:
         """Use these rows until `update_independent_rows` selects others.
 
         Args:
             rows: indices of the rows.
-            held: whether they are kept even if they become ill-conditioned; otherwise better rows replace them.
+            frozen: whether they are kept even if they become ill-conditioned; otherwise better rows replace them.
         """
 
     def update_independent_rows(self, t: float, state: State) -> State:

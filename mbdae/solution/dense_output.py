@@ -39,19 +39,19 @@ class DenseOutput:
         """Return the workspace in the mode and with the rows in use at node i: results depend on nothing else."""
         return self.prepared(self.system, i)
 
-    def prepared(self, system: Any, i: int, held: bool = True) -> Any:
+    def prepared(self, system: Any, i: int, frozen: bool = True) -> Any:
         """Return a workspace of any formulation in the mode and with the rows in use at node i.
 
         Args:
             system: the workspace.
             i: the node.
-            held: see `mbdae.system.System.use_rows`.
+            frozen: see `mbdae.system.System.use_rows`.
         """
         rows = next((rows for first, rows in reversed(self.in_use) if first <= i), None)
         if self.modes:
             system.enter(self.mode(i))
         if rows and (not system.rows_frozen or rows != system.in_use):
-            system.use_rows(rows, held)
+            system.use_rows(rows, frozen)
         return system
 
     def mode(self, i: int) -> tuple[int, ...]:

@@ -163,7 +163,7 @@ class HessenbergSystem(System):
         """Return y1 - y0, (ny,)."""
         return y1 - y0
 
-    def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
+    def use_rows(self, rows: tuple[int, ...], frozen: bool = True) -> None:
         """Do nothing: all constraints are always in use."""
 
     def size(self, y: Array) -> Array:

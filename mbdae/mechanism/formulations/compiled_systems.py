@@ -260,9 +260,9 @@ class CompiledSystem(Index2System):
             self.core.deactivate_rows([k in inactive for k in range(self.ng)], self.sticks)
             self.core.set_smallest_slip(self.closure_friction.min_slip_speed)
 
-    def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
+    def use_rows(self, rows: tuple[int, ...], frozen: bool = True) -> None:
         """See `mbdae.system.System`."""
-        super().use_rows(rows, held)
+        super().use_rows(rows, frozen)
         self.rows_to_core()
 
     def update_independent_rows(self, t: float, state: State) -> State:

@@ -132,8 +132,8 @@ class Index2System(PinocchioData, RunVariables, System):
         """See `mbdae.system.System`."""
         return () if self.rows is None else tuple(self.rows.tolist())
 
-    def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
-        self.rows, self.rank, self.rows_frozen = np.array(rows, int), len(rows), held
+    def use_rows(self, rows: tuple[int, ...], frozen: bool = True) -> None:
+        self.rows, self.rank, self.rows_frozen = np.array(rows, int), len(rows), frozen
 
     def point(self, t: float, q: Array) -> tuple[Array, Array]:
         """Return U and G at q, and make kinematics current; reuses those of the last stage at the same q."""

@@ -95,7 +95,7 @@ class ReferenceMotion:
         system: Any = bind(m, "index1" if isinstance(m, Mechanism) else "index2", None, self.backend)[0]
         points, z = [], np.full((len(self.times), system.nz), np.nan)
         for k, (t, node) in enumerate(zip(self.times, sol.before(self.times), strict=True)):
-            points.append(_continued(sol.prepared(system, int(node), held=False), sol, int(node), t))
+            points.append(_continued(sol.prepared(system, int(node), frozen=False), sol, int(node), t))
             with suppress(StepError):  # lam is undetermined in a singular configuration
                 z[k] = system.derivative(t, points[-1])[1]
         y = np.array(points)

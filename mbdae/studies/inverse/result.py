@@ -72,7 +72,7 @@ class InverseDynamics(Tabular):
         over_name: its name with unit.
         impacts: times of impacts of a run, whose impulses are not included in efforts.
         passed: unilateral constraints (stops, ropes, contacts, clutches) that a prescribed motion violates.
-        held: static friction in N m or N of joints that a prescribed motion keeps at rest: not included in efforts.
+        static_friction: in N m or N, of joints that a prescribed motion keeps at rest: not included in efforts.
     """
 
     mechanism: Mechanism
@@ -90,7 +90,7 @@ class InverseDynamics(Tabular):
     over_name: str
     impacts: tuple[float, ...] = ()
     passed: tuple[Violation, ...] = ()
-    held: dict[str, float] = field(default_factory=dict)
+    static_friction: dict[str, float] = field(default_factory=dict)
 
     @cached_property
     def power(self) -> Array:
@@ -208,7 +208,7 @@ class InverseDynamics(Tabular):
 
     def _friction(self) -> list[tuple[str, float, str]]:
         units = coordinate_units(self.mechanism)
-        return [(name, x, effort_unit(units, name)) for name, x in self.held.items()]
+        return [(name, x, effort_unit(units, name)) for name, x in self.static_friction.items()]
 
     def to_dict(self) -> JsonObject:
         """Return JSON data."""
@@ -219,7 +219,7 @@ class InverseDynamics(Tabular):
             "undetermined": self.undetermined.tolist(),
             "impacts": list(self.impacts),
             "passed": [p._asdict() for p in self.passed],
-            "held": self.held,
+            "static_friction": self.static_friction,
             "table": {name: column.tolist() for name, column in self.signals().items()},
         }
 

@@ -190,7 +190,7 @@ def _result(
     return Kinematics(
         mechanism=mech,
         drive=drive,
-        held=tuple(locked),
+        locked=tuple(locked),
         output=output or "",
         unit=str(driven.row_units[-1]),
         u=u,

@@ -51,7 +51,7 @@ class Kinematics(Tabular):
     Attributes:
         mechanism: the mechanism.
         drive: name of the input u.
-        held: names of the locked joints.
+        locked: names of the locked joints.
         output: joint of the transmission angle; empty for none.
         unit: of the input, ``"rad"`` or ``"m"``.
         u: input, (n,).
@@ -73,7 +73,7 @@ class Kinematics(Tabular):
 
     mechanism: Mechanism
     drive: str
-    held: tuple[str, ...]
+    locked: tuple[str, ...]
     output: str
     unit: str
     u: Array
@@ -234,7 +234,7 @@ class Kinematics(Tabular):
         return {
             "title": self.mechanism.title,
             "drive": self.drive,
-            "held": list(self.held),
+            "locked": list(self.locked),
             "output": self.output,
             "unit": self.unit,
             "curves": [x._asdict() for x in self.stretches],
@@ -263,8 +263,8 @@ class Kinematics(Tabular):
 
     def __str__(self) -> str:
         lines = [f"kinematics of {self.mechanism.title} over {self.drive} ({self.unit})"]
-        if self.held:
-            lines.append(f"  locked: {', '.join(self.held)}")
+        if self.locked:
+            lines.append(f"  locked: {', '.join(self.locked)}")
         for i, x in enumerate(self.stretches, 1):
             poses = x.last - x.first
             lines.append(f"  curve {i}: {poses} poses, input {x.low:.6g} to {x.high:.6g}, {ENDS[x.ended]}")

@@ -190,7 +190,7 @@ def curves(make: MechanismFactory, drive: str, first: Mechanism, options: Mappin
     span = options.get("span") or (float(first_curve.u[0]), float(first_curve.u[-1]))
     require_monotonic(first_curve, span)
     columns = first_curve.signals()
-    hold = {name: float(columns[f"q.{name}"][0]) for name in first_curve.held if f"q.{name}" in columns}
+    hold = {name: float(columns[f"q.{name}"][0]) for name in first_curve.locked if f"q.{name}" in columns}
     fixed = {**options, "span": span, "hold": hold}
 
     def follow(values: dict[str, float]) -> CurveMotion:

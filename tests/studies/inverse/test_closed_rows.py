@@ -104,11 +104,11 @@ def test_dry_friction_in_a_run_and_in_a_motion():
     t = np.linspace(0, 2, 101)
     moved = inverse_dynamics(free, {"t": t, "one": 0.5 * t**2 - 1e-3, "two": 0 * t}, ["one", "two"])
     np.testing.assert_allclose(moved.efforts[1:-1, 0], 2 * 1.0 + 4.0, atol=1e-9)
-    assert moved.held == {}
+    assert moved.static_friction == {}
     back = inverse_dynamics(free, {"t": t, "one": -0.5 * t**2, "two": 0 * t}, ["one", "two"])
     np.testing.assert_allclose(back.efforts[1:-1, 0], -6.0, atol=1e-9)
     stands = inverse_dynamics(free, (t[:2], np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2))), ["one", "two"])
-    assert stands.held == {"one": 6.0}
+    assert stands.static_friction == {"one": 6.0}
     assert "'one' is at rest: its static friction can balance up to 6 N" in str(stands)
 
 
