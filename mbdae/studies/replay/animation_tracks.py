@@ -1,6 +1,6 @@
 """Other parts of a replay and their motion: ghosts, choices, paths of points, and forces."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -10,7 +10,7 @@ from ...mechanism.scene.drawables import Drawable, Motion, Track, aligned_quater
 from ...mechanism.signals.contacts import contact_path, rolling_closures
 from ...mechanism.tree.frames import frame_paths, joint_paths
 from ...system import Array
-from ...tolerances import COINCIDENT, TINY
+from ...tolerances import COINCIDENT, NEGLIGIBLE, TINY
 from ..figures import COLOURS
 from .threejs import attribute, buffers, node, set_object, set_property, typed
 
@@ -23,7 +23,8 @@ GHOSTS = ("#e8590c", "#0c8599", "#9c36b5", "#5c940d", "#c2255c")
 GHOST_OPACITY = 0.45
 ARROW = "#c2185b"
 LONGEST, SHAFT = 0.3, 0.004  # of an arrow, in extents of the mechanism: largest length, radius of the shaft
-TRACE, PIECES = 0.0027, 1500  # radius in extents; pieces of a path
+TRACE, PIECES = 0.0027, 6000  # radius in extents; pieces of a path
+SMOOTH = 0.1  # rad between pieces of a path
 CONTACT_PREFIX = "contact."
 
 
@@ -119,23 +120,48 @@ def _same_joints(a: "Mechanism", b: "Mechanism") -> bool:
     return a.joint_names == b.joint_names and a.nq == b.nq and np.allclose(p, r)
 
 
-def traces(mechanism: "Mechanism", names: str | Sequence[str], q: Array) -> list[dict[str, Any]]:
-    """Return paths of the origins of frames at configurations q (m, nq); ``contact.<closure>`` is a contact point.
+def traces(
+    mechanism: "Mechanism", names: str | Sequence[str], configurations: Callable[[Array], Array], times: Array
+) -> list[dict[str, Any]]:
+    """Return paths of the origins of frames over times (m,), refined until they are smooth.
+
+    Args:
+        mechanism: the mechanism.
+        names: of frames; ``contact.<closure>`` is a contact point.
+        configurations: times (k,) to configurations (k, nq).
+        times: equidistant times.
 
     Raises:
         UnknownNameError: for a frame or rolling closure that does not exist.
     """
     listed = as_list(names, "traces is a list of frames")
-    found = [
-        contact_path(mechanism, name.removeprefix(CONTACT_PREFIX), q)
-        if name.startswith(CONTACT_PREFIX)
-        else frame_paths(mechanism.model, [name], q)[0]
-        for name in listed
-    ]
+
+    def paths(q: Array) -> list[Array]:
+        return [
+            contact_path(mechanism, name.removeprefix(CONTACT_PREFIX), q)
+            if name.startswith(CONTACT_PREFIX)
+            else frame_paths(mechanism.model, [name], q)[0]
+            for name in listed
+        ]
+
+    found = paths(configurations(times)) if listed else []
+    while len(times) <= PIECES // 2 and any(_largest_corner(track) > SMOOTH for track in found):
+        times = np.linspace(times[0], times[-1], 2 * len(times) - 1)
+        found = paths(configurations(times))
     return [
         {"name": name, "colour": COLOURS[i % len(COLOURS)], "points": track}
         for i, (name, track) in enumerate(zip(listed, found, strict=True))
     ]
+
+
+def _largest_corner(points: Array) -> float:
+    """Return the largest angle in rad between successive pieces of a path (m, 3), of pieces that are visible."""
+    steps = np.diff(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    steps = steps[lengths > NEGLIGIBLE * np.ptp(points, axis=0).max(initial=0.0)]
+    directions = steps / np.linalg.norm(steps, axis=1)[:, None]
+    cosines = np.einsum("ij,ij->i", directions[1:], directions[:-1])
+    return float(np.arccos(np.clip(cosines, -1.0, 1.0)).max(initial=0.0))
 
 
 def drawn_path(path: str, points: Array, colour: str, radius: float) -> Iterator[dict[str, Any]]:

@@ -153,7 +153,12 @@ def page(
     others = dict(tracks.choices(sol, scene, choices, times))
     drawn_ghosts = tracks.ghosts(sol, ghosts, times)
     marks = [] if choices else mode_tracks_of(sol, q)
-    forces, paths = tracks.arrows(sol, arrows, times), tracks.traces(mechanism, traces, q)
+    forces = tracks.arrows(sol, arrows, times)
+
+    def configurations(at: np.ndarray) -> np.ndarray:
+        return q if at is times else enlarged(mechanism.model, sol(at)[0], deformation)
+
+    paths = tracks.traces(mechanism, traces, configurations, times)
     extra = Extra(
         [*(moving for _, _, moving in drawn_ghosts), drawn_marks(marks, times, speed, scene.width)],
         paths,
