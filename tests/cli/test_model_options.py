@@ -37,7 +37,7 @@ def test_a_run_writes_the_replay_that_it_is_asked_for(tmp_path, monkeypatch):
     out = CliRunner().invoke(cli, ["solve", "four_bar", "-t", "0.1", "--html", files[0], "--video", files[1], *words])
     assert out.exit_code == 0, out.output
     options = {"speed": 0.5, "plots": [("q.crank", "q.rocker")], "traces": ("coupler_tip",), "arrows": True}
-    options |= {"camera": None, "follow": None, "closures": False}
+    options |= {"camera": None, "follow": None, "closures": False, "deformation": None}
     assert asked == [(path, options) for path in files]
     out = CliRunner().invoke(cli, ["solve", "four_bar", "-t", "0.1", "--arrows"])
     assert "need a replay" in str(out.exception)
