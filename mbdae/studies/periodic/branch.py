@@ -14,9 +14,9 @@ from ...tabular import Columns, Tabular
 from ..sweep.sweep_run import maker_of
 from .branch_path import FIRST_STEP, BranchPath, Range
 from .guess import guess_of
+from .newton import newton
 from .periodic import GAP, RTOL, require_positive_period, run_options, start_point
 from .result import Bifurcation, BranchMotion, multiplier_text
-from .shooting import newton
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
