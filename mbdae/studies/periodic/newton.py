@@ -4,7 +4,7 @@ import numpy as np
 
 from ...errors import InputError, MbdaeError
 from ...system import Array
-from ...tolerances import HALF_DIGITS, SOLUTION_ROUNDING, TRUNCATION
+from ...tolerances import HALF_DIGITS, SOLUTION_ROUNDING, TRUNCATION, VISIBLE
 from .shooting import Linearisation
 
 MAX_ITERATIONS, MAX_HALVINGS = 30, 8
@@ -62,16 +62,24 @@ def conservative(here: Linearisation) -> bool:
 
 
 def require_motion(here: Linearisation) -> None:
-    """Reject an equilibrium of equations that do not depend on time.
+    """Reject solutions that are no motion: an equilibrium, or an end whose local coordinates another point has.
 
     Raises:
-        InputError: if the nodes are at rest.
+        InputError: if the nodes of equations that do not depend on time are at rest, or an end is not the next node.
     """
     rates = (np.linalg.norm(here.flow_direction(i)) for i in range(here.cycle.parts))
     if here.cycle.free and max(rates) <= HALF_DIGITS:
         raise InputError(
             "no periodic motion found: Newton's method ends at an equilibrium, of which every T is a period; start"
             " further from it, or give a section"
+        )
+    mech, s = here.flow.mechanism, here.system
+    nodes, ends = [*here.at.nodes[1:], here.at.nodes[0]], [*(end.y for end in here.ends[:-1]), here.closing[0]]
+    moved = [mech.manifold.difference(s.split(a)[0], s.split(b)[0]) for a, b in zip(nodes, ends, strict=True)]
+    if np.abs(np.array(moved) / mech.coordinate_scales).max() > VISIBLE:
+        raise InputError(
+            f"no periodic motion found: after {here.at.T:.6g} s the motion is at another point of the closures, with"
+            " the local coordinates of the start; give a better T, or a section"
         )
 
 
