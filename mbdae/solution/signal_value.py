@@ -13,8 +13,8 @@ from ..mechanism.hybrid.mode_point import AllRows
 from ..mechanism.hybrid.unilateral import Unilateral
 from ..mechanism.signals.contacts import rolling_closures
 from ..mechanism.tree.coordinate_units import acceleration_units, component_suffixes
-from ..mechanism.tree.frames import find_joint, frame_index, skew
-from ..mechanism.tree.tree_terms import frame_origin
+from ..mechanism.tree.frames import anchor, find_joint, frame_index, skew
+from ..mechanism.tree.tree_terms import update_poses
 from ..system import Array
 from .columns import force_rows, moving_frames, reaction_units, row_names
 from .signals import effort_rows, signals, units
@@ -197,7 +197,9 @@ def _of_state(system: "Index2System", signal: SignalValue, t: float, q: Array, v
     """Return a position, a gap, an energy, or a residual of closures."""
     kind = signal.kind
     if kind == "position":
-        return float(frame_origin(system.model, system.workspace, q, signal.rows[0])[signal.i])
+        at = anchor(system.model, system.model.frames[signal.rows[0]].name)
+        update_poses(system.model, system.workspace, q)
+        return float(system.workspace.oMi[at.joint].act(at.p)[signal.i])
     if kind == "gap":
         switch: Any = system.mechanism.switches[signal.i]
         return float(switch.sign * AllRows(system)(t, q)[0][switch.row])
