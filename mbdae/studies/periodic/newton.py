@@ -54,7 +54,7 @@ def _step(here: Linearisation) -> Array:
 
 def conservative(here: Linearisation) -> bool:
     """Return whether the equations do not depend on time and no force takes or adds energy."""
-    if not here.cycle.free:
+    if not here.cycle.free or here.flow.mechanism.resets:  # whose work may vanish at a solution
         return False
     works = max(float(np.ptp(end.sol.y[:, -1])) for end in here.ends)
     kinetic = max(here.system.energy(*here.system.split(y))[0] for end in here.ends for y in end.sol.y)

@@ -146,3 +146,8 @@ def test_the_opposite_point_of_a_sphere_is_not_the_start():
     with pytest.raises(InputError, match="at another point of the closures"):
         mbdae.periodic("pendulum", 2.0)
     assert abs(mbdae.periodic("pendulum", 2.1).T / T - 1) < 1e-11
+
+
+def test_a_family_of_energies_has_no_branch():
+    with pytest.raises(InputError, match="the motion keeps its energy"):
+        mbdae.periodic_branch("pendulum", "closure.string.length", 1.0, 1.1, T=2.1)
