@@ -7,12 +7,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ..data_types import CoreData
-from ..errors import UnknownNameError
+from ..errors import InputError, UnknownNameError
 from ..mechanism import Mechanism
+from ..mechanism.hybrid.mode_point import AllRows
+from ..mechanism.hybrid.unilateral import Unilateral
 from ..mechanism.signals.contacts import rolling_closures
 from ..mechanism.tree.coordinate_units import acceleration_units, component_suffixes
-from ..mechanism.tree.frames import find_joint, frame_index, skew
-from ..mechanism.tree.tree_terms import frame_origin
+from ..mechanism.tree.frames import anchor, find_joint, frame_index, skew
+from ..mechanism.tree.tree_terms import update_poses
 from ..system import Array
 from .columns import force_rows, moving_frames, reaction_units, row_names
 from .signals import effort_rows, signals, units
@@ -22,7 +24,9 @@ if TYPE_CHECKING:
 
 SUMS = ("kinetic", "potential", "energy")
 RESIDUALS = ("g", "Gv")
-PYTHON_KINDS = ("column", "load", "position")  # kinds that the core does not support
+PYTHON_KINDS = ("column", "gap", "load", "position")  # kinds that the core does not support
+STATE_KINDS = ("position", "gap", *SUMS, *RESIDUALS)  # kinds that do not need accelerations
+OF_A_RUN = ("mode", "impulse")  # prefixes of signals without a value at a point
 
 
 class SignalValue(NamedTuple):
@@ -31,9 +35,10 @@ class SignalValue(NamedTuple):
     Attributes:
         kind: ``"t"``; ``"y"``, a component of y = (q, v, s, w); ``"rate"``, one of y' in the tangent; ``"angle"`` of a
             circle in q; ``"lam"``, ``"force"``, ``"torque"``; one of kinetic, potential, energy, g, Gv; or
-            ``"position"``, ``"column"`` of `mbdae.solution.signals.units` and ``"load"`` of a joint or closure, which
-            the core does not support.
-        i: index in y or y'; for an angle that of its cosine in q; for a column its index; for a position its axis.
+            ``"position"``, ``"gap"`` of a switch, ``"column"`` of `mbdae.solution.signals.units` and ``"load"`` of a
+            joint or closure, which the core does not support.
+        i: index in y or y'; for an angle that of its cosine in q; for a column its index; for a position its axis; for
+            a gap the index of its switch.
         rate: index in the tangent y' of its time derivative; -1 if there is none.
         rows: of closures; for a position the index of the frame in the model.
     """
@@ -92,6 +97,7 @@ def _all_signals(mech: Mechanism) -> dict[str, SignalValue]:
         frame = frame_index(mech.model, name)
         out |= {f"position.{name}.{axis}": SignalValue("position", i, rows=(frame,)) for i, axis in enumerate("xyz")}
     out |= {f"effort.{name}": SignalValue("lam", rows=(i,)) for name, i in effort_rows(mech).items()}
+    out |= {f"gap.{s.name}": SignalValue("gap", s.index) for s in mech.switches if isinstance(s, Unilateral)}
     loaded = reaction_units(mech)
     return {
         name: out[name] if name in out else SignalValue("load" if name in loaded else "column", i)
@@ -140,6 +146,23 @@ def find_signal(mech: Mechanism, name: str, known: dict[str, SignalValue] | None
     return known[name]
 
 
+def find_point_signal(mech: Mechanism, name: str) -> SignalValue:
+    """Return the signal of a given name, which has a value at a point.
+
+    Raises:
+        UnknownNameError: for an unknown name, with the valid names.
+        InputError: for a signal of a whole run, the mode or the impulses of a switch.
+    """
+    known = signal_values(mech)
+    found = find_signal(mech, name, known)
+    prefix, _, switch = name.partition(".")
+    if found.kind == "column" and prefix in OF_A_RUN:
+        gap = f"gap.{switch}"
+        other = f"; use {gap!r}" if gap in known else ""
+        raise InputError(f"signal {name!r} has no value at a point, it belongs to a run{other}")
+    return found
+
+
 def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> float:
     """Return a signal at a point y (n,); an angle between -pi and pi.
 
@@ -154,13 +177,8 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
     if kind == "angle":
         return float(np.arctan2(y[signal.i + 1], y[signal.i]))
     q, v = system.split(y)
-    if kind == "position":
-        return float(frame_origin(system.model, system.workspace, q, signal.rows[0])[signal.i])
-    if kind in SUMS:
-        kinetic, potential = system.energy(q, v)
-        return {"kinetic": kinetic, "potential": potential, "energy": kinetic + potential}[kind]
-    if kind in RESIDUALS:
-        return float(np.abs(system.residual(t, q, v)[RESIDUALS.index(kind)]).max(initial=0.0))
+    if kind in STATE_KINDS:
+        return _of_state(system, signal, t, q, v)
     F, lam = system.derivative(t, y)
     if kind == "rate":
         return float(F[signal.i])
@@ -173,6 +191,22 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
         point: Any = SinglePoint(system.mechanism, np.array([t]), *parts)
         return float(signals(point, [name])[name][0])
     return _of_multipliers(system, kind, list(signal.rows), q, lam)
+
+
+def _of_state(system: "Index2System", signal: SignalValue, t: float, q: Array, v: Array) -> float:
+    """Return a position, a gap, an energy, or a residual of closures."""
+    kind = signal.kind
+    if kind == "position":
+        at = anchor(system.model, system.model.frames[signal.rows[0]].name)
+        update_poses(system.model, system.workspace, q)
+        return float(system.workspace.oMi[at.joint].act(at.p)[signal.i])
+    if kind == "gap":
+        switch: Any = system.mechanism.switches[signal.i]
+        return float(switch.sign * AllRows(system)(t, q)[0][switch.row])
+    if kind in SUMS:
+        kinetic, potential = system.energy(q, v)
+        return {"kinetic": kinetic, "potential": potential, "energy": kinetic + potential}[kind]
+    return float(np.abs(system.residual(t, q, v)[RESIDUALS.index(kind)]).max(initial=0.0))
 
 
 def _of_multipliers(system: "Index2System", kind: str, rows: list[int], q: Array, lam: Array) -> float:

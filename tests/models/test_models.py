@@ -1,6 +1,8 @@
 """The models that come with mbdae: pages, start states, and mechanics against formulas written here."""
 
 import json
+import re
+import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,6 +17,7 @@ from mbdae.solution.signals import units
 
 MODELS = Path(__file__).parents[2] / "models"
 NAMES = mbdae.model_names()
+DATA_FILE = re.compile(r"^file = \"([^:\"]+)\"", re.MULTILINE)  # beside the model
 TABLE_HEAD = "| nq | nv | rows | rank | degrees of freedom |"
 
 
@@ -283,3 +286,13 @@ def test_andrews_end(andrews, order):
     plane, across = in_ground_axes(sol.lam[-1], end["q"])
     np.testing.assert_allclose(-plane, end["lambda"], rtol=0, atol=1e-4)
     np.testing.assert_allclose(across, 0, atol=1e-9)
+
+
+def test_data_files_of_models_are_under_version_control():
+    """Git ignores results of runs, *.npz, but not the data of models."""
+    tables = {path: path.read_text("utf-8") for path in MODELS.glob("*/*.toml")}
+    files = [path.parent / name for path, text in tables.items() for name in DATA_FILE.findall(text)]
+    assert files
+    for path in files:
+        assert path.exists()
+        assert subprocess.run(["git", "check-ignore", path.name], cwd=path.parent, capture_output=True).returncode

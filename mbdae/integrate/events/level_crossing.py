@@ -15,7 +15,7 @@ from ...errors import InputError, StepError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
 from ...solution.columns import TWO_PI
-from ...solution.signal_value import SignalValue, find_signal, value
+from ...solution.signal_value import SignalValue, find_point_signal, value
 from ...system import Array
 from ...tolerances import EPS
 
@@ -96,7 +96,7 @@ class SignalEvent:
         crossing = parse_level_crossing(text)
         if direction * crossing.direction < 0:
             raise InputError(f"event {text!r} has another direction than direction = {direction}")
-        signal = find_signal(mechanism, crossing.signal)
+        signal = find_point_signal(mechanism, crossing.signal)
         return cls(system, signal, crossing.level, direction or crossing.direction)
 
     def start_at(self, t: float, y: Array) -> None:

@@ -12,7 +12,7 @@ from ...errors import STATUS, InputError, StepError, is_number, require
 from ...mechanism import Mechanism
 from ...mechanism.inputs import Inputs
 from ...solution.problem import problem_of
-from ...solution.signal_value import find_signal, value
+from ...solution.signal_value import find_point_signal, value
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COINCIDENT
@@ -156,7 +156,7 @@ class Simulator(DifferentiableAdvance):
         """
         system: Any = self._current.system
         t, y = self.t, self._y
-        return np.array([value(system, find_signal(self.mechanism, name), t, y) for name in names])
+        return np.array([value(system, find_point_signal(self.mechanism, name), t, y) for name in names])
 
     def __getitem__(self, name: str) -> float:
         """Return an input now.

@@ -115,10 +115,3 @@ def gravity_potential(model: pin.Model, data: pin.Data, q: Array) -> float:
     out = float(pin.computePotentialEnergy(model, data, q))
     gravity = model.gravity.linear
     return out - sum(float(gravity @ body.first_moment(data, q)) for body in bound_bodies(data))
-
-
-def frame_origin(model: pin.Model, data: pin.Data, q: np.ndarray, frame: int) -> np.ndarray:
-    """Return the origin of a frame, by its index in the model, in the world in m, (3,)."""
-    at = model.frames[frame]
-    update_poses(model, data, q)
-    return np.asarray(data.oMi[at.parentJoint].act(at.placement.translation))

@@ -11,7 +11,7 @@ from ...errors import StepError
 from ...integrate.simulator.simulator import Simulator
 from ...integrate.trajectory.signal_jacobian import SignalJacobian, differentiable
 from ...mechanism.time_functions.input_functions import InputSetting
-from ...solution.signal_value import SignalValue, find_signal, value
+from ...solution.signal_value import SignalValue, find_point_signal, value
 from ...solution.solution import Solution
 from ...system import Array
 from ..optimize.objective import CostEvaluation
@@ -113,7 +113,7 @@ class Shooting:
         self.names = [name for name in dict.fromkeys(signals) if name not in grid.names]
         self.known: dict[str, SignalValue] = {}
         for name in self.names:
-            self.known[name] = find_signal(simulator.mechanism, name)
+            self.known[name] = find_point_signal(simulator.mechanism, name)
             differentiable(simulator.mechanism, name)
 
     def _begin(self, z: Array) -> float:

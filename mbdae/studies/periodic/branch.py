@@ -14,9 +14,9 @@ from ...tabular import Columns, Tabular
 from ..sweep.sweep_run import maker_of
 from .branch_path import FIRST_STEP, BranchPath, Range
 from .guess import guess_of
+from .newton import newton, require_motion
 from .periodic import GAP, RTOL, require_positive_period, run_options, start_point
 from .result import Bifurcation, BranchMotion, multiplier_text
-from .shooting import newton
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -181,6 +181,13 @@ def periodic_branch(
     cycle, guess = guess_of(path.flow(first, 0.0, y), y, T, 0.0, section, symmetry, parts)
     found = newton(path.equations(cycle, guess, first), path.tolerance).refined()
     path.options = found.flow.options
-    begin = path.point(newton(found, path.tolerance), None)
+    found = newton(found, path.tolerance)
+    require_motion(found)
+    begin = path.point(found, None)
+    if cycle.free and any(x.name == "energy" for x in begin.motion.neutral):
+        raise InputError(
+            f"the motion keeps its energy, and for each {name!r} motions of any energy are periodic: there is no single"
+            " branch; add damping and a drive, or call mbdae.periodic for each value"
+        )
     points, bifurcations, message = path.run(begin)
     return Branch(name, tuple(points), tuple(bifurcations), message, path)

@@ -16,8 +16,9 @@ from ...tolerances import SOLUTION_ROUNDING, VISIBLE
 from .flow import Flow
 from .guess import NO_JOINTS, guess_of, start_from_run
 from .motion import motion_of
+from .newton import newton, require_motion
 from .result import PeriodicMotion
-from .shooting import Cycle, Guess, Linearisation, newton
+from .shooting import Cycle, Guess, Linearisation
 
 __all__ = ["periodic"]
 
@@ -109,6 +110,7 @@ def converged(flow: Flow, kind: tuple[Cycle, Guess], rtol: float) -> PeriodicMot
     """
     cycle, guess = kind
     found = newton(Linearisation(flow.mechanism.system(), flow, cycle, guess), GAP * rtol)
+    require_motion(found)
     found = newton(found.refined(), GAP * rtol)
     _require_second_period(found)
     return motion_of(found)

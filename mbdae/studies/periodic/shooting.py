@@ -16,17 +16,16 @@ from functools import cached_property
 
 import numpy as np
 
-from ...errors import InputError, MbdaeError
+from ...errors import InputError
 from ...mechanism.equations.local_coordinates import LocalCoordinates
 from ...mechanism.equations.symmetry import Symmetry
 from ...mechanism.formulations.index2 import Index2System
 from ...system import Array
-from ...tolerances import AGREEMENT, TRUNCATION
+from ...tolerances import AGREEMENT
 from .exchange import Exchange
 from .flow import Flow, FlowEnd, require_same_rows
 
-MAX_ITERATIONS, MAX_HALVINGS, MAX_REFINEMENTS = 30, 8, 12
-GAIN = 0.1  # of the residual: less is rounding
+MAX_REFINEMENTS = 12
 SHORTEST = 0.5  # of the period before: one iteration may not do more
 TWO_PI = 2 * np.pi
 
@@ -256,44 +255,3 @@ class Linearisation:
 def _unit(x: Array) -> Array:
     size = np.linalg.norm(x, axis=0)
     return x / np.where(size > 0, size, 1.0)
-
-
-def newton(here: Linearisation, tolerance: float) -> Linearisation:
-    """Return the equations at a solution, by Newton's method with halved steps.
-
-    Raises:
-        InputError: if it does not converge.
-    """
-    for _ in range(MAX_ITERATIONS):
-        right = np.zeros(len(here.matrix))
-        right[: len(here.residual)] = -here.residual
-        free = here.matrix[:, : here.matrix.shape[1] - here.p]
-        step = np.linalg.lstsq(free, right, rcond=TRUNCATION**2)[0]
-        there = _shortened(here, step, 1 if here.size <= tolerance else MAX_HALVINGS)
-        if there is None:
-            break
-        improved = there.size < GAIN * here.size
-        here = there if there.size < here.size else here
-        if here.size <= tolerance and not improved:
-            break
-    if here.size > tolerance:
-        raise InputError(
-            f"no periodic motion found: Newton's method ends with a gap of {here.size:.3g} between start and end;"
-            " start closer to it, from a run that has settled, or with more parts"
-        )
-    return here
-
-
-def _shortened(here: Linearisation, step: Array, trials: int) -> Linearisation | None:
-    """Return the equations after a step, halved until the residual falls; after the whole step if it never does."""
-    best = None
-    for _ in range(trials):
-        try:
-            there = Linearisation(here.system, here.flow, here.cycle, here.moved(step))
-            best = best or there
-            if there.size < here.size:
-                return there
-        except MbdaeError:
-            pass
-        step = step / 2
-    return best

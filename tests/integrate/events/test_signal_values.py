@@ -87,3 +87,17 @@ def test_accelerations_and_loads_of_joints_are_signals():
         np.testing.assert_allclose(sols[0].events[0][0], sols[1].events[0][0], rtol=0, atol=1e-9)
         if sols[0].stats["backend"] == "native":
             assert sols[0].stats["events"] == ("native" if compiled else f"python: the core does not have {event!r}")
+
+
+@pytest.mark.usefixtures("back_end")
+def test_gaps_are_signals_of_events_and_modes_are_not():
+    """The stop of the pendulum is at 0.3 rad, so its gap is q - 0.3."""
+    mech = mbdae.load("pendulum_on_stop")
+    gap, angle = (mbdae.solve(mech, (0, 1.6), events=e) for e in ("gap.rod stop < 0.1", "q.rod < 0.4"))
+    assert len(gap.events[0][0]) == len(gap.impacts) == 2
+    assert gap.events[0][0] == pytest.approx(angle.events[0][0], abs=1e-12)
+    simulator = mbdae.Simulator(mech)
+    assert np.diff(simulator.signals("gap.rod stop", "q.rod")) == pytest.approx(0.3, abs=1e-14)
+    for name in ("mode.rod stop", "impulse.rod stop"):
+        with pytest.raises(mbdae.errors.InputError, match="it belongs to a run"):
+            mbdae.solve(mech, (0, 1.6), events=f"{name} = 1")

@@ -125,3 +125,29 @@ def test_unknown_names_are_listed(tmp_path):
         mbdae.periodic(mech, 1.0, symmetry=["up"])
     with pytest.raises(InputError, match=r"joints of .* do not allow it"):
         mbdae.periodic(mbdae.load("double_pendulum"), 1.0, symmetry=["x"])
+
+
+def test_a_swing_at_rest_keeps_its_energy_and_an_equilibrium_is_no_motion(tmp_path):
+    """T = 4 K(sin(a/2)) sqrt(L/g), from a period that is wrong by 2 %: swings of all energies are periodic."""
+    mech = Mechanism(mbdae.load(pendulum(tmp_path, 0.0, 1.0)).model, drivers=[Driver(joint="pivot", motion=0.0)])
+    T = 4 * ellipk(np.sin(0.5) ** 2) / np.sqrt(G)
+    whole = mbdae.periodic(mech, 0.98 * T, q={"rod": -1.0})
+    half = mbdae.periodic(mech, 0.49 * T, q={"rod": -1.0}, exchange={"rod": "-rod"})
+    for found in (whole.T, 2 * half.T):
+        assert abs(found / T - 1) < 1e-11
+    assert whole.start["q.rod"] == pytest.approx(-1.0, abs=1e-11)
+    with pytest.raises(InputError, match="ends at an equilibrium"):
+        mbdae.periodic(mech, T, q={"rod": 0.0})
+
+
+def test_the_opposite_point_of_a_sphere_is_not_the_start():
+    """Half a swing from the horizontal ends there, with the same coordinates in the tangent plane."""
+    T = 4 * ellipk(0.5) / np.sqrt(G)
+    with pytest.raises(InputError, match="at another point of the closures"):
+        mbdae.periodic("pendulum", 2.0)
+    assert abs(mbdae.periodic("pendulum", 2.1).T / T - 1) < 1e-11
+
+
+def test_a_family_of_energies_has_no_branch():
+    with pytest.raises(InputError, match="the motion keeps its energy"):
+        mbdae.periodic_branch("pendulum", "closure.string.length", 1.0, 1.1, T=2.1)

@@ -1,0 +1,98 @@
+"""Newton's method for the equations of shooting."""
+
+import numpy as np
+
+from ...errors import InputError, MbdaeError
+from ...system import Array
+from ...tolerances import HALF_DIGITS, SOLUTION_ROUNDING, TRUNCATION, VISIBLE
+from .shooting import Linearisation
+
+MAX_ITERATIONS, MAX_HALVINGS = 30, 8
+GAIN = 0.1  # of the residual: less is rounding
+
+
+def newton(here: Linearisation, tolerance: float) -> Linearisation:
+    """Return the equations at a solution, by Newton's method with halved steps.
+
+    Raises:
+        InputError: if it does not converge.
+    """
+    for _ in range(MAX_ITERATIONS):
+        there = _shortened(here, _step(here), 1 if here.size <= tolerance else MAX_HALVINGS)
+        if there is None:
+            break
+        improved = there.size < GAIN * here.size
+        here = there if there.size < here.size else here
+        if here.size <= tolerance and not improved:
+            break
+    if here.size > tolerance:
+        raise InputError(
+            f"no periodic motion found: Newton's method ends with a gap of {here.size:.3g} between start and end;"
+            " start closer to it, from a run that has settled, or with more parts"
+        )
+    return here
+
+
+def _step(here: Linearisation) -> Array:
+    """Return Newton's step of the unknowns without parameters.
+
+    Motions of a conservative mechanism have neighbours of any energy, and the matrix would be singular at a solution,
+    and bad close to it: the energy of the start is kept, with a force along its gradient, zero at a solution, as an
+    unknown (Munoz-Almaraz et al., Physica D 181 (2003) 1).
+    """
+    unknowns = here.matrix.shape[1] - here.p
+    matrix, right = here.matrix[:, :unknowns], np.zeros(len(here.matrix))
+    right[: len(here.residual)] = -here.residual
+    if conservative(here):
+        n, last = here.n, len(here.residual) - here.n
+        gradient, along, level = here.energy_gradient(0), np.zeros((len(matrix), 1)), np.zeros((1, unknowns + 1))
+        gradient = gradient / (np.linalg.norm(gradient) or 1.0)
+        along[last : last + n, 0] = level[0, :n] = gradient
+        matrix, right = np.vstack([np.hstack([matrix, along]), level]), np.append(right, 0.0)
+    return np.linalg.lstsq(matrix, right, rcond=TRUNCATION**2)[0][:unknowns]
+
+
+def conservative(here: Linearisation) -> bool:
+    """Return whether the equations do not depend on time and no force takes or adds energy."""
+    if not here.cycle.free or here.flow.mechanism.resets:  # whose work may vanish at a solution
+        return False
+    works = max(float(np.ptp(end.sol.y[:, -1])) for end in here.ends)
+    kinetic = max(here.system.energy(*here.system.split(y))[0] for end in here.ends for y in end.sol.y)
+    return works <= SOLUTION_ROUNDING * kinetic
+
+
+def require_motion(here: Linearisation) -> None:
+    """Reject solutions that are no motion: an equilibrium, or an end whose local coordinates another point has.
+
+    Raises:
+        InputError: if the nodes of equations that do not depend on time are at rest, or an end is not the next node.
+    """
+    rates = (np.linalg.norm(here.flow_direction(i)) for i in range(here.cycle.parts))
+    if here.cycle.free and max(rates) <= HALF_DIGITS:
+        raise InputError(
+            "no periodic motion found: Newton's method ends at an equilibrium, of which every T is a period; start"
+            " further from it, or give a section"
+        )
+    mech, s = here.flow.mechanism, here.system
+    nodes, ends = [*here.at.nodes[1:], here.at.nodes[0]], [*(end.y for end in here.ends[:-1]), here.closing[0]]
+    moved = [mech.manifold.difference(s.split(a)[0], s.split(b)[0]) for a, b in zip(nodes, ends, strict=True)]
+    if np.abs(np.array(moved) / mech.coordinate_scales).max() > VISIBLE:
+        raise InputError(
+            f"no periodic motion found: after {here.at.T:.6g} s the motion is at another point of the closures, with"
+            " the local coordinates of the start; give a better T, or a section"
+        )
+
+
+def _shortened(here: Linearisation, step: Array, trials: int) -> Linearisation | None:
+    """Return the equations after a step, halved until the residual falls; after the whole step if it never does."""
+    best = None
+    for _ in range(trials):
+        try:
+            there = Linearisation(here.system, here.flow, here.cycle, here.moved(step))
+            best = best or there
+            if there.size < here.size:
+                return there
+        except MbdaeError:
+            pass
+        step = step / 2
+    return best
