@@ -173,9 +173,21 @@ void FlexibleBody::add_force(const FramePose& at, const Six* about, const double
   for (int i = 0; i < k; ++i) out[data.iv + i] += F_[6 + i];
 }
 
-double FlexibleBody::potential(const double* pose, const double* gravity) const {
+FramePose FlexibleBody::frame_pose(const double* joint_pose, const double* arm) const {
+  FramePose out;
+  for (int c = 0; c < 12; c += 3) rotate_by_columns(joint_pose, data.placement + c, out.pose + c);
+  for (int l = 0; l < 3; ++l) out.arm[l] = arm[l] + out.pose[9 + l], out.pose[9 + l] += joint_pose[9 + l];
+  return out;
+}
+
+void FlexibleBody::rotate_to_world(const double* joint_rotation, const double* x, double* out) const {
+  double local[3];
+  rotate_by_columns(data.placement, x, local), rotate_by_columns(joint_rotation, local, out);
+}
+
+double FlexibleBody::potential(const double* joint_rotation, const double* gravity) const {
   double world[3];
-  rotate_by_columns(pose, now_.moment.x, world);
+  rotate_to_world(joint_rotation, now_.moment.x, world);
   return -dot(gravity, world);
 }
 

@@ -13,7 +13,7 @@ namespace mbdae {
 // The frame of a body: its pose, R by columns and p, and the vector from the root's position to p. Columns of J,
 // motions and wrenches are about the root's position.
 struct FramePose {
-  const double *pose, *arm;
+  double pose[12], arm[3];
 };
 
 class FlexibleBody {
@@ -44,7 +44,12 @@ class FlexibleBody {
   // out += the part of M a + nle; A of the frame minus gravity.
   void add_force(const FramePose& at, const Six* about, const double* V, const double* A, const double* u,
                  const double* du, double* out) const;
-  double potential(const double* pose, const double* gravity) const;  // that the deformation adds, after `deform`
+  // The pose of the frame, from that of its joint and the vector from the root's position to the joint.
+  FramePose frame_pose(const double* joint_pose, const double* arm) const;
+  // A vector in the axes of the frame, in those of the world, from the rotation of its joint.
+  void rotate_to_world(const double* joint_rotation, const double* x, double* out) const;
+  // That the deformation adds, after `deform`.
+  double potential(const double* joint_rotation, const double* gravity) const;
   // Partials of these forces by q in the tangent and by v, added to by_q and by_v (nv, nv) by rows; expanded_joints (nv,): joint
   // of each degree of freedom in the expanded tree; base_acceleration: minus gravity, or 0.
   void add_partials(const FramePose& at, const Six* about, const int* expanded_joints, const double* q, const double* v,

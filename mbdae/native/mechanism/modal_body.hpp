@@ -19,12 +19,13 @@ struct ModalNode {  // Phi, Psi: 3 numbers a mode; Phi2: 3 a pair of modes
 
 // Per mode: C, H0 (3,); C2 (k, 3); Mq (k,); Hj (k, 3) of sum m Phi_j x Phi_i; I1 and I2 (k,) in order xx, xy, yy, xz, yz, zz.
 struct ModalBody {
-  int joint = 0;                  // of the model, which carries the frame
+  int joint = 0;  // of the model, which carries the frame
+  double placement[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};  // of the frame in the joint: R by columns, p
   int iq = 0, iv = 0, modes = 0;  // the first coordinate and velocity of the modes, and their number
   Numbers C, C2, H0, Mq, Hj, I1, I2;
   std::vector<ModalNode> nodes;
 
-  FIELDS(joint, iq, iv, modes, C, C2, H0, Mq, Hj, I1, I2, nodes)
+  FIELDS(joint, placement, iq, iv, modes, C, C2, H0, Mq, Hj, I1, I2, nodes)
 };
 
 template <class S>

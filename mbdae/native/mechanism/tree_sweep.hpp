@@ -78,7 +78,7 @@ class TreeSweep {
   template <bool with_inertia, bool with_wrench>
   void add_body(int j, const double* pose);
   FramePose frame_pose(const FlexibleBody& x, const double* poses) const {
-    return {poses + 12 * x.data.joint, arms_[carrier_[x.data.joint]].data()};
+    return x.frame_pose(poses + 12 * x.data.joint, arms_[carrier_[x.data.joint]].data());
   }
   void add_flexible(std::vector<FlexibleBody>& bodies, const double* v, const double* a, const double* poses, double* M, double* nle);
   void shift(const std::vector<Six>& x, int joint, double* out) const;
