@@ -1,6 +1,6 @@
 """A parameter as a direction in the numbers of flexible bodies: inertia of the modes, stiffness and damping.
 
-The forces of inertia are linear in the numbers C, C2, H0, Mq, Hj, I1 and I2 of a body, so their derivative is that of a
+The forces of inertia are linear in the numbers C, H0, Mq, Hj, I1, I2 and those of second order of a body, so their derivative is that of a
 body with the rates of these numbers. Shapes of modes at nodes, which closures and forces meet, must not change.
 """
 
@@ -12,14 +12,14 @@ import numpy as np
 
 from ...errors import InputError
 from ...system import Array
-from ..flexible.modal_body import ModalBody
+from ..flexible.modal_body import SECOND_ORDER, ModalBody
 from ..tree.tree_terms import bound_bodies, flexible_bodies
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
     from .parameter_direction import Parameter
 
-INERTIA = "C", "C2", "H0", "Mq", "Hj", "I1", "I2"
+INERTIA = "C", "H0", "Mq", "Hj", "I1", "I2", *SECOND_ORDER
 
 
 def modal_rates(p: "Parameter") -> dict[int, ModalBody]:
@@ -38,7 +38,7 @@ def modal_rates(p: "Parameter") -> dict[int, ModalBody]:
         if any(not np.array_equal(here, _shapes(_modal(m, i))) for m in p.first):
             text = f"parameter {p.name!r} changes the shapes of modes of {body.name!r}: no derivative"
             raise InputError(f"{text}; those of young, density, damping, and of a section without shear exist")
-        rates: dict[str, Any] = {x: p.rate(lambda m, i=i, x=x: _numbers(_modal(m, i), x)) for x in INERTIA}  # type: ignore[misc]
+        rates: dict[str, Any] = {x: p.rate(lambda m, i=i, x=x: _modal(m, i).array(x)) for x in INERTIA}  # type: ignore[misc]
         if any(x.any() for x in rates.values()):
             out[i] = replace(body.modal, **rates, nodes={})
     return out
@@ -64,11 +64,6 @@ def modal_partials(rates: Mapping[int, ModalBody], system: "Index2System", q: Ar
 
 def _modal(mech: object, i: int) -> ModalBody:
     return flexible_bodies(mech.model)[i].modal  # type: ignore[attr-defined]
-
-
-def _numbers(modal: ModalBody, name: str) -> Array:
-    x = getattr(modal, name)
-    return np.zeros((3, modal.modes, modal.modes)) if x is None else x
 
 
 def _shapes(modal: ModalBody) -> Array:

@@ -157,7 +157,7 @@ void FlexibleBody::add_inertia(const FramePose& at, const Six* about, double* M,
     double* column = M + nv * (data.iv + i);
     for (size_t c = 0; c < base.size(); ++c)
       column[base[c]] += dot(&now_.C[3 * i], local[c].data()) + dot(&now_.H[3 * i], local[c].data() + 3);
-    for (int j = 0; j <= i; ++j) column[data.iv + j] += data.Mq[i * k + j];
+    for (int j = 0; j <= i; ++j) column[data.iv + j] += now_.Mq[i * k + j];
   }
 }
 
