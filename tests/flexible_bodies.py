@@ -55,7 +55,7 @@ def inertia(rng):
 
 
 def crowd(seed=0):
-    """Flexible bodies, free on a branch of rigid ones, and fixed to one of these and to the world; closures and springs."""
+    """Flexible bodies, free on a branch of rigid ones, fixed to one of these and to the world; closures, springs."""
     rng, model = np.random.default_rng(seed), pin.Model()
     model.gravity.linear = np.array([1.0, -2.0, 3.0])
     joints = []

@@ -10,8 +10,8 @@ Sums over points of mass m (nodes of a lumped model, or Gauss points of consiste
 
 A displacement of second order (sum q_i q_j Phi2_ij)/2, such as the shortening of a beam by bending, makes C linear,
 C + sum q_j C2_j with C2_ij = sum m Phi2_ij, and S = s0 + C q + (sum q_i q_j C2_ij)/2. It adds sum m [r]x Phi2_j to Hj
-and sum m (2 r.Phi2_ij 1 - r Phi2_ij^T - Phi2_ij r^T) to I2_ij. Tension does work in it, and stiffens bending. All blocks
-are of second order in q, else M loses inertia where modes span nearly a rotation of the frame:
+and sum m (2 r.Phi2_ij 1 - r Phi2_ij^T - Phi2_ij r^T) to I2_ij. Tension does work in it, and stiffens bending. All
+blocks are of second order in q, else M loses inertia where modes span nearly a rotation of the frame:
 
     H += (sum q_j q_l H2_jl)/2,   H2_i,jl = sum m (Phi2_jl x Phi_i + Phi_j x Phi2_il + Phi_l x Phi2_ij)
     Mq += sum q_l Mq1_l + (sum q_l q_n Mq2_ln)/2,   Mq1_ij,l = sum m (Phi_i.Phi2_jl + Phi_j.Phi2_il)
@@ -32,7 +32,6 @@ from ...data_types import CoreData
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import PIVOT_RANK
-
 
 SECOND_ORDER = {"C2": "3kk", "H2": "3kkk", "Mq1": "kkk", "Mq2": "kkkk"}
 

@@ -1,8 +1,8 @@
 """Modal bodies as plain numbers: files ``.npz``, and tables of archives.
 
 Arrays as in `ModalBody`: mass, s0 (3,), I0 (3, 3), C, H0 (3, k), Mq (k, k), Hj (k, 3, k), I1 (k, 3, 3),
-I2 (k, k, 3, 3), stiffness, damping (k,), of second order C2, H2, Mq1, Mq2 if given; and of n nodes: names (n,), r (n, 3), Phi, Psi
-(n, 3, k), Phi2 (n, 3, k, k), strain (n, k), modulus (n,).
+I2 (k, k, 3, 3), stiffness, damping (k,), of second order C2, H2, Mq1, Mq2 if given; and of n nodes: names
+(n,), r (n, 3), Phi, Psi (n, 3, k), Phi2 (n, 3, k, k), strain (n, k), modulus (n,).
 """
 
 from collections.abc import Mapping
