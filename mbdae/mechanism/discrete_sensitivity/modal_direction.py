@@ -1,10 +1,10 @@
 """A parameter as a direction in the numbers of flexible bodies: inertia of the modes, stiffness and damping.
 
-The forces of inertia are linear in the numbers C, H0, Mq, Hj, I1, I2 and those of second order of a body, so their derivative is that of a
-body with the rates of these numbers. Shapes of modes at nodes, which closures and forces meet, must not change.
+The forces of inertia are linear in the numbers C, H0, Mq, Hj, I1, I2 and those of second order of a body, so their
+derivative is that of a body with the rates of these numbers. Shapes of modes at nodes, which closures and forces meet,
+must not change.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -29,9 +29,9 @@ def modal_rates(p: "Parameter") -> dict[int, ModalBody]:
         InputError: if the parameter changes shapes of modes, or the frames of a mechanism with flexible bodies.
     """
     bodies = flexible_bodies(p.mech.model)
-    if bodies and (p.placements or p.frames or p.gravity.any()):
-        text = f"parameter {p.name!r} moves frames or gravity of a mechanism with the flexible body {bodies[0].name!r}"
-        raise InputError(f"{text}: no derivative; take a parameter of material or section, of inertia or of a force")
+    if bodies and (p.placements or p.frames):
+        text = f"parameter {p.name!r} moves frames of a mechanism with the flexible body {bodies[0].name!r}"
+        raise InputError(f"{text}: no derivative; take one of material or section, of inertia, gravity or a force")
     out = {}
     for i, body in enumerate(bodies):
         here = _shapes(body.modal)
@@ -54,11 +54,13 @@ def changes_elasticity(p: "Parameter") -> bool:
     )
 
 
-def modal_partials(rates: Mapping[int, ModalBody], system: "Index2System", q: Array, v: Array, vdot: Array) -> Array:
-    """Return the derivative of M v' + nle by the numbers of flexible bodies, (nv,); motions are current."""
+def modal_partials(p: "Parameter", system: "Index2System", q: Array, v: Array, vdot: Array) -> Array:
+    """Return the derivative of M v' + nle by numbers of flexible bodies and gravity, (nv,); motions are current."""
     out, bodies = np.zeros(system.nv), bound_bodies(system.workspace)
-    for i, modal in rates.items():
+    for i, modal in p.modal.items():
         bodies[i].add_force(modal, system.workspace, q, v, vdot, system.model.gravity.linear, out)
+    for body in bodies if p.gravity.any() else ():
+        body.add_weight(system.workspace, q, p.gravity, out)
     return out
 
 

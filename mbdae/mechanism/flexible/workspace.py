@@ -144,6 +144,12 @@ class BoundBody:
         out[self.base] += F[:6] @ self._base_columns(data)
         out[self.at] += F[6:]
 
+    def add_weight(self, data: pin.Data, q: Array, gravity: Array, out: Array) -> None:
+        """Add the part of nle of the modes by gravity alone, m/s^2, to out (nv,); J and poses are current."""
+        F = self.modal.delta(q[self.iq])[:, :3] @ (self.pose(data).rotation.T @ -gravity)
+        out[self.base] += F[:6] @ self._base_columns(data)
+        out[self.at] += F[6:]
+
     def _falling(self, data: pin.Data, gravity: Array) -> pin.Motion:
         """Return the acceleration of the frame minus gravity, in its axes."""
         weight = pin.Motion(data.oMi[self.joint].rotation.T @ gravity, np.zeros(3))

@@ -185,9 +185,9 @@ void Mechanics::inverse(const double* q, const double* v, const double* a, doubl
 }
 
 void Mechanics::add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a,
-                           bool loaded, double* out) {
+                           const double* gravity, double* out) {
   ++motion_stamp_, ++pose_stamp_;
-  w->sweep->add_forces(bodies, q, v, a, loaded, w->poses(), w->J(), out);
+  w->sweep->add_forces(bodies, q, v, a, gravity, w->poses(), w->J(), out);
 }
 
 std::vector<FlexibleBody> Mechanics::bind(std::vector<ModalBody> bodies) const {

@@ -278,8 +278,8 @@ void TreeSweep::inverse(const double* q, const double* v, const double* a, doubl
 }
 
 void TreeSweep::add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a,
-                           bool loaded, double* poses, double* J, double* out) {
-  for (int i = 0; i < 3; ++i) A_[0][i] = loaded ? -gravity_[i] : 0.0;
+                           const double* gravity, double* poses, double* J, double* out) {
+  for (int i = 0; i < 3; ++i) A_[0][i] = -gravity[i];
   outward<true, false, false>(q, v, a, poses, J);
   for (FlexibleBody& body : bodies) body.deform(q);
   add_flexible(bodies, v, a, poses, nullptr, out);

@@ -47,8 +47,8 @@ class TreeSweep {
   void dynamics(const double* q, const double* v, double* poses, double* J, double* M, double* nle);
   // M a + nle, a = nullptr: 0; velocities, and accelerations for v' = a minus gravity.
   void inverse(const double* q, const double* v, const double* a, double* poses, double* J, double* out);
-  // out += the part of M a + nle of some flexible bodies, without gravity unless `loaded`.
-  void add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a, bool loaded,
+  // out += the part of M a + nle of some flexible bodies under this gravity (3,).
+  void add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a, const double* gravity,
                   double* poses, double* J, double* out);
   // Velocities and accelerations for v' = a.
   void motions(const double* q, const double* v, const double* a, double* poses, double* J);
