@@ -33,13 +33,17 @@ class FlexibleBody {
   };
   const Node& node(int i) const { return nodes_[i]; }
 
-  void deform(const double* q) { now_.update(data, q + data.iq); }  // for the terms of M and nle
-  void turn_nodes(const double* q);
+  // Only nodes in use have poses, columns and motions: those of pairs of frames.
+  void use(const std::vector<bool>& nodes);
+  const std::vector<int>& used() const { return used_; }
+
+  void deform(const double* q);      // for the terms of M and nle; at the last q nothing is to be done
+  void turn_nodes(const double* q);  // the same
   void place_nodes(const FramePose& at, double* poses, double* J);
   // Motions of a node about the root's position, from those of the frame; u, du (k,) of the modes, du may be null.
   void move_node(int number, const FramePose& at, const double* V, const double* A, const double* u, const double* du,
                  double* V_node, double* A_node) const;
-  // M by columns, above the diagonal
+  // M by columns, above the diagonal: adds to the block of the frame, and sets those of the modes.
   void add_inertia(const FramePose& at, const Six* about, double* M, size_t nv) const;
   // out += the part of M a + nle; A of the frame minus gravity.
   void add_force(const FramePose& at, const Six* about, const double* V, const double* A, const double* u,
@@ -57,6 +61,8 @@ class FlexibleBody {
 
  private:
   std::vector<Node> nodes_;
+  std::vector<int> used_;
+  Numbers deformed_at_, turned_at_;  // (k,)
   std::vector<bool> curved_;  // of each node: does it have displacements of second order?
   Deformation<double> now_;
   mutable std::vector<double> nu_, A_, F_;

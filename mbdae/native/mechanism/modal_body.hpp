@@ -55,26 +55,28 @@ struct Deformation {
   std::vector<S> C, by_q, H, Mq, H_by_q, Mq_by_q;  // (k, 3), (k, 6), (k, 3), (k, k), (k, k, 3), (k, k, k)
   S I[6];
 
+  // Of one body, always the same.
   void update(const ModalBody& b, const S* q) {
     const int k = b.modes;
-    by_q.assign(b.I1.begin(), b.I1.end()), H.assign(b.H0.begin(), b.H0.end()), C.assign(b.C.begin(), b.C.end());
-    Mq.assign(b.Mq.begin(), b.Mq.end()), H_by_q.assign(b.Hj.begin(), b.Hj.end());
-    Mq_by_q.assign(b.Mq1.begin(), b.Mq1.end());
-    moment = {0, 0, 0};
-    for (S& x : I) x = 0;
-    for (int i = 0; i < k; ++i) {
-      S* row = &by_q[6 * i];
+    const bool second_order = !b.Mq1.empty();
+    by_q.assign(b.I1.begin(), b.I1.end()), H.assign(b.H0.begin(), b.H0.end());
+    if (second_order || H_by_q.empty()) {
+      C.assign(b.C.begin(), b.C.end()), Mq.assign(b.Mq.begin(), b.Mq.end());
+      H_by_q.assign(b.Hj.begin(), b.Hj.end()), Mq_by_q.assign(b.Mq1.begin(), b.Mq1.end());
+    }
+    for (int j = 0; j < k; ++j) add_multiple(q[j], &b.I2[6 * k * j], 6 * k, by_q.data());  // symmetric in the modes
+    for (int i = 0; i < k && second_order; ++i)
       for (int j = 0; j < k; ++j) {
-        add_multiple(q[j], &b.I2[6 * (i * k + j)], 6, row), add_multiple(q[j], &b.C2[3 * (i * k + j)], 3, &C[3 * i]);
-        if (Mq_by_q.empty()) continue;
+        add_multiple(q[j], &b.C2[3 * (i * k + j)], 3, &C[3 * i]);
         add_multiple(q[j], &b.H2[3 * k * (i * k + j)], 3 * k, &H_by_q[3 * k * i]);
         add_multiple(q[j], &b.Mq2[k * k * (i * k + j)], k * k, &Mq_by_q[k * k * i]);
       }
-      for (int l = 0; l < 6; ++l) I[l] = I[l] + 0.5 * q[i] * (row[l] + b.I1[6 * i + l]);
+    moment = {0, 0, 0};
+    for (S& x : I) x = 0;
+    for (int i = 0; i < k; ++i)
       for (int l = 0; l < 3; ++l) moment[l] = moment[l] + 0.5 * q[i] * (b.C[3 * i + l] + C[3 * i + l]);
-    }
-    add_polynomial(b.Hj, H_by_q, q, k, 3 * k, H.data());
-    if (!Mq_by_q.empty()) add_polynomial(b.Mq1, Mq_by_q, q, k, k * k, Mq.data());
+    add_polynomial(b.I1, by_q, q, k, 6, I), add_polynomial(b.Hj, H_by_q, q, k, 3 * k, H.data());
+    if (second_order) add_polynomial(b.Mq1, Mq_by_q, q, k, k * k, Mq.data());
   }
 };
 
@@ -88,21 +90,23 @@ void inertial_force(const ModalBody& b, const Deformation<S>& d, const S* nu, co
   Vec3<S> moment_rate(0, 0, 0), Cdu(0, 0, 0), Hu(0, 0, 0), Hdu(0, 0, 0), dHu(0, 0, 0);
   S dI[6] = {0, 0, 0, 0, 0, 0};
   const Vec3<S> vw = cross(v, w);
+  const bool second_order = !d.Mq_by_q.empty();
   for (int i = 0; i < k; ++i) {
     const Vec3<S> C(&d.C[3 * i]), H(&d.H[3 * i]);
-    Vec3<S> rate(0, 0, 0), row(0, 0, 0), C_rate(0, 0, 0);
+    Vec3<S> rate(0, 0, 0), row(0, 0, 0);
     S other = 0;
     for (int j = 0; j < k; ++j) {
       rate = rate + u[j] * Vec3<S>(&d.H_by_q[3 * (j * k + i)]);
       row = row + u[j] * Vec3<S>(&d.H_by_q[3 * (i * k + j)]);
-      C_rate = C_rate + u[j] * Vec3<double>(&b.C2[3 * (i * k + j)]);
       other = other + d.Mq[i * k + j] * du[j];
     }
-    for (int j = 0; j < k && !d.Mq_by_q.empty(); ++j)
+    for (int j = 0; j < k && second_order; ++j) {
+      Cdu = Cdu + u[i] * u[j] * Vec3<double>(&b.C2[3 * (i * k + j)]);
       for (int l = 0; l < k; ++l)
         other = other + (d.Mq_by_q[(j * k + i) * k + l] - 0.5 * d.Mq_by_q[(i * k + j) * k + l]) * u[j] * u[l];
+    }
     for (int l = 0; l < 6; ++l) dI[l] = dI[l] + u[i] * d.by_q[6 * i + l];
-    moment_rate = moment_rate + u[i] * C, Cdu = Cdu + du[i] * C + u[i] * C_rate;
+    moment_rate = moment_rate + u[i] * C, Cdu = Cdu + du[i] * C;
     Hu = Hu + u[i] * H, Hdu = Hdu + du[i] * H, dHu = dHu + u[i] * rate;
     const S by_q = dot(C, vw) + 0.5 * dot(w, symmetric(&d.by_q[6 * i], w)) + dot(w, row);
     F[6 + i] = dot(C, Av) + dot(H, Aw) + other + dot(rate, w) - by_q;

@@ -86,6 +86,7 @@ class TreeSweep {
   const std::vector<TreeJoint> joints_;
   std::vector<FlexibleBody>* const flexible_;
   std::vector<int> carrier_;   // of each joint of the model: its index in joints_; then of nodes: in V_, A_
+  std::vector<int> swept_;     // indices in joints_, outward: without the joints of modes, which move no body
   std::vector<double> links_;  // (joints, 12) poses of links without mass
   std::vector<int> ancestors_, first_;  // of each degree of freedom, from first_[k] to first_[k + 1]
   const double *gravity_, *armature_;
