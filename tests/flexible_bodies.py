@@ -55,7 +55,7 @@ def inertia(rng):
 
 
 def crowd(seed=0):
-    """A flexible body on a branch of rigid ones, with closures and springs at its nodes."""
+    """Flexible bodies, free on a branch of rigid ones, fixed to one of these and to the world; closures, springs."""
     rng, model = np.random.default_rng(seed), pin.Model()
     model.gravity.linear = np.array([1.0, -2.0, 3.0])
     joints = []
@@ -65,6 +65,8 @@ def crowd(seed=0):
     attach_flexible(
         model, "rod", body(seed, k=3, damping=0.1, second=0.2), pin.JointModelFreeFlyer(), joints[-1], place(rng)
     )
+    for name, parent in (("arm", joints[0]), ("post", 0)):
+        attach_flexible(model, name, body(seed + parent, k=2, second=0.1), None, parent, place(rng))
     joints.append(model.addJoint(0, pin.JointModelFreeFlyer(), place(rng), "c"))
     model.appendBodyToJoint(joints[-1], inertia(rng), place(rng))
     for name, joint in (("a.f", joints[0]), ("c.f", joints[-1])):
@@ -72,7 +74,8 @@ def crowd(seed=0):
     make, spring = mbdae.Closure, {"stiffness": 3.0, "damping": 2.0, "length": 0.5}
     closures = [make.frame("rod.A", "c.f"), make.distance("rod.B", "c.f", 1.0)]
     closures += [make.point("a.f", "rod.C"), make.distance("rod.A", "rod.B", 1.0)]
-    forces = [mbdae.SpringDamper(frames=pair, **spring) for pair in (("rod.A", "rod.C"), ("a.f", "rod.B"))]
+    closures += [make.distance("arm.A", "c.f", 1.0)]
+    forces = [mbdae.SpringDamper(frames=pair, **spring) for pair in (("rod.A", "rod.C"), ("arm.B", "post.A"))]
     return mbdae.Mechanism(model, closures, forces, title="crowd")
 
 

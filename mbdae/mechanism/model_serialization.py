@@ -168,8 +168,8 @@ def _flexible_from_data(tables: Mapping[str, Mapping[str, Any]], model: pin.Mode
     bodies = tuple(FlexibleBody(name, modal_body_from_data(data, name)) for name, data in tables.items())
     for body in bodies:
         for kind, names, exists in (
-            ("joint", (body.name, *body.mode_joints), model.existJointName),
-            ("frame", body.node_frames, model.existFrame),
+            ("joint", body.mode_joints, model.existJointName),
+            ("frame", (body.name, *body.node_frames), model.existFrame),
         ):
             for name in names:
                 if not exists(name):

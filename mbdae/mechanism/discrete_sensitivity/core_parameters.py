@@ -62,16 +62,25 @@ def _core_data(parameters: Parameters) -> ParameterData:
         if laws.perturbed:
             factors = weights(laws.perturbed, p.h)
             near = [_perturbed(factors[k], ("pairs", "laws"), laws_of(x)) for k, x in laws.perturbed.items()]
-            changed.append({"parameter": i, "at": laws.at.tolist(), "laws": near, "rows": [], "bodies": []})
+            changed.append({**_element(i), "at": laws.at.tolist(), "laws": near})
         if rows.perturbed:
             factors = weights(p.stencil, p.h)
             keys = "pairs", "rows", "drivers"
             near = [_perturbed(factors[k], keys, constraints_of(x)) for k, x in rows.perturbed.items()]
-            changed.append({"parameter": i, "at": rows.at.tolist(), "laws": [], "rows": near, "bodies": []})
+            changed.append({**_element(i), "at": rows.at.tolist(), "rows": near})
         if p.modal:
             near = [bodies[k].with_numbers(rates).core_data(p.mech.model) for k, rates in p.modal.items()]
-            changed.append({"parameter": i, "at": [], "laws": [], "rows": [], "bodies": near})
+            changed.append({**_element(i), "bodies": near})
+    for i, p in enumerate(parameters.all):  # last: they leave velocities of 0, and laws have those of the point
+        if bodies and p.gravity.any():
+            same = [body.core_data(p.mech.model) for body in bodies]
+            changed.append({**_element(i), "bodies": same, "gravity": p.gravity.tolist()})
     return [component._asdict() for component in numbers], directions, changed
+
+
+def _element(parameter: int) -> CoreData:
+    """Return an element that a parameter changes; gravity, if not empty, acts alone, on bodies with their numbers."""
+    return {"parameter": parameter, "at": [], "laws": [], "rows": [], "bodies": [], "gravity": []}
 
 
 def _perturbed(weight: float, keys: tuple[str, ...], elements: tuple[list[Any], ...]) -> CoreData:

@@ -1,10 +1,10 @@
 """A parameter as a direction in the numbers of flexible bodies: inertia of the modes, stiffness and damping.
 
-The forces of inertia are linear in the numbers C, C2, H0, Mq, Hj, I1 and I2 of a body, so their derivative is that of a
-body with the rates of these numbers. Shapes of modes at nodes, which closures and forces meet, must not change.
+The forces of inertia are linear in the numbers C, H0, Mq, Hj, I1, I2 and those of second order of a body, so their
+derivative is that of a body with the rates of these numbers. Shapes of modes at nodes, which closures and forces meet,
+must not change.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,14 +12,14 @@ import numpy as np
 
 from ...errors import InputError
 from ...system import Array
-from ..flexible.modal_body import ModalBody
+from ..flexible.modal_body import SECOND_ORDER, ModalBody
 from ..tree.tree_terms import bound_bodies, flexible_bodies
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
     from .parameter_direction import Parameter
 
-INERTIA = "C", "C2", "H0", "Mq", "Hj", "I1", "I2"
+INERTIA = "C", "H0", "Mq", "Hj", "I1", "I2", *SECOND_ORDER
 
 
 def modal_rates(p: "Parameter") -> dict[int, ModalBody]:
@@ -29,16 +29,16 @@ def modal_rates(p: "Parameter") -> dict[int, ModalBody]:
         InputError: if the parameter changes shapes of modes, or the frames of a mechanism with flexible bodies.
     """
     bodies = flexible_bodies(p.mech.model)
-    if bodies and (p.placements or p.frames or p.gravity.any()):
-        text = f"parameter {p.name!r} moves frames or gravity of a mechanism with the flexible body {bodies[0].name!r}"
-        raise InputError(f"{text}: no derivative; take a parameter of material or section, of inertia or of a force")
+    if bodies and (p.placements or p.frames):
+        text = f"parameter {p.name!r} moves frames of a mechanism with the flexible body {bodies[0].name!r}"
+        raise InputError(f"{text}: no derivative; take one of material or section, of inertia, gravity or a force")
     out = {}
     for i, body in enumerate(bodies):
         here = _shapes(body.modal)
         if any(not np.array_equal(here, _shapes(_modal(m, i))) for m in p.first):
             text = f"parameter {p.name!r} changes the shapes of modes of {body.name!r}: no derivative"
             raise InputError(f"{text}; those of young, density, damping, and of a section without shear exist")
-        rates: dict[str, Any] = {x: p.rate(lambda m, i=i, x=x: _numbers(_modal(m, i), x)) for x in INERTIA}  # type: ignore[misc]
+        rates: dict[str, Any] = {x: p.rate(lambda m, i=i, x=x: _modal(m, i).array(x)) for x in INERTIA}  # type: ignore[misc]
         if any(x.any() for x in rates.values()):
             out[i] = replace(body.modal, **rates, nodes={})
     return out
@@ -54,21 +54,18 @@ def changes_elasticity(p: "Parameter") -> bool:
     )
 
 
-def modal_partials(rates: Mapping[int, ModalBody], system: "Index2System", q: Array, v: Array, vdot: Array) -> Array:
-    """Return the derivative of M v' + nle by the numbers of flexible bodies, (nv,); motions are current."""
+def modal_partials(p: "Parameter", system: "Index2System", q: Array, v: Array, vdot: Array) -> Array:
+    """Return the derivative of M v' + nle by numbers of flexible bodies and gravity, (nv,); motions are current."""
     out, bodies = np.zeros(system.nv), bound_bodies(system.workspace)
-    for i, modal in rates.items():
+    for i, modal in p.modal.items():
         bodies[i].add_force(modal, system.workspace, q, v, vdot, system.model.gravity.linear, out)
+    for body in bodies if p.gravity.any() else ():
+        body.add_weight(system.workspace, q, p.gravity, out)
     return out
 
 
 def _modal(mech: object, i: int) -> ModalBody:
     return flexible_bodies(mech.model)[i].modal  # type: ignore[attr-defined]
-
-
-def _numbers(modal: ModalBody, name: str) -> Array:
-    x = getattr(modal, name)
-    return np.zeros((3, modal.modes, modal.modes)) if x is None else x
 
 
 def _shapes(modal: ModalBody) -> Array:

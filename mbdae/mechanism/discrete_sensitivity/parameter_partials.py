@@ -196,7 +196,7 @@ class Parameters:
         update_motions(system.model, system.workspace, q, v, vdot)
         J = update_poses(system.model, system.workspace, q)
         for i, p in enumerate(self.all):
-            out[:nv, i] -= self._inertial(p, J) + p.armature * vdot + modal_partials(p.modal, system, q, v, vdot)
+            out[:nv, i] -= self._inertial(p, J) + p.armature * vdot + modal_partials(p, system, q, v, vdot)
         if any(laws.perturbed for laws in self.laws):
             update_motions(system.model, system.workspace, q, v, np.zeros(nv))
         for i, (laws, rows) in enumerate(zip(self.laws, self.rows, strict=True)):

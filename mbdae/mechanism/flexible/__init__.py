@@ -2,7 +2,8 @@
 
 A flexible body is a leaf of the tree. `attach_flexible` adds to a Pinocchio model
 
-* the joint of its frame, which carries the rigid body (m, s0, I0): Pinocchio computes its terms;
+* the joint of its frame, which carries the rigid body (m, s0, I0): Pinocchio computes its terms; a frame that is fixed
+  to its parent adds no joint, and the rigid body is part of that of the parent;
 * below it a chain of k massless prismatic joints, one a mode: Pinocchio knows q, v, names and manifold. Their motions
   mean nothing; as ancestors of each other and descendants of the frame they have the sparsity of M;
 * a frame for each node, on the last of these joints.

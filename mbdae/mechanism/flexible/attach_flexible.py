@@ -13,10 +13,10 @@ from .workspace import BoundBody
 
 @dataclass(frozen=True, eq=False)
 class FlexibleBody:
-    """A modal body in a model; its joint has its name, the joints of its modes are ``"name.mode 1"``, ...
+    """A modal body in a model; its frame has its name, the joints of its modes are ``"name.mode 1"``, ...
 
     Attributes:
-        name: of the body and of the joint of its frame; a node is the frame ``"name.node"``.
+        name: of the body, its frame and the joint of this frame; a node is the frame ``"name.node"``.
         modal: the body.
     """
 
@@ -33,6 +33,11 @@ class FlexibleBody:
         """Names of the frames of the nodes."""
         return [f"{self.name}.{node}" for node in self.modal.nodes]
 
+    def base(self, model: pin.Model) -> tuple[int, pin.SE3]:
+        """Return the index of the joint that carries the frame of the body, and the placement of the frame in it."""
+        frame = model.frames[model.getFrameId(self.name, pin.FrameType.BODY)]
+        return int(frame.parentJoint), frame.placement
+
     def carrier(self, model: pin.Model) -> int:
         """Return the index of the last joint: frames of nodes are on it."""
         return int(model.getJointId(self.mode_joints[-1]))
@@ -44,19 +49,21 @@ class FlexibleBody:
     def core_data(self, model: pin.Model) -> CoreData:
         """Return the body for the core."""
         first = model.joints[model.getJointId(self.mode_joints[0])]
-        at = {"joint": int(model.getJointId(self.name)), "iq": first.idx_q, "iv": first.idx_v}
+        joint, placement = self.base(model)
+        place = np.vstack([placement.rotation.T, placement.translation]).ravel().tolist()
+        at = {"joint": joint, "placement": place, "iq": first.idx_q, "iv": first.idx_v}
         return at | self.modal.core_data()
 
     def bind(self, model: pin.Model, data: pin.Data) -> BoundBody:
         """Bind the body to a workspace, whose motions get an entry for each node."""
-        return BoundBody(model, data, self.name, self.mode_joints, self.modal)
+        return BoundBody(model, data, self.base(model), self.mode_joints, self.modal)
 
 
 def attach_flexible(
     model: pin.Model,
     name: str,
     modal: ModalBody,
-    joint: pin.JointModel,
+    joint: pin.JointModel | None,
     parent: int = 0,
     placement: pin.SE3 | None = None,
 ) -> FlexibleBody:
@@ -66,9 +73,9 @@ def attach_flexible(
         model: is extended; its attribute ``flexible`` lists the bodies.
         name: of the body.
         modal: the body.
-        joint: joint between parent and frame.
-        parent: index of the parent joint.
-        placement: of the joint in the parent joint.
+        joint: joint between parent and frame; None fixes the frame to the parent.
+        parent: index of the parent joint, 0 is the world.
+        placement: of the joint, or of the fixed frame, in the parent joint.
 
     Raises:
         InputError: for a body without modes, or a name that is taken.
@@ -79,13 +86,16 @@ def attach_flexible(
     for x in (name, *body.mode_joints, *body.node_frames):
         if model.existJointName(x) or model.existFrame(x):
             raise InputError(f"the name {x!r} is taken: joints, frames and nodes need different names")
-    at, one = model.addJoint(parent, joint, placement or pin.SE3.Identity(), name), pin.SE3.Identity()
+    one = pin.SE3.Identity()
+    at, here = parent, placement or one
+    if joint is not None:
+        at, here = model.addJoint(parent, joint, here, name), one
     centre = modal.s0 / modal.mass
     about = modal.I0 + modal.mass * pin.skew(centre) @ pin.skew(centre)
-    model.appendBodyToJoint(at, pin.Inertia(modal.mass, centre, (about + about.T) / 2), one)
-    model.addFrame(pin.Frame(name, at, one, pin.FrameType.BODY))
+    model.appendBodyToJoint(at, pin.Inertia(modal.mass, centre, (about + about.T) / 2), here)
+    model.addFrame(pin.Frame(name, at, here, pin.FrameType.BODY))
     for x in body.mode_joints:
-        at = model.addJoint(at, pin.JointModelPX(), one, x)
+        at, here = model.addJoint(at, pin.JointModelPX(), here, x), one
     for x, node in zip(body.node_frames, modal.nodes.values(), strict=True):
         model.addFrame(pin.Frame(x, at, pin.SE3(np.eye(3), node.r), pin.FrameType.OP_FRAME))
     model.flexible = (*getattr(model, "flexible", ()), body)

@@ -219,4 +219,3 @@ class Shapes:
                     gradient = d.rows(e, end * a)[2] @ U
                     out += b * end * np.outer(gradient, gradient)
         return out
-

@@ -20,7 +20,7 @@ from scipy.sparse.linalg import eigsh, splu
 
 from ...errors import InputError, UnknownNameError
 from ...system import Array
-from ...tolerances import HALF_DIGITS, SOLUTION_ROUNDING
+from ...tolerances import HALF_DIGITS, RANK, SOLUTION_ROUNDING
 from .modal_body import ModalBody, Node
 
 RIGID_MOTIONS = 6
@@ -60,6 +60,7 @@ def modal_body(
     stiffness = _checked(r, m, K, interface)
     if clamped and clamped not in interface:
         raise UnknownNameError("interface", clamped, interface)
+    _require_rotations(r, interface, clamped)
     T, boundary, inner = _coordinates(r, interface, clamped)
     Kr, Mr = csc_array(T.T @ stiffness @ T), csc_array(T.T @ diags_array(np.repeat(m, 3)) @ T)
     if not 0 <= modes < max(len(inner), 1):
@@ -96,6 +97,18 @@ def _checked(r: Array, m: Array, K: Any, interface: Mapping[str, Sequence[int]])
     if not all(0 <= i < n for i in used) or len(set(used)) < len(used) or not all(len(at) for at in interface.values()):
         raise InputError(f"modal_body: interfaces are different points 0 to {n - 1}, one or more each")
     return out
+
+
+def _require_rotations(r: Array, interface: Mapping[str, Sequence[int]], clamped: str) -> None:
+    """Require points that determine the rotation of each rigid interface, and of a clamped one."""
+    for name, at in interface.items():
+        if len(at) == 1 and name != clamped:
+            continue
+        points = r[list(at)]
+        sizes = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        if len(at) < 3 or sizes[1] <= RANK * sizes[0]:
+            text = f"modal_body: the modes cannot turn interface {name!r}, whose {len(at)} points are on a line"
+            raise InputError(f"{text}; it needs three others, or a single one that is not clamped")
 
 
 def _coordinates(r: Array, interface: Mapping[str, Sequence[int]], clamped: str) -> tuple[csr_array, Array, Array]:

@@ -10,7 +10,12 @@ Sums over points of mass m (nodes of a lumped model, or Gauss points of consiste
 
 A displacement of second order (sum q_i q_j Phi2_ij)/2, such as the shortening of a beam by bending, makes C linear,
 C + sum q_j C2_j with C2_ij = sum m Phi2_ij, and S = s0 + C q + (sum q_i q_j C2_ij)/2. It adds sum m [r]x Phi2_j to Hj
-and sum m (2 r.Phi2_ij 1 - r Phi2_ij^T - Phi2_ij r^T) to I2_ij. Tension does work in it, and stiffens bending.
+and sum m (2 r.Phi2_ij 1 - r Phi2_ij^T - Phi2_ij r^T) to I2_ij. Tension does work in it, and stiffens bending. All
+blocks are of second order in q, else M loses inertia where modes span nearly a rotation of the frame:
+
+    H += (sum q_j q_l H2_jl)/2,   H2_i,jl = sum m (Phi2_jl x Phi_i + Phi_j x Phi2_il + Phi_l x Phi2_ij)
+    Mq += sum q_l Mq1_l + (sum q_l q_n Mq2_ln)/2,   Mq1_ij,l = sum m (Phi_i.Phi2_jl + Phi_j.Phi2_il)
+                                                    Mq2_ij,ln = sum m (Phi2_il.Phi2_jn + Phi2_in.Phi2_jl)
 
 for nu = (v, w, q') of the frame in its axes. `delta` is M without the rigid body (m, s0, I0), which Pinocchio has.
 """
@@ -18,6 +23,7 @@ for nu = (v, w, q') of the frame in its axes. `delta` is M without the rigid bod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -26,6 +32,8 @@ from ...data_types import CoreData
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import PIVOT_RANK
+
+SECOND_ORDER = {"C2": "3kk", "H2": "3kkk", "Mq1": "kkk", "Mq2": "kkkk"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +57,22 @@ class Node:
         return self.r + (self.Phi + by_q) @ q / 2, by_q
 
 
+class Deformation(NamedTuple):
+    """The polynomials of a body at modal coordinates.
+
+    Attributes:
+        C, H, Mq: (3, k), (3, k), (k, k).
+        I_q, H_q, Mq_q: derivatives of I, H and Mq by q, (k, 3, 3), (k, 3, k), (k, k, k).
+    """
+
+    C: Array
+    H: Array
+    Mq: Array
+    I_q: Array
+    H_q: Array
+    Mq_q: Array
+
+
 @dataclass(frozen=True, eq=False)
 class ModalBody:
     """A body with k modes.
@@ -58,7 +82,7 @@ class ModalBody:
         s0, I0: first moment (3,) in kg m and inertia (3, 3) in kg m^2 of the straight body about its frame's origin.
         C, H0, Mq: (3, k), (3, k), (k, k).
         Hj, I1, I2: (k, 3, k), (k, 3, 3), (k, k, 3, 3).
-        C2: (3, k, k), zero if omitted.
+        C2, H2, Mq1, Mq2: (3, k, k), (3, k, k, k), (k, k, k), (k, k, k, k), zero if omitted.
         stiffness, damping: of each mode, (k,): forces -stiffness q - damping q'.
         nodes: the nodes by name.
     """
@@ -76,6 +100,9 @@ class ModalBody:
     damping: Array
     nodes: Mapping[str, Node] = field(default_factory=dict)
     C2: Array | None = None
+    H2: Array | None = None
+    Mq1: Array | None = None
+    Mq2: Array | None = None
 
     @property
     def modes(self) -> int:
@@ -93,21 +120,30 @@ class ModalBody:
         r = np.array([np.zeros(3), *(node.r for node in self.nodes.values())])
         return float(np.linalg.norm(r[:, None] - r, axis=2).max())
 
-    def deformed(self, q: Array) -> tuple[Array, Array, Array]:
-        """Return C (3, k), the inertias I_i = dI/dq_i (k, 3, 3), and H (3, k)."""
-        C = self.C if self.C2 is None else self.C + self.C2 @ q
-        return C, self.I1 + np.einsum("ijab,j->iab", self.I2, q), self.H0 + np.einsum("jak,j->ak", self.Hj, q)
+    def array(self, name: str) -> Array:
+        """Return an array; zeros if it is omitted."""
+        x = getattr(self, name)
+        shape = SECOND_ORDER.get(name, "")
+        return np.zeros([3 if c == "3" else self.modes for c in shape]) if x is None else np.asarray(x)
+
+    def deformed(self, q: Array) -> Deformation:
+        """Return the polynomials at q."""
+        I_q, (C2, H2, Mq1, Mq2) = self.I1 + np.einsum("ijab,j->iab", self.I2, q), map(self.array, SECOND_ORDER)
+        H_q, Mq_q = self.Hj + (H2 @ q).transpose(2, 0, 1), (Mq1 + Mq2 @ q).transpose(2, 0, 1)
+        H = self.H0 + np.einsum("jak,j->ak", self.Hj + H_q, q) / 2
+        Mq = self.Mq + (Mq1 @ q + np.einsum("lij,l->ij", Mq_q, q)) / 2
+        return Deformation(self.C + C2 @ q, H, Mq, I_q, H_q, Mq_q)
 
     def first_moment(self, q: Array) -> Array:
         """Return S - s0, (3,)."""
-        return (self.C + self.deformed(q)[0]) @ q / 2
+        return (self.C + self.deformed(q).C) @ q / 2
 
     def delta(self, q: Array) -> Array:
         """Return M(q) minus that of the rigid body, (6 + k, 6 + k)."""
-        C, I_q, H = self.deformed(q)
+        C, H, Mq, I_q, _, _ = self.deformed(q)
         X = np.einsum("abc,b->ac", _CROSS, self.first_moment(q))
         I = np.einsum("iab,i->ab", self.I1 + I_q, q) / 2  # noqa: E741 - the inertia
-        return np.block([[np.zeros((3, 3)), -X, C], [X, I, H], [C.T, H.T, self.Mq]])
+        return np.block([[np.zeros((3, 3)), -X, C], [X, I, H], [C.T, H.T, Mq]])
 
     def gyroscopic(self, q: Array, nu: Array) -> Array:
         """Return the terms of M(q) nu' + h(q, nu) that are quadratic in nu, (6 + k,), without the rigid body.
@@ -115,20 +151,24 @@ class ModalBody:
         h = sum q'_i M_i nu + (w x p_v, w x p_w + v x p_v, -(nu^T M_i nu)/2), p = M nu, M_i = dM/dq_i.
         """
         v, w, u = nu[:3], nu[3:6], nu[6:]
-        C, I_q, _ = self.deformed(q)
+        C, _, _, I_q, H_q, Mq_q = self.deformed(q)
         p, dS = self.delta(q)[:6] @ nu, C @ u
-        dI, dH = np.einsum("iab,i->ab", I_q, u), np.einsum("jak,j->ak", self.Hj, u)
-        linear = np.cross(w, dS + p[:3]) + (0 if self.C2 is None else self.C2 @ u @ u)
+        dI, dH, Mq_u = np.einsum("iab,i->ab", I_q, u), np.einsum("jak,j->ak", H_q, u), Mq_q @ u
+        linear = np.cross(w, dS + p[:3]) + self.array("C2") @ u @ u
         angular = np.cross(dS, v) + dI @ w + dH @ u + np.cross(w, p[3:]) + np.cross(v, p[:3])
-        by_q = np.cross(v, w) @ C + np.einsum("iab,a,b->i", I_q, w, w) / 2 + np.einsum("iak,a,k->i", self.Hj, w, u)
-        return np.concatenate([linear, angular, dH.T @ w - by_q])
+        by_q = np.cross(v, w) @ C + np.einsum("iab,a,b->i", I_q, w, w) / 2 + np.einsum("iak,a,k->i", H_q, w, u)
+        return np.concatenate([linear, angular, dH.T @ w + u @ Mq_u - Mq_u @ u / 2 - by_q])
 
     def core_data(self) -> CoreData:
         """Return the numbers of the body and of its nodes for the core, `native/mechanism/modal_body.hpp`."""
         none, k = np.zeros((3, self.modes, self.modes)), self.modes
         second = {name: none if x.Phi2 is None else x.Phi2 for name, x in self.nodes.items()}
         arrays = {"C": self.C.T, "H0": self.H0.T, "Mq": self.Mq, "Hj": self.Hj.transpose(0, 2, 1)}
-        arrays |= {"C2": (none if self.C2 is None else self.C2).transpose(1, 2, 0)}
+        arrays |= {"C2": self.array("C2").transpose(1, 2, 0)}
+        arrays |= {"H2": self.array("H2").transpose(2, 3, 1, 0)}
+        arrays |= {"Mq1": self.array("Mq1").transpose(2, 0, 1), "Mq2": self.array("Mq2").transpose(2, 3, 0, 1)}
+        if all(getattr(self, name) is None for name in SECOND_ORDER):
+            arrays |= dict.fromkeys(("H2", "Mq1", "Mq2"), np.empty(0))
         arrays |= {"I1": self.I1[:, *_PACKED], "I2": self.I2[:, :, *_PACKED]}
         of_nodes = [
             {"r": x.r, "Phi": x.Phi.T, "Psi": x.Psi.T, "Phi2": second[name].transpose(1, 2, 0)}
@@ -174,7 +214,11 @@ class ModalBody:
             raise InputError("flexible body: modes need positive stiffness and independent displacements of masses")
         modes = P.transpose(2, 0, 1)
         cross = np.einsum("n,abc,nbi,ncj->iaj", m, _CROSS, P, P)
-        second = (None, 0.0, 0.0) if Phi2 is None else _second_order(r, m, Phi2)
+        I2 = np.array([2 * _inertia(m, x, y) for x in modes for y in modes]).reshape(k, k, 3, 3)
+        second: dict[str, Any] = {}
+        if Phi2 is not None:
+            second, (I2_second, Hj_second) = _second_order(r, m, P, Phi2)
+            I2, cross = I2 + I2_second, cross + Hj_second
         ratios = np.broadcast_to(np.asarray(damping_ratios, float), (k,))
         return cls(
             mass=float(m.sum()),
@@ -183,10 +227,10 @@ class ModalBody:
             C=np.einsum("n,nai->ai", m, P),
             H0=np.einsum("n,abc,nb,nci->ai", m, _CROSS, r, P),
             Mq=Mq,
-            Hj=cross + second[2],
+            Hj=cross,
             I1=np.array([2 * _inertia(m, r, x) for x in modes]).reshape(k, 3, 3),
-            I2=np.array([2 * _inertia(m, x, y) for x in modes for y in modes]).reshape(k, k, 3, 3) + second[1],
-            C2=second[0],
+            I2=I2,
+            **second,
             stiffness=K,
             damping=2 * ratios * np.sqrt(K * np.diagonal(Mq)),
             nodes=dict(nodes or {}),
@@ -197,12 +241,23 @@ _CROSS = np.array([pin.skew(e) for e in np.eye(3)]).transpose(1, 0, 2)  # (a x b
 _PACKED = ([0, 1, 1, 2, 2, 2], [0, 0, 1, 0, 1, 2])  # xx, xy, yy, xz, yz, zz
 
 
-def _second_order(r: Array, m: Array, Phi2: Array) -> tuple[Array, Array, Array]:
-    """Return C2, and what displacements of second order add to I2 and to Hj."""
+def _second_order(r: Array, m: Array, Phi: Array, Phi2: Array) -> tuple[dict[str, Array], tuple[Array, Array]]:
+    """Return the arrays of `SECOND_ORDER`, and the contributions of displacements of second order to I2 and to Hj."""
     k = Phi2.shape[-1]
+    weighted = m[:, None, None, None] * Phi2
+    rows = weighted.reshape(-1, k * k).T
+    D = (rows @ Phi2.reshape(-1, k * k)).reshape((k,) * 4)
+    E = (rows @ Phi.reshape(-1, k)).reshape((k,) * 3)  # sum m Phi2_jl.Phi_i
+    X = np.einsum("abc,bjlci->ajli", _CROSS, np.einsum("nbjl,nci->bjlci", weighted, Phi, optimize=True))
+    arrays = {
+        "C2": weighted.sum(axis=0),
+        "H2": X.transpose(0, 3, 1, 2) - X.transpose(0, 1, 3, 2) - X,
+        "Mq1": E.transpose(2, 0, 1) + E.transpose(0, 2, 1),
+        "Mq2": D.transpose(0, 2, 1, 3) + D.transpose(0, 2, 3, 1),
+    }
     pairs = [2 * _inertia(m, r, Phi2[:, :, i, j]) for i in range(k) for j in range(k)]
     crossed = np.einsum("n,abc,nb,ncji->jai", m, _CROSS, r, Phi2)
-    return np.einsum("n,naij->aij", m, Phi2), np.array(pairs).reshape(k, k, 3, 3), crossed
+    return arrays, (np.array(pairs).reshape(k, k, 3, 3), crossed)
 
 
 def _inertia(m: Array, x: Array, y: Array) -> Array:

@@ -1,8 +1,8 @@
 """Modal bodies as plain numbers: files ``.npz``, and tables of archives.
 
 Arrays as in `ModalBody`: mass, s0 (3,), I0 (3, 3), C, H0 (3, k), Mq (k, k), Hj (k, 3, k), I1 (k, 3, 3),
-I2 (k, k, 3, 3), stiffness, damping (k,), C2 (3, k, k) if given; and of n nodes: names (n,), r (n, 3), Phi, Psi
-(n, 3, k), Phi2 (n, 3, k, k), strain (n, k), modulus (n,).
+I2 (k, k, 3, 3), stiffness, damping (k,), of second order C2, H2, Mq1, Mq2 if given; and of n nodes: names
+(n,), r (n, 3), Phi, Psi (n, 3, k), Phi2 (n, 3, k, k), strain (n, k), modulus (n,).
 """
 
 from collections.abc import Mapping
@@ -15,13 +15,13 @@ import numpy as np
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING
-from .modal_body import ModalBody, Node
+from .modal_body import SECOND_ORDER, ModalBody, Node
 
 SHAPES = {
     "mass": "", "s0": "3", "I0": "33", "C": "3k", "H0": "3k", "Mq": "kk", "Hj": "k3k", "I1": "k33", "I2": "kk33",
     "stiffness": "k", "damping": "k", "r": "n3", "Phi": "n3k", "Psi": "n3k",
 }  # fmt: skip
-OPTIONAL = {"C2": "3kk", "Phi2": "n3kk", "strain": "nk", "modulus": "n"}
+OPTIONAL = {**SECOND_ORDER, "Phi2": "n3kk", "strain": "nk", "modulus": "n"}
 
 
 def save_modal_body(body: ModalBody, path: str | Path) -> None:
@@ -51,7 +51,7 @@ def read_modal_data(path: Path) -> dict[str, Any]:
 
 def modal_data(body: ModalBody) -> dict[str, Any]:
     """Return a modal body as numbers and lists."""
-    out = {name: getattr(body, name) for name in ("mass", *SHAPES, "C2") if hasattr(body, name)}
+    out = {name: getattr(body, name) for name in ("mass", *SHAPES, *SECOND_ORDER) if hasattr(body, name)}
     nodes = list(body.nodes.values())
     for name in ("r", "Phi", "Psi", "Phi2", "strain", "modulus"):
         values = [getattr(node, name) for node in nodes]

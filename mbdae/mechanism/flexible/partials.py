@@ -35,7 +35,7 @@ def inertial_partials(
         base_acceleration: minus gravity, (6,), or 0.
     """
     J, base, modal = data.J.reshape(6, -1), body.base.tolist(), body.modal
-    X = data.oMi[body.joint].actionInverse
+    X = body.pose(data).actionInverse
     V, A, columns = np.zeros(6), base_acceleration.copy(), []
     for part in dict.fromkeys(parts[base]):
         group = [k for k in base if parts[k] == part]

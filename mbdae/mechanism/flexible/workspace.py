@@ -57,15 +57,21 @@ class BoundBody:
     """A flexible body bound to a workspace.
 
     Attributes:
+        joint, placement: the joint that carries the frame, and the placement of the frame in it.
         at: the velocities of the modes.
         nodes: the nodes.
     """
 
     def __init__(
-        self, model: pin.Model, data: pin.Data, name: str, mode_joints: Sequence[str], modal: ModalBody
+        self,
+        model: pin.Model,
+        data: pin.Data,
+        base: tuple[int, pin.SE3],
+        mode_joints: Sequence[str],
+        modal: ModalBody,
     ) -> None:
         self.modal = modal
-        self.joint = int(model.getJointId(name))
+        self.joint, self.placement = base
         first, k = model.joints[model.getJointId(mode_joints[0])], modal.modes
         self.at, self.iq = slice(first.idx_v, first.idx_v + k), slice(first.idx_q, first.idx_q + k)
         joints = list(model.supports[self.joint])[1:]
@@ -77,15 +83,19 @@ class BoundBody:
             data.v.append(pin.Motion.Zero())
             data.a.append(pin.Motion.Zero())
 
-    def write(self, modal: ModalBody) -> None:
-        """Replace the body by one with as many modes and nodes."""
-        self.modal = modal
+    def write(self, modal: ModalBody, placement: pin.SE3) -> None:
+        """Replace the body by one with as many modes and nodes, and the placement of its frame."""
+        self.modal, self.placement = modal, placement
         for n, node in zip(self.nodes, modal.nodes.values(), strict=True):
             n.node = node
 
+    def pose(self, data: pin.Data) -> pin.SE3:
+        """Return the pose of the frame in the world; that of the joint is current."""
+        return data.oMi[self.joint] * self.placement
+
     def update_poses(self, data: pin.Data, q: Array) -> None:
         """Update poses and columns of the nodes; the pose of the frame is current."""
-        x, pose = q[self.iq], data.oMi[self.joint]
+        x, pose = q[self.iq], self.pose(data)
         R, p = pose.rotation, pose.translation
         for n in self.nodes:
             turn = n.turn = rotation_vector(n.node.Psi @ x)
@@ -98,7 +108,7 @@ class BoundBody:
     def update_motions(self, data: pin.Data, q: Array, v: Array, a: Array) -> None:
         """Update velocities and accelerations of the nodes, for v' = a; poses and those of the frame are current."""
         x, u, du = q[self.iq], v[self.at], a[self.at]
-        V, A = data.v[self.joint], data.a[self.joint]
+        V, A = (self.placement.actInv(x[self.joint]) for x in (data.v, data.a))
         w = V.angular
         for n in self.nodes:
             node, turn = n.node, n.turn
@@ -121,7 +131,8 @@ class BoundBody:
 
     def add_bias(self, data: pin.Data, q: Array, v: Array, nle: Array) -> None:
         """Add the terms of the modes to nle (nv,); J, ``data.v`` and ``data.a_gf`` are current."""
-        F = self._force(self.modal, data, q, v, data.a_gf[self.joint], np.zeros(self.modal.modes))
+        acceleration = self.placement.actInv(data.a_gf[self.joint])
+        F = self._force(self.modal, data, q, v, acceleration, np.zeros(self.modal.modes))
         nle[self.base] += F[:6] @ self._base_columns(data)
         nle[self.at] += F[6:]
 
@@ -133,16 +144,27 @@ class BoundBody:
         out[self.base] += F[:6] @ self._base_columns(data)
         out[self.at] += F[6:]
 
+    def add_weight(self, data: pin.Data, q: Array, gravity: Array, out: Array) -> None:
+        """Add the part of nle of the modes by gravity alone, m/s^2, to out (nv,); J and poses are current."""
+        F = self.modal.delta(q[self.iq])[:, :3] @ (self.pose(data).rotation.T @ -gravity)
+        out[self.base] += F[:6] @ self._base_columns(data)
+        out[self.at] += F[6:]
+
     def _falling(self, data: pin.Data, gravity: Array) -> pin.Motion:
         """Return the acceleration of the frame minus gravity, in its axes."""
-        return data.a[self.joint] - pin.Motion(data.oMi[self.joint].rotation.T @ gravity, np.zeros(3))
+        weight = pin.Motion(data.oMi[self.joint].rotation.T @ gravity, np.zeros(3))
+        return self.placement.actInv(data.a[self.joint] - weight)
+
+    def _velocity(self, data: pin.Data, v: Array) -> Array:
+        """Return the velocities of the frame, in its axes, and of the modes, (6 + k,)."""
+        return np.concatenate([self.placement.actInv(data.v[self.joint]).vector, v[self.at]])
 
     def _force(
         self, modal: ModalBody, data: pin.Data, q: Array, v: Array, acceleration: pin.Motion, rates: Array
     ) -> Array:
         """Return the force of inertia on frame and modes in the axes of the frame, without the rigid body, (6 + k,)."""
         x, A = q[self.iq], np.concatenate([acceleration.vector, rates])
-        return modal.delta(x) @ A + modal.gyroscopic(x, np.concatenate([data.v[self.joint].vector, v[self.at]]))
+        return modal.delta(x) @ A + modal.gyroscopic(x, self._velocity(data, v))
 
     def inertia_wrench(self, data: pin.Data, q: Array, v: Array, a: Array, gravity: Array | None = None) -> Array:
         """Return the force and the moment about the origin, world axes, (6,), that the deformation adds to m a - m g.
@@ -151,17 +173,16 @@ class BoundBody:
         """
         acceleration = self._falling(data, np.zeros(3) if gravity is None else gravity)
         force = self._force(self.modal, data, q, v, acceleration, a[self.at])
-        return data.oMi[self.joint].act(pin.Force(force[:6])).vector
+        return self.pose(data).act(pin.Force(force[:6])).vector
 
     def momentum(self, data: pin.Data, q: Array, v: Array) -> Array:
         """Return the momenta that the deformation adds, about the origin, world axes, (6,); motions are current."""
-        nu = np.concatenate([data.v[self.joint].vector, v[self.at]])
-        return data.oMi[self.joint].act(pin.Force(self.modal.delta(q[self.iq])[:6] @ nu)).vector
+        return self.pose(data).act(pin.Force(self.modal.delta(q[self.iq])[:6] @ self._velocity(data, v))).vector
 
     def first_moment(self, data: pin.Data, q: Array) -> Array:
         """Return the change of mass times centre of mass by the deformation, world axes, (3,), in kg m."""
-        return data.oMi[self.joint].rotation @ self.modal.first_moment(q[self.iq])
+        return self.pose(data).rotation @ self.modal.first_moment(q[self.iq])
 
     def _base_columns(self, data: pin.Data) -> Array:
         """Return the columns of J that move the frame, in its axes, (6, n)."""
-        return data.oMi[self.joint].actionInverse @ data.J.reshape(6, -1)[:, self.base]
+        return self.pose(data).actionInverse @ data.J.reshape(6, -1)[:, self.base]

@@ -49,7 +49,8 @@ def _with_flexible_bodies(
     for x in tables:
         parent = find_frame(model, x.parent)
         at = parent.placement * placement(x)
-        attach_flexible(model, x.name, modal_body_of(x), _joint(x), parent.parentJoint, at)
+        joint = None if x.joint == "fixed" else _joint(x)
+        attach_flexible(model, x.name, modal_body_of(x), joint, parent.parentJoint, at)
     if not tables:
         return model, visuals
     bodies = model.flexible

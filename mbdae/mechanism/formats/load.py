@@ -31,6 +31,8 @@ from .readers import CONVERTERS, MECHANISM, PARAMETRIC, converted
 from .schema import MechanismFile, Source, read_toml
 from .sources import read_source, restored
 
+BODIES = "body", "flexible"  # tables whose defaults are valid only for some joints
+
 
 def load(
     path: str | Path,
@@ -225,6 +227,6 @@ def recipe_from_mechanism(mech: Mechanism) -> Recipe:
 
 def table_of(file: MechanismFile) -> dict[str, Any]:
     """Return the file as JSON data; closures and bodies without defaults, since keys depend on the kind."""
-    bodies = [x.model_dump(mode="json", exclude_defaults=True) for x in file.body]
+    tables = {x: [row.model_dump(mode="json", exclude_defaults=True) for row in getattr(file, x)] for x in BODIES}
     closures = [x.model_dump(mode="json", exclude_none=True) for x in file.closure]
-    return {**file.model_dump(mode="json", exclude={"body", "closure"}), "body": bodies, "closure": closures}
+    return {**file.model_dump(mode="json", exclude={*BODIES, "closure"}), **tables, "closure": closures}

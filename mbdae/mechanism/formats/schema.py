@@ -81,7 +81,7 @@ class Flexible(Frame):
 
     Attributes:
         name: name of the body and of the joint of its frame; ``"name.mode 1"``, ... are the joints of its modes.
-        joint: kind of the joint between the parent and its frame.
+        joint: kind of the joint between the parent and its frame; "fixed" clamps the frame to the parent.
         axis: axis of a revolute or prismatic joint.
         file: numbers of a modal body, ``"rod.npz"`` of `mbdae.save_modal_body`, in place of those of a beam.
         data: the same numbers as a table, as archives have them.
@@ -104,7 +104,7 @@ class Flexible(Frame):
         nodes: nodes and their positions along x in m, ends of elements; A and B at both ends if omitted.
     """
 
-    joint: Literal["revolute", "prismatic", "spherical", "planar", "translation", "free"] = "free"
+    joint: Literal["revolute", "prismatic", "spherical", "planar", "translation", "free", "fixed"] = "free"
     axis: Vector = (0.0, 0.0, 1.0)
     file: str = ""
     data: dict[str, Any] | None = None

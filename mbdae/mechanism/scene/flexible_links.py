@@ -35,7 +35,7 @@ def enlarged(model: pin.Model, q: Array, factor: float | None) -> Array:
 
 
 def hidden_joints(model: pin.Model) -> tuple[set[int], set[int]]:
-    """Return the joints of modes, which are not drawn, and those of frames whose bodies are drawn by their nodes."""
+    """Return the joints of modes, which are not drawn, and those whose bodies are flexible: nodes draw these."""
     bodies = flexible_bodies(model)
     modes = {model.getJointId(name) for body in bodies for name in body.mode_joints}
-    return modes, {model.getJointId(body.name) for body in bodies}
+    return modes, {body.base(model)[0] for body in bodies if model.existJointName(body.name)}

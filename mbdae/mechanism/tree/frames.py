@@ -211,7 +211,7 @@ class Pair:
 
     def node_changes(self, body: "BoundBody", node: "BoundNode", u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the changes by q_m of the translation T u and the rotation W u of a node, (6, k) each; u (k,)."""
-        frame = self._data.oMi[body.joint]
+        frame = body.pose(self._data)
         return node.translation_change(frame, u), node.rotation_change(self._data, node.node.Psi @ u)
 
     def locate(self) -> None:

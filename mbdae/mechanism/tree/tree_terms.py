@@ -38,7 +38,7 @@ def copied(model: pin.Model) -> pin.Model:
 def update_flexible(model: pin.Model, data: pin.Data) -> None:
     """Write the numbers of the flexible bodies of a model into a workspace of a model with the same structure."""
     for body, bound in zip(flexible_bodies(model), bound_bodies(data), strict=True):
-        bound.write(body.modal)
+        bound.write(body.modal, body.base(model)[1])
 
 
 def structure_of_flexible(model: pin.Model) -> list[tuple[str, int, tuple[str, ...]]]:

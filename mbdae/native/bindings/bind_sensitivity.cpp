@@ -27,8 +27,9 @@ struct ChangedElements {
   std::vector<int> at;  // indices of the laws' states, or of the rows
   std::vector<PerturbedElements> laws, rows;
   std::vector<ModalBody> bodies;  // with the rates of their numbers
+  Numbers gravity;                // the rate of gravity; or empty
 
-  FIELDS(parameter, at, laws, rows, bodies)
+  FIELDS(parameter, at, laws, rows, bodies, gravity)
 };
 
 void check_components(const std::vector<ModelComponent>& components, const Index2System& s) {
@@ -59,7 +60,8 @@ ChangedElement changed_element(ChangedElements x, const Index2System& s) {
         {p.weight, std::make_unique<Constraints>(s.mechanics, std::move(p.rows), p.pairs, std::move(p.drivers))});
   }
   check_bodies(x.bodies, s.mechanics.nq, s.nv, s.mechanics.joints);
-  out.bodies = s.mechanics.bind(std::move(x.bodies));
+  out.bodies = s.mechanics.bind(std::move(x.bodies)), out.gravity = std::move(x.gravity);
+  if (!out.gravity.empty() && out.gravity.size() != 3) reject("gravity has three components");
   return out;
 }
 

@@ -221,6 +221,8 @@ static void check_body(const ModalBody& b, int nq, int nv, int joints) {
   const size_t k = b.modes;
   bool valid = b.C.size() == 3 * k && b.C2.size() == 3 * k * k && b.H0.size() == 3 * k && b.Mq.size() == k * k && b.Hj.size() == 3 * k * k &&
                b.I1.size() == 6 * k && b.I2.size() == 6 * k * k;
+  const size_t cube = b.Mq1.size();
+  valid = valid && (cube == 0 || cube == k * k * k) && b.H2.size() == 3 * cube && b.Mq2.size() == k * cube;
   for (const ModalNode& x : b.nodes) valid = valid && x.Phi.size() == 3 * k && x.Psi.size() == 3 * k && x.Phi2.size() == 3 * k * k;
   if (!valid) reject("the numbers of a flexible body do not fit its modes");
 }

@@ -1,12 +1,26 @@
 #include "mechanism/flexible_body.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace mbdae {
 
 namespace {
 
 constexpr int TERMS = 20;  // of each series: to rounding up to 5 rad
+
+struct Series {  // (-1)^m/(2m + 2)!, (-1)^m/(2m + 3)!
+  double a[TERMS], b[TERMS];
+};
+
+constexpr Series coefficients() {
+  Series out{};
+  double u = 0.5;
+  for (int m = 0; m < TERMS; ++m) out.a[m] = u, out.b[m] = u / (2 * m + 3), u = -out.b[m] / (2 * m + 4);
+  return out;
+}
+
+constexpr Series SERIES = coefficients();
 
 void back_by_columns(const double* R, const double* x, double* out) {  // R^T x
   for (int i = 0; i < 3; ++i) out[i] = dot(R + 3 * i, x);
@@ -34,15 +48,14 @@ void combine(const Numbers& columns, const double* x, int k, double* out) {  // 
 
 void set_rotation(FlexibleBody::Node& n) {
   const double x2 = dot(n.theta, n.theta);
-  double *f = n.functions, p = 1, before = 0, u = 0.5;  // x2^m, x2^(m - 1) and 1/(2m + 2)!, with signs
+  double *f = n.functions, p = 1, before = 0;  // x2^m, x2^(m - 1)
   std::fill(f, f + 4, 0.0);
   for (int m = 0; m < TERMS; ++m) {
-    const double w = u / (2 * m + 3);
-    const double a = f[0] + u * p, a1 = f[2] + 2 * m * u * before;
+    const double u = SERIES.a[m], w = SERIES.b[m], a = f[0] + u * p, a1 = f[2] + 2 * m * u * before;
     const bool converged = m > 1 && a == f[0] && a1 == f[2];
     if (converged) break;
     f[0] = a, f[1] += w * p, f[2] = a1, f[3] += 2 * m * w * before;
-    before = p, p *= x2, u = -w / (2 * m + 4);
+    before = p, p *= x2;
   }
   double X[9], XX[9];
   skew(n.theta, X), of_skews(n.theta, n.theta, XX);
@@ -65,13 +78,29 @@ void rotation_jacobian_rate(const FlexibleBody::Node& n, const double* z, const 
 FlexibleBody::FlexibleBody(ModalBody data_, std::vector<int> base_, int first_pose_, int first_column_)
     : data(std::move(data_)), base(std::move(base_)), first_pose(first_pose_), first_column(first_column_),
       nodes_(data.nodes.size()), nu_(6 + data.modes), A_(6 + data.modes), F_(6 + data.modes), columns_(base.size()) {
+  deformed_at_.assign(data.modes, NAN), turned_at_ = deformed_at_;
+  use(std::vector<bool>(nodes_.size(), true));
   for (const ModalNode& x : data.nodes)
     curved_.push_back(std::any_of(x.Phi2.begin(), x.Phi2.end(), [](double y) { return y != 0; }));
 }
 
+void FlexibleBody::use(const std::vector<bool>& nodes) {
+  used_.clear(), turned_at_.assign(data.modes, NAN);
+  for (size_t i = 0; i < nodes.size(); ++i)
+    if (nodes[i]) used_.push_back(static_cast<int>(i));
+}
+
+void FlexibleBody::deform(const double* q) {
+  const double* x = q + data.iq;
+  if (std::equal(x, x + data.modes, deformed_at_.begin())) return;
+  std::copy(x, x + data.modes, deformed_at_.begin()), now_.update(data, x);
+}
+
 void FlexibleBody::turn_nodes(const double* q) {
   const double* x = q + data.iq;
-  for (size_t number = 0; number < nodes_.size(); ++number) {
+  if (std::equal(x, x + data.modes, turned_at_.begin())) return;
+  std::copy(x, x + data.modes, turned_at_.begin());
+  for (int number : used_) {
     Node& n = nodes_[number];
     const ModalNode& at = data.nodes[number];
     const int k = data.modes;
@@ -89,7 +118,7 @@ void FlexibleBody::turn_nodes(const double* q) {
 void FlexibleBody::place_nodes(const FramePose& at, double* poses, double* J) {
   const int k = data.modes;
   const double* R = at.pose;
-  for (size_t i = 0; i < nodes_.size(); ++i) {
+  for (int i : used_) {
     Node& n = nodes_[i];
     double *pose = poses + 12 * (first_pose + i), *column = J + 6 * (first_column + i * k);
     rotate_by_columns(R, n.d, pose + 9);
@@ -156,8 +185,8 @@ void FlexibleBody::add_inertia(const FramePose& at, const Six* about, double* M,
   for (int i = 0; i < k; ++i) {
     double* column = M + nv * (data.iv + i);
     for (size_t c = 0; c < base.size(); ++c)
-      column[base[c]] += dot(&now_.C[3 * i], local[c].data()) + dot(&now_.H[3 * i], local[c].data() + 3);
-    for (int j = 0; j <= i; ++j) column[data.iv + j] += data.Mq[i * k + j];
+      column[base[c]] = dot(&now_.C[3 * i], local[c].data()) + dot(&now_.H[3 * i], local[c].data() + 3);
+    for (int j = 0; j <= i; ++j) column[data.iv + j] = now_.Mq[i * k + j];
   }
 }
 
@@ -173,9 +202,21 @@ void FlexibleBody::add_force(const FramePose& at, const Six* about, const double
   for (int i = 0; i < k; ++i) out[data.iv + i] += F_[6 + i];
 }
 
-double FlexibleBody::potential(const double* pose, const double* gravity) const {
+FramePose FlexibleBody::frame_pose(const double* joint_pose, const double* arm) const {
+  FramePose out;
+  for (int c = 0; c < 12; c += 3) rotate_by_columns(joint_pose, data.placement + c, out.pose + c);
+  for (int l = 0; l < 3; ++l) out.arm[l] = arm[l] + out.pose[9 + l], out.pose[9 + l] += joint_pose[9 + l];
+  return out;
+}
+
+void FlexibleBody::rotate_to_world(const double* joint_rotation, const double* x, double* out) const {
+  double local[3];
+  rotate_by_columns(data.placement, x, local), rotate_by_columns(joint_rotation, local, out);
+}
+
+double FlexibleBody::potential(const double* joint_rotation, const double* gravity) const {
   double world[3];
-  rotate_by_columns(pose, now_.moment.x, world);
+  rotate_to_world(joint_rotation, now_.moment.x, world);
   return -dot(gravity, world);
 }
 

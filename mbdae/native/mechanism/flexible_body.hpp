@@ -13,7 +13,7 @@ namespace mbdae {
 // The frame of a body: its pose, R by columns and p, and the vector from the root's position to p. Columns of J,
 // motions and wrenches are about the root's position.
 struct FramePose {
-  const double *pose, *arm;
+  double pose[12], arm[3];
 };
 
 class FlexibleBody {
@@ -33,18 +33,27 @@ class FlexibleBody {
   };
   const Node& node(int i) const { return nodes_[i]; }
 
-  void deform(const double* q) { now_.update(data, q + data.iq); }  // for the terms of M and nle
-  void turn_nodes(const double* q);
+  // Only nodes in use have poses, columns and motions: those of pairs of frames.
+  void use(const std::vector<bool>& nodes);
+  const std::vector<int>& used() const { return used_; }
+
+  void deform(const double* q);      // for the terms of M and nle; at the last q nothing is to be done
+  void turn_nodes(const double* q);  // the same
   void place_nodes(const FramePose& at, double* poses, double* J);
   // Motions of a node about the root's position, from those of the frame; u, du (k,) of the modes, du may be null.
   void move_node(int number, const FramePose& at, const double* V, const double* A, const double* u, const double* du,
                  double* V_node, double* A_node) const;
-  // M by columns, above the diagonal
+  // M by columns, above the diagonal: adds to the block of the frame, and sets those of the modes.
   void add_inertia(const FramePose& at, const Six* about, double* M, size_t nv) const;
   // out += the part of M a + nle; A of the frame minus gravity.
   void add_force(const FramePose& at, const Six* about, const double* V, const double* A, const double* u,
                  const double* du, double* out) const;
-  double potential(const double* pose, const double* gravity) const;  // that the deformation adds, after `deform`
+  // The pose of the frame, from that of its joint and the vector from the root's position to the joint.
+  FramePose frame_pose(const double* joint_pose, const double* arm) const;
+  // A vector in the axes of the frame, in those of the world, from the rotation of its joint.
+  void rotate_to_world(const double* joint_rotation, const double* x, double* out) const;
+  // That the deformation adds, after `deform`.
+  double potential(const double* joint_rotation, const double* gravity) const;
   // Partials of these forces by q in the tangent and by v, added to by_q and by_v (nv, nv) by rows; expanded_joints (nv,): joint
   // of each degree of freedom in the expanded tree; base_acceleration: minus gravity, or 0.
   void add_partials(const FramePose& at, const Six* about, const int* expanded_joints, const double* q, const double* v,
@@ -52,6 +61,8 @@ class FlexibleBody {
 
  private:
   std::vector<Node> nodes_;
+  std::vector<int> used_;
+  Numbers deformed_at_, turned_at_;  // (k,)
   std::vector<bool> curved_;  // of each node: does it have displacements of second order?
   Deformation<double> now_;
   mutable std::vector<double> nu_, A_, F_;

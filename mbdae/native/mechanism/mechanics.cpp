@@ -124,6 +124,15 @@ std::vector<Mechanics::Support> Mechanics::supports() const {
   return out;
 }
 
+void Mechanics::use_nodes(const std::vector<int>& used) {
+  for (FlexibleBody& body : w->flexible) {
+    std::vector<bool> nodes(body.data.nodes.size());
+    for (int frame : used)
+      if (frame >= body.first_pose && frame < body.first_pose + static_cast<int>(nodes.size())) nodes[frame - body.first_pose] = true;
+    body.use(nodes);
+  }
+}
+
 const FlexibleBody::Node* Mechanics::node(int frame, const FlexibleBody*& body, int& i) const {
   if (frame < joints) return nullptr;
   for (const FlexibleBody& x : w->flexible)
@@ -185,9 +194,9 @@ void Mechanics::inverse(const double* q, const double* v, const double* a, doubl
 }
 
 void Mechanics::add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a,
-                           bool loaded, double* out) {
+                           const double* gravity, double* out) {
   ++motion_stamp_, ++pose_stamp_;
-  w->sweep->add_forces(bodies, q, v, a, loaded, w->poses(), w->J(), out);
+  w->sweep->add_forces(bodies, q, v, a, gravity, w->poses(), w->J(), out);
 }
 
 std::vector<FlexibleBody> Mechanics::bind(std::vector<ModalBody> bodies) const {
@@ -217,7 +226,9 @@ void Mechanics::inertia(const double* q, const double* v) {
   poses(q);
   // About a point among the bodies: far from the world's origin, digits would cancel.
   Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
-  for (int j = 1; j < joints; ++j) centroid += w->data.oMi[j].translation() / (joints - 1);
+  int bodies = joints - 1;
+  for (const FlexibleBody& x : w->flexible) bodies -= x.data.modes;  // joints of modes have no poses: zero
+  for (int j = 1; j < joints; ++j) centroid += w->data.oMi[j].translation() / std::max(bodies, 1);
   for (int j = 1; j < joints; ++j) {
     Body here = body(j);
     for (int i = 0; i < 3; ++i) here.centre[i] -= centroid[i];

@@ -45,8 +45,10 @@ class Mechanics {
   void motions(const double* q, const double* v);                 // velocities, and accelerations for v' = 0
   void motions(const double* q, const double* v, const double* a);  // and accelerations for v' = a
   void bias(const double* q, const double* v);                      // nle(q, v); velocities; for `bias_minus_gravity`
-  // out += the part of M a + nle of flexible bodies, without gravity unless `loaded`; velocities, J and poses.
-  void add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a, bool loaded, double* out);
+  // out += the part of M a + nle of flexible bodies under this gravity (3,); velocities, J and poses.
+  void add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a, const double* gravity,
+                  double* out);
+  void use_nodes(const std::vector<int>& used);  // place only the nodes among these frames
   std::vector<FlexibleBody> bind(std::vector<ModalBody> bodies) const;
   void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v); J and poses
 

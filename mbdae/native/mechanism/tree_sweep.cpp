@@ -1,5 +1,6 @@
 #include "mechanism/tree_sweep.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -63,6 +64,11 @@ TreeSweep::TreeSweep(std::vector<TreeJoint> joints, const std::vector<std::vecto
   for (size_t i = 0; i < joints_.size(); ++i)
     if (joints_[i].joint >= 0) carrier_.push_back(static_cast<int>(i));
   links_.resize(12 * joints_.size());
+  std::vector<bool> of_mode(about_.size());
+  for (const FlexibleBody& body : *flexible_)
+    for (int i = 0; i < body.data.modes; ++i) of_mode[body.data.iv + i] = true;
+  for (int j = 1; j < static_cast<int>(joints_.size()); ++j)
+    if (!joints_[j].nv || !of_mode[joints_[j].v]) swept_.push_back(j);
   size_t size = joints_.size();
   for (const FlexibleBody& body : *flexible_)
     for (size_t i = 0; i < body.data.nodes.size(); ++i) carrier_.push_back(static_cast<int>(size++));
@@ -182,8 +188,7 @@ inline void TreeSweep::add_body(int j, const double* pose) {
 
 template <bool with_motion, bool with_inertia, bool with_wrench>
 void TreeSweep::outward(const double* q, const double* v, const double* a, double* poses, double* J) {
-  const int n = static_cast<int>(joints_.size());
-  for (int j = 1; j < n; ++j) {
+  for (int j : swept_) {
     const TreeJoint& x = joints_[j];
     double* here = pose(j, poses);
     update_pose(j, q, pose(x.parent, poses), here);
@@ -199,10 +204,11 @@ void TreeSweep::outward(const double* q, const double* v, const double* a, doubl
     const FramePose at = frame_pose(body, poses);
     if (with_inertia || with_wrench) body.deform(q);  // the potential energy needs it, too
     body.turn_nodes(q), body.place_nodes(at, poses, J);
-    for (size_t i = 0; with_motion && i < body.data.nodes.size(); ++i) {
+    if (!with_motion) continue;
+    for (int i : body.used()) {
       const int n = carrier_[body.first_pose + i];
       from_[n] = from_[j];
-      body.move_node(static_cast<int>(i), at, V_[j].data(), A_[j].data(), v + body.data.iv,
+      body.move_node(i, at, V_[j].data(), A_[j].data(), v + body.data.iv,
                      a ? a + body.data.iv : nullptr, V_[n].data(), A_[n].data());
     }
   }
@@ -213,7 +219,9 @@ void TreeSweep::add_flexible(std::vector<FlexibleBody>& bodies, const double* v,
   for (FlexibleBody& body : bodies) {
     const int j = carrier_[body.data.joint];
     const FramePose at = frame_pose(body, poses);
-    if (M) body.add_inertia(at, about_.data(), M, about_.size());
+    const size_t nv = about_.size(), first = body.data.iv, end = first + body.data.modes;
+    if (M) body.add_inertia(at, about_.data(), M, nv);
+    for (size_t k = first; M && k < end; ++k) M[(nv + 1) * k] += armature_[k];
     if (nle)
       body.add_force(at, about_.data(), V_[j].data(), A_[j].data(), v + body.data.iv,
                      a ? a + body.data.iv : nullptr, nle);
@@ -231,7 +239,10 @@ void TreeSweep::add_partials(const int* expanded_joints, const double* q, const 
 template <bool with_inertia, bool with_wrench>
 void TreeSweep::inward(double* M, double* nle) {
   const size_t nv = about_.size();
-  for (int j = static_cast<int>(joints_.size()) - 1; j > 0; --j) {
+  for (const FlexibleBody& body : *flexible_)
+    if (with_wrench) std::fill_n(nle + body.data.iv, body.data.modes, 0.0);
+  for (size_t number = swept_.size(); number-- > 0;) {
+    const int j = swept_[number];
     const TreeJoint& x = joints_[j];
     const Subtree& own = subtrees_[j];
     for (int k = x.v; k < x.v + x.nv; ++k) {
@@ -278,8 +289,8 @@ void TreeSweep::inverse(const double* q, const double* v, const double* a, doubl
 }
 
 void TreeSweep::add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a,
-                           bool loaded, double* poses, double* J, double* out) {
-  for (int i = 0; i < 3; ++i) A_[0][i] = loaded ? -gravity_[i] : 0.0;
+                           const double* gravity, double* poses, double* J, double* out) {
+  for (int i = 0; i < 3; ++i) A_[0][i] = -gravity[i];
   outward<true, false, false>(q, v, a, poses, J);
   for (FlexibleBody& body : bodies) body.deform(q);
   add_flexible(bodies, v, a, poses, nullptr, out);

@@ -47,8 +47,8 @@ class TreeSweep {
   void dynamics(const double* q, const double* v, double* poses, double* J, double* M, double* nle);
   // M a + nle, a = nullptr: 0; velocities, and accelerations for v' = a minus gravity.
   void inverse(const double* q, const double* v, const double* a, double* poses, double* J, double* out);
-  // out += the part of M a + nle of some flexible bodies, without gravity unless `loaded`.
-  void add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a, bool loaded,
+  // out += the part of M a + nle of some flexible bodies under this gravity (3,).
+  void add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a, const double* gravity,
                   double* poses, double* J, double* out);
   // Velocities and accelerations for v' = a.
   void motions(const double* q, const double* v, const double* a, double* poses, double* J);
@@ -78,7 +78,7 @@ class TreeSweep {
   template <bool with_inertia, bool with_wrench>
   void add_body(int j, const double* pose);
   FramePose frame_pose(const FlexibleBody& x, const double* poses) const {
-    return {poses + 12 * x.data.joint, arms_[carrier_[x.data.joint]].data()};
+    return x.frame_pose(poses + 12 * x.data.joint, arms_[carrier_[x.data.joint]].data());
   }
   void add_flexible(std::vector<FlexibleBody>& bodies, const double* v, const double* a, const double* poses, double* M, double* nle);
   void shift(const std::vector<Six>& x, int joint, double* out) const;
@@ -86,6 +86,7 @@ class TreeSweep {
   const std::vector<TreeJoint> joints_;
   std::vector<FlexibleBody>* const flexible_;
   std::vector<int> carrier_;   // of each joint of the model: its index in joints_; then of nodes: in V_, A_
+  std::vector<int> swept_;     // indices in joints_, outward: without the joints of modes, which move no body
   std::vector<double> links_;  // (joints, 12) poses of links without mass
   std::vector<int> ancestors_, first_;  // of each degree of freedom, from first_[k] to first_[k + 1]
   const double *gravity_, *armature_;

@@ -100,12 +100,12 @@ void PairPartials::add_node(const Mechanics& m, int frame, double sign, const do
   if (!node) return;
   const ModalBody& data = body->data;
   const int modes = data.modes, part = m.nv + 2 * frame;
-  const double *base = m.rotation(data.joint), *Phi2 = data.nodes[number].Phi2.data();
+  const double *carrier = m.rotation(data.joint), *Phi2 = data.nodes[number].Phi2.data();
   const auto translate = [&](const double* u, int by, double* out) {  // the change of the translation T u, by mode `by`
     double local[3] = {};
     for (int i = 0; i < modes; ++i)
       for (int l = 0; l < 3; ++l) local[l] += Phi2[3 * (i * modes + by) + l] * u[i];
-    rotate_by_columns(base, local, out);
+    body->rotate_to_world(carrier, local, out);
   };
   const double *R = m.rotation(frame), *p = m.position(frame), *Psi = data.nodes[number].Psi.data();
   split_.emplace_back(12 * modes);
@@ -128,7 +128,7 @@ void PairPartials::add_node(const Mechanics& m, int frame, double sign, const do
     for (int by = 0; by < modes; ++by) {
       node_changes_.push_back({data.iv + k, data.iv + by, sign, {}});
       double *out = node_changes_.back().change, moved[3];
-      change(Psi + 3 * k, by, out), rotate_by_columns(base, Phi2 + 3 * (k * modes + by), moved);
+      change(Psi + 3 * k, by, out), body->rotate_to_world(carrier, Phi2 + 3 * (k * modes + by), moved);
       for (int l = 0; l < 3; ++l) out[l] += moved[l];
     }
   }

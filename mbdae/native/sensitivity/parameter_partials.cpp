@@ -103,8 +103,15 @@ void Parameters::evaluate_changed(const LinearisationPoint& point) {
     ChangedElement& c = changed_[i];
     double* P = &changed_P_[i * n];
     if (!c.bodies.empty()) {
+      double gravity[3] = {0, 0, 0};
+      const Numbers rest(nv, 0.0);
+      const bool weight = !c.gravity.empty();
+      if (point.loaded) m.gravity(gravity);
+      if (weight)
+        for (int l = 0; l < 3; ++l) gravity[l] = point.loaded ? c.gravity[l] : 0;
       std::fill(other.begin(), other.end(), 0.0);
-      m.add_forces(c.bodies, point.q.data(), v, point.vdot.data(), point.loaded, other.data());
+      m.add_forces(c.bodies, point.q.data(), weight ? rest.data() : v, weight ? rest.data() : point.vdot.data(), gravity,
+                   other.data());
       for (size_t l = 0; l < nv; ++l) P[l] -= other[l];
     }
     for (const PerturbedLaws& near : c.laws) {

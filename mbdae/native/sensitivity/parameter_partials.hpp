@@ -56,6 +56,7 @@ struct ChangedElement {
   std::vector<PerturbedLaws> laws;
   std::vector<PerturbedRows> rows;
   std::vector<FlexibleBody> bodies;  // with the rates of their numbers
+  Numbers gravity;                   // the rate of gravity, which then acts alone on bodies with their numbers; or empty
 };
 
 class Parameters {

@@ -34,7 +34,14 @@ Index2System::Index2System(const void* model, const Tolerances& limits, Descript
       gt_(ng),
       gap_(ng),
       rate_(ng) {
-  set_laws(std::move(d.laws), d.law_pairs);
+  set_laws(std::move(d.laws), d.law_pairs), use_nodes(d);
+}
+
+void Index2System::use_nodes(const Description& d) {
+  std::vector<int> used;
+  for (const auto* pairs : {&d.pairs, &d.law_pairs})
+    for (const auto& p : *pairs) used.push_back(p.first.joint), used.push_back(p.second.joint);
+  mechanics.use_nodes(used);
 }
 
 void Index2System::set_laws(std::vector<Law> laws, const std::vector<std::pair<Anchor, Anchor>>& pairs) {
@@ -58,7 +65,7 @@ bool Index2System::write(const void* model, const Tolerances& limits, Descriptio
   if (!constraints.has_structure_of(others)) return false;
   constraints.write(std::move(others));
   set_laws(std::move(d.laws), d.law_pairs);
-  mechanics.write(model, limits, std::move(d.flexible)), reset();
+  mechanics.write(model, limits, std::move(d.flexible)), use_nodes(d), reset();
   return true;
 }
 

@@ -160,6 +160,7 @@ class Index2System {
 
  private:
   void set_laws(std::vector<Law> laws, const std::vector<std::pair<Anchor, Anchor>>& pairs);
+  void use_nodes(const Description& d);  // place only the nodes of flexible bodies in its pairs
   bool is_known(double t, const double* q, const double* v, const double* s) const;
 
   std::vector<Pair> law_pairs_;

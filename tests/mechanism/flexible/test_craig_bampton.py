@@ -77,6 +77,8 @@ def test_rigid_interfaces_turn(truss):
         ({"K": np.tri(42)}, "K is not symmetric and finite"),
         ({"K": np.eye(42)}, "0 motions without elastic force, expected 6: is K that of this body"),
         ({"interface": {"A": [0, 77]}}, "interfaces are different points 0 to 13, one or more each"),
+        ({"interface": {"A": [0], "pin": [3, 4]}}, "modes cannot turn interface 'pin', whose 2 points are on a line"),
+        ({"clamped": "A"}, "modes cannot turn interface 'A', whose 1 points are on a line; it needs three others"),
         ({"modes": 99}, "39 displacements between the interfaces, got modes = 99"),
     ],
 )

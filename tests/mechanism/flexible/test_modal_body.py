@@ -35,6 +35,21 @@ def test_kinetic_energy_is_that_of_the_points(random):
     assert nu @ mass(body, q) @ nu == pytest.approx(m @ (u * u).sum(axis=1), rel=1e-13)
 
 
+def test_displacements_of_second_order_count_in_all_blocks():
+    """M(q) of the points, J^T m J with J = [1, -[d]x, Phi + Phi2 q], to second order in q: the rest falls with q^3."""
+    rng, (r, m, Phi) = np.random.default_rng(3), flexible_bodies.points(k=3)
+    Phi2 = flexible_bodies.second_order(rng, len(m), 3, 0.5)
+    body, q = ModalBody.of_points(r, m, Phi, np.ones(3), Phi2=Phi2), rng.normal(size=3)
+
+    def rest(size):
+        x = size * q
+        d, by_q = r + Phi @ x + Phi2 @ x @ x / 2, Phi + Phi2 @ x
+        J = np.concatenate([np.broadcast_to(np.eye(3), (len(m), 3, 3)), -np.array([pin.skew(p) for p in d]), by_q], 2)
+        return np.abs(mass(body, x) - np.einsum("n,nai,naj->ij", m, J, J)).max()
+
+    assert rest(1e-2) / rest(5e-3) == pytest.approx(8, rel=0.05)
+
+
 def test_forces_of_inertia_are_those_of_the_points(random):
     """Mass times classical acceleration of each point, projected on the velocities."""
     r, m, Phi, body, q, nu, rate = random
