@@ -13,7 +13,8 @@ from mbdae.mechanism.formats.loaded_model import LoadedModel, parameter_value
 from mbdae.methods import method
 from mbdae.system import State
 
-SHORT = {"andrews_squeezer": (2e-4, 4e-5), "rolling_disc": (0.04, 5e-3),
+SHORT = {"flexible_slider_crank": (2e-4, 2e-5),
+         "andrews_squeezer": (2e-4, 4e-5), "rolling_disc": (0.04, 5e-3),
          "snakeboard": (0.02, 2e-3), "heavy_top": (0.1, 0.01), "humanoid_stance": (0.01, 5e-3),
          "flyball_governor": (0.01, 1e-3), "jansen_walker": (0.1, 0.02), "n_four_bar": (0.2, 0.05),
          "sleeping_top": (0.02, 2e-3)}  # fmt: skip

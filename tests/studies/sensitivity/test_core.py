@@ -19,7 +19,8 @@ from mbdae.mechanism.mechanism import Mechanism
 from mbdae.methods import METHODS, Tableau
 
 METHODS_HERE = [name for name, method in METHODS.items() if isinstance(method, Tableau)]
-STEPS = {"andrews_squeezer": 5e-4, "humanoid_stance": 2e-3, "flyball_governor": 2e-4, "jansen_walker": 5e-3,
+STEPS = {"flexible_four_bar": 2e-4, "flexible_slider_crank": 2e-5,
+         "andrews_squeezer": 5e-4, "humanoid_stance": 2e-3, "flyball_governor": 2e-4, "jansen_walker": 5e-3,
          "heavy_top": 2e-3, "sleeping_top": 2e-3, "stewart_platform": 0.01}  # fmt: skip
 
 

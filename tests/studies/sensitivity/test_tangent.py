@@ -15,7 +15,8 @@ from mbdae.methods import METHODS, Tableau
 from mbdae.solution.signals import signals as columns
 
 METHODS_HERE = [name for name, method in METHODS.items() if isinstance(method, Tableau)]
-SHORT = {"andrews_squeezer": (0.01, 1e-3), "heavy_top": (0.1, 0.01), "humanoid_stance": (0.02, 2e-3),
+SHORT = {"flexible_four_bar": (2e-3, 2e-4), "flexible_slider_crank": (2e-4, 2e-5),
+         "andrews_squeezer": (0.01, 1e-3), "heavy_top": (0.1, 0.01), "humanoid_stance": (0.02, 2e-3),
          "flyball_governor": (0.01, 2e-4), "jansen_walker": (0.1, 5e-3), "n_four_bar": (0.3, 0.02),
          "sleeping_top": (0.02, 2e-3)}  # fmt: skip
 FOUR_BAR = ("joint.crank.mass", "joint.coupler.com.0", "joint.rocker.xyz.0", "frame.coupler_tip.xyz.0", "start.v.crank")
