@@ -8,7 +8,8 @@ from smooth import SMOOTH
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
 
-T = {"andrews_squeezer": 0.01, "humanoid_stance": 0.02, "flyball_governor": 0.02, "stewart_platform": 0.1}
+T = {"andrews_squeezer": 0.01, "humanoid_stance": 0.02, "flyball_governor": 0.02, "stewart_platform": 0.1,
+     "flexible_four_bar": 3e-3, "flexible_slider_crank": 2e-4}  # fmt: skip
 
 
 @pytest.mark.parametrize("model", SMOOTH)
