@@ -1,4 +1,4 @@
-"""A driven mass on a spring that strikes a stop: motions of one impact per period in closed form.
+"""A driven mass on a spring that impacts a stop: motions of one impact per period in closed form.
 
     x'' + 2 z x' + x = F cos(w t + phi),   x >= -s,   v+ = -e v-
 

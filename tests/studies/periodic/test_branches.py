@@ -36,8 +36,8 @@ def test_the_doubled_branch_is_stable_and_limps(gaits, tmp_path):
     assert len(steps) == 2
     assert abs(steps[0] - steps[1]) > 1e-3
     assert found.stability == "stable"
-    slope = np.polyfit(gaits.values, gaits.multipliers[:, 0].real, 2) @ [2 * at.value, 1, 0]
-    assert 1 - found.multipliers[0].real == pytest.approx(-4 * slope * beyond, rel=0.02)
+    derivative = np.polyfit(gaits.values, gaits.multipliers[:, 0].real, 2) @ [2 * at.value, 1, 0]
+    assert 1 - found.multipliers[0].real == pytest.approx(-4 * derivative * beyond, rel=0.02)
     assert doubled.values[-1] == pytest.approx(0.0152, abs=1e-12)
     gaits.plot(tmp_path / "branch.png")
     gaits.save(tmp_path / "branch.csv")
