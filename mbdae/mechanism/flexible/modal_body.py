@@ -31,7 +31,7 @@ import pinocchio as pin
 from ...data_types import CoreData
 from ...errors import InputError
 from ...system import Array
-from ...tolerances import PIVOT_RANK
+from ...tolerances import PIVOT_RANK, SUM_ROUNDING
 
 SECOND_ORDER = {"C2": "3kk", "H2": "3kkk", "Mq1": "kkk", "Mq2": "kkkk"}
 
@@ -212,6 +212,8 @@ class ModalBody:
         Mq = np.einsum("n,nai,naj->ij", m, P, P)
         if not (K > 0).all() or (k and not np.linalg.eigvalsh(Mq)[0] > PIVOT_RANK * np.diagonal(Mq).max()):
             raise InputError("flexible body: modes need positive stiffness and independent displacements of masses")
+        sizes = np.sqrt(np.diagonal(Mq))
+        Mq = np.where(np.abs(Mq) > SUM_ROUNDING * np.outer(sizes, sizes), Mq, 0.0)  # of orthogonal modes: diagonal
         modes = P.transpose(2, 0, 1)
         cross = np.einsum("n,abc,nbi,ncj->iaj", m, _CROSS, P, P)
         I2 = np.array([2 * _inertia(m, x, y) for x in modes for y in modes]).reshape(k, k, 3, 3)

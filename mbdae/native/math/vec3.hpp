@@ -41,15 +41,15 @@ inline bool finite(const double* x, int n) {
   return true;
 }
 
-inline void cross(const double* a, const double* b, double* out) {
+inline void cross(const double* a, const double* b, double* __restrict out) {
   out[0] = a[1] * b[2] - a[2] * b[1], out[1] = a[2] * b[0] - a[0] * b[2], out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-inline void rotate(const double* R, const double* x, double* out) {
+inline void rotate(const double* R, const double* x, double* __restrict out) {
   for (int i = 0; i < 3; ++i) out[i] = R[3 * i] * x[0] + R[3 * i + 1] * x[1] + R[3 * i + 2] * x[2];
 }
 
-inline void rotate_by_columns(const double* R, const double* x, double* out) {
+inline void rotate_by_columns(const double* R, const double* x, double* __restrict out) {
   for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
 }
 

@@ -26,26 +26,6 @@ void back_by_columns(const double* R, const double* x, double* out) {  // R^T x
   for (int i = 0; i < 3; ++i) out[i] = dot(R + 3 * i, x);
 }
 
-void back_by_rows(const double* R, const double* x, double* out) {  // R^T x
-  for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
-}
-
-void to_frame(const FramePose& at, const double* V, double* out) {  // a motion, in the axes of the frame
-  double linear[3] = {V[0], V[1], V[2]};
-  add_cross(V + 3, at.arm, linear);
-  back_by_columns(at.pose, linear, out), back_by_columns(at.pose, V + 3, out + 3);
-}
-
-void from_frame(const FramePose& at, const double* F, double* out) {  // a wrench
-  rotate_by_columns(at.pose, F, out), rotate_by_columns(at.pose, F + 3, out + 3);
-  add_cross(at.arm, out, out + 3);
-}
-
-void combine(const Numbers& columns, const double* x, int k, double* out) {  // out += sum of columns (3,) times x
-  for (int i = 0; i < k; ++i)
-    for (int l = 0; l < 3; ++l) out[l] += columns[3 * i + l] * x[i];
-}
-
 void set_rotation(FlexibleBody::Node& n) {
   const double x2 = dot(n.theta, n.theta);
   double *f = n.functions, p = 1, before = 0;  // x2^m, x2^(m - 1)
@@ -67,6 +47,22 @@ void set_rotation(FlexibleBody::Node& n) {
 
 }  // namespace
 
+void FramePose::from_motion(const double* V, double* out) const {
+  double linear[3] = {V[0], V[1], V[2]};
+  add_cross(V + 3, arm, linear);
+  back_by_columns(pose, linear, out), back_by_columns(pose, V + 3, out + 3);
+}
+
+void FramePose::to_motion(const double* V, double* out) const {
+  rotate_by_columns(pose, V, out), rotate_by_columns(pose, V + 3, out + 3);
+  add_cross(arm, out + 3, out);
+}
+
+void FramePose::to_wrench(const double* F, double* out) const {
+  rotate_by_columns(pose, F, out), rotate_by_columns(pose, F + 3, out + 3);
+  add_cross(arm, out, out + 3);
+}
+
 void rotation_jacobian_rate(const FlexibleBody::Node& n, const double* z, const double* x, double* out) {
   const double* f = n.functions;
   double c[3], cc[3], zx[3], cx[3], tzx[3];
@@ -77,17 +73,21 @@ void rotation_jacobian_rate(const FlexibleBody::Node& n, const double* z, const 
 
 FlexibleBody::FlexibleBody(ModalBody data_, std::vector<int> base_, int first_pose_, int first_column_)
     : data(std::move(data_)), base(std::move(base_)), first_pose(first_pose_), first_column(first_column_),
-      nodes_(data.nodes.size()), nu_(6 + data.modes), A_(6 + data.modes), F_(6 + data.modes), columns_(base.size()) {
+      nodes_(data.nodes.size()), now_(data), nu_(6 + data.modes), F_(6 + data.modes), columns_(base.size()) {
   deformed_at_.assign(data.modes, NAN), turned_at_ = deformed_at_;
   use(std::vector<bool>(nodes_.size(), true));
-  for (const ModalNode& x : data.nodes)
-    curved_.push_back(std::any_of(x.Phi2.begin(), x.Phi2.end(), [](double y) { return y != 0; }));
+  for (size_t i = 0; i < nodes_.size(); ++i) nodes_[i].Phi = data.nodes[i].Phi, nodes_[i].curved = !is_zero(data.nodes[i].Phi2);
 }
 
 void FlexibleBody::use(const std::vector<bool>& nodes) {
   used_.clear(), turned_at_.assign(data.modes, NAN);
   for (size_t i = 0; i < nodes.size(); ++i)
     if (nodes[i]) used_.push_back(static_cast<int>(i));
+}
+
+void FlexibleBody::place(const double* joint_pose, const double* arm) {
+  for (int c = 0; c < 12; c += 3) rotate_by_columns(joint_pose, data.placement + c, at_.pose + c);
+  for (int l = 0; l < 3; ++l) at_.arm[l] = arm[l] + at_.pose[9 + l], at_.pose[9 + l] += joint_pose[9 + l];
 }
 
 void FlexibleBody::deform(const double* q) {
@@ -100,29 +100,25 @@ void FlexibleBody::turn_nodes(const double* q) {
   const double* x = q + data.iq;
   if (std::equal(x, x + data.modes, turned_at_.begin())) return;
   std::copy(x, x + data.modes, turned_at_.begin());
+  const int k = data.modes;
   for (int number : used_) {
     Node& n = nodes_[number];
     const ModalNode& at = data.nodes[number];
-    const int k = data.modes;
-    std::copy(at.r, at.r + 3, n.d), std::fill(n.theta, n.theta + 3, 0.0), n.Phi = at.Phi;
-    for (int i = 0; i < k && curved_[number]; ++i)
-      for (int j = 0; j < k; ++j)
-        for (int l = 0; l < 3; ++l) n.Phi[3 * i + l] += at.Phi2[3 * (i * k + j) + l] * x[j];
-    for (int i = 0; i < k; ++i)
-      for (int l = 0; l < 3; ++l) n.d[l] += 0.5 * x[i] * (at.Phi[3 * i + l] + n.Phi[3 * i + l]);
-    combine(at.Psi, x, k, n.theta);
+    if (n.curved) n.Phi = at.Phi, add_combination(at.Phi2, x, k, 3 * k, n.Phi.data());
+    std::copy(at.r, at.r + 3, n.d), std::fill(n.theta, n.theta + 3, 0.0);
+    add_polynomial(at.Phi, n.Phi, x, k, 3, n.d), add_combination(at.Psi, x, k, 3, n.theta);
     set_rotation(n);
   }
 }
 
-void FlexibleBody::place_nodes(const FramePose& at, double* poses, double* J) {
+void FlexibleBody::place_nodes(double* poses, double* J) const {
   const int k = data.modes;
-  const double* R = at.pose;
+  const double* R = at_.pose;
   for (int i : used_) {
-    Node& n = nodes_[i];
+    const Node& n = nodes_[i];
     double *pose = poses + 12 * (first_pose + i), *column = J + 6 * (first_column + i * k);
     rotate_by_columns(R, n.d, pose + 9);
-    for (int l = 0; l < 3; ++l) pose[9 + l] += at.pose[9 + l];
+    for (int l = 0; l < 3; ++l) pose[9 + l] += R[9 + l];
     for (int c = 0; c < 3; ++c) {
       const double e[3] = {n.E[c], n.E[3 + c], n.E[6 + c]};
       rotate_by_columns(R, e, pose + 3 * c);
@@ -136,48 +132,33 @@ void FlexibleBody::place_nodes(const FramePose& at, double* poses, double* J) {
   }
 }
 
-void FlexibleBody::move_node(int number, const FramePose& at, const double* V_, const double* A_, const double* u,
-                             const double* du, double* V_node, double* A_node) const {
+void FlexibleBody::move_node(int number, const double* V, const double* A, const double* u, const double* du,
+                             double* V_node, double* A_node) const {
   const Node& n = nodes_[number];
   const ModalNode& x = data.nodes[number];
   const int k = data.modes;
-  double V[6], A[6], relative[3] = {}, s[3] = {}, turn[3], rate[3] = {}, ds[3] = {}, more[3];
-  to_frame(at, V_, V), to_frame(at, A_, A);
-  combine(n.Phi, u, k, relative), combine(x.Psi, u, k, s);
-  if (du) combine(n.Phi, du, k, A), combine(x.Psi, du, k, ds);
-  for (int i = 0; i < k && curved_[number]; ++i)
-    for (int j = 0; j < k; ++j)
-      for (int l = 0; l < 3; ++l) A[l] += x.Phi2[3 * (i * k + j) + l] * u[i] * u[j];
-  add_cross(A + 3, n.d, A), add_cross(V + 3, relative, A);
-  add_cross(V + 3, n.d, V);
-  for (int l = 0; l < 3; ++l) V[l] += relative[l];
-  rotate(n.Jr, s, turn), rotate(n.Jr, ds, rate), rotation_jacobian_rate(n, s, s, more);
-  // In the axes of the node: rotations by rows, E^T x by columns.
-  double local[6], dlocal[6];
-  back_by_rows(n.E, V, local), back_by_rows(n.E, V + 3, local + 3);
-  back_by_rows(n.E, A, dlocal), back_by_rows(n.E, A + 3, dlocal + 3);
-  add_cross(local, turn, dlocal), add_cross(local + 3, turn, dlocal + 3);
-  for (int l = 0; l < 3; ++l) local[3 + l] += turn[l], dlocal[3 + l] += rate[l] + more[l];
-  double arm[3];
-  rotate_by_columns(at.pose, n.d, arm);
-  for (int l = 0; l < 3; ++l) arm[l] += at.arm[l];
-  const double* in[2] = {local, dlocal};
-  double* out[2] = {V_node, A_node};
-  for (int j = 0; j < 2; ++j)
-    for (int half = 0; half < 6; half += 3) {
-      double turned[3];
-      rotate(n.E, in[j] + half, turned), rotate_by_columns(at.pose, turned, out[j] + half);
-    }
-  for (double* y : out) add_cross(arm, y + 3, y);
+  // The motion of the node relative to the frame, its rate in the axes of the frame; about the origin of the frame.
+  double relative[6] = {}, rate[6] = {}, d[3] = {}, s[3] = {}, ds[3] = {}, turn[3], dturn[3], more[3];
+  add_combination(n.Phi, u, k, 3, d), add_combination(x.Psi, u, k, 3, s);
+  if (du) add_combination(n.Phi, du, k, 3, rate), add_combination(x.Psi, du, k, 3, ds);
+  if (n.curved) add_quadratic(x.Phi2, u, k, 3, rate);
+  rotate(n.Jr, s, turn), rotate(n.Jr, ds, dturn), rotation_jacobian_rate(n, s, s, more);
+  for (int l = 0; l < 3; ++l) relative[l] = d[l], dturn[l] += more[l];
+  rotate(n.E, turn, relative + 3), rotate(n.E, dturn, rate + 3);
+  add_cross(n.d, relative + 3, relative), add_cross(d, relative + 3, rate), add_cross(n.d, rate + 3, rate);
+  double W[6], dW[6];
+  at_.to_motion(relative, W), at_.to_motion(rate, dW);
+  motion_cross(V, W, A_node);
+  for (int l = 0; l < 6; ++l) V_node[l] = V[l] + W[l], A_node[l] += A[l] + dW[l];
 }
 
-void FlexibleBody::add_inertia(const FramePose& at, const Six* about, double* M, size_t nv) const {
+void FlexibleBody::add_inertia(const Six* about, double* M, size_t nv) const {
   const int k = data.modes;
   const Vec3<double>& S = now_.moment;
   std::vector<Six>& local = columns_;
   for (size_t c = 0; c < base.size(); ++c) {
     Six& x = local[c];
-    to_frame(at, about[base[c]].data(), x.data());
+    at_.from_motion(about[base[c]].data(), x.data());
     const Vec3<double> v(x.data()), w(x.data() + 3), f = cross(w, S), m = cross(S, v) + symmetric(now_.I, w);
     double* column = M + nv * base[c];
     for (size_t d = 0; d <= c; ++d) column[base[d]] += dot(f.x, local[d].data()) + dot(m.x, local[d].data() + 3);
@@ -190,23 +171,14 @@ void FlexibleBody::add_inertia(const FramePose& at, const Six* about, double* M,
   }
 }
 
-void FlexibleBody::add_force(const FramePose& at, const Six* about, const double* V, const double* A, const double* u,
-                             const double* du, double* out) const {
-  const int k = data.modes;
-  to_frame(at, V, nu_.data()), to_frame(at, A, A_.data());
-  for (int i = 0; i < k; ++i) nu_[6 + i] = u[i], A_[6 + i] = du ? du[i] : 0;
-  inertial_force(data, now_, nu_.data(), A_.data(), F_.data());
-  double F[6];
-  from_frame(at, F_.data(), F);
+void FlexibleBody::add_force(const Six* about, const double* V, const double* A, const double* u, const double* du,
+                             double* out) const {
+  double local[6], F[6];
+  at_.from_motion(V, nu_.data()), at_.from_motion(A, local), std::copy(u, u + data.modes, nu_.begin() + 6);
+  inertial_force(data, now_, nu_.data(), local, du, F_.data());
+  at_.to_wrench(F_.data(), F);
   for (int c : base) out[c] += dot6(F, about[c].data());
-  for (int i = 0; i < k; ++i) out[data.iv + i] += F_[6 + i];
-}
-
-FramePose FlexibleBody::frame_pose(const double* joint_pose, const double* arm) const {
-  FramePose out;
-  for (int c = 0; c < 12; c += 3) rotate_by_columns(joint_pose, data.placement + c, out.pose + c);
-  for (int l = 0; l < 3; ++l) out.arm[l] = arm[l] + out.pose[9 + l], out.pose[9 + l] += joint_pose[9 + l];
-  return out;
+  for (int i = 0; i < data.modes; ++i) out[data.iv + i] += F_[6 + i];
 }
 
 void FlexibleBody::rotate_to_world(const double* joint_rotation, const double* x, double* out) const {
@@ -220,8 +192,8 @@ double FlexibleBody::potential(const double* joint_rotation, const double* gravi
   return -dot(gravity, world);
 }
 
-void FlexibleBody::add_partials(const FramePose& at, const Six* about, const int* expanded_joints, const double* q,
-                                const double* v, const double* a, const Six& base_acceleration, double* by_q,
+void FlexibleBody::add_partials(const Six* about, const int* expanded_joints, const double* q, const double* v,
+                                const double* a, const Six& base_acceleration, double* by_q,
                                 double* by_v, size_t nv) const {
   using D = Dual<1>;
   struct Column {
@@ -251,29 +223,29 @@ void FlexibleBody::add_partials(const FramePose& at, const Six* about, const int
     }
   }
   std::vector<D> x(k), nu(6 + k), acceleration(6 + k), F(6 + k);
-  Deformation<D> now;
+  Deformation<D> now(data);
   double local[6];
   const auto value = [&](const double* motion, const double* of_modes, std::vector<D>& out) {
-    to_frame(at, motion, local);
+    at_.from_motion(motion, local);
     for (int i = 0; i < 6; ++i) out[i] = local[i];
     for (int i = 0; i < k; ++i) out[6 + i] = of_modes[data.iv + i];
   };
   const auto along = [&](const double* motion, std::vector<D>& out) {
-    to_frame(at, motion, local);
+    at_.from_motion(motion, local);
     for (int i = 0; i < 6; ++i) out[i].d[0] = local[i];
   };
   for (int i = 0; i < k; ++i) x[i] = q[data.iq + i];
   value(V.data(), v, nu), value(A.data(), a, acceleration);
   now.update(data, x.data());
-  inertial_force(data, now, nu.data(), acceleration.data(), F.data());
+  inertial_force(data, now, nu.data(), acceleration.data(), acceleration.data() + 6, F.data());
   double wrench[6];
   for (int i = 0; i < 6; ++i) local[i] = F[i].x;
-  from_frame(at, local, wrench);
+  at_.to_wrench(local, wrench);
   const auto add = [&](int m, double* out) {  // the directional derivative of F to column m
-    inertial_force(data, now, nu.data(), acceleration.data(), F.data());
+    inertial_force(data, now, nu.data(), acceleration.data(), acceleration.data() + 6, F.data());
     double dF[6], of_frame[6];
     for (int i = 0; i < 6; ++i) of_frame[i] = F[i].d[0];
-    from_frame(at, of_frame, dF);
+    at_.to_wrench(of_frame, dF);
     for (int c : base) out[c * nv + m] += dot6(about[c].data(), dF);
     for (int i = 0; i < k; ++i) out[(data.iv + i) * nv + m] += F[6 + i].d[0];
   };

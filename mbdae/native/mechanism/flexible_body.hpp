@@ -14,6 +14,10 @@ namespace mbdae {
 // motions and wrenches are about the root's position.
 struct FramePose {
   double pose[12], arm[3];
+
+  void from_motion(const double* V, double* out) const;  // into the axes of the frame, about its origin
+  void to_motion(const double* V, double* out) const;    // back
+  void to_wrench(const double* F, double* out) const;
 };
 
 class FlexibleBody {
@@ -30,6 +34,7 @@ class FlexibleBody {
   struct Node {
     double theta[3], functions[4], E[9], Jr[9], d[3];
     Numbers Phi;
+    bool curved = false;  // are there displacements of second order?
   };
   const Node& node(int i) const { return nodes_[i]; }
 
@@ -37,35 +42,35 @@ class FlexibleBody {
   void use(const std::vector<bool>& nodes);
   const std::vector<int>& used() const { return used_; }
 
+  // At the pose of the joint and the vector from the root's position to it: what follows is at the last place.
+  void place(const double* joint_pose, const double* arm);
   void deform(const double* q);      // for the terms of M and nle; at the last q nothing is to be done
   void turn_nodes(const double* q);  // the same
-  void place_nodes(const FramePose& at, double* poses, double* J);
+  void place_nodes(double* poses, double* J) const;
   // Motions of a node about the root's position, from those of the frame; u, du (k,) of the modes, du may be null.
-  void move_node(int number, const FramePose& at, const double* V, const double* A, const double* u, const double* du,
-                 double* V_node, double* A_node) const;
+  void move_node(int number, const double* V, const double* A, const double* u, const double* du, double* V_node,
+                 double* A_node) const;
   // M by columns, above the diagonal: adds to the block of the frame, and sets those of the modes.
-  void add_inertia(const FramePose& at, const Six* about, double* M, size_t nv) const;
+  void add_inertia(const Six* about, double* M, size_t nv) const;
   // out += the part of M a + nle; A of the frame minus gravity.
-  void add_force(const FramePose& at, const Six* about, const double* V, const double* A, const double* u,
-                 const double* du, double* out) const;
-  // The pose of the frame, from that of its joint and the vector from the root's position to the joint.
-  FramePose frame_pose(const double* joint_pose, const double* arm) const;
+  void add_force(const Six* about, const double* V, const double* A, const double* u, const double* du,
+                 double* out) const;
   // A vector in the axes of the frame, in those of the world, from the rotation of its joint.
   void rotate_to_world(const double* joint_rotation, const double* x, double* out) const;
   // That the deformation adds, after `deform`.
   double potential(const double* joint_rotation, const double* gravity) const;
   // Partials of these forces by q in the tangent and by v, added to by_q and by_v (nv, nv) by rows; expanded_joints (nv,): joint
   // of each degree of freedom in the expanded tree; base_acceleration: minus gravity, or 0.
-  void add_partials(const FramePose& at, const Six* about, const int* expanded_joints, const double* q, const double* v,
+  void add_partials(const Six* about, const int* expanded_joints, const double* q, const double* v,
                     const double* a, const Six& base_acceleration, double* by_q, double* by_v, size_t nv) const;
 
  private:
   std::vector<Node> nodes_;
+  FramePose at_;
   std::vector<int> used_;
   Numbers deformed_at_, turned_at_;  // (k,)
-  std::vector<bool> curved_;  // of each node: does it have displacements of second order?
   Deformation<double> now_;
-  mutable std::vector<double> nu_, A_, F_;
+  mutable std::vector<double> nu_, F_;
   mutable std::vector<Six> columns_;  // (base,) in the axes of the frame
 };
 

@@ -78,6 +78,8 @@ Mechanics::Mechanics(const void* model, const Tolerances& limits_, std::vector<M
       const auto end = own.end() - w->model.nvs[j] + i;
       ancestors[w->model.idx_vs[j] + i].assign(std::make_reverse_iterator(end), own.rend());
     }
+  for (const FlexibleBody& x : w->flexible)  // zeros of M: its factors have no others
+    for (int i = 0; i < x.data.modes && x.data.orthogonal(); ++i) ancestors[x.data.iv + i].assign(x.base.rbegin(), x.base.rend());
   begin_sweep();
 }
 
@@ -100,7 +102,8 @@ void Mechanics::write(const void* model, const Tolerances& limits_, std::vector<
 
 bool Mechanics::has_same_structure(const std::vector<ModalBody>& bodies) const {
   const auto same = [](const ModalBody& a, const FlexibleBody& b) {
-    return a.joint == b.data.joint && a.modes == b.data.modes && a.nodes.size() == b.data.nodes.size();
+    return a.joint == b.data.joint && a.modes == b.data.modes && a.nodes.size() == b.data.nodes.size() &&
+           a.orthogonal() == b.data.orthogonal();
   };
   return std::equal(bodies.begin(), bodies.end(), w->flexible.begin(), w->flexible.end(), same);
 }
@@ -256,7 +259,7 @@ void Mechanics::partials(const double* q, const double* v, const double* a, doub
     inertia(q, v);
   w->partials->complete(a, by_q, by_v, alone);
   if (!w->flexible.empty())
-    w->sweep->add_partials(expanded_joints.data(), q, v, a, alone, w->poses(), by_q, by_v);
+    w->sweep->add_partials(expanded_joints.data(), q, v, a, alone, by_q, by_v);
 }
 
 double Mechanics::potential() const {

@@ -10,7 +10,7 @@ namespace {
 
 inline void copy(const double* R, double* out) { std::memcpy(out, R, 9 * sizeof(double)); }
 
-inline void rotate_columns(const double* R, const double* X, double* out) {
+inline void rotate_columns(const double* R, const double* X, double* __restrict out) {
   for (int j = 0; j < 3; ++j) rotate_by_columns(R, X + 3 * j, out + 3 * j);
 }
 
@@ -23,23 +23,7 @@ inline void rotated_about_frame_axis(int i, double c, double s, const double* R,
   }
 }
 
-inline void rotation_about(const double* e, double c, double s, double* R) {
-  const double C = 1 - c;
-  for (int j = 0; j < 3; ++j)
-    for (int i = 0; i < 3; ++i) R[3 * j + i] = C * e[i] * e[j] + (i == j ? c : 0);
-  R[1] += s * e[2], R[2] -= s * e[1], R[3] -= s * e[2], R[5] += s * e[0], R[6] += s * e[1], R[7] -= s * e[0];
-}
-
-inline void rotation_of_quaternion(const double* q, double* R) {  // x, y, z, w
-  const double x = 2 * q[0], y = 2 * q[1], z = 2 * q[2];
-  const double wx = x * q[3], wy = y * q[3], wz = z * q[3], xx = x * q[0], xy = y * q[0], xz = z * q[0];
-  const double yy = y * q[1], yz = z * q[1], zz = z * q[2];
-  R[0] = 1 - (yy + zz), R[1] = xy + wz, R[2] = xz - wy;
-  R[3] = xy - wz, R[4] = 1 - (xx + zz), R[5] = yz + wx;
-  R[6] = xz + wy, R[7] = yz - wx, R[8] = 1 - (xx + yy);
-}
-
-inline void rotate_symmetric(const double* R, const double* S, double* out) {  // R S R^T
+inline void rotate_symmetric(const double* R, const double* S, double* __restrict out) {  // R S R^T
   double RS[9];  // by columns
   const double columns[9] = {S[0], S[1], S[3], S[1], S[2], S[4], S[3], S[4], S[5]};
   rotate_columns(R, columns, RS);
@@ -201,39 +185,34 @@ void TreeSweep::outward(const double* q, const double* v, const double* a, doubl
   }
   for (FlexibleBody& body : *flexible_) {
     const int j = carrier_[body.data.joint];
-    const FramePose at = frame_pose(body, poses);
     if (with_inertia || with_wrench) body.deform(q);  // the potential energy needs it, too
-    body.turn_nodes(q), body.place_nodes(at, poses, J);
+    place(body, poses), body.turn_nodes(q), body.place_nodes(poses, J);
     if (!with_motion) continue;
     for (int i : body.used()) {
       const int n = carrier_[body.first_pose + i];
       from_[n] = from_[j];
-      body.move_node(i, at, V_[j].data(), A_[j].data(), v + body.data.iv,
-                     a ? a + body.data.iv : nullptr, V_[n].data(), A_[n].data());
+      body.move_node(i, V_[j].data(), A_[j].data(), v + body.data.iv, a ? a + body.data.iv : nullptr, V_[n].data(),
+                     A_[n].data());
     }
   }
 }
 
-void TreeSweep::add_flexible(std::vector<FlexibleBody>& bodies, const double* v, const double* a, const double* poses,
-                             double* M, double* nle) {
+void TreeSweep::add_flexible(std::vector<FlexibleBody>& bodies, const double* v, const double* a, double* M, double* nle) {
   for (FlexibleBody& body : bodies) {
     const int j = carrier_[body.data.joint];
-    const FramePose at = frame_pose(body, poses);
     const size_t nv = about_.size(), first = body.data.iv, end = first + body.data.modes;
-    if (M) body.add_inertia(at, about_.data(), M, nv);
+    if (M) body.add_inertia(about_.data(), M, nv);
     for (size_t k = first; M && k < end; ++k) M[(nv + 1) * k] += armature_[k];
-    if (nle)
-      body.add_force(at, about_.data(), V_[j].data(), A_[j].data(), v + body.data.iv,
-                     a ? a + body.data.iv : nullptr, nle);
+    if (nle) body.add_force(about_.data(), V_[j].data(), A_[j].data(), v + first, a ? a + first : nullptr, nle);
   }
 }
 
 void TreeSweep::add_partials(const int* expanded_joints, const double* q, const double* v, const double* a, bool alone,
-                             const double* poses, double* by_q, double* by_v) const {
+                             double* by_q, double* by_v) const {
   Six base{};
   for (int i = 0; i < 3 && !alone; ++i) base[i] = -gravity_[i];
   for (const FlexibleBody& body : *flexible_)
-    body.add_partials(frame_pose(body, poses), about_.data(), expanded_joints, q, v, a, base, by_q, by_v, about_.size());
+    body.add_partials(about_.data(), expanded_joints, q, v, a, base, by_q, by_v, about_.size());
 }
 
 template <bool with_inertia, bool with_wrench>
@@ -272,19 +251,19 @@ void TreeSweep::poses(const double* q, double* poses, double* J) {
 
 void TreeSweep::inertia(const double* q, double* poses, double* J, double* M) {
   outward<false, true, false>(q, nullptr, nullptr, poses, J), inward<true, false>(M, nullptr);
-  add_flexible(*flexible_, nullptr, nullptr, poses, M, nullptr);
+  add_flexible(*flexible_, nullptr, nullptr, M, nullptr);
 }
 
 void TreeSweep::dynamics(const double* q, const double* v, double* poses, double* J, double* M, double* nle) {
   for (int i = 0; i < 3; ++i) A_[0][i] = -gravity_[i];
   outward<true, true, true>(q, v, nullptr, poses, J), inward<true, true>(M, nle);
-  add_flexible(*flexible_, v, nullptr, poses, M, nle);
+  add_flexible(*flexible_, v, nullptr, M, nle);
 }
 
 void TreeSweep::inverse(const double* q, const double* v, const double* a, double* poses, double* J, double* out) {
   for (int i = 0; i < 3; ++i) A_[0][i] = -gravity_[i];
   outward<true, false, true>(q, v, a, poses, J), inward<false, true>(nullptr, out);
-  add_flexible(*flexible_, v, a, poses, nullptr, out);
+  add_flexible(*flexible_, v, a, nullptr, out);
   for (size_t k = 0; a && k < about_.size(); ++k) out[k] += armature_[k] * a[k];
 }
 
@@ -292,8 +271,8 @@ void TreeSweep::add_forces(std::vector<FlexibleBody>& bodies, const double* q, c
                            const double* gravity, double* poses, double* J, double* out) {
   for (int i = 0; i < 3; ++i) A_[0][i] = -gravity[i];
   outward<true, false, false>(q, v, a, poses, J);
-  for (FlexibleBody& body : bodies) body.deform(q);
-  add_flexible(bodies, v, a, poses, nullptr, out);
+  for (FlexibleBody& body : bodies) body.deform(q), place(body, poses);
+  add_flexible(bodies, v, a, nullptr, out);
 }
 
 void TreeSweep::motions(const double* q, const double* v, const double* a, double* poses, double* J) {

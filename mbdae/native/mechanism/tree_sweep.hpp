@@ -56,7 +56,7 @@ class TreeSweep {
   // Add the partials of forces of inertia of flexible bodies at the last poses, see `FlexibleBody::add_partials`;
   // without gravity if `alone`.
   void add_partials(const int* expanded_joints, const double* q, const double* v, const double* a, bool alone,
-                    const double* poses, double* by_q, double* by_v) const;
+                    double* by_q, double* by_v) const;
 
   void velocity(int joint, double* out) const { shift(V_, joint, out); }  // spatial, at the world's origin
   void acceleration(int joint, double* out) const { shift(A_, joint, out); }
@@ -77,10 +77,10 @@ class TreeSweep {
   void update_motion(int j, const double* v, const double* a);
   template <bool with_inertia, bool with_wrench>
   void add_body(int j, const double* pose);
-  FramePose frame_pose(const FlexibleBody& x, const double* poses) const {
-    return x.frame_pose(poses + 12 * x.data.joint, arms_[carrier_[x.data.joint]].data());
+  void place(FlexibleBody& x, const double* poses) const {
+    x.place(poses + 12 * x.data.joint, arms_[carrier_[x.data.joint]].data());
   }
-  void add_flexible(std::vector<FlexibleBody>& bodies, const double* v, const double* a, const double* poses, double* M, double* nle);
+  void add_flexible(std::vector<FlexibleBody>& bodies, const double* v, const double* a, double* M, double* nle);
   void shift(const std::vector<Six>& x, int joint, double* out) const;
 
   const std::vector<TreeJoint> joints_;
