@@ -20,6 +20,7 @@ FUNCTIONS = {  # public functions without a command
     "gradient": "takes a cost, a Python function",
     "load": "every command loads its model",
     "modal_body": "takes sparse matrices of a finite-element program",
+    "read_finite_elements": "reads what modal_body takes",
     "save_modal_body": "writes what modal_body returns",
     "model_names": "the command is `models`",
     "optimal_control": "takes a cost, a Python function",

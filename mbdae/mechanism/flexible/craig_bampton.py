@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from scipy.linalg import eigh
-from scipy.sparse import csc_array, csr_array, diags_array, hstack, issparse
+from scipy.sparse import csc_array, csr_array, diags_array, hstack, issparse, kron
 from scipy.sparse.linalg import eigsh, splu
 
 from ...errors import InputError, UnknownNameError
@@ -38,11 +38,12 @@ def modal_body(
     damping: float | Sequence[float] = 0.0,
     loads: Sequence[str] = (),
 ) -> ModalBody:
-    """Return a body of lumped masses and a stiffness matrix as a modal body, by Craig and Bampton's reduction.
+    """Return a body of points with masses and a stiffness matrix as a modal body, by Craig and Bampton's reduction.
 
     Args:
         points: positions of n points in the frame of the body, (n, 3), in m.
-        masses: of the points, (n,), in kg.
+        masses: of the points, (n,), in kg; or a mass matrix, (n, n), or (3n, 3n) of the displacements, dense or sparse,
+            whose elements interpolate the three displacements by the same functions.
         K: stiffness by displacements x, y, z of the points in turn, (3n, 3n), dense or sparse, in N/m.
         interface: nodes by name, each rigid and made of some points (by index), at their centroid; a node of a single
             point does not turn with the modes.
@@ -53,21 +54,22 @@ def modal_body(
 
     Raises:
         InputError: for wrong shapes, a K that is not symmetric or has other than six motions without force, masses
-            that are not positive, or more normal modes than there are.
+            that are not positive, a mass matrix that couples directions, or more normal modes than there are.
         UnknownNameError: for an unknown clamped interface or load.
     """
-    r, m = np.asarray(points, float), np.asarray(masses, float)
+    r, m = np.asarray(points, float), _masses(masses, len(points))
     stiffness = _checked(r, m, K, interface)
     if clamped and clamped not in interface:
         raise UnknownNameError("interface", clamped, interface)
     _require_rotations(r, interface, clamped)
     T, boundary, inner = _coordinates(r, interface, clamped)
-    Kr, Mr = csc_array(T.T @ stiffness @ T), csc_array(T.T @ diags_array(np.repeat(m, 3)) @ T)
+    Kr, Mr = csc_array(T.T @ stiffness @ T), csc_array(T.T @ kron(m, np.eye(3)) @ T)
     if not 0 <= modes < max(len(inner), 1):
         raise InputError(f"modal_body: {len(inner)} displacements between the interfaces, got modes = {modes}")
     if unknown := [load for load in loads if load not in WEIGHTS]:
         raise UnknownNameError("load", unknown[0], WEIGHTS)
-    weights = T.T @ np.array([np.outer(m, WEIGHTS[load]).ravel() for load in loads]).reshape(-1, 3 * len(m)).T
+    of_points = m.sum(axis=1)
+    weights = T.T @ np.array([np.outer(of_points, WEIGHTS[load]).ravel() for load in loads]).reshape(-1, r.size).T
     basis = _basis(Kr, Mr, boundary, inner, modes, weights)
     squares, shapes = eigh(basis.T @ (Kr @ basis), basis.T @ (Mr @ basis))
     elastic = squares > HALF_DIGITS * squares[-1]
@@ -77,18 +79,31 @@ def modal_body(
         raise InputError(f"modal_body: {what}: is K that of this body?")
     mass = float(m.sum())
     U = T @ (basis @ shapes[:, elastic]) * np.sqrt(mass)
-    Phi = U.reshape(len(m), 3, -1)
+    Phi = U.reshape(len(r), 3, -1)
     nodes = {name: _node(r, Phi, np.asarray(at, int)) for name, at in interface.items()}
     return ModalBody.of_points(r, m, Phi, mass * squares[elastic], damping, nodes)
 
 
-def _checked(r: Array, m: Array, K: Any, interface: Mapping[str, Sequence[int]]) -> csr_array:
-    n = len(m)
-    if r.shape != (n, 3) or K.shape != (3 * n, 3 * n):
-        needed = f"points ({n}, 3) and K ({3 * n}, {3 * n})"
-        raise InputError(f"modal_body: {n} masses need {needed}, got {r.shape}, {K.shape}")
-    if not (m > 0).all():
-        raise InputError(f"modal_body: masses are positive, got {m.min():g} kg of point {int(m.argmin())}")
+def _masses(masses: Any, n: int) -> csr_array:
+    """Return the mass matrix (n, n) of n points, from their masses or from a mass matrix of their displacements."""
+    x = csr_array(masses) if issparse(masses) else np.asarray(masses, float)
+    whole = csr_array(diags_array(x) if x.ndim == 1 else x)
+    m = whole[::3, ::3] if whole.shape == (3 * n, 3 * n) else whole
+    expanded = kron(m, np.eye(3)) if m is not whole else m.T
+    if m.shape == (n, n) and abs(whole - expanded).max() > SOLUTION_ROUNDING * abs(whole).max():
+        what = "is not symmetric" if m is whole else "is not the same in x, y and z, or couples them"
+        raise InputError(f"modal_body: the mass matrix {what}")
+    return m
+
+
+def _checked(r: Array, m: csr_array, K: Any, interface: Mapping[str, Sequence[int]]) -> csr_array:
+    n = len(r)
+    if r.shape != (n, 3) or m.shape != (n, n) or K.shape != (3 * n, 3 * n):
+        needed = f"shapes ({n}, 3), masses ({n},), ({n}, {n}) or ({3 * n}, {3 * n}), and K ({3 * n}, {3 * n})"
+        raise InputError(f"modal_body: {n} points need {needed}; got {r.shape}, mass matrix {m.shape}, K {K.shape}")
+    own = m.diagonal()
+    if not (own > 0).all():
+        raise InputError(f"modal_body: masses are positive, got {own.min():g} kg of point {int(own.argmin())}")
     out = csr_array(K if issparse(K) else np.asarray(K, float))
     size = abs(out).max()
     if not np.isfinite(size) or abs(out - out.T).max() > SOLUTION_ROUNDING * size:

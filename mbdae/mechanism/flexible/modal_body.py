@@ -181,18 +181,19 @@ class ModalBody:
     def of_points(
         cls,
         r: Array,
-        masses: Array,
+        masses: Any,
         Phi: Array,
         stiffness: Array,
         damping_ratios: float | Sequence[float] | Array = 0.0,
         nodes: Mapping[str, Node] | None = None,
         Phi2: Array | None = None,
     ) -> "ModalBody":
-        """Return the body of points with masses.
+        """Return the body of points with masses: sums of m x y over the points, or of m_ij x_i y_j.
 
         Args:
             r: points (n, 3) in m.
-            masses: (n,) in kg.
+            masses: (n,) in kg, or a symmetric matrix (n, n), dense or sparse: of consistent finite elements, which
+                interpolate the three displacements by the same functions.
             Phi: displacements of the points in each mode, (n, 3, k).
             stiffness: of each mode, (k,).
             damping_ratios: of each mode, (k,), or one for all.
@@ -202,20 +203,23 @@ class ModalBody:
         Raises:
             InputError: for wrong shapes, negative masses, or negative stiffness.
         """
-        r, m, P, K = (np.asarray(x, float) for x in (r, masses, Phi, stiffness))
-        n, k = len(m), len(K)
+        r, P, K = (np.asarray(x, float) for x in (r, Phi, stiffness))
+        m = masses if hasattr(masses, "tocsr") else np.asarray(masses, float)  # sparse
+        n, k = m.shape[0], len(K)
         for name, x, shape in (("points", r, (n, 3)), ("modes", P, (n, 3, k)), ("stiffness", K, (k,))):
             if x.shape != shape or not np.isfinite(x).all():
                 raise InputError(f"flexible body: {name} need finite numbers of shape {shape}, got {x.shape}")
-        if not (m >= 0).all() or not m.sum() > 0:
-            raise InputError(f"flexible body: masses are not negative and not all zero, got {m.min():g} kg")
-        Mq = np.einsum("n,nai,naj->ij", m, P, P)
+        own = m if m.ndim == 1 else m.diagonal()
+        if not (own >= 0).all() or not m.sum() > 0:
+            raise InputError(f"flexible body: masses are not negative and not all zero, got {own.min():g} kg")
+        mP = _weighted(m, P)
+        Mq = np.einsum("nai,naj->ij", mP, P)
         if not (K > 0).all() or (k and not np.linalg.eigvalsh(Mq)[0] > PIVOT_RANK * np.diagonal(Mq).max()):
             raise InputError("flexible body: modes need positive stiffness and independent displacements of masses")
         sizes = np.sqrt(np.diagonal(Mq))
         Mq = np.where(np.abs(Mq) > SUM_ROUNDING * np.outer(sizes, sizes), Mq, 0.0)  # of orthogonal modes: diagonal
         modes = P.transpose(2, 0, 1)
-        cross = np.einsum("n,abc,nbi,ncj->iaj", m, _CROSS, P, P)
+        cross = np.einsum("abc,nbi,ncj->iaj", _CROSS, P, mP)
         I2 = np.array([2 * _inertia(m, x, y) for x in modes for y in modes]).reshape(k, k, 3, 3)
         second: dict[str, Any] = {}
         if Phi2 is not None:
@@ -224,10 +228,10 @@ class ModalBody:
         ratios = np.broadcast_to(np.asarray(damping_ratios, float), (k,))
         return cls(
             mass=float(m.sum()),
-            s0=m @ r,
+            s0=_weighted(m, r).sum(axis=0),
             I0=_inertia(m, r, r),
-            C=np.einsum("n,nai->ai", m, P),
-            H0=np.einsum("n,abc,nb,nci->ai", m, _CROSS, r, P),
+            C=mP.sum(axis=0),
+            H0=np.einsum("abc,nb,nci->ai", _CROSS, r, mP),
             Mq=Mq,
             Hj=cross,
             I1=np.array([2 * _inertia(m, r, x) for x in modes]).reshape(k, 3, 3),
@@ -243,10 +247,15 @@ _CROSS = np.array([pin.skew(e) for e in np.eye(3)]).transpose(1, 0, 2)  # (a x b
 _PACKED = ([0, 1, 1, 2, 2, 2], [0, 0, 1, 0, 1, 2])  # xx, xy, yy, xz, yz, zz
 
 
-def _second_order(r: Array, m: Array, Phi: Array, Phi2: Array) -> tuple[dict[str, Array], tuple[Array, Array]]:
+def _weighted(m: Any, x: Array) -> Array:
+    """Return m x of points, (n, ..)."""
+    return m.reshape(-1, *[1] * (x.ndim - 1)) * x if m.ndim == 1 else (m @ x.reshape(len(x), -1)).reshape(x.shape)
+
+
+def _second_order(r: Array, m: Any, Phi: Array, Phi2: Array) -> tuple[dict[str, Array], tuple[Array, Array]]:
     """Return the arrays of `SECOND_ORDER`, and the contributions of displacements of second order to I2 and to Hj."""
     k = Phi2.shape[-1]
-    weighted = m[:, None, None, None] * Phi2
+    weighted = _weighted(m, Phi2)
     rows = weighted.reshape(-1, k * k).T
     D = (rows @ Phi2.reshape(-1, k * k)).reshape((k,) * 4)
     E = (rows @ Phi.reshape(-1, k)).reshape((k,) * 3)  # sum m Phi2_jl.Phi_i
@@ -258,11 +267,11 @@ def _second_order(r: Array, m: Array, Phi: Array, Phi2: Array) -> tuple[dict[str
         "Mq2": D.transpose(0, 2, 1, 3) + D.transpose(0, 2, 3, 1),
     }
     pairs = [2 * _inertia(m, r, Phi2[:, :, i, j]) for i in range(k) for j in range(k)]
-    crossed = np.einsum("n,abc,nb,ncji->jai", m, _CROSS, r, Phi2)
+    crossed = np.einsum("abc,nb,ncji->jai", _CROSS, r, weighted)
     return arrays, (np.array(pairs).reshape(k, k, 3, 3), crossed)
 
 
-def _inertia(m: Array, x: Array, y: Array) -> Array:
+def _inertia(m: Any, x: Array, y: Array) -> Array:
     """Return sum m (x.y 1 - (x y^T + y x^T)/2), (3, 3)."""
-    mixed = np.einsum("n,na,nb->ab", m, x, y)
+    mixed = _weighted(m, x).T @ y
     return np.trace(mixed) * np.eye(3) - (mixed + mixed.T) / 2

@@ -85,7 +85,7 @@ void FlexibleBody::use(const std::vector<bool>& nodes) {
     if (nodes[i]) used_.push_back(static_cast<int>(i));
 }
 
-void FlexibleBody::place(const double* joint_pose, const double* arm) {
+void FlexibleBody::set_pose(const double* joint_pose, const double* arm) {
   for (int c = 0; c < 12; c += 3) rotate_by_columns(joint_pose, data.placement + c, at_.pose + c);
   for (int l = 0; l < 3; ++l) at_.arm[l] = arm[l] + at_.pose[9 + l], at_.pose[9 + l] += joint_pose[9 + l];
 }

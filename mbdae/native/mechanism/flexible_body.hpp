@@ -42,8 +42,8 @@ class FlexibleBody {
   void use(const std::vector<bool>& nodes);
   const std::vector<int>& used() const { return used_; }
 
-  // At the pose of the joint and the vector from the root's position to it: what follows is at the last place.
-  void place(const double* joint_pose, const double* arm);
+  // At the pose of the joint and the vector from the root's position to it: what follows is at the last one.
+  void set_pose(const double* joint_pose, const double* arm);
   void deform(const double* q);      // for the terms of M and nle; at the last q nothing is to be done
   void turn_nodes(const double* q);  // the same
   void place_nodes(double* poses, double* J) const;

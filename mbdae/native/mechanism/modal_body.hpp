@@ -69,8 +69,8 @@ void add_quadratic(const std::vector<T>& x, const S* q, int k, size_t n, S* __re
 template <class S>
 void add_polynomial(const Numbers& first, const std::vector<S>& by_q, const S* q, int k, size_t n, S* __restrict out) {
   for (int i = 0; i < k; ++i) {
-    const S half = 0.5 * q[i];
-    for (size_t l = 0; l < n; ++l) out[l] = out[l] + half * (by_q[n * i + l] + first[n * i + l]);
+    const S factor = 0.5 * q[i];
+    for (size_t l = 0; l < n; ++l) out[l] = out[l] + factor * (by_q[n * i + l] + first[n * i + l]);
   }
 }
 

@@ -186,7 +186,7 @@ void TreeSweep::outward(const double* q, const double* v, const double* a, doubl
   for (FlexibleBody& body : *flexible_) {
     const int j = carrier_[body.data.joint];
     if (with_inertia || with_wrench) body.deform(q);  // the potential energy needs it, too
-    place(body, poses), body.turn_nodes(q), body.place_nodes(poses, J);
+    update_frame(body, poses), body.turn_nodes(q), body.place_nodes(poses, J);
     if (!with_motion) continue;
     for (int i : body.used()) {
       const int n = carrier_[body.first_pose + i];
@@ -271,7 +271,7 @@ void TreeSweep::add_forces(std::vector<FlexibleBody>& bodies, const double* q, c
                            const double* gravity, double* poses, double* J, double* out) {
   for (int i = 0; i < 3; ++i) A_[0][i] = -gravity[i];
   outward<true, false, false>(q, v, a, poses, J);
-  for (FlexibleBody& body : bodies) body.deform(q), place(body, poses);
+  for (FlexibleBody& body : bodies) body.deform(q), update_frame(body, poses);
   add_flexible(bodies, v, a, nullptr, out);
 }
 

@@ -77,8 +77,8 @@ class TreeSweep {
   void update_motion(int j, const double* v, const double* a);
   template <bool with_inertia, bool with_wrench>
   void add_body(int j, const double* pose);
-  void place(FlexibleBody& x, const double* poses) const {
-    x.place(poses + 12 * x.data.joint, arms_[carrier_[x.data.joint]].data());
+  void update_frame(FlexibleBody& x, const double* poses) const {
+    x.set_pose(poses + 12 * x.data.joint, arms_[carrier_[x.data.joint]].data());
   }
   void add_flexible(std::vector<FlexibleBody>& bodies, const double* v, const double* a, double* M, double* nle);
   void shift(const std::vector<Six>& x, int joint, double* out) const;

@@ -73,7 +73,7 @@ def test_rigid_interfaces_turn(truss):
     ("change", "message"),
     [
         ({"masses": -np.ones(14)}, "masses are positive, got -1 kg of point 0"),
-        ({"K": np.eye(41)}, r"14 masses need points \(14, 3\) and K \(42, 42\), got \(14, 3\), \(41, 41\)"),
+        ({"K": np.eye(41)}, r"14 points need shapes \(14, 3\), .* K \(42, 42\); got .*, K \(41, 41\)"),
         ({"K": np.tri(42)}, "K is not symmetric and finite"),
         ({"K": np.eye(42)}, "0 motions without elastic force, expected 6: is K that of this body"),
         ({"interface": {"A": [0, 77]}}, "interfaces are different points 0 to 13, one or more each"),

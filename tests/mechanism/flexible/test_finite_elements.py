@@ -1,0 +1,100 @@
+"""Bodies from files of CalculiX and Exudyn, and consistent mass matrices."""
+
+from dataclasses import fields
+from pathlib import Path
+from shutil import copytree
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.sparse import csr_array, csr_matrix, kron
+
+import mbdae
+from mbdae.errors import InputError
+
+FOLDER = Path(__file__).parents[2] / "data" / "calculix"
+HELD = 3021.661, 3021.661, 8614.786, 14655.02  # rad/s, by CalculiX with the nodes of LEFT fixed
+
+
+def test_calculix_finds_the_same_frequencies():
+    found = mbdae.read_finite_elements(FOLDER / "bar.inp")
+    assert found.sets["ENDS"] == [0, 1, 2, 3, 8, 9, 10, 11]
+    bar = {"interface": {"A": found.sets["LEFT"]}, "clamped": "A"}
+    body = mbdae.modal_body(found.points, found.M, found.K, modes=8, **bar)
+    np.testing.assert_allclose(body.frequencies[:4], HELD, rtol=5e-7)  # seven digits are printed
+    assert body.mass == pytest.approx(7850 * 0.6 * 0.1**2, rel=1e-12)
+    np.testing.assert_allclose(body.s0 / body.mass, [0.3, 0, 0], atol=1e-12)
+    long, thick = body.mass * 0.6**2 / 3, body.mass * 0.1**2 / 12
+    np.testing.assert_allclose(body.I0, np.diag([2 * thick, long + thick, long + thick]), atol=1e-12)
+
+
+def test_a_file_of_exudyn_holds_the_same_body(tmp_path):
+    fem = pytest.importorskip("exudyn.FEM").FEMinterface()
+    found = mbdae.read_finite_elements(FOLDER / "bar.inp")
+    fem.nodes["Position"] = found.points
+    fem.massMatrix, fem.stiffnessMatrix = csr_matrix(found.M), csr_matrix(found.K)
+    fem.nodeSets = [{"Name": "tip", "NodeNumbers": np.array([8, 9]), "NodeWeights": np.ones(2) / 2}]
+    fem.SaveToFile(str(tmp_path / "bar.npz"))
+    again = mbdae.read_finite_elements(tmp_path / "bar.npz")
+    assert abs(again.M - found.M).max() == 0
+    assert abs(again.K - found.K).max() == 0
+    np.testing.assert_array_equal(again.points, found.points)
+    assert again.sets == {"tip": [8, 9]}
+
+
+def test_a_mass_matrix_is_that_of_interpolated_points():
+    """Points g with masses w_g at sum_i N_gi r_i are a body with the masses m_ij = sum_g w_g N_gi N_gj."""
+    rng = np.random.default_rng(5)
+    N, w = rng.dirichlet(np.ones(6), 20), rng.uniform(1, 2, 20)
+    r, Phi, Phi2 = rng.normal(size=(6, 3)), rng.normal(size=(6, 3, 2)), rng.normal(size=(6, 3, 2, 2))
+    Phi2 = Phi2 + Phi2.swapaxes(2, 3)
+    at_points = [np.einsum("gi,i...->g...", N, x) for x in (r, Phi, Phi2)]
+    m = (N.T * w) @ N
+    reference = mbdae.ModalBody.of_points(at_points[0], w, at_points[1], np.ones(2), Phi2=at_points[2])
+    for masses in (m, csr_array(m)):
+        body = mbdae.ModalBody.of_points(r, masses, Phi, np.ones(2), Phi2=Phi2)
+        for x in fields(body):
+            if x.name != "nodes":
+                np.testing.assert_allclose(getattr(body, x.name), getattr(reference, x.name), rtol=1e-12, atol=1e-12)
+
+
+def test_masses_by_points_or_by_displacements_are_the_same_body():
+    found = mbdae.read_finite_elements(FOLDER / "bar.inp")
+    m = found.M[::3, ::3]
+    assert abs(kron(m, np.eye(3)) - found.M).max() < 1e-12
+    options = {"interface": {"A": found.sets["LEFT"], "B": found.sets["RIGHT"]}, "modes": 3}
+    a, b = (mbdae.modal_body(found.points, x, found.K, **options) for x in (m, found.M.toarray()))
+    np.testing.assert_allclose(a.frequencies, b.frequencies, rtol=1e-9)
+    squares = eigh(found.K.toarray(), found.M.toarray(), eigvals_only=True)
+    assert a.frequencies[0] > 0.999 * np.sqrt(squares[6])  # rigid ends: not below those of the whole body
+    coupled = found.M.tolil()
+    coupled[0, 1] = coupled[1, 0] = 0.1
+    for masses, words in (
+        (coupled, "is not the same in x, y and z, or couples them"),
+        (np.triu(m.toarray()), "is not symm"),
+    ):
+        with pytest.raises(InputError, match=f"modal_body: the mass matrix {words}"):
+            mbdae.modal_body(found.points, masses, found.K, **options)
+
+
+def test_bad_files_are_refused_in_one_line(tmp_path):
+    folder = copytree(FOLDER, tmp_path / "bar")
+    cases = {
+        "bar.txt": r"bar.txt: valid files end with .inp, .npz",
+        "none.inp": "none.inp: No such file",
+        "none.npz": "none.npz: No such file",
+    }
+    for name, words in cases.items():
+        with pytest.raises(InputError, match=words):
+            mbdae.read_finite_elements(folder / name)
+    rows = (folder / "bar.dof").read_text().split()
+    (folder / "bar.dof").write_text("\n".join(rows[1:]))
+    with pytest.raises(InputError, match=r"bar.dof: 1 displacements are held; store a free body"):
+        mbdae.read_finite_elements(folder / "bar.inp")
+    (folder / "bar.sti").unlink()
+    (folder / "bar.dof").write_text("\n".join(rows))
+    with pytest.raises(InputError, match=r"bar\.sti"):
+        mbdae.read_finite_elements(folder / "bar.inp")
+    np.savez(folder / "bar.npz", nodes=np.array({"Position": print}, object))
+    with pytest.raises(InputError, match=r"builtins.print holds no numbers|incomplete"):
+        mbdae.read_finite_elements(folder / "bar.npz")
