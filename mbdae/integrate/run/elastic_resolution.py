@@ -58,8 +58,10 @@ def elastic_resolution(sol: Solution, method: Any) -> tuple[str, str]:
         return "", ""
     (ts, ys, _), modes, fixed = sol.nodes, found.modes, "step" in sol.settings
     h, w, rates = np.abs(np.diff(ts)), modes.frequencies, found.rates.max(axis=0)
-    largest = np.maximum(rates, np.abs(ys[:, sol.mechanism.nq + modes.at] @ modes.rows.T).max(axis=0))
-    tolerance = (VISIBLE if fixed else min(sol.settings["rtol"], COARSE)) * largest.max()
+    of_v = sol.mechanism.nq + modes.at
+    deflections, speeds = (np.abs(ys[:, at] @ modes.rows.T).max(axis=0) for at in (modes.iq, of_v))
+    largest = np.maximum(rates, speeds)  # at rest the deflections have the tolerance
+    tolerance = (VISIBLE if fixed else min(sol.settings["rtol"], COARSE)) * np.maximum(largest, w * deflections).max()
     errors = np.array([_error(found, k, ts, h, method) for k in range(len(w))])
     names = [f"{label} ({float(f'{x:.3g}'):g} rad/s)" for label, x in zip(modes.labels, w, strict=True)]
     if (unresolved := (errors > tolerance) & (errors > MAX_ERROR * largest)).any():

@@ -1,6 +1,7 @@
 """Vibrations of flexible bodies in runs: the one that limits the steps, and those that a method does not resolve."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from flexible_bodies import FOUR_BAR
 from flexible_slider_crank import slider_crank
@@ -94,3 +95,17 @@ def test_info_lists_frequencies():
     assert "coupler: 145.545, 582.32, 1311.56, 2337.87 rad/s, its frame at rest" in str(card)
     assert [w for w, _ in card.vibrations] == pytest.approx([162.691, 588.615, 1330.69, 2344.46], rel=1e-5)
     assert "with the closures" in str(card)
+
+
+@pytest.mark.parametrize("options", [{"method": "radau9"}, {"method": "alpha", "step": 1e-3}])
+def test_a_body_at_rest_in_its_equilibrium_has_no_vibrations(options):
+    """Steps are as long as tolerances of the deflection allow: rounding oscillates, which is no doubt."""
+    model = pin.Model()
+    beam = mbdae.beam(1.0, 2.1e11, 7850.0, 1e-4, 8.3e-10, modes=3, loads=["gravity y"])
+    mbdae.attach_flexible(model, "beam", beam, None)
+    model.gravity.linear = np.array([0.0, -9.81, 0.0])
+    mech = mbdae.Mechanism(model)
+    rest = mbdae.equilibrium(mech).q
+    sol = mbdae.solve(mech, (0, 0.1), rest, np.zeros(mech.nv), **options)
+    assert (sol.status, sol.message) == ("finished", ENDED)
+    np.testing.assert_allclose(sol.q[-1], rest, atol=1e-12)
