@@ -106,7 +106,7 @@ class CompiledSystem(Index2System):
             self.derivative(t, y)
 
     def start(self, t: float, y: Array, project: bool) -> tuple[Array, Array, Array]:
-        """See `mbdae.system.System`; with modes, few dependent rows, and near singular configurations, in Python."""
+        """See `mbdae.system.System`; with modes, equal pivots, and near singular configurations, in Python."""
         found = None
         if self.formulation == "index2" and not self.mechanism.switches and not self._rank_known:
             found = self.core.start(t, y, project, self.ambiguous_pivot, FALLEN, SOLUTION_ROUNDING)

@@ -29,8 +29,7 @@ void IndependentRows::determine(const double* G, const double* Z, long stamp, co
   const bool fell = above(pivots_, floor) < rank;
   const bool grew = static_cast<int>(pivots_.size()) > rank && pivots_[rank] > limits_.growth_tolerance * pivots_[0];
   // Equal pivots of few rows: Python chooses, since rounding must not choose other rows there.
-  const bool chosen = !has_many() && rank < ng;
-  if (fell || grew || chosen) rank = -1;
+  if (fell || grew || (!has_many() && has_tie())) rank = -1;
   if (rank < 0) throw FallBackToPython();
   use_first_pivots();
   // Rows that the elimination left out: dependent, or else Python examines them by QR.
@@ -39,6 +38,17 @@ void IndependentRows::determine(const double* G, const double* Z, long stamp, co
     throw FallBackToPython();
   }
   least_pivot_ratio = std::min(least_pivot_ratio, ratio * ratio);
+}
+
+bool IndependentRows::has_tie() const {
+  const double tie = 1 - std::sqrt(limits_.eps);
+  const auto entry = [&](int i, int j) { return factors_[static_cast<size_t>(j) * nv_ + i]; };
+  for (int j = rank; j < static_cast<int>(position_.size()); ++j) {
+    double square = 0;  // of the rest of row j before pivot i
+    for (int i = rank; i-- > 0;)
+      if (square += entry(i, j) * entry(i, j), square > tie * entry(i, i) * entry(i, i)) return true;
+  }
+  return false;
 }
 
 int IndependentRows::dense_rank(const double* G, const FirstRank& first) {

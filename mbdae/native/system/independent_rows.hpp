@@ -70,6 +70,7 @@ class IndependentRows {
                    Numbers& pivots) const;
   double smallest_pivot_in_use(const double* Z);
   bool use_first_pivots();  // use those of the first `rank` pivots; whether they are others
+  bool has_tie() const;  // has a dependent row a pivot of a row in use, up to rounding, in `factors_`?
   int dense_rank(const double* G, const FirstRank& first);
 
   const Constraints& constraints_;
