@@ -9,8 +9,8 @@ from ..forces import FORCES
 from ..mechanism import Mechanism
 from ..time_functions.time_functions import Constant
 from ..tree.frames import joint_names
+from .body_tables import Body
 from .load import Recipe, recipe_from_mechanism
-from .schema import Body
 from .table_entries import first_key
 from .template import CACHE_SIZE, Template, as_body, split_joint
 
