@@ -17,7 +17,7 @@ from .data_types import JsonObject
 from .errors import InputError
 from .file_io import TABLE_SUFFIXES, atomic_write
 from .tolerances import SOLUTION_ROUNDING
-from .units import shown, shown_units
+from .units import displayed, displayed_units
 
 if TYPE_CHECKING:
     import pandas
@@ -42,17 +42,17 @@ class Columns(NamedTuple):
     units: Mapping[str, str] = {}
     over: str = ""
 
-    def shown(self) -> "Columns":
+    def displayed(self) -> "Columns":
         """Return the columns in the units in which results are shown, see `mbdae.display_units`."""
-        found = {name: shown(x, self.units[name]) for name, x in self.values.items() if name in self.units}
+        found = {name: displayed(x, self.units[name]) for name, x in self.values.items() if name in self.units}
         units = {name: unit for name, (_, unit) in found.items()}
         return Columns({**self.values, **{name: x for name, (x, _) in found.items()}}, units, self.over)
 
     def write_csv(self, path: str | Path) -> None:
         """Write the columns as .csv; units other than SI are in the headings, ``"q.crank [deg]"``."""
-        found, chosen = self.shown(), bool(shown_units().chosen)
-        heads = {name: f"{name} [{found.units[name]}]" if chosen and name in found.units else name for name in found.values}
-        write_csv({heads[name]: x for name, x in found.values.items()}, path)
+        found, chosen = self.displayed(), bool(displayed_units().chosen)
+        heads = {name: f"{name} [{unit}]" for name, unit in found.units.items() if unit and chosen}
+        write_csv({heads.get(name, name): x for name, x in found.values.items()}, path)
 
 
 class Tabular:
@@ -88,7 +88,7 @@ class Tabular:
         Raises:
             InputError: without pandas, or for a result without columns.
         """
-        pandas, found = optional_package("pandas"), self.tabulated().shown()
+        pandas, found = optional_package("pandas"), self.tabulated().displayed()
         frame = pandas.DataFrame({n: list(x) if np.ndim(x) > 1 else x for n, x in found.values.items()})
         frame.attrs |= {"title": self._heading(), "units": dict(found.units)}
         return frame
@@ -99,7 +99,7 @@ class Tabular:
         Raises:
             InputError: without xarray, or for a result without columns.
         """
-        xarray, found = optional_package("xarray"), self.tabulated().shown()
+        xarray, found = optional_package("xarray"), self.tabulated().displayed()
         dim = found.over or "row"
         arrays = {}
         for name, x in found.values.items():

@@ -17,8 +17,6 @@ import numpy as np
 
 from .errors import InputError, UnknownNameError
 
-__all__ = ["display_units"]
-
 
 class Factor(NamedTuple):
     """A factor ratio pi^k; decimal fractions stay exact, so that 120 mm are the same number as 0.12 m."""
@@ -128,7 +126,7 @@ class Units:
             return unit
         return "/".join([" ".join(above) or "1", *below])
 
-    def shown(self, x: Any, unit: str) -> Any:
+    def displayed(self, x: Any, unit: str) -> Any:
         """Return a value in SI, a number or an array, in these units."""
         return self.factor(unit).power(-1).apply(x)
 
@@ -150,20 +148,25 @@ SI_UNITS = Units()
 _shown: ContextVar[Units] = ContextVar("shown", default=SI_UNITS)
 
 
-def shown_units() -> Units:
+def displayed_units() -> Units:
     """Return the units in which results are shown."""
     return _shown.get()
 
 
-def shown(x: Any, unit: str) -> tuple[Any, str]:
+def displayed(x: Any, unit: str) -> tuple[Any, str]:
     """Return a value in SI, a number or an array, in the units in which results are shown, and the name of its unit."""
     units = _shown.get()
-    return (units.shown(x, unit), units.name(unit)) if units.chosen else (x, unit)
+    return (units.displayed(x, unit), units.name(unit)) if units.chosen else (x, unit)
+
+
+def unit_name(unit: str) -> str:
+    """Return the name of the unit in which values in a unit in SI are shown."""
+    return _shown.get().name(unit) if _shown.get().chosen else unit
 
 
 def quantity(x: float, unit: str, digits: str = ".6g") -> str:
     """Return a value in SI as text, with its unit, in the units in which results are shown."""
-    value, name = shown(float(x), unit)
+    value, name = displayed(float(x), unit)
     return f"{value:{digits}} {name}".rstrip()
 
 

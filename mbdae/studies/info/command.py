@@ -17,6 +17,7 @@ from ...discovery import model_names
 @click.argument("model", required=False, shell_complete=completed(problems))
 @start_option
 @set_option
+@SHARED["units"]
 @SHARED["json"]
 def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], as_json: bool) -> None:
     """Show versions and the back end, or a model's card.
