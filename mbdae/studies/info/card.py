@@ -13,17 +13,16 @@ from ...data_types import JsonObject
 from ...integrate.options.settings import complete_settings
 from ...mechanism import Closure, Mechanism, redundant
 from ...mechanism.equilibrium.elastic_modes import elastic_modes
-from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.signals.reactions import mass_scaled_jacobian, rank
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...mechanism.tree.frames import find_joint, fixed_links
 from ...mechanism.tree.joints import file_kind
 from ...mechanism.tree.tree_terms import flexible_bodies
-from ...solution.signal_value import signal_values, value
 from ...system import Array
 from ...tabular import Tabular
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
 from ...units import displayed, unit_name
+from .start_values import by_joint
 
 NOT_MODELLED = (
     "contact of shapes",
@@ -213,18 +212,6 @@ def wrapped(line: str) -> str:
 def readable(x: float) -> str:
     """Return a number with six digits; 0 for rounding."""
     return f"{x:.6g}" if abs(x) > SOLUTION_ROUNDING else "0"
-
-
-def by_joint(system: Index2System, t: float, y: Array) -> tuple[dict[str, float], dict[str, float]]:
-    """Return coordinates and velocities by joint; an angle in place of (cos, sin)."""
-    known = signal_values(system.mechanism)
-    found = {name: value(system, known[name], t, y) for name in known if name.startswith(("q.", "v."))}
-    for name in [name for name in found if name.endswith(".cos")]:
-        joint = name.removesuffix(".cos")
-        angle = float(np.arctan2(found.pop(f"{joint}.sin"), found[name]))
-        found = {(f"{joint}.angle" if n == name else n): (angle if n == name else x) for n, x in found.items()}
-    q, v = ({name[2:]: x for name, x in found.items() if name.startswith(kind)} for kind in ("q.", "v."))
-    return q, v
 
 
 def card(mech: Mechanism) -> Card:
