@@ -5,6 +5,7 @@ All computations are in SI units with angles in rad; numbers of files are conver
 they are shown.
 """
 
+import math
 import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -12,8 +13,6 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from .errors import InputError, UnknownNameError
 
@@ -37,7 +36,7 @@ class Factor(NamedTuple):
         if self == ONE:
             return x
         y = x * float(self.ratio.numerator) / float(self.ratio.denominator)
-        return y * np.pi**self.pi if self.pi else y
+        return y * math.pi**self.pi if self.pi else y
 
 
 ONE = Factor(Fraction(1))
@@ -105,7 +104,7 @@ class Units:
 
         Args:
             unit: in SI.
-            symbols: units that stand for symbols in it.
+            symbols: units of symbols in it.
         """
         out = ONE
         for symbol, power in self._parts(unit):

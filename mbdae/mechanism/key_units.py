@@ -3,7 +3,7 @@
     mass: Annotated[float, Unit("kg")]
     stiffness: Annotated[float, Unit("e/q")]
 
-Symbols in the units of keys stand for the units of the joints of a table and of functions: ``q``, ``q1``, ``q2`` of the
+Symbols in the units of keys are units of the joints of a table and of functions: ``q``, ``q1``, ``q2`` of the
 coordinates of its first, second and third joint (rad or m; m for a distance of frames), ``e`` of the effort on the
 first (N m or N), ``y`` of the values of a function and ``x`` of its argument.
 """

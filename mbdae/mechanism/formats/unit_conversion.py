@@ -133,6 +133,6 @@ class Conversion:
 
 
 def _expanded(unit: str, symbols: UnitSymbols) -> set[str]:
-    """Return the symbols of a unit, those of the units that they stand for included."""
+    """Return the symbols of a unit, and those in the units of symbols."""
     out = {found[1] for found in SYMBOL.finditer(unit)}
     return out | {inner for s in out if s in symbols for inner in _expanded(symbols[s], symbols)}

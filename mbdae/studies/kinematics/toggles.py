@@ -75,7 +75,7 @@ def _zeros(traced: TracedCurve, i: int) -> list[CurvePoint]:
 def toggle_table(
     found: Sequence[Toggle], names: Mapping[str, Array], drive: str, unit: str, units: Mapping[str, str]
 ) -> list[list[str]]:
-    """Return a table of toggle positions with the reversing joints, the input and all coordinates.
+    """Return a table of toggle positions with the reversing joints, the input and all other coordinates.
 
     Args:
         found: m toggle positions.
