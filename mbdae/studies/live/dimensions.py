@@ -32,7 +32,7 @@ class Dimensions:
         traces: names of frames whose paths are drawn: over the first free coordinate, the others at rest.
 
     Attributes:
-        mechanism: the mechanism with the present values.
+        mechanism: the mechanism with the present values; drawn by its dimensions, since meshes would not follow them.
         values: of the parameters, by name.
 
     Raises:
@@ -42,11 +42,12 @@ class Dimensions:
     """
 
     def __init__(self, mechanism: Mechanism, ranges: Mapping[str, Sequence[float]], traces: Sequence[str]) -> None:
-        self.mechanism, self.ranges, self.traces = mechanism, checked_ranges(ranges), list(traces)
+        self.ranges, self.traces = checked_ranges(ranges), list(traces)
         for name in self.traces:
             find_frame(mechanism.model, name)
         self._make: Any = LoadedModel(mechanism) if ranges else None  # parameters are those of files
         self.values = {name: parameter_value(self._make, name) for name in ranges}
+        self.mechanism = self._make.make(self.values) if ranges else mechanism
         self._units = {name: parameter_unit(self._make, name) for name in ranges}
 
     def check(self, order: Mapping[str, Any]) -> None:
