@@ -230,7 +230,7 @@ def recipe_from_mechanism(mech: Mechanism) -> Recipe:
 
 
 def table_of(file: MechanismFile) -> dict[str, Any]:
-    """Return the file as JSON data; closures and bodies without defaults, since keys depend on the kind."""
+    """Return the file, in SI, as JSON data; closures and bodies without defaults, since keys depend on the kind."""
     tables = {x: [row.model_dump(mode="json", exclude_defaults=True) for row in getattr(file, x)] for x in BODIES}
     closures = [x.model_dump(mode="json", exclude_none=True) for x in file.closure]
-    return {**file.model_dump(mode="json", exclude={*BODIES, "closure"}), **tables, "closure": closures}
+    return {**file.model_dump(mode="json", exclude={*BODIES, "closure", "units"}), **tables, "closure": closures}
