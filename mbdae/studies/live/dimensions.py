@@ -45,10 +45,12 @@ class Dimensions:
         self.ranges, self.traces = checked_ranges(ranges), list(traces)
         for name in self.traces:
             find_frame(mechanism.model, name)
-        self._make: Any = LoadedModel(mechanism) if ranges else None  # parameters are those of files
-        self.values = {name: parameter_value(self._make, name) for name in ranges}
-        self.mechanism = self._make.make(self.values) if ranges else mechanism
-        self._units = {name: parameter_unit(self._make, name) for name in ranges}
+        self.mechanism, self.values, self._units = mechanism, dict[str, float](), dict[str, str]()
+        if ranges:
+            self._make = LoadedModel(mechanism)
+            self.values = {name: parameter_value(self._make, name) for name in ranges}
+            self._units = {name: parameter_unit(self._make, name) for name in ranges}
+            self.mechanism = self._make.make(self.values)
 
     def check(self, order: Mapping[str, Any]) -> None:
         """Require a known parameter.

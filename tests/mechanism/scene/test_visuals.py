@@ -232,7 +232,8 @@ def test_a_mesh_with_an_index_beyond_all_integers_is_damaged(tmp_path):
 
 FLAG = """<sdf version="1.9"><model name="m"><link name="a"><inertial><mass>1</mass></inertial><visual name="v">
 <geometry><mesh><uri>flag.dae</uri></mesh></geometry>{}</visual></link>
-<joint name="j" type="prismatic"><parent>world</parent><child>a</child><axis><xyz>1 0 0</xyz></axis></joint></model></sdf>"""
+<joint name="j" type="prismatic"><parent>world</parent><child>a</child><axis><xyz>1 0 0</xyz></axis></joint>
+</model></sdf>"""
 
 
 @pytest.mark.parametrize(
