@@ -9,6 +9,7 @@ from commands import call
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.studies.kinematics.figure import curves
+from mbdae.studies.replay.plot_panels import panes
 from mbdae.studies.solve.figure import motion
 from mbdae.studies.tolerance.figure import bands
 from mbdae.units import DIMENSIONS, Units, displayed
@@ -93,6 +94,17 @@ def test_axes_have_the_units_of_their_curves(sol):
     assert "torque (N mm)" in labels(dimensionless[0])
     for figure in (*figures, *dimensionless):
         assert not any(word in labels(figure) for word in ("(m)", "(rad)", "(s)", "(N m)", "/rad"))
+
+
+def test_plots_of_replays_have_the_units(sol):
+    with mbdae.display_units("mm", "deg"):
+        found = panes(sol, None, {})
+    angles, positions = found[0], found[1]
+    assert "(deg)" in angles.title
+    crank = next(c for c in angles.curves if c.name == "crank")
+    np.testing.assert_allclose(crank.y[[0, -1]], np.degrees(sol.signals()["q.crank"][[0, -1]]), rtol=1e-12)
+    assert "(mm)" in positions.title
+    assert positions.curves[0].y[-1] == pytest.approx(1e3 * sol.q[-1, -1], rel=1e-12)
 
 
 def test_commands_label_every_number(tmp_path):
