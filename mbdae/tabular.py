@@ -44,7 +44,7 @@ class Columns(NamedTuple):
 
     def displayed(self) -> "Columns":
         """Return the columns in the units in which results are shown, see `mbdae.display_units`."""
-        found = {name: displayed(x, self.units[name]) for name, x in self.values.items() if name in self.units}
+        found = {n: displayed(np.asarray(x), self.units[n]) for n, x in self.values.items() if n in self.units}
         units = {name: unit for name, (_, unit) in found.items()}
         return Columns({**self.values, **{name: x for name, (x, _) in found.items()}}, units, self.over)
 

@@ -75,6 +75,29 @@ def test_columns_of_files_are_labelled(sol, tmp_path):
     np.testing.assert_array_equal(mbdae.Solution.load(tmp_path / "run.npz").q, sol.q)
 
 
+@pytest.mark.parametrize(
+    ("words", "heads"),
+    [
+        ("equilibrium pendulum", "q.ball.z [mm]"),
+        ("kinematics slider_crank --drive crank --points 9", "q.slider [mm]"),
+        ("inverse-dynamics slider_crank --drive crank --speed 6 --points 9", "effort.crank [N mm]"),
+        (
+            "tolerance slider_crank --drive crank -s q.slider -p frame.rod_tip.xyz.0=5e-5 --points 9",
+            "worst.q.slider [mm]",
+        ),
+    ],
+)
+def test_tables_of_studies_are_labelled(words, heads, tmp_path):
+    for name, units in (("si", ()), ("mm", ("--units", "mm,deg"))):
+        code, _, err = call(*words.split(), *units, "-o", f"{name}.csv", cwd=tmp_path)
+        assert code == 0, err
+    (names, *rows), (plain, *si) = (list(csv.reader((tmp_path / f"{x}.csv").open())) for x in ("mm", "si"))
+    i, factor = names.index(heads), 1e3 if "mm" in heads else 180 / np.pi
+    assert heads.startswith(plain[i])
+    found, expected = (np.array([float(row[i]) for row in table]) for table in (rows, si))
+    np.testing.assert_allclose(found, factor * expected, rtol=1e-9, atol=1e-9 * np.abs(factor * expected).max())
+
+
 def labels(figure):
     return " ".join(" ".join((ax.get_xlabel(), ax.get_ylabel())) for ax in figure.axes)
 
