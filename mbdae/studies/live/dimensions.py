@@ -20,7 +20,7 @@ from ..view.sliders import independent
 from .pulls import checked_ranges
 
 POSES = 121  # of a path
-RADIUS = 2e-3  # of the line of a path, relative to the extent of the scene
+LINE = 0.2  # of the width of links: radius of the line of a path
 
 
 class Dimensions:
@@ -83,7 +83,7 @@ class Dimensions:
         self.mechanism, self.values = mech, values
         return q, v
 
-    def paths(self, q: Array, extent: float) -> Iterator[dict[str, Any]]:
+    def paths(self, q: Array, width: float) -> Iterator[dict[str, Any]]:
         """Yield the commands that draw the paths of the traced frames, all poses from q (nq,) on.
 
         Raises:
@@ -97,12 +97,12 @@ class Dimensions:
         found = kinematics(free, drive, hold=others, q=q, points=POSES)
         points_of = dict(zip(self.traces, frame_paths(mech.model, self.traces, found.q), strict=True))
         for i, (name, points) in enumerate(points_of.items()):
-            yield from drawn_path(node(f"path {name}"), points, COLOURS[i % len(COLOURS)], RADIUS * extent)
+            yield from drawn_path(node(f"path {name}"), points, COLOURS[i % len(COLOURS)], LINE * width)
 
-    def drawn(self, q: Array, extent: float) -> tuple[list[dict[str, Any]], str]:
+    def drawn(self, q: Array, width: float) -> tuple[list[dict[str, Any]], str]:
         """Return the commands of `paths`, or those that hide the paths, and the reason."""
         try:
-            return list(self.paths(q, extent)), ""
+            return list(self.paths(q, width)), ""
         except MbdaeError as e:
             names = [node(f"path {name}{end}") for name in self.traces for end in ("", " line")]
             return [set_property(name, "visible", False) for name in names], f"the path is not drawn: {e}"

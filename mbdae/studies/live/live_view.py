@@ -242,11 +242,11 @@ class LiveView:
 
     def _change(self, name: str, value: float) -> None:
         """Go on with another value of a parameter; the run so far is kept, as by a reset."""
-        old, extent, coarse = self._simulator, self._scene.extent, self._scene.coarse
+        old, coarse = self._simulator, self._scene.coarse
         q, v = self._dimensions.change(name, value, old.q, old.v)
         self._keep()
         self._use(old.t, q, v, old.s)
-        paths, self.message = self._dimensions.drawn(q, extent)
+        paths, self.message = self._dimensions.drawn(q, self._scene.scene.width)
         self._server.command(*(self._scene.coarsen() if coarse else self._scene.redrawn()), *paths)
         self.state = "paused" if self.state == "stopped" else self.state
 
@@ -274,6 +274,6 @@ class LiveView:
         """Yield the commands that draw the scene and the controls for a new page."""
         yield from self._scene.commands()
         yield from self._scene.frame(self._q, self._pulls.line)
-        yield from self._dimensions.drawn(self._q, self._scene.extent)[0]
+        yield from self._dimensions.drawn(self._q, self._scene.scene.width)[0]
         yield from self._pulls.controls(self._simulator)
         yield from self._dimensions.controls()
