@@ -14,13 +14,12 @@ from ...mechanism.tree.frames import find_frame, find_joint, frame_paths
 from ...system import Array
 from ..figures import COLOURS
 from ..kinematics.kinematics import kinematics
-from ..replay.animation_tracks import drawn_path
+from ..replay.animation_tracks import TRACE, drawn_path
 from ..replay.threejs import node, set_property
 from ..view.sliders import independent
 from .pulls import checked_ranges
 
 POSES = 121  # of a path
-LINE = 0.2  # of the width of links: radius of the line of a path
 
 
 class Dimensions:
@@ -83,7 +82,7 @@ class Dimensions:
         self.mechanism, self.values = mech, values
         return q, v
 
-    def paths(self, q: Array, width: float) -> Iterator[dict[str, Any]]:
+    def paths(self, q: Array, extent: float) -> Iterator[dict[str, Any]]:
         """Yield the commands that draw the paths of the traced frames, all poses from q (nq,) on.
 
         Raises:
@@ -97,12 +96,12 @@ class Dimensions:
         found = kinematics(free, drive, hold=others, q=q, points=POSES)
         points_of = dict(zip(self.traces, frame_paths(mech.model, self.traces, found.q), strict=True))
         for i, (name, points) in enumerate(points_of.items()):
-            yield from drawn_path(node(f"path {name}"), points, COLOURS[i % len(COLOURS)], LINE * width)
+            yield from drawn_path(node(f"path {name}"), points, COLOURS[i % len(COLOURS)], TRACE * extent)
 
-    def drawn(self, q: Array, width: float) -> tuple[list[dict[str, Any]], str]:
+    def drawn(self, q: Array, extent: float) -> tuple[list[dict[str, Any]], str]:
         """Return the commands of `paths`, or those that hide the paths, and the reason."""
         try:
-            return list(self.paths(q, width)), ""
+            return list(self.paths(q, extent)), ""
         except MbdaeError as e:
             names = [node(f"path {name}{end}") for name in self.traces for end in ("", " line")]
             return [set_property(name, "visible", False) for name in names], f"the path is not drawn: {e}"

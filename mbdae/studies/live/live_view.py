@@ -246,7 +246,7 @@ class LiveView:
         q, v = self._dimensions.change(name, value, old.q, old.v)
         self._keep()
         self._use(old.t, q, v, old.s)
-        paths, self.message = self._dimensions.drawn(q, self._scene.scene.width)
+        paths, self.message = self._dimensions.drawn(q, self._scene.extent)
         self._server.command(*(self._scene.coarsen() if coarse else self._scene.redrawn()), *paths)
         self.state = "paused" if self.state == "stopped" else self.state
 
@@ -274,6 +274,6 @@ class LiveView:
         """Yield the commands that draw the scene and the controls for a new page."""
         yield from self._scene.commands()
         yield from self._scene.frame(self._q, self._pulls.line)
-        yield from self._dimensions.drawn(self._q, self._scene.scene.width)[0]
+        yield from self._dimensions.drawn(self._q, self._scene.extent)[0]
         yield from self._pulls.controls(self._simulator)
         yield from self._dimensions.controls()
