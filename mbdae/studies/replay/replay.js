@@ -125,7 +125,7 @@ async function main() {
     document.head.append(script);
   }
   const scene = decode(await unpack("scene-data"));
-  const pane = byId("pane"), undrawn = withoutDrawing(pane), viewer = new MeshCat.Viewer(pane, false);
+  const pane = byId("pane"), undrawn = withoutDrawing(), viewer = new MeshCat.Viewer(pane, false);
   undrawn(viewer);
   viewer.set_3d_pane_size = () => {};
   viewer.scene.rotation.set(0, 0, 0);  // z is up

@@ -30,21 +30,16 @@ function build(viewer, {geometries, commands}) {
   }
 }
 
-// Without WebGL the scene is not drawn; its tree and motions, plots and numbers remain: the viewer has a context without effect.
-function withoutDrawing(pane) {
-  const made = HTMLCanvasElement.prototype.getContext;
+// Without WebGL the viewer has a context without effect.
+function withoutDrawing() {
+  const canvas = HTMLCanvasElement.prototype, made = canvas.getContext, box = [0, 0, 1, 1];
   if (["webgl2", "webgl"].some(kind => made.call(document.createElement("canvas"), kind))) return () => {};
-  const texts = {7938: "WebGL 2.0", 35724: "WebGL GLSL ES 3.00", 2978: [0, 0, 1, 1], 3088: [0, 0, 1, 1]};  // version, language, viewport, scissor box
-  const answers = {
-    getParameter: number => texts[number] ?? 16, getShaderPrecisionFormat: () => ({precision: 23, rangeMin: 127, rangeMax: 127}),
-    getContextAttributes: () => ({alpha: true}), getSupportedExtensions: () => [], getExtension: () => null, isContextLost: () => false,
-  };
-  const context = new Proxy(answers, {get: (known, name) => known[name] ?? (() => ({}))});
-  HTMLCanvasElement.prototype.getContext = function (kind, ...more) { return /webgl/.test(kind) ? context : made.call(this, kind, ...more); };
+  const values = {7938: "WebGL 2.0", 35724: "WebGL GLSL ES 3.00", 2978: box, 3088: box};
+  canvas.getContext = () => new Proxy({}, {get: (_, name) => name === "getParameter" ? at => values[at] ?? 16 : () => ({})});
   return viewer => {
-    HTMLCanvasElement.prototype.getContext = made;
+    canvas.getContext = made;
     viewer.renderer.render = () => {};
-    pane.append(Object.assign(document.createElement("p"), {id: "undrawn", textContent: "This browser has no WebGL: the scene is not drawn."}));
+    byId("caption").append("This browser has no WebGL: the scene is not drawn.");
   };
 }
 

@@ -10,7 +10,7 @@ HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
   return kind.includes("webgl") ? null : made.call(this, kind, ...more);
 };"""
 ASK = """
-  log.said = document.getElementById("undrawn").textContent;
+  log.said = document.getElementById("caption").textContent;
   mbdae.seek(%s);
   log.clock = document.getElementById("clock").textContent;
   log.names = [...document.querySelectorAll(".u-series.own .u-label")].map(x => x.textContent);
@@ -32,7 +32,7 @@ def test_plots_and_numbers_need_no_webgl(tmp_path):
             log = tab.ask(ASK % t)
         finally:
             tab.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
-    assert log["said"].startswith("This browser has no WebGL")
+    assert log["said"].endswith("This browser has no WebGL: the scene is not drawn.")
     assert log["clock"].startswith("t = 0.30")
     assert [float(x) for x in log["values"]] == pytest.approx([sol(t).q[-1]], abs=6e-4)
     assert log["later"] > t
