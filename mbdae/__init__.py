@@ -85,6 +85,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .studies.view.view import view as view
     from .textbook.hessenberg import Hessenberg as Hessenberg
     from .textbook.mixed import MixedHessenberg as MixedHessenberg
+    from .units import display_units as display_units
 
     __version__: str
 
@@ -114,6 +115,7 @@ _CORE = {
     "solution.solution": ["Solution"],
     "textbook.hessenberg": ["Hessenberg"],
     "textbook.mixed": ["MixedHessenberg"],
+    "units": ["display_units"],
 }
 
 

@@ -1,9 +1,12 @@
 """Errors of mbdae: one base class, and a few derived classes with data."""
 
+import os
 from collections.abc import Iterable
 from difflib import get_close_matches
 from math import isfinite
 from numbers import Real
+from pathlib import Path
+from traceback import extract_tb, format_list
 from types import UnionType
 from typing import Any, TypeGuard
 from unicodedata import category
@@ -41,6 +44,13 @@ class MbdaeError(Exception):
 
     def __init__(self, message: str = "") -> None:
         super().__init__(printable(" ".join(message.splitlines())))  # names may contain any characters
+
+    def _render_traceback_(self) -> list[str]:
+        """Return the display in IPython and notebooks: the message, and the lines outside mbdae that led to it."""
+        left_out = (str(Path(__file__).parent), f"{os.sep}IPython{os.sep}")
+        frames = [f for f in extract_tb(self.__traceback__) if not any(part in f.filename for part in left_out)]
+        lines = "".join(format_list(frames)).splitlines()
+        return [f"{type(self).__name__}: {self}", *lines]
 
     def __reduce__(self) -> tuple:  # an error of a worker process is restored unchanged
         return _recreate, (type(self), self.args, self.__dict__)

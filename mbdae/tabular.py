@@ -17,6 +17,7 @@ from .data_types import JsonObject
 from .errors import InputError
 from .file_io import TABLE_SUFFIXES, atomic_write
 from .tolerances import SOLUTION_ROUNDING
+from .units import displayed, displayed_units
 
 if TYPE_CHECKING:
     import pandas
@@ -40,6 +41,18 @@ class Columns(NamedTuple):
     values: Mapping[str, Any]
     units: Mapping[str, str] = {}
     over: str = ""
+
+    def displayed(self) -> "Columns":
+        """Return the columns in the units in which results are shown, see `mbdae.display_units`."""
+        found = {n: displayed(np.asarray(x), self.units[n]) for n, x in self.values.items() if n in self.units}
+        units = {name: unit for name, (_, unit) in found.items()}
+        return Columns({**self.values, **{name: x for name, (x, _) in found.items()}}, units, self.over)
+
+    def write_csv(self, path: str | Path) -> None:
+        """Write the columns as .csv; units other than SI are in the headings, ``"q.crank [deg]"``."""
+        found, chosen = self.displayed(), bool(displayed_units().chosen)
+        heads = {name: f"{name} [{unit}]" for name, unit in found.units.items() if unit and chosen}
+        write_csv({heads.get(name, name): x for name, x in found.values.items()}, path)
 
 
 class Tabular:
@@ -75,7 +88,7 @@ class Tabular:
         Raises:
             InputError: without pandas, or for a result without columns.
         """
-        pandas, found = optional_package("pandas"), self.tabulated()
+        pandas, found = optional_package("pandas"), self.tabulated().displayed()
         frame = pandas.DataFrame({n: list(x) if np.ndim(x) > 1 else x for n, x in found.values.items()})
         frame.attrs |= {"title": self._heading(), "units": dict(found.units)}
         return frame
@@ -86,7 +99,7 @@ class Tabular:
         Raises:
             InputError: without xarray, or for a result without columns.
         """
-        xarray, found = optional_package("xarray"), self.tabulated()
+        xarray, found = optional_package("xarray"), self.tabulated().displayed()
         dim = found.over or "row"
         arrays = {}
         for name, x in found.values.items():
@@ -116,7 +129,7 @@ class Tabular:
         if suffix not in TABLE_SUFFIXES:
             raise InputError(f"{type(self).__name__} is saved as {' or '.join(TABLE_SUFFIXES)}, got {str(path)!r}")
         if suffix == ".csv":
-            write_csv(self.tabulated().values, path)
+            self.tabulated().write_csv(path)
             return
         text = self.to_latex() if suffix == ".tex" else json.dumps(finite(self.to_dict()), allow_nan=False)
         with atomic_write(path) as temporary:

@@ -8,6 +8,7 @@ import click
 
 from ..backend import BACKENDS
 from ..integrate.options.defaults import DEFAULTS
+from ..units import display_units
 from .completion import FORMULATIONS, completed, methods
 from .signature import REQUIRED, Argument, arguments_of
 from .values import TimeSpan, locked_joints, parsed_numbers, split_names, values_by_name
@@ -41,8 +42,22 @@ def methods_option(help: str = "A method; several times for several.") -> Decora
     )
 
 
+def display(ctx: click.Context, option: click.Parameter, units: str | None) -> None:
+    """Show the results of a command in these units.
+
+    Raises:
+        UnknownNameError, InputError: as `mbdae.display_units`.
+    """
+    if units:
+        ctx.with_resource(display_units(units))
+
+
 SHARED: dict[str, Decorator] = {
     "json": click.option("--json", "as_json", is_flag=True, help="Print one JSON document."),
+    "units": click.option(
+        "--units", metavar="UNIT,UNIT", callback=display, expose_value=False,
+        help="Show text, tables, .csv and figures in mm, deg, kN, ...; options and JSON remain in SI.",
+    ),
     "method": click.option(
         "-m", "--method", help=f"A name of `mbdae methods`; the model's own, or {DEFAULTS['method']}.",
         shell_complete=completed(methods),

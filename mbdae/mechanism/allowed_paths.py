@@ -150,7 +150,8 @@ def robots_directory() -> Path:
     try:
         files = distribution("example-robot-data").files or []
     except PackageNotFoundError:
-        raise InputError("example-robot-data is not installed") from None
+        what = "this needs the robots of the package 'example-robot-data', which is not installed"
+        raise InputError(f"{what}: pip install example-robot-data") from None
     urdf = next((f for f in files if f.suffix == ".urdf" and "robots" in f.parts), None)
     if urdf is None:
         raise InputError("example-robot-data is installed without robots")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, get_args
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from ..errors import InputError
+from .key_units import Coordinates, Unit, UnitSymbols, declared_unit
 
 HUGE = 1e50  # larger numbers in SI units are mistakes; their products overflow
 Location = Sequence[int | str]  # of a value in a table: keys and positions
@@ -41,6 +42,14 @@ class Table(BaseModel, metaclass=OneLine):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    def unit_of(self, key: str) -> Unit | Coordinates | None:
+        """Return the unit of the numbers of a key; None for keys without numbers."""
+        return declared_unit(type(self).model_fields[key])
+
+    def unit_symbols(self) -> UnitSymbols:
+        """Return units for further symbols in the units of keys, or for symbols of joints."""
+        return {}
 
 
 def tables_in(annotation: object) -> list[type[Table]]:

@@ -1,7 +1,7 @@
 """Settings of a mechanism besides its model: start values, settings of the order study, motors."""
 
 from collections.abc import Mapping
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -11,6 +11,7 @@ from ..errors import InputError
 from ..system import Array
 from ..tolerances import HALF_DIGITS
 from .checked_table import Table
+from .key_units import Coordinates, Unit
 from .tree.frames import find_joint
 
 Value = float | tuple[float, ...]
@@ -28,10 +29,10 @@ class Start(Table):
         assemble: make the start consistent; if false, values are used as given, and rejected if they violate a closure.
     """
 
-    q: dict[str, Value] = Field(default_factory=dict)
-    v: dict[str, Value] = Field(default_factory=dict)
-    guess: dict[str, Value] = Field(default_factory=dict)
-    guess_v: dict[str, Value] = Field(default_factory=dict)
+    q: Annotated[dict[str, Value], Coordinates()] = Field(default_factory=dict)
+    v: Annotated[dict[str, Value], Coordinates(per_time=True)] = Field(default_factory=dict)
+    guess: Annotated[dict[str, Value], Coordinates()] = Field(default_factory=dict)
+    guess_v: Annotated[dict[str, Value], Coordinates(per_time=True)] = Field(default_factory=dict)
     assemble: bool = True
 
     @property
@@ -50,10 +51,10 @@ class OrderSettings(Table):
         v: fixed velocities of a separate start, instead of ``start``.
     """
 
-    T: float = Field(default=1.0, gt=0)
+    T: Annotated[float, Unit("s")] = Field(default=1.0, gt=0)
     steps: int = Field(default=20, ge=10)
-    q: dict[str, Value] = Field(default_factory=dict)
-    v: dict[str, Value] = Field(default_factory=dict)
+    q: Annotated[dict[str, Value], Coordinates()] = Field(default_factory=dict)
+    v: Annotated[dict[str, Value], Coordinates(per_time=True)] = Field(default_factory=dict)
 
 
 class SolveSettings(Table):
@@ -78,12 +79,12 @@ class SolveSettings(Table):
     method: str | None = None
     formulation: Literal["index2", "ggl", "index1"] | None = None
     project: bool | None = None
-    baumgarte: tuple[float, float] | None = None
-    step: float | None = Field(default=None, gt=0)
-    rtol: float | None = Field(default=None, gt=0)
-    atol: float | None = Field(default=None, gt=0)
-    first_step: float | None = Field(default=None, gt=0)
-    max_step: float | None = Field(default=None, gt=0)
+    baumgarte: Annotated[tuple[float, float] | None, Unit("1/s")] = None
+    step: Annotated[float | None, Unit("s")] = Field(default=None, gt=0)
+    rtol: Annotated[float | None, Unit("1")] = Field(default=None, gt=0)
+    atol: Annotated[float | None, Unit("1")] = Field(default=None, gt=0)
+    first_step: Annotated[float | None, Unit("s")] = Field(default=None, gt=0)
+    max_step: Annotated[float | None, Unit("s")] = Field(default=None, gt=0)
     max_steps: int | None = Field(default=None, gt=0)
 
     @model_validator(mode="after")

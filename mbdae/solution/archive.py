@@ -19,7 +19,6 @@ from ..errors import STATUS, InputError
 from ..file_io import atomic_write
 from ..mechanism import Impact, Mechanism, Singular, describe, restore
 from ..mechanism.checked_table import one_line
-from ..tabular import write_csv
 from ..textbook.problems import TEXTBOOK, listed
 from .provenance import versions
 
@@ -99,7 +98,7 @@ def write(sol: "Solution", path: str | Path) -> None:
     if Path(path).suffix not in SUFFIXES:
         raise InputError(f"a solution is saved as {' or '.join(SUFFIXES)}, got {str(path)!r}")
     if Path(path).suffix == ".csv":
-        write_csv(sol.signals(), path)
+        sol.tabulated().write_csv(path)
         return
     ts, ys, zs = sol.steps or (sol.t[:0], sol.y[:0], sol.z_own[:0])
     arrays = {"t": sol.t, "y": sol.y, "z_own": sol.z_own, "steps_t": ts, "steps_y": ys, "steps_z": zs}

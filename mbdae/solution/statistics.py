@@ -21,6 +21,7 @@ from ..errors import InputError
 from ..system import Array
 from ..tabular import Tabular, rounded_zero
 from ..tolerances import COINCIDENT, INTERPOLATION, VISIBLE
+from ..units import displayed, unit_name
 from .signals import find, signals, units
 
 if TYPE_CHECKING:
@@ -71,7 +72,8 @@ class Statistics(Tabular):
 
     def cells(self) -> list[list[str]]:
         """Return a row for each signal."""
-        heads = ["signal", "unit", "min", "at s", "max", "at s", "mean", "RMS", "integral"]
+        at = f"at {unit_name('s')}"
+        heads = ["signal", "unit", "min", at, "max", at, "mean", "RMS", "integral"]
         return [heads, *(self._row(name) for name in self.minimum)]
 
     def _row(self, name: str) -> list[str]:
@@ -80,8 +82,11 @@ class Statistics(Tabular):
         scale = abs(self.peak(name).value)
         mean = rounded_zero(sums.mean, scale)
         values = [(rounded_zero(x.value, scale), x.t) for x in (low, high)]
-        shown = [*values[0], *values[1], mean, sums.rms, sums.integral if mean else 0.0]
-        return [name, self.units[name], *(f"{x:.7g}" for x in shown)]
+        found = [*values[0], *values[1], mean, sums.rms, sums.integral if mean else 0.0]
+        unit = self.units[name]
+        units = [unit, "s", unit, "s", unit, unit, f"s {unit}"]
+        cells = [f"{displayed(x, u)[0]:.7g}" for x, u in zip(found, units, strict=True)]
+        return [name, unit_name(unit), *cells]
 
     def __str__(self) -> str:
         rows = self.cells()

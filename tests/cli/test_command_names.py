@@ -17,6 +17,7 @@ LISTS = {  # commands without a function of their name
 FUNCTIONS = {  # public functions without a command
     "attach_flexible": "mechanism files have [[flexible]]",
     "beam": "mechanism files have [[flexible]]",
+    "display_units": "commands have --units",
     "gradient": "takes a cost, a Python function",
     "load": "every command loads its model",
     "modal_body": "takes sparse matrices of a finite-element program",
@@ -31,6 +32,7 @@ FUNCTIONS = {  # public functions without a command
 OTHER = {  # options that are no arguments: of the model, and of what is done with a result
     "start": "start values of the model: `Mechanism.assemble`",
     "set": "parameters of the model: `mbdae.load(model, name=value)`",
+    "units": "how the result is shown: `mbdae.display_units`",
     "json": "how the result is printed: `to_dict`",
     "output": "where it is saved: `save`, or `path` of studies that go on from a file",
     "plot": "`plot` of the result",

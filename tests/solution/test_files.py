@@ -4,6 +4,7 @@ import csv
 import json
 import warnings
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +16,8 @@ from mbdae.mechanism.forces.joint_pid import JointPID
 from mbdae.mechanism.model_settings import Start
 from mbdae.solution import archive
 from mbdae.textbook.problems import hessenberg_a
+
+DATA = Path(__file__).parents[1] / "data"
 
 
 @pytest.fixture(scope="module")
@@ -128,6 +131,24 @@ def test_another_version_is_named(sol, tmp_path):
     new = rewritten(tmp_path / "run.npz", tmp_path / "new.npz", versions={"mbdae": "9.0"}, format=3)
     with pytest.raises(InputError, match=r"mbdae 9\.0 in format 3"):
         mbdae.Solution.load(new)
+
+
+def test_files_of_earlier_versions_open():
+    """Written by mbdae 0.1.0 before mechanism files had units; the impacts by the same run now."""
+    back = mbdae.Solution.load(DATA / "run_format_2.npz")
+    now = mbdae.solve("slider_crank_with_stop", (0, 1.0), rtol=1e-10)
+    np.testing.assert_allclose(back.q[-1], now.q[-1], atol=1e-4)
+    assert len(back.impacts) == len(now.impacts) > 0
+    assert mbdae.drift(back).g_max < 1e-10
+
+
+def test_files_of_formats_that_are_not_read_are_refused_by_name(sol, tmp_path):
+    sol.save(tmp_path / "run.npz")
+    old = rewritten(tmp_path / "run.npz", tmp_path / "old.npz", versions={"mbdae": "0.0.1"}, format=1)
+    with pytest.raises(
+        InputError, match=r"old\.npz was written by mbdae 0\.0\.1 in format 1; this is mbdae .* format 2"
+    ):
+        mbdae.Solution.load(old)
 
 
 def test_a_damaged_file_is_one_clear_error(sol, tmp_path):

@@ -1,10 +1,12 @@
 """Joint ranges in which a closure is active."""
 
 from math import inf
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from ..checked_table import Table
+from ..key_units import Unit
 
 
 class ActiveRange(Table):
@@ -24,8 +26,8 @@ class ActiveRange(Table):
     """
 
     joint: str
-    windows: tuple[tuple[float, float], ...] = Field(min_length=1)
-    period: float | None = Field(default=None, gt=0)
+    windows: Annotated[tuple[tuple[float, float], ...], Unit("q")] = Field(min_length=1)
+    period: Annotated[float | None, Unit("q")] = Field(default=None, gt=0)
 
     @model_validator(mode="after")
     def _check_windows(self) -> "ActiveRange":

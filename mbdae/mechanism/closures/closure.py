@@ -10,6 +10,7 @@ from pydantic_core import PydanticUndefined
 from ...errors import InputError
 from ...system import Array
 from ..checked_table import OneLine, Table, wrong_kind
+from ..key_units import Unit
 from ..tree.frames import Pair
 from .active_range import ActiveRange
 from .joint_rows import JointRow
@@ -26,7 +27,7 @@ def _require_nonzero(axis: Vector) -> Vector:
     return axis
 
 
-Axis = Annotated[Vector, AfterValidator(_require_nonzero)]
+Axis = Annotated[Vector, AfterValidator(_require_nonzero), Unit("1")]
 
 
 def kinds_of(base: type[Any]) -> dict[str, type[Any]]:

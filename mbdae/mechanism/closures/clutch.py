@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import pinocchio as pin
 from pydantic import Field, model_validator
 
 from ...errors import InputError
+from ..key_units import Unit
 from ..time_functions.time_functions import Steps
 from .joint_pair import JointPair
 from .joint_rows import BoundCoordinateRow, BoundJointRow, JointRow, Ratio
@@ -43,10 +44,10 @@ class Clutch(JointPair):
     """
 
     direction: Literal[1, -1] = 1
-    ratio: float | None = None
-    pitch: float | None = Field(default=None, gt=0)
-    tooth: float = 0.0
-    engaged: Steps | None = None
+    ratio: Annotated[float | None, Unit("q/q1")] = None
+    pitch: Annotated[float | None, Unit("q")] = Field(default=None, gt=0)
+    tooth: Annotated[float, Unit("q")] = 0.0
+    engaged: Annotated[Steps | None, Unit("1")] = None
     name: str = ""
 
     @model_validator(mode="after")

@@ -8,13 +8,14 @@ A speed driver prescribes u' only: its row c' - u' has no g, and the value of c 
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from math import inf, isinf, sqrt
-from typing import Any, TypedDict, Unpack, get_args
+from typing import Annotated, Any, TypedDict, Unpack, get_args
 
 from pydantic import Field, model_validator
 
 from ...errors import InputError, StepError
 from ...tolerances import COINCIDENT, THREE_DIGITS
 from ..checked_table import Table
+from ..key_units import Unit, UnitSymbols
 from ..time_functions.piecewise_polynomial import Beyond, PiecewisePolynomial
 from ..time_functions.time_functions import Function, Harmonic, Motion, Polynomial, Steps, TimeFunction, TimeTable
 from .joint_rows import Coordinate
@@ -60,13 +61,16 @@ class Driver(Table):
         UnknownNameError: when a mechanism is created, for an unknown joint or frame.
     """
 
-    motion: Motion | None = None
-    speed: TimeFunction | None = None
+    motion: Annotated[Motion | None, Unit("q")] = None
+    speed: Annotated[TimeFunction | None, Unit("q/s")] = None
     joint: str | None = None
     joints: tuple[str, str] | None = None
     frames: tuple[str, str] | None = None
-    coefficients: tuple[float, ...] | None = Field(default=None, min_length=2)
+    coefficients: Annotated[tuple[float, ...] | None, Unit("q", powers_of="q1")] = Field(default=None, min_length=2)
     name: str = ""
+
+    def unit_symbols(self) -> UnitSymbols:
+        return {"q": "m"} if self.frames else {}
 
     @model_validator(mode="after")
     def _check_target(self) -> "Driver":

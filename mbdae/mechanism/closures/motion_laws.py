@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from ...data_types import CoreData
 from ...system import Array
 from ..checked_table import Table
+from ..key_units import Unit
 from ..time_functions.piecewise_polynomial import PiecewisePolynomial, Point, require_increasing
 from ..time_functions.time_functions import Harmonic
 
@@ -35,7 +36,7 @@ class LawTable(Table):
     """
 
     kind: Literal["table"] = "table"
-    points: tuple[Point, ...] = Field(min_length=4)
+    points: Annotated[tuple[Point, ...], Unit("x", "y")] = Field(min_length=4)
     periodic: bool = False
 
     @field_validator("points")

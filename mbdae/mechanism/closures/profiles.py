@@ -21,6 +21,7 @@ from ...errors import StepError
 from ...system import Array
 from ...tolerances import BELOW_ROUNDING, RANK
 from ..checked_table import Table
+from ..key_units import Unit
 from .motion_laws import DEGREE, spline
 
 SAMPLES = 8  # for each polynomial or half a wave of the highest harmonic
@@ -155,7 +156,7 @@ class PointProfile(Table):
     """
 
     kind: Literal["points"] = "points"
-    points: tuple[Point, ...] = Field(min_length=4)
+    points: Annotated[tuple[Point, ...], Unit("m")] = Field(min_length=4)
     closed: bool = True
 
     @model_validator(mode="after")
@@ -185,8 +186,8 @@ class CircleProfile(Table):
     """
 
     kind: Literal["circle"] = "circle"
-    radius: float = Field(gt=0)
-    centre: Point = (0.0, 0.0)
+    radius: Annotated[float, Unit("m")] = Field(gt=0)
+    centre: Annotated[Point, Unit("m")] = (0.0, 0.0)
 
     @cached_property
     def path(self) -> PlaneCurve:
@@ -204,8 +205,8 @@ class FourierProfile(Table):
     """
 
     kind: Literal["fourier"] = "fourier"
-    x: tuple[float, ...] = Field(min_length=3)
-    y: tuple[float, ...] = Field(min_length=3)
+    x: Annotated[tuple[float, ...], Unit("m")] = Field(min_length=3)
+    y: Annotated[tuple[float, ...], Unit("m")] = Field(min_length=3)
 
     @model_validator(mode="after")
     def _check_lengths(self) -> "FourierProfile":

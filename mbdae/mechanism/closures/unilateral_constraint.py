@@ -1,10 +1,12 @@
 """Unilateral closures and joint stops: their rows are active while they transmit a force."""
 
 from collections.abc import Sequence
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from ..checked_table import Table
+from ..key_units import Unit
 from .joint_pair import JointPair
 from .joint_rows import Coordinate
 
@@ -19,8 +21,8 @@ class UnilateralOptions(Table):
     """
 
     unilateral: bool | None = None
-    restitution: float | None = Field(default=None, ge=0, le=1)
-    rest: float | None = Field(default=None, gt=0)
+    restitution: Annotated[float | None, Unit("1")] = Field(default=None, ge=0, le=1)
+    rest: Annotated[float | None, Unit("s")] = Field(default=None, gt=0)
 
     @model_validator(mode="after")
     def _check_options(self) -> "UnilateralOptions":
@@ -55,9 +57,9 @@ class Stop(JointPair, UnilateralOptions):
     """
 
     unilateral: bool | None = True
-    coefficients: tuple[float, ...] | None = Field(default=None, min_length=2)
-    lower: float | None = None
-    upper: float | None = None
+    coefficients: Annotated[tuple[float, ...] | None, Unit("q", powers_of="q1")] = Field(default=None, min_length=2)
+    lower: Annotated[float | None, Unit("q")] = None
+    upper: Annotated[float | None, Unit("q")] = None
     limits: bool = False
     name: str = ""
 

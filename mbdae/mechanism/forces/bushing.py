@@ -1,12 +1,13 @@
 """Elastic joints between two frames."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pinocchio as pin
 from pydantic import model_validator
 
 from ...errors import StepError
+from ..key_units import Unit
 from ..tree.frames import Pair, anchor, motion_cross, skew, wrench_matrix
 from ..tree.manifold import inverse_jacobian
 from ..tree.wrench_partials import COMPLEX_STEP, moved_line_partials, skews
@@ -38,8 +39,8 @@ class Bushing(Force):
 
     kind: Literal["bushing"] = "bushing"
     frames: tuple[str, str]
-    stiffness: Six = (0.0,) * 6
-    damping: Six = (0.0,) * 6
+    stiffness: Annotated[Six, Unit("N/m", "N/m", "N/m", "N m/rad", "N m/rad", "N m/rad")] = (0.0,) * 6
+    damping: Annotated[Six, Unit("N s/m", "N s/m", "N s/m", "N m s/rad", "N m s/rad", "N m s/rad")] = (0.0,) * 6
 
     @model_validator(mode="after")
     def _check_damping(self) -> "Bushing":

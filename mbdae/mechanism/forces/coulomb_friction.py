@@ -1,10 +1,11 @@
 """Coulomb friction of a closure, proportional to its reaction force."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import pinocchio as pin
 from pydantic import Field, model_validator
 
+from ..key_units import Unit
 from .force import Force, ForceElement
 from .joint_friction import DEFAULT_VELOCITY
 from .linear import LinearElement
@@ -37,10 +38,10 @@ class CoulombFriction(Force):
 
     kind: Literal["coulomb_friction"] = "coulomb_friction"
     closure: str
-    coefficient: float = Field(ge=0)
-    radius: float | None = Field(default=None, gt=0)
-    velocity: float | None = Field(default=None, gt=0)
-    static: float | None = Field(default=None, ge=0)
+    coefficient: Annotated[float, Unit("1")] = Field(ge=0)
+    radius: Annotated[float | None, Unit("m")] = Field(default=None, gt=0)
+    velocity: Annotated[float | None, Unit("q/s")] = Field(default=None, gt=0)
+    static: Annotated[float | None, Unit("1")] = Field(default=None, ge=0)
     exact: bool = False
 
     @model_validator(mode="after")

@@ -1,10 +1,11 @@
 """DC motors, with currents as states."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import pinocchio as pin
 from pydantic import Field, model_validator
 
+from ..key_units import Unit
 from ..time_functions.time_functions import TimeFunction
 from .force import Force, ForceElement, single_velocity_joint
 from .linear import LinearElement, Term
@@ -32,12 +33,12 @@ class DCMotor(Force):
 
     kind: Literal["dc_motor"] = "dc_motor"
     joint: str
-    voltage: TimeFunction
-    resistance: float = Field(ge=0)
-    inductance: float = Field(default=0.0, ge=0)
-    constant: float
-    gear: float = 1.0
-    current: float = 0.0
+    voltage: Annotated[TimeFunction, Unit("V")]
+    resistance: Annotated[float, Unit("ohm")] = Field(ge=0)
+    inductance: Annotated[float, Unit("H")] = Field(default=0.0, ge=0)
+    constant: Annotated[float, Unit("N m/A")]
+    gear: Annotated[float, Unit("rad/q")] = 1.0
+    current: Annotated[float, Unit("A")] = 0.0
 
     @model_validator(mode="after")
     def _check_circuit(self) -> "DCMotor":

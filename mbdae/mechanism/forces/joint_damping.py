@@ -1,11 +1,12 @@
 """Viscous friction in joints."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
+from ..key_units import Unit
 from ..tree.frames import find_joints
 from .force import Array, Force, ForceElement, Joints
 from .linear import LinearElement
@@ -26,7 +27,7 @@ class JointDamping(Force):
 
     kind: Literal["joint_damping"] = "joint_damping"
     joint: Joints
-    damping: float = Field(ge=0)
+    damping: Annotated[float, Unit("e s/q")] = Field(ge=0)
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         d = np.zeros(model.nv)

@@ -1,13 +1,14 @@
 """Coulomb friction in joints, regularised or exact."""
 
 from collections.abc import Iterator
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from pydantic import Field, model_validator
 
 from ...errors import InputError
+from ..key_units import Unit
 from ..tree.frames import find_joints, joint_names
 from .force import Array, CoreData, Force, ForceElement, Joints
 from .joint_law import Effort, JointElement
@@ -57,9 +58,9 @@ class JointFriction(Force):
 
     kind: Literal["joint_friction"] = "joint_friction"
     joint: Joints = ()
-    friction: float | None = Field(default=None, ge=0)
-    velocity: float | None = Field(default=None, gt=0)
-    static: float | None = Field(default=None, ge=0)
+    friction: Annotated[float | None, Unit("e")] = Field(default=None, ge=0)
+    velocity: Annotated[float | None, Unit("q/s")] = Field(default=None, gt=0)
+    static: Annotated[float | None, Unit("e")] = Field(default=None, ge=0)
     exact: bool = False
 
     @model_validator(mode="after")

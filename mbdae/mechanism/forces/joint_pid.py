@@ -1,11 +1,12 @@
 """PD, PI and PID controllers on a joint, continuous or sampled."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pinocchio as pin
 from pydantic import Field, model_validator
 
+from ..key_units import Unit, UnitSymbols
 from ..time_functions.time_functions import Constant, Function, TimeFunction
 from .force import Array, Force, ForceElement, single_coordinate_joints, single_velocity_joint
 from .linear import LinearElement, Term
@@ -36,13 +37,13 @@ class JointPID(Force):
 
     kind: Literal["joint_pid"] = "joint_pid"
     joint: str
-    reference: TimeFunction = Constant(value=0.0)
-    kp: float = 0.0
-    ki: float = 0.0
-    kd: float = 0.0
+    reference: Annotated[TimeFunction, Unit("r")] = Constant(value=0.0)
+    kp: Annotated[float, Unit("e/r")] = 0.0
+    ki: Annotated[float, Unit("e/r/s")] = 0.0
+    kd: Annotated[float, Unit("e s/r")] = 0.0
     controls: Literal["position", "velocity"] = "position"
-    rate: float | None = Field(default=None, gt=0)
-    integral: float = 0.0
+    rate: Annotated[float | None, Unit("Hz")] = Field(default=None, gt=0)
+    integral: Annotated[float, Unit("r s")] = 0.0
 
     @model_validator(mode="after")
     def _check_keys(self) -> "JointPID":
@@ -54,6 +55,9 @@ class JointPID(Force):
         if self.kd and isinstance(r, Function) and r.function is not None and r.rate is None:
             raise ValueError(f"kd needs the rate of {r.name!r}: give mbdae.Function(function=..., rate=...)")
         return self
+
+    def unit_symbols(self) -> UnitSymbols:
+        return {"r": "q" if self.controls == "position" else "q/s"}
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         what = f"joint_pid {self.name!r} of {self.controls}"

@@ -1,12 +1,13 @@
 """Springs and dampers in joints of one coordinate."""
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import pinocchio as pin
 from pydantic import Field, field_validator, model_validator
 
+from ..key_units import Unit
 from ..time_functions.piecewise_polynomial import (
     Interpolation,
     PiecewisePolynomial,
@@ -42,11 +43,11 @@ class JointSpring(Force):
 
     kind: Literal["joint_spring"] = "joint_spring"
     joint: Joints
-    stiffness: float | None = None
-    table: tuple[Point, ...] | None = Field(default=None, min_length=2)
+    stiffness: Annotated[float | None, Unit("e/q")] = None
+    table: Annotated[tuple[Point, ...] | None, Unit("q", "e")] = Field(default=None, min_length=2)
     interpolation: Interpolation = "spline"
-    rest: float = 0.0
-    damping: float = Field(default=0.0, ge=0)
+    rest: Annotated[float, Unit("q")] = 0.0
+    damping: Annotated[float, Unit("e s/q")] = Field(default=0.0, ge=0)
 
     @field_validator("table")
     @classmethod

@@ -1,10 +1,11 @@
 """Joint torques as functions of time."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import pinocchio as pin
 
 from ...errors import InputError
+from ..key_units import Unit
 from ..time_functions.time_functions import TimeFunction
 from ..tree.frames import find_joint
 from .force import Force, ForceElement, single_coordinate_joints
@@ -31,9 +32,9 @@ class JointTorque(Force):
 
     kind: Literal["joint_torque"] = "joint_torque"
     joint: str
-    torque: TimeFunction | tuple[TimeFunction, ...]
-    gear: float = 1.0
-    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    torque: Annotated[TimeFunction | tuple[TimeFunction, ...], Unit("e")]
+    gear: Annotated[float, Unit("1")] = 1.0
+    bias: Annotated[tuple[float, float, float], Unit("e", "e/q", "e s/q")] = (0.0, 0.0, 0.0)
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         j = find_joint(model, self.joint)

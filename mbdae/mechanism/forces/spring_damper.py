@@ -1,12 +1,13 @@
 """Springs, dampers and force actuators between two points."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
 from ...tolerances import EVALUATION_ROUNDING
+from ..key_units import Unit
 from ..time_functions.time_functions import Constant, TimeFunction
 from ..tree.frames import Pair, anchor, skew, unit_gap
 from ..tree.wrench_partials import line_wrench_partials
@@ -33,10 +34,10 @@ class SpringDamper(Force):
 
     kind: Literal["spring_damper"] = "spring_damper"
     frames: tuple[str, str]
-    stiffness: float = 0.0
-    damping: float = Field(default=0.0, ge=0)
-    length: float = Field(default=0.0, ge=0)
-    force: TimeFunction = Constant(value=0.0)
+    stiffness: Annotated[float, Unit("N/m")] = 0.0
+    damping: Annotated[float, Unit("N s/m")] = Field(default=0.0, ge=0)
+    length: Annotated[float, Unit("m")] = Field(default=0.0, ge=0)
+    force: Annotated[TimeFunction, Unit("N")] = Constant(value=0.0)
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         a, b = self.frames

@@ -1,10 +1,11 @@
 """Forces and torques applied to a frame."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pinocchio as pin
 
+from ..key_units import Unit
 from ..time_functions.time_functions import Constant, TimeFunction
 from ..tree.frames import WORLD, Pair, anchor, skew
 from ..tree.wrench_partials import moved_line_partials
@@ -31,8 +32,8 @@ class Wrench(Force):
 
     kind: Literal["wrench"] = "wrench"
     frame: str
-    force: Vector = (ZERO,) * 3
-    torque: Vector = (ZERO,) * 3
+    force: Annotated[Vector, Unit("N")] = (ZERO,) * 3
+    torque: Annotated[Vector, Unit("N m")] = (ZERO,) * 3
     axes: Literal["world", "frame"] = "world"
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:

@@ -11,10 +11,11 @@ from ..checked_table import HUGE
 from ..flexible import attach_flexible
 from ..imported_model import ImportedModel
 from ..tree.frames import WORLD, find_frame, frame_names
+from .body_tables import Body, Flexible, Frame, Source
 from .flexible_table import modal_body_of
 from .inertias import checked_inertia
 from .joint_tree import JOINT_MODELS, Tree, depth_first, resolve_joints, rotation_from_z
-from .schema import Body, Flexible, Frame, MechanismFile, Source
+from .schema import MechanismFile
 
 
 def build(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> tuple[pin.Model, pin.GeometryModel | None]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from ..allowed_paths import AllowedPaths
 from ..flexible import ModalBody, beam
 from ..flexible.modal_data import modal_body_from_data, read_modal_data
-from .schema import BEAM, Flexible
+from .body_tables import BEAM, Flexible
 
 
 def with_data(tables: Sequence[Flexible], path: Path) -> tuple[Flexible, ...]:

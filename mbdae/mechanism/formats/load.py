@@ -21,6 +21,7 @@ from ..hybrid.reset import Reset
 from ..imported_model import ImportedModel, not_carried_over
 from ..mechanism import Mechanism
 from ..model_settings import Motor
+from .body_tables import Source
 from .build import build
 from .error_context import with_error_context
 from .flexible_table import with_data
@@ -28,8 +29,9 @@ from .merge import merge_sources
 from .model_library import IN_FOLDER, find
 from .parametric import ParametricFile, split
 from .readers import CONVERTERS, MECHANISM, PARAMETRIC, converted
-from .schema import MechanismFile, Source, read_toml
+from .schema import MechanismFile, read_toml
 from .sources import read_source, restored
+from .unit_conversion import in_si
 
 BODIES = "body", "flexible"  # tables whose defaults are valid only for some joints
 
@@ -129,16 +131,18 @@ def read(
     file, chosen = _read(found, name, {**written, **parameters}, parametric)
     if free_flyer and not file.source:
         raise InputError(f'{name}: free_flyer belongs to a source; a [[body]] says joint = "free"')
+    sources = tuple(_with_options(s, free_flyer or file.free_flyer, key) for s in file.source)
+    file = file.model_copy(update={"source": sources, "flexible": with_data(file.flexible, found)})
+    parts = [read_source(s, found.parent) for s in file.source]
+    with with_error_context(str(path), file, parts):
+        file = in_si(file, parts, name)
     added = dict(more or {})
     update = {
-        "source": tuple(_with_options(s, free_flyer or file.free_flyer, key) for s in file.source),
         "start": file.start if assemble else file.start.model_copy(update={"assemble": False}),
         "motor": MechanismFile(motor={**file.motor, **added.pop("motor", {})}).motor,
-        "flexible": with_data(file.flexible, found),
         **{table: (*getattr(file, table), *entries) for table, entries in added.items()},
     }
     file = file.model_copy(update=update)
-    parts = [read_source(s, found.parent) for s in file.source]
     with with_error_context("" if any((more or {}).values()) else str(path), file, parts):
         file, motors, left_out, remarks = merge_sources(file, parts)
     return Recipe(file, name, parts, motors, left_out, chosen, remarks)
@@ -226,7 +230,7 @@ def recipe_from_mechanism(mech: Mechanism) -> Recipe:
 
 
 def table_of(file: MechanismFile) -> dict[str, Any]:
-    """Return the file as JSON data; closures and bodies without defaults, since keys depend on the kind."""
+    """Return the file, in SI, as JSON data; closures and bodies without defaults, since keys depend on the kind."""
     tables = {x: [row.model_dump(mode="json", exclude_defaults=True) for row in getattr(file, x)] for x in BODIES}
     closures = [x.model_dump(mode="json", exclude_none=True) for x in file.closure]
-    return {**file.model_dump(mode="json", exclude={*BODIES, "closure"}), **tables, "closure": closures}
+    return {**file.model_dump(mode="json", exclude={*BODIES, "closure", "units"}), **tables, "closure": closures}

@@ -5,14 +5,18 @@ from functools import lru_cache
 from typing import Any
 
 from ...errors import InputError
+from ..checked_table import Table
 from ..forces import FORCES
+from ..key_units import Unit
 from ..mechanism import Mechanism
 from ..time_functions.time_functions import Constant
 from ..tree.frames import joint_names
+from .body_tables import Body
 from .load import Recipe, recipe_from_mechanism
-from .schema import Body
 from .table_entries import first_key
 from .template import CACHE_SIZE, Template, as_body, split_joint
+
+UNKNOWN = {"1", "q", "q1", "q2", "e", "r", "x", "y"}  # symbols of units of joints and functions
 
 
 class LoadedModel(Template):
@@ -58,6 +62,25 @@ def parameter_value(template: Template, name: str) -> float:
     if isinstance(entry, bool) or not isinstance(entry, int | float):
         raise InputError(f"{name!r} is no number, but {entry!r:.60}: give its value, name = value")
     return float(entry)
+
+
+def parameter_unit(template: Template, name: str) -> str:
+    """Return the unit of the parameter with a dotted name, as declared with its key; "" if it depends on a joint."""
+    recipe = template.recipe({})
+    if name in [p["name"] for p in recipe.parameters]:
+        return ""
+    entry: Any = recipe.file
+    rest, unit = name, None
+    if name.startswith("joint."):
+        entry, rest = _joint(recipe, name.removeprefix("joint."))
+    while rest:
+        key, rest = first_key(entry, rest, name)
+        if isinstance(entry, Table):
+            declared = entry.unit_of(key)
+            unit = declared if isinstance(declared, Unit) else None
+        entry = entry.get(key) if isinstance(entry, dict) else _entry_of(entry, key)
+    text = unit.texts[0] if unit and len(unit.texts) == 1 and not unit.powers_of else ""
+    return "" if set(text.replace("/", " ").split()) & UNKNOWN else text
 
 
 def _entry_of(entry: object, key: str) -> Any:

@@ -25,7 +25,7 @@ from ..imported_model import ImportedModel
 from ..model_settings import Motor
 from ..tree.frames import find_joint, frame_placement
 from ..tree.pinocchio_data import make_data
-from .schema import Frame, Vector
+from .body_tables import Frame, Vector
 from .yaml_table import yaml_table
 
 FILE, BASE = "loop_closures.yaml", "base_link"

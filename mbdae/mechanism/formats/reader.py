@@ -7,7 +7,7 @@ from typing import Any
 
 from ..allowed_paths import AllowedPaths
 from ..imported_model import ImportedModel
-from .schema import Source
+from .body_tables import Source
 
 KEY = {"key": "belongs to an MJCF source, not to {}"}
 

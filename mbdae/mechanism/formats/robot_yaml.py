@@ -28,8 +28,8 @@ from ..closures.closure import Closure
 from ..imported_model import ImportedModel
 from ..model_settings import Motor
 from ..tree.frames import find_joint, joint_names
+from .body_tables import Source
 from .reader import KEY, Reader
-from .schema import Source
 from .urdf import read_urdf
 from .yaml_table import yaml_table
 

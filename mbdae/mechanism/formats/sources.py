@@ -9,9 +9,9 @@ from ..allowed_paths import AllowedPaths
 from ..imported_model import ImportedModel
 from ..model_serialization import model_from_data
 from ..scene.shapes import unpack
+from .body_tables import Source
 from .model_library import resolve
 from .readers import READERS, SOURCES, reader_of
-from .schema import Source
 
 
 def read_source(source: Source, base: Path) -> ImportedModel:

@@ -28,11 +28,12 @@ from ..time_functions.time_functions import Constant
 from ..tree.frames import find_joint, joint_names
 from ..tree.tree_terms import copied
 from ..variant import variant
+from .body_tables import Body
 from .build import body_inertia, build, placement
 from .load import Recipe, make, read
 from .model_library import PARAMETRIC, find
 from .parametric import ParametricFile, split
-from .schema import Body, MechanismFile
+from .schema import MechanismFile
 from .table_entries import TABLES, entry_keys, entry_names, first_key, with_entries, with_entry
 
 JOINT = ("xyz", "rpy", "mass", "com", "inertia")  # entries of a source for a joint

@@ -16,11 +16,11 @@ from ..closures.closure import Axis
 from ..imported_model import EFFORTS, FRICTION, LIMITS, MIMICRY, ImportedModel, Mimic, mimic_couplings, name_list
 from ..model_settings import Value
 from ..tree.frames import find_joint, joint_names
+from .body_tables import WITH_AXIS, Source
 from .joint_tree import resolve_joints
 from .loop_closures import add_loop_closures
 from .reader import KEY, Reader
 from .recorded import Recorded, unread_phrases
-from .schema import WITH_AXIS, Source
 from .urdf_visuals import one_line, read_visuals
 
 POSE = "xyz rpy"

@@ -9,7 +9,7 @@ The energy that is lost or added counts as work.
 """
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
@@ -20,6 +20,7 @@ from ...system import Array
 from ...tolerances import EPS, SUM_ROUNDING
 from ..callbacks import call_with_views, checked_value, function_name
 from ..checked_table import Table
+from ..key_units import Coordinates
 from .state_expressions import Expression, state_columns
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ class Reset(Table):
     name: str = Field(min_length=1)
     signal: str = Field(min_length=1)
     when: str = ""
-    state: dict[str, float | str] = Field(default_factory=dict)
+    state: Annotated[dict[str, float | str], Coordinates()] = Field(default_factory=dict)
     function: str = ""
     _call: StateMap | None = PrivateAttr(None)
     _partials: Callable[[float, Array, Array], Array] | None = PrivateAttr(None)

@@ -1,11 +1,12 @@
 """Inputs as functions of time: set while a mechanism is simulated, and recorded."""
 
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Annotated, Any, Literal, NamedTuple, Protocol
 from weakref import WeakSet
 
 from pydantic import Field, PrivateAttr, field_validator
 
+from ..key_units import Unit
 from .piecewise_polynomial import PiecewisePolynomial, require_increasing
 from .time_function_base import BaseTimeFunction, PiecewiseFunction
 
@@ -37,7 +38,7 @@ class Input(BaseTimeFunction):
 
     kind: Literal["input"] = "input"
     name: str = Field(min_length=1)
-    value: float = 0.0
+    value: Annotated[float, Unit("y")] = 0.0
     unit: str = ""
     hold: Literal["zero", "first"] = "zero"
     _setting: InputSetting | None = PrivateAttr(None)
@@ -85,7 +86,7 @@ class InputHistory(PiecewiseFunction):
 
     kind: Literal["input_history"] = "input_history"
     name: str = ""
-    pieces: tuple[tuple[float, float, float], ...] = Field(min_length=1)
+    pieces: Annotated[tuple[tuple[float, float, float], ...], Unit("s", "y", "y/s")] = Field(min_length=1)
 
     @cached_property
     def polynomials(self) -> PiecewisePolynomial:

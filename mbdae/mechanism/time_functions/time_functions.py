@@ -11,6 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, field_validator, mo
 from ...data_types import CoreData
 from ...errors import InputError
 from ..callbacks import call_with_views, checked_value, function_name
+from ..key_units import Unit
 from . import piecewise_polynomial as piecewise
 from .input_functions import Input, InputHistory
 from .piecewise_polynomial import Beyond, Interpolation, PiecewisePolynomial, Point
@@ -27,7 +28,7 @@ class Constant(PiecewiseFunction):
     """
 
     kind: Literal["constant"] = "constant"
-    value: float
+    value: Annotated[float, Unit("y")]
 
     def at(self, t: float, k: int = 0) -> float:
         return 0.0 if k else self.value
@@ -52,10 +53,10 @@ class Harmonic(BaseTimeFunction):
     """
 
     kind: Literal["harmonic"] = "harmonic"
-    amplitude: float
-    omega: float
-    phase: float = 0.0
-    offset: float = 0.0
+    amplitude: Annotated[float, Unit("y")]
+    omega: Annotated[float, Unit("rad/x")]
+    phase: Annotated[float, Unit("rad")] = 0.0
+    offset: Annotated[float, Unit("y")] = 0.0
 
     def at(self, t: float, k: int = 0) -> float:
         angle = self.omega * t + self.phase + k * pi / 2
@@ -76,7 +77,7 @@ class Polynomial(PiecewiseFunction):
     """
 
     kind: Literal["polynomial"] = "polynomial"
-    coefficients: tuple[float, ...] = Field(min_length=1)
+    coefficients: Annotated[tuple[float, ...], Unit("y", powers_of="x")] = Field(min_length=1)
 
     @cached_property
     def polynomials(self) -> PiecewisePolynomial:
@@ -108,7 +109,7 @@ class TimeTable(_Points):
     """
 
     kind: Literal["table"] = "table"
-    points: tuple[Point, ...] = Field(min_length=2)
+    points: Annotated[tuple[Point, ...], Unit("x", "y")] = Field(min_length=2)
     interpolation: Interpolation = "spline"
     beyond: Beyond | None = None
 
@@ -147,7 +148,7 @@ class Steps(_Points):
     """
 
     kind: Literal["steps"] = "steps"
-    points: tuple[Point, ...] = Field(min_length=1)
+    points: Annotated[tuple[Point, ...], Unit("x", "y")] = Field(min_length=1)
 
     @cached_property
     def polynomials(self) -> PiecewisePolynomial:

@@ -3,7 +3,9 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from .frames import find_joint
+import pinocchio as pin
+
+from .frames import find_joint, joint_names
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -27,7 +29,12 @@ def effort_unit(units: Mapping[str, str], joint: str) -> str:
 
 def component_suffixes(mech: "Mechanism", name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the suffixes of a joint's name for its coordinates in q and in v; "" for a single coordinate."""
-    joint, kind = find_joint(mech.model, name), mech.joint_kind(name)
+    return _suffixes(mech.model, name)
+
+
+def _suffixes(model: pin.Model, name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    joint = find_joint(model, name)
+    kind = _kind(joint)
     if (joint.nq, joint.nv) in ((1, 1), (2, 1)):
         return ("",), ("",)
     numbers = [tuple(str(k + 1) for k in range(n)) for n in (joint.nq, joint.nv)]
@@ -35,13 +42,22 @@ def component_suffixes(mech: "Mechanism", name: str) -> tuple[tuple[str, ...], t
     return tuple(f".{x}" for x in q), tuple(f".{x}" for x in v)
 
 
+def _kind(joint: pin.JointModel) -> str:
+    return str(joint.shortname().removeprefix("JointModel"))
+
+
 def coordinate_units(mech: "Mechanism") -> dict[str, str]:
     """Return the units of ``q.*`` and then ``v.*``: rad or m, and per s; 1 for components of quaternions."""
+    return coordinate_units_of(mech.model)
+
+
+def coordinate_units_of(model: pin.Model) -> dict[str, str]:
+    """Return the units of the coordinates of a model, see `coordinate_units`."""
     out: dict[str, dict[str, str]] = {"q": {}, "v": {}}
-    for name in mech.joint_names:
-        kind = mech.joint_kind(name)
+    for name in joint_names(model):
+        kind = _kind(find_joint(model, name))
         prismatic = kind.startswith("P") and kind != "Planar"
-        for (letter, per), suffixes in zip((("q", ""), ("v", "/s")), component_suffixes(mech, name), strict=True):
+        for (letter, per), suffixes in zip((("q", ""), ("v", "/s")), _suffixes(model, name), strict=True):
             for suffix in suffixes:
                 length = suffix.lstrip(".v") in ("x", "y", "z") if suffix else prismatic
                 unit = "m" if length else "1" if suffix[1:] in DIMENSIONLESS else "rad"

@@ -13,15 +13,16 @@ from ...data_types import JsonObject
 from ...integrate.options.settings import complete_settings
 from ...mechanism import Closure, Mechanism, redundant
 from ...mechanism.equilibrium.elastic_modes import elastic_modes
-from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.signals.reactions import mass_scaled_jacobian, rank
+from ...mechanism.tree.coordinate_units import coordinate_units
 from ...mechanism.tree.frames import find_joint, fixed_links
 from ...mechanism.tree.joints import file_kind
 from ...mechanism.tree.tree_terms import flexible_bodies
-from ...solution.signal_value import signal_values, value
 from ...system import Array
 from ...tabular import Tabular
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
+from ...units import displayed, unit_name
+from .start_values import by_joint
 
 NOT_MODELLED = (
     "contact of shapes",
@@ -66,6 +67,7 @@ class Card(Tabular):
             routines where the sweep does not know a kind of joint; empty without the core.
         flexible: frequencies of the modes of each flexible body in rad/s, with its frame at rest.
         vibrations: frequencies of the flexible bodies in rad/s at the start, with the closures, and damping ratios.
+        units: of positions and velocities by joint, ``q.crank``.
     """
 
     title: str
@@ -96,6 +98,7 @@ class Card(Tabular):
     inertia: str = ""
     flexible: dict[str, list[float]] = field(default_factory=dict)
     vibrations: tuple[tuple[float, float], ...] = ()
+    units: dict[str, str] = field(default_factory=dict)
 
     def facts(self) -> dict[str, str]:
         """Return the facts by heading; lists have several lines."""
@@ -112,7 +115,7 @@ class Card(Tabular):
             **({"fixed base": ", ".join(self.fixed)} if self.fixed else {}),
             "closures": "\n".join(closures) or "none",
             "forces": ", ".join(self.forces) or "none",
-            "gravity": f"{list(self.gravity)} m/s^2",
+            "gravity": self._gravity(),
             "start": "\n".join([f"|g| = {self.g:.1e}, |G v| = {self.Gv:.1e}", *self._start()]),
             "not modelled": ", ".join(self.not_modelled),
         }
@@ -131,7 +134,7 @@ class Card(Tabular):
             lines.append(f"  fixed base {', '.join(self.fixed)}")
         lines += self._closures()
         lines += self._flexible()
-        lines += [f"  forces    {', '.join(self.forces) or 'none'}; gravity {list(self.gravity)} m/s^2"]
+        lines += [f"  forces    {', '.join(self.forces) or 'none'}; gravity {self._gravity()}"]
         lines += [f"  parameter {p['name']} = {p['value']}: {p['takes']}" for p in self.parameters]
         if self.inertia:
             lines.append(f"  inertia   by {self.inertia}")
@@ -144,12 +147,21 @@ class Card(Tabular):
         lines += [wrapped(f"  not modelled: {', '.join(self.not_modelled)}")]
         return "\n".join(lines)
 
+    def _gravity(self) -> str:
+        return f"{[displayed(x, 'm/s^2')[0] for x in self.gravity]} {unit_name('m/s^2')}"
+
     def _start(self) -> list[str]:
         """Return lines of the start coordinates, and of the velocities that are not zero."""
         tables = {"q": self.positions, "v": {name: x for name, x in self.velocities.items() if readable(x) != "0"}}
-        lines = [f"{kind}: " + ", ".join(f"{n} = {readable(x)}" for n, x in table.items()) for kind, table in
-                 tables.items() if table]  # fmt: skip
+        lines = [f"{kind}: " + ", ".join(f"{n} = {self._value(f'{kind}.{n}', x)}" for n, x in table.items())
+                 for kind, table in tables.items() if table]  # fmt: skip
         return lines if tables["v"] else [*lines, "at rest"]
+
+    def _value(self, name: str, x: float) -> str:
+        """Return a coordinate or velocity as text; angles of joints of several coordinates are in rad, too."""
+        unit = self.units.get(name, "rad" if name.endswith(".angle") else "")
+        value, unit = displayed(x, unit)
+        return readable(value) if unit in ("", "1") else f"{readable(value)} {unit}"
 
     @property
     def _dependent(self) -> int:
@@ -200,18 +212,6 @@ def wrapped(line: str) -> str:
 def readable(x: float) -> str:
     """Return a number with six digits; 0 for rounding."""
     return f"{x:.6g}" if abs(x) > SOLUTION_ROUNDING else "0"
-
-
-def by_joint(system: Index2System, t: float, y: Array) -> tuple[dict[str, float], dict[str, float]]:
-    """Return coordinates and velocities by joint; an angle in place of (cos, sin)."""
-    known = signal_values(system.mechanism)
-    found = {name: value(system, known[name], t, y) for name in known if name.startswith(("q.", "v."))}
-    for name in [name for name in found if name.endswith(".cos")]:
-        joint = name.removesuffix(".cos")
-        angle = float(np.arctan2(found.pop(f"{joint}.sin"), found[name]))
-        found = {(f"{joint}.angle" if n == name else n): (angle if n == name else x) for n, x in found.items()}
-    q, v = ({name[2:]: x for name, x in found.items() if name.startswith(kind)} for kind in ("q.", "v."))
-    return q, v
 
 
 def card(mech: Mechanism) -> Card:
@@ -276,6 +276,7 @@ def card(mech: Mechanism) -> Card:
         not_modelled=(*NOT_MODELLED, *mech.left_out),
         fixed=tuple(fixed_links(mech.model)),
         inertia=_inertia_by(mech),
+        units=coordinate_units(mech),
         **_elastic(mech, q),
     )
 

@@ -11,12 +11,14 @@ from ...cli.model import chosen_model, set_option, start_option
 from ...cli.options import SHARED
 from ...cli.output import emit, print_table
 from ...discovery import model_names
+from ...errors import InputError
 
 
 @click.command()
 @click.argument("model", required=False, shell_complete=completed(problems))
 @start_option
 @set_option
+@SHARED["units"]
 @SHARED["json"]
 def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], as_json: bool) -> None:
     """Show versions and the back end, or a model's card.
@@ -36,29 +38,26 @@ def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], a
 @SHARED["json"]
 def models(textbook: bool, as_json: bool) -> None:
     """List the models that come with mbdae."""
-    from ...mechanism import load
     from ...textbook.problems import TEXTBOOK
 
     if textbook:
         problems = [(name, make()) for name, make in TEXTBOOK.items()]
         print_table([{"name": n, "title": p.title, "ny": len(p.y0), "nz": len(p.z0)} for n, p in problems], as_json)
         return
+    print_table([_row(name, as_json) for name in model_names()], as_json)
+
+
+def _row(name: str, as_json: bool) -> dict[str, Any]:
+    """Return the sizes of a model; instead of its title, the reason why it cannot be loaded here."""
+    from ...mechanism import load
     from .card import card
 
-    rows = [(name, load(name)) for name in model_names()]
-    data = [
-        {
-            "name": n,
-            "title": m.title,
-            "nq": m.nq,
-            "nv": m.nv,
-            "ng": m.ng,
-            "dof": card(m).dof,
-            "parameters": _parameters(m.source or {}, as_json) or None,
-        }
-        for n, m in rows
-    ]
-    print_table(data, as_json)
+    try:
+        m = load(name)
+    except InputError as e:  # robots of a package that is not installed
+        return {"name": name, "title": str(e)} | dict.fromkeys(("nq", "nv", "ng", "dof", "parameters"))
+    sizes = {"nq": m.nq, "nv": m.nv, "ng": m.ng, "dof": card(m).dof}
+    return {"name": name, "title": m.title, **sizes, "parameters": _parameters(m.source or {}, as_json) or None}
 
 
 def _parameters(source: Mapping[str, Any], complete: bool) -> str:

@@ -20,7 +20,7 @@ MOTION = (
 )
 
 
-@study_command("speed actuator weight", TABLE, PLOT, shared="from to", more=MOTION)
+@study_command("speed actuator weight", TABLE, PLOT, shared="from to units", more=MOTION)
 def inverse_dynamics(study: Study, model: ChosenModel, motion: str | None, drive: str | None, **options: Any) -> Result:
     """Compute the actuator efforts of a motion. This is a saved run, a table of q(t), or a drive at constant speed."""
     from ..kinematics.kinematics import kinematics

@@ -15,11 +15,14 @@ from ...mechanism.tree.coordinate_units import coordinate_units, effort_unit
 from ...solution.columns import LOCAL_AXES, row_names
 from ...system import Array
 from ...tabular import Columns, Tabular, rounded_zero
+from ...units import displayed, quantity, unit_name
 from ..kinematics.violations import Violation, violation_lines
 from .peaks import delivered_and_absorbed, located_peak
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+SPEEDS = {"N m": "rad/s", "N": "m/s"}  # by the unit of the effort
 
 
 class Demand(NamedTuple):
@@ -178,31 +181,37 @@ class InverseDynamics(Tabular):
         fixed = {"t": "s", "power": "W", "force": "N", "torque": "N m", "lam": "N, N m"}
         heads = {name: name.split(".", 1) for name in columns}
         given = {name: fixed.get(head[0], known.get(head[-1], "")) for name, head in heads.items()}
-        speeds = {f"speed.{name}": "rad/s" if unit == "N m" else "m/s" for name, unit in known.items()}
+        speeds = {f"speed.{name}": SPEEDS[unit] for name, unit in known.items()}
         return Columns(columns, {name: unit for name, unit in (given | speeds).items() if unit}, "t")
 
     def cells(self) -> list[list[str]]:
         """Return the requirements on each actuator."""
-        heads = ["actuator", "peak", "RMS", "unit", "speed", "power W", "braking W", "energy J"]
-        rows = [[d.name, f"{d.peak:.5g}", f"{d.rms:.5g}", d.unit, *(f"{x:.4g}" for x in (d.speed, d.power, d.braking)),
-                 f"{rounded_zero(d.energy, d.given + d.taken):.5g}"] for d in self.demands]  # fmt: skip
-        return [heads, *rows]
+        power, energy = (unit_name(unit) for unit in "WJ")
+        heads = ["actuator", "peak", "RMS", "unit", "speed", "unit", f"power {power}", f"braking {power}",
+                 f"energy {energy}"]  # fmt: skip
+        return [heads, *map(_cells, self.demands)]
+
+    @property
+    def abscissa(self) -> tuple[str, str]:
+        """Name and unit in SI of `over`."""
+        name, unit = self.over_name.rsplit(" (", 1)
+        return name, unit.rstrip(")")
 
     def remarks(self) -> list[str]:
         """Return the largest joint forces, and where efforts are undetermined."""
         sizes = np.linalg.norm(self.joints[:, :, :3], axis=2)
         largest = np.nanmax(sizes, axis=0)
+        largest, force = displayed(largest, "N")
         loads = ", ".join(f"{n} {x:.4g}" for n, x in zip(self.mechanism.joint_names, largest, strict=True))
-        lines = [f"  largest forces in joints (N): {loads}"]
+        lines = [f"  largest forces in joints ({force}): {loads}"]
         if len(self.undetermined):
             times = ", ".join(f"{t:.6g}" for t in self.undetermined[:5])
             lines.append(f"  closures lose rank, and efforts are undetermined, at t = {times} s")
         if self.impacts:
             times = ", ".join(f"{t:.6g}" for t in self.impacts[:5]) + (", ..." if len(self.impacts) > 5 else "")
             lines.append(f"  impulses of impacts are not included in efforts: t = {times} s")
-        name, unit = self.over_name.rsplit(" (", 1)
-        lines += violation_lines(self.passed, name, unit.rstrip(")"))
-        lines += [f"  {name!r} is at rest: its static friction can balance up to {x:.4g} {unit}"
+        lines += violation_lines(self.passed, *self.abscissa)
+        lines += [f"  {name!r} is at rest: its static friction can balance up to {quantity(x, unit, '.4g')}"
                   for name, x, unit in self._friction()]  # fmt: skip
         return lines
 
@@ -238,18 +247,27 @@ class InverseDynamics(Tabular):
         span = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s"
         lines = [f"inverse dynamics of {self.mechanism.title}, {span}"]
         for d in self.demands:
-            per = "rad/s" if d.unit == "N m" else "m/s"
-            what = self.over_name.rsplit(" (", 1)
+            name, unit = self.abscissa
             lines.append(
-                f"  {d.name}: peak {d.peak:.5g} {d.unit} at {what[0]} = {d.at:.4g} {what[1].rstrip(')')}, "
-                f"RMS {d.rms:.5g} {d.unit}, up to {d.speed:.4g} {per}"
+                f"  {d.name}: peak {quantity(d.peak, d.unit, '.5g')} at {name} = {quantity(d.at, unit, '.4g')}, "
+                f"RMS {quantity(d.rms, d.unit, '.5g')}, up to {quantity(d.speed, SPEEDS[d.unit], '.4g')}"
             )
-            energy = rounded_zero(d.energy, d.given + d.taken)
+            energy, low = rounded_zero(d.energy, d.given + d.taken), displayed(-d.braking, "W")[0]
+            given, taken = (displayed(x, "J")[0] for x in (d.given, d.taken))
             lines.append(
-                f"    power {-d.braking:.4g} to {d.power:.4g} W; energy {energy:.5g} J, delivered {d.given:.5g}, "
-                f"absorbed {d.taken:.5g}"
+                f"    power {low:.4g} to {quantity(d.power, 'W', '.4g')}; energy {quantity(energy, 'J', '.5g')}, "
+                f"delivered {given:.5g}, absorbed {taken:.5g}"
             )
         return "\n".join([*lines, *self.remarks()])
+
+
+def _cells(d: Demand) -> list[str]:
+    """Return the cells of an actuator."""
+    speed = unit_name(SPEEDS[d.unit])
+    values = ((d.peak, d.unit, ".5g"), (d.rms, d.unit, ".5g"), (d.speed, SPEEDS[d.unit], ".4g"), (d.power, "W", ".4g"),
+              (d.braking, "W", ".4g"), (rounded_zero(d.energy, d.given + d.taken), "J", ".5g"))  # fmt: skip
+    peak, rms, most, *rest = (f"{displayed(x, unit)[0]:{digits}}" for x, unit, digits in values)
+    return [d.name, peak, rms, unit_name(d.unit), most, speed, *rest]
 
 
 def _integral(values: Array, t: Array, intervals: list[Array], power: int = 1) -> float:

@@ -14,11 +14,12 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import InputError, as_list
 from ...mechanism import Mechanism
-from ...mechanism.tree.coordinate_units import COORDINATE_NAMES
+from ...mechanism.tree.coordinate_units import COORDINATE_NAMES, coordinate_units
 from ...mechanism.tree.frames import find_joints
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tabular import Tabular
+from ...units import quantity
 from .driven_mechanism import Hold, driven_mechanism, input_at, omitted_elements, require_one_dof, start_pose
 from .mode_search import ModeSearch
 
@@ -77,8 +78,9 @@ class AssemblyModes(Tabular):
 
     def __str__(self) -> str:
         n, circuits = len(self.modes), len({m.circuit for m in self.modes})
+        unit = coordinate_units(self.mechanism).get(f"v.{self.drive}", "").removesuffix("/s")
         on = f"{circuits} circuit{'s' if circuits > 1 else ''}"
-        text = f"{self.mechanism.title}: {n} assembly modes at {self.drive} = {self.u:.6g}, on {on}"
+        text = f"{self.mechanism.title}: {n} assembly modes at {self.drive} = {quantity(self.u, unit)}, on {on}"
         lines = [f"{text}, from {self.starts} starts of which {self.closed} closed"]
         if self.closed:
             rarest = min(m.hits for m in self.modes)
@@ -158,11 +160,13 @@ def _letters() -> list[str]:
 
 def _coordinates_text(mech: Mechanism, q: Array) -> str:
     """Return the coordinates of a pose as text."""
-    out = []
+    out, units = [], coordinate_units(mech)
     for name, joint in zip(mech.joint_names, find_joints(mech.model, mech.joint_names), strict=True):
         values = q[joint.idx_q : joint.idx_q + joint.nq]
         if (joint.nq, joint.nv) == (2, 1):
             values = np.array([np.arctan2(values[1], values[0])])
         parts = COORDINATE_NAMES.get(mech.joint_kind(name), (("",),))[0] if len(values) > 1 else ("",)
-        out += [f"{name}{'.' if p else ''}{p} {x:.4g}" for p, x in zip(parts, values, strict=False)]
+        names = [f"{name}.{p}" if p else name for p in parts]
+        known = [units.get(f"q.{n}", "").removesuffix("1") for n in names]
+        out += [f"{n} {quantity(x, u, '.4g')}" for n, u, x in zip(names, known, values, strict=False)]
     return ", ".join(out)

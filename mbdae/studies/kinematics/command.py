@@ -27,7 +27,7 @@ PAGE = output_file(
     TABLE,
     PAGE,
     PLOT,
-    shared="from to speed",
+    shared="from to speed units",
     types={"points": click.IntRange(min=2)},
     more=[click.option("--toggles", is_flag=True, help="List the poses in which a joint reverses.")],
 )
@@ -36,7 +36,7 @@ def kinematics(study: Study, model: ChosenModel, speed: float | None, toggles: b
     return replace(study(model.load(), **options), listed=toggles)
 
 
-@command("drive at hold apart")
+@command("drive at hold apart", shared="units")
 def assembly_modes(study: Study, out: Output, model: ChosenModel, **options: Any) -> None:
     """Find all poses that satisfy the closures at one input."""
     found = study(model.load(), **options)

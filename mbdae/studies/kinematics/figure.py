@@ -6,6 +6,7 @@ import numpy as np
 
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...tolerances import COINCIDENT, SOLUTION_ROUNDING
+from ...units import displayed, unit_name
 from ..figures import COLOURS, QUANTITY_NAMES, WIDTH, curve_style, empty_figure, escaped, fixed_layout, legend_right
 from .result import Kinematics, monotonic_segments
 
@@ -34,14 +35,16 @@ def curves(found: Kinematics) -> "Figure":
     for ax, (part, kind) in zip(axes, rows, strict=False):
         names = [n for n in moving if unit[n] == kind]
         for i, name in enumerate(names):
-            _curve(ax, found, signals.get(part + name[2:], np.full(len(found.u), np.nan)), escaped(name[2:]), i)
+            per = {"q.": kind, "v.": f"{kind}/{found.unit}", "a.": f"{kind}/{found.unit}^2"}[part]
+            values = displayed(signals.get(part + name[2:], np.full(len(found.u), np.nan)), per)[0]
+            _curve(ax, found, values, escaped(name[2:]), i)
         _label(ax, part, kind, found.unit)
     if extra:
         _curve(axes[-1], found, np.degrees(found.transmission), "", 0)
         axes[-1].set_ylabel("transmission\n(deg)")
         axes[-1].set_ylim(0, 92)
     _mark_points(axes, found)
-    axes[-1].set_xlabel(escaped(f"{found.drive} ({found.unit})"))
+    axes[-1].set_xlabel(escaped(f"{found.drive} ({unit_name(found.unit)})"))
     figure.align_ylabels(axes)
     figure.suptitle(escaped(f"{found.mechanism.title} over {found.drive}"), fontsize=9)
     return figure
@@ -49,10 +52,11 @@ def curves(found: Kinematics) -> "Figure":
 
 def _label(ax: "Axes", part: str, kind: str, unit: str) -> None:
     """Label coordinates, rates or accelerations of a kind, over an input with a unit."""
+    of_kind, of_input = (unit_name(x) for x in (kind, unit))
     words, per = {
-        "q.": (QUANTITY_NAMES[kind], kind),
-        "v.": ("rates", f"{kind}/{unit}"),
-        "a.": ("accelerations", f"{kind}/{unit}$^2$"),
+        "q.": (QUANTITY_NAMES[kind], of_kind),
+        "v.": ("rates", f"{of_kind}/{of_input}"),
+        "a.": ("accelerations", f"{of_kind}/{of_input}$^2$"),
     }[part]
     ax.set_ylabel(f"{words}\n({per})")
     if part == "q.":
@@ -63,9 +67,9 @@ def _mark_points(axes: np.ndarray, found: Kinematics) -> None:
     """Draw dotted lines at dead points, dashed ones at branch points."""
     for ax in axes:
         for u, _ in found.dead_points:
-            ax.axvline(u, color="0.5", lw=0.7, ls=":")
+            ax.axvline(displayed(u, found.unit)[0], color="0.5", lw=0.7, ls=":")
         for b in found.branch_points:
-            ax.axvline(b.u, color="0.5", lw=0.7, ls="--")
+            ax.axvline(displayed(b.u, found.unit)[0], color="0.5", lw=0.7, ls="--")
 
 
 def _curve(ax: "Axes", found: Kinematics, values: np.ndarray, label: str, i: int) -> None:
@@ -73,6 +77,6 @@ def _curve(ax: "Axes", found: Kinematics, values: np.ndarray, label: str, i: int
     limit = CUTOFF * float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
     values = np.where(np.abs(values) < SOLUTION_ROUNDING, 0.0, values)
     shown = np.where(np.abs(values) > limit, np.nan, values) if limit and found.dead_points else values
-    style = curve_style(i) | {"color": COLOURS[i % len(COLOURS)]}
+    style, u = curve_style(i) | {"color": COLOURS[i % len(COLOURS)]}, displayed(found.u, found.unit)[0]
     for k, part in enumerate(monotonic_segments(found)):
-        ax.plot(found.u[part], shown[part], label=label if k == 0 else None, **style)
+        ax.plot(u[part], shown[part], label=label if k == 0 else None, **style)

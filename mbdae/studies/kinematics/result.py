@@ -18,6 +18,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular, align_columns
 from ...tolerances import SOLUTION_ROUNDING
+from ...units import displayed, unit_name
 from .branch_following import TracedCurve
 from .branch_points import BranchPoint
 from .toggles import Toggle, toggle_table, toggles
@@ -139,7 +140,8 @@ class Kinematics(Tabular):
         q, v = (np.array([getattr(t, name) for t in found]) for name in "qv")
         only = replace(self, q=q, tangent=v, curvature=0 * v, s=np.arange(len(q)) * 1.0, stretches=ends)
         columns = coordinates(only.run()) if found else {}
-        return toggle_table(found, {n: x for n, x in columns.items() if n.startswith("q.")}, self.drive, self.unit)
+        values = {n: x for n, x in columns.items() if n.startswith("q.")}
+        return toggle_table(found, values, self.drive, self.unit, coordinate_units(self.mechanism))
 
     @cached_property
     def velocity_names(self) -> list[str]:
@@ -229,6 +231,10 @@ class Kinematics(Tabular):
         out = coordinate_units(self.mechanism)[f"q.{self.output}"] if self.output else self.unit
         return "1" if out == self.unit else f"{self.unit}/{out}"
 
+    def _input(self, u: float) -> float:
+        """Return an input in the unit in which it is shown."""
+        return float(displayed(u, self.unit)[0])
+
     def to_dict(self) -> JsonObject:
         """Return JSON data."""
         return {
@@ -262,20 +268,22 @@ class Kinematics(Tabular):
         return {key: value for key, value in self.to_dict().items() if key != "table"}
 
     def __str__(self) -> str:
-        lines = [f"kinematics of {self.mechanism.title} over {self.drive} ({self.unit})"]
+        unit = unit_name(self.unit)
+        lines = [f"kinematics of {self.mechanism.title} over {self.drive} ({unit})"]
         if self.locked:
             lines.append(f"  locked: {', '.join(self.locked)}")
         for i, x in enumerate(self.stretches, 1):
             poses = x.last - x.first
-            lines.append(f"  curve {i}: {poses} poses, input {x.low:.6g} to {x.high:.6g}, {ENDS[x.ended]}")
+            low, high = (self._input(u) for u in (x.low, x.high))
+            lines.append(f"  curve {i}: {poses} poses, input {low:.6g} to {high:.6g}, {ENDS[x.ended]}")
         if self.dead_points:
-            lines.append(f"  dead points at {', '.join(f'{u:.12g}' for u, _ in self.dead_points)}")
+            lines.append(f"  dead points at {', '.join(f'{self._input(u):.12g}' for u, _ in self.dead_points)}")
         for b in self.branch_points:
-            lines.append(f"  branch point at {round(b.u, 12) + 0.0:.12g}: {2 * len(b.directions)} branch directions")
+            at = round(self._input(b.u), 12) + 0.0
+            lines.append(f"  branch point at {at:.12g}: {2 * len(b.directions)} branch directions")
         for u in self.hidden:
-            lines.append(
-                f"  more than two branches intersect near {round(u, 6) + 0.0:.6g}: the curve continues straight"
-            )
+            near = round(self._input(u), 6) + 0.0
+            lines.append(f"  more than two branches intersect near {near:.6g}: the curve continues straight")
         lines += violation_lines(self.passed, self.drive, self.unit)
         if self.output and np.isfinite(self.transmission).any():
             low, high = (np.degrees(f(self.transmission)).round(6) for f in (np.nanmin, np.nanmax))

@@ -11,6 +11,7 @@ from ...mechanism.tree.frames import find_joint
 from ...system import Array
 from ...tabular import rounded_zero
 from ...tolerances import SAME_POSE, ZERO_SPEED
+from ...units import displayed
 from .branch_following import TracedCurve
 from .pose_curve import CurvePoint
 
@@ -71,16 +72,21 @@ def _zeros(traced: TracedCurve, i: int) -> list[CurvePoint]:
     return out
 
 
-def toggle_table(found: Sequence[Toggle], names: Mapping[str, Array], drive: str, unit: str) -> list[list[str]]:
-    """Return a table of toggle positions with the reversing joints, the input and all coordinates.
+def toggle_table(
+    found: Sequence[Toggle], names: Mapping[str, Array], drive: str, unit: str, units: Mapping[str, str]
+) -> list[list[str]]:
+    """Return a table of toggle positions with the reversing joints, the input and all other coordinates.
 
     Args:
         found: m toggle positions.
         names: values of each coordinate by name, (m,) each.
         drive: name of the input.
         unit: of the input.
+        units: of the coordinates by name.
     """
-    heads = ["reverses", f"{drive} ({unit})", *(name.removeprefix("q.") for name in names)]
-    values = np.array([[t.u for t in found], *names.values()]).T if found else np.empty((0, 0))
+    columns = {drive: displayed(np.array([t.u for t in found]), unit)}
+    columns |= {name.removeprefix("q."): displayed(x, units.get(name, "")) for name, x in names.items()}
+    heads = ["reverses", *(f"{name} ({u})" if u not in ("", "1") else name for name, (_, u) in columns.items())]
+    values = np.array([x for x, _ in columns.values()]).T if found else np.empty((0, 0))
     rows = [[f"{rounded_zero(x):.9g}" for x in row] for row in values]
     return [heads] + [[", ".join(t.reversing), *row] for t, row in zip(found, rows, strict=True)]

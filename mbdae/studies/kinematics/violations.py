@@ -14,6 +14,7 @@ from ...mechanism.hybrid.mode_point import AllRows
 from ...mechanism.hybrid.switch import SampledMotion, Switch
 from ...system import Array
 from ...tolerances import CLOSED, HALF_DIGITS, VISIBLE
+from ...units import displayed, quantity, unit_name
 from .pose_curve import PoseCurve
 
 CONSISTENT = 1e-2  # of the cubic's depth: largest difference to the depth on the curve
@@ -160,12 +161,13 @@ def violation_lines(found: Sequence[Violation], over: str, unit: str) -> list[st
     out = []
     for name, touches in dict.fromkeys((p.name, not p.most) for p in found):
         intervals = [p for p in found if (p.name, not p.most) == (name, touches)]
-        where = ", ".join(f"{_shown(p.first)} to {_shown(p.last)}" for p in intervals[:LISTED])
+        values = ([displayed(x, unit)[0] for x in (p.first, p.last)] for p in intervals[:LISTED])
+        where = ", ".join(f"{_shown(first)} to {_shown(last)}" for first, last in values)
         more = f" and {len(intervals) - LISTED} times more" if len(intervals) > LISTED else ""
         most = max(p.most for p in intervals)
-        how = f"violates {name!r}, which does not act, by up to {most:.4g} {intervals[0].unit}"
+        how = f"violates {name!r}, which does not act, by up to {quantity(most, intervals[0].unit, '.4g')}"
         how = f"is in contact with {name!r}, which carries no load here" if touches else how
-        out.append(f"  {how}: {over} = {where}{more} {unit}")
+        out.append(f"  {how}: {over} = {where}{more} {unit_name(unit)}")
     return out
 
 

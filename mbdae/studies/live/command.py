@@ -15,9 +15,9 @@ SECONDS = click.option("--seconds", type=click.FloatRange(min=0, min_open=True),
 INTERVAL = 0.2  # s in which an interrupt is noticed
 
 
-@command("range speed fps port paused shadows", RUN, shared="method rtol step", more=(SECONDS,))
+@command("range parameter trace speed fps port paused shadows", RUN, shared="method rtol step", more=(SECONDS,))
 def live(study: Study, out: Output, model: ChosenModel, seconds: float | None, **options: Any) -> None:
-    """Simulate a model in real time in a browser. Its inputs and joints have sliders; it ends with Ctrl-C.
+    """Simulate a model in real time in a browser. Inputs, joints and lengths have sliders; it ends with Ctrl-C.
 
     A drag on a body pulls it by a spring.
     """

@@ -5,7 +5,7 @@ const live = (() => {
   const socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/live`);
   const send = message => { if (socket.readyState === 1) socket.send(JSON.stringify(message)); };
   const state = document.body.appendChild(document.createElement("div")), page = {send, frames: 0, state: {}};
-  state.style.cssText = "position: absolute; left: 16px; top: 12px; right: 280px; font: 14px system-ui, sans-serif; color: #24292f; white-space: pre-line; pointer-events: none";
+  state.style.cssText = "position: absolute; left: 16px; top: 12px; right: 340px; font: 14px system-ui, sans-serif; color: #24292f; white-space: pre-line; pointer-events: none";
   const say = (text, wrong) => {
     state.textContent = text;
     state.style.color = wrong ? "#a40e26" : "#24292f";
@@ -23,7 +23,7 @@ const live = (() => {
   socket.onclose = () => say(`${page.state.text || ""}\nThe live view has ended.`, true);
   viewer.gui.open();
   viewer.gui.__folders.Scene.close();
-  viewer.gui.width = 260;
+  viewer.gui.width = 320;
 
   // A drag that begins on a body pulls it towards the pointer, in the plane through the point that faces the camera.
   const {Plane, Raycaster, Vector2, Vector3} = MeshCat.THREE, caster = new Raycaster(), plane = new Plane();

@@ -59,6 +59,12 @@ class LiveScene:
         resting = [(d, m) for d, m in zip(self.drawables, self._start, strict=True) if d.name in self._resting]
         yield from placed([d for d, _ in resting], [motion for _, motion in resting])
 
+    def redrawn(self) -> Iterator[dict[str, Any]]:
+        """Yield the commands that draw all bodies again, for other dimensions."""
+        yield from drawn([d for d in self.drawables if d.style != "closure"])
+        resting = [(d, m) for d, m in zip(self.drawables, self._start, strict=True) if d.name in self._resting]
+        yield from placed([d for d, _ in resting], [motion for _, motion in resting])
+
     def coarsen(self) -> Iterator[dict[str, Any]]:
         """Yield the commands that draw the bodies with fewer triangles, for a page that is slow."""
         self.drawables, self.coarse = coarse(self.drawables, COARSE), True

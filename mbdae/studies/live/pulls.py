@@ -57,7 +57,7 @@ class Pulls:
             for j in mechanism.joint_names
         ]
         self.mechanism = variant(mechanism, forces=[*mechanism.forces, *hands], source=None)
-        self._ranges = {**_default_ranges(mechanism, self.inputs, self.joints, q), **_checked(ranges)}
+        self._ranges = {**_default_ranges(mechanism, self.inputs, self.joints, q), **checked_ranges(ranges)}
         for name in ranges:
             if name not in self.inputs and name not in self.joints:
                 raise UnknownNameError("input or joint", name, [*self.inputs, *self.joints])
@@ -227,7 +227,12 @@ def _default_ranges(
     return out
 
 
-def _checked(ranges: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, float]]:
+def checked_ranges(ranges: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, float]]:
+    """Return ranges of sliders by name.
+
+    Raises:
+        InputError: for a range that is not two increasing numbers.
+    """
     out = {}
     for name, pair in ranges.items():
         try:

@@ -24,7 +24,7 @@ WORDS = "T q v section symmetry parts rtol"
 OVER = click.argument("over", metavar="NAME=FIRST:LAST")
 
 
-@study_command(WORDS, TABLE, PLOT, PAGE, shared="method", exit_code=lambda found: CODES[found.stability])
+@study_command(WORDS, TABLE, PLOT, PAGE, shared="method units", exit_code=lambda found: CODES[found.stability])
 def periodic(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Find a periodic motion of a model and its stability. MODEL is also a run.npz that has nearly settled.
 
@@ -33,7 +33,7 @@ def periodic(study: Study, model: ChosenModel, **options: Any) -> Result:
     return study(_model_or_run(model), **_given(options))
 
 
-@study_command(WORDS, TABLE, PLOT, shared="method", more=[OVER])
+@study_command(WORDS, TABLE, PLOT, shared="method units", more=[OVER])
 def periodic_branch(study: Study, model: ChosenModel, over: str, **options: Any) -> Result:
     """Follow a periodic motion over a parameter. Locates folds, doublings, Neimark-Sacker points, grazing."""
     name, first, last = _range(over)

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...mechanism.tree.coordinate_units import coordinate_units
+from ...solution.signals import units as signal_units
+from ...units import displayed, unit_name
 from ..figures import COLOURS, WIDTH, empty_figure, escaped, fixed_layout
 from .branch import Branch
 from .result import PeriodicMotion
@@ -21,14 +23,16 @@ def motion(found: PeriodicMotion) -> "Figure":
     """Draw one period in the phase planes of the joints, and the multipliers at the unit circle."""
     figure = empty_figure(WIDTH, 3.2)
     left, right = figure.subplots(1, 2)
-    columns = found.tabulated().values
+    columns, units, _ = found.tabulated()
     joints = [name[2:] for name in columns if name.startswith("q.") and f"v.{name[2:]}" in columns]
     breaks = np.flatnonzero(np.diff(columns["t"]) == 0) + 1
     for k, joint in enumerate(joints[: len(COLOURS)]):
         for i, (q, v) in enumerate(zip(*(np.split(columns[f"{x}.{joint}"], breaks) for x in "qv"), strict=True)):
-            left.plot(q, v, color=COLOURS[k], label=escaped(joint) if i == 0 else None)
-    left.set_xlabel("coordinate (rad, m)")
-    left.set_ylabel("velocity (rad/s, m/s)")
+            shown = (displayed(x, units[f"{letter}.{joint}"])[0] for letter, x in (("q", q), ("v", v)))
+            left.plot(*shown, color=COLOURS[k], label=escaped(joint) if i == 0 else None)
+    for letter, label, word in (("q", left.set_xlabel, "coordinate"), ("v", left.set_ylabel, "velocity")):
+        kinds = dict.fromkeys(unit_name(units[f"{letter}.{joint}"]) for joint in joints)
+        label(f"{word} ({', '.join(kinds)})")
     left.legend(loc="best", fontsize=6)
     _unit_circle(right, found.multipliers)
     figure.suptitle(escaped(f"{found.mechanism.title}: T = {found.T:.6g} s, {found.stability}"), fontsize=9)
@@ -42,9 +46,10 @@ def branch(found: Branch, signal: str) -> "Figure":
     amplitude, magnitude, plane = figure.subplots(1, 3)
     mech = found.points[0].motion.mechanism
     signal = signal or next(iter(coordinate_units(mech)))
+    unit = signal_units(mech).get(signal, "")
     for x in found.amplitudes(signal):
-        amplitude.plot(found.values, x, color=COLOURS[0])
-    amplitude.set_ylabel(escaped(signal))
+        amplitude.plot(found.values, displayed(x, unit)[0], color=COLOURS[0])
+    amplitude.set_ylabel(escaped(f"{signal} ({unit_name(unit)})" if unit else signal))
     sizes = np.sort(np.abs(found.multipliers), axis=1)[:, ::-1]
     for k in range(sizes.shape[1]):
         magnitude.plot(found.values, sizes[:, k], color=COLOURS[k % len(COLOURS)])

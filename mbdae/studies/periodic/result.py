@@ -15,6 +15,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import HALF_DIGITS
+from ...units import quantity
 from .shooting import Linearisation
 
 if TYPE_CHECKING:
@@ -159,11 +160,16 @@ class PeriodicMotion(Tabular):
         return figures.save_if_path(motion(self), path)
 
     def __str__(self) -> str:
-        lines = [f"periodic motion of {self.mechanism.title}: T = {self.T:.12g} s, {self.stability}"]
-        lines += [f"  {name:24s} {x: .12g}" for name, x in self.start.items()]
+        period, units = quantity(self.T, "s", ".12g"), coordinate_units(self.mechanism)
+
+        def text(name: str, x: float, digits: str) -> str:
+            return quantity(x, units.get(name, "").removesuffix("1"), digits)
+
+        lines = [f"periodic motion of {self.mechanism.title}: T = {period}, {self.stability}"]
+        lines += [f"  {name:24s} {text(name, x, ' .12g')}" for name, x in self.start.items()]
         for event, values in self.after.items():
-            lines += [f"  after {event!r}", *(f"    {name:22s} {x: .12g}" for name, x in values.items())]
-        lines += [f"  {name} advances by {x:.12g} per period" for name, x in self.advances.items()]
+            lines += [f"  after {event!r}", *(f"    {n:22s} {text(n, x, ' .12g')}" for n, x in values.items())]
+        lines += [f"  {n} advances by {text(n, x, '.12g')} per period" for n, x in self.advances.items()]
         lines += [f"  multiplier {multiplier_text(z)}" for z in self.multipliers.tolist() if z.imag >= 0]
         lines += [f"  neutral: {x.name}, to {x.error:.1e}" for x in self.neutral]
         return "\n".join(lines)

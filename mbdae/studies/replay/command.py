@@ -29,7 +29,7 @@ MORE = (
 )
 
 
-@command("", *FILES, shared=REPLAY, subject=RUNS, more=MORE)
+@command("", *FILES, shared=f"{REPLAY} units", subject=RUNS, more=MORE)
 def animate(
     study: Study,
     out: Output,

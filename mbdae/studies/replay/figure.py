@@ -10,6 +10,7 @@ from ...mechanism.scene.visible import Sight, sampled
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import TINY
+from ...units import displayed
 from ..figures import WIDTH, empty_figure, fixed_layout
 from .threejs import transform
 
@@ -32,7 +33,7 @@ def posture(sol: Solution) -> "Figure":
     thin = Sight(scene, q).visible().thin
     view = _view(thin)
     found = list(_triangles(scene, sol.q[0]))
-    corners = np.concatenate([c for c, _ in found]) @ view.T
+    corners, unit = displayed(np.concatenate([c for c, _ in found]) @ view.T, "m")
     colours = np.concatenate([np.tile(rgba, (len(c), 1)) for c, rgba in found])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1), TINY)[:, None]
@@ -50,7 +51,7 @@ def posture(sol: Solution) -> "Figure":
         ax.set_axis_off()
     else:
         across, up = (name for k, name in enumerate("xyz") if k != thin)
-        ax.set(xlabel=f"${across}$ (m)", ylabel=f"${up}$ (m)")
+        ax.set(xlabel=f"${across}$ ({unit})", ylabel=f"${up}$ ({unit})")
     return figure
 
 

@@ -10,6 +10,7 @@ from ...errors import InputError, as_list
 from ...solution.signals import find, signals, units
 from ...system import Array
 from ...tolerances import BELOW_ROUNDING
+from ...units import displayed, unit_name
 from ..figures import QUANTITY_NAMES
 
 if TYPE_CHECKING:
@@ -42,12 +43,14 @@ class PlotPanel:
         curves: of the solution and of its ghosts.
         logarithmic: whether the ordinate is logarithmic.
         cut: lower limit of a logarithmic ordinate, at rounding; 0 for the smallest value.
+        unit: of the curves in SI, as it is in the title.
     """
 
     title: str
     curves: tuple[Curve, ...]
     logarithmic: bool = False
     cut: float = 0.0
+    unit: str = ""
 
 
 def panes(
@@ -136,7 +139,7 @@ def _by_unit(group: _Group, tables: Sequence[Mapping[str, Curve]], mech: "Mechan
         word = names[0] if len(names) == 1 and names[0] not in ("g", "Gv") else WORDS.get(kind, kind)
         title = f"{word} ({kind}){group.note}" if kind not in ("", "1", word) else word + group.note
         drift = set(names) <= {"g", "Gv"}
-        out.append(PlotPanel(title, _without_common_prefix(curves), drift, BELOW_ROUNDING if drift else 0.0))
+        out.append(PlotPanel(title, _without_common_prefix(curves), drift, BELOW_ROUNDING if drift else 0.0, kind))
     return out
 
 
@@ -148,7 +151,15 @@ def _without_common_prefix(curves: Sequence[Curve]) -> tuple[Curve, ...]:
 
 
 def _for_display(pane: PlotPanel) -> PlotPanel:
-    """Return a pane for display: angles wrapped to -pi and pi, potential energy relative to its start."""
+    """Return a pane in the units in which results are shown, see `_readable`."""
+    pane = _readable(pane)
+    title = pane.title.replace(f"({pane.unit})", f"({unit_name(pane.unit)})")
+    curves = tuple(c._replace(y=displayed(c.y, pane.unit)[0]) for c in pane.curves)
+    return replace(pane, title=title, curves=curves)
+
+
+def _readable(pane: PlotPanel) -> PlotPanel:
+    """Return a pane with angles wrapped to -pi and pi, and potential energy relative to its start."""
     if pane.title.startswith("energies"):
         zero = next((c.y[0] for c in pane.curves if c.name == "potential" and c.ghost < 0), 0.0)
         moved = tuple(c if c.name == "kinetic" else c._replace(y=c.y - zero) for c in pane.curves)
@@ -156,8 +167,9 @@ def _for_display(pane: PlotPanel) -> PlotPanel:
     if "(rad)" not in pane.title or not any(np.ptp(c.y) > 2 * np.pi for c in pane.curves):
         return pane
     angular = {c.name for c in pane.curves if np.ptp(c.y) > 2 * np.pi}
+    half = "π" if unit_name("rad") == "rad" else f"{displayed(np.pi, 'rad')[0]:g}"
     wrapped = tuple(_wrapped(c) if c.name in angular else c for c in pane.curves)
-    return replace(pane, title=pane.title.replace("(rad)", "(rad), within π"), curves=wrapped)
+    return replace(pane, title=pane.title.replace("(rad)", f"(rad), within {half}"), curves=wrapped)
 
 
 def _wrapped(curve: Curve) -> Curve:

@@ -125,7 +125,8 @@ async function main() {
     document.head.append(script);
   }
   const scene = decode(await unpack("scene-data"));
-  const pane = byId("pane"), viewer = new MeshCat.Viewer(pane, false);
+  const pane = byId("pane"), undrawn = withoutDrawing(), viewer = new MeshCat.Viewer(pane, false);
+  undrawn(viewer);
   viewer.set_3d_pane_size = () => {};
   viewer.scene.rotation.set(0, 0, 0);  // z is up
   viewer.renderer.shadowMap.type = MeshCat.THREE.PCFShadowMap;
@@ -174,6 +175,6 @@ async function main() {
 
 const loaded = holdLoad();
 main().catch(error => {
-  byId("clock").textContent = `This page needs a browser with WebGL and DecompressionStream: ${error}`;
+  byId("clock").textContent = `This page needs a browser with DecompressionStream: ${error}`;
   throw error;
 }).finally(loaded);

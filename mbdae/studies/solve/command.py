@@ -35,7 +35,7 @@ MORE = (
 )  # fmt: skip
 
 
-@command("", *FILES, shared=f"method {RUN} backend {REPLAY}", subject=problem_argument, more=MORE)
+@command("", *FILES, shared=f"method {RUN} backend {REPLAY} units", subject=problem_argument, more=MORE)
 def solve(
     study: Study,
     out: Output,

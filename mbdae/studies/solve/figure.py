@@ -10,6 +10,7 @@ from ...mechanism import Mechanism
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...solution.signals import find, signals, units
 from ...solution.solution import Solution
+from ...units import displayed, unit_name
 from ..figures import (
     COLOURS,
     QUANTITY_NAMES,
@@ -43,23 +44,23 @@ def motion(sol: Solution, names: str | Sequence[str] = ()) -> "Figure":
     if not isinstance(sol.problem, Mechanism):
         return _textbook(sol, names)
     mech = sol.mechanism
-    shown, unit = find(mech, names) if names else list(coordinate_units(mech)), units(mech)
-    groups: dict[str, list[str]] = {}
-    for name in shown:
+    chosen, unit = find(mech, names) if names else list(coordinate_units(mech)), units(mech)
+    (t, time), groups = displayed(sol.t, "s"), dict[str, list[str]]()
+    for name in chosen:
         groups.setdefault(unit[name], []).append(name)
     heights = [max(1.35, 0.16 * len(group)) for group in groups.values()] + ([] if names else [1.0, 1.0])
-    columns = signals(sol, [*shown, *(() if names else ("g", "Gv", "energy", "work"))])
+    columns = signals(sol, [*chosen, *(() if names else ("g", "Gv", "energy", "work"))])
     figure = empty_figure(WIDTH, sum(heights) + 0.6)
     axes: list[Axes] = np.atleast_1d(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)).tolist()
     for ax, (u, group) in zip(axes, groups.items(), strict=False):
         for i, name in enumerate(group):
-            ax.plot(sol.t, columns[name], label=escaped(name), **curve_style(i))
-        ax.set_ylabel(f"{QUANTITY_NAMES.get(u, u)} ({u})" if u not in ("1", "") else QUANTITY_NAMES[u])
+            ax.plot(t, displayed(columns[name], u)[0], label=escaped(name), **curve_style(i))
+        ax.set_ylabel(f"{QUANTITY_NAMES.get(u, u)} ({unit_name(u)})" if u not in ("1", "") else QUANTITY_NAMES[u])
         legend_right(ax, labelspacing=0.3)
     if not names:
-        _balance(axes[-2:], sol, columns)
-    axes[-1].set_xlabel("$t$ (s)")
-    axes[-1].set_xlim(sol.t[0], sol.t[-1])
+        _balance(axes[-2:], t, columns)
+    axes[-1].set_xlabel(f"$t$ ({time})")
+    axes[-1].set_xlim(t[0], t[-1])
     figure.align_ylabels(axes)
     figure.suptitle(escaped(f"{mech.title}, {sol.settings.get('method', '')}"), fontsize=9)
     return figure
@@ -88,13 +89,14 @@ def _textbook(sol: Solution, names: str | Sequence[str]) -> "Figure":
     return figure
 
 
-def _balance(axes: "Sequence[Axes]", sol: Solution, columns: Mapping[str, np.ndarray]) -> None:
+def _balance(axes: "Sequence[Axes]", t: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
     """Draw residuals, and the error of the energy balance."""
     for name, label, style in RESIDUALS:
-        axes[0].plot(sol.t, positive(columns[name]), style, color=COLOURS[0], label=label)
+        axes[0].plot(t, positive(columns[name]), style, color=COLOURS[0], label=label)
     logarithmic(axes[0].yaxis, 5)
     axes[0].set_ylabel("residuals")
     legend_right(axes[0])
     work = columns["work"] - columns["work"][0]
-    axes[1].plot(sol.t, columns["energy"] - columns["energy"][0] - work, color=COLOURS[0])
-    axes[1].set_ylabel("$E - E_0 - W$ (J)")
+    error, unit = displayed(columns["energy"] - columns["energy"][0] - work, "J")
+    axes[1].plot(t, error, color=COLOURS[0])
+    axes[1].set_ylabel(f"$E - E_0 - W$ ({unit})")

@@ -17,7 +17,7 @@ FACTORS = (
 )
 
 
-@study_command("find", TABLE, shared=STATE, exit_code=lambda found: CODES[found.stability])
+@study_command("find", TABLE, shared=f"{STATE} units", exit_code=lambda found: CODES[found.stability])
 def equilibrium(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Find an equilibrium or a steady motion of a model. Also computes its holding forces and its stability.
 
@@ -26,7 +26,7 @@ def equilibrium(study: Study, model: ChosenModel, **options: Any) -> Result:
     return study(model.load(), **options)
 
 
-@command("drive", shared="from to hold")
+@command("drive", shared="from to hold units")
 def equilibria(study: Study, out: Output, model: ChosenModel, drive: str, **options: Any) -> None:
     """Find all equilibria over a joint. The mechanism has one degree of freedom; exit 1 if there is no equilibrium."""
     found = study(model.load(), drive, **options)
@@ -36,7 +36,8 @@ def equilibria(study: Study, out: Output, model: ChosenModel, drive: str, **opti
 
 
 @study_command(
-    "load", TABLE, PLOT, shared=STATE, more=FACTORS, exit_code=lambda path: HOLDS if path.complete else FAILED
+    "load", TABLE, PLOT, shared=f"{STATE} units", more=FACTORS,
+    exit_code=lambda path: HOLDS if path.complete else FAILED,
 )
 def load_path(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Trace an equilibrium while a force is scaled. Prints deflections over loads, snap-through, loss of stability."""

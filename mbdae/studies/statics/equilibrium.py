@@ -20,6 +20,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import ROUNDING, SOLUTION_ROUNDING
+from ...units import quantity
 from .contacts import balanced_on_contacts
 from .stability import Verdict, verdict
 
@@ -111,7 +112,7 @@ class Equilibrium(Tabular):
 
     def cells(self) -> list[list[str]]:
         """Return every quantity with its value and unit."""
-        found = self.tabulated()
+        found = self.tabulated().displayed()
         rows = [[n, x if isinstance(x, str) else f"{_shown(x):.8g}"] for n, (x,) in found.values.items()]
         return [["quantity", "value", "unit"], *([*row, found.units.get(row[0], "")] for row in rows)]
 
@@ -143,16 +144,17 @@ class Equilibrium(Tabular):
             f"equilibrium of {self.mechanism.title}: {self.verdict}",
             f"  {self.iterations} iterations, unbalanced {self.residual:.1e} of the largest force",
         ]
-        lines += [f"  {name} = {_shown(x):.10g} {named.get(name, '')}".rstrip() for name, x in self.coordinates.items()]
+        efforts = {name: effort_unit(named, name) for name in self.holding}
+        lines += [f"  {n} = {quantity(_shown(x), named.get(n, ''), '.10g')}" for n, x in self.coordinates.items()]
         lines += [f"  s.{name} = {x:.8g}" for name, x in zip(self.mechanism.states, self.s, strict=True)]
-        lines += [f"  rests on {name} with {x:.8g} {self._contact_unit(name)}" for name, x in self.contacts.items()]
-        lines += [f"  {name} is held by {_shown(x):.8g} {effort_unit(named, name)}" for name, x in self.holding.items()]
+        lines += [f"  rests on {n} with {quantity(x, self._contact_unit(n), '.8g')}" for n, x in self.contacts.items()]
+        lines += [f"  {n} is held by {quantity(_shown(x), efforts[n], '.8g')}" for n, x in self.holding.items()]
         for c in self.mechanism.constraints:
             if c.frames:
                 r = self.reaction(c.name)
                 force, torque = (float(np.linalg.norm(x)) for x in (r.force, r.torque))
-                moment = f", {torque:.6g} N m" if torque > SOLUTION_ROUNDING else ""
-                lines.append(f"  {c.name} carries {force:.6g} N{moment}")
+                moment = f", {quantity(torque, 'N m')}" if torque > SOLUTION_ROUNDING else ""
+                lines.append(f"  {c.name} carries {quantity(force, 'N')}{moment}")
         return "\n".join(lines)
 
 

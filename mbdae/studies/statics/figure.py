@@ -6,6 +6,7 @@ import numpy as np
 
 from ...errors import UnknownNameError
 from ...mechanism.tree.coordinate_units import coordinate_units
+from ...units import displayed
 from ..figures import COLOURS, WIDTH, empty_figure, escaped, fixed_layout, legend_right
 from .load_path import LoadPath
 
@@ -28,7 +29,8 @@ def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
         raise UnknownNameError("coordinate", name, found)
     figure = empty_figure(WIDTH, 3.2)
     ax = figure.subplots()
-    x, unstable = found[name], path.unstable > 0
+    x, unit = displayed(found[name], coordinate_units(path.mechanism).get(name, ""))
+    unstable = path.unstable > 0
     changes = np.flatnonzero(np.diff(unstable)) + 1
     seen = set[bool]()
     for part in np.split(np.arange(len(x)), changes):
@@ -43,7 +45,7 @@ def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
         near = [float(x[np.abs(path.q - e.q).max(axis=1).argmin()]) for e in at]
         if at:
             ax.plot(near, [e.factor for e in at], marker, color="black", label=label)
-    ax.set_xlabel(escaped(f"{name} ({coordinate_units(path.mechanism).get(name, '')})"))
+    ax.set_xlabel(escaped(f"{name} ({unit})"))
     ax.set_ylabel(escaped(f"factor on {path.load}"))
     ax.set_title(escaped(path.mechanism.title))
     legend_right(ax)

@@ -17,6 +17,7 @@ from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
+from ...units import displayed
 from .contact_changes import ContactMode
 from .contacts import Contacts, balanced_on_contacts
 from .continuation import Continuation, CriticalPoint
@@ -106,7 +107,7 @@ class LoadPath(Tabular):
 
     def __str__(self) -> str:
         name, values = self.moving, self.coordinates[self.moving]
-        unit = coordinate_units(self.mechanism).get(name, "")
+        values, unit = displayed(values, coordinate_units(self.mechanism).get(name, ""))
         lines = [
             f"path of {self.mechanism.title} under {self.load}: {len(self.factor)} equilibria, "
             f"factor {self.factor[0]:.6g} to {self.factor[-1]:.6g}, {name} {values[0]:.6g} to {values[-1]:.6g} {unit}"

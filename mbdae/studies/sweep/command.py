@@ -22,7 +22,8 @@ FILE = click.argument("file", type=click.Path(dir_okay=False), metavar="FILE.tom
 
 
 @command(
-    "workers executor fresh", TABLE, FIGURE, subject=FILE, types={"executor": click.Choice(["threads", "processes"])}
+    "workers executor fresh", TABLE, FIGURE, shared="units", subject=FILE,
+    types={"executor": click.Choice(["threads", "processes"])},
 )
 def sweep(study: Study, out: Output, file: str, fresh: bool, **chosen: Any) -> None:
     """Run a model for many values of its parameters. They are a grid, a list or a random sample, from a TOML file.

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import InputError, UnknownNameError
+from ...units import displayed
 from ..figures import WIDTH, empty_figure, escaped, fixed_layout, logarithmic
 from .table import Sweep
 
@@ -35,7 +36,7 @@ def spread(sweep: Sweep, output: str | None = None) -> "Figure":
     known = np.isfinite(y)
     if not known.any():
         raise InputError(f"no run of the sweep has a value of {name!r} to draw")
-    unit = sweep.meta.get("units", {}).get(name)
+    y, unit = displayed(y, sweep.meta.get("units", {}).get(name, ""))
     label = escaped(f"{name} ({unit})" if unit else name)
     values = [np.unique(sweep[n]) for n in sweep.parameters] if parameters == sweep.parameters else []
     if len(values) == 2 and min(map(len, values)) > 1 and len(values[0]) * len(values[1]) == len(sweep):

@@ -11,6 +11,7 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import STATUS, InputError, UnknownNameError
 from ...tabular import Columns, Tabular, align_columns
+from ...units import displayed, unit_name
 from .plan import Task, names
 from .results_file import MORE, Row, read, write
 from .sweep_run import COUNTS, FAILURES
@@ -116,8 +117,9 @@ class Sweep(Tabular):
 
     def cells(self) -> list[list[str]]:
         """Return parameters, status and outputs of all runs."""
-        heads = ["run", *self.parameters, "status", *self.outputs]
-        return [heads, *([_text(_value(row, name)) for name in heads] for row in self.rows)]
+        names, units = ["run", *self.parameters, "status", *self.outputs], self.meta.get("units", {})
+        heads = [f"{name} ({unit_name(units[name])})" if units.get(name) else name for name in names]
+        return [heads, *([_text(_value(row, name), units.get(name, "")) for name in names] for row in self.rows)]
 
     def save(self, path: str | Path) -> None:
         """Write the table as .parquet, atomically and reproducibly, or as .csv, .json, .tex.
@@ -228,10 +230,10 @@ def _value(row: Row, name: str) -> Any:
     return row[name] if name in row else row[MORE].get(name)
 
 
-def _text(value: object) -> str:
+def _text(value: object, unit: str) -> str:
     if value is None:
         return "-"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{displayed(value, unit)[0]:.6g}" if isinstance(value, float) else str(value)
 
 
 def _json_value(value: object) -> Any:

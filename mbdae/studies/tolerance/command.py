@@ -13,7 +13,7 @@ from ...cli.study_command import Result, Study, study_command
     "drive signal parameter clearance turns hold points sigmas second_order",
     TABLE,
     PLOT,
-    shared="from to",
+    shared="from to units",
     types={"points": click.IntRange(min=2)},
 )
 def tolerance(study: Study, model: ChosenModel, **options: Any) -> Result:

@@ -1,6 +1,6 @@
 """Deviations of signals along a curve: worst cases, statistics, contributions, and bands around paths."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -49,6 +49,7 @@ class Deviations:
         influences: derivatives, see `Influences`.
         hessians: second derivatives with respect to the parameters, (m, n, k, k); None without ``second_order``.
         left_out: parameters of patterns that open redundant closures.
+        parameter_units: units of parameters by name; "" if unknown.
     """
 
     curve: Kinematics
@@ -60,6 +61,7 @@ class Deviations:
     influences: Influences
     hessians: Array | None = None
     left_out: tuple[str, ...] = ()
+    parameter_units: dict[str, str] = field(default_factory=dict)
 
     @cached_property
     def sizes(self) -> Array:

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...units import displayed, unit_name
 from ..figures import COLOURS, WIDTH, curve_style, empty_figure, escaped, fixed_layout, legend_right
 from ..kinematics.result import monotonic_segments
 from .deviations import PATH
@@ -43,24 +44,24 @@ def band(found: Tolerance, frame: str) -> "Figure":
 
 def _deviations(ax: "Axes", found: Tolerance, m: int, name: str) -> None:
     """Draw the deviations of a signal, with its contributions."""
-    worst = found.worst[m]
+    worst, (unit, over) = found.worst[m], (found.units[name], found.curve.unit)
     visible = np.where(worst > CUTOFF * np.nanmedian(worst), np.nan, 1.0)
     sizes, of_parameters = [*found.tolerances, *found.clearances], len(found.tolerances)
     largest = sorted(sizes.index(x.name) for x in found.contributions(name)[: len(COLOURS) - 1])
     for first, part in enumerate(monotonic_segments(found.curve)):
-        u = found.curve.u[part]
+        u = displayed(found.curve.u[part], over)[0]
         for values, (colour, label), alpha in ((worst, WORST, 1.0), (found.statistical[m], STATISTICAL, 0.35)):
-            shown = (visible * values)[part]
+            shown = displayed((visible * values)[part], unit)[0]
             ax.fill_between(u, -shown, shown, color=colour, alpha=alpha, lw=0, label=None if first else label)
         for i, k in enumerate(largest):
             derivatives = found.influences.derivatives[m, :, k] if k < of_parameters else found.magnitudes[m, :, k]
-            shown = (visible * derivatives * found.sizes[k])[part]
+            shown = displayed((visible * derivatives * found.sizes[k])[part], unit)[0]
             style = curve_style(1 + i)
             ax.plot(u, shown, label=None if first else escaped(sizes[k]), **style)
     for at, _ in found.curve.dead_points:
-        ax.axvline(at, color="0.5", lw=0.7, ls=":")
-    ax.set_ylabel(escaped(f"{name}\n({found.units[name]})"))
-    ax.set_xlabel(escaped(f"{found.curve.drive} ({found.curve.unit})"))
+        ax.axvline(displayed(at, over)[0], color="0.5", lw=0.7, ls=":")
+    ax.set_ylabel(escaped(f"{name}\n({unit_name(unit)})"))
+    ax.set_xlabel(escaped(f"{found.curve.drive} ({unit_name(over)})"))
     legend_right(ax, labelspacing=0.3)
 
 
@@ -75,8 +76,9 @@ def _path(ax: "Axes", found: Tolerance, frame: str) -> None:
     from matplotlib.collections import PolyCollection
 
     names = [name for name in found.signals if name.rpartition(".")[0] == PATH + frame]
-    points = np.array([found.influences.values[found.signals.index(name)] for name in names]).T
+    points, unit = displayed(np.array([found.influences.values[found.signals.index(name)] for name in names]).T, "m")
     worst, statistical, normals = found.band(frame)
+    worst, statistical = (displayed(x, "m")[0] for x in (worst, statistical))
     worst = np.where(worst > CUTOFF * np.nanmedian(worst), np.nan, worst)
     times = _round_factor(BAND * float(np.ptp(points, axis=0).max() / np.nanmax(worst)))
     for half, (colour, label), alpha in ((worst, WORST, 1.0), (statistical, STATISTICAL, 0.35)):
@@ -89,6 +91,6 @@ def _path(ax: "Axes", found: Tolerance, frame: str) -> None:
         )
     ax.plot(*points.T, color="0.2", lw=0.8)
     ax.set_aspect("equal", "datalim")
-    ax.set_xlabel(escaped(f"{names[0]} (m)"))
-    ax.set_ylabel(escaped(f"{names[1]} (m)"))
+    ax.set_xlabel(escaped(f"{names[0]} ({unit})"))
+    ax.set_ylabel(escaped(f"{names[1]} ({unit})"))
     ax.legend(loc="best")

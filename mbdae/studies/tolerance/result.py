@@ -10,8 +10,9 @@ from ...mechanism import Mechanism
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...tabular import Columns, Tabular, align_columns, rounded_zero
 from ...tolerances import NEGLIGIBLE
+from ...units import displayed, quantity, unit_name
 from ..kinematics.curve_derivatives import HOLDING
-from .deviations import Deviations
+from .deviations import Contribution, Deviations
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,24 +36,29 @@ class Tolerance(Deviations, Tabular):
     def cells(self) -> list[list[str]]:
         """Return the contributions to each signal, largest first, without those below 0.1 % of the worst case."""
         heads = ["contribution", "signal", "size", "influence", "worst case", "share", "of variance"]
-        return [heads] + [
-            [x.name, signal, f"{x.size:.4g}", f"{x.influence:.6g}", f"{x.worst:.4g}",
-             f"{100 * x.share:.1f} %", f"{100 * x.variance_share:.1f} %"]
-            for signal in self.signals for x in self.contributions(signal) if x.share >= SHOWN
-        ]  # fmt: skip
+        listed = [(s, x) for s in self.signals for x in self.contributions(s) if x.share >= SHOWN]
+        return [heads, *(self._row(signal, x) for signal, x in listed)]
+
+    def _row(self, signal: str, x: Contribution) -> list[str]:
+        """Return the cells of a contribution."""
+        unit, of = self.units[signal], self.parameter_units.get(x.name, "m" if x.name in self.clearances else "")
+        per = (f"{unit}/{of}" if of != unit else "") if of else unit
+        cells = [quantity(x.size, of, ".4g"), quantity(x.influence, per), quantity(x.worst, unit, ".4g")]
+        return [x.name, signal, *cells, *(f"{100 * share:.1f} %" for share in (x.share, x.variance_share))]
 
     def remarks(self) -> list[str]:
         """Return worst cases by signal, and where the linear analysis is invalid."""
         lines = []
         for m, name in enumerate(self.signals):
             i, unit = self.worst_pose(name), self.units[name]
-            at = f"at {self.curve.drive} = {rounded_zero(self.curve.u[i]):.6g} {self.curve.unit}"
-            line = f"{name}: worst case {self.worst[m, i]:.4g} {unit}, statistical {self.statistical[m, i]:.4g} {unit}"
-            lines.append(f"{line}, nominal {rounded_zero(self.influences.values[m, i]):.6g} {unit}, {at}")
-            text = f"  standard deviation {self.deviation[m, i]:.4g} {unit}"
+            at = f"at {self._at(i)}"
+            worst, statistical = (quantity(x[m, i], unit, ".4g") for x in (self.worst, self.statistical))
+            nominal = quantity(rounded_zero(self.influences.values[m, i]), unit)
+            lines.append(f"{name}: worst case {worst}, statistical {statistical}, nominal {nominal}, {at}")
+            text = f"  standard deviation {quantity(self.deviation[m, i], unit, '.4g')}"
             if self.hessians is not None:
-                second = f"{self.second_order_deviation[m, i]:.4g} {unit}, mean {self.mean_shift[m, i]:+.3g} {unit}"
-                text += f", to second order {second}"
+                second = quantity(self.second_order_deviation[m, i], unit, ".4g")
+                text += f", to second order {second}, mean {quantity(self.mean_shift[m, i], unit, '+.3g')}"
             small = sum(x.share < SHOWN for x in self.contributions(name))
             lines.append(text + (f"; {small} contributions below {100 * SHOWN:g} %" if small else ""))
         if self.left_out:
@@ -66,7 +72,8 @@ class Tolerance(Deviations, Tabular):
             i = int(np.nanargmax(condition))
             out.append(f"condition of the closures: up to {condition[i]:.3g}, at {self._at(i)}")
         if self.curve.dead_points:
-            listed = ", ".join(f"{rounded_zero(u):.6g}" for u, _ in self.curve.dead_points)
+            points = (rounded_zero(u) for u, _ in self.curve.dead_points)
+            listed = ", ".join(f"{displayed(u, self.curve.unit)[0]:.6g}" for u in points)
             out.append(f"dead points of the drive at {listed}: influences grow without bound towards them")
         limits = (
             (0.25, "the mechanism may not reach the input within its tolerances"),
@@ -80,7 +87,7 @@ class Tolerance(Deviations, Tabular):
         return out
 
     def _at(self, i: int) -> str:
-        return f"{self.curve.drive} = {rounded_zero(self.curve.u[i]):.6g}"
+        return f"{self.curve.drive} = {quantity(rounded_zero(self.curve.u[i]), self.curve.unit)}"
 
     def tabulated(self) -> Columns:
         """Return the input, signals, deviations, condition and influences as columns."""
@@ -128,7 +135,7 @@ class Tolerance(Deviations, Tabular):
         return figures.save_if_path(bands(self), path)
 
     def __str__(self) -> str:
-        curve = self.curve
-        head = f"tolerances of {curve.mechanism.title} over {curve.drive} ({curve.unit}), {len(curve.u)} poses, "
+        curve, unit = self.curve, unit_name(self.curve.unit)
+        head = f"tolerances of {curve.mechanism.title} over {curve.drive} ({unit}), {len(curve.u)} poses, "
         table = align_columns(self.cells())
         return "\n".join([f"{head}{self.sigmas:g} sigma", *(f"  {x}" for x in [*table, *self.remarks()])])

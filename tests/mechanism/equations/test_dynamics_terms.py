@@ -8,7 +8,7 @@ from chains import JOINTS
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.formats.schema import JointKind
+from mbdae.mechanism.formats.body_tables import JointKind
 from mbdae.mechanism.tree.joints import file_kind
 from mbdae.studies.info.info import info
 

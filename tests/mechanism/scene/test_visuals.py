@@ -228,3 +228,22 @@ def test_a_mesh_with_an_index_beyond_all_integers_is_damaged(tmp_path):
     text = scenes.collada(tmp_path / "squares.dae").read_text()
     assert surfaces(Mesh("dae", text.encode()))
     assert surfaces(Mesh("dae", text.replace("<p>0", f"<p>{10**30}").encode())) is None
+
+
+FLAG = """<sdf version="1.9"><model name="m"><link name="a"><inertial><mass>1</mass></inertial><visual name="v">
+<geometry><mesh><uri>flag.dae</uri></mesh></geometry>{}</visual></link>
+<joint name="j" type="prismatic"><parent>world</parent><child>a</child><axis><xyz>1 0 0</xyz></axis></joint>
+</model></sdf>"""
+
+
+@pytest.mark.parametrize(
+    ("material", "rgba"),
+    [("", None), ("<material><diffuse>0.1 0.2 0.3 1</diffuse></material>", (0.1, 0.2, 0.3, 1.0))],
+)
+def test_a_material_of_sdf_replaces_the_colours_of_a_mesh(material, rgba, tmp_path):
+    scenes.collada(tmp_path / "flag.dae")
+    (tmp_path / "m.sdf").write_text(FLAG.format(material))
+    mbdae.solve(mbdae.load(tmp_path / "m.sdf"), (0, 0.01)).save(tmp_path / "run.npz")
+    for mech in (mbdae.load(tmp_path / "m.sdf"), mbdae.Solution.load(tmp_path / "run.npz").mechanism):
+        (shape,) = [s for s in mech.scene.shapes if s.role == "visual"]
+        assert shape.rgba == rgba

@@ -31,8 +31,8 @@ def test_a_slider_reverses_with_its_pose():
     np.testing.assert_allclose([t.u for t in found.toggles], [0, np.pi], rtol=0, atol=1e-9)
     np.testing.assert_allclose([t.q[2] for t in found.toggles], [0.45, 0.25], rtol=0, atol=1e-12)
     rows = found.toggle_table()
-    assert rows[0] == ["reverses", "crank (rad)", "crank", "crank_pin", "slider"]
-    assert rows[1] == ["slider", "0", "0", "0", "0.45"]
+    assert rows[0] == ["reverses", "crank (rad)", "crank_pin (rad)", "slider (m)"]
+    assert rows[1] == ["slider", "0", "0", "0.45"]
     assert kinematics("slider_crank", "crank", span=(0.5, 1.0)).toggle_table() == [rows[0][:2]]
 
 
@@ -54,5 +54,5 @@ def test_the_command_lists_toggles():
     words = ("kinematics", "slider_crank", "--drive", "crank", "--from", "-1", "--to", "4", "--points", "9")
     code, out, _ = call(*words, "--toggles")
     assert code == 0
-    assert out.splitlines()[-2:][0].split() == ["slider", "0", "0", "0", "0.45"]
+    assert out.splitlines()[-2:][0].split() == ["slider", "0", "0", "0.45"]
     assert out.startswith(call(*words)[1].rstrip("\n"))

@@ -1,6 +1,6 @@
 """The bevel closure."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import field_validator
@@ -9,6 +9,7 @@ from ....data_types import CoreData
 from ....errors import StepError
 from ....system import Array
 from ....tolerances import PARALLEL, THREE_DIGITS
+from ...key_units import Unit
 from ...tree.frames import Pair, cross
 from ..closure import Axis, Z
 from ..fixed_axes import FixedAxisClosure
@@ -30,7 +31,7 @@ class BevelClosure(FixedAxisClosure):
     """
 
     kind: Literal["bevel"] = "bevel"
-    radii: Radii
+    radii: Annotated[Radii, Unit("m")]
     second_axis: Axis | None = None
     free_rotation_message = "its wheels can rotate about axes other than those given, in the plane of both"
 

@@ -1,11 +1,12 @@
 """The cam closure."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from ....system import Array
 from ....tolerances import THREE_DIGITS
+from ...key_units import Unit
 from ...tree.frames import Pair
 from ..closure import Axis, BetweenFrames
 from ..profile_rows import FlatFace, Roller
@@ -26,7 +27,7 @@ class CamClosure(BetweenFrames):
 
     kind: Literal["cam"] = "cam"
     profile: Profile
-    radius: float | None = Field(default=None, gt=0)
+    radius: Annotated[float | None, Unit("m")] = Field(default=None, gt=0)
     axis: Axis | None = None
     distinct_frames = True
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +12,7 @@ from ....data_types import CoreData
 from ....errors import InputError
 from ....system import Array
 from ....tolerances import COINCIDENT
+from ...key_units import Coordinates, Unit
 from ...time_functions.time_functions import Harmonic
 from ..closure import BetweenJoints
 from ..joint_rows import BoundCoordinateRow, BoundJointRow, Coordinate, JointRow, common_period, coordinate
@@ -30,8 +31,8 @@ class CouplingClosure(BetweenJoints):
     """
 
     kind: Literal["coupling"] = "coupling"
-    coefficients: tuple[float, ...] | None = Field(default=None, min_length=1)
-    curve: Law | None = None
+    coefficients: Annotated[tuple[float, ...] | None, Unit("q", powers_of="q1")] = Field(default=None, min_length=1)
+    curve: Annotated[Law | None, Unit("q", over="q1")] = None
 
     @model_validator(mode="after")
     def _check_keys(self) -> "CouplingClosure":
@@ -44,6 +45,11 @@ class CouplingClosure(BetweenJoints):
         if self.curve and joints > 2:
             raise ValueError("curve belongs to couplings of two joints")
         return self
+
+    def unit_of(self, key: str) -> Unit | Coordinates | None:
+        if key != "coefficients" or len(self.joints) == 2:
+            return super().unit_of(key)
+        return Unit("q", *(f"q/q{k}" for k in range(1, len(self.joints))))
 
     def primitives(self) -> tuple[JointRow]:
         (i, j, *more), c = self.joints, self.coefficients or ()

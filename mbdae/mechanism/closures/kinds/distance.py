@@ -1,9 +1,10 @@
 """The distance closure."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
+from ...key_units import Unit
 from ..closure import UnilateralClosure
 from ..rows import Distance
 
@@ -16,7 +17,7 @@ class DistanceClosure(UnilateralClosure):
     """
 
     kind: Literal["distance"] = "distance"
-    length: float = Field(gt=0)
+    length: Annotated[float, Unit("m")] = Field(gt=0)
     free_side = -1.0  # a rope is slack if the distance is shorter
 
     def primitives(self) -> tuple[Distance]:

@@ -1,6 +1,6 @@
 """The gear closure."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import field_validator
@@ -9,6 +9,7 @@ from ....data_types import CoreData
 from ....errors import StepError
 from ....system import Array
 from ....tolerances import THREE_DIGITS
+from ...key_units import Unit
 from ...tree.frames import Pair, cross
 from ..closure import Axis, Z
 from ..fixed_axes import FixedAxisClosure
@@ -28,7 +29,7 @@ class GearClosure(FixedAxisClosure):
     """
 
     kind: Literal["gear"] = "gear"
-    radii: Radii
+    radii: Annotated[Radii, Unit("m")]
     distinct_frames = True
     free_rotation_message = "its wheels can rotate about axes that are not parallel: use kind 'bevel' if they intersect"
 

@@ -1,9 +1,10 @@
 """The ratio closure."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from ...key_units import Unit
 from ..closure import BetweenJoints
 from ..joint_rows import Ratio
 
@@ -17,7 +18,7 @@ class RatioClosure(BetweenJoints):
     """
 
     kind: Literal["ratio"] = "ratio"
-    coefficients: tuple[float, ...] = Field(min_length=1)
+    coefficients: Annotated[tuple[float, ...], Unit("q/q1", powers_of="q2")] = Field(min_length=1)
 
     @model_validator(mode="after")
     def _check_keys(self) -> "RatioClosure":

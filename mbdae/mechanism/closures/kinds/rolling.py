@@ -1,13 +1,14 @@
 """The rolling closure."""
 
 from math import pi
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from ....errors import StepError
 from ....system import Array
 from ....tolerances import THREE_DIGITS
+from ...key_units import Unit
 from ...tree.frames import Pair
 from ..closure import Axis, UnilateralClosure, Vector
 from ..contact import ContactHeightRow, ConvexBody, NoSlipRows
@@ -38,15 +39,15 @@ class RollingClosure(UnilateralClosure):
     """
 
     kind: Literal["rolling"] = "rolling"
-    radius: float | None = Field(default=None, gt=0)
-    tyre: float | None = Field(default=None, ge=0)
+    radius: Annotated[float | None, Unit("m")] = Field(default=None, gt=0)
+    tyre: Annotated[float | None, Unit("m")] = Field(default=None, ge=0)
     axis: Axis | None = None
-    semi_axes: Vector | None = None
-    centre: Vector | None = None
-    grip: Literal["full", "lateral", "longitudinal", "none"] | float | None = None
+    semi_axes: Annotated[Vector | None, Unit("m")] = None
+    centre: Annotated[Vector | None, Unit("m")] = None
+    grip: Annotated[Literal["full", "lateral", "longitudinal", "none"] | float | None, Unit("rad")] = None
     contact: bool | None = None
     surface: Literal["plane", "sphere", "cylinder"] | None = None
-    surface_radius: float | None = None
+    surface_radius: Annotated[float | None, Unit("m")] = None
     friction, distinct_frames = "surface", True
 
     @model_validator(mode="after")

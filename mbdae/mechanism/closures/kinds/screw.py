@@ -1,12 +1,13 @@
 """The screw closure."""
 
 from math import pi
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import field_validator
 
 from ....data_types import CoreData
 from ....system import Array
+from ...key_units import Unit
 from ...tree.frames import Pair
 from ..closure import Axis, Z
 from ..fixed_axes import FixedAxisClosure
@@ -24,7 +25,7 @@ class ScrewClosure(FixedAxisClosure):
     """
 
     kind: Literal["screw"] = "screw"
-    lead: float
+    lead: Annotated[float, Unit("m")]
     distinct_frames = True
     free_rotation_message = "the bodies can rotate about other axes than that of the screw: add a cylindrical closure"
 

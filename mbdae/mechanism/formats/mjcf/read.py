@@ -21,8 +21,8 @@ from ...imported_model import ImportedModel
 from ...model_serialization import model_to_data
 from ...model_settings import Start
 from ...scene.shapes import pack
+from ..body_tables import Source
 from ..reader import Reader
-from ..schema import Source
 from .actuators import actuators_of, springs_of, weightless
 from .compiled_model import MjcfModel
 from .equalities import closures_of

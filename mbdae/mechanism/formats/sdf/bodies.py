@@ -120,5 +120,6 @@ def visuals_of(
             (g.meshPath, g.meshTexturePath), g.meshScale = files, scale
             colour = e.text("material/diffuse") or e.text("material/ambient")
             g.meshColor = np.array(of.parse_numbers(colour, 4, name) if colour else GREY)
+            g.overrideMaterial = bool(colour)  # replaces the colours of a mesh
             out.addGeometryObject(g)
     return out, missing, reason

@@ -26,9 +26,9 @@ from ...forces.joint_spring import JointSpring
 from ...imported_model import EFFORTS, FRICTION, LIMITS, MIMICRY, ImportedModel, Mimic, name_list
 from ...tree.frames import WORLD
 from ...tree.joints import subspace
+from ..body_tables import Source
 from ..reader import KEY, Reader
 from ..recorded import Recorded, unread_phrases
-from ..schema import Source
 from .bodies import inertia_of, visuals_of
 from .elements import SdfElements
 from .joints import SdfAxis, SdfJoint, leaders, read_joint

@@ -1,0 +1,138 @@
+"""Mechanism files in units of the user, converted to SI when they are read.
+
+Numbers are converted once, by the units declared with their keys (`mbdae.mechanism.key_units`); text is not: signals,
+levels and expressions of events are in SI units, and so are parameters, options and Python.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from ...errors import InputError
+from ...units import SYMBOL, Units
+from ..checked_table import Table
+from ..imported_model import ImportedModel
+from ..key_units import Coordinates, Unit, UnitSymbols
+from ..tree.coordinate_units import coordinate_units_of
+from .build import build
+from .file_units import FileUnits
+from .schema import MechanismFile
+
+BODIES = ("source", "body", "flexible", "frame")  # tables without units of joints, which make the joints
+EFFORTS = {"rad": "N m", "m": "N"}  # by the unit of the coordinate
+OF_JOINTS = re.compile(r"q\d*|e")
+ROTATES = ("revolute", "spherical")  # closures whose friction is that of a bearing
+
+
+def in_si(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> MechanismFile:
+    """Return a mechanism file with all numbers in SI units.
+
+    Args:
+        file: in its units.
+        parts: its imported sources, which are in SI units.
+        name: of the model.
+
+    Raises:
+        UnknownNameError, InputError: for bodies and frames that cannot be attached; for one number for joints whose
+            coordinates have different units.
+    """
+    if not file.units.units.chosen:
+        return file
+    of_bodies = Conversion(file.units.units, {}, {})
+    tables = {key: tuple(of_bodies.table(x) for x in getattr(file, key)) for key in BODIES}
+    model, _ = build(file.model_copy(update={**tables, "lock": {}}), parts, name)
+    closures = {c.name: c.friction for part in parts for c in part.closures} | {
+        c.name: c.friction for c in file.closure
+    }
+    conversion = Conversion(file.units.units, coordinate_units_of(model), closures)
+    out: MechanismFile = conversion.table(file.model_copy(update={"units": FileUnits()}))
+    return out
+
+
+class Conversion:
+    """Conversion of tables to SI.
+
+    Args:
+        units: of the numbers.
+        coordinates: units in SI of ``q.*`` and ``v.*``.
+        closures: kinds of friction of closures by name.
+    """
+
+    def __init__(self, units: Units, coordinates: dict[str, str], closures: dict[str, str]) -> None:
+        self.units, self.coordinates, self.closures = units, coordinates, closures
+
+    def table(self, table: Any, symbols: UnitSymbols | None = None) -> Any:
+        """Return a table in SI; keys that were left out keep their defaults."""
+        known = {**(symbols or {}), **self._joint_symbols(table), **table.unit_symbols()}
+        given = {key: getattr(table, key) for key in type(table).model_fields if key in table.model_fields_set}
+        return type(table)(**{key: self._key(table, key, value, known) for key, value in given.items()})
+
+    def _key(self, table: Any, key: str, value: Any, symbols: UnitSymbols) -> Any:
+        unit = table.unit_of(key)
+        if isinstance(unit, Coordinates):
+            return {name: self._coordinate(name, x, unit.per_time) for name, x in value.items()}
+        try:
+            return self._value(value, unit, symbols)
+        except InputError as e:
+            of = getattr(table, "name", "") or getattr(table, "kind", "")
+            raise InputError(f"{of}.{key}: {e}".lstrip(".")) from None
+
+    def _value(self, value: Any, unit: Unit | None, symbols: UnitSymbols) -> Any:
+        """Return a value of a key; inner tables have the unit as that of their values."""
+        if isinstance(value, Table):
+            inner = {**symbols, "y": unit.texts[0], "x": unit.over} if unit else symbols
+            return self.table(value, inner)
+        if isinstance(value, tuple) and unit and value and all(isinstance(x, int | float) for x in value):
+            units = unit.entries(len(value))
+            return tuple(self._number(x, text, symbols) for x, text in zip(value, units, strict=True))
+        if isinstance(value, tuple):
+            return tuple(self._value(x, unit, symbols) for x in value)
+        if isinstance(value, dict) and unit:
+            return {name: self._value(x, unit, symbols) for name, x in value.items()}
+        if unit is None or isinstance(value, bool) or not isinstance(value, int | float):
+            return value
+        return self._number(value, unit.texts[0], symbols)
+
+    def _number(self, x: float, unit: str, symbols: UnitSymbols) -> float:
+        missing = [s for s in _expanded(unit, symbols) if OF_JOINTS.fullmatch(s) and s not in symbols]
+        if missing:
+            raise InputError("[units] need joints of one kind, that turn or that slide: use one table for each kind")
+        return self.units.factor(unit, symbols).apply(x)
+
+    def _coordinate(self, name: str, value: Any, per_time: bool) -> Any:
+        """Return the coordinates of a joint, or one with its name, ``q.crank``."""
+        if isinstance(value, str):
+            return value
+        prefix = f"{'v' if per_time else 'q'}.{name}"
+        known = [u for key, u in self.coordinates.items() if key in (name, prefix) or key.startswith(f"{prefix}.")]
+        values = value if isinstance(value, tuple) else (value,)
+        units = known if len(known) == len(values) else ["1"] * len(values)  # others: cosine and sine of an angle
+        out = tuple(self.units.factor(u).apply(x) for x, u in zip(values, units, strict=True))
+        return out if isinstance(value, tuple) else out[0]
+
+    def _joint_symbols(self, table: Any) -> UnitSymbols:
+        """Return the units of the coordinates of the joints of a table, of their effort and of a closure's slip."""
+        if closure := getattr(table, "closure", ""):
+            return {"q": "rad" if self.closures.get(closure) in ROTATES else "m"} if isinstance(closure, str) else {}
+        of_all = getattr(table, "joint", None)
+        groups = [of_all if isinstance(of_all, tuple) else (of_all,)] if isinstance(of_all, str | tuple) else []
+        groups = groups or [(name,) for name in getattr(table, "joints", None) or ()]
+        out: dict[str, str] = {}
+        for k, names in enumerate(groups):
+            found = set(self._velocity_units(names))
+            if len(found) == 1:
+                out[f"q{k or ''}"] = found.pop()
+        return out | ({"e": EFFORTS[out["q"]]} if "q" in out else {})
+
+    def _velocity_units(self, names: Sequence[str]) -> Iterator[str]:
+        """Yield rad or m for each velocity of joints; of all joints without names."""
+        for key, unit in self.coordinates.items():
+            joint = key[2:]
+            if key.startswith("v.") and (not names or any(joint == n or joint.startswith(f"{n}.") for n in names)):
+                yield unit.removesuffix("/s")
+
+
+def _expanded(unit: str, symbols: UnitSymbols) -> set[str]:
+    """Return the symbols of a unit, and those in the units of symbols."""
+    out = {found[1] for found in SYMBOL.finditer(unit)}
+    return out | {inner for s in out if s in symbols for inner in _expanded(symbols[s], symbols)}

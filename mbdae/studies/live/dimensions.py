@@ -1,0 +1,132 @@
+"""Lengths and other parameters of a live mechanism, moved by sliders, and the paths of its points over all poses."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, MbdaeError, UnknownNameError
+from ...mechanism import Mechanism
+from ...mechanism.assembly.position_search import close_position
+from ...mechanism.formats.loaded_model import LoadedModel, parameter_unit, parameter_value
+from ...mechanism.tree.frames import find_frame, find_joint, frame_paths
+from ...system import Array
+from ..figures import COLOURS
+from ..kinematics.kinematics import kinematics
+from ..replay.animation_tracks import TRACE, drawn_path
+from ..replay.threejs import node, set_property
+from ..view.sliders import independent
+from .pulls import checked_ranges
+
+POSES = 121  # of a path
+
+
+class Dimensions:
+    """Parameters of a mechanism that sliders move, and traced frames.
+
+    Args:
+        mechanism: the mechanism, read from files if there are parameters.
+        ranges: (low, high) of the sliders of parameters, by dotted name.
+        traces: names of frames whose paths are drawn: over the first free coordinate, the others at rest.
+
+    Attributes:
+        mechanism: the mechanism with the present values; drawn by its dimensions, since meshes would not follow them.
+        values: of the parameters, by name.
+
+    Raises:
+        UnknownNameError: for an unknown parameter or frame.
+        InputError: for a mechanism that was not read from files, a parameter that is not a number, or a range that is
+            not two increasing numbers.
+    """
+
+    def __init__(self, mechanism: Mechanism, ranges: Mapping[str, Sequence[float]], traces: Sequence[str]) -> None:
+        self.ranges, self.traces = checked_ranges(ranges), list(traces)
+        for name in self.traces:
+            find_frame(mechanism.model, name)
+        self.mechanism, self.values, self._units = mechanism, dict[str, float](), dict[str, str]()
+        if ranges:
+            self._make = LoadedModel(mechanism)
+            self.values = {name: parameter_value(self._make, name) for name in ranges}
+            self._units = {name: parameter_unit(self._make, name) for name in ranges}
+            self.mechanism = self._make.make(self.values)
+
+    def check(self, order: Mapping[str, Any]) -> None:
+        """Require a known parameter.
+
+        Raises:
+            UnknownNameError: lists the parameters.
+        """
+        if "parameter" in order and order["parameter"] not in self.values:
+            raise UnknownNameError("parameter with a slider", order["parameter"], self.values)
+
+    def change(self, name: str, value: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Give a parameter another value; return the nearest consistent state, with the same free coordinates.
+
+        Args:
+            name: of the parameter.
+            value: its value.
+            q: configuration (nq,) now.
+            v: velocity (nv,) now.
+
+        Raises:
+            AssemblyError: if the loops cannot be closed with this value.
+            InputError: for an invalid value.
+        """
+        before, values = self.mechanism, {**self.values, name: float(value)}
+        mech = self._make.make(values)
+        names = independent(before, before.system(), q)
+        fixed = np.array([find_joint(mech.model, joint).idx_v for joint in names], int)
+        q = close_position(mech.system(), q, fixed, 0.0)
+        q, v = mech.assemble(q, v)
+        self.mechanism, self.values = mech, values
+        return q, v
+
+    def paths(self, q: Array, extent: float) -> Iterator[dict[str, Any]]:
+        """Yield the commands that draw the paths of the traced frames, all poses from q (nq,) on.
+
+        Raises:
+            MbdaeError: as `mbdae.kinematics`, for poses that cannot be traced.
+        """
+        if not self.traces:
+            return
+        mech = self.mechanism
+        free = Mechanism(mech.model, mech.closures, mech.forces, start=mech.start_values, title=mech.title)
+        drive, *others = independent(mech, free.system(), q)
+        found = kinematics(free, drive, hold=others, q=q, points=POSES)
+        points_of = dict(zip(self.traces, frame_paths(mech.model, self.traces, found.q), strict=True))
+        for i, (name, points) in enumerate(points_of.items()):
+            yield from drawn_path(node(f"path {name}"), points, COLOURS[i % len(COLOURS)], TRACE * extent)
+
+    def drawn(self, q: Array, extent: float) -> tuple[list[dict[str, Any]], str]:
+        """Return the commands of `paths`, or those that hide the paths, and the reason."""
+        try:
+            return list(self.paths(q, extent)), ""
+        except MbdaeError as e:
+            names = [node(f"path {name}{end}") for name in self.traces for end in ("", " line")]
+            return [set_property(name, "visible", False) for name in names], f"the path is not drawn: {e}"
+
+    def controls(self) -> Iterator[dict[str, Any]]:
+        """Yield meshcat's commands for the sliders."""
+        for name, (low, high) in self.ranges.items():
+            unit = self._units[name]
+            yield {
+                "type": "set_control",
+                "name": f"{name} ({unit})" if unit else name,
+                "callback": f"value => live.send({{parameter: {json.dumps(name)}, value}})",
+                "value": self.values[name],
+                "min": low,
+                "max": high,
+                "step": (high - low) / 1000,
+            }
+
+
+def require_within(dimensions: Dimensions) -> None:
+    """Require present values within the ranges of their sliders.
+
+    Raises:
+        InputError: names the parameter.
+    """
+    for name, (low, high) in dimensions.ranges.items():
+        if not low <= dimensions.values[name] <= high:
+            raise InputError(f"{name} = {dimensions.values[name]:g} is outside of its range, {low:g} to {high:g}")

@@ -1,0 +1,197 @@
+"""Units besides SI: those that users choose for files and for results, and their factors.
+
+A unit is a text, ``"N m/rad"``: symbols with powers, separated by spaces, then those of the denominator after a slash.
+All computations are in SI units with angles in rad; numbers of files are converted when they are read, results when
+they are shown.
+"""
+
+import math
+import re
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+from .errors import InputError, UnknownNameError
+
+
+class Factor(NamedTuple):
+    """A factor ratio pi^k; decimal fractions stay exact, so that 120 mm are the same number as 0.12 m."""
+
+    ratio: Fraction
+    pi: int = 0
+
+    def power(self, k: int) -> "Factor":
+        """Return the k-th power."""
+        return Factor(self.ratio**k, self.pi * k)
+
+    def times(self, other: "Factor") -> "Factor":
+        """Return the product."""
+        return Factor(self.ratio * other.ratio, self.pi + other.pi)
+
+    def apply(self, x: Any) -> Any:
+        """Return x times the factor; numbers and arrays."""
+        if self == ONE:
+            return x
+        y = x * float(self.ratio.numerator) / float(self.ratio.denominator)
+        return y * math.pi**self.pi if self.pi else y
+
+
+ONE = Factor(Fraction(1))
+
+
+def _named(**units: "str | int") -> dict[str, Factor]:
+    return {name: Factor(Fraction(x)) for name, x in units.items()}
+
+
+DIMENSIONS: dict[str, dict[str, Factor]] = {  # dimension: units by name in SI units, the SI unit first
+    "length": _named(m=1, mm="1/1000", cm="1/100", um="1/1000000", km=1000) | {"in": Factor(Fraction("0.0254"))}
+    | _named(ft="0.3048"),
+    "angle": _named(rad=1, mrad="1/1000") | {"deg": Factor(Fraction(1, 180), 1), "rev": Factor(Fraction(2), 1)},
+    "mass": _named(kg=1, g="1/1000", t=1000, lb="0.45359237"),
+    "time": _named(s=1, ms="1/1000", min=60, h=3600),
+    "force": _named(N=1, mN="1/1000", kN=1000, MN=1000000, kgf="9.80665", lbf="4.4482216152605"),
+    "torque": {"N m": ONE, "N mm": Factor(Fraction(1, 1000)), "N cm": Factor(Fraction(1, 100)),
+               "kN m": Factor(Fraction(1000)), "lbf in": Factor(Fraction("0.1129848290276167")),
+               "lbf ft": Factor(Fraction("1.3558179483314004"))},
+    "rotation": {"rad/s": ONE, "rpm": Factor(Fraction(1, 30), 1)},
+    "pressure": {"N/m^2": ONE} | _named(Pa=1, kPa=1000, MPa=1000000, GPa=1000000000, bar=100000),
+    "energy": _named(J=1, mJ="1/1000", kJ=1000),
+    "power": _named(W=1, mW="1/1000", kW=1000),
+}  # fmt: skip
+SI = {next(iter(units)): dimension for dimension, units in DIMENSIONS.items()}
+COMPOSITE = [symbol for symbol in SI if not symbol.isalpha()]  # replaced as a whole if chosen
+SYMBOL = re.compile(r"([A-Za-z]+\d*)(?:\^(\d+))?")
+
+
+def known_units() -> str:
+    """Return all units by dimension as text."""
+    return "; ".join(f"{dimension}: {', '.join(units)}" for dimension, units in DIMENSIONS.items())
+
+
+@dataclass(frozen=True)
+class Units:
+    """Chosen units by dimension; those left out are SI units.
+
+    Attributes:
+        chosen: a unit of `DIMENSIONS` by dimension.
+    """
+
+    chosen: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def parse(cls, names: Collection[str]) -> "Units":
+        """Return units from their names, each of which says its dimension: ``["mm", "deg"]``.
+
+        Raises:
+            UnknownNameError: lists the units.
+            InputError: for two units of one dimension.
+        """
+        out: dict[str, str] = {}
+        for name in names:
+            found = [dimension for dimension, units in DIMENSIONS.items() if name in units]
+            if not found:
+                raise UnknownNameError("unit", name, [unit for units in DIMENSIONS.values() for unit in units])
+            if found[0] in out:
+                raise InputError(f"{out[found[0]]} and {name} are both units of {found[0]}: give one of them")
+            out[found[0]] = name
+        return cls(out)
+
+    def factor(self, unit: str, symbols: Mapping[str, str] | None = None) -> Factor:
+        """Return the SI value of one of these units, for a unit in SI, ``"kg m^2"``; 1 if it is a list, ``"m, rad"``.
+
+        Args:
+            unit: in SI.
+            symbols: units of symbols in it.
+        """
+        out = ONE
+        for symbol, power in self._parts(unit):
+            if symbols and symbol in symbols:
+                out = out.times(self.factor(symbols[symbol], symbols).power(power))
+            elif symbol in SI and SI[symbol] in self.chosen:
+                out = out.times(DIMENSIONS[SI[symbol]][self.chosen[SI[symbol]]].power(power))
+        return out
+
+    def name(self, unit: str) -> str:
+        """Return the name of the unit that is shown for a unit in SI."""
+        above: list[str] = []
+        below: list[str] = []
+        for symbol, power in self._parts(unit):
+            named = self.chosen.get(SI[symbol], symbol) if symbol in SI else symbol
+            (above if power > 0 else below).append(named + (f"^{abs(power)}" if abs(power) != 1 else ""))
+        if not above and not below:
+            return unit
+        return "/".join([" ".join(above) or "1", *below])
+
+    def displayed(self, x: Any, unit: str) -> Any:
+        """Return a value in SI, a number or an array, in these units."""
+        return self.factor(unit).power(-1).apply(x)
+
+    def _parts(self, unit: str) -> Iterator[tuple[str, int]]:
+        """Yield symbols and their powers; none for a unit without, or a list of units."""
+        if "," in unit:
+            return
+        whole = [x for x in COMPOSITE if SI[x] in self.chosen]
+        pattern = re.compile("|".join([*(rf"{re.escape(x)}(?![\w^])" for x in whole), "/", SYMBOL.pattern]))
+        sign = 1
+        for found in pattern.finditer(unit):
+            if found[0] == "/":
+                sign = -1
+            else:
+                yield (found[0], sign) if found[0] in whole else (found[1], sign * int(found[2] or 1))
+
+
+SI_UNITS = Units()
+_shown: ContextVar[Units] = ContextVar("shown", default=SI_UNITS)
+
+
+def displayed_units() -> Units:
+    """Return the units in which results are shown."""
+    return _shown.get()
+
+
+def displayed(x: Any, unit: str) -> tuple[Any, str]:
+    """Return a value in SI, a number or an array, in the units in which results are shown, and the name of its unit."""
+    units = _shown.get()
+    return (units.displayed(x, unit), units.name(unit)) if units.chosen else (x, unit)
+
+
+def unit_name(unit: str) -> str:
+    """Return the name of the unit in which values in a unit in SI are shown."""
+    return _shown.get().name(unit) if _shown.get().chosen else unit
+
+
+def quantity(x: float, unit: str, digits: str = ".6g") -> str:
+    """Return a value in SI as text, with its unit, in the units in which results are shown."""
+    value, name = displayed(float(x), unit)
+    return f"{value:{digits}} {name}".rstrip()
+
+
+@contextmanager
+def display_units(*names: str) -> Iterator[None]:
+    """Show results in these units: text and tables, columns of pandas, xarray and .csv, axes of figures.
+
+        with mbdae.display_units("mm", "deg"):
+            print(study)
+            sol.plot(path="run.svg")
+
+    Arrays, ``to_dict``, .json and .npz stay in SI units, with angles in rad. Units of products follow: with mm a torque
+    is shown in N mm and an inertia in kg mm^2, unless ``"N m"`` is given, too.
+
+    Args:
+        names: of units, in one text with commas or several: lengths m, mm, cm, in, ...; angles rad, deg, rev; masses
+            kg, g, t, lb; times s, ms, min; forces N, kN, lbf; torques N m, N mm; speeds of rotation rpm; pressures MPa;
+            energies J, kJ; powers W, kW.
+
+    Raises:
+        UnknownNameError: for an unknown unit; lists the units.
+        InputError: for two units of one dimension.
+    """
+    given = [x.strip() for name in names for x in name.split(",") if x.strip()]
+    token = _shown.set(Units.parse(given))
+    try:
+        yield
+    finally:
+        _shown.reset(token)

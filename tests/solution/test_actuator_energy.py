@@ -1,0 +1,64 @@
+"""Power, work and forces on the frame by actuator: closed forms of an unbalanced rotor, and the balance of a run."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.solution.signals import units
+
+MASS, ARM, SPEED, G = 3.0, 0.2, 4.0, 9.81
+ROTOR = f"""
+gravity = [0, 0, -{G}]
+[[body]]
+name = "rotor"
+parent = "world"
+joint = "continuous"
+axis = [0, 1, 0]
+mass = {MASS}
+com = [{ARM}, 0, 0]
+inertia = [0.01, 0.01, 0.01, 0, 0, 0]
+[[driver]]
+name = "motor"
+joint = "rotor"
+motion = {{ kind = "polynomial", coefficients = [-1.0, {SPEED}] }}
+"""
+
+
+@pytest.fixture(scope="module")
+def rotor(tmp_path_factory):
+    path = tmp_path_factory.mktemp("rotor") / "rotor.toml"
+    path.write_text(ROTOR)
+    return mbdae.solve(path, (0, 2 * np.pi / SPEED), rtol=1e-12, atol=1e-13)
+
+
+def test_power_and_shaking_force_of_a_rotor_are_closed_forms(rotor):
+    """The motor holds the weight, tau = -m g e cos(phi) about y, phi = w t - 1; the frame carries m e w^2."""
+    found, power = rotor.statistics(["power.motor", "shaking_force"]), MASS * G * ARM * SPEED
+    for extremum, value, phi in (
+        (found.maximum["power.motor"], power, np.pi),
+        (found.minimum["power.motor"], -power, 0.0),
+    ):
+        assert extremum.value == pytest.approx(value, rel=1e-9)
+        assert extremum.t == pytest.approx((1 + phi) / SPEED, abs=1e-6)  # its square is below the rounding of the value
+    assert found.integrals["power.motor"].rms == pytest.approx(power / np.sqrt(2), rel=1e-9)
+    assert found.integrals["power.motor"].integral == pytest.approx(0.0, abs=1e-9 * power)
+    for extremum in (found.maximum, found.minimum):
+        assert extremum["shaking_force"].value == pytest.approx(MASS * ARM * SPEED**2, rel=1e-9)
+
+
+def test_the_works_of_all_actuators_are_that_of_the_run():
+    """Those of a motor, a damper and friction, and with them the balance of energies."""
+    table = {"kind": "joint_damping", "joint": "crank", "damping": 0.3}
+    forces = [
+        mbdae.DCMotor(name="motor", joint="crank", voltage=24.0, resistance=1.2, inductance=0.01, constant=0.4),
+        mbdae.JointDamping(name="oil", **table),
+        mbdae.JointFriction(name="rub", joint="rocker", friction=0.5, velocity=0.5),
+    ]
+    sol = mbdae.solve(mbdae.load("four_bar", forces=forces), (0, 0.5), rtol=1e-12, atol=1e-13)
+    powers = [name for name in units(sol.mechanism) if name.startswith("power.")]
+    assert powers == ["power.motor", "power.oil", "power.rub"]
+    works = [x.integral for x in sol.statistics(powers).integrals.values()]
+    assert min(abs(x) for x in works) > 1e-4
+    assert sum(works) == pytest.approx(sol.work[-1] - sol.work[0], rel=1e-11)
+    energy = sol.signals()["energy"]
+    assert sum(works) == pytest.approx(energy[-1] - energy[0], abs=1e-12 * np.abs(energy).max())
