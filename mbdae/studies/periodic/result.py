@@ -1,6 +1,7 @@
 """A periodic motion with its Floquet multipliers."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,6 +16,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import HALF_DIGITS
+from .section import section_of
 from .shooting import Linearisation
 
 if TYPE_CHECKING:
@@ -50,6 +52,7 @@ class PeriodicMotion(Tabular):
         multipliers: Floquet multipliers without the neutral ones, complex, by decreasing magnitude.
         neutral: the neutral ones, with their errors.
         advances: of the symmetries over a period, by name, in rad or m.
+        shifts: of joints that end full turns or pitches of teeth further, by name, in rad or m.
         gap: largest relative distance of the end from the start, of a whole period in rad, characteristic lengths.
         runs: one run for each part of the period.
         shooting: the equations at the solution.
@@ -64,6 +67,7 @@ class PeriodicMotion(Tabular):
     multipliers: Array
     neutral: tuple[Neutral, ...]
     advances: dict[str, float]
+    shifts: dict[str, float]
     gap: float
     runs: tuple[Solution, ...]
     shooting: Linearisation = field(repr=False)
@@ -87,6 +91,19 @@ class PeriodicMotion(Tabular):
         """Coordinates and velocities at the start by name."""
         first = self.runs[0]
         return {name: float(x[0]) for name, x in signals(first, list(coordinate_units(self.mechanism))).items()}
+
+    @cached_property
+    def section(self) -> str:
+        """Signal and level at which a period begins: as given, or found; empty if time gives the phase, or none is found."""
+        cycle = self.shooting.cycle
+        if cycle.section or not cycle.free:
+            return cycle.section or ""
+        return section_of(self.mechanism, self.runs)
+
+    @property
+    def symmetry(self) -> tuple[str, ...]:
+        """Names of the symmetries, as given or found."""
+        return tuple(self.advances)
 
     @property
     def after(self) -> dict[str, dict[str, float]]:
@@ -137,6 +154,9 @@ class PeriodicMotion(Tabular):
             "multipliers": [[z.real, z.imag] for z in self.multipliers.tolist()],
             "neutral": {x.name: x.error for x in self.neutral},
             "advances": self.advances,
+            "shifts": self.shifts,
+            "section": self.section,
+            "symmetry": list(self.symmetry),
             "stability": self.stability,
             "gap": self.gap,
         }
@@ -161,9 +181,12 @@ class PeriodicMotion(Tabular):
     def __str__(self) -> str:
         lines = [f"periodic motion of {self.mechanism.title}: T = {self.T:.12g} s, {self.stability}"]
         lines += [f"  {name:24s} {x: .12g}" for name, x in self.start.items()]
+        lines += [f"  section {self.section}"] if self.section else []
+        lines += [f"  symmetry {', '.join(self.symmetry)}"] if self.symmetry else []
         for event, values in self.after.items():
             lines += [f"  after {event!r}", *(f"    {name:22s} {x: .12g}" for name, x in values.items())]
         lines += [f"  {name} advances by {x:.12g} per period" for name, x in self.advances.items()]
+        lines += [f"  {name} is shifted by {x:.12g} per period" for name, x in self.shifts.items()]
         lines += [f"  multiplier {multiplier_text(z)}" for z in self.multipliers.tolist() if z.imag >= 0]
         lines += [f"  neutral: {x.name}, to {x.error:.1e}" for x in self.neutral]
         return "\n".join(lines)

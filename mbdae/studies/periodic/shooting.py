@@ -5,7 +5,7 @@ Unknown: the states at k nodes of a period, the period T unless it is given, adv
     0 = x(phi_i(y_i)) - x_i+1,   i < k - 1;      0 = x(S g(sigma) P phi_k-1(y_k-1)) - x_0
 
 with coordinates x of states near y_i+1 (`mbdae.mechanism.equations.local_coordinates`): closures are not among the
-equations. S takes multiples of 2 pi from angles, P exchanges joints. An autonomous motion without a section has free
+equations. S takes full turns and pitches of ratchets from joints, P exchanges joints. An autonomous motion without a section has free
 phases: the first node moves across F = y' and across the symmetries. Newton's matrix consists of exact tangents of the
 computed steps.
 Source: Lust, Roose, An adaptive Newton-Picard algorithm (1998); Seydel, Practical bifurcation and stability analysis.
@@ -27,7 +27,6 @@ from .flow import Flow, FlowEnd, require_same_rows
 
 MAX_REFINEMENTS = 12
 SHORTEST = 0.5  # of the period before: one iteration may not do more
-TWO_PI = 2 * np.pi
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class Cycle:
 
 @dataclass(frozen=True)
 class Guess:
-    """Nodes (k, n) of a period, its duration, advances (m,), and full turns (nv,) of revolute joints.
+    """Nodes (k, n) of a period, its duration, advances (m,), and shifts (nv,) of joints by turns and pitches.
 
     The modes in which its parts begin, (k,), are known after a run.
     """
@@ -68,7 +67,7 @@ class Guess:
     nodes: list[Array]
     T: float
     sigma: Array
-    turns: Array
+    shifts: Array
     modes: tuple[tuple[int, ...], ...] = ()
 
 
@@ -117,7 +116,7 @@ class Linearisation:
         """The end of the last part after P, S and g(sigma): y (n,), tangent map (ny, ny), directions w (ny, m)."""
         s, y = self.system, self.ends[-1].y.copy()
         q, nq, nv = self.cycle.exchange.moved(s.split(y)[0]), s.nq, s.nv
-        q = s.manifold.integrate(q, -TWO_PI * self.at.turns) if self.at.turns.any() else q
+        q = s.manifold.integrate(q, -self.at.shifts) if self.at.shifts.any() else q
         D = self.cycle.exchange.of_v
         v = D @ y[nq : nq + nv]
         directions: list[Array] = []
