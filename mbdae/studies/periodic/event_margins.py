@@ -69,5 +69,7 @@ class ResetMargins:
         t, y = float(run.nodes[0][i]), run.nodes[1][i]
         h = SHORT * (t - float(run.nodes[0][i - 1]))
         times = t - h * np.array([1.0, 2.0])
-        near, far = (value(self.system, event.signal, *at) for at in zip(times.tolist(), run.points(times), strict=True))
+        near, far = (
+            value(self.system, event.signal, *at) for at in zip(times.tolist(), run.points(times), strict=True)
+        )
         return abs(3 * value(self.system, event.signal, t, y) - 4 * near + far) / (2 * h)

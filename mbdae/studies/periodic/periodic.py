@@ -74,6 +74,7 @@ def periodic(
     number_of_parts(parts, section)
     mech = mechanism_of(model.mechanism if isinstance(model, Solution) else model, "periodic")
     flow = Flow(mech, Parameters(lambda values: mech, {}), run_options(mech, method, rtol))
+
     def near(start: Start) -> PeriodicMotion:
         kind = guess_of(flow, start.y, start.T, start.t, section, start.symmetries, parts, exchange)
         return converged(flow, kind, rtol)
