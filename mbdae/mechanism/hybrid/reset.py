@@ -37,7 +37,8 @@ class Reset(Table):
 
     Attributes:
         name: of the event.
-        signal: signal and level whose crossing is the event, as for `mbdae.Event`: ``"position.foot.z < 0"`` falling.
+        signal: signal and level whose crossing is the event, as for `mbdae.Event`: ``"position.foot.z < 0"`` falling,
+            ``"="`` both ways. Unlike there, the level is always named.
         when: signal and level as a condition, ``"q.swing > 0.1"``: crossings elsewhere do not count.
         state: new values of coordinates and states, as numbers or expressions of the old ones:
             ``{ "q.left" = "q.right", "v.left" = "-v.left" }``; others remain, or close the loops.
