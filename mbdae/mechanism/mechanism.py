@@ -124,8 +124,6 @@ class Mechanism(DynamicsTerms):
         self.resets, self._starts = checked_resets(self, resets), dict[float, tuple[Array, Array]]()
         for name in (name for table in self.start_values.tables.values() for name in table):
             find_joint(model, name)
-        if self.resets:
-            lazy_import("mbdae.integrate.events.resets", "require_known_signals")(self)
 
     def __repr__(self) -> str:
         return f"<Mechanism {self.title}: nq {self.nq}, nv {self.nv}, {self.ng} closure rows>"

@@ -1,5 +1,6 @@
 """Events at which the state jumps (`mbdae.Reset`): located on steps of the method, then the run continues from R(y)."""
 
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +10,7 @@ from ...data_types import JsonObject
 from ...errors import InputError, StepError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.hybrid.reset import StateReset
+from ...mechanism.hybrid.reset import Reset, StateReset
 from ...solution.signal_value import find_point_signal
 from ...system import Array
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
@@ -123,14 +124,14 @@ class Resets(EventSource):
         return {"resets": len(self.done)}
 
 
-def require_known_signals(mech: Mechanism) -> None:
+def require_known_signals(mech: Mechanism, resets: Sequence[Reset]) -> None:
     """Require that events compare signals of a mechanism with numbers.
 
     Raises:
         InputError: for another text, or a signal of a whole run; names the event.
         UnknownNameError: for an unknown signal, with the valid ones.
     """
-    for reset in mech.resets:
+    for reset in resets:
         for key, text, signs in (("signal", reset.signal, "> < ="), ("when", reset.when, "> <")):
             if text:
                 _require_comparison(mech, f"{key} of event {reset.name!r}", text, signs)

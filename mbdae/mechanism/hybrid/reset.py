@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
+from ...discovery import lazy_import
 from ...errors import InputError, StepError, UnknownNameError
 from ...finite_differences import numerical_jacobian
 from ...system import Array
@@ -232,7 +233,7 @@ def checked_resets(mech: "Mechanism", resets: Sequence[Reset]) -> tuple[Reset, .
     """Return the events of a mechanism.
 
     Raises:
-        InputError, UnknownNameError: for unknown coordinates, equal names, or a mechanism whose rows open and close.
+        InputError, UnknownNameError: for unknown coordinates or signals, equal names, or a mechanism whose rows switch.
     """
     names = [reset.name for reset in resets]
     if len(set(names)) < len(names):
@@ -244,4 +245,6 @@ def checked_resets(mech: "Mechanism", resets: Sequence[Reset]) -> tuple[Reset, .
         if mech.drivers:
             driver = mech.drivers[0].name
             raise InputError(f"event {reset.name!r}: impacts of an event do not act against driver {driver!r}")
+    if resets:
+        lazy_import("mbdae.integrate.events.resets", "require_known_signals")(mech, resets)
     return tuple(resets)

@@ -15,8 +15,9 @@ from ...mechanism.hybrid.mode_point import ModePoint
 from ...mechanism.hybrid.switch import Guard
 from ...solution.signal_value import value
 from ...solution.solution import Solution
+from ...tolerances import THREE_DIGITS
 
-SHORT = 1e-3  # of a step: difference quotients for the rate of a signal at an event
+WIDTH = THREE_DIGITS  # of a step: difference quotients for the rate of a signal at an event
 
 
 class ResetMargins:
@@ -67,7 +68,7 @@ class ResetMargins:
     def _rate(self, run: Solution, i: int, event: SignalEvent) -> float:
         """Return |f'| at node i, by one-sided quotients on the dense output."""
         t, y = float(run.nodes[0][i]), run.nodes[1][i]
-        h = SHORT * (t - float(run.nodes[0][i - 1]))
+        h = WIDTH * (t - float(run.nodes[0][i - 1]))
         times = t - h * np.array([1.0, 2.0])
         near, far = (
             value(self.system, event.signal, *at) for at in zip(times.tolist(), run.points(times), strict=True)

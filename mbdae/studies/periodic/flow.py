@@ -80,8 +80,8 @@ class Flow:
             raise InputError(f"the run over a period stopped at t = {sol.t[-1]:.9g} s: {sol.message}")
         if section and len(sol.nodes[0]) > 1 and sol.nodes[0][-1] == sol.nodes[0][-2]:
             raise InputError(
-                f"the section {section!r} is crossed in a jump, at t = {sol.t[-1]:.9g} s{_cause(sol)}: take another signal"
-                " or level"
+                f"the section {section!r} is crossed in a jump, at t = {sol.t[-1]:.9g} s{_cause(sol)}: take another"
+                " signal or level"
             )
         return sol
 

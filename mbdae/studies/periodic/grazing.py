@@ -3,8 +3,8 @@
 Margins are the least values of guards between the events of a motion, gaps and speeds, and the impulses of its impacts.
 They are smooth along a branch up to where one becomes zero; beyond, the motion has an event more, or one less, and its
 map has a square root. So a margin is followed from its side, and the parameter at its zero is extrapolated from the
-last few points, as a polynomial in the margin. Impacts and events of the user's end a branch there; where a joint begins
-to stick it has a corner; where a load touches its limit only a higher derivative jumps.
+last few points, as a polynomial in the margin. Impacts and events of the user's end a branch there; where a joint
+begins to stick it has a corner; where a load touches its limit only a higher derivative jumps.
 Source: A. B. Nordmark, Non-periodic motion caused by grazing incidence in an impact oscillator, J. Sound Vib. 145
 (1991).
 """

@@ -7,14 +7,14 @@ import numpy as np
 
 from ...errors import InputError
 from ...mechanism import Mechanism
+from ...mechanism.equations.invariance import MotionPoint, is_invariant, shift_units, symmetries_of
 from ...mechanism.equations.symmetry import Symmetry
 from ...solution.solution import Solution
 from ...system import Array
 from .exchange import Exchange
 from .flow import Flow
-from .invariance import MotionPoint, is_invariant, shift_units, symmetries_of
 from .period import is_autonomous, period_of_functions
-from .settled import points_of
+from .returns import points_of
 from .shooting import Cycle, Guess
 
 MAX_EVENTS = 9  # at the start of a run, between which a period with several events begins

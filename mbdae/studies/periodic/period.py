@@ -8,11 +8,11 @@ import numpy as np
 from ...errors import InputError
 from ...mechanism import Mechanism
 from ...mechanism.closures.driver import Driver
+from ...mechanism.equations.invariance import TWO_PI, shift_units
 from ...mechanism.formulations.equation_partials import time_partials
 from ...mechanism.time_functions.time_functions import Harmonic, Polynomial, TimeTable
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
-from .invariance import TWO_PI, shift_units
 
 SAMPLED_TIMES = 3  # at which time dependence is checked
 MAX_MULTIPLE = 64  # of the shortest of several periods
@@ -41,7 +41,7 @@ def period_of_functions(mech: Mechanism) -> float:
     Raises:
         InputError: for other functions of time, or frequencies without a small common multiple.
     """
-    omegas = sorted({abs(x) for x in [*_frequencies([*mech.drivers, *mech.forces]), *_turning(mech)]} - {0.0})
+    omegas = sorted({abs(x) for x in [*_frequencies([*mech.drivers, *mech.forces]), *_joint_speeds(mech)]} - {0.0})
     if not omegas:
         raise InputError(
             "forces or drivers depend on time, but not as harmonic functions, periodic tables or constant speeds of"
@@ -66,7 +66,7 @@ def _frequencies(values: Any) -> list[float]:
     return [x for value in values for x in _frequencies(value)] if isinstance(values, list | tuple) else []
 
 
-def _turning(mech: Mechanism) -> list[float]:
+def _joint_speeds(mech: Mechanism) -> list[float]:
     """Return the constant speeds in rad/s of joints that turn."""
     turns, out = shift_units(mech) == TWO_PI, list[float]()
     for driver in mech.drivers:

@@ -19,7 +19,7 @@ from .motion import motion_of
 from .newton import newton, require_motion
 from .period import is_autonomous
 from .result import PeriodicMotion
-from .settled import Start, start_from_run
+from .returns import CycleStart, start_from_run
 from .shooting import Cycle, Guess, Linearisation
 
 __all__ = ["periodic"]
@@ -75,22 +75,22 @@ def periodic(
     mech = mechanism_of(model.mechanism if isinstance(model, Solution) else model, "periodic")
     flow = Flow(mech, Parameters(lambda values: mech, {}), run_options(mech, method, rtol))
 
-    def near(start: Start) -> PeriodicMotion:
+    def motion_from(start: CycleStart) -> PeriodicMotion:
         kind = guess_of(flow, start.y, start.T, start.t, section, start.symmetries, parts, exchange)
         return converged(flow, kind, rtol)
 
     if isinstance(model, Solution):
-        return near(start_from_run(model, T, symmetry))
+        return motion_from(start_from_run(model, T, symmetry))
     y, names = start_point(mech, q, v, s), None if symmetry is None else tuple(symmetry)
     unknown = T is None and not section and not mech.resets  # the end of a run of the model is a guess
     if unknown and is_autonomous(mech, 0.0, y):
-        return near(start_from_run(flow.run(0.0, y, mech.duration, None), None, names))
+        return motion_from(start_from_run(flow.run(0.0, y, mech.duration, None), None, names))
     try:
-        return near(Start(0.0, y, T, names))
+        return motion_from(CycleStart(0.0, y, T, names))
     except InputError:
         if not unknown or q is not None or v is not None:
             raise
-    return near(start_from_run(flow.run(0.0, y, mech.duration, None), None, names))
+    return motion_from(start_from_run(flow.run(0.0, y, mech.duration, None), None, names))
 
 
 def run_options(mech: Mechanism, method: str | None, rtol: float) -> dict[str, Any]:

@@ -94,7 +94,7 @@ class PeriodicMotion(Tabular):
 
     @cached_property
     def section(self) -> str:
-        """Signal and level at which a period begins: as given, or found; empty if time gives the phase, or none is found."""
+        """Signal and level at which a period begins, as given, or found; empty if there is none."""
         cycle = self.shooting.cycle
         if cycle.section or not cycle.free:
             return cycle.section or ""

@@ -12,7 +12,7 @@ from ...tolerances import VISIBLE
 
 
 def section_of(mech: Mechanism, runs: Sequence[Solution]) -> str:
-    """Return ``"signal > level"`` or ``"signal < level"`` of the coordinate or velocity that changes fastest at the start.
+    """Return ``"signal > level"`` or ``"signal < level"``, of the coordinate or velocity that changes fastest there.
 
     It crosses its level once per period in this direction; empty if none does, at rest and for steady motions.
     """
@@ -26,9 +26,9 @@ def section_of(mech: Mechanism, runs: Sequence[Solution]) -> str:
         size, level = float(np.ptp(x)), float(x[0])
         if size <= VISIBLE * largest[name[0]]:
             continue
-        slope = (x[1] - level) / (t[1] - t[0]) * (t[-1] - t[0]) / size
-        if abs(slope) > best and _crossings(np.sign(slope) * (x - level), abs(x[-1] - level) <= VISIBLE * size):
-            best, section = abs(slope), f"{name} {'>' if slope > 0 else '<'} {level:.9g}"
+        rate = (x[1] - level) / (t[1] - t[0]) * (t[-1] - t[0]) / size
+        if abs(rate) > best and _crossings(np.sign(rate) * (x - level), abs(x[-1] - level) <= VISIBLE * size):
+            best, section = abs(rate), f"{name} {'>' if rate > 0 else '<'} {level:.9g}"
     return section
 
 

@@ -5,9 +5,9 @@ Unknown: the states at k nodes of a period, the period T unless it is given, adv
     0 = x(phi_i(y_i)) - x_i+1,   i < k - 1;      0 = x(S g(sigma) P phi_k-1(y_k-1)) - x_0
 
 with coordinates x of states near y_i+1 (`mbdae.mechanism.equations.local_coordinates`): closures are not among the
-equations. S takes full turns and pitches of ratchets from joints, P exchanges joints. An autonomous motion without a section has free
-phases: the first node moves across F = y' and across the symmetries. Newton's matrix consists of exact tangents of the
-computed steps.
+equations. S takes full turns and pitches of ratchets from joints, P exchanges joints. An autonomous motion without a
+section has free phases: the first node moves across F = y' and across the symmetries. Newton's matrix consists of exact
+tangents of the computed steps.
 Source: Lust, Roose, An adaptive Newton-Picard algorithm (1998); Seydel, Practical bifurcation and stability analysis.
 """
 

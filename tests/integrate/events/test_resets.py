@@ -133,7 +133,11 @@ def test_a_saved_run_keeps_its_events(file, tmp_path):
         ('"v.rod" = "-0.8*v.rod"', '"v.bar" = 1.0', r"coordinate of event 'back' 'v\.bar'"),
         ('"v.rod" = "-0.8*v.rod"', '"v.rod" = "v.bar"', r"unknown coordinate 'v\.bar'"),
         ('"v.rod" = "-0.8*v.rod"', "", "needs a table state"),
-        ('"q.rod > 0.4"', '"q.bar > 0.4"', r"unknown signal in signal of event 'back' 'q\.bar' \(did you mean 'q\.rod'"),
+        (
+            '"q.rod > 0.4"',
+            '"q.bar > 0.4"',
+            r"unknown signal in signal of event 'back' 'q\.bar' \(did you mean",
+        ),
         ('"q.rod > 0.4"', '"q.rod"', "signal of event 'back': it is a signal, one of > < =, and a number, got 'q.rod'"),
         ('"v.rod > 0.1"', '"v.rod = 0.1"', "when of event 'back': it is a signal, one of > <, and a number"),
         ('"v.rod > 0.1"', '"foo"', "when of event 'back': it is a signal, one of > <, and a number, got 'foo'"),

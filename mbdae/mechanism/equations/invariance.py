@@ -9,20 +9,22 @@ with the spatial accelerations a_i of all bodies in world axes at the origin.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError, StepError
-from ...mechanism import Mechanism
-from ...mechanism.closures.clutch import Clutch
-from ...mechanism.equations.symmetry import TWISTS, Symmetry
-from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.hybrid.mode_point import AllRows
-from ...mechanism.tree.pinocchio_data import make_data
 from ...system import Array
 from ...tolerances import VISIBLE
+from ..closures.clutch import Clutch
+from ..formulations.index2 import Index2System
+from ..hybrid.mode_point import AllRows
+from ..tree.pinocchio_data import make_data
+from .symmetry import TWISTS, Symmetry
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
 
 TWO_PI = 2 * np.pi
 AMOUNTS = (0.7, -1.9)  # rad, characteristic lengths
@@ -37,7 +39,7 @@ class MotionPoint(NamedTuple):
     mode: tuple[int, ...]
 
 
-def symmetries_of(mech: Mechanism, points: Sequence[MotionPoint]) -> tuple[str, ...]:
+def symmetries_of(mech: "Mechanism", points: Sequence[MotionPoint]) -> tuple[str, ...]:
     """Return the names of the independent symmetries of a mechanism: cyclic joints, then motions of all bodies."""
     system = mech.system()
     simple = [n for n in mech.joint_names if mech.model.joints[mech.model.getJointId(n)].nv == 1]
@@ -58,7 +60,7 @@ def symmetries_of(mech: Mechanism, points: Sequence[MotionPoint]) -> tuple[str, 
     return tuple(found)
 
 
-def shift_units(mech: Mechanism) -> Array:
+def shift_units(mech: "Mechanism") -> Array:
     """Return the shift (nv,) in rad or m after which a joint may be where it was: a turn, a pitch; 0 for others."""
     out = np.zeros(mech.nv)
     joints = [j for j in mech.model.joints if (j.nq, j.nv) == (1, 1)]
@@ -71,8 +73,8 @@ def shift_units(mech: Mechanism) -> Array:
     return out
 
 
-def is_invariant(mech: Mechanism, point: MotionPoint, shift: Array, T: float) -> bool:
-    """Return whether the equations do not see a shift back of joints (nv,) in rad or m, and of time by T, at a point."""
+def is_invariant(mech: "Mechanism", point: MotionPoint, shift: Array, T: float) -> bool:
+    """Return whether equations do not see a shift back of joints (nv,) in rad or m, and of time by T, at a point."""
     system = mech.system()
     q = system.manifold.integrate(system.split(point.y)[0], -shift)
     shifted = point._replace(t=point.t - T, y=np.concatenate([q, point.y[mech.nq :]]))
@@ -81,14 +83,14 @@ def is_invariant(mech: Mechanism, point: MotionPoint, shift: Array, T: float) ->
 
 
 class _Terms(NamedTuple):
-    """What a symmetry leaves, in the units of rows, and y' in the tangent."""
+    """Rows and rates of rows, (ng,) each, and y' in the tangent, (ny,)."""
 
     g: Array
     speeds: Array
     rates: Array
 
 
-def _unit(mech: Mechanism, name: str) -> float:
+def _unit(mech: "Mechanism", name: str) -> float:
     return 1.0 if name == "turn" else mech.characteristic_length
 
 

@@ -7,21 +7,21 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import InputError
+from ...mechanism.equations.invariance import MotionPoint, shift_units, symmetries_of
 from ...mechanism.equations.symmetry import Symmetry
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import INPUT_DIGITS, NEGLIGIBLE
-from .invariance import MotionPoint, shift_units, symmetries_of
 from .period import is_autonomous, period_of_functions
 
 NEAR_RETURN = 0.2  # of the largest distance from the end of a run: where it was close to its end before
-SETTLED = 0.02  # of the same: closest return of a run that has nearly settled
+CLOSE_RETURN = 0.02  # of the same: closest return of a run that has nearly settled
 SAMPLES, REFINED, ZOOMS = 4000, 11, 8  # of a run, and of a return: in the end 1e-9 of the run apart
 MAX_RETURNS = 50  # the last ones of a run
 POINTS = 3  # of a run at which symmetries are checked
 
 
-class Start(NamedTuple):
+class CycleStart(NamedTuple):
     """A guess of the start of a period.
 
     Attributes:
@@ -37,7 +37,7 @@ class Start(NamedTuple):
     symmetries: tuple[str, ...] | None
 
 
-def start_from_run(sol: Solution, T: float | None, names: Sequence[str] | None) -> Start:
+def start_from_run(sol: Solution, T: float | None, names: Sequence[str] | None) -> CycleStart:
     """Return a start in the last period of a run that has nearly settled, as far as possible from events.
 
     The distance between states is measured in rad, characteristic lengths and per period of the fastest motion,
@@ -52,7 +52,7 @@ def start_from_run(sol: Solution, T: float | None, names: Sequence[str] | None) 
     autonomous = is_autonomous(mech, t, y)
     if T is None:
         T = _last_return(sol, found) if autonomous else _multiple_of(period_of_functions(mech), sol, found)
-    return Start(*_between_events(sol, T), T, found)
+    return CycleStart(*_between_events(sol, T), T, found)
 
 
 def points_of(sol: Solution) -> list[MotionPoint]:
@@ -106,7 +106,7 @@ def _last_return(sol: Solution, names: Sequence[str]) -> float:
             low, high = nearby[max(k - 1, 0)], nearby[min(k + 1, REFINED - 1)]
         best.append((float(sizes.min()), float(nearby[k])))
     least = min(best, default=(np.inf,))[0]
-    if least > SETTLED * size.max():
+    if least > CLOSE_RETURN * size.max():
         raise InputError(
             f"the run of {sol.t[-1] - sol.t[0]:.6g} s does not come back to where it ends: give an estimate of the"
             " period, T, or a section, or a longer run that has settled"
