@@ -10,7 +10,9 @@ from ...data_types import JsonObject
 from ...errors import InputError, StepError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
+from ...mechanism.hybrid.mode_point import ModePoint
 from ...mechanism.hybrid.reset import Reset, StateReset
+from ...mechanism.hybrid.unilateral import penetrated
 from ...solution.signal_value import find_point_signal
 from ...system import Array
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
@@ -78,6 +80,8 @@ class Resets(EventSource):
 
     def first_event(self, step: "StepMap") -> Occurrence | None:
         """Return the first event of a step whose condition holds."""
+        if self.workspace.mode != self.system.mode:
+            self.workspace.enter(self.system.mode)
         jumped = SOLUTION_ROUNDING if np.isnan(self._checked_until) else 0.0
         tangency = None if step.t == self._checked_until else jumped
         self._checked_until, hits = step.t1, list[tuple[float, int]]()
@@ -111,7 +115,15 @@ class Resets(EventSource):
             at = run.t, run.ys[-1]
             signal.advance(*at, 0.0 if i == self._found else signal.value(*at))
         self.done.append((len(run.ts), found.reset.name))
-        run.switch_mode(found(run.t, run.ys[-1]))
+        y = run.ys[-1]
+        if run.mode_changes is None:
+            run.switch_mode(found(run.t, y))
+        else:
+            self.system.enter((0,) * len(self.system.mode))  # a start
+            point = ModePoint(self.system, run.mode_changes.all_rows, run.t, found.closed(run.t, y))
+            if contact := penetrated(point):
+                raise StepError("impact", f"{contact} after event {found.reset.name!r}, at t = {run.t:.17g}")
+            run.mode_changes.continue_from(run, point, set(), partial(found.with_work, y))
         return False
 
     def release(self) -> None:

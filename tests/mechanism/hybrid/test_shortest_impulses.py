@@ -67,5 +67,5 @@ def test_the_shortest_of_all_impulses(seed):
 
 
 def test_exact_friction_without_grip_is_one_line():
-    with pytest.raises(InputError, match=r"^friction of 'corner 0': exact friction belongs to closures of kind rolling"):
+    with pytest.raises(InputError, match=r"^friction of 'corner 0': exact friction belongs to closures of kind"):
         box(forces=[CoulombFriction(closure="corner 0", coefficient=0.3, exact=True)])
