@@ -19,7 +19,7 @@ def section_of(mech: Mechanism, runs: Sequence[Solution]) -> str:
     names = list(coordinate_units(mech))
     pieces = [signals(run, names) for run in runs]
     columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in names}
-    largest = {kind: max(np.ptp(x) for name, x in columns.items() if name[0] == kind) for kind in "qv"}
+    largest = {kind: max(np.abs(x).max() for name, x in columns.items() if name[0] == kind) for kind in "qv"}
     t = np.concatenate([run.nodes[0] for run in runs])
     best, section = VISIBLE, ""
     for name, x in columns.items():

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from impact_oscillator import E, T, Z, impact_motion, oscillator
+from scipy.optimize import brentq
 
 import mbdae
 from mbdae import Driver, JointDamping, JointTorque
@@ -49,7 +51,7 @@ def test_a_crank_of_constant_speed_turns_once_per_period():
 
 def test_a_ratchet_advances_by_a_pitch_per_stroke():
     """The stroke of 0.4 rad passes one tooth of 24; all play ends in a stroke, so no multiplier is left."""
-    found = mbdae.periodic("ratchet")
+    found = mbdae.periodic("ratchet", rtol=1e-9)
     assert pytest.approx(2.0, rel=1e-14) == found.T
     assert found.shifts == {"wheel": pytest.approx(TURN / 24, rel=1e-14)}
     assert (found.stability, len(found.multipliers)) == ("stable", 0)
@@ -64,8 +66,8 @@ def test_a_disc_in_a_circle_has_all_of_its_symmetries():
     assert max(x.error for x in found.neutral) < 1e-9
 
 
-def test_a_swing_does_not_follow_a_turn_and_a_free_wheel_does():
-    """A pendulum's joint is no symmetry, and a run of a double pendulum does not come back."""
+def test_a_run_that_does_not_come_back_asks_for_a_period():
+    """A double pendulum; and the joint of a pendulum is no symmetry."""
     assert mbdae.periodic("pendulum", 2.1).symmetry == ()
     with pytest.raises(InputError, match="does not come back to where it ends: give an estimate of the period"):
         mbdae.periodic("double_pendulum")
@@ -74,3 +76,17 @@ def test_a_swing_does_not_follow_a_turn_and_a_free_wheel_does():
 def test_a_section_that_is_crossed_in_a_jump_is_one_line():
     with pytest.raises(InputError, match=r"^the section 'q.stance > 0' is crossed in a jump.* by 'heel strike': take"):
         mbdae.periodic("compass_gait", section="q.stance > 0", rtol=1e-8)
+
+
+def test_a_run_of_twice_the_period_of_the_force():
+    """Beyond the period doubling of the impact oscillator impacts alternate; det = (e^2 exp(-2 z T))^2."""
+    d = E**2 * np.exp(-2 * Z * T)
+    doubling = brentq(lambda u: np.trace(impact_motion(u).monodromy) + 1 + d, 0.3, 1.0, xtol=1e-13)
+    exact = impact_motion(doubling - 0.05)
+    (x, v), mech = exact.start, oscillator(exact.force, exact.phase + np.pi)
+    found = mbdae.periodic(mbdae.solve(mech, (0, 60 * T), [x + 1e-2], [v], rtol=1e-9), rtol=1e-10)
+    assert pytest.approx(2 * T, rel=1e-13) == found.T
+    first, second = (impact.impulse[0] for impact in found.run.impacts)
+    assert abs(first - second) > 0.05
+    assert found.stability == "stable"
+    assert np.prod(found.multipliers).real == pytest.approx(d**2, rel=1e-8)
