@@ -21,11 +21,12 @@ from ...mechanism.equations.local_coordinates import LocalCoordinates
 from ...mechanism.equations.symmetry import Symmetry
 from ...mechanism.formulations.index2 import Index2System
 from ...system import Array
-from ...tolerances import AGREEMENT
+from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
 from .exchange import Exchange
 from .flow import Flow, FlowEnd, require_same_rows
 
 MAX_REFINEMENTS = 12
+HALVED_STEPS = 2**6  # change of rtol, for methods of order 6
 SHORTEST = 0.5  # of the period before: one iteration may not do more
 
 
@@ -235,14 +236,13 @@ class Linearisation:
         """Return the equations with steps that resolve the tangents of the motion, not only the motion.
 
         Step-size control does not see variations: a steady motion has long steps, however fast its neighbours vary. So
-        the longest step is halved until the monodromy matrix changes no more.
+        the longest step is halved until the monodromy matrix changes no more, and the others with it, by rtol.
         """
-        here, h = self, self.longest_step
+        here, h, rtol = self, self.longest_step, float(self.flow.options["rtol"])
         for _ in range(MAX_REFINEMENTS):
-            h /= 2
-            there = Linearisation(
-                self.system, replace(self.flow, options={**self.flow.options, "max_step": h}), self.cycle, self.at
-            )
+            h, rtol = h / 2, max(rtol / HALVED_STEPS, min(rtol, SOLUTION_ROUNDING))
+            options = {**self.flow.options, "max_step": h, "rtol": rtol}
+            there = Linearisation(self.system, replace(self.flow, options=options), self.cycle, self.at)
             change = max(np.abs(a - b).max(initial=0.0) for a, b in zip(here.factors, there.factors, strict=True))
             size = max(np.abs(a).max(initial=1.0) for a in there.factors)
             here = there
