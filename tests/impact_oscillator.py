@@ -57,12 +57,13 @@ def impact_motion(u):
     return ImpactMotion(force, phase, half @ jump @ half, start)
 
 
-def oscillator(force, phase=0.0):
-    """The mechanism; the force is F cos(w t + phase)."""
+def oscillator(force, phase=0.0, **impacts):
+    """The mechanism; the force is F cos(w t + phase); another law may replace the stop."""
     model = pin.Model()
     model.gravity.linear[:] = 0.0
     joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "mass")
     model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.zeros((3, 3))), pin.SE3.Identity())
     drive = JointTorque(joint="mass", torque=Harmonic(amplitude=force, omega=OMEGA, phase=phase + np.pi / 2))
     forces = [JointSpring(joint="mass", stiffness=1.0), JointDamping(joint="mass", damping=2 * Z), drive]
-    return Mechanism(model, forces=forces, stops=[Stop(joint="mass", lower=-S, restitution=E, name="stop")])
+    stop = {"stops": [Stop(joint="mass", lower=-S, restitution=E, name="stop")]}
+    return Mechanism(model, forces=forces, **(impacts or stop))

@@ -11,7 +11,7 @@ from ..integrate.options.defaults import DEFAULTS
 from ..units import display_units
 from .completion import FORMULATIONS, completed, methods
 from .signature import REQUIRED, Argument, arguments_of
-from .values import TimeSpan, locked_joints, parsed_numbers, split_names, values_by_name
+from .values import TimeSpan, locked_joints, parsed_numbers, split_names, texts_by_name, values_by_name
 
 Decorator = Callable[..., Any]
 LETTERS = {"actuator": "-a", "method": "-m", "parameter": "-p", "signal": "-s", "T": "-t"}
@@ -21,6 +21,7 @@ PARSERS: dict[str, Callable[[tuple[str, ...], str], Any]] = {  # of options that
     "Hold": locked_joints,
     "Mapping[str, float]": values_by_name,
     "Mapping[str, Sequence[float]]": values_by_name,
+    "Mapping[str, str]": texts_by_name,
     "Sequence[str]": lambda values, option: split_names(values),
     "Iterable[str]": lambda values, option: split_names(values),
 }

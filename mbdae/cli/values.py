@@ -69,6 +69,19 @@ def values_by_name(texts: Iterable[str], option: str) -> dict[str, Any]:
     return out
 
 
+def texts_by_name(texts: Iterable[str], option: str) -> dict[str, str]:
+    """Return texts by name from a repeated option ``name=text``, or a list with commas.
+
+    Raises:
+        InputError: naming the option.
+    """
+    pairs = [text.partition("=") for text in split_names(texts)]
+    for name, sign, text in pairs:
+        if not (name and text):
+            raise InputError(f"{option} takes name=text, got {name + sign + text!r}")
+    return {name: text for name, _, text in pairs}
+
+
 def locked_joints(texts: Iterable[str], option: str) -> dict[str, float | None]:
     """Return joints from an option ``name`` or ``name=value``, with their locked values; None for the start value.
 

@@ -1,6 +1,9 @@
 """Modes of a run: guards are monitored from step to step, and the mode changes where a guard crosses zero."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import InputError, StepError
@@ -10,10 +13,11 @@ from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.hybrid.active_set import select_mode
 from ...mechanism.hybrid.impact import Impact, resolve_impact
 from ...mechanism.hybrid.mode_point import AllRows, ModePoint
-from ...mechanism.hybrid.switch import Guard, Switch
+from ...mechanism.hybrid.switch import Guard
 from ...mechanism.hybrid.switches import describe_mode, unswitched_rows
+from ...mechanism.hybrid.unilateral import gaps, penetrated
 from ...system import Array
-from ...tolerances import CLOSED, COINCIDENT, ZERO_SPEED
+from ...tolerances import COINCIDENT, ZERO_SPEED
 from .core_contacts import Rebound
 from .guard_location import TrackedGuard, first_guard_root
 from .load_resolution import (
@@ -126,10 +130,8 @@ class ModeChanges(EventSource):
         if self.modes:
             return self._commanded(run, y)
         at = self._point(run.t, y)
-        for s, gap in self._gaps(at):
-            if gap < -CLOSED * self.system.mechanism.row_scales[s.rows[0]]:
-                unit = self.system.mechanism.row_units[s.rows[0]]
-                raise InputError(f"{s.name!r} is penetrated by {-gap:.3g} {unit} at the start")
+        if contact := penetrated(at):
+            raise InputError(f"{contact} at the start")
         y, mode = self._resolved_mode(run, at, set())
         self.modes = [(0, mode)]
         self._enter(mode, run)
@@ -140,13 +142,10 @@ class ModeChanges(EventSource):
         self.modes = [(0, mode)]
         self._enter(mode, run)
 
-    def _gaps(self, at: ModePoint) -> list[tuple[Switch, float]]:
-        return [(s, g.value(at)) for s in self.switches for g in s.guards(0) if g.kind == "contact"]
-
     def _closed_contacts(self, t: float, y: Array, tolerance: float) -> list[str]:
         """Return the names of contacts whose gaps at a point are within a tolerance."""
-        scales, gaps = self.system.mechanism.row_scales, self._gaps(self._point(t, y))
-        return [s.name for s, gap in gaps if abs(gap) <= tolerance * scales[s.rows[0]]]
+        scales = self.system.mechanism.row_scales
+        return [s.name for s, gap in gaps(self._point(t, y)) if abs(gap) <= tolerance * scales[s.rows[0]]]
 
     def _resolved_mode(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
         recent = {i for i, when in self.last_impact.items() if abs(at.t - when) < self.switches[i].rest}
@@ -244,12 +243,18 @@ class ModeChanges(EventSource):
         self._check_chattering(run.t, fired)
         run.end_interval()
         opened = {g.switch for g in fired if g.kind == "separation"}
-        y, mode = self._resolved_mode(run, self._point(run.t, run.ys[-1]), opened)
+        self.continue_from(run, self._point(run.t, run.ys[-1]), opened)
+
+    def continue_from(
+        self, run: "RunState", at: ModePoint, opened: set[int], completed: Callable[[Array], Array] = np.asarray
+    ) -> None:
+        """Continue after impacts at a point, completed by its work: a second node of the run at the same time."""
+        y, mode = self._resolved_mode(run, at, opened)
         self._enter(mode, run)
         if run.project:
             y = self.system.restore(run.t, y)
         self.modes.append((len(run.ts), mode))
-        run.switch_mode(y)
+        run.switch_mode(completed(y))
         self._track(run.t, run.ys[-1])
 
     def adopt_rebound(self, run: "RunState", rebound: Rebound) -> None:

@@ -1,14 +1,19 @@
 """Events at which the state jumps (`mbdae.Reset`): located on steps of the method, then the run continues from R(y)."""
 
+from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...data_types import JsonObject
-from ...errors import InputError, StepError
+from ...errors import InputError, StepError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.hybrid.reset import StateReset
+from ...mechanism.hybrid.mode_point import ModePoint
+from ...mechanism.hybrid.reset import Reset, StateReset
+from ...mechanism.hybrid.unilateral import penetrated
+from ...solution.signal_value import find_point_signal
 from ...system import Array
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
 from .level_crossing import SignalEvent, parse_level_crossing
@@ -31,7 +36,7 @@ class Resets(EventSource):
         done: first node after each jump, and the name of its event.
 
     Raises:
-        InputError, UnknownNameError: for an event of an unknown signal, or without its function.
+        InputError: for an event without its function.
     """
 
     each_step = True
@@ -40,8 +45,9 @@ class Resets(EventSource):
         self.system, resets = system, system.mechanism.resets
         self.maps = [StateReset(system, reset) for reset in resets]
         self.workspace = workspace = system.new_workspace()
-        self.signals = [_bound(workspace, reset.name, reset.signal) for reset in resets]
-        self.conditions = [_condition(workspace, reset.name, reset.when) if reset.when else None for reset in resets]
+        bound = partial(SignalEvent.from_text, workspace, system.mechanism, direction=0)
+        self.signals = [bound(reset.signal) for reset in resets]
+        self.conditions = [bound(reset.when) if reset.when else None for reset in resets]
         self.done: list[tuple[int, str]] = []
         self.times: list[float] = []
         self._found = 0  # event of the last step
@@ -74,6 +80,8 @@ class Resets(EventSource):
 
     def first_event(self, step: "StepMap") -> Occurrence | None:
         """Return the first event of a step whose condition holds."""
+        if self.workspace.mode != self.system.mode:
+            self.workspace.enter(self.system.mode)
         jumped = SOLUTION_ROUNDING if np.isnan(self._checked_until) else 0.0
         tangency = None if step.t == self._checked_until else jumped
         self._checked_until, hits = step.t1, list[tuple[float, int]]()
@@ -107,7 +115,15 @@ class Resets(EventSource):
             at = run.t, run.ys[-1]
             signal.advance(*at, 0.0 if i == self._found else signal.value(*at))
         self.done.append((len(run.ts), found.reset.name))
-        run.switch_mode(found(run.t, run.ys[-1]))
+        y = run.ys[-1]
+        if run.mode_changes is None:
+            run.switch_mode(found(run.t, y))
+        else:
+            self.system.enter((0,) * len(self.system.mode))  # a start
+            point = ModePoint(self.system, run.mode_changes.all_rows, run.t, found.closed(run.t, y))
+            if contact := penetrated(point):
+                raise StepError("impact", f"{contact} after event {found.reset.name!r}, at t = {run.t:.17g}")
+            run.mode_changes.continue_from(run, point, set(), partial(found.with_work, y))
         return False
 
     def release(self) -> None:
@@ -120,23 +136,32 @@ class Resets(EventSource):
         return {"resets": len(self.done)}
 
 
-def _bound(workspace: Index2System, name: str, text: str) -> SignalEvent:
-    """Return the signal of an event.
+def require_known_signals(mech: Mechanism, resets: Sequence[Reset]) -> None:
+    """Require that events compare signals of a mechanism with numbers.
 
     Raises:
-        InputError: with the name of the event.
-        UnknownNameError: for an unknown signal.
+        InputError: for another text, or a signal of a whole run; names the event.
+        UnknownNameError: for an unknown signal, with the valid ones.
     """
-    return SignalEvent.from_text(workspace, workspace.mechanism, text, 0)
+    for reset in resets:
+        for key, text, signs in (("signal", reset.signal, "> < ="), ("when", reset.when, "> <")):
+            if text:
+                _require_comparison(mech, f"{key} of event {reset.name!r}", text, signs)
 
 
-def _condition(workspace: Index2System, name: str, text: str) -> SignalEvent:
-    """Return the condition of an event.
+def _require_comparison(mech: Mechanism, where: str, text: str, signs: str) -> None:
+    """Require a signal, one of several signs, and a number.
 
     Raises:
-        InputError: unless it compares a signal by > or <.
+        InputError: for another text, or a signal of a whole run.
         UnknownNameError: for an unknown signal.
     """
-    if not parse_level_crossing(text).direction:
-        raise InputError(f"event {name!r}: when is a signal, > or <, and a number, got {text!r:.80}")
-    return _bound(workspace, name, text)
+    try:
+        signal, _, direction = parse_level_crossing(text)
+        if signal == text.strip() or not (direction or "=" in signs):
+            raise InputError(f"it is a signal, one of {signs}, and a number, got {text!r:.80}")
+        find_point_signal(mech, signal)
+    except UnknownNameError as e:
+        raise UnknownNameError(f"signal in {where}", e.name, e.valid) from None
+    except InputError as e:
+        raise InputError(f"{where}: {e}") from None

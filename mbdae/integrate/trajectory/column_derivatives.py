@@ -14,10 +14,12 @@ from ...mechanism.signal_derivatives import (
     driver_power_derivatives,
     effort_derivatives,
     frame_motion_derivatives,
+    gap_derivatives,
     momentum_derivatives,
     path_derivatives,
     reaction_derivatives,
     shaking_derivatives,
+    unilateral_rows,
 )
 from ...mechanism.signals.contacts import rolling_closures
 from ...mechanism.signals.deformation import deformation_units
@@ -91,6 +93,7 @@ FAMILIES = (
            lambda motion: _flattened(path_derivatives(motion)), False),
     DerivativeFamily(_contact_names, lambda motion: _flattened(contact_derivatives(motion)), True),
     DerivativeFamily(reaction_units, _loads, True),
+    DerivativeFamily(lambda mech: list(unilateral_rows(mech)), gap_derivatives, False),
     DerivativeFamily(lambda mech: [f"power.{d.name}" for d in mech.drivers], driver_power_derivatives, True),
     DerivativeFamily(effort_units, effort_derivatives, False),
     DerivativeFamily(lambda mech: _frame_columns(mech, False), _speeds, False),

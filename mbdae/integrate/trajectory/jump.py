@@ -96,13 +96,13 @@ class ModeJumps:
             time = self._event(i, point, rates)
         R = self._map(point, jumped)[1]
         if not varies:
-            return self._projected(i, Jump(R[:, :-1], time))
+            return self.projected(i, Jump(R[:, :-1], time))
         trace.enter_node(i + 1)
         after = self.system.derivative(t, trace.ys[i + 1])[0]
         change = R[:, :ny] @ rates + R[:, -1] - after
-        return self._projected(i, Jump(R[:, :-1] + np.outer(change, time), time))
+        return self.projected(i, Jump(R[:, :-1] + np.outer(change, time), time))
 
-    def _projected(self, i: int, jump: Jump) -> Jump:
+    def projected(self, i: int, jump: Jump) -> Jump:
         """Return a jump with the projection in the mode after it."""
         if not self.trace.project:
             return jump
@@ -114,12 +114,18 @@ class ModeJumps:
 
     def at_start(self, t: float, y: Array) -> tuple[Array, Array]:
         """Return the point after an impact at the start, in the idle mode, and its partials by (y, p), (ny, ny + k)."""
-        mode, ny = self.system.mode, self.sensitivity.ny
-        self.system.enter((0,) * len(mode))
-        point = ModePoint(self.system, self.all_rows, t, y)
-        found, R = self._map(point, np.eye(ny, ny + self.sensitivity.k + 1))
+        self.enter_idle()
+        found, R = self.impact(t, y, np.eye(self.sensitivity.ny, self.sensitivity.ny + self.sensitivity.k + 1))
         self.trace.enter_node(0)
         return found, R[:, :-1]
+
+    def enter_idle(self) -> None:
+        """Enter the idle mode, in which a point is a start."""
+        self.system.enter((0,) * len(self.system.mode))
+
+    def impact(self, t: float, y: Array, jumped: Array) -> tuple[Array, Array]:
+        """Return the point after an impact at a point, and its partials by (y, p, t), from those of the point."""
+        return self._map(ModePoint(self.system, self.all_rows, t, y), jumped)
 
     def _map(self, point: ModePoint, jumped: Array) -> tuple[Array, Array]:
         """Return the point after the impact, and its partials by (y, p, t), (ny, ny + k + 1)."""

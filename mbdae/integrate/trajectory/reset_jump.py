@@ -6,6 +6,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...mechanism.hybrid.reset import Reset, StateReset
+from ...system import Array
 from ...tolerances import VISIBLE
 from ..events.level_crossing import parse_level_crossing
 from .jump import Jump
@@ -52,11 +53,19 @@ class ResetJumps:
             zip(sensitivity.parameters.all, state_reset.of_parameters(sensitivity), strict=True)
         ):
             gradient[ny + k] -= p.quotient({j: np.array(_level(other)) for j, other in others.items()})
-        R = state_reset.partials(sensitivity, t, y)
+        R = self._map(state_reset, t, y) if trace.system.mechanism.switches else state_reset.partials(sensitivity, t, y)
         trace.enter_node(i + 1)
         after = trace.system.derivative(float(trace.ts[i + 1]), trace.ys[i + 1])[0]
         time = -gradient[:-1] / total
-        return Jump(R[:, :-1] + np.outer(R[:, :ny] @ before + R[:, -1] - after, time), time)
+        jump = Jump(R[:, :-1] + np.outer(R[:, :ny] @ before + R[:, -1] - after, time), time)
+        return trace.jumps.projected(i, jump) if trace.system.mechanism.switches else jump
+
+    def _map(self, reset: StateReset, t: float, y: Array) -> Array:
+        """Return the derivatives of y after the event and its impacts by (y, p, t), (ny, ny + k + 1)."""
+        trace, sensitivity = self.trace, self.trace.sensitivity
+        trace.jumps.enter_idle()
+        after, R = trace.jumps.impact(t, reset.closed(t, y), reset.closed_partials(sensitivity, t, y))
+        return reset.with_work_partials(sensitivity, y, after, R)
 
 
 def _level(reset: Reset) -> float:

@@ -60,8 +60,7 @@ class Symmetry:
         if self.name not in TWISTS:
             return np.eye(self.system.nv)[self._index]
         twist = np.eye(6)[TWISTS[self.name]]
-        J, bodies = self._jacobians(q), self._bodies
-        A, b = J[bodies].reshape(-1, self.system.nv), np.tile(twist, len(bodies))
+        A, b = self._jacobians(q).reshape(-1, self.system.nv), np.tile(twist, len(self.bodies))
         w = np.linalg.lstsq(A, b, rcond=None)[0]
         if not np.abs(A @ w - b).max(initial=0.0) <= CLOSED * max(1.0, np.abs(w).max()):
             raise InputError(f"symmetry {self.name!r}: the joints of {self.system.mechanism.title} do not allow it")
@@ -106,11 +105,10 @@ class Symmetry:
         return np.linalg.lstsq(J.reshape(-1, self.system.nv), right, rcond=None)[0]
 
     def _jacobian_rates(self, q: Array) -> Array:
-        """Return the rates of `_jacobians` while the bodies move by the symmetry, (njoints - 1, 6, nv)."""
+        """Return the rates of `_jacobians` while the bodies move by the symmetry, (n, 6, nv)."""
         model, data, world = self.system.model, make_data(self.system.model, complete=True), pin.ReferenceFrame.WORLD
         pin.computeJointJacobiansTimeVariation(model, data, q, self.direction(q))
-        rates = [pin.getJointJacobianTimeVariation(model, data, i, world) for i in range(1, model.njoints)]
-        return np.array(rates)
+        return np.array([pin.getJointJacobianTimeVariation(model, data, i, world) for i in self.bodies])
 
     @property
     def _index(self) -> int:
@@ -118,20 +116,20 @@ class Symmetry:
         return int(model.joints[model.getJointId(self.name)].idx_v)
 
     @property
-    def _bodies(self) -> list[int]:
-        """Joints that carry mass, and those at the ends of the tree."""
+    def bodies(self) -> list[int]:
+        """Joints that carry mass, and those at the ends of the tree: others between them need not follow."""
         model = self.system.mechanism.model
         ends = set(range(1, model.njoints)) - set(model.parents)
-        return [i - 1 for i in range(1, model.njoints) if i in ends or model.inertias[i].mass > 0]
+        return [i for i in range(1, model.njoints) if i in ends or model.inertias[i].mass > 0]
 
     def _placements(self, q: Array) -> list[pin.SE3]:
         s = self.system
         pin.forwardKinematics(s.model, s.workspace, q)
-        return [pin.SE3(s.workspace.oMi[i]) for i in range(1, s.model.njoints)]
+        return [pin.SE3(s.workspace.oMi[i]) for i in self.bodies]
 
     def _jacobians(self, q: Array) -> Array:
-        """Return the Jacobians of all joints in world axes at the origin, (njoints - 1, 6, nv)."""
+        """Return the Jacobians of the bodies in world axes at the origin, (n, 6, nv)."""
         s = self.system
         pin.computeJointJacobians(s.model, s.workspace, q)
         world = pin.ReferenceFrame.WORLD
-        return np.array([pin.getJointJacobian(s.model, s.workspace, i, world) for i in range(1, s.model.njoints)])
+        return np.array([pin.getJointJacobian(s.model, s.workspace, i, world) for i in self.bodies])

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...data_types import CoreData
+from ...errors import InputError
 from ...tolerances import VISIBLE
 from ..closures.closure import UnilateralClosure
 from ..forces.coulomb_friction import CoulombFriction
@@ -38,6 +39,8 @@ class FrictionalContact(Unilateral):
         self, spec: UnilateralClosure, force: CoulombFriction, rows: Sequence[int], friction_index: int
     ) -> None:
         super().__init__(spec, spec.name, rows[0], 1.0)
+        if len(rows) < 2:
+            raise InputError(f"friction of {spec.name!r}: exact friction belongs to closures of kind rolling with grip")
         self.no_slip, self.coefficient = rows[1], force.coefficient
         self.friction = RollingStiction(force, rows, friction_index)
 

@@ -4,8 +4,8 @@
 
 Newton's impact law for the approaching contact rows U and the bilateral rows G. v+ is the point closest to v- in the
 mass metric with G v+ + b = 0 and U v+ >= -e U v-: least-distance programming, solved by non-negative least squares. v+
-is unique, p may not be. Rows that already separate are excluded, because energy could increase otherwise; if they
-approach afterwards, they impact next.
+is unique; of several p without friction the shortest is taken, as for multipliers. Rows that already separate are
+excluded, because energy could increase otherwise; if they approach afterwards, they impact next.
 
 With friction, the tangential impulse is p_t, |p_t| <= mu p, opposing the slip after the impact, or zero slip
 (`friction_lcp`). Newton's law can then increase the energy for e > 0 (Kane); in that case the run ends.
@@ -236,4 +236,24 @@ def _least_distance(A: Array, f: Array, size: float) -> Array:
     if p.max() * VISIBLE > scale:  # rounding made dependent columns independent: the shortest of such impulses
         n, p = int(active.sum()), np.zeros(len(f))
         p[active] = nnls(np.vstack([An[:, active], HALF_DIGITS * np.eye(n)]), np.append(x, np.zeros(n)))[0]
-    return p / sizes
+    p /= sizes
+    p[active] = _shortest(A[:, active], p[active])
+    return p
+
+
+def _shortest(A: Array, p: Array) -> Array:
+    """Return the shortest impulses (m,) >= 0 with the same A p: a contact at many points loads all of them.
+
+    They are p_0 + N z, p_0 the shortest ones of any sign, N z the shortest such that none is negative.
+    """
+    _, values, right = np.linalg.svd(A)
+    r = int(np.count_nonzero(values > TRUNCATION * values[:1]))
+    N, size = right[r:].T, float(np.abs(p).max(initial=0.0))
+    if not N.shape[1] or not size:
+        return p
+    p0 = (p - N @ (N.T @ p)) / size
+    u, _ = nnls(np.vstack([N.T, -p0]), np.append(np.zeros(N.shape[1]), 1.0))
+    loaded = p0 + N @ (N.T @ u) / (1.0 + float(p0 @ u)) > MODE_ROUNDING
+    out = np.zeros(len(p))
+    out[loaded] = np.linalg.lstsq(A[:, loaded], A @ p, rcond=TRUNCATION)[0]  # to rounding, for these points
+    return out

@@ -1,11 +1,12 @@
 """Events of the user's at which the state jumps: legs that are exchanged, velocities after an impact.
 
-At the event the state becomes R(t, y): first the coordinates of a table or a function; then, with closures, the
-positions that are not in the table close them, and velocities satisfy them by the impact law
+At the event the state becomes R(t, y): first the coordinates of a table or a function; then, with closures and drivers,
+the positions that are not in the table close them, and velocities satisfy them by the impact law
 
     M (v+ - v) = G^T P,   G v+ + g_t = 0
 
-The energy that is lost or added counts as work.
+With rows that switch, the state after the table is a start: a contact that the event opens is open, closed ones impact
+by their own law (`impact`), and the mode follows from loads. The energy that is lost or added counts as work.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,10 +15,11 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
+from ...discovery import lazy_import
 from ...errors import InputError, StepError, UnknownNameError
-from ...finite_differences import numerical_jacobian
+from ...finite_differences import numerical_derivative, numerical_jacobian
 from ...system import Array
-from ...tolerances import EPS, SUM_ROUNDING
+from ...tolerances import EPS, SUM_ROUNDING, VISIBLE
 from ..callbacks import call_with_views, checked_value, function_name
 from ..checked_table import Table
 from ..key_units import Coordinates
@@ -38,7 +40,8 @@ class Reset(Table):
 
     Attributes:
         name: of the event.
-        signal: signal and level whose crossing is the event, as for `mbdae.Event`: ``"position.foot.z < 0"`` falling.
+        signal: signal and level whose crossing is the event, as for `mbdae.Event`: ``"position.foot.z < 0"`` falling,
+            ``"="`` both ways. Unlike there, the level is always named.
         when: signal and level as a condition, ``"q.swing > 0.1"``: crossings elsewhere do not count.
         state: new values of coordinates and states, as numbers or expressions of the old ones:
             ``{ "q.left" = "q.right", "v.left" = "-v.left" }``; others remain, or close the loops.
@@ -120,14 +123,55 @@ class StateReset:
         Raises:
             StepError: if a value cannot be computed, or closures cannot be satisfied.
         """
-        out = self._closed(t, self._assigned(t, y))
-        if self.system.ng:
-            out = self.system.restore(t, out)
-        out[-1] += sum(self._energy(out)) - sum(self._energy(y))
+        out = self.closed(t, y)
+        return self.with_work(y, self.system.restore(t, out) if self.system.ng else out)
+
+    def with_work(self, before: Array, after: Array) -> Array:
+        """Return y after the event (n,), whose work is that before it and the change of energy."""
+        out = after.copy()
+        out[-1] = before[-1] + sum(self._energy(after)) - sum(self._energy(before))
         return out
 
+    def closed(self, t: float, y: Array) -> Array:
+        """Return y (n,) with the values of the table, and positions that satisfy closures; velocities may not.
+
+        Raises:
+            StepError: if a value cannot be computed, or the values contradict a closure or a driver.
+        """
+        return self._closed(t, self._assigned(t, y))
+
     def partials(self, sensitivity: "PointSensitivity", t: float, y: Array) -> Array:
-        """Return the derivatives of y after the event by (y, p, t), (ny, ny + k + 1)."""
+        """Return the derivatives of y after the event by (y, p, t), (ny, ny + k + 1), without rows that switch."""
+        s, ny, k = self.system, sensitivity.ny, sensitivity.k
+        closed, out = self.closed(t, y), self.closed_partials(sensitivity, t, y)
+        if not s.ng:
+            return self.with_work_partials(sensitivity, y, closed, out)
+        P, time = sensitivity.projection(t, closed), out[:, -1:].copy()
+        out, after = P[:, :ny] @ out, s.restore(t, closed)
+        out[:, ny : ny + k] += P[:, ny:]
+        if s.mechanism.drivers:
+            moved = numerical_derivative(lambda x: s.difference(after, s.restore(t + x, closed)), self._width)
+            out[:, -1] = P[:, :ny] @ time[:, 0] + moved
+        return self.with_work_partials(sensitivity, y, after, out)
+
+    @property
+    def _width(self) -> float:
+        """Width of differences in time, in s."""
+        return WIDTH / self.system.mechanism.characteristic_rate
+
+    def with_work_partials(self, sensitivity: "PointSensitivity", before: Array, after: Array, out: Array) -> Array:
+        """Return partials (ny, ny + k + 1) of y after an event with those of the work; see `with_work`."""
+        ny, k = sensitivity.ny, sensitivity.k
+        energy = [sensitivity.energy(*self.system.split(x)).sum(axis=0) for x in (before, after)]
+        found = np.vstack([out, np.eye(k, ny + k + 1, ny)])
+        found[ny - 1] = 0.0
+        row = energy[1] @ found
+        row[:-1] -= energy[0]
+        row[ny - 1] += 1.0
+        return np.vstack([out[:-1], row])
+
+    def closed_partials(self, sensitivity: "PointSensitivity", t: float, y: Array) -> Array:
+        """Return the derivatives of `closed` by (y, p, t), (ny, ny + k + 1)."""
         s, nv, ny, k = self.system, self.system.nv, sensitivity.ny, sensitivity.k
         assigned = self._assigned(t, y)
         closed = self._closed(t, assigned)
@@ -137,23 +181,21 @@ class StateReset:
             if any(other != self.reset for other in others.values()):
                 maps = {j: StateReset(s, other) for j, other in others.items()}
                 out[:, ny + i] = p.quotient({j: s.difference(assigned, m._assigned(t, y)) for j, m in maps.items()})
-        if s.ng:
-            q, rows = s.split(closed)[0], s.constraints.positional
-            G = s.jacobian(q)[rows]
-            residual = G @ out[:nv]
-            residual[:, ny : ny + k] += sensitivity.parameters.row_partials(t, q, np.zeros(nv))[1][rows]
-            if not self.reset.function:
-                out[self.free] -= np.linalg.lstsq(G[:, self.free], residual, rcond=SUM_ROUNDING)[0]
-            P = sensitivity.projection(t, closed)
-            out, after = P[:, :ny] @ out, s.restore(t, closed)
-            out[:, ny : ny + k] += P[:, ny:]
-        else:
-            after = closed
-        energy = [sensitivity.energy(*s.split(x)).sum(axis=0) for x in (y, after)]
-        moved = np.vstack([out, np.eye(k, ny + k + 1, ny)])
-        out[-1] += energy[1] @ moved
-        out[-1, :-1] -= energy[0]
+        q, rows = s.split(closed)[0], self._position_rows
+        if not len(rows) or self.reset.function:
+            return out
+        G = s.jacobian(q)[rows]
+        residual = G @ out[:nv]
+        residual[:, ny : ny + k] += sensitivity.parameters.row_partials(t, q, np.zeros(nv))[1][rows]
+        residual[:, -1] += s.g_t(t)[rows]
+        out[self.free] -= np.linalg.lstsq(G[:, self.free], residual, rcond=SUM_ROUNDING)[0]
         return out
+
+    @property
+    def _position_rows(self) -> Array:
+        """Indices of the rows that positions satisfy, closures and drivers without a switch."""
+        positional = np.flatnonzero(self.system.constraints.positional)
+        return np.setdiff1d(positional, [row for switch in self.system.mechanism.switches for row in switch.rows])
 
     def of_parameters(self, sensitivity: "PointSensitivity") -> list[dict[int, Reset]]:
         """Return this event of the mechanisms with perturbed parameters, by their numbers."""
@@ -200,8 +242,8 @@ class StateReset:
             StepError: if they cannot be.
         """
         s, q = self.system, y[: self.system.nq]
-        rows, scales = s.constraints.positional, s.mechanism.row_scales
-        if not rows.any() or self.reset.function:
+        rows, scales = self._position_rows, s.mechanism.row_scales
+        if not len(rows) or self.reset.function:
             return y
         last = np.inf
         for _ in range(ITERATIONS):
@@ -212,6 +254,9 @@ class StateReset:
             last, x = size, np.zeros(s.nv)
             x[self.free] = -np.linalg.lstsq(G[:, self.free], g, rcond=SUM_ROUNDING)[0]
             q = s.manifold.integrate(q, x)
+        if not size <= VISIBLE:
+            name = s.mechanism.row_names[rows[int(np.abs(g / scales[rows]).argmax())]]
+            raise StepError("newton", f"values of event {self.reset.name!r} contradict {name!r}, at t = {t:.9g}")
         return np.concatenate([q, y[s.nq :]])
 
 
@@ -232,16 +277,16 @@ def checked_resets(mech: "Mechanism", resets: Sequence[Reset]) -> tuple[Reset, .
     """Return the events of a mechanism.
 
     Raises:
-        InputError, UnknownNameError: for unknown coordinates, equal names, or a mechanism whose rows open and close.
+        InputError, UnknownNameError: for unknown coordinates or signals, equal names, or closures in ranges.
     """
     names = [reset.name for reset in resets]
     if len(set(names)) < len(names):
         raise InputError(f"events need different names, got {', '.join(names)}")
     for reset in resets:
         assignments(mech, reset)
-        if mech.switches:
-            raise InputError(f"event {reset.name!r}: {mech.switches[0].name!r} switches rows, which events do not know")
-        if mech.drivers:
-            driver = mech.drivers[0].name
-            raise InputError(f"event {reset.name!r}: impacts of an event do not act against driver {driver!r}")
+        ranged = [c.name for c in mech.closures if c.within]
+        if ranged:
+            raise InputError(f"event {reset.name!r}: closure {ranged[0]!r} acts in ranges, which events do not know")
+    if resets:
+        lazy_import("mbdae.integrate.events.resets", "require_known_signals")(mech, resets)
     return tuple(resets)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from ...data_types import CoreData
 from ...system import Array
+from ...tolerances import CLOSED as TOUCHING
 from ...tolerances import SHORTEST_FLIGHT
 from ..closures.closure import UnilateralClosure
 from ..closures.unilateral_constraint import Stop, UnilateralOptions
@@ -84,3 +85,16 @@ class Unilateral(UnilateralRow):
         if state != CLOSED and self.gap(point) > tolerance * point.system.mechanism.row_scales[self.row]:
             return ()
         return (LoadCandidate.unilateral(self.row, self.sign), *(LoadCandidate(row) for row in self.other_rows))
+
+
+def gaps(point: "ModePoint") -> list[tuple[Switch, float]]:
+    """Return the contacts of a mechanism, each with its gap at a point, in m or rad."""
+    switches = point.system.mechanism.switches
+    return [(s, g.value(point)) for s in switches for g in s.guards(OPEN) if g.kind == "contact"]
+
+
+def penetrated(point: "ModePoint") -> str:
+    """Return the first contact with a negative gap, in words; empty without one."""
+    mech = point.system.mechanism
+    found = [(s, gap) for s, gap in gaps(point) if gap < -TOUCHING * mech.row_scales[s.rows[0]]]
+    return next((f"{s.name!r} is penetrated by {-gap:.3g} {mech.row_units[s.rows[0]]}" for s, gap in found), "")

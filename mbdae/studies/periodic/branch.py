@@ -15,7 +15,7 @@ from ..sweep.sweep_run import maker_of
 from .branch_path import FIRST_STEP, BranchPath, Range
 from .guess import guess_of
 from .newton import newton, require_motion
-from .periodic import GAP, RTOL, require_positive_period, run_options, start_point
+from .periodic import GAP, RTOL, require_positive_period, require_second_period, run_options, start_point
 from .result import Bifurcation, BranchMotion, multiplier_text
 
 if TYPE_CHECKING:
@@ -142,7 +142,8 @@ def periodic_branch(
     v: Mapping[str, float] | Array | None = None,
     s: Array | None = None,
     section: str | None = None,
-    symmetry: Sequence[str] = (),
+    symmetry: Sequence[str] | None = None,
+    exchange: Mapping[str, str] | None = None,
     parts: int | None = None,
     method: str | None = None,
     rtol: float = RTOL,
@@ -161,6 +162,7 @@ def periodic_branch(
         s: guess of the states of forces, (ns,).
         section: signal and level at which a period begins and ends.
         symmetry: along which the motion advances in a period, see `mbdae.periodic`.
+        exchange: joints that change places at the end of a period, see `mbdae.periodic`.
         parts: of the period that are shot separately.
         method: of the runs.
         rtol: relative tolerance of the runs.
@@ -178,11 +180,12 @@ def periodic_branch(
     mech = maker.make({**rest, name: first})
     path = BranchPath(maker, Range(name, first, last), rest, run_options(mech, method, rtol), GAP * rtol)
     y = start_point(mech, q, v, s)
-    cycle, guess = guess_of(path.flow(first, 0.0, y), y, T, 0.0, section, symmetry, parts)
+    cycle, guess = guess_of(path.flow(first, 0.0, y), y, T, 0.0, section, symmetry, parts, exchange)
     found = newton(path.equations(cycle, guess, first), path.tolerance).refined()
     path.options = found.flow.options
     found = newton(found, path.tolerance)
     require_motion(found)
+    require_second_period(found)
     begin = path.point(found, None)
     if cycle.free and any(x.name == "energy" for x in begin.motion.neutral):
         raise InputError(

@@ -29,6 +29,7 @@ from ...system import Array
 from ...tolerances import EVALUATION_ROUNDING, HALF_DIGITS, SMALLEST_PART
 from ..path_location import locate
 from ..sweep.sweep_run import Maker
+from .exchange import Exchange
 from .flow import Flow
 from .grazing import GrazingMonitor
 from .motion import motion_of
@@ -212,19 +213,23 @@ class BranchPath:
             InputError: if no motion of twice the period is found.
         """
         base, k = at.motion.shooting, at.motion.shooting.cycle.parts
-        cycle = replace(base.cycle, parts=2 * k)
-        guess = replace(base.at, nodes=[*base.at.nodes, *base.at.nodes], T=2 * base.at.T, sigma=2 * base.at.sigma,
-                        turns=2 * base.at.turns, modes=2 * base.modes)  # fmt: skip
+        P = base.cycle.exchange  # twice is none, and the second half has exchanged joints
+        cycle = replace(base.cycle, parts=2 * k, exchange=Exchange(base.flow.mechanism))
+        nodes = [*base.at.nodes, *(P.of_state(y) for y in base.at.nodes)]
+        guess = replace(base.at, nodes=nodes, T=2 * base.at.T, sigma=2 * base.at.sigma, shifts=2 * base.at.shifts,
+                        modes=() if P else 2 * base.modes)  # fmt: skip
         product = np.linalg.multi_dot([*base.factors[::-1], np.eye(base.n)])
         values, vectors = np.linalg.eig(product)
         x = vectors[:, np.abs(values + 1).argmin()].real
         flips = []
-        for M in base.factors:
-            flips.append(x)
+        for M, lift in zip(base.factors, base.lifts, strict=True):
+            flips.append(lift @ x)
             x = M @ x
         double = self.equations(cycle, guess, at.value)
+        flips += [-P.tangent @ dy for dy in flips]
         along = np.zeros(double.matrix.shape[1])
-        along[: 2 * k * base.n] = np.concatenate([*flips, *(-x for x in flips)])
+        pairs = zip(double.charts, double.at.nodes, flips, strict=True)
+        along[: 2 * k * base.n] = np.concatenate([c.coordinate_tangents(y, dy[:, None])[:, 0] for c, y, dy in pairs])
         along /= np.linalg.norm(along)
         first = BranchMotion(at.value, motion_of(double), self.physical(double, along))
         low, high = sorted(self.over[1:])

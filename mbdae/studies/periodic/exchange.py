@@ -26,13 +26,14 @@ class Exchange:
         UnknownNameError: for an unknown joint.
     """
 
-    def __init__(self, mech: Mechanism, joints: Mapping[str, str]) -> None:
+    def __init__(self, mech: Mechanism, joints: Mapping[str, str] | None = None) -> None:
+        joints = {} if joints is None else joints
         require(joints, Mapping, "exchange is a table, joint = other joint")
         if joints and mech.states:
             raise InputError(f"exchange: forces with states are not exchanged, got {', '.join(mech.states)}")
         model = mech.model
         simple = [n for n in mech.joint_names if model.joints[model.getJointId(n)].nq == 1]
-        self.of_q, self.of_v, seen = np.eye(mech.nq), np.eye(mech.nv), set[str]()
+        self.of_q, self.of_v, self.states, seen = np.eye(mech.nq), np.eye(mech.nv), len(mech.states), set[str]()
         for first, text in joints.items():
             second, sign = str(text).removeprefix("-"), -1.0 if str(text).startswith("-") else 1.0
             for name in {first, second}:
@@ -49,3 +50,21 @@ class Exchange:
     def moved(self, q: Array) -> Array:
         """Return P q, (nq,)."""
         return self.of_q @ q
+
+    def __bool__(self) -> bool:
+        """Return whether joints are exchanged."""
+        return bool((self.of_v != np.eye(len(self.of_v))).any())
+
+    @property
+    def tangent(self) -> Array:
+        """The map of tangents of (q, v, s, work), (ny, ny)."""
+        n, nv = 2 * len(self.of_v) + self.states + 1, len(self.of_v)
+        out = np.eye(n)
+        out[:nv, :nv] = out[nv : 2 * nv, nv : 2 * nv] = self.of_v
+        return out
+
+    def of_state(self, y: Array) -> Array:
+        """Return y = (q, v, s, work) with exchanged joints, (n,)."""
+        nq, out = len(self.of_q), y.copy()
+        out[:nq], out[nq : nq + len(self.of_v)] = self.moved(y[:nq]), self.of_v @ y[nq : nq + len(self.of_v)]
+        return out

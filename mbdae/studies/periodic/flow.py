@@ -67,7 +67,7 @@ class Flow:
         """Return the run over a duration, or up to the next crossing of a section.
 
         Raises:
-            InputError: if the run fails, or does not reach the section.
+            InputError: if the run fails, or does not reach the section, or crosses it in a jump.
         """
         m = self.mechanism
         q, v, s, _ = np.split(y, np.cumsum([m.nq, m.nv, len(m.states)]))
@@ -78,6 +78,11 @@ class Flow:
             raise InputError(f"the motion does not reach the section {section!r} within {end - t:.3g} s")
         if sol.status not in ("finished", "event", "doubtful"):
             raise InputError(f"the run over a period stopped at t = {sol.t[-1]:.9g} s: {sol.message}")
+        if section and len(sol.nodes[0]) > 1 and sol.nodes[0][-1] == sol.nodes[0][-2]:
+            raise InputError(
+                f"the section {section!r} is crossed in a jump, at t = {sol.t[-1]:.9g} s{_cause(sol)}: take another"
+                " signal or level"
+            )
         return sol
 
     def end(self, sol: Solution, dy: Array, section: str | None) -> FlowEnd:
@@ -97,6 +102,13 @@ class Flow:
         dt, energy = found.dt[-1], trace.sensitivity.energy(*trace.system.split(y)).sum(axis=0)[: len(dy)]
         fixed = found.dy[-1] - np.outer(rate, dt)
         return FlowEnd(sol, sol.y[-1], fixed, dt, rate, first_rate, found.dy[0], energy)
+
+
+def _cause(sol: Solution) -> str:
+    """Return the names of the impact or of the event at the end of a run."""
+    end, last = sol.t[-1], len(sol.nodes[0]) - 1
+    names = [name for x in sol.impacts if x.t == end for name in x.where] + [x for i, x in sol.resets if i == last]
+    return f" by {' and '.join(map(repr, dict.fromkeys(names)))}" if names else ""
 
 
 def require_same_rows(before: Solution, after: Solution) -> None:

@@ -3,8 +3,8 @@
 Margins are the least values of guards between the events of a motion, gaps and speeds, and the impulses of its impacts.
 They are smooth along a branch up to where one becomes zero; beyond, the motion has an event more, or one less, and its
 map has a square root. So a margin is followed from its side, and the parameter at its zero is extrapolated from the
-last few points, as a polynomial in the margin. Impacts end a branch there; where a joint begins to stick it has a
-corner. Guards of multipliers are not monitored.
+last few points, as a polynomial in the margin. Impacts and events of the user's end a branch there; where a joint
+begins to stick it has a corner; where a load touches its limit only a higher derivative jumps.
 Source: A. B. Nordmark, Non-periodic motion caused by grazing incidence in an impact oscillator, J. Sound Vib. 145
 (1991).
 """
@@ -20,6 +20,7 @@ from ...mechanism.hybrid.switch import Guard
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import CLOSED, INTERPOLATION, THREE_DIGITS
+from .event_margins import ResetMargins
 from .result import Bifurcation, BranchMotion, PeriodicMotion
 
 minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
@@ -27,6 +28,8 @@ FRACTION, OF_IMPACTS = 0.9, 0.5  # of the distance to a zero: the next step; der
 NEAR, NEAR_IMPACTS = INTERPOLATION, THREE_DIGITS  # in units of steps: distance at which the zero is extrapolated
 POINTS = 4  # from which the parameter at a zero is extrapolated
 KNOWN_TIMES = ("command", "speed step")  # guards that are functions of time
+SPEEDS = ("impact", "event rate")  # margins with a square root of the parameter
+OF_EVENTS = ("event", "event rate", "condition")  # margins of events of the user's
 
 
 class Margin(NamedTuple):
@@ -34,8 +37,8 @@ class Margin(NamedTuple):
 
     Attributes:
         name: of the stop, contact or joint.
-        kind: ``"impact"``, or the kind of the guard.
-        value: impulse in N s or N m s, or the guard, in its unit.
+        kind: ``"impact"``, the kind of the guard, ``"event"``, ``"event rate"`` or ``"condition"``.
+        value: impulse in N s or N m s, or the guard or the signal, in its unit.
     """
 
     name: str
@@ -45,7 +48,7 @@ class Margin(NamedTuple):
     @property
     def terminal(self) -> bool:
         """Whether there is no derivative beyond its zero."""
-        return self.kind in ("impact", "contact")
+        return self.kind in ("impact", "contact", *OF_EVENTS)
 
 
 class GrazingMonitor:
@@ -75,7 +78,7 @@ class GrazingMonitor:
         if k is None or self.passing:
             self.distance = np.inf
             return None
-        near, self.fraction = (NEAR_IMPACTS, OF_IMPACTS) if found[k].kind == "impact" else (NEAR, FRACTION)
+        near, self.fraction = (NEAR_IMPACTS, OF_IMPACTS) if found[k].kind in SPEEDS else (NEAR, FRACTION)
         if self.distance > near:
             return None
         self.distance, self.terminal, self.passing = np.inf, found[k].terminal, True
@@ -112,12 +115,13 @@ class Segment(NamedTuple):
 
 def margins(motion: PeriodicMotion) -> list[Margin]:
     """Return the margins of a motion: of its impacts and of guards between its events, each in order of time."""
-    if not motion.mechanism.switches:
+    if not (motion.mechanism.switches or motion.mechanism.resets):
         return []
     hits = [pair for run in motion.runs for x in run.impacts for pair in zip(x.where, x.impulse, strict=True)]
     out = [Margin(name, "impact", abs(impulse)) for name, impulse in hits]
     for chain in _chains(motion.runs):
         out += _least_values(motion, chain)
+    out += [Margin(*x) for x in ResetMargins(motion.mechanism.system()).at_events(motion.runs)]
     return out
 
 
@@ -141,13 +145,13 @@ def _least_values(motion: PeriodicMotion, chain: list[Segment]) -> Iterator[Marg
     """Yield the least values of guards inside a chain of steps."""
     system, mode, flow = motion.mechanism.system(), chain[0].mode, motion.shooting.flow
     system.enter(mode)
-    all_rows = AllRows(system)
+    all_rows, resets = AllRows(system), ResetMargins(system)
     points = [_node(segment.run, segment.i) for segment in chain] + [_node(chain[-1].run, chain[-1].i + 1)]
 
     def value(guard: Guard, t: float, y: Array) -> float:
         return guard.value(ModePoint(system, all_rows, t, y))
 
-    for guard in _monitored(motion, mode):
+    for guard in [*_monitored(motion, mode), *resets.guards]:
         values = [value(guard, t, y) for t, y in points]
         for j in _lowest(values):
 
@@ -158,12 +162,13 @@ def _least_values(motion: PeriodicMotion, chain: list[Segment]) -> Iterator[Marg
             segment, t = _time(chain, j, float(minimize_scalar(dense, bounds=(0.0, 2.0), method="bounded").x))
             start = _node(segment.run, segment.i)
             end = flow.run(*start, t - start[0], None).y[-1] if t > start[0] else start[1]
-            yield Margin(guard.name, guard.kind, value(guard, t, end))
+            if guard.kind != "event" or resets.holds(guard.name, t, end):
+                yield Margin(guard.name, guard.kind, value(guard, t, end))
 
 
 def _monitored(motion: PeriodicMotion, mode: tuple[int, ...]) -> list[Guard]:
     guards = [g for s in motion.mechanism.switches for g in s.guards(mode[s.index])]
-    return [g for g in guards if g.kind not in KNOWN_TIMES and not g.needs_multipliers]
+    return [g for g in guards if g.kind not in KNOWN_TIMES]
 
 
 def _lowest(values: Sequence[float]) -> list[int]:

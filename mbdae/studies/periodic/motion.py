@@ -19,7 +19,9 @@ def motion_of(found: Linearisation) -> PeriodicMotion:
     T = float(found.ends[-1].sol.t[-1]) - cycle.t
     advances = {x.name: float(-sigma) for x, sigma in zip(cycle.symmetries, at.sigma, strict=True)}
     runs = tuple(end.sol for end in found.ends)
-    return PeriodicMotion(mech, T, cycle.t, q, v, s, multipliers, neutral, advances, found.size, runs, found)
+    shifted = [(name, mech.model.joints[mech.model.getJointId(name)]) for name in mech.joint_names]
+    shifts = {name: float(at.shifts[j.idx_v]) for name, j in shifted if j.nv == 1 and at.shifts[j.idx_v]}
+    return PeriodicMotion(mech, T, cycle.t, q, v, s, multipliers, neutral, advances, shifts, found.size, runs, found)
 
 
 def floquet(found: Linearisation) -> tuple[Array, tuple[Neutral, ...]]:

@@ -14,10 +14,12 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING, VISIBLE
 from .flow import Flow
-from .guess import NO_JOINTS, guess_of, start_from_run
+from .guess import guess_of, number_of_parts
 from .motion import motion_of
 from .newton import newton, require_motion
+from .period import is_autonomous
 from .result import PeriodicMotion
+from .returns import CycleStart, start_from_run
 from .shooting import Cycle, Guess, Linearisation
 
 __all__ = ["periodic"]
@@ -34,8 +36,8 @@ def periodic(
     v: Mapping[str, float] | Array | None = None,
     s: Array | None = None,
     section: str | None = None,
-    symmetry: Sequence[str] = (),
-    exchange: Mapping[str, str] = NO_JOINTS,
+    symmetry: Sequence[str] | None = None,
+    exchange: Mapping[str, str] | None = None,
     parts: int | None = None,
     method: str | None = None,
     rtol: float = RTOL,
@@ -49,13 +51,15 @@ def periodic(
 
     Args:
         model: a mechanism, a name or path, see `mbdae.load`; or a run that has nearly settled, whose end is the guess.
-        T: period in s: given if the mechanism is driven, else an estimate, not needed with a section or a run.
+        T: period in s: given if the mechanism is driven, else an estimate. When left out: the period of functions of
+            time, or of events at which the state jumps, or the time since a run was last where it ends, which is that
+            of the duration of the model.
         q: guess of the configuration: joint = value, or (nq,); the model's start when left out.
         v: guess of the velocity: joint = value, or (nv,).
         s: guess of the states of forces, (ns,).
         section: signal and level at which a period begins and ends, ``"q.crank > 0.1"`` for rising crossings.
         symmetry: along which the motion advances in a period: ``"x"``, ``"y"``, ``"z"``, ``"turn"`` about the vertical,
-            or names of joints on whose angles nothing depends.
+            or names of joints on whose angles nothing depends. When left out, all that rows and accelerations follow.
         exchange: joints that change places at the end of a period, joint = other joint, or ``"-"`` and a joint for the
             opposite sign: half a stride of a walker with two equal legs, half a swing of a pendulum.
         parts: of the period that are shot separately; for long or strongly unstable motions.
@@ -67,11 +71,26 @@ def periodic(
         UnknownNameError: for an unknown signal, joint, method or symmetry.
     """
     require_positive_period(T)
+    number_of_parts(parts, section)
     mech = mechanism_of(model.mechanism if isinstance(model, Solution) else model, "periodic")
-    given = start_from_run(model, T, symmetry) if isinstance(model, Solution) else None
-    t, y0, T = given or (0.0, start_point(mech, q, v, s), T)
     flow = Flow(mech, Parameters(lambda values: mech, {}), run_options(mech, method, rtol))
-    return converged(flow, guess_of(flow, y0, T, t, section, symmetry, parts, exchange), rtol)
+
+    def motion_from(start: CycleStart) -> PeriodicMotion:
+        kind = guess_of(flow, start.y, start.T, start.t, section, start.symmetries, parts, exchange)
+        return converged(flow, kind, rtol)
+
+    if isinstance(model, Solution):
+        return motion_from(start_from_run(model, T, symmetry))
+    y, names = start_point(mech, q, v, s), None if symmetry is None else tuple(symmetry)
+    unknown = T is None and not section and not mech.resets  # the end of a run of the model is a guess
+    if unknown and is_autonomous(mech, 0.0, y):
+        return motion_from(start_from_run(flow.run(0.0, y, mech.duration, None), None, names))
+    try:
+        return motion_from(CycleStart(0.0, y, T, names))
+    except InputError:
+        if not unknown or q is not None or v is not None:
+            raise
+    return motion_from(start_from_run(flow.run(0.0, y, mech.duration, None), None, names))
 
 
 def run_options(mech: Mechanism, method: str | None, rtol: float) -> dict[str, Any]:
@@ -112,18 +131,18 @@ def converged(flow: Flow, kind: tuple[Cycle, Guess], rtol: float) -> PeriodicMot
     found = newton(Linearisation(flow.mechanism.system(), flow, cycle, guess), GAP * rtol)
     require_motion(found)
     found = newton(found.refined(), GAP * rtol)
-    _require_second_period(found)
+    require_second_period(found)
     return motion_of(found)
 
 
-def _require_second_period(found: Linearisation) -> None:
+def require_second_period(found: Linearisation) -> None:
     """Require that a motion whose joints were exchanged at the end of a period is back after the next one.
 
     Raises:
         InputError: if the exchange is no symmetry of the mechanism.
     """
     P, mech = found.cycle.exchange, found.flow.mechanism
-    if (P.of_v == np.eye(mech.nv)).all():
+    if not P:
         return
     middle = found.ends[-1].sol
     t = float(middle.t[-1])

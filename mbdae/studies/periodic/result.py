@@ -1,6 +1,7 @@
 """A periodic motion with its Floquet multipliers."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,6 +17,7 @@ from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import HALF_DIGITS
 from ...units import quantity
+from .section import section_of
 from .shooting import Linearisation
 
 if TYPE_CHECKING:
@@ -51,6 +53,7 @@ class PeriodicMotion(Tabular):
         multipliers: Floquet multipliers without the neutral ones, complex, by decreasing magnitude.
         neutral: the neutral ones, with their errors.
         advances: of the symmetries over a period, by name, in rad or m.
+        shifts: of joints that end full turns or pitches of teeth further, by name, in rad or m.
         gap: largest relative distance of the end from the start, of a whole period in rad, characteristic lengths.
         runs: one run for each part of the period.
         shooting: the equations at the solution.
@@ -65,6 +68,7 @@ class PeriodicMotion(Tabular):
     multipliers: Array
     neutral: tuple[Neutral, ...]
     advances: dict[str, float]
+    shifts: dict[str, float]
     gap: float
     runs: tuple[Solution, ...]
     shooting: Linearisation = field(repr=False)
@@ -88,6 +92,19 @@ class PeriodicMotion(Tabular):
         """Coordinates and velocities at the start by name."""
         first = self.runs[0]
         return {name: float(x[0]) for name, x in signals(first, list(coordinate_units(self.mechanism))).items()}
+
+    @cached_property
+    def section(self) -> str:
+        """Signal and level at which a period begins, as given, or found; empty if there is none."""
+        cycle = self.shooting.cycle
+        if cycle.section or not cycle.free:
+            return cycle.section or ""
+        return section_of(self.mechanism, self.runs)
+
+    @property
+    def symmetry(self) -> tuple[str, ...]:
+        """Names of the symmetries, as given or found."""
+        return tuple(self.advances)
 
     @property
     def after(self) -> dict[str, dict[str, float]]:
@@ -138,6 +155,9 @@ class PeriodicMotion(Tabular):
             "multipliers": [[z.real, z.imag] for z in self.multipliers.tolist()],
             "neutral": {x.name: x.error for x in self.neutral},
             "advances": self.advances,
+            "shifts": self.shifts,
+            "section": self.section,
+            "symmetry": list(self.symmetry),
             "stability": self.stability,
             "gap": self.gap,
         }
@@ -167,9 +187,12 @@ class PeriodicMotion(Tabular):
 
         lines = [f"periodic motion of {self.mechanism.title}: T = {period}, {self.stability}"]
         lines += [f"  {name:24s} {text(name, x, ' .12g')}" for name, x in self.start.items()]
+        lines += [f"  section {self.section}"] if self.section else []
+        lines += [f"  symmetry {', '.join(self.symmetry)}"] if self.symmetry else []
         for event, values in self.after.items():
             lines += [f"  after {event!r}", *(f"    {n:22s} {text(n, x, ' .12g')}" for n, x in values.items())]
         lines += [f"  {n} advances by {text(n, x, '.12g')} per period" for n, x in self.advances.items()]
+        lines += [f"  {n} is shifted by {text(n, x, '.12g')} per period" for n, x in self.shifts.items()]
         lines += [f"  multiplier {multiplier_text(z)}" for z in self.multipliers.tolist() if z.imag >= 0]
         lines += [f"  neutral: {x.name}, to {x.error:.1e}" for x in self.neutral]
         return "\n".join(lines)

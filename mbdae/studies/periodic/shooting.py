@@ -5,9 +5,9 @@ Unknown: the states at k nodes of a period, the period T unless it is given, adv
     0 = x(phi_i(y_i)) - x_i+1,   i < k - 1;      0 = x(S g(sigma) P phi_k-1(y_k-1)) - x_0
 
 with coordinates x of states near y_i+1 (`mbdae.mechanism.equations.local_coordinates`): closures are not among the
-equations. S takes multiples of 2 pi from angles, P exchanges joints. An autonomous motion without a section has free
-phases: the first node moves across F = y' and across the symmetries. Newton's matrix consists of exact tangents of the
-computed steps.
+equations. S takes full turns and pitches of ratchets from joints, P exchanges joints. An autonomous motion without a
+section has free phases: the first node moves across F = y' and across the symmetries. Newton's matrix consists of exact
+tangents of the computed steps.
 Source: Lust, Roose, An adaptive Newton-Picard algorithm (1998); Seydel, Practical bifurcation and stability analysis.
 """
 
@@ -21,13 +21,13 @@ from ...mechanism.equations.local_coordinates import LocalCoordinates
 from ...mechanism.equations.symmetry import Symmetry
 from ...mechanism.formulations.index2 import Index2System
 from ...system import Array
-from ...tolerances import AGREEMENT
+from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
 from .exchange import Exchange
 from .flow import Flow, FlowEnd, require_same_rows
 
 MAX_REFINEMENTS = 12
+HALVED_STEPS = 2**6  # change of rtol, for methods of order 6
 SHORTEST = 0.5  # of the period before: one iteration may not do more
-TWO_PI = 2 * np.pi
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Cycle:
 
 @dataclass(frozen=True)
 class Guess:
-    """Nodes (k, n) of a period, its duration, advances (m,), and full turns (nv,) of revolute joints.
+    """Nodes (k, n) of a period, its duration, advances (m,), and shifts (nv,) of joints by turns and pitches.
 
     The modes in which its parts begin, (k,), are known after a run.
     """
@@ -68,7 +68,7 @@ class Guess:
     nodes: list[Array]
     T: float
     sigma: Array
-    turns: Array
+    shifts: Array
     modes: tuple[tuple[int, ...], ...] = ()
 
 
@@ -117,7 +117,7 @@ class Linearisation:
         """The end of the last part after P, S and g(sigma): y (n,), tangent map (ny, ny), directions w (ny, m)."""
         s, y = self.system, self.ends[-1].y.copy()
         q, nq, nv = self.cycle.exchange.moved(s.split(y)[0]), s.nq, s.nv
-        q = s.manifold.integrate(q, -TWO_PI * self.at.turns) if self.at.turns.any() else q
+        q = s.manifold.integrate(q, -self.at.shifts) if self.at.shifts.any() else q
         D = self.cycle.exchange.of_v
         v = D @ y[nq : nq + nv]
         directions: list[Array] = []
@@ -236,14 +236,13 @@ class Linearisation:
         """Return the equations with steps that resolve the tangents of the motion, not only the motion.
 
         Step-size control does not see variations: a steady motion has long steps, however fast its neighbours vary. So
-        the longest step is halved until the monodromy matrix changes no more.
+        the longest step is halved until the monodromy matrix changes no more, and the others with it, by rtol.
         """
-        here, h = self, self.longest_step
+        here, h, rtol = self, self.longest_step, float(self.flow.options["rtol"])
         for _ in range(MAX_REFINEMENTS):
-            h /= 2
-            there = Linearisation(
-                self.system, replace(self.flow, options={**self.flow.options, "max_step": h}), self.cycle, self.at
-            )
+            h, rtol = h / 2, max(rtol / HALVED_STEPS, min(rtol, SOLUTION_ROUNDING))
+            options = {**self.flow.options, "max_step": h, "rtol": rtol}
+            there = Linearisation(self.system, replace(self.flow, options=options), self.cycle, self.at)
             change = max(np.abs(a - b).max(initial=0.0) for a, b in zip(here.factors, there.factors, strict=True))
             size = max(np.abs(a).max(initial=1.0) for a in there.factors)
             here = there

@@ -133,8 +133,16 @@ def test_a_saved_run_keeps_its_events(file, tmp_path):
         ('"v.rod" = "-0.8*v.rod"', '"v.bar" = 1.0', r"coordinate of event 'back' 'v\.bar'"),
         ('"v.rod" = "-0.8*v.rod"', '"v.rod" = "v.bar"', r"unknown coordinate 'v\.bar'"),
         ('"v.rod" = "-0.8*v.rod"', "", "needs a table state"),
-        ('"q.rod > 0.4"', '"q.bar > 0.4"', r"unknown signal 'q\.bar'"),
-        ('"v.rod > 0.1"', '"v.rod = 0.1"', "when is a signal, > or <, and a number"),
+        (
+            '"q.rod > 0.4"',
+            '"q.bar > 0.4"',
+            r"unknown signal in signal of event 'back' 'q\.bar' \(did you mean",
+        ),
+        ('"q.rod > 0.4"', '"q.rod"', "signal of event 'back': it is a signal, one of > < =, and a number, got 'q.rod'"),
+        ('"v.rod > 0.1"', '"v.rod = 0.1"', "when of event 'back': it is a signal, one of > <, and a number"),
+        ('"v.rod > 0.1"', '"foo"', "when of event 'back': it is a signal, one of > <, and a number, got 'foo'"),
+        ('"v.rod > 0.1"', '"foo > 1"', "unknown signal in when of event 'back' 'foo'"),
+        ('"v.rod > 0.1"', '"v.rod > x"', "when of event 'back': an event is a signal, or"),
         ('name = "back"', 'title = "back"', "unknown key"),
     ],
 )
@@ -142,7 +150,7 @@ def test_wrong_input_is_one_line(tmp_path, old, new, message):
     path = tmp_path / "wrong.toml"
     path.write_text(PENDULUM.replace(old, new))
     with pytest.raises((InputError, UnknownNameError), match=message) as e:
-        mbdae.solve(path, (0, 1))
+        mbdae.load(path)
     assert "\n" not in str(e.value)
 
 

@@ -1,0 +1,159 @@
+"""Symmetries that a mechanism is found to have, and shifts of joints that its equations do not see.
+
+A motion g of all bodies, or a shift of joints, is one if rows and accelerations follow it at points of a motion, in the
+modes there,
+
+    g_rows(g q) = g_rows(q),   (G v)(g y) = (G v)(y),   a_i(g y) = Ad(g) a_i(y),   s'(g y) = s'(y)
+
+with the spatial accelerations a_i of all bodies in world axes at the origin.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError, StepError
+from ...system import Array
+from ...tolerances import VISIBLE
+from ..closures.clutch import Clutch
+from ..formulations.index2 import Index2System
+from ..hybrid.mode_point import AllRows
+from ..tree.pinocchio_data import make_data
+from .symmetry import TWISTS, Symmetry
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
+TWO_PI = 2 * np.pi
+AMOUNTS = (0.7, -1.9)  # rad, characteristic lengths
+TILT = 0.3  # of the characteristic speed: velocities of a point at which terms of velocities are compared
+
+
+class MotionPoint(NamedTuple):
+    """A point of a motion: time, y (n,), and the mode."""
+
+    t: float
+    y: Array
+    mode: tuple[int, ...]
+
+
+def symmetries_of(mech: "Mechanism", points: Sequence[MotionPoint]) -> tuple[str, ...]:
+    """Return the names of the independent symmetries of a mechanism: cyclic joints, then motions of all bodies."""
+    system = mech.system()
+    simple = [n for n in mech.joint_names if mech.model.joints[mech.model.getJointId(n)].nv == 1]
+    q = system.split(points[0].y)[0]
+    points, found, directions = _with_velocities(system, points), list[str](), np.zeros((mech.nv, 0))
+    for name in dict.fromkeys([*(n for n in simple if n not in TWISTS), *TWISTS]):
+        try:
+            (symmetry,) = Symmetry.named(system, [name])
+            w = symmetry.direction(q)
+        except InputError:  # the joints do not allow it, or bodies deform
+            continue
+        rest = w - directions @ np.linalg.lstsq(directions, w, rcond=None)[0] if found else w
+        if np.linalg.norm(rest) <= VISIBLE * np.linalg.norm(w):
+            continue
+        unit = mech.coordinate_scales[np.abs(w).argmax()] if name not in TWISTS else _unit(mech, name)
+        if all(_follows(system, x, symmetry, amount * unit) for x in points for amount in AMOUNTS):
+            found, directions = [*found, name], np.column_stack([directions, w])
+    return tuple(found)
+
+
+def shift_units(mech: "Mechanism") -> Array:
+    """Return the shift (nv,) in rad or m after which a joint may be where it was: a turn, a pitch; 0 for others."""
+    out = np.zeros(mech.nv)
+    joints = [j for j in mech.model.joints if (j.nq, j.nv) == (1, 1)]
+    revolute = [j for j in joints if j.shortname().removeprefix("JointModel").startswith("R")]
+    out[[j.idx_v for j in revolute]] = TWO_PI
+    for clutch in mech.constraints:
+        if isinstance(clutch, Clutch) and clutch.pitch:
+            indices = [mech.model.joints[mech.model.getJointId(name)].idx_v for name in clutch.between]
+            out[indices] = clutch.pitch
+    return out
+
+
+def is_invariant(mech: "Mechanism", point: MotionPoint, shift: Array, T: float) -> bool:
+    """Return whether equations do not see a shift back of joints (nv,) in rad or m, and of time by T, at a point."""
+    system = mech.system()
+    q = system.manifold.integrate(system.split(point.y)[0], -shift)
+    shifted = point._replace(t=point.t - T, y=np.concatenate([q, point.y[mech.nq :]]))
+    here, there = _point_terms(system, point), _point_terms(system, shifted)
+    return here is not None and there is not None and _equal(system, here, there, here.rates)
+
+
+class _Terms(NamedTuple):
+    """Rows and rates of rows, (ng,) each, and y' in the tangent, (ny,)."""
+
+    g: Array
+    speeds: Array
+    rates: Array
+
+
+def _unit(mech: "Mechanism", name: str) -> float:
+    return 1.0 if name == "turn" else mech.characteristic_length
+
+
+def _with_velocities(system: Index2System, points: Sequence[MotionPoint]) -> list[MotionPoint]:
+    """Return the points, and the first one with other velocities."""
+    t, y, mode = points[0]
+    mech, tilted, at = system.mechanism, y.copy(), slice(system.nq, system.nq + system.nv)
+    tilted[at] += TILT * mech.characteristic_rate * mech.coordinate_scales * np.cos(np.arange(system.nv))
+    system.enter(mode)
+    try:
+        system.derivative(t, y)
+        return [*points, MotionPoint(t, system.restore(t, tilted), mode)]
+    except StepError:
+        return list(points)
+
+
+def _point_terms(system: Index2System, point: MotionPoint) -> _Terms | None:
+    """Return the terms of a point; None where there are no accelerations."""
+    t, y, mode = point
+    system.enter(mode)
+    q, v = system.split(y)
+    g, G, g_t = AllRows(system)(t, q)
+    try:
+        rates = system.derivative(t, y)[0]
+    except StepError:
+        return None
+    return _Terms(np.where(system.constraints.positional, g, 0.0), G @ v + g_t, rates)
+
+
+def _follows(system: Index2System, point: MotionPoint, symmetry: Symmetry, sigma: float) -> bool:
+    """Return whether rows and accelerations follow a symmetry from a point."""
+    q, v = system.split(point.y)
+    moved = symmetry.moved(q, sigma)
+    D, y = symmetry.tangent(q, moved, sigma), point.y.copy()
+    y[: system.nq], y[system.nq : system.nq + system.nv] = moved, D @ v
+    here, there = _point_terms(system, point), _point_terms(system, point._replace(y=y))
+    if here is None or there is None:
+        return False
+    expected = here.rates.copy()
+    if symmetry.name in TWISTS:
+        nv = system.nv
+        before = _body_accelerations(symmetry, q, v, here.rates[nv : 2 * nv])
+        after = _body_accelerations(symmetry, moved, D @ v, there.rates[nv : 2 * nv])
+        turned = before @ pin.exp6(np.eye(6)[TWISTS[symmetry.name]] * sigma).action.T
+        if not np.abs(after - turned).max(initial=0.0) <= VISIBLE * np.abs(before).max(initial=0.0) + VISIBLE**2:
+            return False
+        expected[: 2 * nv] = there.rates[: 2 * nv]
+    return _equal(system, here, there, expected)
+
+
+def _equal(system: Index2System, here: _Terms, there: _Terms, expected: Array) -> bool:
+    """Return whether two points have the same rows, and the second one the expected rates."""
+    mech = system.mechanism
+    size = mech.characteristic_rate + np.abs(here.speeds / mech.row_scales).max(initial=0.0)
+    rows = np.abs((there.g - here.g) / mech.row_scales).max(initial=0.0) <= VISIBLE
+    speeds = np.abs((there.speeds - here.speeds) / mech.row_scales).max(initial=0.0) <= VISIBLE * size
+    rates = np.abs(there.rates - expected).max() <= VISIBLE * (np.abs(expected).max() + VISIBLE)
+    return bool(rows and speeds and rates)
+
+
+def _body_accelerations(symmetry: Symmetry, q: Array, v: Array, vdot: Array) -> Array:
+    """Return the spatial accelerations of the bodies in world axes at the origin, (n, 6)."""
+    model, world = symmetry.system.model, pin.ReferenceFrame.WORLD
+    data = make_data(model, complete=True)
+    pin.forwardKinematics(model, data, q, v, vdot)
+    return np.array([pin.getAcceleration(model, data, i, world).vector for i in symmetry.bodies])
