@@ -254,7 +254,6 @@ void check(const Description& d, const Sizes& n, const Tolerances& tolerances) {
     const int size = b.kind == GroupJoint::se3 ? 6 : 3;
     check_indices({b.iv}, n.nv - size + 1, "group_joints"), check_indices({b.iq}, n.nq - size, "group_joints");
   }
-  for (const Angle& a : d.angles) check_indices({a.iv}, n.nv, "angle"), check_indices({a.iq}, n.nq - 1, "angle");
 }
 
 }  // namespace mbdae

@@ -18,13 +18,6 @@ struct GroupJoint {
   FIELDS(kind, iv, iq)
 };
 
-// An angle with cosine and sine in q: an unbounded revolute joint, or that of a planar one.
-struct Angle {
-  int iv, iq;  // in the tangent, and of the cosine in q
-
-  FIELDS(iv, iq)
-};
-
 // J(x) and d(J(x) v)/dx at a block, (n, n) by rows.
 struct TangentBlock {
   int at, n;
@@ -43,8 +36,7 @@ struct IntegratePartialsBlock {
 
 class Manifold {
  public:
-  Manifold(Mechanics& m, bool flat, std::vector<GroupJoint> group_joints, std::vector<int> angular,
-           std::vector<Angle> angles);
+  Manifold(Mechanics& m, bool flat, std::vector<GroupJoint> group_joints, std::vector<int> angular);
 
   const bool flat;  // a vector space
   bool curved() const { return !group_joints_.empty(); }  // does J(x) differ from 1?
@@ -64,7 +56,6 @@ class Manifold {
   Mechanics& m_;
   std::vector<GroupJoint> group_joints_;
   std::vector<int> angular_;  // (nv,) flags: rotations, whose magnitude is no scale
-  std::vector<Angle> angles_;
   Numbers neutral_;           // (nq,)
 };
 
