@@ -118,12 +118,17 @@ void Manifold::size(const double* q, double* out) const {
   for (int i = 0; i < m_.nv; ++i) out[i] = flat ? std::fabs(q[i]) : angular_[i] ? 1.0 : std::fabs(out[i]);
 }
 
-void Manifold::check_rotations(const double* x) const {
+double Manifold::largest_rotation(const double* x) const {
+  double out = 0;
   for (const GroupJoint& b : group_joints_) {
-    const double rotation =
-        b.kind == GroupJoint::se2 ? std::fabs(x[b.iv + 2]) : norm(x + b.iv + (b.kind == GroupJoint::se3 ? 3 : 0), 3);
-    if (rotation > m_.limits.max_rotation) throw StepTooLong();
+    const double *u = x + b.iv, *turned = b.kind == GroupJoint::se3 ? u + 3 : u;
+    out = std::max(out, b.kind == GroupJoint::se2 ? std::fabs(u[2]) : norm(turned, 3));
   }
+  return out;
+}
+
+void Manifold::check_rotations(const double* x) const {
+  if (largest_rotation(x) > m_.limits.max_rotation) throw StepTooLong();
 }
 
 void Manifold::tangent(const double* x, double* dx) const {
