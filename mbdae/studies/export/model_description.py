@@ -112,16 +112,15 @@ class FmuDescription(NamedTuple):
         inputs = [x.reference for x in self.variables if x.causality == "input"]
         outputs = [x for x in self.variables if x.causality == "output"]
         rates = [x for x in self.variables if x.derivative is not None]
+        given = [*inputs, *(x.reference for x in self.variables if x.causality == "parameter")]
         for x in outputs:
-            known = states if x.by_states and states else None if not states else [*inputs, *states]
-            ElementTree.SubElement(parent, "Output", _dependencies(x, known))
+            ElementTree.SubElement(parent, "Output", _dependencies(x, states if x.by_states else [*inputs, *states]))
         for x in rates:
             ElementTree.SubElement(parent, "ContinuousStateDerivative", _dependencies(x, [*inputs, *states]))
         for x in (*outputs, *(y for y in self.variables if y.reference in states), *rates):
-            ElementTree.SubElement(parent, "InitialUnknown", valueReference=str(x.reference))
+            ElementTree.SubElement(parent, "InitialUnknown", _dependencies(x, given))
 
 
-def _dependencies(x: Variable, known: Sequence[int | None] | None) -> dict[str, str]:
-    """Return the attributes of an unknown: without dependencies it depends on everything."""
-    found = {"valueReference": str(x.reference)}
-    return found if known is None else found | {"dependencies": " ".join(map(str, sorted(filter(None, known))))}
+def _dependencies(x: Variable, known: Sequence[int]) -> dict[str, str]:
+    """Return the attributes of an unknown, with all that it depends on."""
+    return {"valueReference": str(x.reference), "dependencies": " ".join(map(str, sorted(known)))}
