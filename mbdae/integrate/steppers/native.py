@@ -85,6 +85,7 @@ class NativeStepper(Stepper):
 
     def core_run(self, run: "RunState") -> "Run":
         """Return the core's run, at the position of this one."""
+        self.inner.ready_for_core(run)  # chooses the first step size
         self._to_native(run, MAX_UNRECORDED)
         return self.run
 

@@ -305,7 +305,7 @@ FMI3 Status fmi3DeserializeFMUState(void* instance, const std::uint8_t* bytes, s
   });
 }
 
-// Variables of other types, clocks and partitions do not exist: nothing is asked of no variables.
+// Variables of other types, clocks and partitions do not exist; calls with none of them succeed.
 #define NO_VARIABLES(name)                                                                                      \
   FMI3 Status name(void* instance, References, size_t n) {                                                      \
     return n ? static_cast<Instance*>(instance)->report(error, #name ": all variables are of type Float64") : ok; \

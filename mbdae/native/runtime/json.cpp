@@ -74,14 +74,14 @@ class Parser {
   Json list() {
     Json out;
     expect('[');
-    bool numbers = true;
+    bool all_numbers = true;
     while (!take(']')) {
       if (!out.list.empty()) expect(',');
-      out.list.push_back(value()), numbers = numbers && out.list.back().kind == Json::Kind::number;
+      out.list.push_back(value()), all_numbers = all_numbers && out.list.back().kind == Json::Kind::number;
     }
-    out.kind = numbers ? Json::Kind::numbers : Json::Kind::list;
-    if (!numbers) return out;
-    for (const Json& x : out.list) out.numbers.push_back(x.number);
+    out.kind = all_numbers ? Json::Kind::number_list : Json::Kind::list;
+    if (!all_numbers) return out;
+    for (const Json& x : out.list) out.values.push_back(x.number);
     out.list.clear();
     return out;
   }
@@ -138,7 +138,7 @@ double& Json::number_at(const std::vector<std::string>& path) {
       continue;
     }
     const size_t i = std::stoul(path[k]);
-    if (here->kind == Kind::numbers && k + 1 == path.size()) return here->numbers.at(i);
+    if (here->kind == Kind::number_list && k + 1 == path.size()) return here->values.at(i);
     here = &here->list.at(i);
   }
   return here->number;

@@ -10,11 +10,11 @@
 namespace mbdae {
 
 struct Json {
-  enum class Kind { null, boolean, number, text, numbers, list, table } kind = Kind::null;
+  enum class Kind { null, boolean, number, text, number_list, list, table } kind = Kind::null;
   bool boolean = false;
   double number = 0;
   std::string text;
-  std::vector<double> numbers;  // a list of numbers alone
+  std::vector<double> values;  // a list of numbers alone
   std::vector<Json> list;
   std::vector<std::pair<std::string, Json>> table;
 
@@ -30,7 +30,7 @@ struct DataAccess<const Json*> {
   static bool contains(const Json* d, const char* key) { return d->find(key); }
   static const Json* at(const Json* d, const char* key) { return d->find(key); }
   static size_t size(const Json* d) {
-    if (d->kind != Json::Kind::list && !(d->kind == Json::Kind::numbers && d->numbers.empty())) reject("expected a list");
+    if (d->kind != Json::Kind::list && !(d->kind == Json::Kind::number_list && d->values.empty())) reject("expected a list");
     return d->list.size();
   }
   static const Json* item(const Json* d, size_t i) { return &d->list[i]; }
@@ -44,7 +44,7 @@ struct DataAccess<const Json*> {
     } else if constexpr (std::is_same_v<T, std::string>) {
       return require(d, Kind::text).text;
     } else {  // of numbers
-      const auto& x = require(d, Kind::numbers).numbers;
+      const auto& x = require(d, Kind::number_list).values;
       return T(x.begin(), x.end());
     }
   }

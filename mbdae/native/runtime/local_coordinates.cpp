@@ -164,19 +164,25 @@ void LocalCoordinates::state(double t, const double* x, double* y) {
   const Tolerances& tolerances = s_.mechanics.limits;
   if (!finite(x, size())) throw StepTooLong();
   position(t, x);
-  Numbers A(m * nv), b(m, 0.0);
+  Numbers A(m * nv), b(m * (1 + f_), 0.0);  // v, and the velocities of unit eta
   s_.constraints.evaluate_g_t(t, b.data());
   for (int i = 0; i < s_.ng; ++i) {
     b[i] /= -tolerances.row_scales[i];
     for (size_t j = 0; j < nv; ++j) A[m * j + i] = G_[i * nv + j] / tolerances.row_scales[i];
   }
   for (int i = 0; i < f_; ++i) {
-    b[s_.ng + i] = x[k_ + i];
+    b[s_.ng + i] = x[k_ + i], b[m * (1 + i) + s_.ng + i] = 1;
     for (size_t j = 0; j < nv; ++j) A[m * j + s_.ng + i] = Nv_[i * nv + j] / tolerances.coordinate_scales[j];
   }
   const Numbers v = solved(A, b, m, nv);
+  double square = 0;
+  for (size_t i = nv; i < v.size(); ++i) square += std::pow(v[i] / tolerances.coordinate_scales[i % nv], 2);
+  // Their singular values are 1 by the cosines between the null spaces here and at the origin: at least 1.
+  const double cosine = 1 / std::sqrt(std::max(1.0, square - f_ + 1)), least = limits_.smallest_cosine;
+  margin_ = std::min((cosine - least) / (1 - least),
+                     1 - s_.manifold.largest_rotation(moved_.data()) / limits_.largest_rotation);
   double* to = std::copy(q_.begin(), q_.end(), y);
-  to = std::copy(v.begin(), v.end(), to), to = std::copy_n(x + k_ + f_, s_.ns, to), *to = 0;
+  to = std::copy(v.begin(), v.begin() + nv, to), to = std::copy_n(x + k_ + f_, s_.ns, to), *to = 0;
   y_.assign(y, y + s_.length), t_ = t;
 }
 
@@ -184,6 +190,7 @@ void LocalCoordinates::rate(double t, const double* x, double* y, double* dx) {
   const size_t nv = s_.nv;
   const Numbers& D = s_.mechanics.limits.coordinate_scales;
   state(t, x, y);
+  if (!(margin_ > 0)) throw StepTooLong();
   s_.derivative(t, y, F_.data(), z_.data());
   Numbers moving(F_.begin(), F_.begin() + nv);
   s_.manifold.tangent(moved_.data(), moving.data());
@@ -193,26 +200,6 @@ void LocalCoordinates::rate(double t, const double* x, double* y, double* dx) {
   for (int i = 0; i < f_; ++i)
     for (size_t j = 0; j < nv; ++j) dx[k_ + i] += Nv_[i * nv + j] * F_[nv + j] / D[j];
   std::copy_n(&F_[2 * nv], s_.ns, dx + k_ + f_);
-}
-
-double LocalCoordinates::margin() {
-  // By the velocities T of unit eta: their singular values are those of N_v^T T = 1 by cosines, so at least 1.
-  const size_t nv = s_.nv, m = static_cast<size_t>(s_.ng) + f_;
-  const Tolerances& tolerances = s_.mechanics.limits;
-  Numbers A(m * nv), b(m * f_, 0.0);
-  evaluate_rows(t_, y_.data());
-  for (int i = 0; i < s_.ng; ++i)
-    for (size_t j = 0; j < nv; ++j)
-      A[m * j + i] = G_[i * nv + j] * tolerances.coordinate_scales[j] / tolerances.row_scales[i];
-  for (int i = 0; i < f_; ++i) {
-    b[m * i + s_.ng + i] = 1;
-    for (size_t j = 0; j < nv; ++j) A[m * j + s_.ng + i] = Nv_[i * nv + j];
-  }
-  const Numbers T = solved(A, b, m, nv);
-  const double square = mbdae::dot(T.data(), T.data(), static_cast<int>(T.size()));
-  const double cosine = 1 / std::sqrt(std::max(1.0, square - f_ + 1));
-  const double turned = s_.manifold.largest_rotation(moved_.data());
-  return std::min((cosine - limits_.smallest_cosine) / (1 - limits_.smallest_cosine), 1 - turned / limits_.largest_rotation);
 }
 
 }  // namespace mbdae

@@ -25,7 +25,7 @@ class LocalCoordinates {
   void state(double t, const double* x, double* y);              // y (length,), work 0; displacement `moved`
   void rate(double t, const double* x, double* y, double* dx);   // the same, and x'
   // How far the state of the last call is inside the range: 1 at the origin, 0 at the end.
-  double margin();
+  double margin() const { return margin_; }
   // Partials at x: of the tangent of y (ny, size), of F = y' (ny, size + m) and of x' (size, size + m) by x and m inputs,
   // and of lam of the rows in use, (ng, size + m); by rows. inputs: sets the input i to its value plus a change.
   struct Partials {
@@ -65,7 +65,7 @@ class LocalCoordinates {
   Numbers last_xi_, last_mu_, first_xi_, first_mu_;
   double first_t_;
   Numbers moved_, q_, g_, G_, y_, F_, z_;
-  double t_ = 0;
+  double t_ = 0, margin_ = 1;
   EquationPartials at_;
   std::vector<Numbers> right_;  // columns of the right-hand side of (v', rates)
   Numbers below_, dx_;  // (n, r) of 0 = G v' + gamma, and of the displacement, (size, nv)

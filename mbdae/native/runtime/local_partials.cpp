@@ -30,13 +30,13 @@ Numbers LocalCoordinates::gamma_by_q(const Numbers& direction) {
   for (int j = 0; j < s_.nv; ++j) size = std::max(size, std::fabs(direction[j]) / D[j]);
   Numbers out(s_.ng, 0.0), q(s_.nq), x(s_.nv);
   if (size == 0) return out;
-  const double width = limits_.gamma_width / size, weights[3] = {45, -9, 1};
+  const double width = limits_.gamma_width / size, weights[3] = {double(3) / 4, -double(3) / 20, double(1) / (3 * 20)};
   for (int k = 1; k <= 3; ++k)
     for (const double sense : {1.0, -1.0}) {
       for (int j = 0; j < s_.nv; ++j) x[j] = sense * k * width * direction[j];
       s_.manifold.integrate(y_.data(), x.data(), q.data());
       const Numbers here = gamma(q.data(), &y_[s_.nq]);
-      for (int i = 0; i < s_.ng; ++i) out[i] += sense * weights[k - 1] * here[i] / (60 * width);
+      for (int i = 0; i < s_.ng; ++i) out[i] += sense * weights[k - 1] * here[i] / width;
     }
   return out;
 }

@@ -141,19 +141,19 @@ def run_data(simulator: Simulator, system: CompiledSystem) -> JsonObject:
     start = {"t": simulator.t, "y": simulator._y, "rows": rows, "floor": float(system.rank_threshold)}
     found = {
         "tableau": _fields(run.tableau.compiled(_Recorder()), "Tableau"),
-        "run": _attributes(core_run),
+        "run": _attributes(core_run, type(core_run).__module__),
         "coordinates": limits,
         "start": start,
     }
     return plain_json(found)
 
 
-def _attributes(struct: Any) -> Any:
+def _attributes(struct: Any, core: str) -> Any:
     """Return the attributes of a struct of the core."""
-    if not type(struct).__module__.endswith("_native"):
+    if type(struct).__module__ != core:
         return struct
     found = {name: getattr(struct, name) for name in dir(struct) if not name.startswith("_")}
-    return {name: _attributes(x) for name, x in found.items() if not callable(x) and name not in DERIVED}
+    return {name: _attributes(x, core) for name, x in found.items() if not callable(x) and name not in DERIVED}
 
 
 DERIVED = ("states", "impacts", "nodes", "row_changes", "after_jumps")  # attributes that are no fields

@@ -81,8 +81,9 @@ def export(
 ) -> ExportedUnit:
     """Write a mechanism as a Functional Mock-up Unit (FMI 3.0) for other simulation programs.
 
-    Co-simulation takes the steps of `mbdae.Simulator`. Model exchange is the equation x' = F(t, x, u) of `Mechanism.ode`,
-    whose solutions satisfy the constraints to rounding; where its local coordinates end, others begin at an event.
+    Co-simulation takes the steps of `mbdae.Simulator`. Model exchange is the equation x' = F(t, x, u) of
+    `Mechanism.ode`, whose solutions satisfy the constraints to rounding; where its local coordinates end, others begin
+    at an event.
     The file contains the compiled core and the data of the mechanism: it needs neither Python nor a compiler.
 
     Args:
@@ -124,7 +125,14 @@ def export(
     variables = _variables(mech, cells, chosen, effects, named, states)
     differentiable = all(x.kind in DIFFERENTIABLE for x in named.values()) and not system.closure_friction
     description = FmuDescription(
-        mech.title, _identifier(path), token, kinds, variables, differentiable, simulator.options.step, mech.duration,
+        mech.title,
+        _identifier(path),
+        token,
+        kinds,
+        variables,
+        differentiable,
+        simulator.options.step,
+        mech.duration,
         versions()["mbdae"],
     )
     _write(path, description, json.dumps({"token": token, **data}), runtime)
@@ -202,11 +210,9 @@ def _variables(
     for i, (name, x) in enumerate(named.items()):
         out.append(Variable(first + i, name, "output", known[name], by_states=x.kind in STATE_SIGNALS))
     first += len(named)
-    coordinate = "coordinate of the constraint manifold, local: it begins anew at events"
+    coordinate = "local coordinate of the constraint manifold: its origin moves at events"
     out += [Variable(first + i, f"local[{i + 1}]", "local", description=coordinate) for i in range(states)]
-    out += [
-        Variable(first + states + i, f"der(local[{i + 1}])", "local", derivative=first + i) for i in range(states)
-    ]
+    out += [Variable(first + states + i, f"der(local[{i + 1}])", "local", derivative=first + i) for i in range(states)]
     return out
 
 

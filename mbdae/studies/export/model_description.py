@@ -81,9 +81,14 @@ class FmuDescription(NamedTuple):
     def _interface(self, root: Element, kind: str) -> None:
         able = ["canGetAndSetFMUState", "canSerializeFMUState"]
         if kind == "me":
+            able.append("needsCompletedIntegratorStep")  # where local coordinates end
             able += ["providesDirectionalDerivatives", "providesAdjointDerivatives"] if self.differentiable else []
         else:
-            able += ["canHandleVariableCommunicationStepSize", "providesIntermediateUpdate", "canReturnEarlyAfterIntermediateUpdate"]
+            able += [
+                "canHandleVariableCommunicationStepSize",
+                "providesIntermediateUpdate",
+                "canReturnEarlyAfterIntermediateUpdate",
+            ]
         ElementTree.SubElement(root, KINDS[kind], {"modelIdentifier": self.identifier} | dict.fromkeys(able, "true"))
 
     def _units(self, root: Element) -> None:
