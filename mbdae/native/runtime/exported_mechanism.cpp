@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+#include <utility>
 
 #include "run/method_checks.hpp"
 #include "system/description_reader.hpp"
@@ -36,6 +37,8 @@ ExportedMechanism::ExportedMechanism(const std::string& json)
   outputs = part<std::vector<SignalValue>>(document_, "outputs");
   tableau_ = part<Tableau>(document_, "tableau"), complete_tableau(tableau_);
   JsonReader().read_fields(&document_.at("run"), fresh_run_, false);
+  contacts_ = part<ContactData>(document_, "contacts");
+  fresh_run_.contacts.guards = contacts_.guards;
   start_ = part<StartData>(document_, "start"), limits_ = part<CoordinateLimits>(document_, "coordinates");
   states_ = part<int>(document_, "states");
   reset();
@@ -46,7 +49,8 @@ void ExportedMechanism::reset() {
   for (const ParameterData& p : parameters) values_.push_back(p.value);
   for (const InputData& u : inputs) settings_.push_back({start_.t, u.value, 0});
   wanted_.assign(inputs.size(), NAN), x_.assign(states_, 0.0), rate_ = x_;
-  run_ = fresh_run_, run_.interval.t = start_.t, run_.state.y = start_.y;
+  run_ = fresh_run_, run_.interval.t = start_.t, run_.state.y = start_.y, after_impact_ = State();
+  track_guards(contacts_.tracked);
   jumped_ = current_ = derivatives_current_ = false;
 }
 
@@ -79,7 +83,25 @@ void ExportedMechanism::build() {
     reject("as many numbers as friction interfaces");
   s.friction.use(std::move(interfaces), friction_active_.data(), slip_directions_.data());
   s.friction.smallest_slip = part<double>(now, "smallest_slip");
+  if (static_cast<int>(contacts_.off.size()) == s.ng) s.deactivate_rows(contacts_.off, false);
+  for (const ContactGuard& guard : contacts_.guards)
+    if (guard.row < 0 || guard.row >= s.ng || guard.no_slip >= s.ng) reject("a guard does not fit the mechanism");
   other_.emplace(s.mechanics, s.constraints, s.counts);
+}
+
+Numbers ExportedMechanism::tracked_guards() const {
+  Numbers out;
+  for (const ContactGuard& x : run_.contacts.guards)
+    out.insert(out.end(), {x.size, x.level, x.return_time, x.unit, x.last_impact});
+  return out;
+}
+
+void ExportedMechanism::track_guards(const Numbers& tracked) {
+  auto& guards = run_.contacts.guards;
+  if (tracked.size() != 5 * guards.size()) reject("the state is not one of this mechanism");
+  const double* at = tracked.data();
+  for (ContactGuard& x : guards)
+    x.size = at[0], x.level = at[1], x.return_time = at[2], x.unit = at[3], x.last_impact = at[4], at += 5;
 }
 
 void ExportedMechanism::start(double t, bool steps) {
@@ -151,7 +173,12 @@ void ExportedMechanism::begin_interval(double t1, bool jumped) {
   if (!run_.jumps.next_interval(s.samplers, time(), interval)) fail("jumps follow one another too closely", time());
 }
 
-void ExportedMechanism::advance(double t, const AfterStep& after_step) {
+void ExportedMechanism::pass_impact() {
+  if (before_impact()) run_.state = std::exchange(after_impact_, State());
+}
+
+void ExportedMechanism::advance(double t, const AfterStep& after_step, bool stop_at_impacts) {
+  pass_impact();
   const double step = run_.grid.step;
   if (!run_.adaptive) {
     const double on_grid = run_.grid.t0 + std::round((t - run_.grid.t0) / step) * step;
@@ -165,15 +192,23 @@ void ExportedMechanism::advance(double t, const AfterStep& after_step) {
     fail("the accelerations are singular, or not finite,", time());
   }
   auto method = core_->method(tableau_);
-  run_.seconds = INFINITY, run_.max_steps = after_step ? 1 : std::numeric_limits<long>::max();
+  run_.seconds = INFINITY, run_.max_steps = after_step || stop_at_impacts ? 1 : std::numeric_limits<long>::max();
   for (bool stopped = false; time() != t && !stopped;) {
     run_.steps = Steps(), run_.taken = run_.rejected = 0, run_.needs_python = run_.monitor.suspicious = false;
     const double before = time();
+    run_.contacts.impacts.clear(), run_.contacts.undecided = false;
     TimeLoop(method, system(), run_).advance();
+    if (run_.contacts.undecided) fail("a contact that remains closed, opens or slides is not supported:", time());
     if (run_.needs_python || (time() == before && !run_.rejected))
       fail("no step of the method is possible: the mechanism is singular, or not finite,", time());
     if (run_.monitor.suspicious) fail("the mechanism may pass a singular configuration", time());
-    stopped = after_step && after_step(time(), time() == t);
+    if (stop_at_impacts && !run_.contacts.impacts.empty()) {
+      const size_t length = system().length, node = run_.contacts.impacts.back().node - 1;
+      after_impact_ = run_.state;
+      std::copy_n(&run_.steps.y[node * length], length, y().data());
+      stopped = true;
+    }
+    stopped = (after_step && after_step(time(), time() == t)) || stopped;
   }
 }
 
@@ -192,6 +227,7 @@ double ExportedMechanism::output(int i) {
 
 Numbers ExportedMechanism::state() {
   if (!started()) reject("there is no state before the initialization");
+  pass_impact();
   const IndependentRows& rows = system().rows;
   const SmoothInterval& i = run_.interval;
   Numbers out{i.t, i.stop, i.end, i.t1, run_.jumps.restart, run_.grid.t0, double(run_.grid.i),
@@ -202,7 +238,7 @@ Numbers ExportedMechanism::state() {
   const auto add = [&](const Numbers& x) { out.push_back(double(x.size())), out.insert(out.end(), x.begin(), x.end()); };
   add(y()), add(run_.state.carry), add(run_.state.low), add(values_), add(wanted_), add(origin_), add(x_);
   add(Numbers(rows.in_use().begin(), rows.in_use().end()));
-  add(slip_directions_);
+  add(slip_directions_), add(tracked_guards());
   for (const Setting& u : settings_) add({u.t, u.value, u.rate});
   set_state(out);  // without what the core has found so far
   return out;
@@ -229,7 +265,7 @@ void ExportedMechanism::set_state(const Numbers& state) {
   const bool jumped = next(), by_steps = next();
   const double origin_t = next(), rank = next(), floor = next(), frozen = next();
   run.state.y = list(), run.state.carry = list(), run.state.low = list();
-  const Numbers values = list(), wanted = list(), origin = list(), x = list(), rows = list(), slips = list();
+  const Numbers values = list(), wanted = list(), origin = list(), x = list(), rows = list(), slips = list(), tracked = list();
   if (run.state.y.size() != start_.y.size() || values.size() != values_.size() || wanted.size() != wanted_.size() ||
       static_cast<int>(x.size()) != states_)
     reject("the state is not one of this mechanism");
@@ -241,6 +277,7 @@ void ExportedMechanism::set_state(const Numbers& state) {
   }
   const bool rebuild = !started() || values != values_;
   values_ = values, wanted_ = wanted, settings_ = std::move(settings), run_ = std::move(run), jumped_ = jumped;
+  track_guards(tracked), after_impact_ = State();
   by_steps_ = by_steps, current_ = derivatives_current_ = false;
   if (rebuild) build();
   Index2System& s = system();

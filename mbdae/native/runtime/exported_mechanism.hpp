@@ -67,7 +67,9 @@ class ExportedMechanism {
 
   // Steps to t; std::runtime_error where they fail. After each step, with its time and whether it ends at t: true ends.
   using AfterStep = std::function<bool(double now, bool finished)>;
-  void advance(double t, const AfterStep& after_step = nullptr);
+  void advance(double t, const AfterStep& after_step = nullptr, bool stop_at_impacts = false);
+  bool before_impact() const { return !after_impact_.y.empty(); }  // where `advance` has stopped
+  void pass_impact();
   double coincident() const { return run_.grid.coincident * run_.grid.step; }  // s: tolerance for a time on the grid
 
   // The equation x' = F(t, x, u) in local coordinates.
@@ -91,6 +93,15 @@ class ExportedMechanism {
   struct Setting {
     double t, value, rate;
   };
+  struct ContactData {  // inactive rows, guards, and what is known of these
+    std::vector<bool> off;
+    std::vector<ContactGuard> guards;
+    Numbers tracked;  // (guards, 5) as in TrackedGuard
+
+    FIELDS(off, guards, tracked)
+  };
+  Numbers tracked_guards() const;
+  void track_guards(const Numbers& tracked);
   void build();
   void use_inputs();
   bool apply_inputs(double t1);  // from now on until t1; whether one jumps
@@ -108,6 +119,8 @@ class ExportedMechanism {
   Numbers slip_directions_;
   Tableau tableau_;
   Run run_, fresh_run_;
+  State after_impact_;
+  ContactData contacts_;
   StartData start_;
   CoordinateLimits limits_;
   Numbers values_, wanted_;  // of parameters; of linear inputs at the end of the next step, nan: unchanged

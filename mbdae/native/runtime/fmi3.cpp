@@ -27,7 +27,7 @@ struct Instance {
   void* environment;
   bool exchange;  // model exchange; otherwise co-simulation
   IntermediateUpdate update = nullptr;
-  bool early_return = false, initialising = false;
+  bool early_return = false, initialising = false, events = false;
   double start = 0;
 
   Status report(Status status, const char* text) const {
@@ -131,11 +131,11 @@ FMI3 void* fmi3InstantiateModelExchange(const char*, const char* token, const ch
   return instantiate(token, folder, true, environment, log);
 }
 
-FMI3 void* fmi3InstantiateCoSimulation(const char*, const char* token, const char* folder, bool, bool, bool,
+FMI3 void* fmi3InstantiateCoSimulation(const char*, const char* token, const char* folder, bool, bool, bool events,
                                        bool early_return, References, size_t, void* environment, Logger log,
                                        IntermediateUpdate update) {
   auto* out = static_cast<Instance*>(instantiate(token, folder, false, environment, log));
-  if (out) out->update = update, out->early_return = early_return;
+  if (out) out->update = update, out->early_return = early_return, out->events = events && early_return;
   return out;
 }
 
@@ -201,7 +201,8 @@ FMI3 Status fmi3DoStep(void* instance, double t, double step, bool, bool* event,
       return requested && x.early_return;
     };
     if (std::fabs(x.mechanism.time() - t) > step) throw std::invalid_argument("the step begins at another time");
-    x.mechanism.advance(t + step, x.update ? ExportedMechanism::AfterStep(after_step) : nullptr);
+    x.mechanism.advance(t + step, x.update ? ExportedMechanism::AfterStep(after_step) : nullptr, x.events);
+    *event = x.mechanism.before_impact();
   });
   *last = x.mechanism.time();
   *early = out == ok && *last < t + step && std::fabs(*last - (t + step)) > x.mechanism.coincident();
@@ -218,6 +219,7 @@ FMI3 Status fmi3UpdateDiscreteStates(void* instance, bool* again, bool* terminat
                                      double* time) {
   *again = *terminate = *nominals = *values = *next = false, *time = 0;
   return attempt(instance, [&](Instance& x) {
+    x.mechanism.pass_impact();
     if (!x.exchange || x.initialising || x.mechanism.margin() >= x.mechanism.restart_margin()) return;
     x.mechanism.restart(), *values = *nominals = true;
   });

@@ -1,6 +1,6 @@
 """A mechanism as data for a core without Python and Pinocchio: what `mbdae/native/runtime` reads."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from types import ModuleType
 from typing import Any
 
@@ -8,6 +8,8 @@ import numpy as np
 
 from ...data_types import CoreData, JsonObject
 from ...errors import InputError, NotCompiled
+from ...integrate.events.core_contacts import guards_to_core
+from ...integrate.events.load_resolution import shortest_step
 from ...integrate.run.run_state import RunState
 from ...integrate.simulator.simulator import Simulator
 from ...integrate.steppers.native import NativeStepper
@@ -16,6 +18,7 @@ from ...mechanism.equations import local_coordinates as chart
 from ...mechanism.formulations.compiled_systems import CompiledSystem
 from ...mechanism.formulations.core_description import core_tolerances, describe, samplers_of
 from ...mechanism.formulations.equation_partials import GAMMA_WIDTH
+from ...mechanism.hybrid.unilateral import Unilateral
 from ...solution.signal_value import SignalValue
 from ...tolerances import CLOSED
 
@@ -29,17 +32,17 @@ class _Recorder:
         return lambda **fields: {"struct": name, **fields}
 
 
-def require_exportable(mech: Mechanism) -> None:
+def require_exportable(mech: Mechanism, kinds: Sequence[str]) -> None:
     """Require a mechanism without what only Python computes.
 
     Raises:
         InputError: names it.
     """
-    named = {"switch": mech.switches, "reset": mech.resets}
-    for kind, found in named.items():
+    modes = [s for s in mech.switches if "me" in kinds or not isinstance(s, Unilateral)]
+    where = "for model exchange" if "me" in kinds else "other than contacts"
+    for text, found in ((f"switches {where}", modes), ("resets", mech.resets)):
         if found:
             names = ", ".join(str(getattr(x, "name", x)) for x in found)
-            text = "stops, clutches and stiction" if kind == "switch" else "resets"
             raise InputError(f"{mech.title}: {text} cannot be exported: {names}")
 
 
@@ -139,13 +142,38 @@ def run_data(simulator: Simulator, system: CompiledSystem) -> JsonObject:
     }
     rows = list(system.core.rows)
     start = {"t": simulator.t, "y": simulator._y, "rows": rows, "floor": float(system.rank_threshold)}
+    contacts = _contacts(run, core_run)
     found = {
         "tableau": _fields(run.tableau.compiled(_Recorder()), "Tableau"),
         "run": _attributes(core_run, type(core_run).__module__),
         "coordinates": limits,
         "start": start,
+        "contacts": contacts,
     }
     return plain_json(found)
+
+
+def _contacts(run: RunState, core_run: Any) -> CoreData:
+    """Return the guards of contacts, and the rows that are inactive in the mode.
+
+    Raises:
+        InputError: for contacts that the core does not follow.
+    """
+    changes = run.mode_changes
+    if changes is None:
+        return {"off": [], "guards": [], "tracked": []}
+    system = changes.system
+    if not changes.core_guards:
+        raise InputError(f"{system.mechanism.title}: the core does not follow these contacts: they cannot be exported")
+    if core_run.jumps.times or samplers_of(system.laws):
+        raise InputError(
+            f"{system.mechanism.title}: contacts besides jumps of forces and sampled controllers cannot be exported"
+        )
+    core_run.contacts.in_core = True
+    guards_to_core(core_run.contacts, changes, shortest_step(run))
+    inactive = system.constraints.inactive
+    off = [int(k in inactive) for k in range(system.ng)]
+    return {"off": off, "guards": changes.core_guards, "tracked": np.ravel(core_run.contacts.states)}
 
 
 def _attributes(struct: Any, core: str) -> Any:

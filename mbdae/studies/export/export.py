@@ -87,7 +87,8 @@ def export(
     The file contains the compiled core and the data of the mechanism: it needs neither Python nor a compiler.
 
     Args:
-        mech: a mechanism without stops, clutches, stiction, resets and functions of Python.
+        mech: a mechanism without clutches, stiction, resets and functions of Python; with contacts, for co-simulation,
+            as long as each impact ends in a rebound.
         path: a file ``.fmu``.
         kind: ``"cs"`` for co-simulation, ``"me"`` for model exchange.
         inputs: names of inputs, see `mbdae.Input`; all of them if omitted.
@@ -105,7 +106,7 @@ def export(
     """
     require(mech, Mechanism, "export takes a mechanism")
     kinds, path, runtime = _checked_kinds(kind), _checked_path(path), _runtime()
-    require_exportable(mech)
+    require_exportable(mech, kinds)
     simulator = Simulator(mech, record=False, backend="native", **settings)
     system: CompiledSystem = simulator._run.system  # type: ignore[assignment]
     cells = simulator.inputs.cells

@@ -88,6 +88,7 @@ class FmuDescription(NamedTuple):
                 "canHandleVariableCommunicationStepSize",
                 "providesIntermediateUpdate",
                 "canReturnEarlyAfterIntermediateUpdate",
+                "hasEventMode",
             ]
         ElementTree.SubElement(root, KINDS[kind], {"modelIdentifier": self.identifier} | dict.fromkeys(able, "true"))
 

@@ -1,4 +1,4 @@
-"""What cannot be exported is refused by name; the command."""
+"""Mechanisms and settings that cannot be exported are rejected by name; the command."""
 
 import json
 import zipfile
@@ -44,7 +44,7 @@ def test_python_functions_stops_and_wrong_files(tmp_path):
     wind = Actuator(lambda t, q, v, s: np.zeros(3), lambda t, q, v, s: np.zeros(1), {"x": 0.0}, "wind")
     with pytest.raises(InputError, match="force 'wind' is a function of Python, which cannot be exported"):
         mbdae.export(slider_crank(wind), tmp_path / "x.fmu")
-    with pytest.raises(InputError, match="stops, clutches and stiction cannot be exported: "):
+    with pytest.raises(InputError, match="switches for model exchange cannot be exported: "):
         mbdae.export(mbdae.load("pendulum_on_stop"), tmp_path / "x.fmu")
     with pytest.raises(InputError, match=r"an FMU is saved as .fmu, got 'press.zip'"):
         mbdae.export(slider_crank(), "press.zip")
