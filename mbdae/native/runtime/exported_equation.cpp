@@ -26,6 +26,7 @@ void ExportedMechanism::restart() {
 
 void ExportedMechanism::evaluate() {
   if (current_) return;
+  if (!coordinates_) throw std::invalid_argument("equations follow the initialization of a model exchange");
   derivatives_current_ = false;
   coordinates_->rate(time(), x_.data(), y().data(), rate_.data());
   current_ = true;

@@ -54,6 +54,11 @@ void ExportedMechanism::reset() {
   jumped_ = current_ = derivatives_current_ = false;
 }
 
+void ExportedMechanism::set_parameter(int i, double value) {
+  if (!std::isfinite(value)) reject("a parameter is a finite number");
+  values_[i] = value, coordinates_.reset(), other_.reset(), core_.reset();
+}
+
 void ExportedMechanism::build() {
   Json now = document_;
   for (size_t i = 0; i < parameters.size(); ++i)
@@ -178,6 +183,7 @@ void ExportedMechanism::pass_impact() {
 }
 
 void ExportedMechanism::advance(double t, const AfterStep& after_step, bool stop_at_impacts) {
+  if (!started() || !by_steps_) reject("steps follow the initialization of a co-simulation");
   pass_impact();
   const double step = run_.grid.step;
   if (!run_.adaptive) {

@@ -62,7 +62,7 @@ class ExportedMechanism {
   double input(int i) const;
   void set_input(int i, double value);
   double parameter(int i) const { return values_[i]; }
-  void set_parameter(int i, double value) { values_[i] = value; }
+  void set_parameter(int i, double value);  // `start` is due again
   double output(int i);
 
   // Steps to t; std::runtime_error where they fail. After each step, with its time and whether it ends at t: true ends.

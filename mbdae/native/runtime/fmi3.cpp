@@ -163,7 +163,7 @@ FMI3 Status fmi3GetFloat64(void* instance, References references, size_t n, doub
   return attempt(instance, [&](Instance& x) {
     if (n != size) throw std::invalid_argument("as many values as variables");
     for (size_t i = 0; i < n; ++i) {
-      if (x.initialising && variable(x.mechanism, references[i]).kind >= Variable::output) begin(x);
+      if (variable(x.mechanism, references[i]).kind >= Variable::output) begin(x);
       values[i] = value(x.mechanism, references[i]);
     }
   });

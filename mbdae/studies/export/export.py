@@ -229,5 +229,6 @@ def _write(path: Path, description: FmuDescription, data: str, runtime: bytes) -
     suffix = ".dylib" if system == "darwin" else ".so"
     with atomic_write(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("modelDescription.xml", description.xml())
+        file.writestr("documentation/index.html", description.page())
         file.writestr("resources/mechanism.json", data)
         file.writestr(f"binaries/{machine}-{system}/{description.identifier}{suffix}", runtime)

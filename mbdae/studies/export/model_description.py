@@ -1,6 +1,7 @@
 """modelDescription.xml of FMI 3.0 (https://fmi-standard.org/docs/3.0.1)."""
 
 from collections.abc import Sequence
+from html import escape
 from typing import NamedTuple
 from xml.etree import ElementTree
 
@@ -77,6 +78,19 @@ class FmuDescription(NamedTuple):
         ElementTree.indent(root)
         document: bytes = ElementTree.tostring(root, "utf-8", xml_declaration=True)
         return document
+
+    def page(self) -> str:
+        """Return a page of documentation: the variables, and how it was made."""
+        rows = [
+            f"<tr><td>{escape(x.name)}</td><td>{x.causality}</td><td>{escape(x.unit)}</td></tr>"
+            for x in self.variables
+            if x.causality != "local"
+        ]
+        table = "\n".join(["<table>", "<tr><th>variable</th><th>causality</th><th>unit</th></tr>", *rows, "</table>"])
+        kinds = " and ".join(KINDS[kind] for kind in self.kinds)
+        text = f"{kinds}, exported by mbdae {self.version}. All variables are in SI units."
+        head = f'<!DOCTYPE html>\n<html lang="en"><meta charset="utf-8"><title>{escape(self.name)}</title>'
+        return f"{head}\n<h1>{escape(self.name)}</h1>\n<p>{text}</p>\n{table}\n</html>\n"
 
     def _interface(self, root: Element, kind: str) -> None:
         able = ["canGetAndSetFMUState", "canSerializeFMUState"]

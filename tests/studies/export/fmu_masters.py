@@ -40,7 +40,7 @@ class Master:
         early: whether a step may end early; ``update`` is then called after each internal step.
     """
 
-    def __init__(self, unit, kind, start=None, t=0.0, early=False, update=None):
+    def __init__(self, unit, kind, start=None, t=0.0, early=False, update=None, initialised=True):
         self.unit, self.found = unit, fmpy.read_model_description(str(unit.path))
         self.folder = fmpy.extract(str(unit.path))
         interface = self.found.coSimulation if kind == "cs" else self.found.modelExchange
@@ -53,6 +53,8 @@ class Master:
         self.references = {x.name: x.valueReference for x in self.found.modelVariables}
         for name, x in (start or {}).items():
             self.set(name, x)
+        if not initialised:
+            return
         self.fmu.enterInitializationMode(startTime=t)
         self.fmu.exitInitializationMode()
         if kind == "me":

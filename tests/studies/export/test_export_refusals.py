@@ -72,7 +72,7 @@ def test_the_command_writes_it(tmp_path):
     assert (found["kinds"], found["outputs"]) == (["cs"], ["q.slider", "v.slider"])
     with zipfile.ZipFile(path) as file:
         names, text = file.namelist(), file.read("modelDescription.xml")
-    assert {"modelDescription.xml", "resources/mechanism.json"} < {*names}
+    assert {"modelDescription.xml", "resources/mechanism.json", "documentation/index.html"} < {*names}
     root = ElementTree.fromstring(text)
     units = {x.get("name"): x.find("BaseUnit").attrib for x in root.iter("Unit")}
     assert units == {"m": {"m": "1"}, "m/s": {"m": "1", "s": "-1"}, "s": {"s": "1"}}

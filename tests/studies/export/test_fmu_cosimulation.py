@@ -73,6 +73,23 @@ def test_a_parameter_is_set_before_the_initialization(name, tmp_path):
         master.set(name, 1.0)
 
 
+def test_values_before_the_initialization_are_those_of_the_start(tmp_path, capfd):
+    m = mbdae.load("slider_crank")
+    unit = mbdae.export(m, tmp_path / "model.fmu", kind="cs", parameters=["gravity.2"], outputs=["a.slider"], step=STEP)
+    master = Master(unit, "cs", initialised=False)
+    with pytest.raises(Exception, match="fmi3DoStep"):
+        master.step(0.0)
+    assert "steps follow the initialization" in capfd.readouterr().out
+    start = m.at(0.0, *m.start).vdot
+    assert np.isclose(master.get("a.slider")[0], start[2], rtol=1e-12)
+    master.fmu.enterInitializationMode()
+    with_gravity = master.get("a.slider")
+    master.set("gravity.2", 0.0)
+    assert not np.isclose(master.get("a.slider"), with_gravity)
+    master.set("gravity.2", -9.81)
+    assert np.isclose(master.get("a.slider"), with_gravity, rtol=1e-12)
+
+
 def test_saved_states_go_on_bit_by_bit(driven):
     _, unit = driven
     master = Master(unit, "cs")
