@@ -1,90 +1,15 @@
-// The interface of FMI 3.0 (https://fmi-standard.org/docs/3.0.1), for any exported mechanism. Value references: 0 is
-// time; inputs, parameters, outputs, states and their derivatives follow.
+// The interface of FMI 3.0 (https://fmi-standard.org/docs/3.0.1), for any exported mechanism.
 #include <cmath>
-#include <cstdint>
 #include <cstring>
 #include <fstream>
 #include <sstream>
 
-#include "runtime/exported_mechanism.hpp"
+#include "runtime/fmu_instance.hpp"
 
-#define FMI3 extern "C" __attribute__((visibility("default")))
-
-using mbdae::ExportedMechanism;
-using mbdae::Numbers;
+using namespace mbdae;
+using namespace mbdae::fmi;
 
 namespace {
-
-enum Status { ok, warning, discard, error, fatal };
-using Logger = void (*)(void* environment, Status status, const char* category, const char* message);
-using IntermediateUpdate = void (*)(void* environment, double t, bool can_set, bool can_get, bool finished, bool can_return,
-                                    bool* requested, double* return_time);
-using References = const std::uint32_t*;
-
-struct Instance {
-  ExportedMechanism mechanism;
-  Logger log;
-  void* environment;
-  bool exchange;  // model exchange; otherwise co-simulation
-  IntermediateUpdate update = nullptr;
-  bool early_return = false, initialising = false, events = false;
-  double start = 0;
-
-  Status report(Status status, const char* text) const {
-    if (log) log(environment, status, status == discard ? "logStatusDiscard" : "logStatusError", text);
-    return status;
-  }
-};
-
-// A call: what fails is reported; a point outside the range of the coordinates is one where a solver takes less.
-template <class F>
-Status attempt(void* instance, F&& call) {
-  auto& x = *static_cast<Instance*>(instance);
-  try {
-    call(x);
-    return ok;
-  } catch (const mbdae::FallBackToPython&) {
-    return x.report(discard, "the point is singular, or beyond the range of the local coordinates: take a shorter step");
-  } catch (const std::exception& e) {
-    return x.report(error, e.what());
-  }
-}
-
-struct Variable {
-  enum Kind { time, input, parameter, output, state, rate } kind;
-  int i;
-};
-
-Variable variable(const ExportedMechanism& m, std::uint32_t reference) {
-  if (!reference) return {Variable::time, 0};
-  size_t i = reference - 1;
-  const size_t states = m.states(), sizes[] = {m.inputs.size(), m.parameters.size(), m.outputs.size(), states, states};
-  for (int kind = 0; kind < 5; i -= sizes[kind++])
-    if (i < sizes[kind]) return {static_cast<Variable::Kind>(Variable::input + kind), static_cast<int>(i)};
-  throw std::invalid_argument("unknown value reference " + std::to_string(reference));
-}
-
-double value(ExportedMechanism& m, std::uint32_t reference) {
-  const Variable x = variable(m, reference);
-  switch (x.kind) {
-    case Variable::time:
-      return m.time();
-    case Variable::input:
-      return m.input(x.i);
-    case Variable::parameter:
-      return m.parameter(x.i);
-    case Variable::output:
-      return m.output(x.i);
-    case Variable::state:
-      return m.x()[x.i];
-    default:
-      return m.rate()[x.i];
-  }
-}
-
-void begin(Instance& x) {
-  if (!x.mechanism.started()) x.mechanism.start(x.start, !x.exchange);
-}
 
 void* instantiate(const char* token, const char* folder, bool exchange, void* environment, Logger log) {
   try {
@@ -306,36 +231,3 @@ FMI3 Status fmi3DeserializeFMUState(void* instance, const std::uint8_t* bytes, s
     std::memcpy(numbers->data(), bytes, size), *state = numbers;
   });
 }
-
-// Variables of other types, clocks and partitions do not exist; calls with none of them succeed.
-#define NO_VARIABLES(name)                                                                                      \
-  FMI3 Status name(void* instance, References, size_t n) {                                                      \
-    return n ? static_cast<Instance*>(instance)->report(error, #name ": all variables are of type Float64") : ok; \
-  }
-#define NO_VARIABLES_OF(type) NO_VARIABLES(fmi3Get##type) NO_VARIABLES(fmi3Set##type)
-NO_VARIABLES_OF(Float32)
-NO_VARIABLES_OF(Int8)
-NO_VARIABLES_OF(UInt8)
-NO_VARIABLES_OF(Int16)
-NO_VARIABLES_OF(UInt16)
-NO_VARIABLES_OF(Int32)
-NO_VARIABLES_OF(UInt32)
-NO_VARIABLES_OF(Int64)
-NO_VARIABLES_OF(UInt64)
-NO_VARIABLES_OF(Boolean)
-NO_VARIABLES_OF(String)
-NO_VARIABLES_OF(Binary)
-NO_VARIABLES_OF(Clock)
-NO_VARIABLES_OF(IntervalDecimal)
-NO_VARIABLES_OF(IntervalFraction)
-NO_VARIABLES_OF(ShiftDecimal)
-NO_VARIABLES_OF(ShiftFraction)
-NO_VARIABLES(fmi3GetOutputDerivatives)
-
-#define UNSUPPORTED(name)                                                              \
-  FMI3 Status name(void* instance) {                                                   \
-    return static_cast<Instance*>(instance)->report(error, #name " is not supported"); \
-  }
-UNSUPPORTED(fmi3GetNumberOfVariableDependencies)
-UNSUPPORTED(fmi3GetVariableDependencies)
-UNSUPPORTED(fmi3ActivateModelPartition)

@@ -200,7 +200,7 @@ def _variables(
     named: Mapping[str, SignalValue],
     states: int,
 ) -> list[Variable]:
-    """Return all variables; value references follow the order of `mbdae/native/runtime/fmi3.cpp`."""
+    """Return all variables; value references follow the order of `mbdae/native/runtime/fmu_instance.hpp`."""
     known, out = units(mech), [Variable(0, "time", "independent", "s")]
     for i, (name, cell) in enumerate(cells.items()):
         if name in chosen:
