@@ -21,7 +21,7 @@ INSIDE = (
     "tree time_functions < flexible < model_settings < closures forces scene < assembly signals < formulations"
     " < equilibrium discrete_sensitivity < equations < mechanism < formats"
 )
-CORE = "math < mechanism < system < steps < run < sensitivity < bindings"  # of native
+CORE = "math < mechanism < system < steps < run < sensitivity < bindings runtime"  # of native
 SECRETS = {  # heavy or special imports, and the only modules that may use them
     "pinocchio": "mechanism/**/*.py backend.py",  # the latter compares versions
     "coal": "mechanism/**/*.py",

@@ -24,3 +24,11 @@ def test_casadi_provider(capsys):
     assert found["jacobian"] < 1e-9
     assert 1.9 < found["order"] < 2.1
     assert "observed order" in capsys.readouterr().out
+
+
+@pytest.mark.native
+def test_fmu_casadi(capsys):
+    """The optimum of the reduced equation of motion, by another program, from the exported equations."""
+    pytest.importorskip("casadi")
+    assert abs(example("fmu_casadi").main()["excess"]) < 1e-7
+    assert "least effort 167.0765" in capsys.readouterr().out

@@ -83,6 +83,12 @@ class NativeStepper(Stepper):
             r.continued = False
         return interval.t == t1 and not r.monitor.suspicious
 
+    def core_run(self, run: "RunState") -> "Run":
+        """Return the core's run, at the position of this one."""
+        self.inner.ready_for_core(run)  # chooses the first step size
+        self._to_native(run, MAX_UNRECORDED)
+        return self.run
+
     def record(self, run: "RunState") -> None:
         if self.unrecorded:
             self.unrecorded = False

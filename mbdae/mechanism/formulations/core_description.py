@@ -97,7 +97,6 @@ def describe(system: "Index2System") -> CoreData:
             for (_, s, ad, _), iq in zip(m.group_joints, m.group_starts, strict=True)
         ],
         "angular": m.angular.astype(int).tolist(),
-        "angles": [{"iv": iv, "iq": iq} for iv, iq in m.angles],
         "order": system.elimination_order.tolist(),
         "flexible": [body.core_data(system.model) for body in flexible_bodies(system.model)],
         "probe": independent_rows.random_probe(system.nv).tolist(),

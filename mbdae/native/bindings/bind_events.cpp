@@ -56,7 +56,7 @@ void bind_events(nb::module_& m) {
       .def(
           "set_events",
           [](Events& e, const nb::list& events) {
-            e.events = DataReader().read<std::vector<SignalEvent>>(events);
+            e.events = PyReader().read<std::vector<SignalEvent>>(events);
             e.nodes.assign(e.events.size(), Node());
           },
           nb::arg("events"), "Set the events: dicts of a signal, its level, the direction, and whether it is terminal.")
@@ -76,7 +76,7 @@ void bind_events(nb::module_& m) {
       .def(
           "set_guards",
           [](ContactGuards& c, const nb::list& guards) {
-            c.guards = DataReader().read<std::vector<ContactGuard>>(guards);
+            c.guards = PyReader().read<std::vector<ContactGuard>>(guards);
           },
           nb::arg("guards"), "Set the guards: dicts of the row, its sign, whether it is closed, restitution and rest.")
       .def_prop_rw("states", guard_states, set_guard_states)

@@ -123,7 +123,14 @@ double minimal_stage_seconds(PyCore& c, const Array& q, const Array& v, int repe
   Index2System& s = c.core->system;
   Numbers a = checked_numbers(q, s.nq, "q"), b = checked_numbers(v, s.nv, "v");
   try {
-    return s.minimal_stage_seconds(a.data(), b.data(), repetitions);
+    s.point.evaluate(a.data(), false);
+    Numbers G;
+    for (int k : s.rows.in_use()) {
+      const auto row = s.point.G.begin() + static_cast<size_t>(k) * s.nv;
+      G.insert(G.end(), row, row + s.nv);
+    }
+    const int r = static_cast<int>(s.rows.in_use().size());
+    return bare_stage_seconds(model_pointer(c.model.ptr()), a.data(), b.data(), r, G.data(), repetitions);
   } catch (const FallBackToPython&) {
     reject("the point is singular");
   }

@@ -71,7 +71,7 @@ PyParameters bind_parameters(PyCore& c, int count, const nb::list& component_lis
   Index2System& s = c.core->system;
   if (s.formulation == Formulation::index1) reject("tangents are those of index 2 and GGL");
   if (count < 0) reject("the number of parameters is not negative");
-  DescriptionReader reader = c.reader();
+  PyDescriptionReader reader = c.reader();
   auto components = reader.read<std::vector<ModelComponent>>(component_list);
   auto directions = reader.read<std::vector<Direction>>(direction_list);
   check_components(components, s);

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "bindings/py_core.hpp"
+#include "mechanism/tree_data.hpp"
 #include "system/projection.hpp"
 
 using namespace mbdae;
@@ -38,15 +39,6 @@ auto update_independent_rows(PyCore& c, double t, const Array& y, const nb::obje
   });
 }
 
-HalfExplicitMethod method_of(Core& c, const Tableau& a) { return {*c.step, a}; }
-CollocationMethod method_of(Core& c, const Radau& a) { return {*c.stages, a}; }
-FixedStepMethod<VariationalStep, Composition> method_of(Core& c, const Composition& a) {
-  return {c.variational, a, false};
-}
-FixedStepMethod<SecondOrderStep, GeneralizedAlpha> method_of(Core& c, const GeneralizedAlpha& a) {
-  return {c.second_order, a, true};
-}
-
 const Tableau* tableau_of(const Tableau& a) { return &a; }
 
 template <class Coefficients>
@@ -62,7 +54,7 @@ std::optional<StepResult> step(PyCore& c, const Coefficients& a, double t, doubl
     State in = state(y, carry, low), out;
     c.check(in, tableau_of(a));
     Numbers z(s.nz), errors;
-    method_of(*c.core, a).take((false || ... || controlled), t, h, in, out, z.data(), errors);
+    c.core->method(a).take((false || ... || controlled), t, h, in, out, z.data(), errors);
     const size_t ny = s.ny;
     return {vector(out.y), carried(out), maybe(out.low), vector(z), array(errors, {errors.size() / ny, ny})};
   });
@@ -92,7 +84,7 @@ template <class Coefficients>
 void advance(PyCore& c, const Coefficients& a, Run& run) {
   const CoreLock lock(c);
   c.check(run.state, tableau_of(a));
-  auto method = method_of(*c.core, a);
+  auto method = c.core->method(a);
   run_loop(c, method, run);
 }
 
@@ -112,20 +104,7 @@ void set_sampled_controllers(PyCore& c, const nb::list& controllers) {
 void set_friction_interfaces(PyCore& c, const nb::list& list, const Active& active, const Directions& directions) {
   const CoreLock lock(c);
   auto interfaces = c.reader().read<std::vector<FrictionInterface>>(list);
-  const std::vector<Row>& rows = c.core->system.constraints.rows;
-  const int ng = static_cast<int>(rows.size());
-  for (FrictionInterface& x : interfaces) {
-    const bool rolling = x.kind == FrictionInterface::rolling;
-    if (rolling == x.no_slip_rows.empty() || x.no_slip_rows.size() > 2)
-      reject("a rolling interface has one or two no-slip rows");
-    if (!(x.width > 0) || !(x.coefficient >= 0) || !std::isfinite(x.coefficient)) reject("friction is positive");
-    if (x.components < 1 || x.components > 3) reject("a force has one to three components");
-    check_indices({x.row}, ng - x.components + 1, "row"), check_indices(x.no_slip_rows, ng, "row");
-    x.pair = rows[x.row].pair;
-    if (x.pair < 0) reject("friction acts between frames");
-    for (int k : x.no_slip_rows)
-      if (rows[k].pair != x.pair) reject("no-slip rows are between the frames of their height");
-  }
+  complete_interfaces(interfaces, c.core->system.constraints.rows);
   if (active.size() != interfaces.size() || directions.size() != 2 * interfaces.size())
     reject("as many numbers as friction interfaces");
   c.core->system.friction.use(std::move(interfaces), active.data(), directions.data());
@@ -170,6 +149,13 @@ NB_MODULE(_native, m) {
   m.def("version", [] { return MBDAE_PINOCCHIO_VERSION; }, "Version of Pinocchio that the core was built for.");
   m.def("sweeps", [](nb::handle model) { return model_sweeps(model_pointer(model.ptr())); }, nb::arg("model"),
         "Return whether the core computes M, nle and J of a model itself; otherwise Pinocchio does.");
+  m.def(
+      "tree_data",
+      [](nb::handle model) {
+        TreeData data = data_of(tree_model(model_pointer(model.ptr())));
+        return to_python(data);
+      },
+      nb::arg("model"), "Return the numbers of a model, from which a core without Pinocchio makes it.");
   nb::exception<UnknownKind>(m, "UnknownKind", PyExc_ValueError);
   bind_structs(m), bind_events(m);
 

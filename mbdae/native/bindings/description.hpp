@@ -2,6 +2,7 @@
 #pragma once
 
 #include "bindings/structs.hpp"
+#include "system/description_reader.hpp"
 
 namespace mbdae {
 
@@ -18,37 +19,23 @@ struct Callbacks {
   }
 };
 
-// Reads what a mechanism consists of. Indices of pairs and rows are checked afterwards.
-class DescriptionReader : public Reader<DescriptionReader> {
+// Reads what a mechanism consists of, from dicts with functions.
+class PyDescriptionReader final : public DescriptionReader<nb::handle> {
  public:
-  DescriptionReader(Callbacks& callbacks, const Sizes& n, int states) : callbacks_(callbacks), n_(n), states_(states) {}
-
-  using Reader::read;
-  void read(nb::handle h, TimeFunction& out);
-  void read(nb::handle h, Row& out);
-  void read(nb::handle h, Law& out);
-  void read(nb::handle h, SampledController& out);
-  void read(nb::handle h, std::shared_ptr<const Profile>& out);
+  PyDescriptionReader(Callbacks& callbacks, const Sizes& n, int states)
+      : DescriptionReader(n, states), callbacks_(callbacks) {}
 
  private:
-  std::shared_ptr<const RowFunction> row_function(const nb::dict& d);
-  void check_states(int first, int count) const;
+  void bind_functions(nb::handle h, TimeFunction& out) override;
+  void bind_functions(nb::handle h, RowFunction& out) override;
+  void bind_functions(nb::handle h, Law& out) override;
+  void bind_functions(nb::handle h, SampledController& out) override;
+  nb::handle function(nb::handle h, const char* key) { return callbacks_.add(nb::cast<nb::dict>(h), key); }
 
   Callbacks& callbacks_;
-  const Sizes n_;
-  const int states_;  // of all laws
 };
 
 // Call Python with arrays, for arrays of these sizes, or a number: see `Callbacks`.
 void call_python(nb::handle f, bool* interrupted, const std::vector<std::pair<const double*, size_t>>& in,
                  const std::vector<Numbers*>& out);
-using Anchors = std::vector<std::pair<Anchor, Anchor>>;
-void check_indices(const std::vector<int>& x, int n, const char* what);
-void check_anchors(const Anchors& pairs, int joints);
-void check_rows(const std::vector<Row>& rows, size_t pairs);
-void check_laws(const std::vector<Law>& laws, size_t pairs);
-void check_bodies(const std::vector<ModalBody>& bodies, int nq, int nv, int joints);
-void check_drivers(const std::vector<Driver>& drivers, size_t rows);
-void check(const Description& d, const Sizes& n, const Tolerances& tolerances);
-
 }  // namespace mbdae

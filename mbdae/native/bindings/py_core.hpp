@@ -8,26 +8,13 @@
 
 #include "bindings/bindings.hpp"
 #include "bindings/description.hpp"
-#include "steps/formulations.hpp"
-#include "steps/second_order.hpp"
-#include "steps/variational.hpp"
 #include "mechanism/model.hpp"
+#include "run/core.hpp"
 
 namespace mbdae {
 
 using Active = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
 using Directions = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
-
-struct Core {
-  Core(const void* model, const Tolerances& tolerances, Description d)
-      : system(model, tolerances, std::move(d)), step(half_explicit_step(system)), stages(collocation_step(system)),
-        variational(system), second_order(system) {}
-  Index2System system;
-  std::unique_ptr<HalfExplicitStep> step;
-  std::unique_ptr<CollocationStep> stages;
-  VariationalStep variational;
-  SecondOrderStep second_order;
-};
 
 struct PyCore {
   PyCore(nb::handle model_, const Tolerances& tolerances, const nb::dict& description)
@@ -53,7 +40,7 @@ struct PyCore {
     const Sizes n{size[0], size[1], size[2]};
     const int ns = nb::cast<int>(item(description, "ns"));
     if (ns < 0 || ns > 1000000) reject("sizes do not fit the model");
-    auto d = DescriptionReader(*callbacks, n, ns).read<Description>(description);
+    auto d = PyDescriptionReader(*callbacks, n, ns).read<Description>(description);
     mbdae::check(d, n, tolerances);
     return d;
   }
@@ -67,9 +54,9 @@ struct PyCore {
     if (!s.low.empty() && static_cast<int>(s.low.size()) != x.ny) reject("low has the wrong length");
   }
 
-  DescriptionReader reader() {
+  PyDescriptionReader reader() {
     const Index2System& s = core->system;
-    return DescriptionReader(*callbacks, {s.nq, s.nv, s.mechanics.joints}, s.ns);
+    return PyDescriptionReader(*callbacks, {s.nq, s.nv, s.mechanics.joints}, s.ns);
   }
 
   nb::object model, expanded;  // kept alive

@@ -6,25 +6,30 @@
 #include <pinocchio/algorithm/rnea.hpp>
 
 #include "math/dense_lu.hpp"
-#include "mechanism/mechanics_workspace.hpp"
+#include "mechanism/model.hpp"
 
 namespace mbdae {
 
-double Mechanics::bare(const double* q, const double* v, int r, const double* G_, int repetitions) {
+double bare_stage_seconds(const void* pointer, const double* q_, const double* v_, int r, const double* G_,
+                          int repetitions) {
   using Matrix = Eigen::MatrixXd;
+  using VectorXd = Eigen::VectorXd;
+  using Vector = Eigen::Ref<const VectorXd>;
+  const auto& model = *static_cast<const pinocchio::Model*>(pointer);
+  const int nv = model.nv;
   const Matrix GT = Eigen::Map<const Matrix>(G_, nv, r);
-  w->q = In(q, nq), w->v = In(v, nv);
-  pinocchio::Data data(w->model);
+  const VectorXd q = Eigen::Map<const VectorXd>(q_, model.nq), v = Eigen::Map<const VectorXd>(v_, nv);
+  pinocchio::Data data(model);
   Matrix X(nv, r + 1);
   DenseLU<1> S;
   VectorXd lam(r), vdot(nv);
   const auto start = std::chrono::steady_clock::now();
   for (int i = 0; i < repetitions; ++i) {
-    pinocchio::crba(w->model, data, Vector(w->q), pinocchio::Convention::WORLD);
-    pinocchio::cholesky::decompose(w->model, data);
+    pinocchio::crba(model, data, Vector(q), pinocchio::Convention::WORLD);
+    pinocchio::cholesky::decompose(model, data);
     X.leftCols(r) = GT;
-    X.col(r) = -pinocchio::nonLinearEffects(w->model, data, Vector(w->q), Vector(w->v));
-    pinocchio::cholesky::solve(w->model, data, X);
+    X.col(r) = -pinocchio::nonLinearEffects(model, data, Vector(q), Vector(v));
+    pinocchio::cholesky::solve(model, data, X);
     vdot = X.col(r);
     if (r) {
       S.resize(r);

@@ -94,55 +94,23 @@ static void inverse_jacobian_rate(const Tolerances& limits, int n, const double*
   }
 }
 
-Manifold::Manifold(Mechanics& m, bool flat_, std::vector<GroupJoint> group_joints, std::vector<int> angular,
-                   std::vector<Angle> angles)
+Manifold::Manifold(Mechanics& m, bool flat_, std::vector<GroupJoint> group_joints, std::vector<int> angular)
     : flat(flat_),
       m_(m),
       group_joints_(std::move(group_joints)),
       angular_(std::move(angular)),
-      angles_(std::move(angles)),
       neutral_(m.nq) {
   m.neutral(neutral_.data());
 }
 
-// Along the chord of a planar joint, rotated by half its angle: cosine and sine in q, times the ratio of chord to arc.
-static void chord(const double* q, double rotation, double* c, double* s, double* ratio) {
-  const double half = rotation / 2, ch = std::cos(half), sh = std::sin(half);
-  *c = q[2] * ch - q[3] * sh, *s = q[3] * ch + q[2] * sh;
-  *ratio = half == 0 ? 1.0 : sh / half;
-}
-
 void Manifold::integrate(const double* q, const double* x, double* out) const {
   for (int i = 0; flat && i < m_.nq; ++i) out[i] = q[i] + x[i];
-  if (flat) return;
-  double c, s, ratio;
-  std::vector<double> moved;
-  for (const GroupJoint& b : group_joints_) {
-    if (b.kind != GroupJoint::se2) continue;
-    const double *p = q + b.iq, *u = x + b.iv;
-    chord(p, u[2], &c, &s, &ratio);
-    moved.push_back(p[0] + ratio * (c * u[0] - s * u[1])), moved.push_back(p[1] + ratio * (s * u[0] + c * u[1]));
-  }
-  m_.integrate(q, x, out);  // out may be q
-  for (size_t k = 0, i = 0; i < group_joints_.size(); ++i)
-    if (group_joints_[i].kind == GroupJoint::se2) std::copy_n(&moved[2 * k++], 2, out + group_joints_[i].iq);
+  if (!flat) m_.integrate(q, x, out);  // out may be q
 }
 
 void Manifold::difference(const double* q0, const double* q1, double* out) const {
   for (int i = 0; flat && i < m_.nv; ++i) out[i] = q1[i] - q0[i];
-  if (flat) return;
-  m_.difference(q0, q1, out);
-  for (const Angle& a : angles_) {  // Pinocchio takes points as equal where rounding puts this cosine above 1
-    const double *p = q0 + a.iq, *p1 = q1 + a.iq;
-    out[a.iv] = std::atan2(p[0] * p1[1] - p[1] * p1[0], p[0] * p1[0] + p[1] * p1[1]);
-  }
-  double c, s, ratio;
-  for (const GroupJoint& b : group_joints_) {
-    if (b.kind != GroupJoint::se2) continue;
-    const double *p = q0 + b.iq, dx = q1[b.iq] - p[0], dy = q1[b.iq + 1] - p[1];
-    chord(p, out[b.iv + 2], &c, &s, &ratio);
-    out[b.iv] = (c * dx + s * dy) / ratio, out[b.iv + 1] = (c * dy - s * dx) / ratio;
-  }
+  if (!flat) m_.difference(q0, q1, out);
 }
 
 void Manifold::size(const double* q, double* out) const {
@@ -150,12 +118,17 @@ void Manifold::size(const double* q, double* out) const {
   for (int i = 0; i < m_.nv; ++i) out[i] = flat ? std::fabs(q[i]) : angular_[i] ? 1.0 : std::fabs(out[i]);
 }
 
-void Manifold::check_rotations(const double* x) const {
+double Manifold::largest_rotation(const double* x) const {
+  double out = 0;
   for (const GroupJoint& b : group_joints_) {
-    const double rotation =
-        b.kind == GroupJoint::se2 ? std::fabs(x[b.iv + 2]) : norm(x + b.iv + (b.kind == GroupJoint::se3 ? 3 : 0), 3);
-    if (rotation > m_.limits.max_rotation) throw StepTooLong();
+    const double *u = x + b.iv, *turned = b.kind == GroupJoint::se3 ? u + 3 : u;
+    out = std::max(out, b.kind == GroupJoint::se2 ? std::fabs(u[2]) : norm(turned, 3));
   }
+  return out;
+}
+
+void Manifold::check_rotations(const double* x) const {
+  if (largest_rotation(x) > m_.limits.max_rotation) throw StepTooLong();
 }
 
 void Manifold::tangent(const double* x, double* dx) const {

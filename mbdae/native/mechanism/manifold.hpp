@@ -18,13 +18,6 @@ struct GroupJoint {
   FIELDS(kind, iv, iq)
 };
 
-// An angle with cosine and sine in q: an unbounded revolute joint, or that of a planar one.
-struct Angle {
-  int iv, iq;  // in the tangent, and of the cosine in q
-
-  FIELDS(iv, iq)
-};
-
 // J(x) and d(J(x) v)/dx at a block, (n, n) by rows.
 struct TangentBlock {
   int at, n;
@@ -43,8 +36,7 @@ struct IntegratePartialsBlock {
 
 class Manifold {
  public:
-  Manifold(Mechanics& m, bool flat, std::vector<GroupJoint> group_joints, std::vector<int> angular,
-           std::vector<Angle> angles);
+  Manifold(Mechanics& m, bool flat, std::vector<GroupJoint> group_joints, std::vector<int> angular);
 
   const bool flat;  // a vector space
   bool curved() const { return !group_joints_.empty(); }  // does J(x) differ from 1?
@@ -52,7 +44,8 @@ class Manifold {
   void integrate(const double* q, const double* x, double* out) const;     // q (+) x, (nq,)
   void difference(const double* q0, const double* q1, double* out) const;  // q1 (-) q0, (nv,)
   void size(const double* q, double* out) const;                           // magnitudes in the tangent, (nv,)
-  void check_rotations(const double* x) const;      // throws if a joint rotates too far in one step
+  double largest_rotation(const double* x) const;  // of a joint, in rad
+  void check_rotations(const double* x) const;     // throws if a joint rotates too far in one step
   void tangent(const double* x, double* dx) const;  // dx: v (nv,) becomes J(x) v
   void velocity(const double* x, double* v) const;  // v: x' (nv,) becomes J(x)^-1 x'
   void transfer(const double* x, const double* to, std::vector<TangentBlock>& out) const;  // J(to)^-1 J(x), in J
@@ -64,7 +57,6 @@ class Manifold {
   Mechanics& m_;
   std::vector<GroupJoint> group_joints_;
   std::vector<int> angular_;  // (nv,) flags: rotations, whose magnitude is no scale
-  std::vector<Angle> angles_;
   Numbers neutral_;           // (nq,)
 };
 

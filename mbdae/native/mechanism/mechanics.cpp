@@ -4,47 +4,26 @@
 #include <iterator>
 #include <stdexcept>
 
-#include <pinocchio/algorithm/crba.hpp>
-#include <pinocchio/algorithm/jacobian.hpp>
-#include <pinocchio/algorithm/kinematics.hpp>
-#include <pinocchio/algorithm/rnea.hpp>
-
-#include <boost/python/extract.hpp>
-
-#include "mechanism/mechanics_workspace.hpp"
-#include "mechanism/model.hpp"
-#include "mechanism/tree_joints.hpp"
+#include "math/eigen_types.hpp"
+#include "mechanism/tree_coordinates.hpp"
+#include "mechanism/tree_model.hpp"
+#include "mechanism/tree_sweep.hpp"
 
 namespace mbdae {
 
 namespace {
 
-// A workspace for crba in the world's convention, nonLinearEffects, rnea, forwardKinematics and computeJointJacobians:
-// the constructor from a model allocates nv^3 numbers for second derivatives. See mechanism/tree/pinocchio_data.py.
-pinocchio::Data minimal_data(const pinocchio::Model& model) {
-  using namespace pinocchio;
-  Data data;
-  const size_t n = model.njoints;
-  for (const JointModel& joint : model.joints) data.joints.push_back(joint.createData());
-  data.oMi.assign(n, SE3::Identity()), data.liMi = data.oMi;
-  data.v.assign(n, Motion::Zero()), data.a = data.a_gf = data.v;
-  data.f.assign(n, Force::Zero()), data.h = data.f;
-  data.oYcrb.assign(n, Inertia::Zero());
-  data.mass.assign(n, 0.0), data.com.assign(n, Eigen::Vector3d::Zero());
-  data.nvSubtree = model.nvs;
-  for (size_t i = n; --i > 0;) data.nvSubtree[model.parents[i]] += data.nvSubtree[i];
-  data.J.setZero(6, model.nv), data.Ag.setZero(6, model.nv), data.M.setZero(model.nv, model.nv);
-  data.nle.setZero(model.nv), data.tau.setZero(model.nv);
-  return data;
-}
+using Matrix3 = Eigen::Map<const Eigen::Matrix3d>;
+using Vector3 = Eigen::Map<const Eigen::Vector3d>;
 
-std::vector<FlexibleBody> bound(std::vector<ModalBody> bodies, const pinocchio::Model& m) {
+std::vector<FlexibleBody> bound(std::vector<ModalBody> bodies, const TreeModel& m) {
   std::vector<FlexibleBody> out;
-  int pose = m.njoints, column = m.nv;
+  int pose = static_cast<int>(m.joints.size()), column = m.nv;
   for (ModalBody& x : bodies) {
-    std::vector<int> base;
-    for (int j : m.supports[x.joint])
-      for (int i = 0; j && i < m.nvs[j]; ++i) base.push_back(m.idx_vs[j] + i);
+    std::vector<int> base, branch;
+    for (int j = x.joint; j; j = m.joints[j].parent) branch.push_back(j);
+    for (auto j = branch.rbegin(); j != branch.rend(); ++j)
+      for (int i = 0; i < m.joints[*j].nv; ++i) base.push_back(m.joints[*j].iv + i);
     const int nodes = static_cast<int>(x.nodes.size()), modes = x.modes;
     out.emplace_back(std::move(x), std::move(base), pose, column);
     pose += nodes, column += nodes * modes;
@@ -54,49 +33,79 @@ std::vector<FlexibleBody> bound(std::vector<ModalBody> bodies, const pinocchio::
 
 }  // namespace
 
-Mechanics::Workspace::Workspace(const pinocchio::Model& m, std::vector<FlexibleBody> flexible_)
-    : model(m), flexible(std::move(flexible_)), data(minimal_data(m)), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)), end(m.nq) {
-  size_t nodes = 0, columns = 0;
-  for (const FlexibleBody& x : flexible) nodes += x.data.nodes.size(), columns += x.data.nodes.size() * x.data.modes;
-  data.oMi.resize(m.njoints + nodes, pinocchio::SE3::Identity());
-  data.J.setZero(6, m.nv + columns);
-  saved_poses = data.oMi;
-}
+struct Mechanics::Workspace {
+  Workspace(const void* source_, TreeModel m, std::vector<FlexibleBody> flexible_)
+      : source(source_), model(std::move(m)), flexible(std::move(flexible_)) {
+    size_t frames = model.joints.size(), columns = model.nv;
+    for (const FlexibleBody& x : flexible) {
+      const size_t nodes = x.data.nodes.size();
+      frames += nodes, columns += nodes * x.data.modes;
+    }
+    for (size_t i = 0; i < frames; ++i)
+      for (int k = 0; k < 12; ++k) poses.push_back(k == 0 || k == 4 || k == 8 ? 1 : 0);
+    saved_poses = poses, J.assign(6 * columns, 0.0);
+    M.assign(static_cast<size_t>(model.nv) * model.nv, 0.0), nle.assign(model.nv, 0.0);
+    zero = nle;
+  }
+
+  Matrix3 rotation(int j) const { return Matrix3(&poses[12 * j]); }
+  Vector3 position(int j) const { return Vector3(&poses[12 * j + 9]); }
+
+  const void* source;
+  const TreeModel model;
+  std::vector<FlexibleBody> flexible;
+  std::unique_ptr<TreeSweep> sweep;
+  std::unique_ptr<TreeAlgorithms> other;  // where there is no sweep
+  Numbers poses, saved_poses;             // (frames, 12) R by columns, and p
+  Numbers J, M, nle, zero;                // (6, nv and nodes), (nv, nv) by columns, (nv,), (nv,)
+  struct Begun {  // partials at (q, v): terms known so far
+    Numbers q, v, J, about, M, poses;  // J about the world's origin, and about the reference point of the partials
+  } begun;
+  std::unique_ptr<RneaPartials> partials;
+};
 
 Mechanics::Mechanics(const void* model, const Tolerances& limits_, std::vector<ModalBody> flexible)
     : limits(limits_) {
-  const auto& m = *static_cast<const pinocchio::Model*>(model);
-  w.reset(new Workspace(m, bound(std::move(flexible), m)));
-  nq = w->model.nq, nv = w->model.nv, joints = w->model.njoints, frames = static_cast<int>(w->data.oMi.size());
+  TreeModel m = tree_model(model);
+  auto bodies = bound(std::move(flexible), m);
+  w.reset(new Workspace(model, std::move(m), std::move(bodies)));
+  nq = w->model.nq, nv = w->model.nv;
+  joints = static_cast<int>(w->model.joints.size()), frames = static_cast<int>(w->poses.size() / 12);
   ancestors.resize(nv), tangent.assign(nq, 0);
   const auto above = supports();
-  parents.assign(w->model.parents.begin(), w->model.parents.end());
-  for (int j = 1; j < joints; ++j) tangent[w->model.idx_qs[j]] = w->model.idx_vs[j];
-  for (int j = 1; j < joints; ++j)
-    for (int i = 0; i < w->model.nvs[j]; ++i) {
+  for (int j = 0; j < joints; ++j) {
+    const TreeModel::Joint& x = w->model.joints[j];
+    parents.push_back(x.parent);
+    if (j) tangent[x.iq] = x.iv;
+    for (int i = 0; i < x.nv; ++i) {
       const auto& own = above[j].velocities;
-      const auto end = own.end() - w->model.nvs[j] + i;
-      ancestors[w->model.idx_vs[j] + i].assign(std::make_reverse_iterator(end), own.rend());
+      const auto end = own.end() - x.nv + i;
+      ancestors[x.iv + i].assign(std::make_reverse_iterator(end), own.rend());
     }
+  }
   for (const FlexibleBody& x : w->flexible)  // zeros of M: its factors have no others
-    for (int i = 0; i < x.data.modes && x.data.orthogonal(); ++i) ancestors[x.data.iv + i].assign(x.base.rbegin(), x.base.rend());
+    for (int i = 0; i < x.data.modes && x.data.orthogonal(); ++i)
+      ancestors[x.data.iv + i].assign(x.base.rbegin(), x.base.rend());
   begin_sweep();
 }
 
 void Mechanics::begin_sweep() {
-  w->nle.setZero(nv);
-  auto tree = tree_joints(w->model);
-  const double *gravity = w->model.gravity.linear().data(), *armature = w->model.armature.data();
-  if (!tree.empty()) w->sweep.reset(new TreeSweep(std::move(tree), ancestors, gravity, armature, &w->flexible));
-  if (!w->sweep && !w->flexible.empty()) throw std::invalid_argument("flexible bodies need joints with fixed axes");
+  const TreeModel& m = w->model;
+  if (!m.tree.empty())
+    w->sweep.reset(new TreeSweep(m.tree, ancestors, m.gravity, m.armature, &w->flexible));
+  else if (w->flexible.empty())
+    w->other = tree_algorithms(w->source);
+  else
+    throw std::invalid_argument("flexible bodies need joints with fixed axes");
 }
 
 void Mechanics::write(const void* model, const Tolerances& limits_, std::vector<ModalBody> flexible) {
   ++motion_stamp_, ++pose_stamp_, limits = limits_;
-  if (model == &w->model) return;
+  if (model == w->source) return;
   auto partials = std::move(w->partials);
-  const auto& m = *static_cast<const pinocchio::Model*>(model);
-  w.reset(new Workspace(m, bound(std::move(flexible), m))), begin_sweep();
+  TreeModel m = tree_model(model);
+  auto bodies = bound(std::move(flexible), m);
+  w.reset(new Workspace(model, std::move(m), std::move(bodies))), begin_sweep();
   w->partials = std::move(partials);
 }
 
@@ -114,8 +123,8 @@ std::vector<Mechanics::Support> Mechanics::supports() const {
   std::vector<Support> out(frames);
   for (int j = 1; j < joints; ++j) {
     auto& x = out[j].velocities;
-    x = out[w->model.parents[j]].velocities;
-    for (int i = 0; i < w->model.nvs[j]; ++i) x.push_back(w->model.idx_vs[j] + i);
+    x = out[w->model.joints[j].parent].velocities;
+    for (int i = 0; i < w->model.joints[j].nv; ++i) x.push_back(w->model.joints[j].iv + i);
     out[j].columns = x;
   }
   for (const FlexibleBody& body : w->flexible)
@@ -145,61 +154,48 @@ const FlexibleBody::Node* Mechanics::node(int frame, const FlexibleBody*& body, 
 
 void Mechanics::inertia(const double* q) {
   ++pose_stamp_;
-  if (w->sweep) return w->sweep->inertia(q, w->poses(), w->J(), w->data.M.data());
-  w->q = In(q, nq);
-  pinocchio::crba(w->model, w->data, Vector(w->q), pinocchio::Convention::WORLD);
+  w->sweep ? w->sweep->inertia(q, w->poses.data(), w->J.data(), w->M.data())
+           : w->other->inertia(q, w->poses.data(), w->J.data(), w->M.data());
 }
 
 void Mechanics::dynamics(const double* q, const double* v) {
   if (!w->sweep) return inertia(q), bias(q, v);
   ++motion_stamp_, ++pose_stamp_;
-  w->sweep->dynamics(q, v, w->poses(), w->J(), w->data.M.data(), w->nle.data());
+  w->sweep->dynamics(q, v, w->poses.data(), w->J.data(), w->M.data(), w->nle.data());
 }
 
 void Mechanics::poses(const double* q) {
   ++pose_stamp_;
-  if (w->sweep) return w->sweep->poses(q, w->poses(), w->J());
-  w->q = In(q, nq);
-  pinocchio::computeJointJacobians(w->model, w->data, Vector(w->q));
+  w->sweep ? w->sweep->poses(q, w->poses.data(), w->J.data()) : w->other->poses(q, w->poses.data(), w->J.data());
 }
 
-void Mechanics::save_poses() { ++pose_stamp_, std::swap(w->data.oMi, w->saved_poses); }
-void Mechanics::restore_poses() { ++pose_stamp_, w->data.oMi = w->saved_poses; }
+void Mechanics::save_poses() { ++pose_stamp_, std::swap(w->poses, w->saved_poses); }
+void Mechanics::restore_poses() { ++pose_stamp_, w->poses = w->saved_poses; }
 
-void Mechanics::motions(const double* q, const double* v) {
-  ++motion_stamp_, ++pose_stamp_;
-  if (w->sweep) return w->sweep->motions(q, v, nullptr, w->poses(), w->J());
-  w->q = In(q, nq), w->v = In(v, nv);
-  pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->a));
-}
+void Mechanics::motions(const double* q, const double* v) { motions(q, v, nullptr); }
 
 void Mechanics::motions(const double* q, const double* v, const double* a) {
   ++motion_stamp_, ++pose_stamp_;
-  if (w->sweep) return w->sweep->motions(q, v, a, w->poses(), w->J());
-  w->q = In(q, nq), w->v = In(v, nv), w->rate = In(a, nv);
-  pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->rate));
+  w->sweep ? w->sweep->motions(q, v, a, w->poses.data(), w->J.data())
+           : w->other->motions(q, v, a, w->poses.data());
 }
 
 void Mechanics::bias(const double* q, const double* v) {
   ++motion_stamp_, ++pose_stamp_;
-  if (w->sweep) return w->sweep->inverse(q, v, nullptr, w->poses(), w->J(), w->nle.data());
-  w->q = In(q, nq), w->v = In(v, nv);
-  w->nle = pinocchio::nonLinearEffects(w->model, w->data, Vector(w->q), Vector(w->v));
+  w->sweep ? w->sweep->inverse(q, v, nullptr, w->poses.data(), w->J.data(), w->nle.data())
+           : w->other->bias(q, v, w->nle.data());
 }
 
 void Mechanics::inverse(const double* q, const double* v, const double* a, double* out) {
   ++motion_stamp_, ++pose_stamp_;
-  if (w->sweep) return w->sweep->inverse(q, v, a, w->poses(), w->J(), out);
-  w->q = In(q, nq), w->v = In(v, nv), w->rate = In(a, nv);
-  Out(out, nv) = pinocchio::rnea(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->rate));
-  pinocchio::updateGlobalPlacements(w->model, w->data);
-  pinocchio::computeJointJacobians(w->model, w->data);
+  w->sweep ? w->sweep->inverse(q, v, a, w->poses.data(), w->J.data(), out)
+           : w->other->inverse(q, v, a, w->poses.data(), w->J.data(), out);
 }
 
 void Mechanics::add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a,
                            const double* gravity, double* out) {
   ++motion_stamp_, ++pose_stamp_;
-  w->sweep->add_forces(bodies, q, v, a, gravity, w->poses(), w->J(), out);
+  w->sweep->add_forces(bodies, q, v, a, gravity, w->poses.data(), w->J.data(), out);
 }
 
 std::vector<FlexibleBody> Mechanics::bind(std::vector<ModalBody> bodies) const {
@@ -207,21 +203,21 @@ std::vector<FlexibleBody> Mechanics::bind(std::vector<ModalBody> bodies) const {
 }
 
 void Mechanics::expand(const void* model) {
-  const auto& tree = *static_cast<const pinocchio::Model*>(model);
+  const TreeModel tree = tree_model(model);
   std::vector<int> before;
-  std::vector<std::vector<int>> own(tree.njoints - 1);
+  std::vector<std::vector<int>> own(tree.joints.size() - 1);
   expanded_joints.resize(nv);
-  for (int j = 1; j < tree.njoints; ++j) {
-    before.push_back(static_cast<int>(tree.parents[j]) - 1);
-    for (int i = 0; i < tree.nvs[j]; ++i)
-      own[j - 1].push_back(tree.idx_vs[j] + i), expanded_joints[own[j - 1].back()] = j;
+  for (size_t j = 1; j < tree.joints.size(); ++j) {
+    const TreeModel::Joint& x = tree.joints[j];
+    before.push_back(x.parent - 1);
+    for (int i = 0; i < x.nv; ++i) own[j - 1].push_back(x.iv + i), expanded_joints[x.iv + i] = static_cast<int>(j);
   }
   w->partials.reset(new RneaPartials(std::move(before), std::move(own)));
 }
 
 bool Mechanics::partials_begun(const double* q, const double* v) const {
   const auto& begun = w->begun;
-  return begun.q.size() == nq && std::equal(q, q + nq, begun.q.data()) && std::equal(v, v + nv, begun.v.data());
+  return !begun.q.empty() && std::equal(q, q + nq, begun.q.data()) && std::equal(v, v + nv, begun.v.data());
 }
 
 void Mechanics::inertia(const double* q, const double* v) {
@@ -231,22 +227,24 @@ void Mechanics::inertia(const double* q, const double* v) {
   Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
   int bodies = joints - 1;
   for (const FlexibleBody& x : w->flexible) bodies -= x.data.modes;  // joints of modes have no poses: zero
-  for (int j = 1; j < joints; ++j) centroid += w->data.oMi[j].translation() / std::max(bodies, 1);
+  for (int j = 1; j < joints; ++j) centroid += w->position(j) / std::max(bodies, 1);
   for (int j = 1; j < joints; ++j) {
     Body here = body(j);
     for (int i = 0; i < 3; ++i) here.centre[i] -= centroid[i];
-    w->partials->set(expanded_joints[w->model.idx_vs[j] + w->model.nvs[j] - 1] - 1, here);
+    w->partials->set(expanded_joints[w->model.joints[j].iv + w->model.joints[j].nv - 1] - 1, here);
   }
-  begun.J = w->data.J, begun.oMi = w->data.oMi, begun.about = w->data.J;
-  for (int k = 0; k < nv; ++k) add_cross(&begun.J(3, k), centroid.data(), &begun.about(0, k));
-  begun.q = In(q, nq), begun.v = In(v, nv), begun.M.resize(nv, nv);
-  w->partials->begin(begun.about.data(), w->model.gravity.linear().data(), v, begun.M.data(), w->nle.data());
-  begun.M.diagonal() += w->model.armature;
+  begun.J = begun.about = w->J, begun.poses = w->poses;
+  for (int k = 0; k < nv; ++k) add_cross(&begun.J[6 * k + 3], centroid.data(), &begun.about[6 * k]);
+  begun.q.assign(q, q + nq), begun.v.assign(v, v + nv), begun.M.resize(w->M.size());
+  w->partials->begin(begun.about.data(), w->model.gravity, v, begun.M.data(), w->nle.data());
+  for (size_t k = 0, n = nv; k < n; ++k) begun.M[(n + 1) * k] += w->model.armature[k];
   if (!w->flexible.empty()) {
-    w->sweep->dynamics(q, v, w->poses(), w->J(), w->data.M.data(), w->nle.data());
-    begun.M = w->data.M.selfadjointView<Eigen::Upper>();
+    w->sweep->dynamics(q, v, w->poses.data(), w->J.data(), w->M.data(), w->nle.data());
+    begun.M = w->M;
+    for (size_t k = 0, n = nv; k < n; ++k)
+      for (size_t i = 0; i < k; ++i) begun.M[n * i + k] = begun.M[n * k + i];
   }
-  w->data.M = begun.M;
+  w->M = begun.M;
 }
 
 const double* Mechanics::bias() const { return w->nle.data(); }
@@ -254,7 +252,7 @@ const double* Mechanics::bias() const { return w->nle.data(); }
 void Mechanics::partials(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone) {
   ++pose_stamp_;
   if (partials_begun(q, v) && w->flexible.empty())
-    w->data.M = w->begun.M, w->data.J = w->begun.J, w->data.oMi = w->begun.oMi;
+    w->M = w->begun.M, w->J = w->begun.J, w->poses = w->begun.poses;
   else
     inertia(q, v);
   w->partials->complete(a, by_q, by_v, alone);
@@ -264,77 +262,69 @@ void Mechanics::partials(const double* q, const double* v, const double* a, doub
 
 double Mechanics::potential() const {
   double out = 0;
+  const Vector3 gravity(w->model.gravity);
   for (int j = 1; j < joints; ++j) {
-    const auto& body = w->model.inertias[j];
-    out -= body.mass() * w->model.gravity.linear().dot(w->data.oMi[j].act(body.lever()));
+    const TreeModel::Joint& x = w->model.joints[j];
+    out -= *x.mass * gravity.dot(w->rotation(j) * Vector3(x.lever) + w->position(j));
   }
-  for (const FlexibleBody& x : w->flexible)
-    out += x.potential(w->data.oMi[x.data.joint].rotation().data(), w->model.gravity.linear().data());
+  for (const FlexibleBody& x : w->flexible) out += x.potential(rotation(x.data.joint), w->model.gravity);
   return out;
 }
 
-const double* Mechanics::M() const { return w->data.M.data(); }
-const double* Mechanics::J() const { return w->data.J.data(); }
-const double* Mechanics::rotation(int j) const { return w->data.oMi[j].rotation().data(); }
-const double* Mechanics::position(int j) const { return w->data.oMi[j].translation().data(); }
+const double* Mechanics::M() const { return w->M.data(); }
+const double* Mechanics::J() const { return w->J.data(); }
+const double* Mechanics::rotation(int j) const { return &w->poses[12 * j]; }
+const double* Mechanics::position(int j) const { return &w->poses[12 * j + 9]; }
 
 void Mechanics::velocity(int j, double* out) const {
-  if (w->sweep) return w->sweep->velocity(j, out);
-  Eigen::Map<Eigen::Matrix<double, 6, 1>> o(out);
-  if (j)
-    o = w->data.oMi[j].act(w->data.v[j]).toVector();
-  else
-    o.setZero();
+  w->sweep ? w->sweep->velocity(j, out) : w->other->velocity(j, w->poses.data(), out);
 }
 
 void Mechanics::acceleration(int j, double* out) const {
-  if (w->sweep) return w->sweep->acceleration(j, out);
-  Eigen::Map<Eigen::Matrix<double, 6, 1>> o(out);
-  if (j)
-    o = w->data.oMi[j].act(w->data.a[j]).toVector();
-  else
-    o.setZero();
+  w->sweep ? w->sweep->acceleration(j, out) : w->other->acceleration(j, w->poses.data(), out);
 }
 
 void Mechanics::bias_minus_gravity(int j, double* out) const {
-  if (w->sweep) return w->sweep->acceleration(j, out);
-  Eigen::Map<Eigen::Matrix<double, 6, 1>>(out, 6) = w->data.oMi[j].act(w->data.a_gf[j]).toVector();
+  w->sweep ? w->sweep->acceleration(j, out) : w->other->bias_minus_gravity(j, w->poses.data(), out);
 }
 
-void Mechanics::gravity(double* out) const {
-  Eigen::Map<Eigen::Vector3d>(out, 3) = w->model.gravity.linear();
-}
+void Mechanics::gravity(double* out) const { std::copy_n(w->model.gravity, 3, out); }
 
 void Mechanics::placement(int j, double* R, double* p) const {
-  const pinocchio::SE3 pose = w->data.oMi[w->model.parents[j]] * w->model.jointPlacements[j];
-  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R, 3, 3) = pose.rotation();
-  Eigen::Map<Eigen::Vector3d>(p, 3) = pose.translation();
+  const TreeModel::Joint& x = w->model.joints[j];
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R, 3, 3) = w->rotation(x.parent) * Matrix3(x.R);
+  Eigen::Map<Eigen::Vector3d>(p, 3) = w->rotation(x.parent) * Vector3(x.p) + w->position(x.parent);
 }
 
 Body Mechanics::body(int j) const {
-  const pinocchio::SE3& pose = w->data.oMi[j];
-  const pinocchio::Inertia& own = w->model.inertias[j];
-  const Eigen::Matrix3d RI = pose.rotation() * own.inertia().matrix();
+  const TreeModel::Joint& x = w->model.joints[j];
+  const auto R = w->rotation(j);
+  Eigen::Matrix3d I;
+  I << x.I[0], x.I[1], x.I[3], x.I[1], x.I[2], x.I[4], x.I[3], x.I[4], x.I[5];
+  const Eigen::Matrix3d RI = R * I;
   Body out;
-  out.mass = own.mass();
-  Eigen::Map<Eigen::Vector3d>(out.centre, 3).noalias() = pose.rotation() * own.lever() + pose.translation();
-  Eigen::Map<Eigen::Matrix3d>(out.I, 3, 3).noalias() = RI * pose.rotation().transpose();
+  out.mass = *x.mass;
+  Eigen::Map<Eigen::Vector3d>(out.centre, 3).noalias() = R * Vector3(x.lever) + w->position(j);
+  Eigen::Map<Eigen::Matrix3d>(out.I, 3, 3).noalias() = RI * R.transpose();
   return out;
 }
 
-const void* model_pointer(PyObject* object) {
-  boost::python::extract<const pinocchio::Model&> extract(object);
-  if (!extract.check()) throw std::invalid_argument("expected a pinocchio.Model");
-  return &extract();
+void Mechanics::integrate(const double* q, const double* x, double* out) {
+  w->sweep ? mbdae::integrate(w->model.tree, q, x, out) : w->other->integrate(q, x, out);
 }
 
-bool model_sweeps(const void* pointer) {
-  return !tree_joints(*static_cast<const pinocchio::Model*>(pointer)).empty();
+void Mechanics::difference(const double* q0, const double* q1, double* out) {
+  w->sweep ? mbdae::difference(w->model.tree, q0, q1, out) : w->other->difference(q0, q1, out);
 }
 
-std::array<int, 3> model_sizes(const void* pointer) {
-  const auto& model = *static_cast<const pinocchio::Model*>(pointer);
-  return {model.nq, model.nv, model.njoints};
+void Mechanics::normalize(double* q) {
+  w->sweep ? mbdae::normalize(w->model.tree, q) : w->other->normalize(q);
 }
+
+void Mechanics::tangent_map(const double* q, const double* v, double* dq) {
+  w->sweep ? mbdae::tangent_map(w->model.tree, q, v, dq) : w->other->tangent_map(q, v, dq);
+}
+
+void Mechanics::neutral(double* q) { w->sweep ? mbdae::neutral(w->model.tree, q) : w->other->neutral(q); }
 
 }  // namespace mbdae

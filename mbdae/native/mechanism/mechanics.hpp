@@ -1,5 +1,5 @@
-// Interface to Pinocchio in arrays of numbers: of all other files only those named in README.md see its types. What the
-// sweep through the tree computes (tree_sweep.hpp), Pinocchio computes where it does not know a kind of joint.
+// The mechanics of a tree in arrays of numbers: by the sweep through it (tree_sweep.hpp), or, where that does not know a
+// kind of joint, by other algorithms (tree_model.hpp).
 #pragma once
 
 #include <memory>
@@ -13,7 +13,7 @@ namespace mbdae {
 
 class Mechanics {
  public:
-  // model points to a pinocchio::Model that outlives this object.
+  // model: of `tree_model`; it outlives this object.
   Mechanics(const void* model, const Tolerances& limits, std::vector<ModalBody> flexible);
   ~Mechanics();
 
@@ -52,7 +52,7 @@ class Mechanics {
   std::vector<FlexibleBody> bind(std::vector<ModalBody> bodies) const;
   void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v); J and poses
 
-  // model points to the expanded tree (mechanism/tree/expanded_tree.py).
+  // model: the expanded tree (mechanism/tree/expanded_tree.py).
   void expand(const void* model);
   bool expanded() const { return !expanded_joints.empty(); }
   // Partials of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` if v = 0. M, J and poses
@@ -65,10 +65,6 @@ class Mechanics {
   void normalize(double* q);
   void tangent_map(const double* q, const double* v, double* dq);  // dq/dt of raw coordinates
 
-  // Seconds of one crba, nle, Cholesky factorization of M and solve of the saddle-point system with G (r, nv) by rows,
-  // all but the last with the routines of Pinocchio: the minimum cost of a stage.
-  double bare(const double* q, const double* v, int r, const double* G, int repetitions);
-
   double potential() const;                 // of gravity in J, at the current poses
   const double* M() const;                  // upper triangle by columns, (nv, nv); all of it after `partials`
   const double* J() const;                  // at the world's origin by columns, (6, nv), then the columns of nodes
@@ -78,7 +74,7 @@ class Mechanics {
   void acceleration(int joint, double* out) const;
   long motion_stamp() const { return motion_stamp_; }  // changes whenever velocities or accelerations may change
   long pose_stamp() const { return pose_stamp_; }      // changes whenever poses may change
-  // Bias acceleration (of v' = 0) minus gravity, at the last call of `bias`: Pinocchio's a_gf.
+  // Bias acceleration (of v' = 0) minus gravity, at the last call of `bias`.
   void bias_minus_gravity(int joint, double* out) const;
   void gravity(double* out) const;                              // (3,)
   void placement(int joint, double* R, double* p) const;        // of the joint's placement on its parent body, by rows

@@ -11,7 +11,7 @@ namespace mbdae {
 Index2System::Index2System(const void* model, const Tolerances& limits, Description d)
     : mechanics(model, limits, std::move(d.flexible)),
       constraints(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers)),
-      manifold(mechanics, d.flat, std::move(d.group_joints), std::move(d.angular), std::move(d.angles)),
+      manifold(mechanics, d.flat, std::move(d.group_joints), std::move(d.angular)),
       rows(constraints, std::move(d.order), mechanics.nv, mechanics.limits),
       point(mechanics, constraints, counts),
       saddle(point, constraints, rows, mechanics.limits, counts, mechanics.nv),
@@ -296,16 +296,6 @@ void Index2System::size(const double* y, double* out) {
 double Index2System::pivot_ratio(const double* q, int rank) {
   if (!point.is_current(q)) point.evaluate(q, false);
   return rows.ratio(point.Z.data(), rank);
-}
-
-double Index2System::minimal_stage_seconds(const double* q, const double* v, int repetitions) {
-  point.evaluate(q, false);
-  Numbers G;
-  for (int k : rows.in_use()) {
-    const auto row = point.G.begin() + static_cast<size_t>(k) * nv;
-    G.insert(G.end(), row, row + nv);
-  }
-  return mechanics.bare(q, v, static_cast<int>(rows.in_use().size()), G.data(), repetitions);
 }
 
 }  // namespace mbdae

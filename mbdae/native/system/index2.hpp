@@ -50,13 +50,12 @@ struct Description {
   int ns = 0;
   std::vector<GroupJoint> group_joints;
   std::vector<int> angular;  // (nv,) flags of rotations
-  std::vector<Angle> angles;
   std::vector<int> order;    // (ng,) position of each row in the order of elimination
   Numbers probe;             // (nv,) in general position, of unit variance
   std::vector<ModalBody> flexible;
 
-  FIELDS(formulation, alpha, beta, flat, ns, pairs, rows, drivers, law_pairs, laws, group_joints, angular, angles,
-         order, probe, flexible)
+  FIELDS(formulation, alpha, beta, flat, ns, pairs, rows, drivers, law_pairs, laws, group_joints, angular, order,
+         probe, flexible)
 };
 
 class Index2System {
@@ -156,7 +155,6 @@ class Index2System {
   const Numbers& multipliers() const { return lam_; }  // (ng,) of the rows in use, from the last `derivative`
   void residual_rate(double t, const double* v, double* rate) const;  // G v + g_t over all rows, with current G
   double pivot_ratio(const double* q, int rank);                      // see mbdae/mechanism/singularity.py; uncounted
-  double minimal_stage_seconds(const double* q, const double* v, int repetitions);  // see Mechanics::bare
 
  private:
   void set_laws(std::vector<Law> laws, const std::vector<std::pair<Anchor, Anchor>>& pairs);

@@ -1,0 +1,137 @@
+// A mechanism from exported data: advanced by steps, or as an ordinary differential equation in local coordinates.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "mechanism/tree_data.hpp"
+#include "run/core.hpp"
+#include "run/signal_value.hpp"
+#include "runtime/json.hpp"
+#include "runtime/local_coordinates.hpp"
+
+namespace mbdae {
+
+struct InputData {
+  double value = 0;
+  bool linear = false;   // over a step, from its value before; otherwise it jumps
+  bool by_rate = false;  // its rate enters the accelerations
+
+  FIELDS(value, linear, by_rate)
+};
+
+// What a number of the mechanism depends on: its place, and its derivative by the parameter.
+struct ParameterEffect {
+  std::vector<std::string> path;
+  double by = 0;
+
+  FIELDS(path, by)
+};
+
+struct ParameterData {
+  double value = 0;
+  std::vector<ParameterEffect> effects;
+
+  FIELDS(value, effects)
+};
+
+struct StartData {  // a point, and its rows in use, see `Index2System::use_rows`
+  double t = 0, floor = 0;
+  Numbers y;
+  std::vector<int> rows;
+
+  FIELDS(t, floor, y, rows)
+};
+
+class ExportedMechanism {
+ public:
+  explicit ExportedMechanism(const std::string& json);
+
+  std::vector<InputData> inputs;
+  std::vector<ParameterData> parameters;
+  std::vector<SignalValue> outputs;
+
+  const std::string& token() const { return document_.at("token").text; }
+  bool started() const { return core_ != nullptr; }
+  void start(double t, bool steps);  // with the present parameters; steps: by `advance`, otherwise by `rate`
+  void reset();                      // to the state before `start`
+
+  double time() const { return run_.interval.t; }
+  double input(int i) const;
+  void set_input(int i, double value);
+  double parameter(int i) const { return values_[i]; }
+  void set_parameter(int i, double value);  // `start` is due again
+  double output(int i);
+
+  // Steps to t; std::runtime_error where they fail. After each step, with its time and whether it ends at t: true ends.
+  using AfterStep = std::function<bool(double now, bool finished)>;
+  void advance(double t, const AfterStep& after_step = nullptr, bool stop_at_impacts = false);
+  bool before_impact() const { return !after_impact_.y.empty(); }  // where `advance` has stopped
+  void pass_impact();
+  double coincident() const { return run_.grid.coincident * run_.grid.step; }  // s: tolerance for a time on the grid
+
+  // The equation x' = F(t, x, u) in local coordinates.
+  int states() const { return states_; }
+  const Numbers& x() const { return x_; }
+  const Numbers& rate();
+  void set_time(double t) { run_.interval.t = t, current_ = false; }
+  void set_x(const double* x) { x_.assign(x, x + states_), current_ = false; }
+  double margin();    // in the range of the coordinates
+  double restart_margin() const { return limits_.restart_margin; }  // below which others are due
+  void restart();     // in new coordinates, with their origin at x
+  struct Derivatives {
+    Numbers rates, outputs;  // (states, states + inputs), (outputs, states + inputs)
+  };
+  const Derivatives& derivatives();
+
+  Numbers state();  // all of it; from now on, this continues as a mechanism with this state
+  void set_state(const Numbers& state);
+
+ private:
+  struct Setting {
+    double t, value, rate;
+  };
+  struct ContactData {  // inactive rows, guards, and what is known of these
+    std::vector<bool> off;
+    std::vector<ContactGuard> guards;
+    Numbers tracked;  // (guards, 5) as in TrackedGuard
+
+    FIELDS(off, guards, tracked)
+  };
+  Numbers tracked_guards() const;
+  void track_guards(const Numbers& tracked);
+  void build();
+  void use_inputs();
+  bool apply_inputs(double t1);  // from now on until t1; whether one jumps
+  void begin_interval(double t1, bool jumped);
+  Numbers& y() { return run_.state.y; }
+  void evaluate();  // y and x' at (t, x)
+  double output_partial(const SignalValue& signal, const LocalCoordinates::Partials& p, size_t column, size_t wide);
+  Index2System& system() { return core_->system; }
+
+  Json document_;
+  TreeData tree_, expanded_;
+  TreeModel model_, expanded_model_;
+  std::unique_ptr<Core> core_;
+  std::vector<std::uint8_t> friction_active_;
+  Numbers slip_directions_;
+  Tableau tableau_;
+  Run run_, fresh_run_;
+  State after_impact_;
+  ContactData contacts_;
+  StartData start_;
+  CoordinateLimits limits_;
+  Numbers values_, wanted_;  // of parameters; of linear inputs at the end of the next step, nan: unchanged
+  std::vector<Setting> settings_;
+  bool jumped_ = false, by_steps_ = true, current_ = false, derivatives_current_ = false;
+  std::optional<Configuration> other_;
+  std::unique_ptr<LocalCoordinates> coordinates_;
+  Numbers origin_, x_, rate_;
+  double origin_t_ = 0;
+  int states_ = 0;
+  Derivatives derivatives_;
+};
+
+}  // namespace mbdae

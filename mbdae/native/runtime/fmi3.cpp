@@ -1,0 +1,233 @@
+// The interface of FMI 3.0 (https://fmi-standard.org/docs/3.0.1), for any exported mechanism.
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+
+#include "runtime/fmu_instance.hpp"
+
+using namespace mbdae;
+using namespace mbdae::fmi;
+
+namespace {
+
+void* instantiate(const char* token, const char* folder, bool exchange, void* environment, Logger log) {
+  try {
+    std::ifstream file(std::string(folder ? folder : "") + "/mechanism.json", std::ios::binary);
+    std::stringstream text;
+    text << file.rdbuf();
+    if (!file) throw std::invalid_argument("resources/mechanism.json cannot be read");
+    auto* out = new Instance{ExportedMechanism(text.str()), log, environment, exchange};
+    if (token && out->mechanism.token() == token) return out;
+    delete out;
+    throw std::invalid_argument("the instantiation token is not that of resources/mechanism.json");
+  } catch (const std::exception& e) {
+    if (log) log(environment, error, "logStatusError", e.what());
+    return nullptr;
+  }
+}
+
+// Entries of derivatives of unknowns by knowns, added up by `add(unknown, known, entry)`.
+template <class Add>
+void for_derivatives(ExportedMechanism& m, References unknowns, size_t rows, References knowns, size_t columns, Add&& add) {
+  const ExportedMechanism::Derivatives& d = m.derivatives();
+  const size_t states = m.states(), wide = states + m.inputs.size();
+  for (size_t i = 0; i < rows; ++i) {
+    const Variable of = variable(m, unknowns[i]);
+    if (of.kind != Variable::output && of.kind != Variable::rate)
+      throw std::invalid_argument("derivatives are those of outputs and of derivatives of states");
+    const Numbers& entries = of.kind == Variable::output ? d.outputs : d.rates;
+    for (size_t j = 0; j < columns; ++j) {
+      const Variable by = variable(m, knowns[j]);
+      if (by.kind != Variable::state && by.kind != Variable::input)
+        throw std::invalid_argument("derivatives are those by states and inputs");
+      add(i, j, entries[of.i * wide + by.i + (by.kind == Variable::input ? states : 0)]);
+    }
+  }
+}
+
+}  // namespace
+
+FMI3 const char* fmi3GetVersion() { return "3.0"; }
+FMI3 Status fmi3SetDebugLogging(void*, bool, size_t, const char* const*) { return ok; }
+
+FMI3 void* fmi3InstantiateModelExchange(const char*, const char* token, const char* folder, bool, bool, void* environment,
+                                        Logger log) {
+  return instantiate(token, folder, true, environment, log);
+}
+
+FMI3 void* fmi3InstantiateCoSimulation(const char*, const char* token, const char* folder, bool, bool, bool events,
+                                       bool early_return, References, size_t, void* environment, Logger log,
+                                       IntermediateUpdate update) {
+  auto* out = static_cast<Instance*>(instantiate(token, folder, false, environment, log));
+  if (out) out->update = update, out->early_return = early_return, out->events = events && early_return;
+  return out;
+}
+
+FMI3 void* fmi3InstantiateScheduledExecution(const char*, const char*, const char*, bool, bool, void* environment, Logger log,
+                                             void (*)(void*), void (*)(), void (*)()) {
+  if (log) log(environment, error, "logStatusError", "scheduled execution is not supported");
+  return nullptr;
+}
+
+FMI3 void fmi3FreeInstance(void* x) { delete static_cast<Instance*>(x); }
+
+FMI3 Status fmi3EnterInitializationMode(void* instance, bool, double, double t, bool, double) {
+  return attempt(instance, [&](Instance& x) { x.start = t, x.initialising = true; });
+}
+FMI3 Status fmi3ExitInitializationMode(void* instance) {
+  return attempt(instance, [&](Instance& x) { begin(x), x.initialising = false; });
+}
+FMI3 Status fmi3EnterEventMode(void*) { return ok; }
+FMI3 Status fmi3Terminate(void*) { return ok; }
+FMI3 Status fmi3Reset(void* instance) {
+  return attempt(instance, [&](Instance& x) { x.mechanism.reset(), x.initialising = false; });
+}
+
+FMI3 Status fmi3GetFloat64(void* instance, References references, size_t n, double* values, size_t size) {
+  return attempt(instance, [&](Instance& x) {
+    if (n != size) throw std::invalid_argument("as many values as variables");
+    for (size_t i = 0; i < n; ++i) {
+      if (variable(x.mechanism, references[i]).kind >= Variable::output) begin(x);
+      values[i] = value(x.mechanism, references[i]);
+    }
+  });
+}
+
+FMI3 Status fmi3SetFloat64(void* instance, References references, size_t n, const double* values, size_t size) {
+  return attempt(instance, [&](Instance& x) {
+    if (n != size) throw std::invalid_argument("as many values as variables");
+    for (size_t i = 0; i < n; ++i) {
+      const Variable to = variable(x.mechanism, references[i]);
+      if (to.kind == Variable::input) {
+        x.mechanism.set_input(to.i, values[i]);
+      } else if (to.kind == Variable::parameter) {
+        if (x.mechanism.started() && !x.initialising)
+          throw std::invalid_argument("parameters are set before the initialization");
+        x.mechanism.set_parameter(to.i, values[i]);
+      } else if (to.kind == Variable::state && x.mechanism.started()) {
+        Numbers now = x.mechanism.x();
+        now[to.i] = values[i], x.mechanism.set_x(now.data());
+      } else {
+        throw std::invalid_argument("only inputs and parameters are set");
+      }
+    }
+  });
+}
+
+FMI3 Status fmi3DoStep(void* instance, double t, double step, bool, bool* event, bool* terminate, bool* early, double* last) {
+  auto& x = *static_cast<Instance*>(instance);
+  *event = *terminate = *early = false;
+  const Status out = attempt(instance, [&](Instance&) {
+    const auto after_step = [&](double now, bool finished) {
+      bool requested = false;
+      double until = now;
+      x.update(x.environment, now, false, true, finished, x.early_return, &requested, &until);
+      return requested && x.early_return;
+    };
+    if (std::fabs(x.mechanism.time() - t) > step) throw std::invalid_argument("the step begins at another time");
+    x.mechanism.advance(t + step, x.update ? ExportedMechanism::AfterStep(after_step) : nullptr, x.events);
+    *event = x.mechanism.before_impact();
+  });
+  *last = x.mechanism.time();
+  *early = out == ok && *last < t + step && std::fabs(*last - (t + step)) > x.mechanism.coincident();
+  return out;
+}
+
+FMI3 Status fmi3EnterStepMode(void*) { return ok; }
+FMI3 Status fmi3EnterContinuousTimeMode(void*) { return ok; }
+FMI3 Status fmi3EnterConfigurationMode(void*) { return ok; }
+FMI3 Status fmi3ExitConfigurationMode(void*) { return ok; }
+FMI3 Status fmi3EvaluateDiscreteStates(void*) { return ok; }
+
+FMI3 Status fmi3UpdateDiscreteStates(void* instance, bool* again, bool* terminate, bool* nominals, bool* values, bool* next,
+                                     double* time) {
+  *again = *terminate = *nominals = *values = *next = false, *time = 0;
+  return attempt(instance, [&](Instance& x) {
+    x.mechanism.pass_impact();
+    if (!x.exchange || x.initialising || x.mechanism.margin() >= x.mechanism.restart_margin()) return;
+    x.mechanism.restart(), *values = *nominals = true;
+  });
+}
+
+FMI3 Status fmi3CompletedIntegratorStep(void* instance, bool, bool* event, bool* terminate) {
+  *event = *terminate = false;
+  return attempt(instance, [&](Instance& x) { *event = x.mechanism.margin() < x.mechanism.restart_margin(); });
+}
+
+FMI3 Status fmi3SetTime(void* instance, double t) {
+  return attempt(instance, [&](Instance& x) { x.mechanism.set_time(t); });
+}
+FMI3 Status fmi3SetContinuousStates(void* instance, const double* values, size_t n) {
+  return attempt(instance, [&](Instance& x) {
+    if (n != static_cast<size_t>(x.mechanism.states())) throw std::invalid_argument("another number of states");
+    x.mechanism.set_x(values);
+  });
+}
+FMI3 Status fmi3GetContinuousStates(void* instance, double* values, size_t n) {
+  return attempt(instance, [&](Instance& x) {
+    begin(x);
+    std::copy_n(x.mechanism.x().begin(), n, values);
+  });
+}
+FMI3 Status fmi3GetContinuousStateDerivatives(void* instance, double* values, size_t n) {
+  return attempt(instance, [&](Instance& x) { std::copy_n(x.mechanism.rate().begin(), n, values); });
+}
+FMI3 Status fmi3GetNominalsOfContinuousStates(void* instance, double* values, size_t n) {
+  return attempt(instance, [&](Instance&) { std::fill_n(values, n, 1.0); });
+}
+FMI3 Status fmi3GetEventIndicators(void*, double*, size_t) { return ok; }
+FMI3 Status fmi3GetNumberOfEventIndicators(void*, size_t* n) { return *n = 0, ok; }
+FMI3 Status fmi3GetNumberOfContinuousStates(void* instance, size_t* n) {
+  return attempt(instance, [&](Instance& x) { *n = x.mechanism.states(); });
+}
+
+FMI3 Status fmi3GetDirectionalDerivative(void* instance, References unknowns, size_t rows, References knowns, size_t columns,
+                                         const double* seed, size_t, double* out, size_t) {
+  return attempt(instance, [&](Instance& x) {
+    begin(x), std::fill_n(out, rows, 0.0);
+    for_derivatives(x.mechanism, unknowns, rows, knowns, columns,
+                    [&](size_t i, size_t j, double entry) { out[i] += entry * seed[j]; });
+  });
+}
+FMI3 Status fmi3GetAdjointDerivative(void* instance, References unknowns, size_t rows, References knowns, size_t columns,
+                                     const double* seed, size_t, double* out, size_t) {
+  return attempt(instance, [&](Instance& x) {
+    begin(x), std::fill_n(out, columns, 0.0);
+    for_derivatives(x.mechanism, unknowns, rows, knowns, columns,
+                    [&](size_t i, size_t j, double entry) { out[j] += entry * seed[i]; });
+  });
+}
+
+FMI3 Status fmi3GetFMUState(void* instance, void** state) {
+  return attempt(instance, [&](Instance& x) {
+    begin(x);
+    Numbers found = x.mechanism.state();
+    if (!*state) *state = new Numbers();
+    *static_cast<Numbers*>(*state) = std::move(found);
+  });
+}
+FMI3 Status fmi3SetFMUState(void* instance, void* state) {
+  return attempt(instance, [&](Instance& x) { x.mechanism.set_state(*static_cast<Numbers*>(state)); });
+}
+FMI3 Status fmi3FreeFMUState(void*, void** state) {
+  if (state) delete static_cast<Numbers*>(*state), *state = nullptr;
+  return ok;
+}
+FMI3 Status fmi3SerializedFMUStateSize(void*, void* state, size_t* size) {
+  return *size = sizeof(double) * static_cast<Numbers*>(state)->size(), ok;
+}
+FMI3 Status fmi3SerializeFMUState(void* instance, void* state, std::uint8_t* bytes, size_t size) {
+  return attempt(instance, [&](Instance&) {
+    const auto& numbers = *static_cast<Numbers*>(state);
+    if (size < sizeof(double) * numbers.size()) throw std::invalid_argument("too few bytes for the state");
+    std::memcpy(bytes, numbers.data(), sizeof(double) * numbers.size());
+  });
+}
+FMI3 Status fmi3DeserializeFMUState(void* instance, const std::uint8_t* bytes, size_t size, void** state) {
+  return attempt(instance, [&](Instance&) {
+    if (size % sizeof(double)) throw std::invalid_argument("the state is not one of this mechanism");
+    auto* numbers = new Numbers(size / sizeof(double));
+    std::memcpy(numbers->data(), bytes, size), *state = numbers;
+  });
+}

@@ -1,0 +1,1 @@
+"""Export of mechanisms for other programs."""

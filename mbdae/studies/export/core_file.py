@@ -1,0 +1,211 @@
+"""A mechanism as data for a core without Python and Pinocchio: what `mbdae/native/runtime` reads."""
+
+from collections.abc import Iterator, Sequence
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from ...data_types import CoreData, JsonObject
+from ...errors import InputError, NotCompiled
+from ...integrate.events.core_contacts import guards_to_core
+from ...integrate.events.load_resolution import shortest_step
+from ...integrate.run.run_state import RunState
+from ...integrate.simulator.simulator import Simulator
+from ...integrate.steppers.native import NativeStepper
+from ...mechanism import Mechanism
+from ...mechanism.equations import local_coordinates as chart
+from ...mechanism.formulations.compiled_systems import CompiledSystem
+from ...mechanism.formulations.core_description import core_tolerances, describe, samplers_of
+from ...mechanism.formulations.equation_partials import GAMMA_WIDTH
+from ...mechanism.hybrid.unilateral import Unilateral
+from ...solution.signal_value import SignalValue
+from ...tolerances import CLOSED
+
+RESTART_MARGIN = 0.5  # of the range of local coordinates: beyond, others are due
+
+
+class _Recorder:
+    """Stands in for the core where a struct of it is made: its fields are recorded."""
+
+    def __getattr__(self, name: str) -> Any:
+        return lambda **fields: {"struct": name, **fields}
+
+
+def require_exportable(mech: Mechanism, kinds: Sequence[str]) -> None:
+    """Require a mechanism without what only Python computes.
+
+    Raises:
+        InputError: names it.
+    """
+    modes = [s for s in mech.switches if "me" in kinds or not isinstance(s, Unilateral)]
+    where = "for model exchange" if "me" in kinds else "other than contacts"
+    for text, found in ((f"switches {where}", modes), ("resets", mech.resets)):
+        if found:
+            names = ", ".join(str(getattr(x, "name", x)) for x in found)
+            raise InputError(f"{mech.title}: {text} cannot be exported: {names}")
+
+
+def core_data(system: CompiledSystem) -> JsonObject:
+    """Return the data of the mechanism of a workspace: all that a core is made of.
+
+    Raises:
+        InputError: for joints and functions that the runtime does not support, by name.
+    """
+    native, mech, friction = system.native, system.mechanism, system.closure_friction
+    if not native.sweeps(system.model):
+        kinds = sorted({joint.shortname() for joint in list(system.model.joints)[1:]})
+        raise InputError(f"{mech.title}: the runtime does not know one of the joints {', '.join(kinds)}")
+    try:
+        description, samplers, interfaces = describe(system), samplers_of(system.laws), friction.core_data()
+    except NotCompiled as e:
+        raise InputError(f"{mech.title}: the core does not support {e}") from None
+    data = {
+        "tree": native.tree_data(system.model),
+        "expanded": native.tree_data(system.inertial.model),
+        "tolerances": _fields(core_tolerances(_Recorder(), mech), "Tolerances"),  # type: ignore[arg-type]
+        "description": description,
+        "samplers": samplers,
+        "interfaces": interfaces,
+        "friction_active": np.asarray(friction.active, int),
+        "slip_directions": np.asarray(friction.slip_directions),
+        "smallest_slip": float(friction.min_slip_speed),
+    }
+    _require_no_functions(mech, system, data)
+    return plain_json(data)
+
+
+def _fields(recorded: Any, struct: str) -> CoreData:
+    """Return the recorded fields of a struct.
+
+    Raises:
+        InputError: for another struct.
+    """
+    if not isinstance(recorded, dict) or recorded.pop("struct") != struct:
+        raise InputError("only half-explicit methods can be exported: herk, pherk, hedop, hem and custom tableaus")
+    return recorded
+
+
+def _require_no_functions(mech: Mechanism, system: CompiledSystem, data: CoreData) -> None:
+    for path, x in _leaves(data):
+        if callable(x):
+            law = path[1] == "laws"
+            what = f"force {system.laws.acting[int(path[2])][0].name!r}" if law else " ".join(path[1:-1])
+            raise InputError(f"{mech.title}: {what} is a function of Python, which cannot be exported")
+
+
+def _leaves(data: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield all values within tables and lists, with their paths."""
+    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list | tuple) else None
+    if items is None:
+        yield path, data
+        return
+    for key, value in items:
+        yield from _leaves(value, (*path, str(key)))
+
+
+def numbers_of(data: CoreData) -> dict[tuple[str, ...], Any]:
+    """Return all values within the data by their paths."""
+    return dict(_leaves(data))
+
+
+def plain_json(data: Any) -> Any:
+    """Return tables, lists and numbers; arrays become lists of numbers."""
+    if isinstance(data, dict):
+        return {key: plain_json(x) for key, x in data.items()}
+    if isinstance(data, np.ndarray):
+        return data.ravel().tolist()
+    if isinstance(data, list | tuple):
+        return [plain_json(x) for x in data]
+    return data.item() if isinstance(data, np.generic) else data
+
+
+def run_data(simulator: Simulator, system: CompiledSystem) -> JsonObject:
+    """Return method, step sizes and start of a simulator.
+
+    Raises:
+        InputError: for a method that the runtime does not support.
+    """
+    run: RunState = simulator._run
+    if not isinstance(run.stepper, NativeStepper):
+        raise InputError(f"method {run.tableau.name!r} cannot be exported: the core does not take its steps")
+    core_run = run.stepper.core_run(run)
+    limits = {
+        "iterations": chart.ITERATIONS,
+        "halvings": chart.HALVINGS,
+        "largest_step": chart.LARGEST_STEP,
+        "closed": CLOSED,
+        "smallest_cosine": chart.SMALLEST_COSINE,
+        "largest_rotation": chart.LARGEST_ROTATION,
+        "gamma_width": GAMMA_WIDTH,
+        "restart_margin": RESTART_MARGIN,
+    }
+    rows = list(system.core.rows)
+    start = {"t": simulator.t, "y": simulator._y, "rows": rows, "floor": float(system.rank_threshold)}
+    contacts = _contacts(run, core_run)
+    found = {
+        "tableau": _fields(run.tableau.compiled(_Recorder()), "Tableau"),
+        "run": _attributes(core_run, type(core_run).__module__),
+        "coordinates": limits,
+        "start": start,
+        "contacts": contacts,
+    }
+    return plain_json(found)
+
+
+def _contacts(run: RunState, core_run: Any) -> CoreData:
+    """Return the guards of contacts, and the rows that are inactive in the mode.
+
+    Raises:
+        InputError: for contacts that the core does not follow.
+    """
+    changes = run.mode_changes
+    if changes is None:
+        return {"off": [], "guards": [], "tracked": []}
+    system = changes.system
+    if not changes.core_guards:
+        raise InputError(f"{system.mechanism.title}: the core does not follow these contacts: they cannot be exported")
+    if core_run.jumps.times or samplers_of(system.laws):
+        raise InputError(
+            f"{system.mechanism.title}: contacts besides jumps of forces and sampled controllers cannot be exported"
+        )
+    core_run.contacts.in_core = True
+    guards_to_core(core_run.contacts, changes, shortest_step(run))
+    inactive = system.constraints.inactive
+    off = [int(k in inactive) for k in range(system.ng)]
+    return {"off": off, "guards": changes.core_guards, "tracked": np.ravel(core_run.contacts.states)}
+
+
+def _attributes(struct: Any, core: str) -> Any:
+    """Return the attributes of a struct of the core."""
+    if type(struct).__module__ != core:
+        return struct
+    found = {name: getattr(struct, name) for name in dir(struct) if not name.startswith("_")}
+    return {name: _attributes(x, core) for name, x in found.items() if not callable(x) and name not in DERIVED}
+
+
+DERIVED = ("states", "impacts", "nodes", "row_changes", "after_jumps")  # attributes that are no fields
+
+
+def output_data(mech: Mechanism, name: str, signal: SignalValue) -> CoreData:
+    """Return the core data of an output.
+
+    Raises:
+        InputError: for a signal that the core does not compute.
+    """
+    if not signal.compiled:
+        raise InputError(f"{mech.title}: signal {name!r} cannot be exported: the core does not compute it")
+    return signal.core_data()
+
+
+def native_system(mech: Mechanism, native: ModuleType) -> CompiledSystem:
+    """Return a workspace of the core.
+
+    Raises:
+        InputError: names a feature that the core does not support.
+    """
+    try:
+        system: Any = mech.system(native=native)
+    except NotCompiled as e:
+        raise InputError(f"{mech.title}: the core does not support {e}") from None
+    return system  # type: ignore[no-any-return]

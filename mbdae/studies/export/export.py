@@ -1,0 +1,234 @@
+"""Export of a mechanism as a Functional Mock-up Unit (FMI 3.0)."""
+
+import hashlib
+import json
+import platform
+import re
+import sys
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ... import backend
+from ...data_types import JsonObject
+from ...errors import InputError, UnknownNameError, require
+from ...file_io import atomic_write
+from ...integrate.simulator.simulator import Simulator
+from ...mechanism import Mechanism
+from ...mechanism.formulations.compiled_systems import CompiledSystem
+from ...solution.provenance import versions
+from ...solution.signal_value import SignalValue, find_point_signal
+from ...solution.signals import units
+from .core_file import core_data, native_system, output_data, plain_json, require_exportable, run_data
+from .model_description import KINDS, FmuDescription, Variable
+from .parameter_effects import ParameterEffects, parameter_effects
+
+__all__ = ["export"]
+
+RUNTIME = "_native_fmi3.so"  # the core without Python, built with the core
+PLATFORMS = {"linux": "linux", "darwin": "darwin"}
+MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
+STATE_SIGNALS = ("t", "y", "angle")  # kinds of outputs that are functions of the state
+DIFFERENTIABLE = (*STATE_SIGNALS, "rate", "lam", "force")
+
+
+@dataclass(frozen=True)
+class ExportedUnit:
+    """A file that was exported.
+
+    Attributes:
+        path: the file.
+        kinds: ``"cs"``, ``"me"``.
+        inputs: names of its inputs.
+        outputs: names of its outputs.
+        parameters: names of its parameters.
+        states: number of continuous states for model exchange.
+        size: in bytes.
+    """
+
+    path: Path
+    kinds: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    states: int
+    size: int
+
+    def __str__(self) -> str:
+        rows = {"inputs": self.inputs, "outputs": self.outputs, "parameters": self.parameters}
+        lines = [f"{self.path}: FMI 3.0, {' and '.join(KINDS[k] for k in self.kinds)}, {self.size / 1e6:.1f} MB"]
+        lines += [f"  {name}: {', '.join(found)}" for name, found in rows.items() if found]
+        return "\n".join([*lines, *([f"  states: {self.states}"] if "me" in self.kinds else [])])
+
+    def to_dict(self) -> JsonObject:
+        """Return JSON data."""
+        lists = {"kinds": self.kinds, "inputs": self.inputs, "outputs": self.outputs, "parameters": self.parameters}
+        found = {name: list(x) for name, x in lists.items()}
+        return {"path": str(self.path), **found, "states": self.states, "size": self.size}
+
+
+def export(
+    mech: Mechanism,
+    path: str | Path,
+    *,
+    kind: Sequence[str] = ("cs", "me"),
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    parameters: Sequence[str] = (),
+    **settings: Any,
+) -> ExportedUnit:
+    """Write a mechanism as a Functional Mock-up Unit (FMI 3.0) for other simulation programs.
+
+    Co-simulation takes the steps of `mbdae.Simulator`. Model exchange is the equation x' = F(t, x, u) of
+    `Mechanism.ode`, whose solutions satisfy the constraints to rounding; where its local coordinates end, others begin
+    at an event.
+    The file contains the compiled core and the data of the mechanism: it needs neither Python nor a compiler.
+
+    Args:
+        mech: a mechanism without clutches, stiction, resets and functions of Python; with contacts, for co-simulation,
+            as long as each impact ends in a rebound.
+        path: a file ``.fmu``.
+        kind: ``"cs"`` for co-simulation, ``"me"`` for model exchange.
+        inputs: names of inputs, see `mbdae.Input`; all of them if omitted.
+        outputs: names of signals, see `mbdae.Solution.signals`; q and v of all joints if omitted.
+        parameters: dotted names of parameters, as of `mbdae.sensitivity`, on which the mechanism depends linearly; they
+            are set before the initialization.
+        **settings: as of `mbdae.Simulator`: a half-explicit method, step, rtol and others.
+
+    Raises:
+        UnknownNameError: for an unknown kind, input, output or parameter.
+        InputError: for a mechanism that cannot be exported, by the name of its part, or a missing runtime.
+
+    Example:
+        >>> mbdae.export(mbdae.load("slider_crank"), "slider_crank.fmu", step=1e-3)   # doctest: +SKIP
+    """
+    require(mech, Mechanism, "export takes a mechanism")
+    kinds, path, runtime = _checked_kinds(kind), _checked_path(path), _runtime()
+    require_exportable(mech, kinds)
+    simulator = Simulator(mech, record=False, backend="native", **settings)
+    system: CompiledSystem = simulator._run.system  # type: ignore[assignment]
+    cells = simulator.inputs.cells
+    chosen = _checked_names("input", cells if inputs is None else inputs, cells)
+    named = _outputs(mech, outputs)
+    effects = parameter_effects(simulator.inputs, _checked_names("parameter", parameters, None), system.native)
+    states = _states(mech, kinds)
+    data = core_data(native_system(simulator.mechanism, system.native)) | run_data(simulator, system)
+    by_rate = simulator.inputs.by_rate
+    data["inputs"] = [
+        {"value": x.setting.value, "linear": x.hold == "first", "by_rate": name in by_rate} for name, x in cells.items()
+    ]
+    data["outputs"] = plain_json([output_data(mech, name, x) for name, x in named.items()])
+    data["parameters"] = [x.core_data() for x in effects.values()]
+    data["states"] = states
+    token = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+    variables = _variables(mech, cells, chosen, effects, named, states)
+    differentiable = all(x.kind in DIFFERENTIABLE for x in named.values()) and not system.closure_friction
+    description = FmuDescription(
+        mech.title,
+        _identifier(path),
+        token,
+        kinds,
+        variables,
+        differentiable,
+        simulator.options.step,
+        mech.duration,
+        versions()["mbdae"],
+    )
+    _write(path, description, json.dumps({"token": token, **data}), runtime)
+    return ExportedUnit(path, kinds, tuple(chosen), tuple(named), tuple(effects), states, path.stat().st_size)
+
+
+def _checked_kinds(kind: Sequence[str]) -> tuple[str, ...]:
+    kinds = (kind,) if isinstance(kind, str) else tuple(kind)
+    for one in kinds:
+        if one not in KINDS:
+            raise UnknownNameError("kind", one, KINDS)
+    if not kinds:
+        raise InputError(f"kind is one or both of {', '.join(KINDS)}")
+    return tuple(dict.fromkeys(kinds))
+
+
+def _checked_path(path: str | Path) -> Path:
+    path = Path(path)
+    if path.suffix != ".fmu":
+        raise InputError(f"an FMU is saved as .fmu, got {str(path)!r}")
+    return path
+
+
+def _checked_names(what: str, names: Any, known: Mapping[str, object] | None) -> list[str]:
+    found = [names] if isinstance(names, str) else list(names)
+    for name in found:
+        if known is not None and name not in known:
+            raise UnknownNameError(what, name, known)
+    return list(dict.fromkeys(found))
+
+
+def _runtime() -> bytes:
+    """Return the runtime of this platform.
+
+    Raises:
+        InputError: if it was not built.
+    """
+    core = backend.load()
+    file = Path(core.__file__ or "").with_name(RUNTIME) if core else Path(RUNTIME)
+    if core is None or not file.is_file():
+        raise InputError("the runtime of exported mechanisms was not built: install mbdae with a C++17 compiler")
+    return file.read_bytes()
+
+
+def _outputs(mech: Mechanism, outputs: Sequence[str] | None) -> dict[str, SignalValue]:
+    names = [n for n in units(mech) if n[:2] in ("q.", "v.")] if outputs is None else outputs
+    return {name: find_point_signal(mech, name) for name in _checked_names("output", names, None)}
+
+
+def _states(mech: Mechanism, kinds: Sequence[str]) -> int:
+    """Return the number of continuous states; 0 without model exchange.
+
+    Raises:
+        InputError: for a mechanism that is no ordinary differential equation.
+    """
+    return mech.ode().n if "me" in kinds else 0
+
+
+def _variables(
+    mech: Mechanism,
+    cells: Mapping[str, Any],
+    chosen: Sequence[str],
+    effects: Mapping[str, ParameterEffects],
+    named: Mapping[str, SignalValue],
+    states: int,
+) -> list[Variable]:
+    """Return all variables; value references follow the order of `mbdae/native/runtime/fmu_instance.hpp`."""
+    known, out = units(mech), [Variable(0, "time", "independent", "s")]
+    for i, (name, cell) in enumerate(cells.items()):
+        if name in chosen:
+            out.append(Variable(1 + i, name, "input", cell.unit, cell.setting.value))
+    first = 1 + len(cells)
+    out += [Variable(first + i, name, "parameter", "", x.value) for i, (name, x) in enumerate(effects.items())]
+    first += len(effects)
+    for i, (name, x) in enumerate(named.items()):
+        out.append(Variable(first + i, name, "output", known[name], by_states=x.kind in STATE_SIGNALS))
+    first += len(named)
+    coordinate = "local coordinate of the constraint manifold: its origin moves at events"
+    out += [Variable(first + i, f"local[{i + 1}]", "local", description=coordinate) for i in range(states)]
+    out += [Variable(first + states + i, f"der(local[{i + 1}])", "local", derivative=first + i) for i in range(states)]
+    return out
+
+
+def _identifier(path: Path) -> str:
+    found = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
+    return found if found[:1].isalpha() or found[:1] == "_" else f"_{found}"
+
+
+def _write(path: Path, description: FmuDescription, data: str, runtime: bytes) -> None:
+    system, machine = PLATFORMS.get(sys.platform, ""), MACHINES.get(platform.machine().lower(), "")
+    if not system or not machine:
+        raise InputError(f"FMUs are exported on Linux and macOS, not on {sys.platform} {platform.machine()}")
+    suffix = ".dylib" if system == "darwin" else ".so"
+    with atomic_write(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("modelDescription.xml", description.xml())
+        file.writestr("documentation/index.html", description.page())
+        file.writestr("resources/mechanism.json", data)
+        file.writestr(f"binaries/{machine}-{system}/{description.identifier}{suffix}", runtime)

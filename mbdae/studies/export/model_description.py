@@ -1,0 +1,146 @@
+"""modelDescription.xml of FMI 3.0 (https://fmi-standard.org/docs/3.0.1)."""
+
+from collections.abc import Sequence
+from html import escape
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+from .fmi_units import base_exponents
+
+Element = ElementTree.Element
+KINDS = {"cs": "CoSimulation", "me": "ModelExchange"}
+
+
+class Variable(NamedTuple):
+    """A variable of an FMU.
+
+    Attributes:
+        reference: its value reference.
+        name: its name.
+        causality: ``"independent"``, ``"input"``, ``"parameter"``, ``"output"`` or ``"local"``.
+        unit: empty for none.
+        start: start value of inputs, parameters and states; None for others.
+        derivative: of a derivative: the value reference of the state.
+        by_states: of an output: whether it depends on states alone, not on inputs.
+        description: one line.
+    """
+
+    reference: int
+    name: str
+    causality: str
+    unit: str = ""
+    start: float | None = None
+    derivative: int | None = None
+    by_states: bool = False
+    description: str = ""
+
+
+class FmuDescription(NamedTuple):
+    """An FMU.
+
+    Attributes:
+        name: of the model.
+        identifier: file name of its library.
+        token: instantiation token, a digest of its data.
+        kinds: ``"cs"``, ``"me"``.
+        variables: by value reference, without gaps of kinds that it has.
+        differentiable: whether all outputs have derivatives.
+        step: communication step and stop time in s.
+        version: of mbdae.
+    """
+
+    name: str
+    identifier: str
+    token: str
+    kinds: Sequence[str]
+    variables: Sequence[Variable]
+    differentiable: bool
+    step: float | None
+    stop: float
+    version: str
+
+    def xml(self) -> bytes:
+        """Return the document."""
+        attributes = {"fmiVersion": "3.0", "modelName": self.name, "instantiationToken": self.token}
+        root = Element("fmiModelDescription", attributes | {"generationTool": f"mbdae {self.version}"})
+        for kind in ("me", "cs"):
+            if kind in self.kinds:
+                self._interface(root, kind)
+        self._units(root)
+        log = ElementTree.SubElement(root, "LogCategories")
+        for name in ("logStatusError", "logStatusDiscard"):
+            ElementTree.SubElement(log, "Category", name=name)
+        experiment = {"startTime": "0", "stopTime": repr(self.stop)}
+        experiment |= {"stepSize": repr(self.step)} if self.step else {}
+        ElementTree.SubElement(root, "DefaultExperiment", experiment)
+        self._variables(ElementTree.SubElement(root, "ModelVariables"))
+        self._structure(ElementTree.SubElement(root, "ModelStructure"))
+        ElementTree.indent(root)
+        document: bytes = ElementTree.tostring(root, "utf-8", xml_declaration=True)
+        return document
+
+    def page(self) -> str:
+        """Return a page of documentation: the variables, and how it was made."""
+        rows = [
+            f"<tr><td>{escape(x.name)}</td><td>{x.causality}</td><td>{escape(x.unit)}</td></tr>"
+            for x in self.variables
+            if x.causality != "local"
+        ]
+        table = "\n".join(["<table>", "<tr><th>variable</th><th>causality</th><th>unit</th></tr>", *rows, "</table>"])
+        kinds = " and ".join(KINDS[kind] for kind in self.kinds)
+        text = f"{kinds}, exported by mbdae {self.version}. All variables are in SI units."
+        head = f'<!DOCTYPE html>\n<html lang="en"><meta charset="utf-8"><title>{escape(self.name)}</title>'
+        return f"{head}\n<h1>{escape(self.name)}</h1>\n<p>{text}</p>\n{table}\n</html>\n"
+
+    def _interface(self, root: Element, kind: str) -> None:
+        able = ["canGetAndSetFMUState", "canSerializeFMUState"]
+        if kind == "me":
+            able.append("needsCompletedIntegratorStep")  # where local coordinates end
+            able += ["providesDirectionalDerivatives", "providesAdjointDerivatives"] if self.differentiable else []
+        else:
+            able += [
+                "canHandleVariableCommunicationStepSize",
+                "providesIntermediateUpdate",
+                "canReturnEarlyAfterIntermediateUpdate",
+                "hasEventMode",
+            ]
+        ElementTree.SubElement(root, KINDS[kind], {"modelIdentifier": self.identifier} | dict.fromkeys(able, "true"))
+
+    def _units(self, root: Element) -> None:
+        used = sorted({x.unit for x in self.variables if x.unit})
+        if used:
+            definitions = ElementTree.SubElement(root, "UnitDefinitions")
+        for unit in used:
+            one = ElementTree.SubElement(definitions, "Unit", name=unit)
+            if (exponents := base_exponents(unit)) is not None:
+                ElementTree.SubElement(one, "BaseUnit", {name: str(x) for name, x in exponents.items()})
+
+    def _variables(self, parent: Element) -> None:
+        for x in self.variables:
+            found = {"name": x.name, "valueReference": str(x.reference), "causality": x.causality}
+            found |= {"description": x.description} if x.description else {}
+            found |= {"variability": "fixed"} if x.causality == "parameter" else {}
+            found |= {"unit": x.unit} if x.unit else {}
+            exact = "exact" if x.causality in ("parameter", "input") else ""
+            found |= {"initial": "exact"} if exact and x.causality == "parameter" else {}
+            found |= {"start": repr(x.start)} if x.start is not None else {}
+            found |= {"derivative": str(x.derivative)} if x.derivative is not None else {}
+            ElementTree.SubElement(parent, "Float64", found)
+
+    def _structure(self, parent: Element) -> None:
+        states = [x.derivative for x in self.variables if x.derivative is not None]
+        inputs = [x.reference for x in self.variables if x.causality == "input"]
+        outputs = [x for x in self.variables if x.causality == "output"]
+        rates = [x for x in self.variables if x.derivative is not None]
+        given = [*inputs, *(x.reference for x in self.variables if x.causality == "parameter")]
+        for x in outputs:
+            ElementTree.SubElement(parent, "Output", _dependencies(x, states if x.by_states else [*inputs, *states]))
+        for x in rates:
+            ElementTree.SubElement(parent, "ContinuousStateDerivative", _dependencies(x, [*inputs, *states]))
+        for x in (*outputs, *(y for y in self.variables if y.reference in states), *rates):
+            ElementTree.SubElement(parent, "InitialUnknown", _dependencies(x, given))
+
+
+def _dependencies(x: Variable, known: Sequence[int]) -> dict[str, str]:
+    """Return the attributes of an unknown, with all that it depends on."""
+    return {"valueReference": str(x.reference), "dependencies": " ".join(map(str, sorted(known)))}

@@ -1,0 +1,98 @@
+"""How the data of a mechanism depend on its parameters: a number of the data is linear in each of them, or constant."""
+
+from collections.abc import Mapping, Sequence
+from types import ModuleType
+from typing import NamedTuple
+
+import numpy as np
+
+from ...data_types import CoreData
+from ...errors import InputError
+from ...mechanism.formats.loaded_model import LoadedModel, parameter_value
+from ...mechanism.inputs import Inputs
+from ...tolerances import SOLUTION_ROUNDING
+from .core_file import core_data, native_system, numbers_of
+
+STEPS = (0.25, 0.5)  # of a parameter, or of 1: where linear dependence is verified
+KEPT = ("tolerances", "order", "probe")  # parts of the data that follow the mechanism as it was exported
+
+Path = tuple[str, ...]
+Numbers = dict[Path, object]
+
+
+class ParameterEffects(NamedTuple):
+    """A parameter.
+
+    Attributes:
+        value: its value.
+        effects: derivatives of numbers of the data, by their paths.
+    """
+
+    value: float
+    effects: dict[Path, float]
+
+    def core_data(self) -> CoreData:
+        """Core data."""
+        return {"value": self.value, "effects": [{"path": list(p), "by": x} for p, x in self.effects.items()]}
+
+
+def parameter_effects(inputs: Inputs, names: Sequence[str], native: ModuleType) -> dict[str, ParameterEffects]:
+    """Return the parameters of these dotted names.
+
+    Raises:
+        UnknownNameError: for an unknown name.
+        InputError: for parameters on which the data do not depend linearly, each alone and all together.
+    """
+    if not names:
+        return {}
+    template = LoadedModel(inputs.original)
+    values = {name: parameter_value(template, name) for name in names}
+
+    def data(changed: Mapping[str, float]) -> Numbers:
+        made = inputs.replaced(inputs.cells, template.make({**values, **changed}))
+        found = numbers_of(core_data(native_system(made, native)))
+        return {path: x for path, x in found.items() if not any(part in KEPT for part in path[:2])}
+
+    start, out, shifts = data({}), {}, {}
+    for name, value in values.items():
+        first, second = (step * (abs(value) or 1.0) for step in STEPS)
+        near, far = data({name: value + first}), data({name: value + second})
+        by = _effects_of(name, start, near, first)
+        _require_linear(name, start, far, {path: second * x for path, x in by.items()})
+        out[name], shifts[name] = ParameterEffects(value, by), first
+    if len(names) > 1:
+        total: dict[Path, float] = {}
+        for name, found in out.items():
+            for path, x in found.effects.items():
+                total[path] = total.get(path, 0.0) + shifts[name] * x
+        _require_linear(", ".join(names), start, data({n: values[n] + d for n, d in shifts.items()}), total)
+    return out
+
+
+def _effects_of(name: str, start: Numbers, near: Numbers, change: float) -> dict[Path, float]:
+    """Return derivatives of the numbers that change.
+
+    Raises:
+        InputError: if something else changes.
+    """
+    if start.keys() != near.keys():
+        raise InputError(f"parameter {name!r} changes the structure of the mechanism: it cannot be exported")
+    out = {}
+    for path, x in start.items():
+        y = near[path]
+        if x == y:
+            continue
+        if not (isinstance(x, int | float) and isinstance(y, int | float)):
+            raise InputError(f"parameter {name!r} changes the structure of the mechanism: it cannot be exported")
+        out[path] = (y - x) / change
+    return out
+
+
+def _require_linear(name: str, start: Numbers, found: Numbers, changes: Mapping[Path, float]) -> None:
+    for path, x in start.items():
+        if not isinstance(x, int | float) or isinstance(x, bool):
+            continue
+        y, expected = float(found[path]), x + changes.get(path, 0.0)  # type: ignore[arg-type]
+        size = max(abs(x), abs(y), abs(changes.get(path, 0.0)))
+        if not np.isclose(y, expected, rtol=0.0, atol=SOLUTION_ROUNDING * size):
+            raise InputError(f"the mechanism does not depend linearly on parameter {name}: it cannot be exported")

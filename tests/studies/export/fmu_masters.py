@@ -1,0 +1,124 @@
+"""Exported mechanisms in FMPy."""
+
+from ctypes import c_double, c_uint
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae import Input, JointTorque, Mechanism
+from mbdae.solution.signals import units
+
+fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbdae[fmi]'")
+from fmpy import fmi3, simulation  # noqa: E402
+
+STEP = 1e-3
+
+
+def motorised(name, hold="zero", value=0.5):
+    """A model with an input torque on its first joint of one velocity, or on the first velocity of its first joint."""
+    m = mbdae.load(name)
+    single = [j for j in m.joint_names if sum(m.coordinate_joint(i) == j for i in range(m.nv)) == 1]
+    joint, torque = (single or m.joint_names)[0], Input(name="motor", hold=hold, value=value)
+    others = sum(m.coordinate_joint(i) == joint for i in range(m.nv)) - 1
+    motor = JointTorque(joint=joint, torque=[torque, *[0.0] * others] if others else torque)
+    return Mechanism(m.model, m.closures, [*m.forces, motor], drivers=m.drivers, start=m.start_values, title=name)
+
+
+def motion_outputs(m):
+    """Names of all coordinates and velocities."""
+    return [n for n in units(m) if n[:2] in ("q.", "v.")]
+
+
+class Master:
+    """An instance of an FMU, started.
+
+    Args:
+        unit: what `mbdae.export` returned.
+        kind: ``"cs"`` or ``"me"``.
+        start: start values of parameters and inputs.
+        early: whether a step may end early; ``update`` is then called after each internal step.
+    """
+
+    def __init__(self, unit, kind, start=None, t=0.0, early=False, update=None, initialised=True):
+        self.unit, self.found = unit, fmpy.read_model_description(str(unit.path))
+        self.folder = fmpy.extract(str(unit.path))
+        interface = self.found.coSimulation if kind == "cs" else self.found.modelExchange
+        made = fmi3.FMU3Slave if kind == "cs" else fmi3.FMU3Model
+        self.fmu = made(
+            guid=self.found.guid, modelIdentifier=interface.modelIdentifier, unzipDirectory=self.folder,
+            instanceName="one",
+        )  # fmt: skip
+        self.fmu.instantiate(**({"earlyReturnAllowed": early, "intermediateUpdate": update} if update else {}))
+        self.references = {x.name: x.valueReference for x in self.found.modelVariables}
+        for name, x in (start or {}).items():
+            self.set(name, x)
+        if not initialised:
+            return
+        self.fmu.enterInitializationMode(startTime=t)
+        self.fmu.exitInitializationMode()
+        if kind == "me":
+            self.fmu.updateDiscreteStates()
+            self.fmu.enterContinuousTimeMode()
+
+    def of(self, *names):
+        return [self.references[name] for name in names]
+
+    def set(self, name, x):
+        self.fmu.setFloat64(self.of(name), [float(x)])
+
+    def get(self, *names):
+        return np.array(self.fmu.getFloat64(self.of(*names)))
+
+    def step(self, t, h=STEP):
+        return self.fmu.doStep(t, h)
+
+    @property
+    def n(self):
+        return self.unit.states
+
+    def x(self):
+        out = (c_double * self.n)()
+        self.fmu.fmi3GetContinuousStates(self.fmu.component, out, self.n)
+        return np.array(out)
+
+    def set_x(self, x):
+        self.fmu.fmi3SetContinuousStates(self.fmu.component, (c_double * self.n)(*x), self.n)
+
+    def rate(self):
+        out = (c_double * self.n)()
+        self.fmu.fmi3GetContinuousStateDerivatives(self.fmu.component, out, self.n)
+        return np.array(out)
+
+    def unknowns(self):
+        rates = [f"der(local[{i + 1}])" for i in range(self.n)]
+        return self.of(*rates, *self.unit.outputs)
+
+    def knowns(self):
+        return self.of(*(f"local[{i + 1}]" for i in range(self.n)), *self.unit.inputs)
+
+    def _product(self, function, seed, n):
+        rows, columns, out = self.unknowns(), self.knowns(), (c_double * n)()
+        as_references = [(c_uint * len(x))(*x) for x in (rows, columns)]
+        function(
+            self.fmu.component, as_references[0], len(rows), as_references[1], len(columns),
+            (c_double * len(seed))(*seed), len(seed), out, n,
+        )  # fmt: skip
+        return np.array(out)
+
+    def jacobian(self):
+        """Partials of derivatives and outputs by states and inputs, from directional derivatives."""
+        rows, columns = len(self.unknowns()), len(self.knowns())
+        of = self.fmu.fmi3GetDirectionalDerivative
+        return np.array([self._product(of, e, rows) for e in np.eye(columns)]).T
+
+    def transposed(self):
+        """The same, from adjoint derivatives."""
+        rows, columns = len(self.unknowns()), len(self.knowns())
+        return np.array([self._product(self.fmu.fmi3GetAdjointDerivative, e, columns) for e in np.eye(rows)])
+
+
+def simulated(unit, kind, t, **settings):
+    """All results of FMPy's own loop."""
+    kind = {"cs": "CoSimulation", "me": "ModelExchange"}[kind]
+    return simulation.simulate_fmu(str(unit.path), fmi_type=kind, stop_time=t, **settings)

@@ -1,0 +1,95 @@
+"""Mechanisms and settings that cannot be exported are rejected by name; the command."""
+
+import json
+import zipfile
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from commands import call
+
+import mbdae
+from mbdae import Actuator, Mechanism, backend
+from mbdae.errors import InputError, UnknownNameError
+from mbdae.studies.export import export as module
+from mbdae.studies.export.fmi_units import base_exponents
+
+pytestmark = pytest.mark.native
+
+
+def slider_crank(*forces):
+    m = mbdae.load("slider_crank")
+    return Mechanism(m.model, m.closures, [*m.forces, *forces], start=m.start_values, title="press")
+
+
+@pytest.mark.parametrize(
+    ("settings", "text"),
+    [
+        ({"kind": ["cs", "fmi"]}, "unknown kind 'fmi'"),
+        ({"inputs": ["motr"]}, "unknown input 'motr'"),
+        ({"outputs": ["q.crnk"]}, "unknown signal 'q.crnk'.*q.crank"),
+        ({"outputs": ["position.rod_tip.x"]}, "signal 'position.rod_tip.x' cannot be exported"),
+        ({"parameters": ["joint.rod.mass"]}, "unknown joint of a source 'rod'"),
+        ({"method": "radau5"}, "only half-explicit methods"),
+        ({"method": "LSODA"}, "LSODA"),
+    ],
+)
+def test_unknown_names_and_settings(settings, text, tmp_path):
+    with pytest.raises((InputError, UnknownNameError), match=text):
+        mbdae.export(mbdae.load("slider_crank"), tmp_path / "x.fmu", **settings)
+    assert not list(tmp_path.iterdir())
+
+
+def test_python_functions_stops_and_wrong_files(tmp_path):
+    wind = Actuator(lambda t, q, v, s: np.zeros(3), lambda t, q, v, s: np.zeros(1), {"x": 0.0}, "wind")
+    with pytest.raises(InputError, match="force 'wind' is a function of Python, which cannot be exported"):
+        mbdae.export(slider_crank(wind), tmp_path / "x.fmu")
+    with pytest.raises(InputError, match="switches for model exchange cannot be exported: "):
+        mbdae.export(mbdae.load("pendulum_on_stop"), tmp_path / "x.fmu")
+    with pytest.raises(InputError, match=r"an FMU is saved as .fmu, got 'press.zip'"):
+        mbdae.export(slider_crank(), "press.zip")
+
+
+def test_a_runtime_that_was_not_built(monkeypatch, tmp_path):
+    monkeypatch.setattr(module, "RUNTIME", "missing.so")
+    with pytest.raises(InputError, match="the runtime of exported mechanisms was not built: install mbdae with"):
+        mbdae.export(slider_crank(), tmp_path / "x.fmu")
+
+
+def test_a_parameter_that_is_not_linear(tmp_path):
+    with pytest.raises(InputError, match=r"does not depend linearly on parameter .*: it cannot be exported"):
+        mbdae.export(mbdae.load("four_bar"), tmp_path / "x.fmu", parameters=["joint.rocker.rpy.2"])
+
+
+def test_the_command_writes_it(tmp_path):
+    path = tmp_path / "press.fmu"
+    code, out, _ = call(
+        "export", "slider_crank", "-o", str(path), "--kind", "cs", "--outputs", "q.slider,v.slider", "--step", "0.001",
+        "--json",
+    )  # fmt: skip
+    assert code == 0
+    found = json.loads(out)
+    assert (found["kinds"], found["outputs"]) == (["cs"], ["q.slider", "v.slider"])
+    with zipfile.ZipFile(path) as file:
+        names, text = file.namelist(), file.read("modelDescription.xml")
+    assert {"modelDescription.xml", "resources/mechanism.json", "documentation/index.html"} < {*names}
+    root = ElementTree.fromstring(text)
+    units = {x.get("name"): x.find("BaseUnit").attrib for x in root.iter("Unit")}
+    assert units == {"m": {"m": "1"}, "m/s": {"m": "1", "s": "-1"}, "s": {"s": "1"}}
+
+
+def test_units_are_products_of_base_units():
+    assert base_exponents("N m s/rad^2") == {"kg": 1, "m": 2, "s": -1, "rad": -2}
+    assert base_exponents("1") == {}
+    assert base_exponents("furlong/s") is None
+
+
+def test_the_core_travels_without_libraries():
+    """Symbols are hidden but those of the interface; no Python, no Pinocchio."""
+    from pathlib import Path
+
+    data = Path(backend.load().__file__).with_name("_native_fmi3.so").read_bytes()
+    assert b"fmi3DoStep" in data
+    assert b"libpython" not in data
+    assert b"libpinocchio" not in data
+    assert b"libboost" not in data
