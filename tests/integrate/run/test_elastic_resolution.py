@@ -99,7 +99,7 @@ def test_info_lists_frequencies():
 
 @pytest.mark.parametrize("options", [{"method": "radau9"}, {"method": "alpha", "step": 1e-3}])
 def test_a_body_at_rest_in_its_equilibrium_has_no_vibrations(options):
-    """Steps are as long as tolerances of the deflection allow: rounding oscillates, which is no doubt."""
+    """Steps are as long as tolerances of the deflection allow: only rounding oscillates."""
     model = pin.Model()
     beam = mbdae.beam(1.0, 2.1e11, 7850.0, 1e-4, 8.3e-10, modes=3, loads=["gravity y"])
     mbdae.attach_flexible(model, "beam", beam, None)
