@@ -1,6 +1,7 @@
 // Rank and rows in use at the start of a run (mbdae/mechanism/closures/independent_rows.py).
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "system/independent_rows.hpp"
 
@@ -29,7 +30,9 @@ void IndependentRows::determine(const double* G, const double* Z, long stamp, co
   const bool fell = above(pivots_, floor) < rank;
   const bool grew = static_cast<int>(pivots_.size()) > rank && pivots_[rank] > limits_.growth_tolerance * pivots_[0];
   // Equal pivots of few rows: Python chooses, since rounding must not choose other rows there.
-  const bool chosen = !has_many() && rank < ng;
+  const std::vector<bool>& off = constraints_.off;
+  const long active = off.empty() ? ng : std::count(off.begin(), off.end(), false);
+  const bool chosen = !has_many() && rank < active && pivots_tie(Z, first.tie);
   if (fell || grew || chosen) rank = -1;
   if (rank < 0) throw FallBackToPython();
   use_first_pivots();
@@ -39,6 +42,31 @@ void IndependentRows::determine(const double* G, const double* Z, long stamp, co
     throw FallBackToPython();
   }
   least_pivot_ratio = std::min(least_pivot_ratio, ratio * ratio);
+}
+
+// The pivots again, in their order: is one no longer than that of another row, which is not zero?
+bool IndependentRows::pivots_tie(const double* Z, double tolerance) const {
+  if (tolerance == INFINITY) return true;
+  const size_t ng = position_.size(), nv = nv_;
+  Numbers B(Z, Z + ng * nv), sizes(ng);
+  for (int j = 0; j < rank; ++j) {
+    for (size_t k = 0; k < ng; ++k) {
+      const double* row = &B[k * nv];
+      sizes[k] = std::sqrt(std::inner_product(row, row + nv, row, 0.0));
+    }
+    double* const pivot = &B[order_[j] * nv];
+    const double size = sizes[order_[j]];
+    for (size_t k = 0; k < ng; ++k)
+      if (static_cast<int>(k) != order_[j] && sizes[k] > (1 - tolerance) * size) return true;
+    for (size_t k = 0; k < ng; ++k) {
+      if (static_cast<int>(k) == order_[j]) continue;
+      double* row = &B[k * nv];
+      const double along = std::inner_product(row, row + nv, pivot, 0.0) / (size * size);
+      for (size_t c = 0; c < nv; ++c) row[c] -= along * pivot[c];
+    }
+    std::fill(pivot, pivot + nv, 0.0);
+  }
+  return false;
 }
 
 int IndependentRows::dense_rank(const double* G, const FirstRank& first) {

@@ -42,6 +42,7 @@ class IndependentRows {
     double ambiguous;  // ratio of pivots below which no smooth interval begins
     double fallen;     // of the ratio of pivots at the start: still small below this multiple
     double dependent;  // of the largest row of many: its part outside the rows in use
+    double tie = INFINITY;  // relative difference of pivots up to which few dependent rows are left to Python
   };
   void determine(const double* G, const double* Z, long stamp, const FirstRank& first, const Numbers& probe);
   // Is a vector in the null space of the rows in use, from one in general position (nv,) and its reverse, also one of all
@@ -71,6 +72,7 @@ class IndependentRows {
   double smallest_pivot_in_use(const double* Z);
   bool use_first_pivots();  // use those of the first `rank` pivots; whether they are others
   int dense_rank(const double* G, const FirstRank& first);
+  bool pivots_tie(const double* Z, double tolerance) const;  // may rounding choose others of few rows?
 
   const Constraints& constraints_;
   const Tolerances& limits_;
