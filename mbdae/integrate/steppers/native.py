@@ -8,7 +8,7 @@ from ...data_types import JsonObject
 from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
 from ...system import Array, State, Step
 from ...tolerances import AGREEMENT, COINCIDENT, TINY
-from ..events.core_modes import modes_from_core, modes_to_core, set_constants, transitions_from_core
+from ..events.core_modes import CoreTransition, modes_from_core, modes_to_core, set_constants, transitions_from_core
 from ..events.jumps import MARGIN, MAX_CLUSTER, SmoothInterval
 from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
 from ..events.load_resolution import shortest_step
@@ -222,11 +222,27 @@ class NativeStepper(Stepper):
         unchecked = transitions is None  # guards are checked first, and may truncate the step
         state, interval = State(*r.state()), r.interval
         restart = None if np.isnan(r.jumps.restart) else r.jumps.restart
-        nodes, i = _Nodes(ts.tolist(), ys, zs, least_pivot_ratio, state), 0
+        nodes = _Nodes(ts.tolist(), ys, zs, least_pivot_ratio, state)
         if monitor:
             monitor.begin_step()
-        for n in r.after_jumps:
-            self._record_interval(run, nodes, i, n, False, unchecked)
+        try:
+            i = self._record_intervals(run, nodes, transitions)
+        finally:  # in the mode of the core, even if a transition ends the run
+            if run.mode_changes and not unchecked:
+                modes_from_core(r.modes, run.mode_changes, self.system.core, nodes.t[-1], ys[-1])
+        self._record_interval(run, nodes, i, len(ts), nodes.t[-1] == run.t1, unchecked)
+        if monitor and unchecked:
+            self.system.least_pivot_ratio = float(least_pivot_ratio[-1])
+            monitor.store_ratio()
+        run.interval = SmoothInterval(interval.stop, interval.end, restart)
+
+    def _record_intervals(
+        self, run: "RunState", nodes: "_Nodes", transitions: dict[int, CoreTransition] | None
+    ) -> int:
+        """Record all smooth intervals but the last one; return its first node that is not recorded."""
+        i = 0
+        for n in self.run.after_jumps:
+            self._record_interval(run, nodes, i, n, False, transitions is None)
             run.end_interval()
             transition = (transitions or {}).get(n)
             if transition is not None:
@@ -234,13 +250,7 @@ class NativeStepper(Stepper):
             nodes.extend(run, n, n + 1)
             run.notify_discontinuity(mode_changed=transition is not None)
             i = n + 1
-        if run.mode_changes and not unchecked:
-            modes_from_core(r.modes, run.mode_changes, self.system.core, nodes.t[-1], ys[-1])
-        self._record_interval(run, nodes, i, len(ts), nodes.t[-1] == run.t1, unchecked)
-        if monitor and unchecked:
-            self.system.least_pivot_ratio = float(least_pivot_ratio[-1])
-            monitor.store_ratio()
-        run.interval = SmoothInterval(interval.stop, interval.end, restart)
+        return i
 
     def _record_interval(self, run: "RunState", nodes: "_Nodes", i: int, n: int, end: bool, unchecked: bool) -> None:
         """Record the nodes i to n - 1 of a smooth interval; ``end``: at the end of the run."""

@@ -17,12 +17,12 @@ Transition ModeTransition::resolve(double t, double* y, const std::vector<int>& 
   return out;
 }
 
-bool ModeTransition::slides(const Switch& x) const {
+bool ModeTransition::is_sliding(const Switch& x) const {
   return std::fabs(rate_[x.rows[1]]) > modes_.transverse * rest_speed(x.rows[1]);
 }
 
 double ModeTransition::slip_direction(const Switch& x) const {
-  return slides(x) ? std::copysign(1.0, rate_[x.rows[1]]) : s_.friction.direction(x.interface);
+  return is_sliding(x) ? std::copysign(1.0, rate_[x.rows[1]]) : s_.friction.direction(x.interface);
 }
 
 std::vector<ModeTransition::Candidate> ModeTransition::candidates(int i) {
@@ -39,7 +39,7 @@ std::vector<ModeTransition::Candidate> ModeTransition::candidates(int i) {
         if (x.frictional()) {
           if (!(x.sign > 0)) leave_to_python();
           m.normal = x.rows[0], m.friction = x.friction;
-          if (slides(x)) m.sliding_ratio = -x.friction * slip_direction(x);
+          if (is_sliding(x)) m.sliding_ratio = -x.friction * slip_direction(x);
         }
         out.push_back({x.rows[k], m});
       }
@@ -72,7 +72,7 @@ int ModeTransition::next_state(int i, const std::vector<Candidate>& which, bool 
     case Switch::Kind::contact: {
       if (!loaded || !x.frictional()) return loaded ? active : released;
       double& direction = s_.friction.direction(x.interface);
-      if (slides(x)) {
+      if (is_sliding(x)) {
         direction = slip_direction(x);
         return sliding;
       }

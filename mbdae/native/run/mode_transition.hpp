@@ -42,7 +42,7 @@ class ModeTransition {
   bool in_contact(int i) const;
   bool in_tooth(const Switch& x) const;
   bool inside(const Switch& x) const;  // the range, a little ahead
-  bool slides(const Switch& x) const;
+  bool is_sliding(const Switch& x) const;
   double slip_direction(const Switch& x) const;
 
   // Impact.

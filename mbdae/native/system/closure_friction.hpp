@@ -34,7 +34,7 @@ class ClosureFriction {
   explicit operator bool() const;  // does any interface slide?
   double smallest_slip;            // m/s: a slower slip has no direction
   size_t size() const { return interfaces_.size(); }
-  void set_active(int k, bool slides) { active_[k] = slides; }
+  void set_active(int k, bool on) { active_[k] = on; }
   double& direction(int k) { return directions_[2 * k]; }  // of the slip along the first no-slip row
 
   // e, e . v and the factors -mu r d at the current kinematics.

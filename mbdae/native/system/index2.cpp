@@ -92,8 +92,6 @@ bool Index2System::change_law(int k, const Numbers& a) {
   return true;
 }
 
-void Index2System::set_law_number(int k, int i, double x) { laws_[k].a[i] = x, last_stage.t = NAN; }
-
 void Index2System::set_input(int input, double t, double value, double rate) {
   for (Law& law : laws_)
     for (TimeFunction& u : law.signals) u.set(input, t, value, rate);
