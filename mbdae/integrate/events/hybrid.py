@@ -286,8 +286,8 @@ class ModeChanges(EventSource):
         return {"modes": [(i, mode) for i, mode in self.modes if i < len(run.ts)], "impacts": self.impacts}
 
     def statistics(self, run: "RunState") -> JsonObject:
-        out = {"transitions": len(self.modes) - 1, "impacts": len(self.impacts)}
-        in_core = {"impacts_in_core": self.impacts_in_core, "transitions_in_core": self.transitions_in_core}
+        out: JsonObject = {"transitions": len(self.modes) - 1, "impacts": len(self.impacts)}
+        in_core: JsonObject = {"impacts_in_core": self.impacts_in_core, "transitions_in_core": self.transitions_in_core}
         return out | in_core if run.stepper.backend == "native" else out
 
     def _check_chattering(self, t: float, fired: list[str]) -> None:
