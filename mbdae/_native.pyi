@@ -156,6 +156,9 @@ class SingularityMonitor:
     singular_ratio: float
     monitored_ratio: float
     notch_ratio: float
+    small_ratio: float
+    adjacent_ratio: float
+    max_change: float
     steps_ahead: float
     entered: bool
     suspicious: bool
@@ -180,9 +183,12 @@ class Events:
     def nodes(self) -> list[tuple[float, float, float]]: ...
     def located(self) -> list[tuple[int, float, Array]]: ...
 
-class ContactGuards:
+class Modes:
     in_core: bool
     undecided: bool
+    mode: list[int]
+    last_impact: list[float]
+    unswitched: list[int]
     characteristic_rate: float
     mode_rounding: float
     return_factor: float
@@ -200,11 +206,19 @@ class ContactGuards:
     safety: float
     shrink: float
     shortest: float
-    def set_guards(self, guards: list) -> None: ...
+    coincident: float
+    transverse: float
+    at_limit: float
+    lookahead: float
+    ambiguous: float
+    fallen: float
+    max_impacts: int
+    max_states: int
+    def set_switches(self, switches: list) -> None: ...
 
-    states: list[tuple[float, float, float, float, float]]
+    states: list[tuple[float, float, float, float]]
     @property
-    def impacts(self) -> list[tuple[int, int, float, list[float]]]: ...
+    def transitions(self) -> list[tuple[int, list[int], list[int], bool, list[int], list[int], float, list[float]]]: ...
 
 class Core:
     def __init__(self, model: Any, tolerances: Tolerances, description: dict) -> None: ...
@@ -212,6 +226,8 @@ class Core:
     def rows(self) -> list[int]: ...
     @property
     def rank(self) -> int: ...
+    @property
+    def floor(self) -> float: ...
     def take_record(self) -> tuple: ...
 
     accuracy: float
@@ -326,7 +342,7 @@ class Run:
     monitor: SingularityMonitor
     events: Events
     jumps: Jumps
-    contacts: ContactGuards
+    modes: Modes
     adaptive: bool
     project: bool
     monitored: bool

@@ -1,8 +1,7 @@
-"""Cost of an impact beyond the steps of its run, resolved in the core or in Python, by model.
+"""Cost of an impact or a change of the mode beyond the steps of its run, resolved in the core or in Python, by model.
 
-The core resolves impacts at which a single contact rebounds; all other transitions are located and resolved in Python,
-one step at a time, and so are all of them for comparison. With the CPU times T of runs at two tolerances and of one of
-no duration, T = T_0 + steps * T_step + transitions * T_transition; rejected steps count.
+For comparison, all transitions are located and resolved in Python, one step at a time. With the CPU times T of runs at
+two tolerances and of one of no duration, T = T_0 + steps * T_step + transitions * T_transition; rejected steps count.
 
 Run: python examples/benchmarks/impacts.py [--brief]
 """
@@ -17,7 +16,7 @@ import numpy as np
 from common import brief, machine, medians, microseconds, ratio, table
 
 import mbdae
-from mbdae.mechanism.hybrid.unilateral import Unilateral
+from mbdae.integrate.events import hybrid
 
 MODELS = {  # span in s: until a contact closes, or the whole run
     "pendulum_on_stop": (4.2829, 8.0),
@@ -25,6 +24,8 @@ MODELS = {  # span in s: until a contact closes, or the whole run
     "bouncing_chain": (0.5, 3.0),
     "woodpecker": (1.0,),
     "ratchet": (6.0,),
+    "stick_slip_slider": (3.0,),
+    "geneva_drive": (5.0,),
 }
 RTOL = 1e-7, 1e-10
 NO_DURATION = 1e-9  # s
@@ -50,8 +51,8 @@ class Cost(NamedTuple):
 
 @contextmanager
 def in_python() -> Iterator[None]:
-    """Leave all guards to Python."""
-    with patch.object(Unilateral, "core_guard", lambda self, state: None):
+    """Leave all modes to Python."""
+    with patch.object(hybrid, "core_switches", lambda system: None):
         yield
 
 
@@ -74,7 +75,7 @@ def cost(
     times = medians({i: lambda x=x: seconds(mechanism, where(), **x) for i, x in enumerate(options)}, repeats)
     counts = np.array([[s["steps"] + s["rejected"], s["transitions"]] for s in stats], float)
     step, transition = np.linalg.solve(counts, [times[0] - times[2], times[1] - times[2]])
-    return Cost(stats[0]["transitions"], stats[0]["impacts_in_core"], times[0], float(step), float(transition))
+    return Cost(stats[0]["transitions"], stats[0]["transitions_in_core"], times[0], float(step), float(transition))
 
 
 def main(argv: Sequence[str] | None = None) -> dict[tuple[str, float], tuple[Cost, Cost]]:

@@ -51,6 +51,15 @@ class TrackedGuard:
         ):
             self.return_time = point.t - RETURN_FACTOR * 2 * speed / a
 
+    @classmethod
+    def adopted(cls, guard: Guard, point: "ModePoint") -> "TrackedGuard":
+        """Return a guard whose other attributes follow; a guard that refers to its first evaluation has it here."""
+        out = cls.__new__(cls)
+        out.guard = guard
+        if not guard.needs_multipliers:
+            guard.value(point)
+        return out
+
     def advance(self, point: "ModePoint") -> None:
         """Update size and level at the end of a step."""
         f = self.guard.value(point)

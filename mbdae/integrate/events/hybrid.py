@@ -18,7 +18,7 @@ from ...mechanism.hybrid.switches import describe_mode, unswitched_rows
 from ...mechanism.hybrid.unilateral import gaps, penetrated
 from ...system import Array
 from ...tolerances import COINCIDENT, ZERO_SPEED
-from .core_contacts import Rebound
+from .core_modes import CoreTransition, core_switches
 from .guard_location import TrackedGuard, first_guard_root
 from .load_resolution import (
     QUARTERS,
@@ -51,7 +51,7 @@ class ModeChanges(EventSource):
     Attributes:
         modes: the modes, each with its first node.
         impacts: the impacts of the run.
-        core_guards: core data of the guards of the mode; None if the core does not have all of them.
+        core_switches: core data of the switches; None if the core does not have all of them.
         checked_in_core: whether the core has checked the last steps.
     """
 
@@ -62,12 +62,11 @@ class ModeChanges(EventSource):
         self.always = unswitched_rows(self.switches, system.ng)
         self.modes: list[tuple[int, Mode]] = []
         self.impacts: list[Impact] = []
-        self.impacts_in_core = 0
+        self.impacts_in_core = self.transitions_in_core = 0
+        self.core_switches = core_switches(system)
         self.fired: list[Guard] = []  # guards that are zero at the end of the last step
-        self.point_cache: tuple[Array | None, dict[float, ModePoint]] = (
-            None,
-            {},
-        )  # end of the last step, and points of the step by theta
+        # end of the last step, and points of the step by theta
+        self.point_cache: tuple[Array | None, dict[float, ModePoint]] = (None, {})
         self.last_impact: dict[int, float] = {}  # time of the last impact of each switch
         self.times: list[float] = []  # of transitions
         self.rest = min((s.rest for s in self.switches if s.rest), default=0.0)
@@ -96,14 +95,12 @@ class ModeChanges(EventSource):
         for signal in run.user_events.signals.values() if run else ():
             signal.system.enter(mode)
         self.guards: list[TrackedGuard] = []
-        guards = [s.core_guard(mode[s.index]) for s in self.switches] if self.system.native else []
-        self.core_guards = [g for g in guards if g] if all(guards) and guards else None
         self.checked_in_core = False
 
     @property
     def each_step(self) -> bool:  # type: ignore[override]
-        """Whether every step must be checked in Python, since the core does not have the guards of the mode."""
-        return self.core_guards is None
+        """Whether every step must be checked in Python, since the core does not have all switches."""
+        return self.core_switches is None
 
     def is_idle(self, run: "RunState", t1: float) -> bool:
         return False
@@ -240,7 +237,7 @@ class ModeChanges(EventSource):
         Raises:
             StepError: in case of chattering, or if an impact has no solution.
         """
-        self._check_chattering(run.t, fired)
+        self._check_chattering(run.t, [g.name for g in fired])
         run.end_interval()
         opened = {g.switch for g in fired if g.kind == "separation"}
         self.continue_from(run, self._point(run.t, run.ys[-1]), opened)
@@ -257,12 +254,20 @@ class ModeChanges(EventSource):
         run.switch_mode(completed(y))
         self._track(run.t, run.ys[-1])
 
-    def adopt_rebound(self, run: "RunState", rebound: Rebound) -> None:
-        """Record an impact that the core has resolved, in the mode that continues after it."""
-        self._check_chattering(run.t, [self.guards[rebound.switch].guard])
-        self.impacts.append(rebound.record(run.t, self.switches, self.system.mode))
-        self.impacts_in_core += 1
-        self.modes.append((len(run.ts), self.system.mode))
+    def adopt_transition(self, run: "RunState", transition: CoreTransition) -> None:
+        """Record a transition of the core; the last mode of several is adopted after them."""
+        self._check_chattering(run.t, [self.switches[i].name for i in transition.fired])
+        self.transitions_in_core += 1
+        if impact := transition.impact(run.t, self.system.mechanism):
+            self.impacts.append(impact)
+            self.impacts_in_core += 1
+            self.last_impact |= dict.fromkeys(transition.contacts, run.t)
+        self.modes.append((len(run.ts), tuple(transition.mode)))
+
+    def adopt_guards(self, t: float, y: Array) -> None:
+        """Continue at a point with the guards of the mode, whose sizes the core knows."""
+        at, mode, self.system.ambiguous_pivot = self._point(t, y), self.system.mode, AMBIGUOUS_UNDERWAY
+        self.guards = [TrackedGuard.adopted(g, at) for s in self.switches for g in s.guards(mode[s.index])]
 
     def explain(self, run: "RunState", reason: StepError) -> StepError:
         """Add the time and the mode in which a run stopped, or the contact that closed at a singular configuration."""
@@ -286,13 +291,14 @@ class ModeChanges(EventSource):
         return {"modes": [(i, mode) for i, mode in self.modes if i < len(run.ts)], "impacts": self.impacts}
 
     def statistics(self, run: "RunState") -> JsonObject:
-        in_core = {"impacts_in_core": self.impacts_in_core} if run.stepper.backend == "native" else {}
-        return {"transitions": len(self.modes) - 1, "impacts": len(self.impacts), **in_core}
+        out: JsonObject = {"transitions": len(self.modes) - 1, "impacts": len(self.impacts)}
+        in_core: JsonObject = {"impacts_in_core": self.impacts_in_core, "transitions_in_core": self.transitions_in_core}
+        return out | in_core if run.stepper.backend == "native" else out
 
-    def _check_chattering(self, t: float, fired: list[Guard]) -> None:
+    def _check_chattering(self, t: float, fired: list[str]) -> None:
         most = MAX_TRANSITIONS * (1 + len(self.switches))
         self.times = [*self.times[-most:], t]
         if len(self.times) > most and abs(t - self.times[0]) <= max(self.rest, COINCIDENT * abs(t)):
-            names = " and ".join(repr(g.name) for g in fired)
+            names = " and ".join(map(repr, fired))
             mode = describe_mode(self.switches, self.system.mode)
             raise StepError("switching", f"{names}: chattering, modes switch without end at t = {t:.17g} ({mode})")

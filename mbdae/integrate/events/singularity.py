@@ -73,7 +73,8 @@ class SingularityMonitor(SingularityLocation):
         """
         self._reset_history(len(run.ts) - 1)
         t = run.t
-        if mode_changed and self.control is None and self.is_adjacent(t, run.ys[-1]):
+        checked = run.mode_changes is not None and run.mode_changes.checked_in_core
+        if mode_changed and not checked and self.control is None and self.is_adjacent(t, run.ys[-1]):
             raise StepError("rank", f"no step of fixed size begins next to a singular configuration, at t = {t:.17g}")
 
     def _reset_history(self, first: int) -> None:
@@ -118,11 +119,18 @@ class SingularityMonitor(SingularityLocation):
         monitor.largest_ratio, monitor.last_ratio = self.largest, self.ratios[-1]
         monitor.entered = self.zone_entry is not None
 
-    def skip_regular_steps(self, least_pivot_ratio: Array) -> int:
-        """Return the number of regular steps before the first suspicious one, given their smallest pivot ratios."""
+    def skip_regular_steps(self, least_pivot_ratio: Array, inspect: bool = True) -> int:
+        """Return the number of regular steps before the first suspicious one, given their smallest pivot ratios.
+
+        Without ``inspect``, the core has found all of them regular.
+        """
         if self.zone_entry is not None or not len(least_pivot_ratio):
             return 0
         new = np.sqrt(least_pivot_ratio)
+        if not inspect:
+            self.ratios += new.tolist()
+            self.largest = max(self.largest, float(new.max()))
+            return len(new)
         largest = np.maximum(np.maximum.accumulate(new), self.largest)
         ratios = np.concatenate([[0.0], self.ratios[-2:], new])  # 0: there is no step before the first one
         earlier, before = ratios[-len(new) - 2 : -2], ratios[-len(new) - 1 : -1]

@@ -38,14 +38,18 @@ CONSTANT_RATIO = 0.999  # of the largest sample: ratios above are constant
 
 
 def may_vanish(before: Ratio, here: Ratio, after: Ratio, largest: Ratio) -> Ratio:
-    """Return whether the ratio may vanish around a step: it has a minimum that is small or much below a neighbour."""
+    """Return whether the ratio may vanish around a step: it has a minimum that is small or much below a neighbour.
+
+    A neighbour of inf is beyond an end of a smooth interval.
+    """
     minimum = (here < before) & (here <= after) & (here < SUSPICIOUS_RATIO * largest)
-    return minimum & ((here < SMALL * largest) | (here < NOTCH * np.maximum(before, after)))
+    below = ((here < NOTCH * before) & (before < np.inf)) | ((here < NOTCH * after) & (after < np.inf))
+    return minimum & ((here < SMALL * largest) | below)
 
 
 def falls_to_zero(before: Ratio, here: Ratio) -> Ratio:
-    """Return whether the ratio, extrapolated from the last step, vanishes within `AHEAD` steps."""
-    return AHEAD * (before - here) > here
+    """Return whether the ratio, extrapolated from the last step, vanishes within `AHEAD` steps; not from inf."""
+    return (AHEAD * (before - here) > here) & (before < np.inf)
 
 
 class SingularityLocation(EventSource):

@@ -8,12 +8,12 @@ from ...data_types import JsonObject
 from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
 from ...system import Array, State, Step
 from ...tolerances import AGREEMENT, COINCIDENT, TINY
-from ..events.core_contacts import guards_from_core, guards_to_core, set_constants
+from ..events.core_modes import CoreTransition, modes_from_core, modes_to_core, set_constants, transitions_from_core
 from ..events.jumps import MARGIN, MAX_CLUSTER, SmoothInterval
 from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
 from ..events.load_resolution import shortest_step
-from ..events.singularity import SINGULAR_RATIO
-from ..events.singularity_location import AHEAD, MONITORED_RATIO, NOTCH, SUSPICIOUS_RATIO
+from ..events.singularity import ADJACENT_RATIO, MAX_RATIO_CHANGE, SINGULAR_RATIO
+from ..events.singularity_location import AHEAD, MONITORED_RATIO, NOTCH, SMALL, SUSPICIOUS_RATIO
 from .adaptive import Adaptive
 from .fixed import FIXED_STEP_TOLERANCE, Fixed
 from .projected_step import MAX_UNDONE
@@ -48,6 +48,7 @@ class NativeStepper(Stepper):
         self.run.project, self.run.seconds = project, CHECK_INTERVAL
         self.passed_events: UserEvents | None = None
         self.undecided = False  # whether the guards of the next step are left to Python
+        self.passed_switches = False
         self.unrecorded = False  # whether the core has steps that are not recorded
         self.adaptive = inner if isinstance(inner, Adaptive) else None
         self.fixed = inner if isinstance(inner, Fixed) else None
@@ -130,10 +131,13 @@ class NativeStepper(Stepper):
 
     def _advance_core(self, run: "RunState", max_steps: int) -> int:
         """Let the core try steps; return their number, 0 if the next step needs Python."""
-        contacts, changes = self.run.contacts, run.mode_changes
-        contacts.in_core = changes is not None and not self.undecided and max_steps > 1
-        if contacts.in_core:
-            guards_to_core(contacts, changes, shortest_step(run))
+        modes, changes = self.run.modes, run.mode_changes
+        modes.in_core = bool(changes and not changes.each_step and not self.undecided and max_steps > 1)
+        if modes.in_core:
+            if not self.passed_switches:
+                modes.set_switches(changes.core_switches or [])
+                modes.unswitched, self.passed_switches = changes.always.tolist(), True
+            modes_to_core(modes, changes, shortest_step(run))
         elif changes:
             max_steps = 1
         self._to_native(run, max_steps)
@@ -141,7 +145,7 @@ class NativeStepper(Stepper):
             self.system.advance(self.tableau, self.run)
         finally:
             self._take_from_core(run)
-        self.undecided, tried = contacts.undecided, self.run.taken + self.run.rejected
+        self.undecided, tried = modes.undecided, self.run.taken + self.run.rejected
         return self._advance_core(run, 1) if self.undecided and not tried else tried
 
     def _take_from_core(self, run: "RunState") -> None:
@@ -155,10 +159,11 @@ class NativeStepper(Stepper):
         r, c = self.run, self.run.control
         r.max_undone, r.tiny, r.adaptive = MAX_UNDONE, TINY, self.adaptive is not None
         r.grid.coincident, r.tolerated_move = COINCIDENT, FIXED_STEP_TOLERANCE
-        set_constants(r.contacts)
+        set_constants(r.modes)
         m = r.monitor
         m.suspicious_ratio, m.singular_ratio, m.monitored_ratio = SUSPICIOUS_RATIO, SINGULAR_RATIO, MONITORED_RATIO
-        m.notch_ratio, m.steps_ahead = NOTCH, AHEAD
+        m.notch_ratio, m.small_ratio, m.steps_ahead = NOTCH, SMALL, AHEAD
+        m.adjacent_ratio, m.max_change = ADJACENT_RATIO, MAX_RATIO_CHANGE
         if self.adaptive:
             pi = self.adaptive.controller
             c.agreement, c.spacings, c.tiny, c.companion = AGREEMENT, SPACINGS, TINY, COMPANION
@@ -219,27 +224,39 @@ class NativeStepper(Stepper):
         run.carries.extend(first, *r.carries())
         run.in_use += [(first + k, tuple(rows)) for k, rows in r.row_changes]
         run.user_events.adopt_native(r.events)
-        rebounds = guards_from_core(r.contacts, run.mode_changes)
-        unchecked = rebounds is None  # guards are checked first, and may truncate the step
+        transitions = transitions_from_core(r.modes, run.mode_changes)
+        unchecked = transitions is None  # guards are checked first, and may truncate the step
         state, interval = State(*r.state()), r.interval
         restart = None if np.isnan(r.jumps.restart) else r.jumps.restart
-        nodes, i = _Nodes(ts.tolist(), ys, zs, least_pivot_ratio, state), 0
+        nodes = _Nodes(ts.tolist(), ys, zs, least_pivot_ratio, state)
         if monitor:
             monitor.begin_step()
-        for n in r.after_jumps:
-            self._record_interval(run, nodes, i, n, False, unchecked)
-            run.end_interval()
-            impact = (rebounds or {}).get(n)
-            if impact is not None:
-                run.mode_changes.adopt_rebound(run, impact)
-            nodes.extend(run, n, n + 1)
-            run.notify_discontinuity(mode_changed=impact is not None)
-            i = n + 1
+        try:
+            i = self._record_intervals(run, nodes, transitions)
+        finally:  # in the mode of the core, even if a transition ends the run
+            if run.mode_changes and not unchecked:
+                modes_from_core(r.modes, run.mode_changes, self.system.core, nodes.t[-1], ys[-1])
         self._record_interval(run, nodes, i, len(ts), nodes.t[-1] == run.t1, unchecked)
         if monitor and unchecked:
             self.system.least_pivot_ratio = float(least_pivot_ratio[-1])
             monitor.store_ratio()
         run.interval = SmoothInterval(interval.stop, interval.end, restart)
+
+    def _record_intervals(
+        self, run: "RunState", nodes: "_Nodes", transitions: dict[int, CoreTransition] | None
+    ) -> int:
+        """Record all smooth intervals but the last one; return its first node that is not recorded."""
+        i = 0
+        for n in self.run.after_jumps:
+            self._record_interval(run, nodes, i, n, False, transitions is None)
+            run.end_interval()
+            transition = (transitions or {}).get(n)
+            if transition is not None:
+                run.mode_changes.adopt_transition(run, transition)
+            nodes.extend(run, n, n + 1)
+            run.notify_discontinuity(mode_changed=transition is not None)
+            i = n + 1
+        return i
 
     def _record_interval(self, run: "RunState", nodes: "_Nodes", i: int, n: int, end: bool, unchecked: bool) -> None:
         """Record the nodes i to n - 1 of a smooth interval; ``end``: at the end of the run."""
@@ -247,7 +264,7 @@ class NativeStepper(Stepper):
         while i < n:
             regular = n - i
             if monitor and not unchecked:
-                regular = monitor.skip_regular_steps(nodes.least_pivot_ratio[i : n - end])
+                regular = monitor.skip_regular_steps(nodes.least_pivot_ratio[i : n - end], self.run.monitor.suspicious)
             nodes.extend(run, i, i + regular)
             i += regular
             if monitor and i < n:

@@ -8,10 +8,12 @@ import numpy as np
 from ...tolerances import COINCIDENT
 from ..closures.clutch import Clutch
 from ..tree.frames import find_joint
-from .switch import Guard, ImpactRow, LoadCandidate, PointFunction, SampledMotion, Switch, UnilateralRow
+from .switch import Guard, ImpactRow, LoadCandidate, PointFunction, SampledMotion, Switch, UnilateralRow, core_switch
 
 if TYPE_CHECKING:
+    from ...data_types import CoreData
     from ...system import Array
+    from ..formulations.index2 import Index2System
     from ..mechanism import Mechanism
     from .mode_point import ModePoint
 
@@ -51,6 +53,9 @@ class OneWayClutch(UnilateralRow):
 
     def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
         return (LoadCandidate.unilateral(self.row, self.sign),)
+
+    def core_data(self, system: "Index2System") -> "CoreData":
+        return core_switch(self, "clutch", sign=self.sign)
 
 
 class OpposedClutches(Switch):
@@ -139,6 +144,10 @@ class Ratchet(OneWayClutch):
             Guard("contact", self.name, self.index, self.gap(), self.speed),
             Guard("zero velocity", self.name, self.index, speed, acceleration),
         )
+
+    def core_data(self, system: "Index2System") -> "CoreData":
+        teeth = {"pitch": self.pitch, "tooth": self.tooth, "factors": self.coefficients.tolist()}
+        return core_switch(self, "ratchet", sign=self.sign, positions=list(self.columns), **teeth)
 
     def _in_tooth(self, point: "ModePoint") -> bool:
         position = self.position_in_pitches(point)

@@ -65,10 +65,9 @@ class FrictionalContact(Unilateral):
         friction_guards = tuple(g._replace(name=self.name, switch=self.index) for g in self.friction.guards(state))
         return (*super().guards(min(state, 1)), *friction_guards)
 
-    def core_guard(self, state: int) -> CoreData | None:
-        data = super().core_guard(state)
-        friction = {"restitution": self.restitution, "no_slip": self.no_slip, "friction": self.coefficient}
-        return None if data is None else {**data, **friction}
+    def core_data(self, system: "Index2System") -> CoreData:
+        limits = {"friction": self.coefficient, "limit": self.friction.limit}
+        return {**super().core_data(system), **limits, "interface": self.friction.friction_index}
 
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         found = super().impact_rows(point, min(state, 1), tolerance)

@@ -8,9 +8,10 @@ from ..closures.brake import Brake
 from ..forces.joint_friction import KineticFrictionElement
 from ..tree.frames import find_joint
 from .friction_utilisation import friction_utilisation
-from .switch import Guard, LoadCandidate, Switch
+from .switch import Guard, LoadCandidate, Switch, core_switch
 
 if TYPE_CHECKING:
+    from ...data_types import CoreData
     from ...system import Array
     from ..formulations.index2 import Index2System
     from ..mechanism import Mechanism
@@ -92,3 +93,9 @@ class JointStiction(Switch):
         for law, _ in system.laws.bound:
             if isinstance(law, KineticFrictionElement) and law.name == self.spec.force:
                 law.sign[self.column] = {FORWARDS: 1.0, BACKWARDS: -1.0}.get(state, 0.0)
+
+    def core_data(self, system: "Index2System") -> "CoreData":
+        laws = [law for law, _ in system.laws.acting]
+        law = next(k for k, x in enumerate(laws) if isinstance(x, KineticFrictionElement) and x.name == self.spec.force)
+        limits = {"friction": self.spec.kinetic, "limit": self.spec.static}
+        return core_switch(self, "stiction", **limits, law=law, column=self.column)

@@ -8,10 +8,12 @@ from ...tolerances import SAME_STATE, ZERO_SPEED
 from ..closures.active_range import ActiveRange
 from ..closures.closure import Closure
 from ..tree.frames import find_joint
-from .switch import Guard, ImpactRow, PointFunction, Switch
+from .switch import Guard, ImpactRow, PointFunction, Switch, core_switch
 
 if TYPE_CHECKING:
+    from ...data_types import CoreData
     from ...system import Array
+    from ..formulations.index2 import Index2System
     from ..mechanism import Mechanism
     from .mode_point import ModePoint
 
@@ -80,3 +82,8 @@ class RangeSwitch(Switch):
         v = float(point.v[self.v])
         step = LOOKAHEAD * self._scale(point) * ((v > 0) - (v < 0))
         return INSIDE if self.spec.depth(float(point.q[self.q]) + step) > 0 else OUTSIDE
+
+    def core_data(self, system: "Index2System") -> "CoreData":
+        within = self.spec
+        windows = {"windows": list(within.windows), "period": within.period or 0.0, "shortest": within.shortest}
+        return core_switch(self, "range", positions=[self.q], factors=[1.0], column=self.v, **windows)

@@ -187,12 +187,20 @@ class Switch:
         """
         return None
 
-    def core_guard(self, state: int) -> "CoreData | None":
-        """Return core data of the guard of a contact; None if only Python has the guards of the state."""
+    def core_data(self, system: "Index2System") -> "CoreData | None":
+        """Return the core data of the switch in a workspace; None if only Python has it."""
         return None
 
     def enter(self, system: "Index2System", state: int) -> None:
         """Set properties of a workspace other than rows that depend on the state."""
+
+
+def core_switch(switch: Switch, kind: str, **data: object) -> "CoreData":
+    """Return core data of a switch, with what its kind does not have: see native/run/switches.hpp."""
+    common = {"kind": kind, "rows": list(switch.rows), "restitution": switch.restitution, "rest": switch.rest}
+    without = {"sign": 1.0, "friction": 0.0, "limit": 0.0, "interface": -1, "law": -1, "column": -1}
+    of_positions = {"positions": [], "factors": [], "pitch": 1.0, "tooth": 0.0}
+    return {**common, **without, **of_positions, "windows": [], "period": 0.0, "shortest": 0.0, **data}
 
 
 class UnilateralRow(Switch):

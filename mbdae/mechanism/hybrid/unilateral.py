@@ -10,9 +10,10 @@ from ...tolerances import SHORTEST_FLIGHT
 from ..closures.closure import UnilateralClosure
 from ..closures.unilateral_constraint import Stop, UnilateralOptions
 from ..forces.coulomb_friction import CoulombFriction
-from .switch import Guard, ImpactRow, LoadCandidate, SampledMotion, Switch, UnilateralRow
+from .switch import Guard, ImpactRow, LoadCandidate, SampledMotion, Switch, UnilateralRow, core_switch
 
 if TYPE_CHECKING:
+    from ..formulations.index2 import Index2System
     from ..mechanism import Mechanism
     from .mode_point import ModePoint
 
@@ -68,13 +69,8 @@ class Unilateral(UnilateralRow):
             return (Guard("contact", self.name, self.index, self.gap, self.speed, self.acceleration),)
         return (Guard("separation", self.name, self.index, self.load, needs_multipliers=True, load=self.load),)
 
-    def core_guard(self, state: int) -> CoreData | None:
-        alone = self.rows == (self.row,)  # no no-slip rows, which also take part in impacts
-        if state != OPEN and not alone:
-            return None
-        e = self.restitution if alone else 0.0
-        data = {"row": self.row, "sign": self.sign, "closed": bool(state), "restitution": e, "rest": self.rest}
-        return {**data, "no_slip": -1, "friction": 0.0}
+    def core_data(self, system: "Index2System") -> CoreData:
+        return core_switch(self, "contact", sign=self.sign)
 
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         if state != CLOSED and self.gap(point) > tolerance * point.system.mechanism.row_scales[self.row]:

@@ -15,27 +15,34 @@ void set_nodes(Events& e, const ValueNodes& nodes) {
   e.located.clear(), e.stopped = false;
 }
 
-// Size, level, time of return, unit and time of the last impact.
-using GuardStates = std::vector<std::tuple<double, double, double, double, double>>;
+// Size, level, time of return, and unit.
+using GuardStates = std::vector<std::tuple<double, double, double, double>>;
 
-GuardStates guard_states(const ContactGuards& c) {
+GuardStates guard_states(const Modes& m) {
   GuardStates out;
-  for (const ContactGuard& x : c.guards) out.emplace_back(x.size, x.level, x.return_time, x.unit, x.last_impact);
+  for (const Guard& x : m.guards) out.emplace_back(x.size, x.level, x.return_time, x.unit);
   return out;
 }
 
-void set_guard_states(ContactGuards& c, const GuardStates& states) {
-  if (states.size() != c.guards.size()) reject("as many states as guards");
+void set_guard_states(Modes& m, const GuardStates& states) {
+  if (m.mode.size() != m.switches.size() || m.last_impact.size() != m.switches.size())
+    reject("as many states as switches");
+  m.guards = guards_of(m.switches, m.mode);
+  if (states.size() != m.guards.size()) reject("as many states as guards");
   for (size_t i = 0; i < states.size(); ++i) {
-    ContactGuard& x = c.guards[i];
-    std::tie(x.size, x.level, x.return_time, x.unit, x.last_impact) = states[i];
+    Guard& x = m.guards[i];
+    std::tie(x.size, x.level, x.return_time, x.unit) = states[i];
   }
 }
 
-// Node, guard, work and impulses of all rows.
-std::vector<std::tuple<long, int, double, Numbers>> impacts(const ContactGuards& c) {
-  std::vector<std::tuple<long, int, double, Numbers>> out;
-  for (const Rebound& x : c.impacts) out.emplace_back(x.node, x.guard, x.work, x.impulses);
+// Node, switches that end the mode, the mode after it, whether there is an impact, its contacts and rows that become
+// active, its work, and impulses of all rows.
+using Found = std::tuple<long, std::vector<int>, Mode, bool, std::vector<int>, std::vector<int>, double, Numbers>;
+
+std::vector<Found> transitions(const Modes& m) {
+  std::vector<Found> out;
+  for (const Transition& x : m.transitions)
+    out.emplace_back(x.node, x.fired, x.mode, x.impact, x.contacts, x.engaged, x.work, x.impulses);
   return out;
 }
 
@@ -44,11 +51,6 @@ std::vector<std::tuple<long, int, double, Numbers>> impacts(const ContactGuards&
 void check_events(const Events& e, const Index2System& s) {
   for (const SignalEvent& event : e.events)
     if (!event.signal.is_valid(s)) reject("a signal does not fit the mechanism");
-}
-
-void check_contacts(const ContactGuards& c, const Index2System& s) {
-  for (const ContactGuard& guard : c.guards)
-    if (guard.row < 0 || guard.row >= s.ng || guard.no_slip >= s.ng) reject("a guard does not fit the mechanism");
 }
 
 void bind_events(nb::module_& m) {
@@ -72,15 +74,13 @@ void bind_events(nb::module_& m) {
         for (const LocatedEvent& f : e.located) out.emplace_back(f.event, f.t, vector(f.y));
         return out;
       });
-  bind_attributes<ContactGuards>(m, "ContactGuards", "Guards of contacts, and impacts at which one of them rebounds.")
+  bind_attributes<Modes>(m, "Modes", "Switches, guards of the mode, and transitions.")
       .def(
-          "set_guards",
-          [](ContactGuards& c, const nb::list& guards) {
-            c.guards = PyReader().read<std::vector<ContactGuard>>(guards);
-          },
-          nb::arg("guards"), "Set the guards: dicts of the row, its sign, whether it is closed, restitution and rest.")
-      .def_prop_rw("states", guard_states, set_guard_states)
-      .def_prop_ro("impacts", impacts);
+          "set_switches",
+          [](Modes& c, const nb::list& switches) { c.switches = PyReader().read<std::vector<Switch>>(switches); },
+          nb::arg("switches"), "Set the switches: dicts of the fields of `Switch`.")
+      .def_prop_rw("states", guard_states, set_guard_states, "Size, level, time of return and unit of each guard.")
+      .def_prop_ro("transitions", transitions);
 }
 
 }  // namespace mbdae

@@ -75,8 +75,8 @@ void run_loop(PyCore& c, Method& method, Run& run) {
     reject("atol has the wrong length");
   if (run.adaptive && !method.errors) reject("the tableau has no error estimate");
   if (!run.continued) run.steps = Steps(), run.taken = run.rejected = 0, run.monitor.suspicious = false;
-  run.needs_python = run.contacts.undecided = false, run.contacts.impacts.clear();
-  check_events(run.events, c.core->system), check_contacts(run.contacts, c.core->system);
+  run.needs_python = run.modes.undecided = false, run.modes.transitions.clear();
+  check_events(run.events, c.core->system), check(run.modes, c.core->system);
   run_unlocked(c, [&] { TimeLoop(method, c.core->system, run).advance(); });
 }
 
@@ -165,6 +165,7 @@ NB_MODULE(_native, m) {
            arg("description"))
       .def_prop_ro("rows", [](const PyCore& c) { return c.core->system.rows.in_use(); })
       .def_prop_ro("rank", [](const PyCore& c) { return c.core->system.rows.rank; })
+      .def_prop_ro("floor", [](const PyCore& c) { return c.core->system.rows.floor; })
       .def("take_record", take_record,
            "Return the counts of work since the last call, in the order of mbdae.system.Counts, the smallest pivot "
            "ratio\n"

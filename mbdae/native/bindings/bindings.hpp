@@ -49,6 +49,5 @@ void bind_structs(nb::module_& m);
 void bind_events(nb::module_& m);
 void bind_run(nb::module_& m);
 void check_events(const Events& events, const Index2System& s);
-void check_contacts(const ContactGuards& contacts, const Index2System& s);
 
 }  // namespace mbdae

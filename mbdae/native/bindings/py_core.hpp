@@ -13,7 +13,7 @@
 
 namespace mbdae {
 
-using Active = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
+using Active = nb::ndarray<std::uint8_t, nb::c_contig, nb::device::cpu>;
 using Directions = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
 
 struct PyCore {

@@ -12,7 +12,7 @@ TimeLoop::TimeLoop(Method& method, Index2System& system, Run& run)
     : method_(method),
       s_(system),
       run_(run),
-      contacts_(system, run.contacts),
+      guards_(system, run.modes),
       size0_(s_.ny),
       size1_(s_.ny),
       z_(s_.nz),
@@ -93,146 +93,6 @@ void TimeLoop::project(double t) {
   next_.carry = s_.carry(F), next_.memory.reset(), restarted_ = true;
 }
 
-// Steps from the start of the step just taken, shorter than it.
-class TimeLoop::ShorterSteps {
- public:
-  ShorterSteps(TimeLoop& loop, double h) : loop_(loop), h_(h), restarted_(loop.restarted_) {}
-
-  Numbers take(double theta) {
-    Run& run = loop_.run_;
-    const double t = run.interval.t;
-    if (!taken()) {
-      end_ = std::move(loop_.next_), loop_.next_ = State();
-      z_ = loop_.z_, size_ = loop_.size1_;
-    }
-    loop_.method_.take(run.adaptive, t, theta * h_, run.state, loop_.next_, loop_.z_.data(), loop_.errors_);
-    if (run.adaptive || run.project) loop_.s_.size(loop_.next_.y.data(), loop_.size1_.data());
-    if (run.project) loop_.project(t + theta * h_);
-    last_ = theta;
-    return loop_.next_.y;
-  }
-
-  void end_at(double theta, Proposal& p) {  // instead of the step just taken
-    if (last_ != theta) take(theta);
-    p.t_next = loop_.run_.interval.t + theta * h_;
-    loop_.run_.grid.undo_step();
-  }
-
-  void discard() {
-    if (taken()) loop_.next_ = std::move(end_), loop_.z_ = z_, loop_.size1_ = size_, loop_.restarted_ = restarted_;
-  }
-
- private:
-  bool taken() const { return !end_.y.empty(); }
-
-  TimeLoop& loop_;
-  const double h_;
-  const bool restarted_;
-  State end_;  // exchanged with that of the loop: arrays keep their addresses
-  Numbers z_, size_;
-  double last_ = 1;  // fraction of the step that was taken last
-};
-
-void TimeLoop::detect_events(Proposal& p) {
-  const double t = run_.interval.t, h = p.t_next - t, least = s_.rows.least_pivot_ratio;
-  const IndependentRows::Freeze freeze(s_.rows);
-  // the input of `update_independent_rows` at the end, to the last bit
-  const bool near = s_.point.is_current(next_.y.data()) && !s_.point.is_exactly_current(next_.y.data());
-  PointValues values(s_, near ? &other_configuration_ : nullptr);
-  ShorterSteps steps(*this, h);
-  auto shorter = [&](double theta) {
-    values.exchange();
-    return steps.take(theta);
-  };
-  const auto carried = [&](const State& x) {  // (v', s', w')
-    return x.carry.empty() ? nullptr : x.carry.data() + (s_.carried() - (s_.ny - s_.nv));
-  };
-  const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), carried(run_.state), carried(next_)};
-  scan_ = mbdae::detect_events(s_, values, run_.events, taken, shorter);
-  if (scan_.stop >= 0) {
-    const bool monitored =
-        run_.monitored && std::sqrt(least) < run_.monitor.monitored_ratio * run_.monitor.largest_ratio;
-    if (monitored || scan_.stop * h == 0) throw FallBackToPython();
-    values.exchange();
-    steps.end_at(scan_.stop, p);
-  } else {
-    steps.discard();
-  }
-}
-
-int TimeLoop::detect_contact(Proposal& p) {
-  const double t = run_.interval.t, least = s_.rows.least_pivot_ratio;
-  const IndependentRows::Freeze freeze(s_.rows);
-  ShorterSteps steps(*this, p.t_next - t);
-  const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), nullptr, nullptr};
-  double theta = 1;
-  const PartialStep shorter = [&](double x) { return steps.take(x); };
-  const double largest = contacts_.check_loads(taken, shorter);
-  if (run_.adaptive && largest < INFINITY)
-    run_.control.h = std::min(run_.control.h, largest), run_.control.uncut_size = 0;
-  const int guard = contacts_.first_root(theta);
-  if (guard < 0) {
-    contacts_.advance(), steps.discard();
-    return guard;
-  }
-  const double end = t + theta * (p.t_next - t);
-  const bool suspicious =
-      run_.monitored && std::sqrt(least) < run_.monitor.suspicious_ratio * run_.monitor.largest_ratio;
-  if (suspicious || !(t < end && end < p.t_next)) throw FallBackToPython();
-  steps.end_at(theta, p);
-  return guard;
-}
-
-void TimeLoop::complete_step(Proposal& p) {
-  const std::vector<int> before = s_.rows.in_use();
-  const long node = static_cast<long>(run_.steps.t.size());
-  run_.contacts.undecided = true;  // unless all of this succeeds
-  try {
-    const int guard = detect_contact(p);
-    const bool changed = s_.update_independent_rows(p.t_next, next_);
-    if (changed) run_.steps.changes.emplace_back(node, s_.rows.in_use());
-    if (guard >= 0) resolve_impact(guard, p.t_next);
-  } catch (const FallBackToPython&) {
-    std::vector<std::pair<long, std::vector<int>>>& changes = run_.steps.changes;
-    if (!changes.empty() && changes.back().first == node) changes.pop_back();
-    if (s_.rows.in_use() != before) s_.use_rows(before, s_.rows.rank, s_.rows.floor, s_.rows.frozen);
-    throw;
-  }
-  run_.contacts.undecided = false;
-}
-
-void TimeLoop::resolve_impact(int guard, double t) {
-  const IndependentRows::Freeze freeze(s_.rows);
-  after_ = State(), after_.y = next_.y, F_.resize(s_.ny), z_after_.resize(s_.nz);
-  Rebound impact = contacts_.rebound(guard, t, after_.y.data());
-  if (run_.project) project_state(s_, t, after_.y.data());
-  s_.update_independent_rows(t, after_);
-  s_.derivative(t, after_.y.data(), F_.data(), z_after_.data());
-  contacts_.require_loads(after_.y.data(), F_.data(), z_after_.data());
-  after_.carry = s_.carry(F_);
-  impact_ = std::move(impact);
-}
-
-void TimeLoop::begin_interval(const Numbers& z) {
-  z_ = z;
-  run_.steps.after_jumps.push_back(static_cast<long>(run_.steps.t.size()));
-  record();
-  run_.monitor.last_ratio = INFINITY;
-  if (run_.adaptive || run_.project) s_.size(run_.state.y.data(), size0_.data());
-}
-
-void TimeLoop::apply_impact() {
-  if (impact_.guard < 0) return;
-  impact_.node = static_cast<long>(run_.steps.t.size());
-  run_.steps.changes.emplace_back(impact_.node, s_.rows.in_use());
-  run_.contacts.guards[impact_.guard].last_impact = run_.interval.t;
-  std::swap(run_.state, after_);
-  begin_interval(z_after_);
-  contacts_.track(run_.interval.t, run_.state.y.data(), F_.data(), z_.data());
-  run_.contacts.impacts.push_back(std::move(impact_));
-  impact_ = Rebound();
-}
-
 void TimeLoop::record() {
   Steps& steps = run_.steps;
   if (static_cast<long>(steps.t.size()) < run_.max_carries) {
@@ -244,30 +104,6 @@ void TimeLoop::record() {
   steps.y.insert(steps.y.end(), run_.state.y.begin(), run_.state.y.end());
   steps.z.insert(steps.z.end(), z_.begin(), z_.end());
   steps.least_pivot_ratio.push_back(s_.rows.least_pivot_ratio);
-}
-
-bool TimeLoop::apply_jump() {
-  const double t = run_.jumps.restart;
-  Jumps jumps = run_.jumps;
-  SmoothInterval interval = run_.interval;
-  State& next = next_;
-  next = State(), next.y = run_.state.y;
-  Numbers F(s_.ny), z(s_.nz);
-  const long node = static_cast<long>(run_.steps.t.size());
-  try {
-    if (!jumps.next_interval(s_.samplers, t, interval)) return false;
-    s_.apply_jumps(t, next.y.data());
-    if (s_.update_independent_rows(t, next)) run_.steps.changes.emplace_back(node, s_.rows.in_use());
-    s_.derivative(t, next.y.data(), F.data(), z.data());
-  } catch (const FallBackToPython&) {
-    if (!run_.steps.changes.empty() && run_.steps.changes.back().first == node) run_.steps.changes.pop_back();
-    s_.point.invalidate();
-    return false;
-  }
-  next.carry = s_.carry(F);
-  std::swap(run_.state, next), run_.interval = interval, run_.jumps.restart = jumps.restart;
-  begin_interval(z);
-  return true;
 }
 
 bool TimeLoop::attempt() {
@@ -290,8 +126,8 @@ bool TimeLoop::attempt() {
       return true;
     }
     if (run_.project) project(p.t_next);
-    if (contacts_.checks_steps()) {
-      complete_step(p);
+    if (guards_.checks_steps()) {
+      if (!complete_step(p)) return true;
     } else {
       if (!run_.events.events.empty()) detect_events(p);
       if (s_.update_independent_rows(p.t_next, next_))
@@ -337,13 +173,15 @@ void TimeLoop::advance() {
     if (run_.monitored) {
       const double before = monitor.last_ratio, here = std::sqrt(s_.rows.least_pivot_ratio);
       monitor.last_ratio = here, monitor.largest_ratio = std::max(monitor.largest_ratio, here);
-      const double low = std::min(before, here), high = std::max(before, here);
-      monitor.suspicious |= here < monitor.monitored_ratio * monitor.largest_ratio ||
+      const double low = std::min(before, here), high = std::isinf(before) ? here : std::max(before, here);
+      const bool falls =
+          monitor.entered || (std::isfinite(before) && monitor.steps_ahead * (before - here) > here);
+      monitor.suspicious |= (here < monitor.monitored_ratio * monitor.largest_ratio && falls) ||
+                            low < monitor.small_ratio * monitor.largest_ratio ||
                             (low < monitor.suspicious_ratio * monitor.largest_ratio && low < monitor.notch_ratio * high);
-      const bool falls = monitor.entered || monitor.steps_ahead * (before - here) > here;
       leave = run_.adaptive && here < monitor.monitored_ratio * monitor.largest_ratio && falls;
     }
-    apply_impact();
+    apply_transition();
     if (leave) return;
     if (!(std::chrono::duration<double>(Clock::now() - started).count() <= run_.seconds)) return;
   }

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "steps/collocation.hpp"
-#include "run/contact_guards.hpp"
 #include "run/jumps.hpp"
+#include "run/mode_guards.hpp"
 #include "system/projection.hpp"
 #include "steps/half_explicit_step.hpp"
 #include "run/step_control.hpp"
@@ -18,12 +18,15 @@ struct SingularityMonitor {
   double largest_ratio = 0, last_ratio = 0;                              // the largest so far, and the last
   double suspicious_ratio = 0, singular_ratio = 0, monitored_ratio = 0;  // thresholds: of the largest, or of the last
   double notch_ratio = 0;  // of the larger ratio of neighbouring steps
+  double small_ratio = 0;     // of the largest: minima below may contain a zero
+  double adjacent_ratio = 0;  // of the largest: no fixed step begins there
+  double max_change = 0;      // of the ratio at the start of an interval, over a linear backward step
   double steps_ahead = 0;  // in which a decreasing ratio would vanish: then Python takes over
   bool entered = false;    // it does so already
   bool suspicious = false; // there may be a singular configuration around a recorded step
 
-  FIELDS(largest_ratio, last_ratio, suspicious_ratio, singular_ratio, monitored_ratio, notch_ratio, steps_ahead,
-         entered, suspicious)
+  FIELDS(largest_ratio, last_ratio, suspicious_ratio, singular_ratio, monitored_ratio, notch_ratio, small_ratio, adjacent_ratio,
+         max_change, steps_ahead, entered, suspicious)
 };
 
 // The nodes of n steps and jumps.
@@ -45,7 +48,7 @@ struct Run {
   SingularityMonitor monitor;
   Events events;
   Jumps jumps;
-  ContactGuards contacts;
+  Modes modes;
   bool adaptive = false;      // with step-size control; otherwise on the grid
   bool project = false;       // the ends of steps
   bool monitored = false;     // by the singularity monitor
@@ -61,7 +64,7 @@ struct Run {
   long taken = 0, rejected = 0;
   bool needs_python = false;  // for the next step
 
-  FIELDS(interval, control, grid, monitor, events, jumps, contacts, adaptive, project, monitored, tolerated_move, tiny,
+  FIELDS(interval, control, grid, monitor, events, jumps, modes, adaptive, project, monitored, tolerated_move, tiny,
          max_undone, continued, seconds, max_steps, max_carries, taken, rejected, needs_python)
 };
 
@@ -133,12 +136,14 @@ class TimeLoop {
   bool undoes_step(double h, const Numbers& y, const Numbers& move) const;  // did it undo the step, which led to y?
   class ShorterSteps;
   void detect_events(Proposal& p);  // on the step just taken, which is cut where an event ends the run
-  int detect_contact(Proposal& p);  // the guard of a contact that closes in it, where it is cut; -1: none
-  void complete_step(Proposal& p);           // check contacts, and select the rows of the next step
-  void resolve_impact(int guard, double t);  // at the end of the step
-  void apply_impact();              // the point after it is the next node
+  // The guard that ends the mode in it, where it is cut; -1: none. False if the step does not resolve its loads.
+  bool detect_transition(Proposal& p, int& guard);
+  bool complete_step(Proposal& p);  // check guards, and select the rows of the next step; false if it is too long
+  bool is_near_singular();  // does the point after a transition approach a singular configuration?
+  void resolve_transition(int guard, double t);  // at the end of the step
+  void apply_transition();                       // the point after it is the next node
   bool apply_jump();                // the jump after an interval; false if Python must handle it
-  void begin_interval(const Numbers& z);  // at the current state, after a jump or an impact
+  void begin_interval(const Numbers& z);  // at the current state, after a jump or a transition
   void record();                    // record the state
   bool ends_singular();  // does a fixed step end in a singular configuration although another step is possible?
   double error_norm(const double* e, int errors, double noise) const;
@@ -149,9 +154,10 @@ class TimeLoop {
   State next_;
   bool restarted_ = false;  // its carry was recomputed
   EventScan scan_;          // on the accepted step
-  ContactMonitor contacts_;
-  Rebound impact_;          // at the end of the accepted step, if it has a guard
-  State after_;             // the impact
+  GuardMonitor guards_;
+  Transition transition_;      // at the end of the accepted step
+  bool changes_mode_ = false;  // is there one?
+  State after_;                // it
   Numbers F_, z_after_;     // (ny,), (nz,) y' and lam there
   Numbers errors_;         // (errors, ny)
   Numbers size0_, size1_;  // (ny,) magnitudes at the start and the end of a step

@@ -37,8 +37,7 @@ ExportedMechanism::ExportedMechanism(const std::string& json)
   outputs = part<std::vector<SignalValue>>(document_, "outputs");
   tableau_ = part<Tableau>(document_, "tableau"), complete_tableau(tableau_);
   JsonReader().read_fields(&document_.at("run"), fresh_run_, false);
-  contacts_ = part<ContactData>(document_, "contacts");
-  fresh_run_.contacts.guards = contacts_.guards;
+  modes_ = part<ModeData>(document_, "modes"), fresh_run_.modes.switches = modes_.switches;
   start_ = part<StartData>(document_, "start"), limits_ = part<CoordinateLimits>(document_, "coordinates");
   states_ = part<int>(document_, "states");
   reset();
@@ -50,7 +49,7 @@ void ExportedMechanism::reset() {
   for (const InputData& u : inputs) settings_.push_back({start_.t, u.value, 0});
   wanted_.assign(inputs.size(), NAN), x_.assign(states_, 0.0), rate_ = x_;
   run_ = fresh_run_, run_.interval.t = start_.t, run_.state.y = start_.y, after_impact_ = State();
-  track_guards(contacts_.tracked);
+  set_guards(modes_.guards);
   jumped_ = current_ = derivatives_current_ = false;
 }
 
@@ -88,25 +87,24 @@ void ExportedMechanism::build() {
     reject("as many numbers as friction interfaces");
   s.friction.use(std::move(interfaces), friction_active_.data(), slip_directions_.data());
   s.friction.smallest_slip = part<double>(now, "smallest_slip");
-  if (static_cast<int>(contacts_.off.size()) == s.ng) s.deactivate_rows(contacts_.off, false);
-  for (const ContactGuard& guard : contacts_.guards)
-    if (guard.row < 0 || guard.row >= s.ng || guard.no_slip >= s.ng) reject("a guard does not fit the mechanism");
+  check(run_.modes, s), set_mode(s, run_.modes.switches, run_.modes.mode);
   other_.emplace(s.mechanics, s.constraints, s.counts);
 }
 
-Numbers ExportedMechanism::tracked_guards() const {
+Numbers ExportedMechanism::guards() const {
   Numbers out;
-  for (const ContactGuard& x : run_.contacts.guards)
-    out.insert(out.end(), {x.size, x.level, x.return_time, x.unit, x.last_impact});
+  for (const Guard& x : run_.modes.guards) out.insert(out.end(), {x.size, x.level, x.return_time, x.unit});
   return out;
 }
 
-void ExportedMechanism::track_guards(const Numbers& tracked) {
-  auto& guards = run_.contacts.guards;
-  if (tracked.size() != 5 * guards.size()) reject("the state is not one of this mechanism");
-  const double* at = tracked.data();
-  for (ContactGuard& x : guards)
-    x.size = at[0], x.level = at[1], x.return_time = at[2], x.unit = at[3], x.last_impact = at[4], at += 5;
+void ExportedMechanism::set_guards(const Numbers& guards) {
+  Modes& modes = run_.modes;
+  if (modes.mode.size() != modes.switches.size() || modes.last_impact.size() != modes.switches.size())
+    reject("the state is not one of this mechanism");
+  modes.guards = guards_of(modes.switches, modes.mode);
+  if (guards.size() != 4 * modes.guards.size()) reject("the state is not one of this mechanism");
+  const double* at = guards.data();
+  for (Guard& x : modes.guards) x.size = at[0], x.level = at[1], x.return_time = at[2], x.unit = at[3], at += 4;
 }
 
 void ExportedMechanism::start(double t, bool steps) {
@@ -202,14 +200,15 @@ void ExportedMechanism::advance(double t, const AfterStep& after_step, bool stop
   for (bool stopped = false; time() != t && !stopped;) {
     run_.steps = Steps(), run_.taken = run_.rejected = 0, run_.needs_python = run_.monitor.suspicious = false;
     const double before = time();
-    run_.contacts.impacts.clear(), run_.contacts.undecided = false;
+    Modes& modes = run_.modes;
+    modes.transitions.clear(), modes.undecided = false;
     TimeLoop(method, system(), run_).advance();
-    if (run_.contacts.undecided) fail("a contact that remains closed, opens or slides is not supported:", time());
+    if (modes.undecided) fail("the mode after an event is not unique, or next to a singular configuration,", time());
     if (run_.needs_python || (time() == before && !run_.rejected))
       fail("no step of the method is possible: the mechanism is singular, or not finite,", time());
     if (run_.monitor.suspicious) fail("the mechanism may pass a singular configuration", time());
-    if (stop_at_impacts && !run_.contacts.impacts.empty()) {
-      const size_t length = system().length, node = run_.contacts.impacts.back().node - 1;
+    if (stop_at_impacts && !modes.transitions.empty() && modes.transitions.back().impact) {
+      const size_t length = system().length, node = modes.transitions.back().node - 1;
       after_impact_ = run_.state;
       std::copy_n(&run_.steps.y[node * length], length, y().data());
       stopped = true;
@@ -244,7 +243,8 @@ Numbers ExportedMechanism::state() {
   const auto add = [&](const Numbers& x) { out.push_back(double(x.size())), out.insert(out.end(), x.begin(), x.end()); };
   add(y()), add(run_.state.carry), add(run_.state.low), add(values_), add(wanted_), add(origin_), add(x_);
   add(Numbers(rows.in_use().begin(), rows.in_use().end()));
-  add(slip_directions_), add(tracked_guards());
+  add(slip_directions_), add(Numbers(run_.modes.mode.begin(), run_.modes.mode.end()));
+  add(run_.modes.last_impact), add(guards());
   for (const Setting& u : settings_) add({u.t, u.value, u.rate});
   set_state(out);  // without what the core has found so far
   return out;
@@ -271,7 +271,9 @@ void ExportedMechanism::set_state(const Numbers& state) {
   const bool jumped = next(), by_steps = next();
   const double origin_t = next(), rank = next(), floor = next(), frozen = next();
   run.state.y = list(), run.state.carry = list(), run.state.low = list();
-  const Numbers values = list(), wanted = list(), origin = list(), x = list(), rows = list(), slips = list(), tracked = list();
+  const Numbers values = list(), wanted = list(), origin = list(), x = list(), rows = list(), slips = list(), mode = list();
+  run.modes.mode.assign(mode.begin(), mode.end()), run.modes.last_impact = list();
+  const Numbers guards = list();
   if (run.state.y.size() != start_.y.size() || values.size() != values_.size() || wanted.size() != wanted_.size() ||
       static_cast<int>(x.size()) != states_)
     reject("the state is not one of this mechanism");
@@ -283,10 +285,11 @@ void ExportedMechanism::set_state(const Numbers& state) {
   }
   const bool rebuild = !started() || values != values_;
   values_ = values, wanted_ = wanted, settings_ = std::move(settings), run_ = std::move(run), jumped_ = jumped;
-  track_guards(tracked), after_impact_ = State();
+  set_guards(guards), after_impact_ = State();
   by_steps_ = by_steps, current_ = derivatives_current_ = false;
   if (rebuild) build();
   Index2System& s = system();
+  set_mode(s, run_.modes.switches, run_.modes.mode);
   s.reset(), s.use_rows(std::vector<int>(rows.begin(), rows.end()), static_cast<int>(rank), floor, frozen);
   if (slips.size() == slip_directions_.size()) std::copy(slips.begin(), slips.end(), slip_directions_.begin());
   use_inputs();

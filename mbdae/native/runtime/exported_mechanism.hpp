@@ -93,15 +93,14 @@ class ExportedMechanism {
   struct Setting {
     double t, value, rate;
   };
-  struct ContactData {  // inactive rows, guards, and what is known of these
-    std::vector<bool> off;
-    std::vector<ContactGuard> guards;
-    Numbers tracked;  // (guards, 5) as in TrackedGuard
+  struct ModeData {
+    std::vector<Switch> switches;
+    Numbers guards;  // (guards, 4) size, level, return time and unit at the start
 
-    FIELDS(off, guards, tracked)
+    FIELDS(switches, guards)
   };
-  Numbers tracked_guards() const;
-  void track_guards(const Numbers& tracked);
+  Numbers guards() const;
+  void set_guards(const Numbers& guards);  // of the mode
   void build();
   void use_inputs();
   bool apply_inputs(double t1);  // from now on until t1; whether one jumps
@@ -120,7 +119,7 @@ class ExportedMechanism {
   Tableau tableau_;
   Run run_, fresh_run_;
   State after_impact_;
-  ContactData contacts_;
+  ModeData modes_;
   StartData start_;
   CoordinateLimits limits_;
   Numbers values_, wanted_;  // of parameters; of linear inputs at the end of the next step, nan: unchanged

@@ -12,7 +12,7 @@ namespace mbdae {
 ClosureFriction::ClosureFriction(const Mechanics& m, Constraints& constraints, const IndependentRows& rows)
     : smallest_slip(m.limits.zero_speed), m_(m), constraints_(constraints), rows_(rows) {}
 
-void ClosureFriction::use(std::vector<FrictionInterface> interfaces, const std::uint8_t* active, double* directions) {
+void ClosureFriction::use(std::vector<FrictionInterface> interfaces, std::uint8_t* active, double* directions) {
   interfaces_ = std::move(interfaces), active_ = active, directions_ = directions;
   const size_t k = interfaces_.size();
   e_.assign(k * m_.nv, 0.0), speed_.assign(k, 0.0), factor_ = T_ = speed_;

@@ -30,9 +30,12 @@ class ClosureFriction {
 
   // active (k,): which interfaces slide, directions (k, 2): slip directions of rolling contacts; arrays of Python that
   // outlive this object.
-  void use(std::vector<FrictionInterface> interfaces, const std::uint8_t* active, double* directions);
+  void use(std::vector<FrictionInterface> interfaces, std::uint8_t* active, double* directions);
   explicit operator bool() const;  // does any interface slide?
   double smallest_slip;            // m/s: a slower slip has no direction
+  size_t size() const { return interfaces_.size(); }
+  void set_active(int k, bool on) { active_[k] = on; }
+  double& direction(int k) { return directions_[2 * k]; }  // of the slip along the first no-slip row
 
   // e, e . v and the factors -mu r d at the current kinematics.
   void update_slips(const double* v);
@@ -57,7 +60,7 @@ class ClosureFriction {
   Constraints& constraints_;
   const IndependentRows& rows_;
   std::vector<FrictionInterface> interfaces_;
-  const std::uint8_t* active_ = nullptr;
+  std::uint8_t* active_ = nullptr;
   double* directions_ = nullptr;
   // By rows (k, nv); (d, r) of rows that depend on those in use, and (1 + C C^T)^-1 C
   Numbers e_, C_, P_;

@@ -91,6 +91,8 @@ class Index2System {
   bool others_depend(const double* q, double tolerance);  // at q, on the rows in use; uncounted
   void determine_rows(const double* q, const IndependentRows::FirstRank& first);  // at the start of a run
   bool change_law(int k, const Numbers& a);  // other data for law k, of the same size
+  void set_law_number(int k, int i, double x) { laws_[k].a[i] = x, last_stage.t = NAN; }  // one of its data
+  size_t law_size(int k) const { return k < 0 || k >= static_cast<int>(laws_.size()) ? 0 : laws_[k].a.size(); }
   void set_input(int input, double t, double value, double rate);  // value + rate (t' - t) from now on
   // Inactive rows of the mode, (ng,), and whether joints stick; then the rows in use must be set.
   void deactivate_rows(std::vector<bool> off, bool sticks);

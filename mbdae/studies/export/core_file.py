@@ -8,7 +8,7 @@ import numpy as np
 
 from ...data_types import CoreData, JsonObject
 from ...errors import InputError, NotCompiled
-from ...integrate.events.core_contacts import guards_to_core
+from ...integrate.events.core_modes import modes_to_core
 from ...integrate.events.load_resolution import shortest_step
 from ...integrate.run.run_state import RunState
 from ...integrate.simulator.simulator import Simulator
@@ -18,7 +18,6 @@ from ...mechanism.equations import local_coordinates as chart
 from ...mechanism.formulations.compiled_systems import CompiledSystem
 from ...mechanism.formulations.core_description import core_tolerances, describe, samplers_of
 from ...mechanism.formulations.equation_partials import GAMMA_WIDTH
-from ...mechanism.hybrid.unilateral import Unilateral
 from ...solution.signal_value import SignalValue
 from ...tolerances import CLOSED
 
@@ -38,9 +37,8 @@ def require_exportable(mech: Mechanism, kinds: Sequence[str]) -> None:
     Raises:
         InputError: names it.
     """
-    modes = [s for s in mech.switches if "me" in kinds or not isinstance(s, Unilateral)]
-    where = "for model exchange" if "me" in kinds else "other than contacts"
-    for text, found in ((f"switches {where}", modes), ("resets", mech.resets)):
+    modes = list(mech.switches) if "me" in kinds else []
+    for text, found in (("switches for model exchange", modes), ("resets", mech.resets)):
         if found:
             names = ", ".join(str(getattr(x, "name", x)) for x in found)
             raise InputError(f"{mech.title}: {text} cannot be exported: {names}")
@@ -142,38 +140,37 @@ def run_data(simulator: Simulator, system: CompiledSystem) -> JsonObject:
     }
     rows = list(system.core.rows)
     start = {"t": simulator.t, "y": simulator._y, "rows": rows, "floor": float(system.rank_threshold)}
-    contacts = _contacts(run, core_run)
+    modes = _modes(run, core_run)
     found = {
         "tableau": _fields(run.tableau.compiled(_Recorder()), "Tableau"),
         "run": _attributes(core_run, type(core_run).__module__),
         "coordinates": limits,
         "start": start,
-        "contacts": contacts,
+        "modes": modes,
     }
     return plain_json(found)
 
 
-def _contacts(run: RunState, core_run: Any) -> CoreData:
-    """Return the guards of contacts, and the rows that are inactive in the mode.
+def _modes(run: RunState, core_run: Any) -> CoreData:
+    """Return switches, and the guards of the mode.
 
     Raises:
-        InputError: for contacts that the core does not follow.
+        InputError: for switches that the core does not follow.
     """
     changes = run.mode_changes
     if changes is None:
-        return {"off": [], "guards": [], "tracked": []}
-    system = changes.system
-    if not changes.core_guards:
-        raise InputError(f"{system.mechanism.title}: the core does not follow these contacts: they cannot be exported")
+        return {"switches": [], "guards": []}
+    system, modes, names = changes.system, core_run.modes, ", ".join(s.name for s in changes.switches)
+    if not changes.core_switches:
+        raise InputError(f"{system.mechanism.title}: switches that the core does not follow cannot be exported: {names}")
     if core_run.jumps.times or samplers_of(system.laws):
         raise InputError(
-            f"{system.mechanism.title}: contacts besides jumps of forces and sampled controllers cannot be exported"
+            f"{system.mechanism.title}: switches besides jumps of forces and sampled controllers cannot be exported: {names}"
         )
-    core_run.contacts.in_core = True
-    guards_to_core(core_run.contacts, changes, shortest_step(run))
-    inactive = system.constraints.inactive
-    off = [int(k in inactive) for k in range(system.ng)]
-    return {"off": off, "guards": changes.core_guards, "tracked": np.ravel(core_run.contacts.states)}
+    modes.in_core, modes.unswitched = True, changes.always.tolist()
+    modes.set_switches(changes.core_switches)
+    modes_to_core(modes, changes, shortest_step(run))
+    return {"switches": changes.core_switches, "guards": np.ravel(modes.states)}
 
 
 def _attributes(struct: Any, core: str) -> Any:
@@ -184,7 +181,7 @@ def _attributes(struct: Any, core: str) -> Any:
     return {name: _attributes(x, core) for name, x in found.items() if not callable(x) and name not in DERIVED}
 
 
-DERIVED = ("states", "impacts", "nodes", "row_changes", "after_jumps")  # attributes that are no fields
+DERIVED = ("states", "transitions", "nodes", "row_changes", "after_jumps")  # attributes that are no fields
 
 
 def output_data(mech: Mechanism, name: str, signal: SignalValue) -> CoreData:

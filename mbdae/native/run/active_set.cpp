@@ -1,0 +1,245 @@
+// The mode after an event: which rows carry load, which separate or slip (mbdae/mechanism/hybrid/active_set.py).
+#include <algorithm>
+#include <cmath>
+
+#include "math/vec3.hpp"
+#include "run/mode_transition.hpp"
+
+namespace mbdae {
+
+Transition ModeTransition::resolve(double t, double* y, const std::vector<int>& separated) {
+  Transition out;
+  evaluate(t, y);
+  resolve_impact(y, out);
+  select(y, separated);
+  if (entered_ || mode_ != modes_.mode) enter_mode(s_, modes_.switches, mode_, y, modes_.first_rank(limits_));
+  out.mode = mode_;
+  return out;
+}
+
+bool ModeTransition::is_sliding(const Switch& x) const {
+  return std::fabs(rate_[x.rows[1]]) > modes_.transverse * rest_speed(x.rows[1]);
+}
+
+double ModeTransition::slip_direction(const Switch& x) const {
+  return is_sliding(x) ? std::copysign(1.0, rate_[x.rows[1]]) : s_.friction.direction(x.interface);
+}
+
+std::vector<ModeTransition::Candidate> ModeTransition::candidates(int i) {
+  const Switch& x = modes_.switches[i];
+  const int state = modes_.mode[i];
+  const Multiplier unilateral = x.sign > 0 ? Multiplier{0, INFINITY} : Multiplier{-INFINITY, 0};
+  std::vector<Candidate> out;
+  switch (x.kind) {
+    case Switch::Kind::contact:
+      if (!in_contact(i)) break;
+      out.push_back({x.rows[0], unilateral});
+      for (size_t k = 1; k < x.rows.size(); ++k) {
+        Multiplier m;
+        if (x.frictional()) {
+          if (!(x.sign > 0)) leave_to_python();
+          m.normal = x.rows[0], m.friction = x.friction;
+          if (is_sliding(x)) m.sliding_ratio = -x.friction * slip_direction(x);
+        }
+        out.push_back({x.rows[k], m});
+      }
+      break;
+    case Switch::Kind::ratchet:
+      if (state != active && !in_tooth(x)) break;
+      [[fallthrough]];
+    case Switch::Kind::clutch:
+      out.push_back({x.rows[0], unilateral});
+      break;
+    case Switch::Kind::stiction: {
+      double limit = x.limit;
+      if (state == active) evaluate_forces();
+      if (state == active &&
+          1 - std::fabs(stiction_load(s_, modes_.switches, modes_.mode, i, lam_before_)) < modes_.coincident)
+        limit = std::min(x.friction, (1 - limits_.visible) * limit);
+      out.push_back({x.rows[0], {-limit, limit}});
+      break;
+    }
+    case Switch::Kind::range:
+      break;
+  }
+  return out;
+}
+
+int ModeTransition::next_state(int i, const std::vector<Candidate>& which, bool loaded) {
+  const Switch& x = modes_.switches[i];
+  const int k = x.rows[0];
+  switch (x.kind) {
+    case Switch::Kind::contact: {
+      if (!loaded || !x.frictional()) return loaded ? active : released;
+      double& direction = s_.friction.direction(x.interface);
+      if (is_sliding(x)) {
+        direction = slip_direction(x);
+        return sliding;
+      }
+      const double tangential = lam_[x.rows[1]];
+      if (std::fabs(tangential) < (1 - modes_.at_limit) * x.friction * std::fabs(lam_[k])) return active;
+      direction = tangential > 0 ? -1 : tangential < 0 ? 1 : 0;
+      return sliding;
+    }
+    case Switch::Kind::ratchet: {
+      if (loaded) return active;
+      const double speed = x.sign * rate_[k];
+      if (std::fabs(speed) > rest_speed(k)) return speed > 0 ? released : runs_back;
+      if (!which.empty() || modes_.mode[i] == active) return released;
+      evaluate_forces();
+      return x.sign * (dot(row(k), F_.data() + s_.nv, s_.nv) + gamma_[k]) >= 0 ? released : runs_back;
+    }
+    case Switch::Kind::stiction:
+      if (loaded) return active;
+      return (which.empty() ? y_[s_.nq + x.column] : acceleration_[k]) > 0 ? slips_ahead : slips_back;
+    case Switch::Kind::range:
+      return inside(x) ? active : released;
+    default:
+      return loaded ? active : released;
+  }
+}
+
+// y' and lam in the mode before the event, and gamma of all rows.
+void ModeTransition::evaluate_forces() {
+  if (!F_.empty()) return;
+  const double* y = y_;
+  F_.resize(s_.ny), lam_before_.resize(s_.ng);
+  s_.derivative(t_, y, F_.data(), lam_before_.data());
+  force_rounding_ = limits_.solution_rounding * largest_force(s_, y, F_.data(), lam_before_.data());
+  {
+    const AllRowsActive all(s_.constraints);
+    s_.mechanics.motions(y, y + s_.nq);
+    s_.constraints.bias(s_.mechanics, y, y + s_.nq, s_.constraints.all, gamma_.data());
+    Numbers g_tt(s_.ng, 0.0);
+    s_.constraints.evaluate_g_tt(t_, g_tt.data());
+    for (int k : s_.constraints.all) gamma_[k] += g_tt[k];
+  }
+}
+
+void ModeTransition::select(const double* y, const std::vector<int>& separated) {
+  Candidates remaining;
+  const int n = static_cast<int>(modes_.switches.size());
+  for (int i = 0; i < n; ++i) {
+    std::vector<Candidate> found = candidates(i);
+    if (!found.empty() && std::fabs(rate_[found[0].row]) <= rest_speed(found[0].row)) remaining[i] = std::move(found);
+  }
+  for (int i = 0; i < n; ++i)
+    if (!remaining.count(i)) mode_[i] = next_state(i, {}, false);
+  for (int i : separated)
+    if (remaining.count(i)) separating_.push_back(i);
+  if (!remaining.empty()) evaluate_forces();
+  Candidates found;
+  std::map<int, bool> loaded;
+  for (bool changed = true; changed;) {
+    found = remaining;
+    for (int i : separating_) found.erase(i);
+    if (found.empty() && separating_.empty()) return;
+    solve(y, found);
+    for (int k : s_.constraints.all) largest_ = std::max(largest_, std::fabs(lam_[k]));
+    if ((changed = keep_loaded(remaining))) continue;
+    std::vector<int> others;
+    for (const auto& [i, c] : found) {
+      loaded[i] = is_active(c[0]);
+      if (!loaded[i] && (c.size() > 1 || c[0].multiplier.bounded())) others.push_back(i);
+    }
+    for (int i : others) {
+      remaining.erase(i);
+      mode_[i] = next_state(i, found[i][0].multiplier.bounded() ? found[i] : std::vector<Candidate>(), false);
+    }
+    changed = !others.empty();
+  }
+  for (const auto& [i, c] : found) {
+    if (c.size() == 1 && !c[0].multiplier.bounded() && is_undecided(c[0])) leave_to_python();
+    mode_[i] = next_state(i, c, loaded[i]);
+  }
+  for (int i : separating_) mode_[i] = next_state(i, {}, false);
+}
+
+void ModeTransition::solve(const double* y, const Candidates& found) {
+  const int nv = s_.nv;
+  Mode base(mode_);
+  for (const auto& [i, c] : found) base[i] = released;
+  Numbers F(s_.ny), lam(s_.ng);
+  if (entered_ || base != modes_.mode) enter_mode(s_, modes_.switches, base, y, modes_.first_rank(limits_)), entered_ = true;
+  s_.derivative(t_, y, F.data(), lam.data());
+  acceleration_.resize(s_.ng), lam_.assign(s_.ng, 0.0);
+  for (int k : s_.constraints.all) acceleration_[k] = dot(row(k), F.data() + nv, nv) + gamma_[k];
+  scale_ = acceleration_;
+  for (double& x : scale_) x = std::fabs(x);
+  if (found.empty()) return;
+  std::vector<int> kept(modes_.unswitched);
+  for (size_t i = 0; i < base.size(); ++i) {
+    const std::vector<int>& rows = modes_.switches[i].rows;
+    kept.insert(kept.end(), rows.begin(), rows.begin() + modes_.switches[i].active_rows(base[i]));
+  }
+  const RowSpace space(s_, Z_, kept);
+  std::vector<Candidate> all;
+  std::vector<Multiplier> multipliers;
+  std::vector<Numbers> roots;
+  Numbers c, x, w;
+  for (const auto& [i, rows] : found) {
+    const int first = static_cast<int>(all.size());
+    for (const Candidate& candidate : rows) {
+      Numbers z = root(candidate.row);
+      const double whole = norm(z.data(), nv);
+      space.project_out(z);
+      if (!(norm(z.data(), nv) > limits_.truncation * whole)) {  // its multiplier does not change its acceleration
+        if (!candidate.multiplier.bounded()) leave_to_python();
+        continue;
+      }
+      all.push_back(candidate), multipliers.push_back(candidate.multiplier), roots.push_back(std::move(z));
+      if (multipliers.back().normal >= 0) multipliers.back().normal = first;
+      c.push_back(acceleration_[candidate.row]);
+    }
+  }
+  const size_t m = all.size();
+  Numbers W(m * m), force(nv, 0.0);
+  for (size_t i = 0; i < m; ++i)
+    for (size_t j = 0; j < m; ++j) W[i * m + j] = dot(roots[i].data(), roots[j].data(), nv);
+  Numbers noise(m, limits_.solution_rounding * largest_scaled(acceleration_.data(), limits_.row_scales));
+  for (size_t i = 0; i < m; ++i) noise[i] *= limits_.row_scales[all[i].row];
+  if (!solve_complementarity(W, c, noise, multipliers, limits_, modes_.max_states, x, w)) leave_to_python();
+  for (size_t i = 0; i < m; ++i) {
+    lam_[all[i].row] = x[i];
+    if (all[i].multiplier.bounded())
+      scale_[all[i].row] += W[i * m + i] * (all[i].multiplier.upper - all[i].multiplier.lower);
+    for (int k = 0; k < nv; ++k) force[k] += x[i] * roots[i][k];
+  }
+  for (int k : s_.constraints.all) {
+    Numbers z = root(k);
+    space.project_out(z);
+    acceleration_[k] += dot(z.data(), force.data(), nv);
+  }
+}
+
+bool ModeTransition::keep_loaded(const Candidates& remaining) {
+  const auto found = std::find_if(separating_.begin(), separating_.end(),
+                                  [&](int i) { return approaches(remaining.at(i)[0]); });
+  if (found == separating_.end()) return false;
+  separating_.erase(found);
+  return true;
+}
+
+bool ModeTransition::approaches(const Candidate& c) const {
+  const double inward = std::isfinite(c.multiplier.lower) ? -acceleration_[c.row] : acceleration_[c.row];
+  const double rate = modes_.characteristic_rate;
+  const double largest = rate * rate + largest_scaled(acceleration_.data(), limits_.row_scales);
+  return inward > limits_.zero_speed * largest * limits_.row_scales[c.row];
+}
+
+bool ModeTransition::is_active(const Candidate& c) const {
+  if (c.multiplier.bounded()) return std::fabs(acceleration_[c.row]) <= limits_.zero_speed * scale_[c.row];
+  const double margin = modes_.mode_rounding * largest_;
+  return c.multiplier.lower + margin < lam_[c.row] && lam_[c.row] < c.multiplier.upper - margin;
+}
+
+bool ModeTransition::is_undecided(const Candidate& c) const {
+  const Numbers z = root(c.row);
+  const double size = largest(row(c.row), s_.nv);
+  const double error = force_rounding_ / (size > 0 ? size : 1) * dot(z.data(), z.data(), s_.nv);
+  const double zero = std::max(modes_.mode_rounding * largest_, force_rounding_);
+  return std::fabs(lam_[c.row]) <= zero &&
+         std::fabs(acceleration_[c.row]) <= limits_.zero_speed / limits_.solution_rounding * error;
+}
+
+}  // namespace mbdae

@@ -1,0 +1,204 @@
+// Impacts: Newton's law with Coulomb friction (mbdae/mechanism/hybrid/impact.py, impact_law.py).
+#include <algorithm>
+#include <cmath>
+
+#include "math/vec3.hpp"
+#include "run/mode_transition.hpp"
+
+namespace mbdae {
+
+ModeTransition::ModeTransition(Index2System& s, const Modes& modes)
+    : s_(s), modes_(modes), limits_(s.mechanics.limits), mode_(modes.mode) {
+  const size_t size = static_cast<size_t>(s.ng) * s.nv;
+  G_.assign(size, 0.0), Z_ = G_, g_.assign(s.ng, 0.0), g_t_ = rate_ = gamma_ = g_;
+}
+
+void ModeTransition::evaluate(double t, const double* y) {
+  t_ = t, y_ = y;
+  if (!s_.point.is_current(y)) s_.point.evaluate(y, false);
+  const AllRowsActive all(s_.constraints);
+  s_.mechanics.poses(y);
+  s_.constraints.value(s_.mechanics, y, s_.constraints.all, G_.data(), g_.data());
+  s_.constraints.complete_g(t, g_.data());
+  s_.constraints.evaluate_g_t(t, g_t_.data());
+  for (int k : s_.constraints.all) s_.point.scale_row(k, G_, Z_);
+  update_rates();
+}
+
+void ModeTransition::update_rates() {
+  const double* v = y_ + s_.nq;
+  for (int k : s_.constraints.all) rate_[k] = dot(row(k), v, s_.nv) + g_t_[k];
+  speed_ = modes_.characteristic_rate + largest_scaled(v, limits_.coordinate_scales);
+}
+
+bool ModeTransition::in_contact(int i) const {
+  const Switch& x = modes_.switches[i];
+  return modes_.mode[i] != released || x.sign * g_[x.rows[0]] <= gap_limit(x);
+}
+
+bool ModeTransition::in_tooth(const Switch& x) const {
+  const double position = x.teeth(y_);
+  return std::fabs(position - std::nearbyint(position)) < modes_.coincident;
+}
+
+bool ModeTransition::inside(const Switch& x) const {
+  const double v = y_[s_.nq + x.column];
+  const double ahead = modes_.lookahead * limits_.coordinate_scales[x.column] * ((v > 0) - (v < 0));
+  return x.depth(x.coordinate(y_) + ahead) > 0;
+}
+
+std::vector<ModeTransition::ImpactRow> ModeTransition::impact_rows(int i) const {
+  const Switch& x = modes_.switches[i];
+  std::vector<ImpactRow> out;
+  switch (x.kind) {
+    case Switch::Kind::contact:
+      if (!in_contact(i)) break;
+      out.push_back({i, x.rows[0], x.sign, x.restitution});
+      for (size_t k = 1; k < x.rows.size(); ++k)
+        out.push_back({i, x.rows[k], 0, 0, x.frictional() ? x.friction : NAN});
+      break;
+    case Switch::Kind::ratchet:
+      if (modes_.mode[i] != active && !in_tooth(x)) break;
+      [[fallthrough]];
+    case Switch::Kind::clutch:
+      out.push_back({i, x.rows[0], x.sign});
+      break;
+    case Switch::Kind::range:
+      if (inside(x))
+        for (int k : x.rows) out.push_back({i, k, 0});
+      break;
+    case Switch::Kind::stiction:
+      break;
+  }
+  return out;
+}
+
+bool ModeTransition::resolve_impact(double* y, Transition& out) {
+  const std::vector<double>& scales = limits_.row_scales;
+  const double speed = speed_, rest = modes_.mode_rounding * speed;
+  std::vector<ImpactRow> contacts, separating, frictional;
+  std::vector<int> bilateral(modes_.unswitched), violated, approaching, near;
+  const auto violates = [&](int k) { return std::fabs(rate_[k] / scales[k]) > limits_.evaluation_rounding * speed; };
+  std::copy_if(bilateral.begin(), bilateral.end(), std::back_inserter(violated), violates);
+  const auto recent = [&](int i) { return std::fabs(t_ - modes_.last_impact[i]) < modes_.switches[i].rest; };
+  for (int i = 0; i < static_cast<int>(modes_.switches.size()); ++i) {
+    const std::vector<ImpactRow> rows = impact_rows(i);
+    if (rows.empty()) continue;
+    const double opening = rows[0].sign * rate_[rows[0].row] / scales[rows[0].row];
+    const bool acts = opening <= rest || modes_.mode[i] != released;
+    if (rows[0].sign != 0) near.push_back(i);
+    if (acts && rows[0].sign != 0 && opening < -rest) approaching.push_back(i);
+    for (const ImpactRow& x : rows) {
+      if (x.friction >= 0)
+        frictional.push_back(x);
+      else if (x.sign != 0)
+        (acts ? contacts : separating).push_back(x);
+      else if (acts)
+        bilateral.push_back(x.row);
+      if (acts && rows[0].sign == 0 && violates(x.row)) violated.push_back(x.row);
+    }
+  }
+  if (approaching.empty() && violated.empty()) return false;
+  if (!approaching.empty() && std::all_of(approaching.begin(), approaching.end(), recent)) {  // all come to rest together
+    const auto rests = [&](const ImpactRow& x) {
+      return (recent(x.element) || modes_.mode[x.element] != released) && !modes_.switches[x.element].frictional();
+    };
+    for (const ImpactRow& x : contacts)
+      if (rests(x)) bilateral.push_back(x.row);
+    contacts.erase(std::remove_if(contacts.begin(), contacts.end(), rests), contacts.end());
+  }
+  contacts.insert(contacts.end(), separating.begin(), separating.end());
+  for (ImpactRow& x : contacts)
+    if (recent(x.element)) x.restitution = 0;
+  const Numbers before(rate_);
+  jump(contacts, frictional, bilateral, y, out);
+  double largest = 0;
+  for (int k : violated)
+    if (std::fabs(before[k] / scales[k]) > limits_.visible * speed) out.engaged.push_back(k);
+  out.impact = !approaching.empty() || !out.engaged.empty();
+  const auto impulse = [&](int i) { return modes_.switches[i].sign * out.impulses[modes_.switches[i].rows[0]]; };
+  for (int i : near) largest = std::max(largest, impulse(i));
+  for (int i : near)
+    if (out.impact && impulse(i) > modes_.mode_rounding * largest) out.contacts.push_back(i);
+  update_rates();
+  return true;
+}
+
+void ModeTransition::jump(const std::vector<ImpactRow>& contacts, const std::vector<ImpactRow>& frictional,
+                          const std::vector<int>& bilateral, double* y, Transition& out) {
+  const int nv = s_.nv;
+  const std::vector<double>& scales = limits_.row_scales;
+  const double rest = modes_.mode_rounding * speed_;
+  const RowSpace kept(s_, Z_, bilateral);
+  double* v = y + s_.nq;
+  out.impulses.assign(s_.ng, 0.0);
+  const auto move = [&](Numbers z, double factor) {  // v += factor M^-1/2 z
+    s_.point.solve_root_transposed(z.data());
+    for (int c = 0; c < nv; ++c) v[c] += factor * z[c];
+  };
+  for (int round = 0;; ++round) {
+    update_rates();
+    const auto opening = [&](const ImpactRow& x) { return x.sign * rate_[x.row] / scales[x.row]; };
+    if (round && std::none_of(contacts.begin(), contacts.end(), [&](auto& x) { return opening(x) < -rest; })) break;
+    if (round == modes_.max_impacts) leave_to_python();
+    const Numbers start(v, v + nv), rate(rate_);
+    const Numbers closing = kept.motion(rate_);
+    move(closing, -1);
+    std::vector<ImpactRow> acting;
+    std::vector<Multiplier> multipliers;
+    std::vector<Numbers> roots, whole;
+    Numbers speeds;
+    const auto add = [&](const ImpactRow& x, double sign, double speed, const Multiplier& m) {
+      whole.push_back(root(x.row));
+      for (double& z : whole.back()) z *= sign / scales[x.row];
+      roots.push_back(whole.back()), kept.project_out(roots.back());
+      const double size = norm(roots.back().data(), nv);
+      if (size > limits_.truncation * norm(whole.back().data(), nv)) {
+        acting.push_back(x), speeds.push_back(speed), multipliers.push_back(m);
+        return;
+      }
+      if (speed < 0 || !frictional.empty()) leave_to_python();  // dependent on bilateral rows
+      whole.pop_back(), roots.pop_back();
+    };
+    for (const ImpactRow& x : contacts) {
+      const double before = x.sign * rate[x.row] / scales[x.row];
+      if (!(before <= rest)) continue;
+      double speed = x.sign * (dot(row(x.row), v, nv) + g_t_[x.row]) / scales[x.row];
+      if (before < 0) speed += x.restitution * before;
+      if (speed < 0 && speed >= -rest) speed = 0;
+      add(x, x.sign, speed, {0, INFINITY});
+    }
+    const size_t normals = acting.size();
+    for (const ImpactRow& x : frictional)
+      for (size_t n = 0; n < normals; ++n)
+        if (acting[n].element == x.element && acting[n].sign != 0)
+          add(x, 1, (dot(row(x.row), v, nv) + g_t_[x.row]) / scales[x.row],
+              {-INFINITY, INFINITY, static_cast<int>(n), x.friction});
+    const size_t m = roots.size();
+    Numbers W(m * m), impulses, rates, added(nv, 0.0), taken(nv, 0.0);
+    for (size_t i = 0; i < m; ++i)
+      for (size_t j = 0; j < m; ++j) W[i * m + j] = dot(roots[i].data(), roots[j].data(), nv);
+    const Numbers noise(m, limits_.evaluation_rounding * speed_);
+    if (!solve_complementarity(W, speeds, noise, multipliers, limits_, modes_.max_states, impulses, rates))
+      leave_to_python();
+    for (size_t i = 0; i < m; ++i)
+      for (int c = 0; c < nv; ++c)
+        added[c] += impulses[i] * roots[i][c], taken[c] += impulses[i] * (roots[i][c] - whole[i][c]);
+    move(added, 1);
+    for (int c = 0; c < nv; ++c) taken[c] -= closing[c];
+    Numbers now = kept.multipliers(taken);
+    for (size_t i = 0; i < m; ++i)
+      now[acting[i].row] += (acting[i].sign != 0 ? acting[i].sign : 1) * impulses[i] / scales[acting[i].row];
+    for (int k : s_.constraints.all) {
+      if (now[k] == 0) continue;
+      out.impulses[k] += now[k];
+      out.work += 0.5 * now[k] * (dot(row(k), start.data(), nv) + dot(row(k), v, nv));
+    }
+  }
+  for (int k : bilateral)
+    if (!(std::fabs(rate_[k] / scales[k]) <= limits_.visible * speed_)) leave_to_python();
+  if ((!frictional.empty() && out.work > 0) || !finite(v, nv) || !std::isfinite(out.work)) leave_to_python();
+  y[s_.length - 1] += out.work;
+}
+
+}  // namespace mbdae

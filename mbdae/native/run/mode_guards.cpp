@@ -1,0 +1,252 @@
+#include "run/mode_guards.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "math/vec3.hpp"
+#include "run/row_space.hpp"
+
+namespace mbdae {
+
+std::vector<Guard> guards_of(const std::vector<Switch>& switches, const Mode& mode) {
+  std::vector<Guard> out;
+  for (size_t i = 0; i < switches.size(); ++i) {
+    const Switch& x = switches[i];
+    const int state = mode[i], index = static_cast<int>(i);
+    const auto add = [&](Guard::Kind kind, double sign) { out.push_back({kind, index, sign}); };
+    switch (x.kind) {
+      case Switch::Kind::contact:
+        add(state == released ? Guard::contact : Guard::separation, x.sign);
+        if (x.frictional() && state != released) add(state == active ? Guard::slip : Guard::zero_velocity, 1);
+        break;
+      case Switch::Kind::ratchet:
+        if (state == runs_back) {
+          add(Guard::contact, 1), add(Guard::zero_velocity, -x.sign);
+          break;
+        }
+        [[fallthrough]];
+      case Switch::Kind::clutch:
+        add(state == active ? Guard::separation : Guard::zero_velocity, x.sign);
+        break;
+      case Switch::Kind::stiction:
+        if (state == active) add(Guard::slip, 1);
+        if (state > active) add(Guard::zero_velocity, state == slips_ahead ? 1 : -1);
+        break;
+      case Switch::Kind::range:
+        add(Guard::range_boundary, state == active ? 1 : -1);
+    }
+  }
+  return out;
+}
+
+double largest_force(Index2System& s, const double* y, const double* F, const double* lam) {
+  const int nv = s.nv;
+  const double* a = F + nv;
+  Numbers inertial(nv, 0.0), reaction(nv, 0.0);
+  s.mechanics.inertia(y);
+  for (int k = 0; k < nv; ++k) {
+    const double* M = s.mechanics.M() + static_cast<size_t>(k) * nv;
+    inertial[k] += M[k] * a[k];
+    for (int i : s.mechanics.ancestors[k]) inertial[k] += M[i] * a[i], inertial[i] += M[i] * a[k];
+  }
+  for (int k = 0; k < s.ng; ++k)
+    for (int c : s.constraints.rows[k].columns) reaction[c] += s.point.G[static_cast<size_t>(k) * nv + c] * lam[k];
+  return largest(inertial.data(), nv) + largest(reaction.data(), nv);
+}
+
+double stiction_load(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
+                     const Numbers& lam) {
+  const int nv = s.nv;
+  const double truncation = s.mechanics.limits.truncation;
+  std::vector<const Switch*> sticking;
+  std::vector<bool> others(s.ng, true);
+  for (size_t i = 0; i < switches.size(); ++i)
+    if (switches[i].kind == Switch::Kind::stiction && mode[i] == active)
+      sticking.push_back(&switches[i]), others[switches[i].rows[0]] = false;
+  std::vector<int> rows;
+  for (int k : s.constraints.all)
+    if (others[k] && (s.constraints.off.empty() || !s.constraints.off[k])) rows.push_back(k);
+  const RowSpace space(s, s.point.Z, rows);
+  for (const Switch* x : sticking) rows.push_back(x->rows[0]);
+  if (RowSpace(s, s.point.Z, rows).rank() == space.rank() + sticking.size())
+    return lam[switches[element].rows[0]] / switches[element].limit;
+  Numbers first;
+  double work = 0, limit = 0, size = 0;
+  for (const Switch* x : sticking) {
+    const double* row = &s.point.Z[static_cast<size_t>(x->rows[0]) * nv];
+    Numbers motion(row, row + nv);
+    const double whole = norm(row, nv);
+    space.project_out(motion);
+    if (first.empty()) first = motion, size = norm(first.data(), nv);
+    const double along = dot(motion.data(), first.data(), nv) / (size * size);
+    for (int c = 0; c < nv; ++c) motion[c] -= along * first[c];
+    if (!(std::fabs(along) * size > truncation * whole) || !(norm(motion.data(), nv) <= truncation * whole))
+      throw FallBackToPython();
+    work += along * lam[x->rows[0]], limit += std::fabs(along) * x->limit;
+  }
+  return work / limit;
+}
+
+bool GuardMonitor::has_rate(const Guard& guard) const {
+  return guard.kind == Guard::contact || (guard.kind == Guard::zero_velocity && !of(guard).frictional());
+}
+
+double GuardMonitor::speed(const Point& p) const {
+  return modes_.characteristic_rate + largest_scaled(p.y.data() + s_.nq, s_.mechanics.limits.coordinate_scales);
+}
+
+void GuardMonitor::evaluate(Point& p) {
+  const int nv = s_.nv;
+  const double *q = p.y.data(), *v = q + s_.nq;
+  p.g.assign(s_.ng, 0.0), p.rate = p.acceleration = p.g;
+  if (dynamic_) {
+    if (p.F.empty()) {
+      p.F.resize(s_.ny), p.lam.resize(s_.ng);
+      s_.derivative(p.t, q, p.F.data(), p.lam.data());
+    }
+    p.force = largest_force(s_, q, p.F.data(), p.lam.data());
+  }
+  const AllRowsActive all(s_.constraints);
+  s_.mechanics.poses(q);
+  s_.constraints.value(s_.mechanics, q, rows_, G_.data(), p.g.data());
+  s_.constraints.complete_g(p.t, p.g.data());
+  s_.constraints.evaluate_g_t(p.t, p.rate.data());
+  if (dynamic_) {
+    s_.mechanics.motions(q, v);
+    s_.constraints.evaluate_g_tt(p.t, p.acceleration.data());
+    Numbers gamma(s_.ng);
+    s_.constraints.bias(s_.mechanics, q, v, rows_, gamma.data());
+    for (int k : rows_) p.acceleration[k] += gamma[k];
+  }
+  for (int k : rows_)
+    for (int c : s_.constraints.rows[k].columns) {
+      const double x = G_[static_cast<size_t>(k) * nv + c];
+      p.rate[k] += x * v[c];
+      if (dynamic_) p.acceleration[k] += x * p.F[nv + c];
+    }
+}
+
+const GuardMonitor::Point& GuardMonitor::point(double theta) {
+  for (const Point& p : known_)
+    if (p.theta == theta) return p;
+  Point p{theta, step_->t + theta * (step_->t1 - step_->t)};
+  if (theta == 0 || theta == 1) {
+    const double* y = theta == 0 ? step_->y : step_->y1;
+    p.y.assign(y, y + s_.length);
+  } else {
+    p.y = (*shorter_)(theta);
+  }
+  evaluate(p);
+  known_.push_back(std::move(p));
+  return known_.back();
+}
+
+double GuardMonitor::value(const Guard& guard, const Point& p) {
+  const Switch& x = of(guard);
+  switch (guard.kind) {
+    case Guard::contact:
+      if (x.kind == Switch::Kind::ratchet) return (x.teeth(p.y.data()) - guard.reference) * x.pitch;
+      return guard.sign * p.g[x.rows[0]];
+    case Guard::separation:
+      return guard.sign * p.lam[x.rows[0]];
+    case Guard::slip:
+      if (x.frictional()) return 1 - std::fabs(load(guard, p));
+      if (!s_.point.is_current(p.y.data())) s_.point.evaluate(p.y.data(), false);
+      return 1 - std::fabs(stiction_load(s_, modes_.switches, modes_.mode, guard.element, p.lam));
+    case Guard::zero_velocity:
+      return guard.sign * p.rate[x.rows[x.frictional()]];
+    default:
+      return guard.sign * x.depth(x.coordinate(p.y.data()));
+  }
+}
+
+double GuardMonitor::rate(const Guard& guard, const Point& p) const {
+  const Switch& x = of(guard);
+  if (guard.kind == Guard::contact) return (x.kind == Switch::Kind::ratchet ? x.sign : guard.sign) * p.rate[x.rows[0]];
+  return guard.kind == Guard::zero_velocity && !x.frictional() ? guard.sign * p.acceleration[x.rows[0]] : 0;
+}
+
+double GuardMonitor::load(const Guard& guard, const Point& p) {
+  const Switch& x = of(guard);
+  if (guard.kind == Guard::separation) return guard.sign * p.lam[x.rows[0]];
+  if (!x.frictional()) return p.lam[x.rows[0]] / x.limit;
+  return p.lam[x.rows[1]] / std::max(x.limit * std::fabs(p.lam[x.rows[0]]), s_.mechanics.limits.tiny);
+}
+
+void GuardMonitor::set_reference(Guard& guard, const Point& p) const {
+  const Switch& x = of(guard);
+  const Tolerances& limits = s_.mechanics.limits;
+  if (guard.kind == Guard::contact && x.kind == Switch::Kind::ratchet)
+    guard.reference = std::floor(x.teeth(p.y.data()) + modes_.coincident);
+  if (guard.kind == Guard::zero_velocity && x.frictional()) {
+    const double slip = p.rate[x.rows[1]];
+    const double rest = modes_.mode_rounding * speed(p) * limits.row_scales[x.rows[1]];
+    guard.sign = std::fabs(slip) > modes_.transverse * rest ? std::copysign(1.0, slip) : s_.friction.direction(x.interface);
+  }
+}
+
+double GuardMonitor::unit(const Guard& guard, const Point& p) const {
+  const double scale = s_.mechanics.limits.row_scales[of(guard).rows[0]];
+  if (guard.has_load()) return p.force;
+  return guard.kind == Guard::zero_velocity ? scale * speed(p) : scale;
+}
+
+void GuardMonitor::prepare() {
+  dynamic_ = std::any_of(modes_.guards.begin(), modes_.guards.end(), [&](const Guard& x) {
+    return x.has_load() || (x.kind == Guard::zero_velocity && has_rate(x));
+  });
+  rows_.clear();
+  for (const Guard& x : modes_.guards)
+    for (int k : of(x).rows)
+      if (std::find(rows_.begin(), rows_.end(), k) == rows_.end()) rows_.push_back(k);
+  G_.assign(static_cast<size_t>(s_.ng) * s_.nv, 0.0);
+  if (referenced_) return;
+  referenced_ = true;
+  for (Guard& guard : modes_.guards) set_reference(guard, point(0));
+}
+
+void GuardMonitor::track(double t, const double* y, const Numbers& F, const Numbers& lam) {
+  modes_.guards = guards_of(modes_.switches, modes_.mode);
+  referenced_ = true, prepare();
+  Point p{0, t, Numbers(y, y + s_.length)};
+  p.F = F, p.lam = lam;
+  const bool dynamic = std::exchange(dynamic_, true);  // accelerations predict the ends of flights
+  evaluate(p);
+  dynamic_ = dynamic;
+  for (size_t i = 0; i < modes_.guards.size(); ++i) {
+    Guard& guard = modes_.guards[i];
+    set_reference(guard, p);
+    const double f = value(guard, p), approach = rate(guard, p);
+    guard.unit = unit(guard, p), guard.size = std::fabs(f), guard.return_time = NAN;
+    guard.level = guard.needs_multipliers() ? 0 : std::min(0.0, f);
+    if (guard.kind != Guard::contact || of(guard).kind != Switch::Kind::contact) continue;
+    const double a = guard.sign * p.acceleration[of(guard).rows[0]];
+    if (f <= rounding(static_cast<int>(i)) && approach > 0 && a < 0)
+      guard.return_time = t - modes_.return_factor * 2 * approach / a;
+  }
+}
+
+void GuardMonitor::advance() {
+  for (Guard& guard : modes_.guards) {
+    const double f = value(guard, point(1));
+    guard.size = std::max(guard.size, std::fabs(f));
+    if (f >= 0) guard.level = 0;
+  }
+}
+
+void check(const Modes& m, const Index2System& s) {
+  const auto outside = [](int i, size_t n) { return i < 0 || static_cast<size_t>(i) >= n; };
+  for (const Switch& x : m.switches) {
+    bool wrong = x.rows.empty() || x.positions.size() != x.factors.size() || x.column >= s.nv;
+    for (int k : x.rows) wrong |= outside(k, s.ng);
+    for (int k : x.positions) wrong |= outside(k, s.nq);
+    wrong |= x.frictional() && (outside(x.interface, s.friction.size()) || x.rows.size() != 2);
+    wrong |= x.kind == Switch::Kind::stiction && outside(x.column, s.law_size(x.law));
+    wrong |= x.kind == Switch::Kind::range && (x.windows.empty() || x.column < 0);
+    if (wrong) reject("a switch does not fit the mechanism");
+  }
+  for (int k : m.unswitched)
+    if (outside(k, s.ng)) reject("a row does not fit the mechanism");
+}
+
+}  // namespace mbdae

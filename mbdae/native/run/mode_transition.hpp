@@ -1,0 +1,81 @@
+// Impact at a point, and the mode after it (mbdae/mechanism/hybrid/impact.py, impact_law.py, active_set.py).
+#pragma once
+
+#include <map>
+
+#include "run/complementarity.hpp"
+#include "run/mode_guards.hpp"
+#include "run/row_space.hpp"
+
+namespace mbdae {
+
+// At an event of a run. FallBackToPython where its problems have no or several solutions, or are rare.
+class ModeTransition {
+ public:
+  ModeTransition(Index2System& s, const Modes& modes);
+
+  // At y (length,), where `s.point` is current, after these switches have separated: y becomes the point after an impact,
+  // and the workspace enters the next mode.
+  Transition resolve(double t, double* y, const std::vector<int>& separated);
+
+ private:
+  // A row that takes part in an impact.
+  struct ImpactRow {
+    int element, row;
+    double sign;  // of the opening speed; 0: bilateral, or tangential
+    double restitution = 0;
+    double friction = NAN;  // of a tangential row
+  };
+  struct Candidate {
+    int row;
+    Multiplier multiplier;
+  };
+  using Candidates = std::map<int, std::vector<Candidate>>;  // by switch
+
+  // Motion at the point.
+  void evaluate(double t, const double* y);  // rows of any mode, and their rates
+  void update_rates();                       // G v + g_t for other velocities
+  double rest_speed(int row) const { return modes_.mode_rounding * speed_ * limits_.row_scales[row]; }
+  const double* row(int k) const { return &G_[static_cast<size_t>(k) * s_.nv]; }
+  Numbers root(int k) const { return Numbers(&Z_[static_cast<size_t>(k) * s_.nv], &Z_[static_cast<size_t>(k + 1) * s_.nv]); }
+  double gap_limit(const Switch& x) const { return limits_.solution_rounding * limits_.row_scales[x.rows[0]]; }
+  bool in_contact(int i) const;
+  bool in_tooth(const Switch& x) const;
+  bool inside(const Switch& x) const;  // the range, a little ahead
+  bool is_sliding(const Switch& x) const;
+  double slip_direction(const Switch& x) const;
+
+  // Impact.
+  std::vector<ImpactRow> impact_rows(int i) const;
+  bool resolve_impact(double* y, Transition& out);
+  void jump(const std::vector<ImpactRow>& contacts, const std::vector<ImpactRow>& frictional,
+            const std::vector<int>& bilateral, double* y, Transition& out);
+
+  // Mode after the impact.
+  void evaluate_forces();
+  void select(const double* y, const std::vector<int>& separated);
+  std::vector<Candidate> candidates(int i);
+  int next_state(int i, const std::vector<Candidate>& which, bool loaded);
+  void solve(const double* y, const Candidates& found);
+  bool keep_loaded(const Candidates& remaining);
+  bool approaches(const Candidate& c) const;
+  bool is_active(const Candidate& c) const;
+  bool is_undecided(const Candidate& c) const;
+  [[noreturn]] void leave_to_python() const { throw FallBackToPython(); }
+
+  Index2System& s_;
+  const Modes& modes_;
+  const Tolerances& limits_;
+  Numbers G_, Z_, g_, g_t_, rate_, gamma_;  // (ng, nv) twice, (ng,) of all rows
+  double t_ = 0, speed_ = 0;                // the largest speed, and the characteristic rate
+  const double* y_ = nullptr;
+  Mode mode_;
+  bool entered_ = false;               // is the workspace in another mode than that of the run?
+  std::vector<int> separating_;
+  Numbers F_, lam_before_;             // (ny,), (ng,) y' and lam in the mode before
+  double force_rounding_ = 0;          // of multipliers
+  Numbers lam_, acceleration_, scale_;  // (ng,) of the candidates, see `_ActiveSet` in Python
+  double largest_ = 0;                  // multiplier
+};
+
+}  // namespace mbdae

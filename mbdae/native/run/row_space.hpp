@@ -1,0 +1,28 @@
+// The space of some rows of G M^-1/2, and the shortest motions that change their rates.
+#pragma once
+
+#include "system/index2.hpp"
+
+namespace mbdae {
+
+class RowSpace {
+ public:
+  // Z (ng, nv): rows of G M^-1/2, of which `rows` may be dependent.
+  RowSpace(const Index2System& s, const Numbers& Z, const std::vector<int>& rows);
+
+  size_t rank() const { return pivots_.size(); }
+  void project_out(Numbers& x) const;  // x (nv,): its part orthogonal to the rows
+  Numbers motion(const Numbers& rates) const;  // the shortest x with these rates (ng,) of the rows, which are consistent
+  // Coefficients (ng,) of the rows that add up to x, of minimum norm in characteristic lengths.
+  Numbers multipliers(const Numbers& x) const;
+
+ private:
+  const Index2System& s_;
+  const Numbers& Z_;
+  const std::vector<int> rows_;
+  std::vector<int> pivots_;       // independent rows
+  std::vector<Numbers> basis_;    // orthonormal, (nv,) each
+  std::vector<Numbers> factors_;  // of the pivots by this basis
+};
+
+}  // namespace mbdae

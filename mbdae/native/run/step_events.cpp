@@ -1,0 +1,179 @@
+// Events of steps: signals, changes of the mode, impacts, jumps.
+#include <algorithm>
+#include <cmath>
+
+#include "run/mode_transition.hpp"
+#include "run/shorter_steps.hpp"
+
+namespace mbdae {
+
+void TimeLoop::detect_events(Proposal& p) {
+  const double t = run_.interval.t, h = p.t_next - t, least = s_.rows.least_pivot_ratio;
+  const IndependentRows::Freeze freeze(s_.rows);
+  // the input of `update_independent_rows` at the end, to the last bit
+  const bool near = s_.point.is_current(next_.y.data()) && !s_.point.is_exactly_current(next_.y.data());
+  PointValues values(s_, near ? &other_configuration_ : nullptr);
+  ShorterSteps steps(*this, h);
+  auto shorter = [&](double theta) {
+    values.exchange();
+    return steps.take(theta);
+  };
+  const auto carried = [&](const State& x) {  // (v', s', w')
+    return x.carry.empty() ? nullptr : x.carry.data() + (s_.carried() - (s_.ny - s_.nv));
+  };
+  const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), carried(run_.state), carried(next_)};
+  scan_ = mbdae::detect_events(s_, values, run_.events, taken, shorter);
+  if (scan_.stop >= 0) {
+    const bool monitored =
+        run_.monitored && std::sqrt(least) < run_.monitor.monitored_ratio * run_.monitor.largest_ratio;
+    if (monitored || scan_.stop * h == 0) throw FallBackToPython();
+    values.exchange();
+    steps.end_at(scan_.stop, p);
+  } else {
+    steps.discard();
+  }
+}
+
+bool TimeLoop::detect_transition(Proposal& p, int& guard) {
+  const double t = run_.interval.t, h = p.t_next - t, least = s_.rows.least_pivot_ratio;
+  const Modes& modes = run_.modes;
+  const IndependentRows::Freeze freeze(s_.rows);
+  ShorterSteps steps(*this, h);
+  const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), nullptr, nullptr};
+  double theta = 1;
+  const PartialStep shorter = [&](double x) { return steps.take(x); };
+  const double unresolved = guards_.begin_step(taken, shorter);
+  if (unresolved > 1 && !run_.adaptive) throw FallBackToPython();
+  if (unresolved > 0 && run_.adaptive) {
+    const double factor = std::max(modes.shrink, modes.safety * std::pow(unresolved, -1.0 / 4));
+    run_.control.h = std::min(run_.control.h, std::max(modes.shortest, h * factor)), run_.control.uncut_size = 0;
+    if (unresolved > 1 && h > 2 * modes.shortest) return false;
+  }
+  guard = guards_.first_root(theta);
+  if (guard < 0) {
+    guards_.advance(), steps.discard();
+    return true;
+  }
+  const double end = t + theta * h, ratio = std::sqrt(least);
+  const SingularityMonitor& monitor = run_.monitor;
+  const double before = (1 - s_.mechanics.limits.search_tolerance) * monitor.last_ratio;
+  const bool low = ratio < before && ratio < monitor.suspicious_ratio * monitor.largest_ratio;
+  const bool suspicious = run_.monitored && low &&
+                          (ratio < monitor.small_ratio * monitor.largest_ratio ||
+                           (std::isfinite(before) && ratio < monitor.notch_ratio * before));
+  if (suspicious || !(t < end && end <= p.t_next && end < run_.interval.stop)) throw FallBackToPython();
+  theta < 1 ? steps.end_at(theta, p) : steps.discard();
+  return true;
+}
+
+bool TimeLoop::complete_step(Proposal& p) {
+  const std::vector<int> before = s_.rows.in_use();
+  const long node = static_cast<long>(run_.steps.t.size());
+  run_.modes.undecided = true;  // unless all of this succeeds
+  int guard = -1;
+  bool resolved;
+  try {
+    resolved = detect_transition(p, guard);
+    if (resolved && s_.update_independent_rows(p.t_next, next_)) run_.steps.changes.emplace_back(node, s_.rows.in_use());
+    if (guard >= 0) resolve_transition(guard, p.t_next);
+  } catch (const FallBackToPython&) {
+    std::vector<std::pair<long, std::vector<int>>>& changes = run_.steps.changes;
+    if (!changes.empty() && changes.back().first == node) changes.pop_back();
+    if (s_.rows.in_use() != before) s_.use_rows(before, s_.rows.rank, s_.rows.floor, s_.rows.frozen);
+    throw;
+  }
+  run_.modes.undecided = false;
+  if (!resolved) ++run_.rejected;
+  return resolved;
+}
+
+// At the start of an interval at after_, see `SingularityMonitor._time_to_singularity` in Python.
+bool TimeLoop::is_near_singular() {
+  const SingularityMonitor& monitor = run_.monitor;
+  const double* y = after_.y.data();
+  if (!run_.monitored || !s_.rows.rank) return false;
+  const double here = s_.pivot_ratio(y, s_.rows.rank);
+  if (!run_.adaptive) return here < monitor.adjacent_ratio * monitor.largest_ratio;
+  if (!(here < monitor.monitored_ratio * monitor.largest_ratio)) return false;
+  double before = INFINITY;
+  Numbers earlier(s_.length);
+  for (double h = run_.control.h; std::fabs(before - here) > monitor.max_change * here;) {
+    Numbers move(F_);
+    h /= 2;
+    for (double& x : move) x *= -h;
+    s_.add(y, move.data(), earlier.data());
+    before = s_.pivot_ratio(earlier.data(), s_.rows.rank);
+  }
+  return here < before;
+}
+
+void TimeLoop::resolve_transition(int guard, double t) {
+  Modes& modes = run_.modes;
+  const ModeSettings settings(s_, modes.switches, modes.mode);
+  const Mode mode = modes.mode;
+  const std::vector<Guard> guards = modes.guards;
+  const Guard& fired = guards[guard];
+  const IndependentRows::Freeze freeze(s_.rows);
+  after_ = State(), after_.y = next_.y, F_.resize(s_.ny), z_after_.resize(s_.nz);
+  const std::vector<int> separated(fired.kind == Guard::separation, fired.element);
+  try {
+    Transition found = ModeTransition(s_, modes).resolve(t, after_.y.data(), separated);
+    if (run_.project) project_state(s_, t, after_.y.data());
+    s_.update_independent_rows(t, after_);
+    s_.derivative(t, after_.y.data(), F_.data(), z_after_.data());
+    after_.carry = s_.carry(F_);
+    if (found.mode != mode && (run_.monitor.suspicious || run_.monitor.entered)) throw FallBackToPython();
+    if (is_near_singular()) throw FallBackToPython();
+    modes.mode = found.mode, guards_.track(t, after_.y.data(), F_, z_after_);
+    found.fired = {fired.element};
+    transition_ = std::move(found), changes_mode_ = true;
+  } catch (const FallBackToPython&) {
+    modes.mode = mode, modes.guards = guards, settings.restore();
+    throw;
+  }
+}
+
+void TimeLoop::begin_interval(const Numbers& z) {
+  z_ = z;
+  run_.steps.after_jumps.push_back(static_cast<long>(run_.steps.t.size()));
+  record();
+  run_.monitor.last_ratio = INFINITY;
+  if (run_.adaptive || run_.project) s_.size(run_.state.y.data(), size0_.data());
+}
+
+void TimeLoop::apply_transition() {
+  if (!changes_mode_) return;
+  changes_mode_ = false;
+  transition_.node = static_cast<long>(run_.steps.t.size());
+  run_.steps.changes.emplace_back(transition_.node, s_.rows.in_use());
+  for (int i : transition_.contacts) run_.modes.last_impact[i] = run_.interval.t;
+  std::swap(run_.state, after_);
+  begin_interval(z_after_);
+  run_.modes.transitions.push_back(std::move(transition_));
+}
+
+bool TimeLoop::apply_jump() {
+  const double t = run_.jumps.restart;
+  Jumps jumps = run_.jumps;
+  SmoothInterval interval = run_.interval;
+  State& next = next_;
+  next = State(), next.y = run_.state.y;
+  Numbers F(s_.ny), z(s_.nz);
+  const long node = static_cast<long>(run_.steps.t.size());
+  try {
+    if (!jumps.next_interval(s_.samplers, t, interval)) return false;
+    s_.apply_jumps(t, next.y.data());
+    if (s_.update_independent_rows(t, next)) run_.steps.changes.emplace_back(node, s_.rows.in_use());
+    s_.derivative(t, next.y.data(), F.data(), z.data());
+  } catch (const FallBackToPython&) {
+    if (!run_.steps.changes.empty() && run_.steps.changes.back().first == node) run_.steps.changes.pop_back();
+    s_.point.invalidate();
+    return false;
+  }
+  next.carry = s_.carry(F);
+  std::swap(run_.state, next), run_.interval = interval, run_.jumps.restart = jumps.restart;
+  begin_interval(z);
+  return true;
+}
+
+}  // namespace mbdae
