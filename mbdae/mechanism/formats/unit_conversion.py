@@ -118,11 +118,8 @@ class Conversion:
         """Return the units of the coordinates of the joints of a table, of their effort and of a closure's slip."""
         if closure := getattr(table, "closure", ""):
             return {"q": "rad" if self.closures.get(closure) in ROTATES else "m"} if isinstance(closure, str) else {}
-        of_all = getattr(table, "joint", None)
-        groups = [of_all if isinstance(of_all, tuple) else (of_all,)] if isinstance(of_all, str | tuple) else []
-        groups = groups or [(name,) for name in getattr(table, "joints", None) or ()]
         out: dict[str, str] = {}
-        for k, names in enumerate(groups):
+        for k, names in enumerate(_joint_groups(table)):
             found = set(self._velocity_units(names))
             if len(found) == 1:
                 out[f"q{k or ''}"] = found.pop()
@@ -134,6 +131,14 @@ class Conversion:
             joint = key[2:]
             if key.startswith("v.") and (not names or any(joint == n or joint.startswith(f"{n}.") for n in names)):
                 yield unit.removesuffix("/s")
+
+
+def _joint_groups(table: Any) -> list[tuple[str, ...]]:
+    """Return the joints that share a number of a table, or each of its joints; an empty group means all joints."""
+    shared = getattr(table, "joint", None)
+    if isinstance(shared, str | tuple):
+        return [shared if isinstance(shared, tuple) else (shared,)]
+    return [(name,) for name in getattr(table, "joints", None) or ()]
 
 
 def _expanded(unit: str, symbols: UnitSymbols) -> set[str]:
