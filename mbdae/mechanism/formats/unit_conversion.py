@@ -82,16 +82,20 @@ class Conversion:
         if isinstance(value, Table):
             inner = {**symbols, "y": unit.texts[0], "x": unit.over} if unit else symbols
             return self.table(value, inner)
-        if isinstance(value, tuple) and unit and value and all(isinstance(x, int | float) for x in value):
-            units = unit.entries(len(value))
-            return tuple(self._number(x, text, symbols) for x, text in zip(value, units, strict=True))
         if isinstance(value, tuple):
-            return tuple(self._value(x, unit, symbols) for x in value)
-        if isinstance(value, dict) and unit:
-            return {name: self._value(x, unit, symbols) for name, x in value.items()}
-        if unit is None or isinstance(value, bool) or not isinstance(value, int | float):
+            return self._list(value, unit, symbols)
+        if unit is None:
             return value
-        return self._number(value, unit.texts[0], symbols)
+        if isinstance(value, dict):
+            return {name: self._value(x, unit, symbols) for name, x in value.items()}
+        return self._number(value, unit.texts[0], symbols) if isinstance(value, int | float) else value
+
+    def _list(self, values: tuple[Any, ...], unit: Unit | None, symbols: UnitSymbols) -> tuple[Any, ...]:
+        """Return the entries of a list: numbers by the units of the entries, lists and tables each."""
+        if unit and all(isinstance(x, int | float) for x in values):
+            units = unit.entries(len(values))
+            return tuple(self._number(x, text, symbols) for x, text in zip(values, units, strict=True))
+        return tuple(self._value(x, unit, symbols) for x in values)
 
     def _number(self, x: float, unit: str, symbols: UnitSymbols) -> float:
         missing = [s for s in _expanded(unit, symbols) if OF_JOINTS.fullmatch(s) and s not in symbols]
@@ -114,11 +118,8 @@ class Conversion:
         """Return the units of the coordinates of the joints of a table, of their effort and of a closure's slip."""
         if closure := getattr(table, "closure", ""):
             return {"q": "rad" if self.closures.get(closure) in ROTATES else "m"} if isinstance(closure, str) else {}
-        of_all = getattr(table, "joint", None)
-        groups = [of_all if isinstance(of_all, tuple) else (of_all,)] if isinstance(of_all, str | tuple) else []
-        groups = groups or [(name,) for name in getattr(table, "joints", None) or ()]
         out: dict[str, str] = {}
-        for k, names in enumerate(groups):
+        for k, names in enumerate(_joint_groups(table)):
             found = set(self._velocity_units(names))
             if len(found) == 1:
                 out[f"q{k or ''}"] = found.pop()
@@ -130,6 +131,14 @@ class Conversion:
             joint = key[2:]
             if key.startswith("v.") and (not names or any(joint == n or joint.startswith(f"{n}.") for n in names)):
                 yield unit.removesuffix("/s")
+
+
+def _joint_groups(table: Any) -> list[tuple[str, ...]]:
+    """Return the joints that share a number of a table, or each of its joints; an empty group means all joints."""
+    shared = getattr(table, "joint", None)
+    if isinstance(shared, str | tuple):
+        return [shared if isinstance(shared, tuple) else (shared,)]
+    return [(name,) for name in getattr(table, "joints", None) or ()]
 
 
 def _expanded(unit: str, symbols: UnitSymbols) -> set[str]:
