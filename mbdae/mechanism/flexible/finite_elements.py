@@ -65,26 +65,29 @@ def read_finite_elements(path: str | Path) -> FiniteElements:
 
 
 def _calculix(path: Path) -> FiniteElements:
-    numbers: list[int] = []
-    points: list[list[float]] = []
-    sets: dict[str, list[int]] = {}
-    for keyword, options, rows in _cards(path):
-        if keyword == "NODE":
-            numbers += [int(row[0]) for row in rows]
-            points += [[float(x) for x in (row[1:4] + ["0"] * 3)[:3]] for row in rows]
-            sets.setdefault(options.get("NSET", ""), []).extend(int(row[0]) for row in rows)
-        elif keyword == "NSET":
-            sets.setdefault(options["NSET"], []).extend(_members(rows, "GENERATE" in options, sets))
+    position, sets = _mesh(path)
     degrees = [line.split(".") for line in path.with_suffix(".dof").read_text().split()]
     at = {number: i for i, number in enumerate(sorted({int(node) for node, _ in degrees}))}
     place = np.array([3 * at[int(node)] + int(direction) - 1 for node, direction in degrees])
     if len(place) != 3 * len(at):
         missing = 3 * len(at) - len(place)
         raise InputError(f"finite elements: {path.stem}.dof: {missing} displacements are held; store a free body")
-    position = dict(zip(numbers, points, strict=True))
     M, K = (_upper(path.with_suffix(suffix), place) for suffix in (".mas", ".sti"))
     named = {name: [at[i] for i in dict.fromkeys(ids) if i in at] for name, ids in sets.items() if name}
     return FiniteElements(np.array([position[number] for number in at]), M, K, named)
+
+
+def _mesh(path: Path) -> tuple[dict[int, list[float]], dict[str, list[int]]]:
+    """Return positions of nodes by number, and the numbers of each set by name."""
+    position: dict[int, list[float]] = {}
+    sets: dict[str, list[int]] = {}
+    for keyword, options, rows in _cards(path):
+        if keyword == "NODE":
+            position |= {int(row[0]): [float(x) for x in (row[1:4] + ["0"] * 3)[:3]] for row in rows}
+            sets.setdefault(options.get("NSET", ""), []).extend(int(row[0]) for row in rows)
+        elif keyword == "NSET":
+            sets.setdefault(options["NSET"], []).extend(_members(rows, "GENERATE" in options, sets))
+    return position, sets
 
 
 def _cards(path: Path) -> Iterator[tuple[str, dict[str, str], list[list[str]]]]:

@@ -203,21 +203,9 @@ class ModalBody:
         Raises:
             InputError: for wrong shapes, negative masses, or negative stiffness.
         """
-        r, P, K = (np.asarray(x, float) for x in (r, Phi, stiffness))
-        m = masses if hasattr(masses, "tocsr") else np.asarray(masses, float)  # sparse
-        n, k = m.shape[0], len(K)
-        for name, x, shape in (("points", r, (n, 3)), ("modes", P, (n, 3, k)), ("stiffness", K, (k,))):
-            if x.shape != shape or not np.isfinite(x).all():
-                raise InputError(f"flexible body: {name} need finite numbers of shape {shape}, got {x.shape}")
-        own = m if m.ndim == 1 else m.diagonal()
-        if not (own >= 0).all() or not m.sum() > 0:
-            raise InputError(f"flexible body: masses are not negative and not all zero, got {own.min():g} kg")
-        mP = _weighted(m, P)
-        Mq = np.einsum("nai,naj->ij", mP, P)
-        if not (K > 0).all() or (k and not np.linalg.eigvalsh(Mq)[0] > PIVOT_RANK * np.diagonal(Mq).max()):
-            raise InputError("flexible body: modes need positive stiffness and independent displacements of masses")
-        sizes = np.sqrt(np.diagonal(Mq))
-        Mq = np.where(np.abs(Mq) > SUM_ROUNDING * np.outer(sizes, sizes), Mq, 0.0)  # of orthogonal modes: diagonal
+        r, m, P, K = _checked_points(r, masses, Phi, stiffness)
+        mP, k = _weighted(m, P), len(K)
+        Mq = _modal_masses(P, mP)
         modes = P.transpose(2, 0, 1)
         cross = np.einsum("abc,nbi,ncj->iaj", _CROSS, P, mP)
         I2 = np.array([2 * _inertia(m, x, y) for x in modes for y in modes]).reshape(k, k, 3, 3)
@@ -245,6 +233,30 @@ class ModalBody:
 
 _CROSS = np.array([pin.skew(e) for e in np.eye(3)]).transpose(1, 0, 2)  # (a x b)_i = sum CROSS_ijk a_j b_k
 _PACKED = ([0, 1, 1, 2, 2, 2], [0, 0, 1, 0, 1, 2])  # xx, xy, yy, xz, yz, zz
+
+
+def _checked_points(r: Array, masses: Any, Phi: Array, stiffness: Array) -> tuple[Array, Any, Array, Array]:
+    r, P, K = (np.asarray(x, float) for x in (r, Phi, stiffness))
+    m = masses if hasattr(masses, "tocsr") else np.asarray(masses, float)  # sparse
+    n, k = m.shape[0], len(K)
+    for name, x, shape in (("points", r, (n, 3)), ("modes", P, (n, 3, k)), ("stiffness", K, (k,))):
+        if x.shape != shape or not np.isfinite(x).all():
+            raise InputError(f"flexible body: {name} need finite numbers of shape {shape}, got {x.shape}")
+    own = m if m.ndim == 1 else m.diagonal()
+    if not (own >= 0).all() or not m.sum() > 0:
+        raise InputError(f"flexible body: masses are not negative and not all zero, got {own.min():g} kg")
+    if not (K > 0).all():
+        raise InputError(f"flexible body: modes need positive stiffness, got {K.min():g} N/m")
+    return r, m, P, K
+
+
+def _modal_masses(P: Array, mP: Array) -> Array:
+    """Return Mq (k, k), diagonal for orthogonal modes."""
+    Mq = np.einsum("nai,naj->ij", mP, P)
+    if len(Mq) and not np.linalg.eigvalsh(Mq)[0] > PIVOT_RANK * np.diagonal(Mq).max():
+        raise InputError("flexible body: modes need independent displacements of masses")
+    sizes = np.sqrt(np.diagonal(Mq))
+    return np.where(np.abs(Mq) > SUM_ROUNDING * np.outer(sizes, sizes), Mq, 0.0)
 
 
 def _weighted(m: Any, x: Array) -> Array:

@@ -87,8 +87,7 @@ def export(
     The file contains the compiled core and the data of the mechanism: it needs neither Python nor a compiler.
 
     Args:
-        mech: a mechanism without clutches, stiction, resets and functions of Python; with contacts, for co-simulation,
-            as long as each impact ends in a rebound.
+        mech: a mechanism without resets and functions of Python; with stops, clutches and stiction for co-simulation.
         path: a file ``.fmu``.
         kind: ``"cs"`` for co-simulation, ``"me"`` for model exchange.
         inputs: names of inputs, see `mbdae.Input`; all of them if omitted.

@@ -127,12 +127,13 @@ class FmuDescription(NamedTuple):
             found |= {"derivative": str(x.derivative)} if x.derivative is not None else {}
             ElementTree.SubElement(parent, "Float64", found)
 
+    def _of(self, causality: str) -> list[Variable]:
+        return [x for x in self.variables if x.causality == causality]
+
     def _structure(self, parent: Element) -> None:
-        states = [x.derivative for x in self.variables if x.derivative is not None]
-        inputs = [x.reference for x in self.variables if x.causality == "input"]
-        outputs = [x for x in self.variables if x.causality == "output"]
-        rates = [x for x in self.variables if x.derivative is not None]
-        given = [*inputs, *(x.reference for x in self.variables if x.causality == "parameter")]
+        inputs, parameters = ([x.reference for x in self._of(kind)] for kind in ("input", "parameter"))
+        outputs, rates = self._of("output"), [x for x in self.variables if x.derivative is not None]
+        states, given = [x.derivative for x in rates if x.derivative is not None], [*inputs, *parameters]
         for x in outputs:
             ElementTree.SubElement(parent, "Output", _dependencies(x, states if x.by_states else [*inputs, *states]))
         for x in rates:

@@ -15,6 +15,7 @@ from mbdae.studies.export import export as module
 from mbdae.studies.export.fmi_units import base_exponents
 
 pytestmark = pytest.mark.native
+COMMANDS = ("export pendulum -o pendulum.fmu --kind cs",)
 
 
 def slider_crank(*forces):
