@@ -162,10 +162,10 @@ def _modes(run: RunState, core_run: Any) -> CoreData:
         return {"switches": [], "guards": []}
     system, modes, names = changes.system, core_run.modes, ", ".join(s.name for s in changes.switches)
     if not changes.core_switches:
-        raise InputError(f"{system.mechanism.title}: the core does not follow all of these, so none is exported: {names}")
+        raise InputError(f"{system.mechanism.title}: the core does not follow all of these switches: {names}")
     if core_run.jumps.times or samplers_of(system.laws):
         raise InputError(
-            f"{system.mechanism.title}: besides jumps of forces and sampled controllers no switches are exported: {names}"
+            f"{system.mechanism.title}: no switches besides jumps of forces and sampled controllers: {names}"
         )
     modes.in_core, modes.unswitched = True, changes.always.tolist()
     modes.set_switches(changes.core_switches)
