@@ -61,7 +61,7 @@ class _ActiveSet:
         self.mode, self.remaining = list(point.system.mode), Candidates()
         for s in self.switches:
             candidates = s.load_candidates(point, self.mode[s.index], SOLUTION_ROUNDING)
-            if candidates and point.is_at_rest(candidates[0].row):
+            if candidates and s.is_at_rest(point, candidates[0].row):
                 self.remaining[s.index] = candidates
         for s in self.switches:
             if s.index not in self.remaining:

@@ -74,6 +74,9 @@ class RollingStiction(Switch):
         """Return whether the contact slides."""
         return bool(np.linalg.norm(point.rate[self.no_slip]) > TRANSVERSE * point.velocity_tolerance(self.no_slip[0]))
 
+    def is_at_rest(self, point: "ModePoint", row: int) -> bool:
+        return not self.slips(point)
+
     def direction(self, point: "ModePoint") -> "Array":
         """Return the direction of the slip, or of the impending slip."""
         if self.slips(point):

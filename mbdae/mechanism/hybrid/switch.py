@@ -155,6 +155,10 @@ class Switch:
         """Return the rows that take part in an impact at a point: contacts closed to within ``tolerance``."""
         return ()
 
+    def is_at_rest(self, point: "ModePoint", row: int) -> bool:
+        """Return whether the velocity of its first candidate row is zero at a point."""
+        return point.is_at_rest(row)
+
     def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
         """Return the rows that may carry load after an event; the first one decides for the others."""
         return ()
