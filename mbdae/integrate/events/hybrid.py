@@ -15,7 +15,7 @@ from ...mechanism.hybrid.impact import Impact, resolve_impact
 from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...mechanism.hybrid.switch import Guard
 from ...mechanism.hybrid.switches import describe_mode, unswitched_rows
-from ...mechanism.hybrid.unilateral import gaps, penetrated
+from ...mechanism.hybrid.unilateral import closed_contacts, penetrated
 from ...system import Array
 from ...tolerances import COINCIDENT, ZERO_SPEED
 from .core_modes import CoreTransition, core_switches
@@ -138,11 +138,6 @@ class ModeChanges(EventSource):
         """Enter the mode of a snapshot; `begin` tracks its guards."""
         self.modes = [(0, mode)]
         self._enter(mode, run)
-
-    def _closed_contacts(self, t: float, y: Array, tolerance: float) -> list[str]:
-        """Return the names of contacts whose gaps at a point are within a tolerance."""
-        scales = self.system.mechanism.row_scales
-        return [s.name for s, gap in gaps(self._point(t, y)) if abs(gap) <= tolerance * scales[s.rows[0]]]
 
     def _resolved_mode(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
         recent = {i for i, when in self.last_impact.items() if abs(at.t - when) < self.switches[i].rest}
@@ -278,7 +273,7 @@ class ModeChanges(EventSource):
         if (
             run.singularity_monitor
             and run.singularity_monitor.is_adjacent(*last)
-            and (contacts := self._closed_contacts(*last, POSITION_ACCURACY))
+            and (contacts := closed_contacts(self._point(*last), POSITION_ACCURACY))
         ):
             names = " and ".join(map(repr, contacts)) + (" closes" if len(contacts) == 1 else " close")
             where = f"within {POSITION_ACCURACY:g} rad or characteristic lengths of a singular configuration"

@@ -89,6 +89,12 @@ def gaps(point: "ModePoint") -> list[tuple[Switch, float]]:
     return [(s, g.value(point)) for s in switches for g in s.guards(OPEN) if g.kind == "contact"]
 
 
+def closed_contacts(point: "ModePoint", tolerance: float) -> list[str]:
+    """Return the names of contacts whose gaps at a point are within a tolerance, of their scales."""
+    scales = point.system.mechanism.row_scales
+    return [s.name for s, gap in gaps(point) if abs(gap) <= tolerance * scales[s.rows[0]]]
+
+
 def penetrated(point: "ModePoint") -> str:
     """Return the first contact with a negative gap, in words; empty without one."""
     mech = point.system.mechanism
