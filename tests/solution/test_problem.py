@@ -16,6 +16,7 @@ TAKEN = {
     "compare": ((0, 0.1),),
     "equilibria": ("crank",),
     "equilibrium": (),
+    "export": ("x.fmu",),
     "info": (),
     "inverse_dynamics": ("motion.csv",),
     "kinematics": ("crank",),

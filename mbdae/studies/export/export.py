@@ -13,11 +13,12 @@ from typing import Any
 
 from ... import backend
 from ...data_types import JsonObject
-from ...errors import InputError, UnknownNameError, require
+from ...errors import InputError, UnknownNameError
 from ...file_io import atomic_write
 from ...integrate.simulator.simulator import Simulator
 from ...mechanism import Mechanism
 from ...mechanism.formulations.compiled_systems import CompiledSystem
+from ...solution.problem import mechanism_of
 from ...solution.provenance import versions
 from ...solution.signal_value import SignalValue, find_point_signal
 from ...solution.signals import units
@@ -103,7 +104,7 @@ def export(
     Example:
         >>> mbdae.export(mbdae.load("slider_crank"), "slider_crank.fmu", step=1e-3)   # doctest: +SKIP
     """
-    require(mech, Mechanism, "export takes a mechanism")
+    mech = mechanism_of(mech, "export")
     kinds, path, runtime = _checked_kinds(kind), _checked_path(path), _runtime()
     require_exportable(mech, kinds)
     simulator = Simulator(mech, record=False, backend="native", **settings)
