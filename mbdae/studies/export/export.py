@@ -71,7 +71,7 @@ class ExportedUnit:
 
 
 def export(
-    mech: Mechanism,
+    mech: Mechanism | str | Path,
     path: str | Path,
     *,
     kind: Sequence[str] = ("cs", "me"),
@@ -193,7 +193,7 @@ def _states(mech: Mechanism, kinds: Sequence[str]) -> int:
 
 
 def _variables(
-    mech: Mechanism,
+    mech: Mechanism | str | Path,
     cells: Mapping[str, Any],
     chosen: Sequence[str],
     effects: Mapping[str, ParameterEffects],
