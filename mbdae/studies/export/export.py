@@ -193,7 +193,7 @@ def _states(mech: Mechanism, kinds: Sequence[str]) -> int:
 
 
 def _variables(
-    mech: Mechanism | str | Path,
+    mech: Mechanism,
     cells: Mapping[str, Any],
     chosen: Sequence[str],
     effects: Mapping[str, ParameterEffects],
