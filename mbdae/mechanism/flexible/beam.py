@@ -41,7 +41,7 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
     damping: float | Sequence[float] = 0.0,
     polar_moment: float = 0.0,
     shear_stiffness: float = 0.0,
-    fibre: Sequence[float] = (0.0, 0.0),
+    fibre: Sequence[float] | None = None,
     stiffening: bool = True,
     loads: Sequence[str] = (),
     nodes: Mapping[str, float] | None = None,
@@ -64,7 +64,8 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
         polar_moment: second moment of area about x in m^4; without it, or shear, a beam has no inertia about its axis.
         shear_stiffness: shear coefficient x shear modulus x area in N, of a beam of Timoshenko with rotary inertia;
             0 for a beam of Euler and Bernoulli, which is rigid against shear.
-        fibre: position (y, z) in the cross-section in m whose strain and stress nodes report.
+        fibre: position (y, z) in the cross-section in m whose strain and stress nodes report; without it those by
+            stretching alone, of axial beams.
         stiffening: whether bending shortens the beam along x, by the integral of v'^2 / 2: tension then stiffens it,
             and compression makes it buckle.
         loads: deflections by the weight, ``"gravity y"``, that modes represent exactly, in addition to normal modes.
@@ -96,7 +97,7 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
     r, masses, Phi = shapes.points(per_length, gyration)
     Phi2 = shapes.shortening_at_points(len(r)) if stiffening else None
     found = {
-        name: _node(shapes, grid.node(x, name), stiffening, young, fibre)
+        name: _node(shapes, grid.node(x, name), stiffening, young, (0.0, 0.0) if fibre is None and axial else fibre)
         for name, x in (nodes or {"A": 0.0, "B": length}).items()
     }
     body = ModalBody.of_points(r, masses, Phi, per_length * length * shapes.squares, damping, found, Phi2)
@@ -137,13 +138,13 @@ def _chosen(directions: Sequence[Direction], modes: int, loads: Sequence[str]) -
     return Shapes.of(directions, columns)
 
 
-def _node(shapes: Shapes, at: tuple[int, float], stiffening: bool, young: float, fibre: Sequence[float]) -> Node:
-    """Return the node at an end of an element; its strain is the mean of both elements there."""
+def _node(shapes: Shapes, at: tuple[int, float], stiffening: bool, young: float, fibre: Sequence[float] | None) -> Node:
+    """Return the node at an end of an element; its strain is the mean of both elements there, none without a fibre."""
     e, s = at
     displacement, rotation, strains = shapes.at(e, s)
     if s == 0 and e > 0:
         strains = (strains + shapes.at(e - 1, 1.0)[2]) / 2
-    strain = strains[0] - fibre[0] * strains[1] - fibre[-1] * strains[2]
+    strain = None if fibre is None else strains[0] - fibre[0] * strains[1] - fibre[-1] * strains[2]
     r = np.array([shapes.grid.x[e] + s * shapes.grid.size, 0.0, 0.0])
     Phi2 = shapes.shortening(e, s) if stiffening else None
     return Node(r, displacement, rotation, Phi2, strain, young)
