@@ -12,6 +12,7 @@ Source of the elements: J. S. Przemieniecki, Theory of Matrix Structural Analysi
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy as np
 from ...errors import InputError, UnknownNameError
 from .beam_modes import DIRECTIONS, ENDS, Direction, Elements, Shapes
 from .modal_body import ModalBody, Node
+from .points import OutlinePoints
 
 PLANES = {"y": "y", "z": "z", "space": "yz"}
 LOADS = tuple(f"gravity {axis}" for axis in DIRECTIONS)
@@ -103,7 +105,8 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
     body = ModalBody.of_points(r, masses, Phi, per_length * length * shapes.squares, damping, found, Phi2)
     if polar_moment:
         body.I0[0, 0] = density * polar_moment * length
-    return body
+    ends_of_elements = [_node(shapes, grid.node(x, ""), stiffening, young, None) for x in grid.x.tolist()]
+    return replace(body, outline=OutlinePoints.along(ends_of_elements))
 
 
 def _moments(second_moment: float | Sequence[float]) -> dict[str, float]:

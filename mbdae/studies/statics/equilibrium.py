@@ -11,6 +11,7 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import UnknownNameError, as_list
 from ...mechanism import Mechanism
+from ...mechanism.flexible.linear_range import beyond_linear
 from ...mechanism.signals.reactions import Reaction, reaction
 from ...mechanism.tree.coordinate_units import coordinate_units, effort_unit
 from ...mechanism.tree.frames import find_joint
@@ -80,6 +81,11 @@ class Equilibrium(Tabular):
         at = Solution(self.mechanism, np.zeros(1), y[None], self.lam[None], "finished", "", {}, {})
         return {name: float(x[0]) for name, x in coordinates(at).items() if name.startswith("q.")}
 
+    @cached_property
+    def warning(self) -> str:
+        """Which flexible body bends beyond the range of linear modes; empty if none does."""
+        return beyond_linear(self.mechanism.model, self.q[None])
+
     def reaction(self, name: str) -> Reaction:
         """Return force and torque of a closure between frames, see `mbdae.Solution.reaction`.
 
@@ -136,6 +142,7 @@ class Equilibrium(Tabular):
             "residual": self.residual,
             "iterations": self.iterations,
             **self.verdict.to_dict(),
+            "warning": self.warning,
         }
 
     def __str__(self) -> str:
@@ -155,7 +162,7 @@ class Equilibrium(Tabular):
                 force, torque = (float(np.linalg.norm(x)) for x in (r.force, r.torque))
                 moment = f", {quantity(torque, 'N m')}" if torque > SOLUTION_ROUNDING else ""
                 lines.append(f"  {c.name} carries {quantity(force, 'N')}{moment}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *([f"  doubtful: {self.warning}"] if self.warning else [])])
 
 
 def _shown(x: float) -> float:
