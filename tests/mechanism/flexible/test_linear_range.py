@@ -59,7 +59,7 @@ def test_a_run_of_a_beam_between_its_ends():
 
 
 def test_points_of_any_body():
-    """Size and deflection by a single mode are those of all points, with a node that does not move; also from a file."""
+    """Size and deflection by a mode are those of all points, with a node that does not move, also from a file."""
     r, m, Phi = flexible_bodies.points()
     still = Node(np.zeros(3), 0 * Phi[0], 0 * Phi[0])
     made = ModalBody.of_points(r, m, Phi, np.ones(Phi.shape[2]), nodes={"A": still})
