@@ -12,6 +12,7 @@ from ...errors import InputError
 from ...mechanism import Mechanism
 from ...mechanism.equilibrium.spectrum import curvature
 from ...mechanism.flexible.linear_range import beyond_linear
+from ...mechanism.signals.deformation import deformation, deformation_units
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...solution.columns import coordinates
 from ...solution.problem import mechanism_of
@@ -69,6 +70,11 @@ class LoadPath(Tabular):
         return {name: x for name, x in found.items() if name.startswith("q.")}
 
     @property
+    def deformation(self) -> dict[str, Array]:
+        """Displacements, strains and stresses of nodes of flexible bodies by names of signals, (n,) each."""
+        return deformation(self.mechanism.model, self.q)
+
+    @property
     def warning(self) -> str:
         """Which flexible body bends beyond the range of linear modes, and from which factor on; empty if none does."""
         if not (words := beyond_linear(self.mechanism.model, self.q)):
@@ -94,8 +100,9 @@ class LoadPath(Tabular):
         return figures.save_if_path(load_deflection(self, coordinate), path)
 
     def tabulated(self) -> Columns:
-        """Return factor, coordinates, numbers of negative eigenvalues, and normal forces along the path."""
-        known, found = coordinate_units(self.mechanism), self.coordinates
+        """Return factor, coordinates, deformation, numbers of negative eigenvalues, and normal forces on the path."""
+        known = coordinate_units(self.mechanism) | deformation_units(self.mechanism.model)
+        found = self.coordinates | self.deformation
         columns = {"factor": self.factor, **found, "unstable": self.unstable}
         columns |= {f"contact.{name}": force for name, force in self.contacts.items()}
         return Columns(columns, {name: known[name] for name in found if name in known})
@@ -109,6 +116,7 @@ class LoadPath(Tabular):
             "potential": self.potential,
             "factor": self.factor.tolist(),
             "coordinates": {name: x.tolist() for name, x in self.coordinates.items()},
+            "deformation": {name: x.tolist() for name, x in self.deformation.items()},
             "unstable": self.unstable.tolist(),
             "contacts": {name: x.tolist() for name, x in self.contacts.items()},
             "critical": [e.to_dict() for e in self.critical],
