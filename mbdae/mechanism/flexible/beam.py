@@ -98,15 +98,12 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
     shapes = _chosen(directions, modes, loads)
     r, masses, Phi = shapes.points(per_length, gyration)
     Phi2 = shapes.shortening_at_points(len(r)) if stiffening else None
-    found = {
-        name: _node(shapes, grid.node(x, name), stiffening, young, (0.0, 0.0) if fibre is None and axial else fibre)
-        for name, x in (nodes or {"A": 0.0, "B": length}).items()
-    }
+    found = _nodes(shapes, nodes or {"A": 0.0, "B": length}, stiffening, young, fibre)
     body = ModalBody.of_points(r, masses, Phi, per_length * length * shapes.squares, damping, found, Phi2)
     if polar_moment:
         body.I0[0, 0] = density * polar_moment * length
-    ends_of_elements = [_node(shapes, grid.node(x, ""), stiffening, young, None) for x in grid.x.tolist()]
-    return replace(body, outline=OutlinePoints.along(ends_of_elements))
+    along = _nodes(shapes, dict(zip(map(str, grid.x), grid.x, strict=True)), stiffening, young, fibre)
+    return replace(body, outline=OutlinePoints.along(list(along.values())))
 
 
 def _moments(second_moment: float | Sequence[float]) -> dict[str, float]:
@@ -139,6 +136,15 @@ def _chosen(directions: Sequence[Direction], modes: int, loads: Sequence[str]) -
         found = squares[:k], U[:, :k]
         columns.append(d.with_weight(*found) if f"gravity {d.axis}" in loads else found)
     return Shapes.of(directions, columns)
+
+
+def _nodes(
+    shapes: Shapes, at: Mapping[str, float], stiffening: bool, young: float, fibre: Sequence[float] | None
+) -> dict[str, Node]:
+    """Return nodes at ends of elements, by their positions in m."""
+    if fibre is None and any(d.axis == "x" for d, _ in shapes.parts):
+        fibre = (0.0, 0.0)
+    return {name: _node(shapes, shapes.grid.node(x, name), stiffening, young, fibre) for name, x in at.items()}
 
 
 def _node(shapes: Shapes, at: tuple[int, float], stiffening: bool, young: float, fibre: Sequence[float] | None) -> Node:
