@@ -14,7 +14,6 @@ import numpy as np
 from ...errors import StepError
 from ...mechanism.equilibrium.elastic_modes import ElasticModes, elastic_modes
 from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.tree.frames import find_joint
 from ...mechanism.tree.tree_terms import flexible_bodies
 from ...methods import RungeKutta
 from ...methods.explicit import ExplicitMethod
@@ -28,8 +27,6 @@ QUOTIENT_WIDTH = 1e-3  # of 1/w: time between the two points of a rate
 MAX_ERROR = 0.05  # of the largest rate of a vibration: a larger error is a vibration that is not resolved
 LIMITING = 0.2  # h w: smaller steps are not those that a vibration needs
 OSCILLATING = 0.3  # damping ratio: with a larger one a vibration ends within a cycle
-MAX_DEFLECTION = 0.1  # of the size of a body: its square is the relative error of a linear deformation
-MAX_ROTATION = 0.3  # rad: sine and angle differ by a fiftieth
 
 
 class Vibrations(NamedTuple):
@@ -70,24 +67,6 @@ def elastic_resolution(sol: Solution, method: Any) -> tuple[str, str]:
         return f"not resolved: {which}, whose vibration {sol.settings['method']} damps or delays: {smaller}", ""
     limits = np.flatnonzero((rates > tolerance) & (h.mean() * w > LIMITING) & (modes.ratios < OSCILLATING))
     return "", "" if fixed or not len(limits) else f"steps limited by {names[limits[-1]]}; damp or drop it"
-
-
-def beyond_linear(sol: Solution) -> str:
-    """Return which flexible body bends beyond the range of linear modes, and by how much; empty if none does."""
-    mech, q = sol.mechanism, sol.nodes[1][:, : sol.mechanism.nq]
-    found = []
-    for body in flexible_bodies(mech.model):
-        modal, first = body.modal, find_joint(mech.model, body.mode_joints[0]).idx_q
-        x, size = q[:, first : first + modal.modes], modal.size
-        moved = {
-            name: [float(np.linalg.norm(x @ by_q.T, axis=1).max()) for by_q in (node.Phi, node.Psi)]
-            for name, node in modal.nodes.items()
-        }
-        deflection, rotation = np.array(list(moved.values())).max(axis=0, initial=0.0)
-        if (deflection > MAX_DEFLECTION * size > 0) or rotation > MAX_ROTATION:
-            amount = f"{deflection:.2g} m of {size:.2g} m, {rotation:.2g} rad"
-            found.append(f"{body.name} bends beyond the range of linear modes, by {amount}")
-    return "; ".join(found)
 
 
 def _vibrations(sol: Solution) -> Vibrations | None:

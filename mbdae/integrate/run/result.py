@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from ...errors import StepError
+from ...mechanism.flexible.linear_range import beyond_linear
 from ...mechanism.formulations.index2 import Index2System
 from ...solution.solution import Solution
 from ...system import Array
-from .elastic_resolution import beyond_linear, elastic_resolution
+from .elastic_resolution import elastic_resolution
 from .run_diagnostics import accuracy_warnings
 from .run_state import CarryRecord, RunState
 
@@ -30,7 +31,8 @@ def make_solution(run: RunState, status: str, message: str, seconds: float) -> S
     out = full if run.options.t_eval is None else _at_times(full, run.options.t_eval, run.sign, found)
     if out.success and isinstance(run.system, Index2System):
         unresolved, limit = elastic_resolution(full, run.tableau)
-        warnings = accuracy_warnings(full, run.system), unresolved, beyond_linear(full)
+        beyond = beyond_linear(run.system.model, full.nodes[1][:, : run.system.nq])
+        warnings = accuracy_warnings(full, run.system), unresolved, beyond
         out.message = "; ".join(filter(None, (out.message, limit)))
         if words := "; ".join(filter(None, warnings)):
             out.status, out.message = "doubtful", words

@@ -12,6 +12,7 @@ Source of the elements: J. S. Przemieniecki, Theory of Matrix Structural Analysi
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy as np
 from ...errors import InputError, UnknownNameError
 from .beam_modes import DIRECTIONS, ENDS, Direction, Elements, Shapes
 from .modal_body import ModalBody, Node
+from .points import OutlinePoints
 
 PLANES = {"y": "y", "z": "z", "space": "yz"}
 LOADS = tuple(f"gravity {axis}" for axis in DIRECTIONS)
@@ -41,7 +43,7 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
     damping: float | Sequence[float] = 0.0,
     polar_moment: float = 0.0,
     shear_stiffness: float = 0.0,
-    fibre: Sequence[float] = (0.0, 0.0),
+    fibre: Sequence[float] | None = None,
     stiffening: bool = True,
     loads: Sequence[str] = (),
     nodes: Mapping[str, float] | None = None,
@@ -64,7 +66,8 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
         polar_moment: second moment of area about x in m^4; without it, or shear, a beam has no inertia about its axis.
         shear_stiffness: shear coefficient x shear modulus x area in N, of a beam of Timoshenko with rotary inertia;
             0 for a beam of Euler and Bernoulli, which is rigid against shear.
-        fibre: position (y, z) in the cross-section in m whose strain and stress nodes report.
+        fibre: position (y, z) in the cross-section in m whose strain and stress nodes report; without it those by
+            stretching alone, of axial beams.
         stiffening: whether bending shortens the beam along x, by the integral of v'^2 / 2: tension then stiffens it,
             and compression makes it buckle.
         loads: deflections by the weight, ``"gravity y"``, that modes represent exactly, in addition to normal modes.
@@ -95,14 +98,12 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
     shapes = _chosen(directions, modes, loads)
     r, masses, Phi = shapes.points(per_length, gyration)
     Phi2 = shapes.shortening_at_points(len(r)) if stiffening else None
-    found = {
-        name: _node(shapes, grid.node(x, name), stiffening, young, fibre)
-        for name, x in (nodes or {"A": 0.0, "B": length}).items()
-    }
+    found = _nodes(shapes, nodes or {"A": 0.0, "B": length}, stiffening, young, fibre)
     body = ModalBody.of_points(r, masses, Phi, per_length * length * shapes.squares, damping, found, Phi2)
     if polar_moment:
         body.I0[0, 0] = density * polar_moment * length
-    return body
+    along = _nodes(shapes, dict(zip(map(str, grid.x), grid.x, strict=True)), stiffening, young, fibre)
+    return replace(body, outline=OutlinePoints.along(list(along.values())))
 
 
 def _moments(second_moment: float | Sequence[float]) -> dict[str, float]:
@@ -137,13 +138,22 @@ def _chosen(directions: Sequence[Direction], modes: int, loads: Sequence[str]) -
     return Shapes.of(directions, columns)
 
 
-def _node(shapes: Shapes, at: tuple[int, float], stiffening: bool, young: float, fibre: Sequence[float]) -> Node:
-    """Return the node at an end of an element; its strain is the mean of both elements there."""
+def _nodes(
+    shapes: Shapes, at: Mapping[str, float], stiffening: bool, young: float, fibre: Sequence[float] | None
+) -> dict[str, Node]:
+    """Return nodes at ends of elements, by their positions in m."""
+    if fibre is None and any(d.axis == "x" for d, _ in shapes.parts):
+        fibre = (0.0, 0.0)
+    return {name: _node(shapes, shapes.grid.node(x, name), stiffening, young, fibre) for name, x in at.items()}
+
+
+def _node(shapes: Shapes, at: tuple[int, float], stiffening: bool, young: float, fibre: Sequence[float] | None) -> Node:
+    """Return the node at an end of an element; its strain is the mean of both elements there, none without a fibre."""
     e, s = at
     displacement, rotation, strains = shapes.at(e, s)
     if s == 0 and e > 0:
         strains = (strains + shapes.at(e - 1, 1.0)[2]) / 2
-    strain = strains[0] - fibre[0] * strains[1] - fibre[-1] * strains[2]
+    strain = None if fibre is None else strains[0] - fibre[0] * strains[1] - fibre[-1] * strains[2]
     r = np.array([shapes.grid.x[e] + s * shapes.grid.size, 0.0, 0.0])
     Phi2 = shapes.shortening(e, s) if stiffening else None
     return Node(r, displacement, rotation, Phi2, strain, young)

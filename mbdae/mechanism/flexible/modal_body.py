@@ -32,29 +32,10 @@ from ...data_types import CoreData
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import PIVOT_RANK, SUM_ROUNDING
+from .points import Node as Node
+from .points import OutlinePoints
 
 SECOND_ORDER = {"C2": "3kk", "H2": "3kkk", "Mq1": "kkk", "Mq2": "kkkk"}
-
-
-@dataclass(frozen=True, eq=False)
-class Node:
-    """A point of a body: r (3,) in m, displacements Phi (3, k) and rotations Psi (3, k) of the modes.
-
-    Phi2 (3, k, k), symmetric in the modes, adds the displacements (sum q_i q_j Phi2_ij)/2; zero if omitted. A strain
-    (k,) of the modes and a modulus in N/m^2 give strain and stress.
-    """
-
-    r: Array
-    Phi: Array
-    Psi: Array
-    Phi2: Array | None = None
-    strain: Array | None = None
-    modulus: float = 0.0
-
-    def displaced(self, q: Array) -> tuple[Array, Array]:
-        """Return the position (3,) in the body, and its derivatives by q, (3, k)."""
-        by_q = self.Phi if self.Phi2 is None else self.Phi + self.Phi2 @ q
-        return self.r + (self.Phi + by_q) @ q / 2, by_q
 
 
 class Deformation(NamedTuple):
@@ -85,6 +66,7 @@ class ModalBody:
         C2, H2, Mq1, Mq2: (3, k, k), (3, k, k, k), (k, k, k), (k, k, k, k), zero if omitted.
         stiffness, damping: of each mode, (k,): forces -stiffness q - damping q'.
         nodes: the nodes by name.
+        outline: further points.
     """
 
     mass: float
@@ -99,6 +81,7 @@ class ModalBody:
     stiffness: Array
     damping: Array
     nodes: Mapping[str, Node] = field(default_factory=dict)
+    outline: OutlinePoints | None = None
     C2: Array | None = None
     H2: Array | None = None
     Mq1: Array | None = None
@@ -116,9 +99,18 @@ class ModalBody:
 
     @property
     def size(self) -> float:
-        """Largest distance of two nodes in m, of the frame's origin, too."""
-        r = np.array([np.zeros(3), *(node.r for node in self.nodes.values())])
+        """Largest distance of two nodes in m, of points of the outline and of the frame's origin, too."""
+        outline = () if self.outline is None else self.outline.r
+        r = np.array([np.zeros(3), *(node.r for node in self.nodes.values()), *outline])
         return float(np.linalg.norm(r[:, None] - r, axis=2).max())
+
+    def largest_motion(self, q: Array) -> tuple[float, float]:
+        """Return the largest deflection in m and rotation in rad of nodes and outline, of first order, at q (m, k)."""
+        moved, turned = [x.Phi for x in self.nodes.values()], [x.Psi for x in self.nodes.values()]
+        if self.outline is not None:
+            moved.extend(self.outline.Phi)
+            turned.extend(() if self.outline.Psi is None else self.outline.Psi)
+        return _largest(q, moved), _largest(q, turned)
 
     def array(self, name: str) -> Array:
         """Return an array; zeros if it is omitted."""
@@ -228,11 +220,17 @@ class ModalBody:
             stiffness=K,
             damping=2 * ratios * np.sqrt(K * np.diagonal(Mq)),
             nodes=dict(nodes or {}),
+            outline=OutlinePoints.of_extremes(r, P),
         )
 
 
 _CROSS = np.array([pin.skew(e) for e in np.eye(3)]).transpose(1, 0, 2)  # (a x b)_i = sum CROSS_ijk a_j b_k
 _PACKED = ([0, 1, 1, 2, 2, 2], [0, 0, 1, 0, 1, 2])  # xx, xy, yy, xz, yz, zz
+
+
+def _largest(q: Array, rows: Sequence[Array]) -> float:
+    """Return the largest length of vectors x q, for some x (3, k) and q (m, k)."""
+    return max((float(np.linalg.norm(q @ x.T, axis=1).max(initial=0.0)) for x in rows), default=0.0)
 
 
 def _checked_points(r: Array, masses: Any, Phi: Array, stiffness: Array) -> tuple[Array, Any, Array, Array]:

@@ -1,8 +1,9 @@
 """Modal bodies as plain numbers: files ``.npz``, and tables of archives.
 
 Arrays as in `ModalBody`: mass, s0 (3,), I0 (3, 3), C, H0 (3, k), Mq (k, k), Hj (k, 3, k), I1 (k, 3, 3),
-I2 (k, k, 3, 3), stiffness, damping (k,), of second order C2, H2, Mq1, Mq2 if given; and of n nodes: names
-(n,), r (n, 3), Phi, Psi (n, 3, k), Phi2 (n, 3, k, k), strain (n, k), modulus (n,).
+I2 (k, k, 3, 3), stiffness, damping (k,), of second order C2, H2, Mq1, Mq2 if given; of n nodes: names
+(n,), r (n, 3), Phi, Psi (n, 3, k), Phi2 (n, 3, k, k), strain (n, k), modulus (n,); and of the outline "outline r"
+(p, 3), "outline Phi", "outline Psi" (p, 3, k), "outline Phi2" (p, 3, k, k).
 """
 
 from collections.abc import Mapping
@@ -16,12 +17,14 @@ from ...errors import InputError
 from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING
 from .modal_body import SECOND_ORDER, ModalBody, Node
+from .points import OutlinePoints
 
 SHAPES = {
     "mass": "", "s0": "3", "I0": "33", "C": "3k", "H0": "3k", "Mq": "kk", "Hj": "k3k", "I1": "k33", "I2": "kk33",
     "stiffness": "k", "damping": "k", "r": "n3", "Phi": "n3k", "Psi": "n3k",
 }  # fmt: skip
-OPTIONAL = {**SECOND_ORDER, "Phi2": "n3kk", "strain": "nk", "modulus": "n"}
+OUTLINE = {"outline r": "p3", "outline Phi": "p3k", "outline Psi": "p3k", "outline Phi2": "p3kk"}
+OPTIONAL = {**SECOND_ORDER, "Phi2": "n3kk", "strain": "nk", "modulus": "n", **OUTLINE}
 
 
 def save_modal_body(body: ModalBody, path: str | Path) -> None:
@@ -58,6 +61,8 @@ def modal_data(body: ModalBody) -> dict[str, Any]:
         if nodes and all(x is not None for x in values):
             out[name] = np.array(values)
     out["names"] = list(body.nodes)
+    if body.outline is not None:
+        out |= {name: getattr(body.outline, name.split()[1]) for name in OUTLINE}
     return {name: np.asarray(x).tolist() for name, x in out.items() if x is not None}
 
 
@@ -73,7 +78,12 @@ def modal_body_from_data(data: Mapping[str, Any], name: str) -> ModalBody:
     """
     _require_known(data, name)
     arrays = {x: _array(data[x], x, name) for x in data if x != "names"}
-    sizes = {"k": np.size(arrays["stiffness"]), "n": len(data["names"]), "3": 3}
+    sizes = {
+        "k": np.size(arrays["stiffness"]),
+        "n": len(data["names"]),
+        "3": 3,
+        "p": len(np.atleast_1d(arrays.get("outline r", ()))),
+    }
     for x, a in arrays.items():
         shape = tuple(sizes[c] for c in {**SHAPES, **OPTIONAL}[x])
         if a.shape != shape:
@@ -85,8 +95,15 @@ def modal_body_from_data(data: Mapping[str, Any], name: str) -> ModalBody:
                    modulus=float(arrays["modulus"][i]) if "modulus" in arrays else 0.0)
         for i, node in enumerate(data["names"])
     }  # fmt: skip
-    rest = {x: a for x, a in arrays.items() if x not in (*of_nodes, "modulus", "mass")}
-    return ModalBody(mass=float(arrays["mass"]), nodes=nodes, **rest)
+    rest = {x: a for x, a in arrays.items() if x not in (*of_nodes, *OUTLINE, "modulus", "mass")}
+    return ModalBody(mass=float(arrays["mass"]), nodes=nodes, outline=_outline(arrays, name), **rest)
+
+
+def _outline(arrays: Mapping[str, Array], name: str) -> OutlinePoints | None:
+    given = {x.split()[1]: arrays[x] for x in OUTLINE if x in arrays}
+    if given and not {"r", "Phi"} <= set(given):
+        raise InputError(f"flexible body {name!r}: an outline has 'outline r' and 'outline Phi'")
+    return OutlinePoints(**given) if given else None
 
 
 def _require_known(data: Mapping[str, Any], name: str) -> None:

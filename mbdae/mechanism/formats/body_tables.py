@@ -76,7 +76,8 @@ class Flexible(Frame):
         second_moment: second moment of area for bending along y, and along z if it differs, in m^4.
         polar_moment: second moment of area about x in m^4; without it, or shear, no inertia about the axis.
         shear_stiffness: shear coefficient x shear modulus x area in N; 0 is rigid against shear.
-        fibre: position (y, z) in the cross-section in m whose strain and stress nodes report.
+        fibre: position (y, z) in the cross-section in m whose strain and stress nodes report; without it those by
+            stretching alone, of axial beams.
         modes: number of normal modes.
         elements: number of elements.
         ends: displacements that the frame holds at the left and at the right end.
@@ -99,7 +100,7 @@ class Flexible(Frame):
     second_moment: Annotated[float | tuple[float, float] | None, Unit("m^4")] = None
     polar_moment: Annotated[float, Unit("m^4")] = Field(default=0.0, ge=0)
     shear_stiffness: Annotated[float, Unit("N")] = Field(default=0.0, ge=0)
-    fibre: Annotated[tuple[float, float], Unit("m")] = (0.0, 0.0)
+    fibre: Annotated[tuple[float, float] | None, Unit("m")] = None
     modes: int = Field(default=4, ge=1)
     elements: int = Field(default=8, ge=1)
     ends: EndCondition = "clamped"

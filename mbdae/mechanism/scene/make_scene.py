@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from . import stick_figure
+from .bent_models import with_rods
 from .flexible_links import flexible_links, hidden_joints
 from .meshes import FILE_FORMATS, Mesh, read_mesh, triangles
 from .outlines import Outline, draw_outlines
@@ -64,7 +65,7 @@ def make_scene(
     anchors: list[tuple[Anchor, ...]] = [_fixed(g) for g in (*visuals, *(g for _, g in parts))]
     anchors += [(mark.first, mark.second) for mark in rods]
     named, rails = tuple(_uniquely_named(shapes)), _rails(model, shapes)
-    return Scene(named, model, tuple(anchors), size.width, closures, tuple(springs), ground, rails)
+    return Scene(named, with_rods(model), tuple(anchors), size.width, closures, tuple(springs), ground, rails)
 
 
 def _visuals_and_ground(visual_model: pin.GeometryModel | None) -> tuple[list[pin.GeometryObject], float | None]:

@@ -14,6 +14,7 @@ import pinocchio as pin
 from ...errors import InputError
 from ..tree.pinocchio_data import make_data
 from ..tree.tree_terms import update_motions
+from .bent_models import enlarged
 from .meshes import Mesh
 
 Anchor = tuple[int, pin.SE3]  # a joint, and a placement fixed in its frame
@@ -112,6 +113,10 @@ class Scene:
     def carriers(self) -> list[tuple[int, ...]]:
         """The joints that carry each shape: one, or two for a shape between two joints."""
         return [tuple(joint for joint, _ in anchors) for anchors in self.anchors]
+
+    def enlarged(self, factor: float | None) -> "Scene":
+        """Return the scene with displacements of flexible bodies multiplied by a factor; the same one without it."""
+        return replace(self, _model=enlarged(self._model, factor))
 
     def placements(self, q: np.ndarray) -> np.ndarray:
         """Return the placements of the shapes in the world.

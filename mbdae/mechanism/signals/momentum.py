@@ -22,7 +22,8 @@ SHAKING = {name: unit
 def momentum(model: pin.Model, q: Array, v: Array) -> dict[str, Array]:
     """Return the centre of mass c, the momentum sum m_k c_k' and the angular momentum about c, in world axes.
 
-    Armature inertias, of rotors without a body, do not contribute.
+    Armature inertias, of rotors without a body, do not contribute, nor do bodies that are fixed to the world, unless
+    they are flexible.
 
     Args:
         model: a model.
@@ -34,12 +35,14 @@ def momentum(model: pin.Model, q: Array, v: Array) -> dict[str, Array]:
     """
     data, out = make_data(model), np.empty((len(q), 9))
     bodies = [(j, Y) for j, Y in enumerate(model.inertias) if j]
-    mass = sum(Y.mass for _, Y in bodies)
+    fixed = [body for body in bound_bodies(data) if not body.joint]  # moving joints carry the others
+    mass = sum(Y.mass for _, Y in bodies) + sum(body.modal.mass for body in fixed)
     for row, configuration, velocity in zip(out, q, v, strict=True):
         update_motions(model, data, configuration, velocity)
         h = _momenta_of_bodies(model, data, configuration, velocity).sum(axis=0)
         moments = [Y.mass * data.oMi[j].act(Y.lever) for j, Y in bodies]
         moments += [body.first_moment(data, configuration) for body in bound_bodies(data)]
+        moments += [body.modal.mass * body.placement.act(body.modal.s0 / body.modal.mass) for body in fixed]
         c = np.sum(moments, axis=0) / (mass or np.nan)
         row[:3], row[3:6], row[6:] = c, h[:3], h[3:] - np.cross(c, h[:3])
     return dict(zip(MOMENTUM, out.T, strict=True))

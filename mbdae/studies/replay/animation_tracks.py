@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError, as_list
+from ...mechanism.scene.bent_models import enlarged
 from ...mechanism.scene.drawables import Drawable, Motion, Track, aligned_quaternions, drawables, motions, primitive
 from ...mechanism.signals.contacts import contact_path, rolling_closures
 from ...mechanism.tree.frames import frame_paths, joint_paths
@@ -66,8 +67,10 @@ def bodies(scene: "Scene", model: Any) -> dict[str, int]:
     return {n: out[n] for n in sorted(out, key=lambda n: -weight[n])}
 
 
-def ghosts(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> list[tuple[str, str, Moving]]:
-    """Return other solutions at the same times (m,): names, colours, and what moves.
+def ghosts(
+    sol: "Solution", scene: "Scene", others: Mapping[str, "Solution"], times: Array
+) -> list[tuple[str, str, Moving]]:
+    """Return other solutions in a scene at the same times (m,): names, colours, and what moves.
 
     Raises:
         InputError: for a solution of another mechanism.
@@ -76,8 +79,8 @@ def ghosts(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> l
     for i, (name, other) in enumerate(others.items()):
         colour = GHOSTS[i % len(GHOSTS)]
         q, inside = _configurations(sol, name, other, times)
-        scene = sol.mechanism.scene.travelled(q[inside])
-        found = zip(drawables(scene), motions(scene, q), strict=True)
+        own = scene.travelled(q[inside])
+        found = zip(drawables(own), motions(own, q), strict=True)
         shown = Track(inside[:, None].astype(float))
         moving = [
             (p._replace(rgba=rgba_of(colour, GHOST_OPACITY), style="ghost"), {**m, "visible": shown})
@@ -121,7 +124,11 @@ def _same_joints(a: "Mechanism", b: "Mechanism") -> bool:
 
 
 def traces(
-    mechanism: "Mechanism", names: str | Sequence[str], configurations: Callable[[Array], Array], times: Array
+    mechanism: "Mechanism",
+    names: str | Sequence[str],
+    configurations: Callable[[Array], Array],
+    times: Array,
+    deformation: float | None = None,
 ) -> list[dict[str, Any]]:
     """Return paths of the origins of frames over times (m,), refined until they are smooth.
 
@@ -130,17 +137,18 @@ def traces(
         names: of frames; ``contact.<closure>`` is a contact point.
         configurations: times (k,) to configurations (k, nq).
         times: equidistant times.
+        deformation: factor on displacements of flexible bodies.
 
     Raises:
         UnknownNameError: for a frame or rolling closure that does not exist.
     """
-    listed = as_list(names, "traces is a list of frames")
+    listed, model = as_list(names, "traces is a list of frames"), enlarged(mechanism.model, deformation)
 
     def paths(q: Array) -> list[Array]:
         return [
             contact_path(mechanism, name.removeprefix(CONTACT_PREFIX), q)
             if name.startswith(CONTACT_PREFIX)
-            else frame_paths(mechanism.model, [name], q)[0]
+            else frame_paths(model, [name], q)[0]
             for name in listed
         ]
 
@@ -207,10 +215,13 @@ def drawn_so_far(path: str, points: Array, times: Array) -> list[dict[str, Any]]
     return [{"path": f"{path}/<object>", "clip": {"fps": 1, "tracks": [track]}}]
 
 
-def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> dict[str, Any]:
+def arrows(
+    sol: "Solution", names: bool | str | Sequence[str], times: Array, deformation: float | None = None
+) -> dict[str, Any]:
     """Return forces in N of closures on the bodies of their second frames, and of joints on their child bodies.
 
-    Values and points of application (m, 3) each; and the largest force.
+    Values and points of application (m, 3) each, with displacements of flexible bodies times a factor; and the largest
+    force.
 
     Raises:
         UnknownNameError: for a name that does not exist.
@@ -229,7 +240,7 @@ def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> 
         {
             "name": r.name + ("" if all(r.unique[:3]) else " (minimum norm)"),
             "colour": ARROW,
-            "points": _application_points(mech, r.name, sample.q),
+            "points": _application_points(mech, r.name, sample.q, deformation),
             "values": r.force_world,
         }
         for r in found
@@ -260,11 +271,11 @@ def drawn_arrows(forces: Mapping[str, Any], extent: float) -> Moving:
     return out
 
 
-def _application_points(mech: "Mechanism", name: str, q: Array) -> Array:
+def _application_points(mech: "Mechanism", name: str, q: Array, deformation: float | None) -> Array:
     """Return the points (m, 3) at which the force of a closure or a joint acts."""
     if name in {c.name for c in rolling_closures(mech)}:
         return contact_path(mech, name, q)
     frames = next((c.frames for c in mech.constraints if c.name == name), None)
     if frames:
-        return frame_paths(mech.model, [frames[1]], q)[0]
+        return frame_paths(enlarged(mech.model, deformation), [frames[1]], q)[0]
     return joint_paths(mech.model, [name], q)[0]

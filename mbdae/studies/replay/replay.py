@@ -10,7 +10,6 @@ import numpy as np
 from ...errors import InputError, UnknownNameError, require
 from ...file_io import atomic_write, write_page
 from ...mechanism.scene.drawables import drawables, motions
-from ...mechanism.scene.flexible_links import enlarged
 from ...mechanism.scene.visible import sampled
 from ..figures import COLOURS
 from . import animation_tracks as tracks
@@ -99,9 +98,8 @@ def animate(
 
         _checked(sol, fps, speed)
         times, q = _frames(sol, 30.0 if fps is None else fps, MAX_FRAMES)
-        q = enlarged(sol.mechanism.model, q, deformation)
         with atomic_write(path) as draft:
-            scene, marks = sol.mechanism.scene.travelled(q), mode_tracks_of(sol, q)
+            scene, marks = sol.mechanism.scene.enlarged(deformation).travelled(q), mode_tracks_of(sol, q)
             draft.write_bytes(glb(scene, times, q, sol.mechanism.title, speed or pace(sol), marks))
         return Path(path)
     shown: dict[str, Any] = {"plots": plots, "signals": signals, "traces": traces, "ghosts": ghosts, "arrows": arrows}
@@ -145,20 +143,20 @@ def page(
     if camera is not None:
         _check_known("camera", camera, CAMERAS)
     times, q = _frames(sol, 60.0 / speed if fps is None else fps / speed, MAX_FRAMES if fps is None else None)
-    q = enlarged(mechanism.model, q, deformation)
-    scene = mechanism.scene.travelled(q)
+    bent = mechanism.scene.enlarged(deformation)
+    scene = bent.travelled(q)
     if follow:
         _check_known("body", follow, list(tracks.bodies(scene, mechanism.model)))
     own, offsets = motions(scene, q), np.abs(times - times[0])
     others = dict(tracks.choices(sol, scene, choices, times))
-    drawn_ghosts = tracks.ghosts(sol, ghosts, times)
+    drawn_ghosts = tracks.ghosts(sol, bent, ghosts, times)
     marks = [] if choices else mode_tracks_of(sol, q)
-    forces = tracks.arrows(sol, arrows, times)
+    forces = tracks.arrows(sol, arrows, times, deformation)
 
     def configurations(at: np.ndarray) -> np.ndarray:
-        return q if at is times else enlarged(mechanism.model, sol(at)[0], deformation)
+        return q if at is times else sol(at)[0]
 
-    paths = tracks.traces(mechanism, traces, configurations, times)
+    paths = tracks.traces(mechanism, traces, configurations, times, deformation)
     extra = Extra(
         [*(moving for _, _, moving in drawn_ghosts), drawn_marks(marks, times, speed, scene.width)],
         paths,

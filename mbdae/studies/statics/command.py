@@ -17,11 +17,15 @@ FACTORS = (
 )
 
 
-@study_command("find", TABLE, shared=f"{STATE} units", exit_code=lambda found: CODES[found.stability])
+def _judged(found: Any) -> int:
+    return UNJUDGED if found.warning else CODES[found.stability]
+
+
+@study_command("find", TABLE, shared=f"{STATE} units", exit_code=_judged)
 def equilibrium(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Find an equilibrium or a steady motion of a model. Also computes its holding forces and its stability.
 
-    Exit code 0 stable, 1 unstable or none found, 3 neutral or undecided.
+    Exit code 0 stable, 1 unstable or none found, 3 neutral, undecided, or flexible bodies bend too far.
     """
     return study(model.load(), **options)
 
@@ -36,8 +40,12 @@ def equilibria(study: Study, out: Output, model: ChosenModel, drive: str, **opti
 
 
 @study_command(
-    "load", TABLE, PLOT, shared=f"{STATE} units", more=FACTORS,
-    exit_code=lambda path: HOLDS if path.complete else FAILED,
+    "load",
+    TABLE,
+    PLOT,
+    shared=f"{STATE} units",
+    more=FACTORS,
+    exit_code=lambda path: FAILED if not path.complete else UNJUDGED if path.warning else HOLDS,
 )
 def load_path(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Trace an equilibrium while a force is scaled. Prints deflections over loads, snap-through, loss of stability."""

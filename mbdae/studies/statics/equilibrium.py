@@ -11,6 +11,8 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import UnknownNameError, as_list
 from ...mechanism import Mechanism
+from ...mechanism.flexible.linear_range import beyond_linear
+from ...mechanism.signals.deformation import deformation, deformation_units
 from ...mechanism.signals.reactions import Reaction, reaction
 from ...mechanism.tree.coordinate_units import coordinate_units, effort_unit
 from ...mechanism.tree.frames import find_joint
@@ -80,6 +82,16 @@ class Equilibrium(Tabular):
         at = Solution(self.mechanism, np.zeros(1), y[None], self.lam[None], "finished", "", {}, {})
         return {name: float(x[0]) for name, x in coordinates(at).items() if name.startswith("q.")}
 
+    @cached_property
+    def deformation(self) -> dict[str, float]:
+        """Displacements, strains and stresses of nodes of flexible bodies by names of `mbdae.Solution.signals`."""
+        return {name: float(x[0]) for name, x in deformation(self.mechanism.model, self.q[None]).items()}
+
+    @cached_property
+    def warning(self) -> str:
+        """Which flexible body bends beyond the range of linear modes; empty if none does."""
+        return beyond_linear(self.mechanism.model, self.q[None])
+
     def reaction(self, name: str) -> Reaction:
         """Return force and torque of a closure between frames, see `mbdae.Solution.reaction`.
 
@@ -93,9 +105,10 @@ class Equilibrium(Tabular):
         return "N" if self.mechanism.row_units[row] == "m" else "N m"
 
     def tabulated(self) -> Columns:
-        """Return one row: coordinates, states, holding forces, and forces of closures, by names of signals."""
+        """Return one row: coordinates, deformation, states, and forces that hold, by names of signals."""
         units, values = coordinate_units(self.mechanism), {"t": self.t, **self.coordinates}
         known = {"t": "s", **{name: units[name] for name in self.coordinates if name in units}}
+        values, known = values | self.deformation, known | deformation_units(self.mechanism.model)
         values |= {f"s.{name}": float(x) for name, x in zip(self.mechanism.states, self.s, strict=True)}
         for name, x in self.holding.items():
             values[f"holding.{name}"] = x
@@ -127,6 +140,7 @@ class Equilibrium(Tabular):
             "v": self.v.tolist(),
             "s": dict(zip(self.mechanism.states, self.s.tolist(), strict=True)),
             "coordinates": self.coordinates,
+            "deformation": self.deformation,
             "lam": self.lam.tolist(),
             "holding": self.holding,
             "contacts": self.contacts,
@@ -136,6 +150,7 @@ class Equilibrium(Tabular):
             "residual": self.residual,
             "iterations": self.iterations,
             **self.verdict.to_dict(),
+            "warning": self.warning,
         }
 
     def __str__(self) -> str:
@@ -146,6 +161,9 @@ class Equilibrium(Tabular):
         ]
         efforts = {name: effort_unit(named, name) for name in self.holding}
         lines += [f"  {n} = {quantity(_shown(x), named.get(n, ''), '.10g')}" for n, x in self.coordinates.items()]
+        bent = {n: x for n, x in self.deformation.items() if _shown(x)}
+        units = {n: "" if unit == "1" else unit for n, unit in deformation_units(self.mechanism.model).items()}
+        lines += [f"  {n} = {quantity(x, units[n], '.8g')}" for n, x in bent.items()]
         lines += [f"  s.{name} = {x:.8g}" for name, x in zip(self.mechanism.states, self.s, strict=True)]
         lines += [f"  rests on {n} with {quantity(x, self._contact_unit(n), '.8g')}" for n, x in self.contacts.items()]
         lines += [f"  {n} is held by {quantity(_shown(x), efforts[n], '.8g')}" for n, x in self.holding.items()]
@@ -155,7 +173,7 @@ class Equilibrium(Tabular):
                 force, torque = (float(np.linalg.norm(x)) for x in (r.force, r.torque))
                 moment = f", {quantity(torque, 'N m')}" if torque > SOLUTION_ROUNDING else ""
                 lines.append(f"  {c.name} carries {quantity(force, 'N')}{moment}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *([f"  doubtful: {self.warning}"] if self.warning else [])])
 
 
 def _shown(x: float) -> float:

@@ -11,6 +11,8 @@ from ...data_types import JsonObject
 from ...errors import InputError
 from ...mechanism import Mechanism
 from ...mechanism.equilibrium.spectrum import curvature
+from ...mechanism.flexible.linear_range import beyond_linear
+from ...mechanism.signals.deformation import deformation, deformation_units
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...solution.columns import coordinates
 from ...solution.problem import mechanism_of
@@ -68,6 +70,19 @@ class LoadPath(Tabular):
         return {name: x for name, x in found.items() if name.startswith("q.")}
 
     @property
+    def deformation(self) -> dict[str, Array]:
+        """Displacements, strains and stresses of nodes of flexible bodies by names of signals, (n,) each."""
+        return deformation(self.mechanism.model, self.q)
+
+    @property
+    def warning(self) -> str:
+        """Which flexible body bends beyond the range of linear modes, and from which factor on; empty if none does."""
+        if not (words := beyond_linear(self.mechanism.model, self.q)):
+            return ""
+        first = next(i for i in range(len(self.q)) if beyond_linear(self.mechanism.model, self.q[i : i + 1]))
+        return f"{words}, from factor {self.factor[first]:.6g} on"
+
+    @property
     def moving(self) -> str:
         """The coordinate that moves the most."""
         return max(self.coordinates.items(), key=lambda item: float(np.ptp(item[1])))[0]
@@ -85,8 +100,9 @@ class LoadPath(Tabular):
         return figures.save_if_path(load_deflection(self, coordinate), path)
 
     def tabulated(self) -> Columns:
-        """Return factor, coordinates, numbers of negative eigenvalues, and normal forces along the path."""
-        known, found = coordinate_units(self.mechanism), self.coordinates
+        """Return factor, coordinates, deformation, numbers of negative eigenvalues, and normal forces on the path."""
+        known = coordinate_units(self.mechanism) | deformation_units(self.mechanism.model)
+        found = self.coordinates | self.deformation
         columns = {"factor": self.factor, **found, "unstable": self.unstable}
         columns |= {f"contact.{name}": force for name, force in self.contacts.items()}
         return Columns(columns, {name: known[name] for name in found if name in known})
@@ -100,9 +116,11 @@ class LoadPath(Tabular):
             "potential": self.potential,
             "factor": self.factor.tolist(),
             "coordinates": {name: x.tolist() for name, x in self.coordinates.items()},
+            "deformation": {name: x.tolist() for name, x in self.deformation.items()},
             "unstable": self.unstable.tolist(),
             "contacts": {name: x.tolist() for name, x in self.contacts.items()},
             "critical": [e.to_dict() for e in self.critical],
+            "warning": self.warning,
         }
 
     def __str__(self) -> str:
@@ -124,6 +142,7 @@ class LoadPath(Tabular):
             lines.append("  forces have no potential: branch points with double roots may be missing")
         fraction = float((self.unstable > 0).mean())
         lines.append(f"  {100 * fraction:.0f} % of the equilibria are unstable")
+        lines += [f"  doubtful: {warning}"] if (warning := self.warning) else []
         return "\n".join(lines if self.complete else [*lines, "  the path did not reach the end of the range"])
 
 

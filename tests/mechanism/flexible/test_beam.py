@@ -76,6 +76,14 @@ def test_deflection_by_shear_is_exact():
     assert body.nodes["A"].strain @ x == pytest.approx(-0.1, rel=1e-9)
 
 
+def test_strain_needs_a_fibre_or_stretching():
+    """Without either there are no columns; a pull P stretches an axial beam by P/(EA), EA = 1, at each node."""
+    assert mbdae.beam(**UNIT).nodes["B"].strain is None
+    bar = mbdae.beam(**UNIT, elements=4, modes=12, axial=True)
+    x = bar.nodes["B"].Phi[0] / bar.stiffness
+    assert bar.nodes["A"].strain @ x == pytest.approx(1.0, rel=1e-9)
+
+
 def test_signals_of_a_cantilever_at_rest(tmp_path):
     """Under its weight: sag rho A g L^4/(8 EI), stress E y w'' = rho A g L^2 y/(2 I) at the clamped end."""
     (tmp_path / "beam.toml").write_text("""

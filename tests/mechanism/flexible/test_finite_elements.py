@@ -54,7 +54,7 @@ def test_a_mass_matrix_is_that_of_interpolated_points():
     for masses in (m, csr_array(m)):
         body = mbdae.ModalBody.of_points(r, masses, Phi, np.ones(2), Phi2=Phi2)
         for x in fields(body):
-            if x.name != "nodes":
+            if x.name not in ("nodes", "outline"):
                 np.testing.assert_allclose(getattr(body, x.name), getattr(reference, x.name), rtol=1e-12, atol=1e-12)
 
 

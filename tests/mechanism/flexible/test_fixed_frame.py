@@ -1,11 +1,14 @@
 """Flexible bodies whose frame is fixed to the world or to a rigid body: cantilevers against closed forms."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import mbdae
 from mbdae.finite_differences import numerical_derivative
 from mbdae.mechanism.formats.loaded_model import LoadedModel
+from mbdae.mechanism.signals.momentum import momentum
+from mbdae.mechanism.tree.tree_terms import copied
 
 LENGTH, YOUNG, DENSITY, AREA, MOMENT = 1.0, 2.1e11, 7850.0, 1e-4, 8e-10
 BEAM = f"""
@@ -68,6 +71,23 @@ def test_sag_of_a_cantilever(cantilever):
     sag = DENSITY * AREA * 9.81 * LENGTH**4 / (8 * YOUNG * MOMENT)
     tip = cantilever.model.flexible[0].modal.nodes["B"].Phi[1]
     assert tip @ at.q == pytest.approx(-sag, rel=1e-9)
+
+
+def test_centre_of_mass_of_a_cantilever(cantilever):
+    """The beam and its mean deflection at rest, rho A g L^4/(20 EI), with and without a ball that is free."""
+    q = mbdae.equilibrium(cantilever).q
+    found = momentum(cantilever.model, q[None], np.zeros((1, cantilever.nv)))
+    sag = DENSITY * AREA * 9.81 * LENGTH**4 / (20 * YOUNG * MOMENT)
+    middle = np.array([0.1 + LENGTH / 2, 0.2 - sag, 0.0])
+    np.testing.assert_allclose([found[f"com.{x}"][0] for x in "xyz"], middle, rtol=1e-8)
+    model, beam, ball = copied(cantilever.model), DENSITY * AREA * LENGTH, 0.27
+    joint = model.addJoint(0, pin.JointModelPY(), pin.SE3(np.eye(3), np.array([5.0, 0.0, 0.0])), "ball")
+    model.appendBodyToJoint(joint, pin.Inertia(ball, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    found = momentum(model, np.append(q, 1.0)[None], np.append(np.zeros(len(q)), 2.0)[None])
+    exact = (beam * middle + ball * np.array([5.0, 1.0, 0.0])) / (beam + ball)
+    np.testing.assert_allclose([found[f"com.{x}"][0] for x in "xyz"], exact, rtol=1e-8)
+    spin = ball * 2.0 * (5.0 - exact[0])  # about the centre of mass of both
+    assert found["angular_momentum.z"][0] == pytest.approx(spin, rel=1e-8)
 
 
 @pytest.mark.parametrize(("plane", "exact"), [("z", FLAP), ("y", CHORD)])

@@ -7,7 +7,6 @@ from flexible_bodies import AT_HALF_SECOND, FOUR_BAR, MODES_AT_HALF_SECOND
 
 import mbdae
 from mbdae.mechanism.formats.loaded_model import LoadedModel
-from mbdae.mechanism.scene.flexible_links import enlarged
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +86,7 @@ def test_a_saved_run_has_the_beam(four_bar, run, tmp_path):
     mbdae.animate(again, tmp_path / "run.html")
     ends = again.mechanism.scene.placements(run.q[-1])
     names = [shape.name for shape in again.mechanism.scene.shapes]
-    assert {"coupler 1 rod", "coupler 2 rod"} <= set(names)
+    assert {f"coupler {i + 1} rod" for i in range(8)} <= set(names)
     assert np.isfinite(ends).all()
 
 
@@ -134,13 +133,3 @@ def test_workspaces_of_another_beam_are_bound_again(four_bar, tmp_path, change, 
         before, ours, theirs = (mbdae.solve(mech, (0, 2e-3), **options) for mech in (four_bar, variant, fresh))
         np.testing.assert_array_equal(ours.q, theirs.q)
         assert np.abs(ours.v - before.v).max() > 1e-4
-
-
-def test_a_replay_enlarges_deflections(four_bar, run):
-    """The node in the middle leaves the chord by ten times its displacement."""
-    q, at = run.q[-1:], four_bar.joint_names.index("coupler.mode 1")
-    ten = enlarged(four_bar.model, q, 10.0)
-    np.testing.assert_array_equal(ten[0, at : at + 4], 10 * q[0, at : at + 4])
-    chord = [four_bar.frame(x[0], "coupler.middle")[0] for x in (enlarged(four_bar.model, q, 0.0), q, ten)]
-    np.testing.assert_allclose(chord[2] - chord[0], 10 * (chord[1] - chord[0]), atol=1e-12)
-    np.testing.assert_array_equal(enlarged(four_bar.model, q, None), q)
