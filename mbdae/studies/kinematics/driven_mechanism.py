@@ -11,7 +11,7 @@ from scipy.linalg import qr
 
 from ...errors import InputError, UnknownNameError, as_list
 from ...mechanism import Driver, Mechanism
-from ...mechanism.assembly.position_search import close_position
+from ...mechanism.assembly.assembly import start_position
 from ...mechanism.forces import stiction_joints
 from ...mechanism.forces.coulomb_friction import CoulombFriction
 from ...mechanism.tree.frames import find_joint
@@ -112,12 +112,7 @@ def start_pose(mech: Mechanism) -> Array:
     Raises:
         AssemblyError: if its loops cannot be closed.
     """
-    values, driven_joints = mech.start_values, {d.joint for d in mech.drivers}
-    if not values.assemble:
-        return mech.given[0]
-    start_values = {name: x for name, x in values.q.items() if name not in driven_joints}
-    q = mech.coordinates({**values.guess, **values.q})[0]
-    return close_position(mech.system(), q, mech.coordinates(start_values)[1], 0.0)
+    return start_position(mech) if mech.start_values.assemble else mech.given[0]
 
 
 def input_at(driven: Mechanism, system: "Index2System", q: Array) -> float:
