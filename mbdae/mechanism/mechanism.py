@@ -22,6 +22,7 @@ from .closures.constraints import Constraints, Spec, anchors
 from .closures.driver import Driver
 from .closures.unilateral_constraint import Stop
 from .equations.dynamics_terms import DynamicsTerms
+from .flexible import require_leaves
 from .forces import bind_forces, named_force, stiction_joints
 from .forces.elements import ForceElements
 from .formulations.closure_friction import ClosureFriction
@@ -110,14 +111,14 @@ class Mechanism(DynamicsTerms):
         if not is_depth_first(model):
             names = ", ".join(joint_names(model))
             raise InputError(f"joints must be numbered depth first, see mbdae.mechanism.depth_first; they are {names}")
+        require_leaves(model)
         self.closure_anchors = [(c, anchors(model, c)) for c in self.closures if c.frames]
         data = self.make_workspace()
         bound = Constraints(model, data, self.constraints)  # rejects unknown names
         self.ng, self._spans = bound.ng, bound.spans
         self.row_names = [c.name for c in self.constraints for _ in range(c.m)]
         self.row_units, self.positional = bound.units(), bound.positional
-        self.switches = switches_of(self)
-        self.manifold = Manifold(model)
+        self.switches, self.manifold = switches_of(self), Manifold(model)
         ClosureFriction(self.forces, self.closures, bound)  # rejects unknown names
         self.states = self.bind_forces(data).states()  # rejects unknown names
         self.start_values, self.workspaces = start or Start(), WorkspacePool(self)
