@@ -19,7 +19,7 @@ from ..closures.preconditions import require_preconditions
 from ..model_settings import normalized
 from ..tree.frames import find_joint
 from ..tree.pinocchio_data import make_data
-from ..tree.tree_terms import flexible_bodies, update_inertia
+from ..tree.tree_terms import mode_joints, update_inertia
 from .position_search import assembly_error, close_position, sparse_least_squares
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def _held_modes(mech: "Mechanism", named: Iterable[str]) -> Array:
     Least changes in the mass metric would bend bodies and start vibrations although rigid bodies close the loop.
     """
     others = {*named, *(joint for driver in mech.drivers for joint in driver.between)}
-    modes = [name for body in flexible_bodies(mech.model) for name in body.mode_joints if name not in others]
+    modes = [name for name in mode_joints(mech.model) if name not in others]
     return np.array([find_joint(mech.model, name).idx_v for name in modes], int)
 
 

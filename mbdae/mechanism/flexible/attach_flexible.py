@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from ...data_types import CoreData
 from ...errors import InputError
-from ..tree.tree_terms import flexible_bodies
+from ..tree.tree_terms import flexible_bodies, mode_joints
 from .modal_body import ModalBody
 from .workspace import BoundBody
 
@@ -110,8 +110,7 @@ def require_leaves(model: pin.Model) -> None:
     Raises:
         InputError: names the joint and the nodes of the flexible body.
     """
-    bodies = flexible_bodies(model)
-    modes = {name for body in bodies for name in body.mode_joints}
+    modes = set(mode_joints(model))
     for i, name in enumerate(model.names):
         if name not in modes:
             _require_no_mode(model, model.parents[i], name)

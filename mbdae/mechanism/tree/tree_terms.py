@@ -22,6 +22,11 @@ def flexible_bodies(model: pin.Model | None) -> Sequence["FlexibleBody"]:
     return getattr(model, "flexible", ())
 
 
+def mode_joints(model: pin.Model) -> list[str]:
+    """Return the names of the joints of all modes of flexible bodies."""
+    return [name for body in flexible_bodies(model) for name in body.mode_joints]
+
+
 def bound_bodies(data: pin.Data) -> Sequence["BoundBody"]:
     """Return the flexible bodies of a workspace."""
     return getattr(data, "flexible", ())
