@@ -19,7 +19,7 @@ from ..closures.preconditions import require_preconditions
 from ..model_settings import normalized
 from ..tree.frames import find_joint
 from ..tree.pinocchio_data import make_data
-from ..tree.tree_terms import mode_joints, update_inertia
+from ..tree.tree_terms import missing_inertia, mode_joints, update_inertia
 from .position_search import assembly_error, close_position, sparse_least_squares
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ def close_velocity(system: "Index2System", q: Array, v: Array, fixed: Array, t: 
     U, info = dpotrf(M, lower=0)
     if info:
         joint = mech.coordinate_joint(int(free[abs(info) - 1]))
-        raise InputError(f"the mass matrix is singular at joint {joint!r}: a body without inertia")
+        raise InputError(f"the mass matrix is singular at joint {joint!r}: {missing_inertia(mech.model, joint)}")
     rows = mech.row_scales
     speeds = np.linalg.norm(v / mech.coordinate_scales) + np.linalg.norm(g_t / rows)
     scaled = G[:, free] / rows[:, None]

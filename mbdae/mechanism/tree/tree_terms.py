@@ -67,6 +67,8 @@ def missing_inertia(model: pin.Model, joint: str) -> str:
         if joint in body.mode_joints:
             cure = "give the body that carries it inertia, take fewer modes, or stiffening = false"
             return f"{body.name!r} bends too far for an inertia of second order in its modes; {cure}"
+        if joint == body.name:
+            return f"{joint!r} has no inertia about an axis of its joint; a beam has some about x with polar_moment"
     return "a body without inertia"
 
 
