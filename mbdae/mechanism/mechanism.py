@@ -13,7 +13,7 @@ from ..errors import InputError, UnknownNameError
 from ..system import Array
 from ..tolerances import INPUT_DIGITS
 from .appearance import appearance
-from .assembly.assembly import assemble, require_consistent
+from .assembly.assembly import assemble, assemble_start, require_consistent
 from .closures.brake import Brake
 from .closures.closure import Closure
 from .closures.closure_error import ClosureError, largest_error
@@ -22,6 +22,7 @@ from .closures.constraints import Constraints, Spec, anchors
 from .closures.driver import Driver
 from .closures.unilateral_constraint import Stop
 from .equations.dynamics_terms import DynamicsTerms
+from .flexible import require_leaves
 from .forces import bind_forces, named_force, stiction_joints
 from .forces.elements import ForceElements
 from .formulations.closure_friction import ClosureFriction
@@ -110,14 +111,14 @@ class Mechanism(DynamicsTerms):
         if not is_depth_first(model):
             names = ", ".join(joint_names(model))
             raise InputError(f"joints must be numbered depth first, see mbdae.mechanism.depth_first; they are {names}")
+        require_leaves(model)
         self.closure_anchors = [(c, anchors(model, c)) for c in self.closures if c.frames]
         data = self.make_workspace()
         bound = Constraints(model, data, self.constraints)  # rejects unknown names
         self.ng, self._spans = bound.ng, bound.spans
         self.row_names = [c.name for c in self.constraints for _ in range(c.m)]
         self.row_units, self.positional = bound.units(), bound.positional
-        self.switches = switches_of(self)
-        self.manifold = Manifold(model)
+        self.switches, self.manifold = switches_of(self), Manifold(model)
         ClosureFriction(self.forces, self.closures, bound)  # rejects unknown names
         self.states = self.bind_forces(data).states()  # rejects unknown names
         self.start_values, self.workspaces = start or Start(), WorkspacePool(self)
@@ -223,6 +224,8 @@ class Mechanism(DynamicsTerms):
     ) -> tuple[Array, Array]:
         """Return consistent initial conditions: g(t, q) = 0 and G(q) v + g_t(t) = 0.
 
+        Modes of flexible bodies that are not named stay undeformed and at rest, unless only they can close a loop.
+
         Args:
             q: fixed joint values, by name; or a full configuration (nq,) to start from, nothing fixed.
             v: fixed joint velocities, by name; or a full velocity (nv,), changed as little as possible in the mass
@@ -237,7 +240,7 @@ class Mechanism(DynamicsTerms):
             AssemblyError: names the closure with the largest violation, its size, and the fixed coordinates.
             UnknownNameError: for an unknown joint.
         """
-        return assemble(self, q, v, guess, t=t)
+        return assemble(self, q, v, guess, t=t)[:2]
 
     @property
     def start(self) -> tuple[Array, Array]:
@@ -255,12 +258,10 @@ class Mechanism(DynamicsTerms):
         """
         t = t if self.drivers else 0.0
         if t not in self._starts:
-            values, driven = self.start_values, {d.joint for d in self.drivers}
-            if not values.assemble:
+            if not self.start_values.assemble:
                 require_consistent(self, *self.given, t)
                 return self.given
-            q, v = ({n: x for n, x in table.items() if n not in driven} for table in (values.q, values.v))
-            self._starts[t] = assemble(self, q, v, None, values.guess_v, t)
+            self._starts[t] = assemble_start(self, t)[:2]
         return self._starts[t]
 
     @property

@@ -139,7 +139,7 @@ def relative_energy_error(sol: Solution, system: Index2System) -> float:
         kinetic, potential = system.residuals(times, some)[2].T
         v = some[:, system.nq : system.nq + system.nv]
         error, scale = energy_balance(system.mechanism, v, kinetic, potential, some[:, -1])
-    return float(np.abs(error).max() / scale) if scale else 0.0
+        return float(np.abs(error).max() / scale) if scale else 0.0
 
 
 def _spread(n: int, most: int) -> Array:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import StepError
-from ...mechanism.closures.closure_error import largest_error
+from ...mechanism.closures.closure_error import largest_error, shortening_remark
 from ...mechanism.formulations.index2 import Index2System
 from ...system import Array, State
 
@@ -40,7 +40,8 @@ def project_end(run: "RunState", t: float, state: State) -> State:
         level = undone.index(largest)
         gap = largest_error(system.mechanism, system.residual(t, *system.split(state.y))[level], ("", "/s")[level])
         share = f"{largest / max(motion, largest):.0%} of the motion"
-        undoes = f"its projection undoes {share}: the rows cannot all be satisfied"
+        remark = shortening_remark(system.mechanism, gap.name)
+        undoes = f"its projection undoes {share}: the rows cannot all be satisfied{remark}"
         raise StepError("rank", f"{gap.message('opens')} in a step from t = {run.t:.17g}, and {undoes}")
     if run.undone_motion is not None:
         run.undone_motion = None if MAX_UNDONE * motion > 1 else motions

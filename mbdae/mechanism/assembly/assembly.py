@@ -3,21 +3,23 @@
 All thresholds are in rad and in characteristic lengths of the mechanism.
 """
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dpotrf
 
-from ...errors import InputError
+from ...errors import AssemblyError, InputError
 from ...system import Array
 from ...tolerances import AGREEMENT, INPUT_DIGITS, TRUNCATION
 from ..closures.closure_error import largest_error
 from ..closures.independent_rows import MANY_ROWS
 from ..closures.preconditions import require_preconditions
 from ..model_settings import normalized
+from ..tree.frames import find_joint
 from ..tree.pinocchio_data import make_data
-from ..tree.tree_terms import update_inertia
+from ..tree.tree_terms import missing_inertia, mode_joints, update_inertia
 from .position_search import assembly_error, close_position, sparse_least_squares
 
 if TYPE_CHECKING:
@@ -25,11 +27,21 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 
+class Assembled(NamedTuple):
+    """A consistent state q (nq,), v (nv,), and the tangent indices of its coordinates that were fixed, (n,) each."""
+
+    q: Array
+    v: Array
+    fixed_q: Array
+    fixed_v: Array
+
+
 def assemble(
     mech: "Mechanism", q: Any, v: Any, guess: Any, guess_v: Mapping[str, Any] | None = None, t: float = 0.0
-) -> tuple[Array, Array]:
+) -> Assembled:
     """See `mbdae.Mechanism.assemble`; ``guess_v`` are initial estimates of velocities that are not fixed."""
     fixed_q, fixed_v = (np.array([], int),) * 2
+    held_q, held_v = fixed_q, fixed_v
     for driver in mech.drivers:
         driver.check(t)
     if isinstance(q, np.ndarray | list | tuple):
@@ -40,15 +52,56 @@ def assemble(
         table = {**mech.start_values.guess, **mech.start_values.q, **(guess or {}), **(q or {})}
         q0 = mech.coordinates(table)[0]
         fixed_q = mech.coordinates(q or {})[1]
+        held_q = _held_modes(mech, {**mech.start_values.guess, **(guess or {}), **(q or {})})
     if isinstance(v, np.ndarray | list | tuple):
         v0 = mech.vector("v", v, mech.nv)
     else:
         v0 = mech.coordinates({**(guess_v or {}), **(v or {})}, of_v=True)[0]
         fixed_v = mech.coordinates(v or {}, of_v=True)[1]
+        held_v = _held_modes(mech, {**(guess_v or {}), **(v or {})})
     with mech.workspaces.borrowed() as system:
-        q1 = close_position(system, q0, fixed_q, t)
+        q1, fixed_q = _with_modes_held(lambda fixed: close_position(system, q0, fixed, t), fixed_q, held_q)
         require_preconditions(mech, q1)
-        return q1, close_velocity(system, q1, v0, fixed_v, t)
+        v1, fixed_v = _with_modes_held(lambda fixed: close_velocity(system, q1, v0, fixed, t), fixed_v, held_v)
+        return Assembled(q1, v1, fixed_q, fixed_v)
+
+
+def assemble_start(mech: "Mechanism", t: float) -> Assembled:
+    """Return the start of a mechanism, see `mbdae.Mechanism.start_at`."""
+    values, driven = mech.start_values, {d.joint for d in mech.drivers}
+    q, v = ({n: x for n, x in table.items() if n not in driven} for table in (values.q, values.v))
+    return assemble(mech, q, v, None, values.guess_v, t)
+
+
+def start_position(mech: "Mechanism") -> Array:
+    """Return the configuration (nq,) of the start at t = 0, without velocities.
+
+    Raises:
+        AssemblyError: if its loops cannot be closed.
+    """
+    values, driven = mech.start_values, {d.joint for d in mech.drivers}
+    fixed = mech.coordinates({name: x for name, x in values.q.items() if name not in driven})[1]
+    system, held = mech.system(), _held_modes(mech, {**values.guess, **values.q})
+    return _with_modes_held(lambda fixed: close_position(system, mech.given[0], fixed, 0.0), fixed, held)[0]
+
+
+def _held_modes(mech: "Mechanism", named: Iterable[str]) -> Array:
+    """Return the tangent indices (n,) of modes of flexible bodies that are neither named nor driven.
+
+    Least changes in the mass metric would bend bodies and start vibrations although rigid bodies close the loop.
+    """
+    others = {*named, *(joint for driver in mech.drivers for joint in driver.between)}
+    modes = [name for name in mode_joints(mech.model) if name not in others]
+    return np.array([find_joint(mech.model, name).idx_v for name in modes], int)
+
+
+def _with_modes_held(close: Callable[[Array], Array], fixed: Array, held: Array) -> tuple[Array, Array]:
+    """Return the result of assembly with fixed coordinates, and these: with modes held, if loops can be closed so."""
+    if len(held):
+        both = np.union1d(fixed, held)
+        with suppress(AssemblyError):
+            return close(both), both
+    return close(fixed), fixed
 
 
 def close_velocity(system: "Index2System", q: Array, v: Array, fixed: Array, t: float) -> Array:
@@ -66,7 +119,7 @@ def close_velocity(system: "Index2System", q: Array, v: Array, fixed: Array, t: 
     U, info = dpotrf(M, lower=0)
     if info:
         joint = mech.coordinate_joint(int(free[abs(info) - 1]))
-        raise InputError(f"the mass matrix is singular at joint {joint!r}: a body without inertia")
+        raise InputError(f"the mass matrix is singular at joint {joint!r}: {missing_inertia(mech.model, joint)}")
     rows = mech.row_scales
     speeds = np.linalg.norm(v / mech.coordinate_scales) + np.linalg.norm(g_t / rows)
     scaled = G[:, free] / rows[:, None]

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...system import Array
+from ..tree.tree_terms import flexible_bodies
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -44,3 +45,14 @@ def largest_error(mech: "Mechanism", residual: Array, per: str = "") -> ClosureE
     ]
     velocity_only = bool(per) and not mech.positional[rows[int(np.abs(x).argmax())]]
     return ClosureError(worst, float(np.linalg.norm(x)), sizes[worst], " and ".join(terms) or "0", velocity_only)
+
+
+def shortening_remark(mech: "Mechanism", name: str) -> str:
+    """Return a remark on a closure that a beam opens by its shortening; empty if it does not hold such a beam."""
+    frames = {frame for c in mech.closures if c.name == name for frame in c.frames or ()}
+    for body in flexible_bodies(mech.model):
+        nodes = zip(body.node_frames, body.modal.nodes.values(), strict=True)
+        if any(frame in frames and node.Phi2 is not None for frame, node in nodes):
+            cure = "let an end slide, or take stiffening = false, or axial = true with a mode that stretches it"
+            return f"; bending shortens {body.name!r}: {cure}"
+    return ""

@@ -5,8 +5,7 @@ parameters. Maps are matrices whose columns belong to (dy, dp). The compiled cor
 (mbdae/native/sensitivity).
 """
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +14,7 @@ from ...errors import AssemblyError, InputError, StepError
 from ...finite_differences import converged_difference, numerical_jacobian
 from ...system import Array
 from ...tolerances import INTERPOLATION, ITERATION_ROUNDING, PIVOT_RANK
+from ..assembly.assembly import assemble_start
 from ..hybrid.switches import inactive_rows
 from .acceleration_sensitivity import AccelerationSensitivity
 from .parameter_direction import Parameter
@@ -105,12 +105,13 @@ class PointSensitivity(AccelerationSensitivity):
         s, out, nv = self.system, np.zeros((self.ny, self.k)), self.system.nv
         mech = self.parameters.mech
         base, (q, v) = mech.point(t=t), s.split(given)
-        free_q, free_v = self._free_coordinates(mech.start_values.q), self._free_coordinates(mech.start_values.v, True)
         inactive, all_open = s.constraints.inactive, inactive_rows(mech.switches, (0,) * len(mech.switches))
         s.constraints.inactive = all_open  # a start is assembled without unilateral rows
         G, positional = s.jacobian(q), s.constraints.positional
         s.constraints.inactive = inactive
-        assembled = bool(s.ng and mech.start_values.assemble)
+        assembled, every = bool(s.ng and mech.start_values.assemble), np.arange(nv)
+        fixed_q, fixed_v = assemble_start(mech, t)[2:] if assembled else (every, every)
+        free_q, free_v = np.setdiff1d(every, fixed_q), np.setdiff1d(every, fixed_v)
         determined = assembled and all(_determine_all(A) for A in (G[np.ix_(positional, free_q)], G[:, free_v]))
         for i, p in enumerate(self.parameters.all):
             if p.keeps_start or (determined and all(m.start_values == mech.start_values for m in p.first)):
@@ -130,12 +131,6 @@ class PointSensitivity(AccelerationSensitivity):
         residual = G @ out[nv : 2 * nv] + B @ out[:nv] + Q
         out[nv + free_v] -= np.linalg.pinv(G[:, free_v], rcond=PIVOT_RANK) @ residual
         return out
-
-    def _free_coordinates(self, table: Mapping[str, Any], of_v: bool = False) -> Array:
-        """Return the components of q or v, in the tangent, that neither start values nor drivers determine."""
-        mech, driven = self.parameters.mech, {d.joint for d in self.parameters.mech.drivers}
-        fixed = mech.coordinates({n: x for n, x in table.items() if n not in driven}, of_v=of_v)[1]
-        return np.setdiff1d(np.arange(mech.nv), fixed)
 
     def _start_quotient(self, p: Parameter, t: float, base: Array) -> Array:
         """Return the derivative of the assembled start by a parameter, (ny,), by sixth-order differences.

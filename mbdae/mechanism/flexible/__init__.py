@@ -23,5 +23,6 @@ Mehrkoerpersysteme (1999).
 
 from .attach_flexible import FlexibleBody as FlexibleBody
 from .attach_flexible import attach_flexible as attach_flexible
+from .attach_flexible import require_leaves as require_leaves
 from .beam import beam as beam
 from .modal_body import ModalBody as ModalBody

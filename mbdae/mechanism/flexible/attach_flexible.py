@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from ...data_types import CoreData
 from ...errors import InputError
+from ..tree.tree_terms import flexible_bodies, mode_joints
 from .modal_body import ModalBody
 from .workspace import BoundBody
 
@@ -78,10 +79,11 @@ def attach_flexible(
         placement: of the joint, or of the fixed frame, in the parent joint.
 
     Raises:
-        InputError: for a body without modes, or a name that is taken.
+        InputError: for a body without modes, a name that is taken, or a parent that is a mode of another body.
     """
     if not modal.modes:
         raise InputError(f"flexible body {name!r} has no modes: make it a rigid body")
+    _require_no_mode(model, parent, name)
     body = FlexibleBody(name, modal)
     for x in (name, *body.mode_joints, *body.node_frames):
         if model.existJointName(x) or model.existFrame(x):
@@ -100,3 +102,25 @@ def attach_flexible(
         model.addFrame(pin.Frame(x, at, pin.SE3(np.eye(3), node.r), pin.FrameType.OP_FRAME))
     model.flexible = (*getattr(model, "flexible", ()), body)
     return body
+
+
+def require_leaves(model: pin.Model) -> None:
+    """Require that no joint or mass is on the joint of a mode: its motion is not that of a point of the body.
+
+    Raises:
+        InputError: names the joint and the nodes of the flexible body.
+    """
+    modes = set(mode_joints(model))
+    for i, name in enumerate(model.names):
+        if name not in modes:
+            _require_no_mode(model, model.parents[i], name)
+        elif model.inertias[i].mass:
+            _require_no_mode(model, i, f"the mass at {name}")
+
+
+def _require_no_mode(model: pin.Model, parent: int, child: str) -> None:
+    for body in flexible_bodies(model):
+        if model.names[parent] in body.mode_joints:
+            nodes = ", ".join(body.node_frames) or "none"
+            cure = f"give it a free joint, and weld it to a node by a closure of kind 'frame': {nodes}"
+            raise InputError(f"{child!r} cannot be a child of a mode of {body.name!r}; {cure}")

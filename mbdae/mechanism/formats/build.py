@@ -68,7 +68,7 @@ def _attach(tree: Tree, file: MechanismFile, parts: Sequence[ImportedModel]) -> 
         known = dict.fromkeys(frame_names(tree.model))
         ready = [pair for pair in waiting if pair[0].parent in known]
         if not ready:
-            _raise_unattached(waiting, list(known))
+            _raise_unattached(waiting, list(known), file.flexible)
         for x, part in ready:
             if isinstance(x, Frame):
                 _add(tree.model, x)
@@ -103,9 +103,16 @@ def require_printable_names(model: pin.Model) -> None:
             raise InputError(f"the name {name!r} contains control characters")
 
 
-def _raise_unattached(waiting: Sequence[tuple[Source | Frame, ImportedModel | None]], known: Sequence[str]) -> NoReturn:
-    """Raise an error for frames whose parent is unknown or a descendant."""
+def _raise_unattached(
+    waiting: Sequence[tuple[Source | Frame, ImportedModel | None]], known: Sequence[str], bodies: Sequence[Flexible]
+) -> NoReturn:
+    """Raise an error for frames whose parent is unknown, flexible or a descendant."""
     names = [x.name for x, _ in waiting if isinstance(x, Frame)]
+    for parent in (x.parent for x, _ in waiting):
+        for body in bodies:
+            if parent == body.name or parent.startswith(f"{body.name}."):
+                cure = "give the child a free joint, and weld it to a node by a closure of kind 'frame'"
+                raise InputError(f"{parent!r} cannot be a parent: {body.name!r} is flexible; {cure}")
     unknown = [x.parent for x, _ in waiting if x.parent not in names]
     if unknown or not names:
         raise UnknownNameError("frame", unknown[0], known)

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from ..allowed_paths import AllowedPaths
 from ..flexible import ModalBody, beam
 from ..flexible.modal_data import modal_body_from_data, read_modal_data
@@ -30,4 +32,12 @@ def modal_body_of(table: Flexible) -> ModalBody:
     """
     if table.data is not None:
         return modal_body_from_data(table.data, table.name)
-    return beam(**{name: getattr(table, name) for name in BEAM}, nodes=table.nodes or None)
+    numbers = {name: getattr(table, name) for name in BEAM}
+    if not table.polar_moment and _turns_about_x(table):
+        numbers["polar_moment"] = float(np.broadcast_to(numbers["second_moment"], 2).sum())
+    return beam(**numbers, nodes=table.nodes or None)
+
+
+def _turns_about_x(table: Flexible) -> bool:
+    """Return whether the joint turns the beam about its axis, which needs inertia."""
+    return table.joint in ("free", "spherical") or (table.joint == "revolute" and not any(table.axis[1:]))

@@ -16,7 +16,7 @@ from ...errors import StepError
 from ...system import Array, Solver, State
 from ...tolerances import ROUNDING, SAME_STATE, SEARCH_TOLERANCE
 from ..closures import independent_rows
-from ..closures.closure_error import largest_error
+from ..closures.closure_error import largest_error, shortening_remark
 from .index2 import Index2System
 from .steps.implicit_stage import Linearized, padded
 from .steps.index2_step import Index2Chart
@@ -153,7 +153,8 @@ class GGLChart(Index2Chart):
             gap = largest_error(mech, g)
             names = contradicting_positions(self.system, t, q)
             why = f"{names} contradict each other" if names else "the rows in use no longer enforce it"
-            raise StepError("rank", f"{gap.message('opens')} at t = {t:.17g}: {why}")
+            remark = shortening_remark(mech, gap.name)
+            raise StepError("rank", f"{gap.message('opens')} at t = {t:.17g}: {why}{remark}")
 
     def start(self) -> tuple[Array, Array]:
         """Return (v, v', w') and (lam, mu = 0) of the rows in use and of the independent position rows, (r + k,)."""

@@ -22,6 +22,11 @@ def flexible_bodies(model: pin.Model | None) -> Sequence["FlexibleBody"]:
     return getattr(model, "flexible", ())
 
 
+def mode_joints(model: pin.Model) -> list[str]:
+    """Return the names of the joints of all modes of flexible bodies."""
+    return [name for body in flexible_bodies(model) for name in body.mode_joints]
+
+
 def bound_bodies(data: pin.Data) -> Sequence["BoundBody"]:
     """Return the flexible bodies of a workspace."""
     return getattr(data, "flexible", ())
@@ -62,6 +67,8 @@ def missing_inertia(model: pin.Model, joint: str) -> str:
         if joint in body.mode_joints:
             cure = "give the body that carries it inertia, take fewer modes, or stiffening = false"
             return f"{body.name!r} bends too far for an inertia of second order in its modes; {cure}"
+        if joint == body.name:
+            return f"{joint!r} has no inertia about an axis of its joint; a beam has some about x with polar_moment"
     return "a body without inertia"
 
 

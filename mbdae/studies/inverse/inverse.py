@@ -42,7 +42,8 @@ def inverse_dynamics(
     drivers count as motions, not as forces. Along a run, the rows that are active in its modes transmit forces: stops,
     ropes, contacts, locked clutches, sticking joints. Along any other motion they do not, except clutches engaged on
     command and closures within their active range; exact friction opposes the velocity, and violated unilateral
-    constraints are reported.
+    constraints are reported. Flexible bodies whose modes a curve or a table does not move are rigid: the
+    reactions of their modes do no work.
 
     Args:
         mech: the mechanism, or an argument of `mbdae.load`.
@@ -71,10 +72,11 @@ def inverse_dynamics(
     n, m, undriven = len(desired.t), len(chosen.names), chosen.undriven
     system = chosen.mechanism.system()
     system.closure_friction.reject("inverse dynamics")
+    free = _free_coordinates(chosen, desired)
     s, modes, bases = _states(chosen.mechanism, desired.states, n), _modes(chosen.mechanism, desired), []
     for q, mode in zip(desired.q, modes, strict=True):
         system.enter(mode)
-        bases.append(_basis(system.jacobian(q)[undriven], mech.nv))
+        bases.append(_basis(system.jacobian(q)[undriven], free))
     regular_rank: dict[Mode, int] = {}
     for mode, (r, _) in zip(modes, bases, strict=True):
         regular_rank[mode] = max(r, regular_rank.get(mode, 0))
@@ -90,7 +92,7 @@ def inverse_dynamics(
         S = chosen.rows_at(G)
         efforts[i] = _weighted_least_norm(Z.T @ S.T, Z.T @ b, weight)
         _require_balance(chosen, Z, S, b, efforts[i], t)
-        lam[i] = minimum_norm(G[undriven], r, b - S.T @ efforts[i]) if r else 0.0
+        lam[i] = minimum_norm(G[np.ix_(undriven, free)], r, (b - S.T @ efforts[i])[free]) if r else 0.0
         speeds[i] = S @ v
         all_lam = np.zeros(system.ng)
         all_lam[undriven] = lam[i]
@@ -144,13 +146,23 @@ def _states(mech: Mechanism, known: Mapping[str, Array], n: int) -> Array:
     return np.array([known.get(name, np.full(n, start)) for name, start in mech.states.items()]).T.reshape(n, -1)
 
 
-def _basis(G: Array, nv: int) -> tuple[int, Array]:
-    """Return the rank of G, and an orthonormal basis Z (nv, nv - r) of its null space."""
+def _free_coordinates(chosen: Actuators, desired: Prescribed) -> Array:
+    """Return the indices of all coordinates but the modes that the motion holds and no actuator moves, (n,)."""
+    model = chosen.mechanism.model
+    held = [find_joint(model, name).idx_v for name in desired.rigid]
+    return np.setdiff1d(np.arange(model.nv), [i for i in held if not chosen.fixed[:, i].any()])
+
+
+def _basis(G: Array, free: Array) -> tuple[int, Array]:
+    """Return the rank r of columns ``free`` (n,) of G, and an orthonormal basis Z (nv, n - r) of their null space."""
+    nv = G.shape[1]
     if not len(G):
-        return 0, np.eye(nv)
-    _, sizes, right = np.linalg.svd(G)
+        return 0, np.eye(nv)[:, free]
+    _, sizes, right = np.linalg.svd(G[:, free])
     r = int(np.count_nonzero(sizes > RANK * sizes[0]))
-    return r, right[r:].T
+    Z = np.zeros((nv, len(free) - r))
+    Z[free] = right[r:].T
+    return r, Z
 
 
 def _weighted_least_norm(A: Array, b: Array, weight: Array) -> Array:

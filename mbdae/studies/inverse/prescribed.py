@@ -13,6 +13,7 @@ from ...mechanism import Mechanism
 from ...mechanism.assembly.position_search import close_position
 from ...mechanism.closures.closure_error import largest_error
 from ...mechanism.tree.frames import find_joint
+from ...mechanism.tree.tree_terms import mode_joints
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COARSE, RANK, SEARCH_TOLERANCE
@@ -40,6 +41,7 @@ class Prescribed(NamedTuple):
         over: abscissa of figures, (n,), and its name with unit.
         modes: states of switches of a run by name, (n,) each.
         impacts: times of impacts in s, (k,).
+        rigid: modes of flexible bodies that the motion holds as if the bodies were rigid.
     """
 
     t: Array
@@ -50,6 +52,7 @@ class Prescribed(NamedTuple):
     over: tuple[Array, str]
     modes: dict[str, Array] = {}  # noqa: RUF012
     impacts: tuple[float, ...] = ()
+    rigid: tuple[str, ...] = ()
 
 
 def prescribed(mech: Mechanism, motion: object, speed: float | None) -> Prescribed:
@@ -86,7 +89,8 @@ def _from_curve(mech: Mechanism, found: Kinematics, speed: float | None) -> Pres
     rates = np.array([run.rates[i] for i in range(len(run.t))])
     over = found.u[:last] if run.q[0] is found.q[0] or (run.q[0] == found.q[0]).all() else found.u[:last][::-1]
     name = f"{found.drive} ({found.unit})"
-    return Prescribed(run.t, run.q, run.v, rates[:, mech.nv : 2 * mech.nv], {}, (over, name))
+    rigid = tuple(x for x in mode_joints(mech.model) if x in found.locked)
+    return Prescribed(run.t, run.q, run.v, rates[:, mech.nv : 2 * mech.nv], {}, (over, name), rigid=rigid)
 
 
 def _from_run(mech: Mechanism, sol: Solution) -> Prescribed:
@@ -167,7 +171,12 @@ def _from_table(mech: Mechanism, columns: Mapping[str, object]) -> Prescribed:
     degree = next(k for k in (DEGREE, 3, 2) if k < len(t))
     curves = make_interp_spline(t, np.array(list(given.values())).T, k=degree)
     targets = np.stack([curves(t, k) for k in range(3)])
-    return Prescribed(t, *_close_motion(mech, [single[n] for n in given], targets), {}, (t, "t (s)"))
+    rigid = tuple(x for x in mode_joints(mech.model) if x not in given)
+    start = start_pose(mech)
+    at_start = [_coordinate(start, single[n]) for n in rigid]
+    kept = np.stack([np.tile(x, (len(t), 1)) for x in (at_start, *np.zeros((2, len(rigid))))])
+    motion = _close_motion(mech, [single[n] for n in (*given, *rigid)], np.concatenate([targets, kept], axis=2))
+    return Prescribed(t, *motion, {}, (t, "t (s)"), rigid=rigid)
 
 
 def _joint_columns(columns: Mapping[str, object], single: Mapping[str, object]) -> tuple[Array, dict[str, Array]]:

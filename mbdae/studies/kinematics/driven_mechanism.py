@@ -11,10 +11,11 @@ from scipy.linalg import qr
 
 from ...errors import InputError, UnknownNameError, as_list
 from ...mechanism import Driver, Mechanism
-from ...mechanism.assembly.position_search import close_position
+from ...mechanism.assembly.assembly import start_position
 from ...mechanism.forces import stiction_joints
 from ...mechanism.forces.coulomb_friction import CoulombFriction
 from ...mechanism.tree.frames import find_joint
+from ...mechanism.tree.tree_terms import flexible_bodies
 from ...system import Array
 from ...tolerances import RANK, VISIBLE
 
@@ -30,7 +31,8 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
     Args:
         mech: the mechanism; its other drivers are constant at their values at t = 0.
         drive: a joint of one coordinate, or a driver of the mechanism.
-        hold: joints of one coordinate to lock, with values; those of q when left out.
+        hold: joints of one coordinate to lock, with values; those of q when left out. Flexible bodies of which it names
+            no mode keep their shape in q.
         q: configuration, (nq,).
 
     Raises:
@@ -47,6 +49,7 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
     else:
         target, driven = {"joint": drive}, (drive,)
         _coordinate(mech, drive, q)
+    values |= dict.fromkeys(_default_modes(mech, {*values, *driven, *(j for d in mech.drivers for j in d.between)}))
     others = [d for d in mech.drivers if d.name != drive and (d.joint or "") not in (drive, *values)]
     rows = [
         Driver.model_validate({**_target(d), "motion": _constant_position(mech, d, q), "name": d.name}) for d in others
@@ -58,6 +61,12 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
     return Mechanism(
         mech.model, closures, _without_friction(mech), drivers=rows, start=mech.start_values, title=mech.title
     )
+
+
+def _default_modes(mech: Mechanism, named: set[str]) -> list[str]:
+    """Return the modes of the flexible bodies of which no mode is locked or driven."""
+    bodies = [body for body in flexible_bodies(mech.model) if named.isdisjoint(body.mode_joints)]
+    return [name for body in bodies for name in body.mode_joints]
 
 
 def _check_closures(mech: Mechanism) -> None:
@@ -112,12 +121,7 @@ def start_pose(mech: Mechanism) -> Array:
     Raises:
         AssemblyError: if its loops cannot be closed.
     """
-    values, driven_joints = mech.start_values, {d.joint for d in mech.drivers}
-    if not values.assemble:
-        return mech.given[0]
-    start_values = {name: x for name, x in values.q.items() if name not in driven_joints}
-    q = mech.coordinates({**values.guess, **values.q})[0]
-    return close_position(mech.system(), q, mech.coordinates(start_values)[1], 0.0)
+    return start_position(mech) if mech.start_values.assemble else mech.given[0]
 
 
 def input_at(driven: Mechanism, system: "Index2System", q: Array) -> float:

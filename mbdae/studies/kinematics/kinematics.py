@@ -56,7 +56,7 @@ def kinematics(
             pose, and the range is ``turns`` to both sides.
         turns: number of full turns, if no span is given.
         hold: joints to lock in place, or at given values: joint=value. One degree of freedom must remain for the
-            drive.
+            drive. Flexible bodies of which it names no mode are rigid.
         points: approximate number of poses.
         q: a pose on the requested branch, (nq,); the model's start when left out.
         output_joint: the joint of the transmission angle. When left out, the only other one on the ground.

@@ -22,6 +22,7 @@ from ...solution.provenance import command_line, versions
 from ...solution.solution import Solution, uninterrupted
 from ..comparison.compare import compare
 from ..comparison.comparison import Comparison
+from ..comparison.reference_motion import has_valid_numbers
 from ..drift.drift import Drift, drift
 from ..info.card import Card, card
 from ..method_variant import Variant, default_variant, default_variants, variants
@@ -152,7 +153,7 @@ def report(
     return Report(
         card=card(mech),
         sol=study.sols[0],
-        drifts=tuple(drift(sol) for sol in study.sols if sol.success),
+        drifts=tuple(drift(sol) for sol in study.sols if has_valid_numbers(sol)),
         orders=study.orders,
         comparison=study.comparison,
         mechanism=describe(mech),

@@ -17,6 +17,7 @@ from ...errors import AssemblyError, InputError, StepError, as_list
 from ...mechanism import Mechanism
 from ...mechanism.equilibrium.equilibrium_equations import Statics
 from ...mechanism.tree.joints import angle_components
+from ...mechanism.tree.tree_terms import mode_joints
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tolerances import RANK, SAME_STATE, TINY
@@ -66,6 +67,9 @@ def equilibria(
     """
     mech = mechanism_of(mech, "equilibria")
     held = as_list(hold, "hold is a list of joints")
+    if bending := [name for name in mode_joints(mech.model) if name not in held]:
+        text = f"flexible bodies leave more than one degree of freedom: hold {', '.join(bending)}"
+        raise InputError(f"{text}, or find an equilibrium in which they deform by mbdae.equilibrium")
     fixed = np.array([i for name in held for i in velocities(mech, name)], int)
     contacts, v, names = Contacts(mech, 0.0), np.zeros(mech.nv), velocity_labels(mech, fixed)
     statics = Statics(mech, 0.0, v, fixed, mode=contacts.mode(set()))
