@@ -18,6 +18,7 @@ import numpy as np
 
 from ...errors import InputError, UnknownNameError
 from .beam_modes import DIRECTIONS, ENDS, Direction, Elements, Shapes
+from .checked_numbers import array, real, require_loads, whole
 from .modal_body import ModalBody, Node
 
 PLANES = {"y": "y", "z": "z", "space": "yz"}
@@ -60,7 +61,7 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
             ``"pinned"`` (the frame is the chord between both), ``"clamped-clamped"`` or ``"clamped-pinned"``.
         plane: bending along ``"y"``, along ``"z"``, or both, ``"space"``.
         axial: whether the beam also stretches.
-        damping: ratio of each mode, or one for all.
+        damping: ratio of each mode, those of loads too, by frequency; or one for all.
         polar_moment: second moment of area about x in m^4; without it, or shear, a beam has no inertia about its axis.
         shear_stiffness: shear coefficient x shear modulus x area in N, of a beam of Timoshenko with rotary inertia;
             0 for a beam of Euler and Bernoulli, which is rigid against shear.
@@ -72,18 +73,21 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
             ends if omitted.
 
     Raises:
-        InputError: for values that are not positive, more modes than the elements have, or a node between them.
+        InputError: for values that are not positive, more modes than the elements have, negative damping, or a node
+            between elements.
         UnknownNameError: for other ends, another plane or load.
     """
     moments = _moments(second_moment)
-    if not (np.isfinite(shear_stiffness) and shear_stiffness >= 0):
-        raise InputError(f"beam: shear_stiffness needs a number that is not negative, got {shear_stiffness}")
-    _require_positive(
-        {"length": length, "young": young, "density": density, "area": area, "modes": modes, "elements": elements},
-        {"second_moment along " + axis: x for axis, x in moments.items()},
-    )
+    if not isinstance(nodes or {}, Mapping):
+        raise InputError(f"beam: nodes are positions by name, got {nodes!r:.60}")
+    for name, value in (("length", length), ("young", young), ("density", density), ("area", area)):
+        real(value, f"beam: {name}", positive=True)
+    real(shear_stiffness, "beam: shear_stiffness")
+    real(polar_moment, "beam: polar_moment")
+    fibre = array(fibre, "beam: fibre", (2,)).tolist()
+    modes, elements = whole(modes, "beam: modes", 1), whole(elements, "beam: elements", 1)
     for what, given, known in (("ends", ends, ENDS), ("plane", plane, PLANES)):
-        if given not in known:
+        if given not in list(known):
             raise UnknownNameError(what, given, known)
     grid, per_length = Elements(length, elements), density * area
     gyration = {axis: x / area for axis, x in moments.items()} if shear_stiffness else {}
@@ -96,7 +100,7 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
     r, masses, Phi = shapes.points(per_length, gyration)
     Phi2 = shapes.shortening_at_points(len(r)) if stiffening else None
     found = {
-        name: _node(shapes, grid.node(x, name), stiffening, young, fibre)
+        name: _node(shapes, grid.node(real(x, f"beam: node {name!r}"), name), stiffening, young, fibre)
         for name, x in (nodes or {"A": 0.0, "B": length}).items()
     }
     body = ModalBody.of_points(r, masses, Phi, per_length * length * shapes.squares, damping, found, Phi2)
@@ -106,14 +110,11 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
 
 
 def _moments(second_moment: float | Sequence[float]) -> dict[str, float]:
-    pair = tuple(second_moment) if isinstance(second_moment, Sequence) else (second_moment, second_moment)
-    return dict(zip("yz", pair, strict=True))
-
-
-def _require_positive(*tables: Mapping[str, float]) -> None:
-    for name, value in (item for table in tables for item in table.items()):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"beam: {name} needs a positive number, got {value}")
+    pair = np.broadcast_to(second_moment, 2) if np.ndim(second_moment) == 0 else np.asarray(second_moment)
+    if pair.shape != (2,):
+        raise InputError(f"beam: second_moment needs one number, or two of y and z, got {second_moment!r:.60}")
+    moments = dict(zip("yz", pair.tolist(), strict=True))
+    return {axis: real(x, f"beam: second_moment along {axis}", positive=True) for axis, x in moments.items()}
 
 
 def _chosen(directions: Sequence[Direction], modes: int, loads: Sequence[str]) -> Shapes:
@@ -122,10 +123,7 @@ def _chosen(directions: Sequence[Direction], modes: int, loads: Sequence[str]) -
     if modes > number:
         elements = directions[0].grid.elements
         raise InputError(f"beam: {elements} elements have {number} modes with these ends, got modes = {modes}")
-    for load in loads:
-        known = [f"gravity {d.axis}" for d in directions]
-        if load not in known:
-            raise UnknownNameError("load", load, known)
+    require_loads(loads, [f"gravity {d.axis}" for d in directions])
     normal = [d.normal_modes(min(modes, d.free)) for d in directions]
     lowest = np.argsort(np.concatenate([squares for squares, _ in normal]), kind="stable")[:modes]
     of_mode = np.repeat(np.arange(len(directions)), [len(squares) for squares, _ in normal])[lowest]
@@ -133,6 +131,8 @@ def _chosen(directions: Sequence[Direction], modes: int, loads: Sequence[str]) -
     for i, (d, (squares, U)) in enumerate(zip(directions, normal, strict=True)):
         k = int(np.count_nonzero(of_mode == i))
         found = squares[:k], U[:, :k]
+        if k == d.free and f"gravity {d.axis}" in loads:
+            raise InputError(f"beam: all {k} modes along {d.axis} represent 'gravity {d.axis}': leave out this load")
         columns.append(d.with_weight(*found) if f"gravity {d.axis}" in loads else found)
     return Shapes.of(directions, columns)
 

@@ -82,7 +82,7 @@ class Flexible(Frame):
         ends: displacements that the frame holds at the left and at the right end.
         plane: direction of bending, or both.
         axial: whether the beam stretches, too.
-        damping: damping ratio of all modes, or of each.
+        damping: damping ratio of all modes, or of each, those of loads too, by frequency.
         stiffening: whether bending shortens the beam, so that tension stiffens it and compression makes it buckle.
         loads: deflections by the weight in the frame, "gravity y", that further modes represent exactly.
         nodes: nodes and their positions along x in m, ends of elements; A and B at both ends if omitted.

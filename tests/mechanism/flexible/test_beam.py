@@ -24,7 +24,7 @@ def test_errors_fall_with_order_four_in_the_elements():
 
 
 def test_a_rod_stretches_and_both_planes_bend():
-    rod = mbdae.beam(**UNIT | {"second_moment": (1.0, 4.0)}, elements=40, plane="space", axial=True, modes=4)
+    rod = mbdae.beam(**UNIT | {"second_moment": np.array([1.0, 4.0])}, elements=40, plane="space", axial=True, modes=4)
     np.testing.assert_allclose(rod.frequencies, [np.pi / 2, CLAMPED[0], 3 * np.pi / 2, 2 * CLAMPED[0]], rtol=1e-3)
     tip, root = rod.nodes["B"], np.sqrt(2)
     np.testing.assert_allclose(np.abs(tip.Phi), [[root, 0, root, 0], [0, 2, 0, 0], [0, 0, 0, 2]], atol=3e-3)
@@ -114,6 +114,33 @@ fibre = [5e-3, 0.0]
         ({"ends": "hinged"}, UnknownNameError, "unknown ends 'hinged' .*; valid: clamped, pinned"),
         ({"loads": ["gravity z"]}, UnknownNameError, "unknown load 'gravity z' .*; valid: gravity y"),
         ({"shear_stiffness": -1.0}, InputError, "beam: shear_stiffness needs a number that is not negative, got -1.0"),
+        (
+            {"damping": -0.1},
+            InputError,
+            "damping needs one ratio that is not negative, or 4, of all modes .*; got -0.1",
+        ),
+        (
+            {"damping": (0.1, 0.2, 0.3, 0.4), "loads": ["gravity y"]},
+            InputError,
+            "damping needs .*, or 5, of all modes with",
+        ),
+        ({"damping": np.nan}, InputError, "damping needs one ratio .*; got nan"),
+        ({"polar_moment": -1.0}, InputError, "polar_moment needs a number that is not negative, got -1.0"),
+        ({"polar_moment": np.nan}, InputError, "polar_moment needs a number that is not negative, got nan"),
+        (
+            {"fibre": (0.1, np.nan)},
+            InputError,
+            r"fibre: expected finite numbers of shape \(2,\), got .*, not all finite",
+        ),
+        ({"fibre": 0.1}, InputError, r"fibre: expected finite numbers of shape \(2,\), got shape \(\)"),
+        ({"second_moment": (1.0, 2.0, 3.0)}, InputError, "second_moment needs one number, or two of y and z, got"),
+        ({"modes": 2.5}, InputError, "beam: modes: expected a whole number from 1, got 2.5"),
+        ({"elements": 8.0}, InputError, "beam: elements: expected a whole number from 1, got 8.0"),
+        ({"length": "1"}, InputError, "length needs a positive number, got '1'"),
+        ({"loads": "gravity y"}, InputError, r"loads are a list, loads = .'gravity y'."),
+        ({"modes": 16, "loads": ["gravity y"]}, InputError, "all 16 modes along y represent 'gravity y': leave out"),
+        ({"nodes": ["A"]}, InputError, "nodes are positions by name, got .'A'"),
+        ({"nodes": {"": 0.0}}, InputError, "nodes need names, got"),
         ({"plane": "x"}, UnknownNameError, "unknown plane 'x'; valid: y, z, space"),
     ],
 )

@@ -41,6 +41,8 @@ def test_beams_keep_their_strains_and_second_order(tmp_path):
     assert again.nodes["A"].modulus == 2.0
     with pytest.raises(InputError, match=r"written to .npz files, got beam.txt"):
         mbdae.save_modal_body(beam, "beam.txt")
+    with pytest.raises(InputError, match=r"cannot write .*beam.npz: No such file or directory"):
+        mbdae.save_modal_body(beam, tmp_path / "none" / "beam.npz")
 
 
 def test_a_saved_run_keeps_the_numbers(folder):
@@ -54,12 +56,22 @@ def test_a_saved_run_keeps_the_numbers(folder):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"mass": -1.0}, "flexible body 'rod': the mass is positive, got -1 kg"),
+        ({"mass": -1.0}, "flexible body 'rod': mass needs a positive number, got "),
         ({"stiffness": [1.0, 2.0, 0.0, 1.0]}, "'rod': stiffness is positive and damping not negative"),
-        ({"C": [[1.0]]}, r"'rod': C needs the shape \(3, 4\), got \(1, 1\)"),
+        ({"C": [[1.0]]}, r"'rod': C: expected finite numbers of shape \(3, 4\), got shape \(1, 1\)"),
         ({"I0": np.tri(3).tolist()}, "'rod': I0 is symmetric"),
         ({"Mq": np.diag([1.0, 1, 1, -1]).tolist()}, "'rod': Mq is positive definite"),
-        ({"H0": [[1.0], [1.0, 2.0]]}, "'rod': H0 needs finite numbers in rows of equal length"),
+        (
+            {"H0": [[1.0], [1.0, 2.0]]},
+            r"'rod': H0: expected finite numbers of shape \(3, 4\), got \[\[1.0\], \[1.0, 2.0\]\]",
+        ),
+        ({"s0": [9.0, 0.0, 0.0]}, "'rod': no body has these masses, whose kinetic energy could be negative"),
+        ({"I0": np.diag([-1.0, 1, 1]).tolist()}, "'rod': no body has these masses, whose kinetic energy could be neg"),
+        ({"I0": np.diag([9.0, 1, 1]).tolist()}, "'rod': no body has the moments of inertia .*, 9 kg m"),
+        ({"I2": np.arange(144.0).reshape(4, 4, 3, 3).tolist()}, "'rod': I2 is symmetric in its modes"),
+        ({"names": ["pin"] * 3}, "'rod': the node 'pin' is given twice"),
+        ({"names": ["pin", "", "tip"]}, "'rod': nodes need names"),
+        ({"modulus": [1.0, -1.0, 1.0]}, "'rod': node .*: modulus needs a number that is not negative, got -1"),
         ({"color": 1.0}, "'rod': unknown numbers 'color'; valid: mass, s0, I0"),
     ],
 )
