@@ -100,7 +100,7 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
     r, masses, Phi = shapes.points(per_length, gyration)
     Phi2 = shapes.shortening_at_points(len(r)) if stiffening else None
     found = {
-        name: _node(shapes, grid.node(real(x, f"beam: node {name!r}"), name), stiffening, young, fibre)
+        name: _node(shapes, (*grid.node(real(x, f"beam: node {name!r}"), name), x), stiffening, young, fibre)
         for name, x in (nodes or {"A": 0.0, "B": length}).items()
     }
     body = ModalBody.of_points(r, masses, Phi, per_length * length * shapes.squares, damping, found, Phi2)
@@ -137,13 +137,12 @@ def _chosen(directions: Sequence[Direction], modes: int, loads: Sequence[str]) -
     return Shapes.of(directions, columns)
 
 
-def _node(shapes: Shapes, at: tuple[int, float], stiffening: bool, young: float, fibre: Sequence[float]) -> Node:
+def _node(shapes: Shapes, at: tuple[int, float, float], stiffening: bool, young: float, fibre: Sequence[float]) -> Node:
     """Return the node at an end of an element; its strain is the mean of both elements there."""
-    e, s = at
+    e, s, x = at
     displacement, rotation, strains = shapes.at(e, s)
     if s == 0 and e > 0:
         strains = (strains + shapes.at(e - 1, 1.0)[2]) / 2
     strain = strains[0] - fibre[0] * strains[1] - fibre[-1] * strains[2]
-    r = np.array([shapes.grid.x[e] + s * shapes.grid.size, 0.0, 0.0])
     Phi2 = shapes.shortening(e, s) if stiffening else None
-    return Node(r, displacement, rotation, Phi2, strain, young)
+    return Node(np.array([x, 0.0, 0.0]), displacement, rotation, Phi2, strain, young)
