@@ -18,7 +18,7 @@ import numpy as np
 
 from ...errors import InputError, UnknownNameError
 from .beam_modes import DIRECTIONS, ENDS, Direction, Elements, Shapes
-from .checked_numbers import array, real, require_loads, whole
+from .checked_numbers import array, integer, real, require_loads
 from .modal_body import ModalBody, Node
 
 PLANES = {"y": "y", "z": "z", "space": "yz"}
@@ -85,7 +85,7 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
     real(shear_stiffness, "beam: shear_stiffness")
     real(polar_moment, "beam: polar_moment")
     fibre = array(fibre, "beam: fibre", (2,)).tolist()
-    modes, elements = whole(modes, "beam: modes", 1), whole(elements, "beam: elements", 1)
+    modes, elements = integer(modes, "beam: modes", 1), integer(elements, "beam: elements", 1)
     for what, given, known in (("ends", ends, ENDS), ("plane", plane, PLANES)):
         if given not in list(known):
             raise UnknownNameError(what, given, known)

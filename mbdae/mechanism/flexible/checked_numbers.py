@@ -32,7 +32,7 @@ def real(value: Any, what: str, positive: bool = False) -> float:
     return float(a)
 
 
-def whole(value: Any, what: str, least: int) -> int:
+def integer(value: Any, what: str, least: int) -> int:
     """Return a whole number, at least ``least``.
 
     Raises:

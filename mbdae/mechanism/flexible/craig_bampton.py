@@ -21,7 +21,7 @@ from scipy.sparse.linalg import eigsh, splu
 from ...errors import InputError, UnknownNameError
 from ...system import Array
 from ...tolerances import HALF_DIGITS, RANK, SOLUTION_ROUNDING
-from .checked_numbers import array, as_array, require_loads, require_names, whole
+from .checked_numbers import array, as_array, integer, require_loads, require_names
 from .modal_body import ModalBody, Node
 
 RIGID_MOTIONS = 6
@@ -66,7 +66,7 @@ def modal_body(
         raise UnknownNameError("interface", clamped, interface)
     _require_rotations(r, interface, clamped)
     require_loads(loads, WEIGHTS)
-    modes = whole(modes, "modal_body: modes", 0)
+    modes = integer(modes, "modal_body: modes", 0)
     T, boundary, inner = _coordinates(r, interface, clamped)
     Kr, Mr = csc_array(T.T @ stiffness @ T), csc_array(T.T @ kron(m, np.eye(3)) @ T)
     if modes + len(loads) >= max(len(inner), 1) and modes:
