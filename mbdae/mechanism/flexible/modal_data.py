@@ -5,7 +5,7 @@ I2 (k, k, 3, 3), stiffness, damping (k,), of second order C2, H2, Mq1, Mq2 if gi
 (n,), r (n, 3), Phi, Psi (n, 3, k), Phi2 (n, 3, k, k), strain (n, k), modulus (n,).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -20,6 +20,7 @@ from .checked_numbers import (
     OF_NODES,
     SYMMETRIC,
     array,
+    damping_constants,
     real,
     require_names,
     require_nodes,
@@ -75,15 +76,22 @@ def modal_data(body: ModalBody) -> dict[str, Any]:
     return {name: np.asarray(x).tolist() for name, x in out.items() if x is not None}
 
 
-def modal_body_from_data(data: Mapping[str, Any], name: str) -> ModalBody:
+def modal_body_from_data(
+    data: Mapping[str, Any],
+    name: str,
+    modes: int | None = None,
+    damping: float | Sequence[float] | None = None,
+) -> ModalBody:
     """Return a modal body from its numbers.
 
     Args:
         data: as of `modal_data`.
         name: of the body, for messages.
+        modes: number of the first modes that are taken; all if omitted.
+        damping: damping ratio of each of them, or one for all, in place of the damping of the data.
 
     Raises:
-        InputError: for missing numbers, wrong shapes, or numbers that no elastic body has.
+        InputError: for missing numbers, wrong shapes, numbers that no elastic body has, or more modes than it has.
     """
     _require_known(data, name)
     here = f"flexible body {name!r}"
@@ -91,12 +99,19 @@ def modal_body_from_data(data: Mapping[str, Any], name: str) -> ModalBody:
     sizes, shapes = {"k": np.size(data["stiffness"]), "n": len(data["names"]), "3": 3}, {**SHAPES, **OPTIONAL}
     arrays = {x: array(data[x], f"{here}: {x}", tuple(sizes[c] for c in shapes[x])) for x in data if x != "names"}
     _check(arrays, here)
+    if modes is not None:
+        if modes > sizes["k"]:
+            raise InputError(f"{here} has {sizes['k']} modes, got modes = {modes}")
+        first = {"k": slice(modes)}
+        arrays = {x: a[tuple(first.get(c, slice(None)) for c in shapes[x])] for x, a in arrays.items()}
+    if damping is not None:
+        arrays["damping"] = damping_constants(damping, arrays["stiffness"], arrays["Mq"], here)
     nodes = {
         node: Node(**{x: arrays[x][i] for x in OF_NODES if x in arrays},
                    modulus=float(arrays["modulus"][i]) if "modulus" in arrays else 0.0)
         for i, node in enumerate(data["names"])
     }  # fmt: skip
-    require_nodes(nodes, sizes["k"], here)
+    require_nodes(nodes, len(arrays["stiffness"]), here)
     rest = {x: a for x, a in arrays.items() if x not in (*OF_NODES, "modulus", "mass")}
     return ModalBody(mass=float(arrays["mass"]), nodes=nodes, **rest)
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from ...errors import InputError, UnknownNameError
 from ..allowed_paths import AllowedPaths
 from ..flexible import ModalBody, beam
 from ..flexible.modal_data import modal_body_from_data, read_modal_data
@@ -29,5 +30,12 @@ def modal_body_of(table: Flexible) -> ModalBody:
         InputError: for invalid numbers.
     """
     if table.data is not None:
-        return modal_body_from_data(table.data, table.name)
-    return beam(**{name: getattr(table, name) for name in BEAM}, nodes=table.nodes or None)
+        return modal_body_from_data(table.data, table.name, table.modes, table.damping)
+    given = {name: x for name in BEAM if (x := getattr(table, name)) is not None}
+    try:
+        return beam(**given, nodes=table.nodes or None)
+    except UnknownNameError:
+        raise
+    except InputError as e:
+        text = str(e).removeprefix("flexible body: ").removeprefix("beam: ")
+        raise InputError(f"flexible body {table.name!r}: {text}") from None

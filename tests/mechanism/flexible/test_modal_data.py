@@ -80,11 +80,35 @@ def test_bad_numbers_are_refused_in_one_line(change, message):
         modal_body_from_data(modal_data(rod((0.0,) * 4)[0]) | change, "rod")
 
 
+def test_a_body_from_a_file_is_damped_and_takes_its_first_modes(tmp_path):
+    """A cantilever: frequencies 3.516 and 22.03 sqrt(EI/(rho A L^4)), with the given damping ratios."""
+    unit = {"length": 1.0, "young": 1.0, "density": 1.0, "area": 1.0, "second_moment": 1.0}
+    mbdae.save_modal_body(mbdae.beam(**unit, modes=3, elements=16), tmp_path / "rod.npz")
+    options = 'joint = "fixed"\nmodes = 2\ndamping = [0.02, 0.1]'
+    (tmp_path / "rod.toml").write_text(MODEL.replace('joint = "revolute"', options))
+    found = mbdae.modes(mbdae.load(tmp_path / "rod.toml"))
+    np.testing.assert_allclose(np.abs(found.roots), [3.5160152685, 22.0344915647], rtol=1e-5)
+    np.testing.assert_allclose(found.damping, [0.02, 0.1], rtol=1e-9)
+    beam = mbdae.beam(**unit, modes=2, elements=16, damping=(0.02, 0.1))
+    again = mbdae.load(tmp_path / "rod.toml").model.flexible[0].modal
+    for name, value in modal_data(beam).items():
+        if name == "names":
+            assert list(again.nodes) == value
+        elif hasattr(again, name):
+            np.testing.assert_allclose(getattr(again, name), value, rtol=1e-9, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ('file = "other.npz"', "'other.npz' is not found"),
         ('file = "rod.toml"', "rod.toml is no file of a modal body"),
+        ('file = "rod.npz"\nmodes = 5', "flexible body 'rod' has 4 modes, got modes = 5"),
+        ('file = "rod.npz"\ndamping = -0.1', "flexible body 'rod': damping needs one ratio that is not negative, or 4"),
+        (
+            'file = "rod.npz"\ndamping = [0.1, 0.2]',
+            "flexible body 'rod': damping needs one ratio that .*, or 4, of all",
+        ),
         ('file = "rod.npz"\nlength = 1.0', "flexible.rod: length belongs to a beam, not to a body from a file"),
         ("length = 1.0", "flexible.rod: a beam needs young, density, area, second_moment; another body has a file"),
     ],
