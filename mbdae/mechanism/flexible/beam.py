@@ -17,12 +17,12 @@ from typing import Literal
 import numpy as np
 
 from ...errors import InputError, UnknownNameError
-from .beam_modes import DIRECTIONS, ENDS, Direction, Elements, Shapes
+from ...system import Array
+from .beam_modes import ENDS, TURNS, Direction, Elements, Shapes
 from .checked_numbers import array, integer, real, require_loads
 from .modal_body import ModalBody, Node
 
 PLANES = {"y": "y", "z": "z", "space": "yz"}
-LOADS = tuple(f"gravity {axis}" for axis in DIRECTIONS)
 Plane = Literal["y", "z", "space"]
 EndCondition = Literal["clamped", "pinned", "clamped-clamped", "clamped-pinned"]
 
@@ -68,7 +68,8 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
         fibre: position (y, z) in the cross-section in m whose strain and stress nodes report.
         stiffening: whether bending shortens the beam along x, by the integral of v'^2 / 2: tension then stiffens it,
             and compression makes it buckle.
-        loads: deflections by the weight, ``"gravity y"``, that modes represent exactly, in addition to normal modes.
+        loads: deflections that modes represent exactly, in addition to normal modes: by the weight, ``"gravity y"``,
+            or by a force or a moment on a node, ``"force y B"``, ``"moment z B"``.
         nodes: names of nodes and their positions along x in m, at ends of elements; A and B at both
             ends if omitted.
 
@@ -78,8 +79,6 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
         UnknownNameError: for other ends, another plane or load.
     """
     moments = _moments(second_moment)
-    if not isinstance(nodes or {}, Mapping):
-        raise InputError(f"beam: nodes are positions by name, got {nodes!r:.60}")
     for name, value in (("length", length), ("young", young), ("density", density), ("area", area)):
         real(value, f"beam: {name}", positive=True)
     real(shear_stiffness, "beam: shear_stiffness")
@@ -96,17 +95,22 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
         bending = young * moments[axis]
         shear = bending / shear_stiffness if shear_stiffness else 0.0
         directions.append(Direction(grid, axis, ends, bending / per_length, shear, gyration.get(axis, 0.0)))
-    shapes = _chosen(directions, modes, loads)
+    positions = _positions(nodes or {"A": 0.0, "B": length})
+    places = {name: grid.node(x, name) for name, x in positions.items()}
+    shapes = _chosen(directions, modes, loads, places)
     r, masses, Phi = shapes.points(per_length, gyration)
     Phi2 = shapes.shortening_at_points(len(r)) if stiffening else None
-    found = {
-        name: _node(shapes, (*grid.node(real(x, f"beam: node {name!r}"), name), x), stiffening, young, fibre)
-        for name, x in (nodes or {"A": 0.0, "B": length}).items()
-    }
+    found = {name: _node(shapes, (*places[name], x), stiffening, young, fibre) for name, x in positions.items()}
     body = ModalBody.of_points(r, masses, Phi, per_length * length * shapes.squares, damping, found, Phi2)
     if polar_moment:
         body.I0[0, 0] = density * polar_moment * length
     return body
+
+
+def _positions(nodes: Mapping[str, float]) -> dict[str, float]:
+    if not isinstance(nodes, Mapping):
+        raise InputError(f"beam: nodes are positions by name, got {nodes!r:.60}")
+    return {name: real(x, f"beam: node {name!r}") for name, x in nodes.items()}
 
 
 def _moments(second_moment: float | Sequence[float]) -> dict[str, float]:
@@ -117,13 +121,16 @@ def _moments(second_moment: float | Sequence[float]) -> dict[str, float]:
     return {axis: real(x, f"beam: second_moment along {axis}", positive=True) for axis, x in moments.items()}
 
 
-def _chosen(directions: Sequence[Direction], modes: int, loads: Sequence[str]) -> Shapes:
+def _chosen(
+    directions: Sequence[Direction], modes: int, loads: Sequence[str], places: Mapping[str, tuple[int, float]]
+) -> Shapes:
     """Return the lowest modes of all directions, and deflections under loads, by frequency."""
     number = sum(d.free for d in directions)
     if modes > number:
         elements = directions[0].grid.elements
         raise InputError(f"beam: {elements} elements have {number} modes with these ends, got modes = {modes}")
-    require_loads(loads, [f"gravity {d.axis}" for d in directions])
+    known = [_loads(d, places) for d in directions]
+    require_loads(loads, [load for table in known for load in table])
     normal = [d.normal_modes(min(modes, d.free)) for d in directions]
     lowest = np.argsort(np.concatenate([squares for squares, _ in normal]), kind="stable")[:modes]
     of_mode = np.repeat(np.arange(len(directions)), [len(squares) for squares, _ in normal])[lowest]
@@ -131,10 +138,20 @@ def _chosen(directions: Sequence[Direction], modes: int, loads: Sequence[str]) -
     for i, (d, (squares, U)) in enumerate(zip(directions, normal, strict=True)):
         k = int(np.count_nonzero(of_mode == i))
         found = squares[:k], U[:, :k]
-        if k == d.free and f"gravity {d.axis}" in loads:
-            raise InputError(f"beam: all {k} modes along {d.axis} represent 'gravity {d.axis}': leave out this load")
-        columns.append(d.with_weight(*found) if f"gravity {d.axis}" in loads else found)
+        given = {load: known[i][load] for load in loads if load in known[i]}
+        columns.append(d.with_loads(*found, given) if given else found)
     return Shapes.of(directions, columns)
+
+
+def _loads(d: Direction, places: Mapping[str, tuple[int, float]]) -> dict[str, Array]:
+    """Return the loads along a direction by name: the weight, and forces and moments on nodes."""
+    out = {f"gravity {d.axis}": d.weight()}
+    for name, (e, s) in places.items():
+        v, theta, _, _ = d.rows(e, s)
+        out[f"force {d.axis} {name}"] = v
+        if d.axis in TURNS:
+            out[f"moment {TURNS[d.axis]} {name}"] = theta
+    return out
 
 
 def _node(shapes: Shapes, at: tuple[int, float, float], stiffening: bool, young: float, fibre: Sequence[float]) -> Node:

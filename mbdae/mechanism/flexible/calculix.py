@@ -5,8 +5,9 @@ folder of the job. Source: G. Dhondt, CalculiX CrunchiX user's manual: input dec
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from io import StringIO
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,14 @@ def calculix(path: Path) -> tuple[Array, csr_array, csr_array, Sets]:
         InputError: for a missing, incomplete or inconsistent file.
     """
     position, sets = _mesh(path)
+    place, at = _rows_of_nodes(path, position)
+    M, K = (_upper(path.with_suffix(suffix), np.array(place, int)) for suffix in (".mas", ".sti"))
+    named = {name: [at[i] for i in dict.fromkeys(ids) if i in at] for name, ids in sets.items() if name}
+    return np.array([position[number] for number in at]), M, K, named
+
+
+def _rows_of_nodes(path: Path, position: Mapping[int, object]) -> tuple[list[int], dict[int, int]]:
+    """Return the displacement of each row of the matrices, and the indices of nodes by number."""
     rows = [_numbers(line.split("."), path.with_suffix(".dof")) for line in _text(path.with_suffix(".dof")).split()]
     at = {number: i for i, number in enumerate(sorted({row[0] for row in rows}))}
     place = [3 * at[row[0]] + row[-1] - 1 for row in rows]
@@ -37,9 +46,7 @@ def calculix(path: Path) -> tuple[Array, csr_array, csr_array, Sets]:
     if len(place) != 3 * len(at):
         missing = 3 * len(at) - len(place)
         raise InputError(f"finite elements: {path.stem}.dof: {missing} displacements are held; store a free body")
-    M, K = (_upper(path.with_suffix(suffix), np.array(place, int)) for suffix in (".mas", ".sti"))
-    named = {name: [at[i] for i in dict.fromkeys(ids) if i in at] for name, ids in sets.items() if name}
-    return np.array([position[number] for number in at]).reshape(-1, 3), M, K, named
+    return place, at
 
 
 def _mesh(path: Path) -> tuple[dict[int, list[float]], Sets]:
@@ -86,18 +93,13 @@ def _text(path: Path) -> str:
 
 def _cards(lines: Sequence[str]) -> Iterator[Card]:
     """Yield the cards of the lines of an input file."""
-    i = 0
-    while i < len(lines):
-        head, i = lines[i], i + 1
-        if not head.startswith("*"):
-            continue
-        while head.endswith(",") and i < len(lines) and not lines[i].startswith("*"):
-            head, i = head + lines[i], i + 1
-        rows = []
-        while i < len(lines) and not lines[i].startswith("*"):
-            rows.append([x.strip() for x in lines[i].split(",") if x.strip()])
-            i += 1
-        keyword, *options = (x.strip() for x in head[1:].split(","))
+    starts = [i for i, x in enumerate(lines) if x.startswith("*")]
+    for i, end in pairwise([*starts, len(lines)]):
+        last = i
+        while lines[last].endswith(",") and last + 1 < end:
+            last += 1
+        keyword, *options = (x.strip() for x in "".join(lines[i : last + 1])[1:].split(","))
+        rows = [[x.strip() for x in row.split(",") if x.strip()] for row in lines[last + 1 : end]]
         yield keyword, {y[0].strip(): y[-1].strip() for y in (x.split("=") for x in options)}, rows
 
 

@@ -114,6 +114,12 @@ def _checked(r: Array, m: csr_array, K: Any, interface: Mapping[str, Sequence[in
     size = abs(out).max()
     if not np.isfinite(size) or abs(out - out.T).max() > SOLUTION_ROUNDING * size:
         raise InputError("modal_body: K is not symmetric and finite")
+    _require_points(interface, n)
+    return out
+
+
+def _require_points(interface: Mapping[str, Sequence[int]], n: int) -> None:
+    """Require different points of n in each interface."""
     if not isinstance(interface, Mapping):
         raise InputError(f"modal_body: interfaces are lists of points by name, got {interface!r:.60}")
     require_names(list(interface), "modal_body: interface")
@@ -122,7 +128,6 @@ def _checked(r: Array, m: csr_array, K: Any, interface: Mapping[str, Sequence[in
         raise InputError(f"modal_body: interfaces are different points 0 to {n - 1}, got {used!r:.60}")
     if not all(np.size(at) for at in interface.values()):
         raise InputError("modal_body: an interface has one point or more")
-    return out
 
 
 def _require_rotations(r: Array, interface: Mapping[str, Sequence[int]], clamped: str) -> None:

@@ -99,11 +99,7 @@ def modal_body_from_data(
     sizes, shapes = {"k": np.size(data["stiffness"]), "n": len(data["names"]), "3": 3}, {**SHAPES, **OPTIONAL}
     arrays = {x: array(data[x], f"{here}: {x}", tuple(sizes[c] for c in shapes[x])) for x in data if x != "names"}
     _check(arrays, here)
-    if modes is not None:
-        if modes > sizes["k"]:
-            raise InputError(f"{here} has {sizes['k']} modes, got modes = {modes}")
-        first = {"k": slice(modes)}
-        arrays = {x: a[tuple(first.get(c, slice(None)) for c in shapes[x])] for x, a in arrays.items()}
+    arrays = _first_modes(arrays, sizes["k"] if modes is None else modes, here)
     if damping is not None:
         arrays["damping"] = damping_constants(damping, arrays["stiffness"], arrays["Mq"], here)
     nodes = {
@@ -114,6 +110,14 @@ def modal_body_from_data(
     require_nodes(nodes, len(arrays["stiffness"]), here)
     rest = {x: a for x, a in arrays.items() if x not in (*OF_NODES, "modulus", "mass")}
     return ModalBody(mass=float(arrays["mass"]), nodes=nodes, **rest)
+
+
+def _first_modes(arrays: Mapping[str, Array], k: int, here: str) -> dict[str, Array]:
+    """Return the numbers of the first k modes."""
+    if k > (number := len(arrays["stiffness"])):
+        raise InputError(f"{here} has {number} modes, got modes = {k}")
+    shapes, first = {**SHAPES, **OPTIONAL}, {"k": slice(k)}
+    return {x: a[tuple(first.get(c, slice(None)) for c in shapes[x])] for x, a in arrays.items()}
 
 
 def _require_known(data: Mapping[str, Any], name: str) -> None:

@@ -85,7 +85,8 @@ class Flexible(Frame):
         damping: damping ratio of all modes, or of each, those of loads too, by frequency; if omitted, 0, or as in
             the file.
         stiffening: whether bending shortens the beam, so that tension stiffens it and compression makes it buckle.
-        loads: deflections by the weight in the frame, "gravity y", that further modes represent exactly.
+        loads: deflections in the frame that further modes represent exactly: by the weight, "gravity y", or by a
+            force or a moment on a node, "force y B", "moment z B".
         nodes: nodes and their positions along x in m, ends of elements; A and B at both ends if omitted.
     """
 

@@ -53,6 +53,24 @@ def test_sag_under_the_weight_is_exact_with_its_mode(ends, modes):
     assert abs(error) == pytest.approx(published, rel=0.5)
 
 
+def test_deflections_by_forces_and_moments_on_nodes_are_exact():
+    """Of a cantilever by a tip force P L^3/(3 EI), rotation P L^2/(2 EI), by a tip moment M L^2/(2 EI), M L/(EI)."""
+    thick = UNIT | {"modes": 1, "plane": "space", "axial": True, "fibre": (0.1, 0.2)}
+    loads = ["force x B", "force y B", "moment z B", "moment y B"]
+    body = mbdae.beam(**thick, loads=loads)
+    A, B = body.nodes["A"], body.nodes["B"]
+    assert body.modes == 5
+    flexibility = [x / body.stiffness @ y for x, y in ((B.Phi, B.Phi.T), (B.Psi, B.Phi.T), (B.Psi, B.Psi.T))]
+    np.testing.assert_allclose(flexibility[0][:2, :2], np.diag([1, 1 / 3]), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(flexibility[1][2], [0, 1 / 2, 0], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(flexibility[2], np.diag([0, 1, 1]), rtol=1e-9, atol=1e-9)
+    strains = A.strain @ (B.Psi.T / body.stiffness[:, None])
+    np.testing.assert_allclose(strains, [0, 0.2, -0.1], rtol=1e-9, atol=1e-9)  # -M y/(EI) about z, M z/(EI) about y
+    plain = mbdae.beam(**UNIT | {"fibre": (0.1, 0.0)}, modes=6)
+    error = plain.nodes["A"].strain @ (plain.nodes["B"].Psi[2] / plain.stiffness) / -0.1 - 1
+    assert abs(error) > 0.05
+
+
 def test_shear_and_rotary_inertia():
     """Of a pinned beam: rho I w^4 - w^2 (EI k^2 + rho I G k^2/A + G) + G EI k^4 = 0, k = pi/L, G the stiffness."""
     moment, shear, k2 = 0.01, 0.3, np.pi**2
@@ -138,7 +156,17 @@ fibre = [5e-3, 0.0]
         ({"elements": 8.0}, InputError, "beam: elements: expected a whole number from 1, got 8.0"),
         ({"length": "1"}, InputError, "length needs a positive number, got '1'"),
         ({"loads": "gravity y"}, InputError, r"loads are a list, loads = .'gravity y'."),
-        ({"modes": 16, "loads": ["gravity y"]}, InputError, "all 16 modes along y represent 'gravity y': leave out"),
+        (
+            {"modes": 16, "loads": ["gravity y"]},
+            InputError,
+            "modes and other loads already represent 'gravity y': leave it out",
+        ),
+        ({"loads": ["force y A"]}, InputError, "already represent 'force y A': leave it out"),
+        (
+            {"loads": ["force y C"]},
+            UnknownNameError,
+            "unknown load 'force y C' .*; valid: gravity y, force y A, moment z",
+        ),
         ({"nodes": ["A"]}, InputError, "nodes are positions by name, got .'A'"),
         ({"nodes": {"": 0.0}}, InputError, "nodes need names, got"),
         ({"plane": "x"}, UnknownNameError, "unknown plane 'x'; valid: y, z, space"),
