@@ -1,7 +1,10 @@
 """Input files of CalculiX: nodes and node sets of ``job.inp`` and its included files; stored matrices beside it.
 
-Keyword lines start with ``*`` and go on after a comma at their end; ``*INCLUDE, INPUT=mesh.inp`` is relative to the
-folder of the job. Source: G. Dhondt, CalculiX CrunchiX user's manual: input deck format, *NSET, *ELSET, *FREQUENCY.
+Keyword lines start with ``*`` and do not go on after a comma at their end, as they do in Abaqus; ``*NSET, ELSET=``
+gives the nodes of elements, as in Abaqus, where CalculiX 2.20 warns. ``*INCLUDE, INPUT=mesh.inp`` is relative to the
+folder of the job.
+
+Source: G. Dhondt, CalculiX CrunchiX user's manual: input deck format, *NSET, *ELSET, *FREQUENCY.
 """
 
 import re
@@ -95,11 +98,8 @@ def _cards(lines: Sequence[str]) -> Iterator[Card]:
     """Yield the cards of the lines of an input file."""
     starts = [i for i, x in enumerate(lines) if x.startswith("*")]
     for i, end in pairwise([*starts, len(lines)]):
-        last = i
-        while lines[last].endswith(",") and last + 1 < end:
-            last += 1
-        keyword, *options = (x.strip() for x in "".join(lines[i : last + 1])[1:].split(","))
-        rows = [[x.strip() for x in row.split(",") if x.strip()] for row in lines[last + 1 : end]]
+        keyword, *options = (x.strip() for x in lines[i][1:].split(","))
+        rows = [[x.strip() for x in row.split(",") if x.strip()] for row in lines[i + 1 : end]]
         yield keyword, {y[0].strip(): y[-1].strip() for y in (x.split("=") for x in options)}, rows
 
 

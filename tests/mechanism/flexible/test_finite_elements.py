@@ -77,12 +77,12 @@ def test_masses_by_points_or_by_displacements_are_the_same_body():
             mbdae.modal_body(found.points, masses, found.K, **options)
 
 
-def test_files_are_read_as_calculix_reads_them(tmp_path):
-    """Included files, keywords and solids over several lines, nodes of elements, comments in any code, any case."""
+def test_decks_may_be_written_in_other_ways(tmp_path):
+    """Included files, solids over several lines, commas at ends, nodes of elements, comments in any code, any case."""
     folder, known = copytree(FOLDER, tmp_path / "bar"), mbdae.read_finite_elements(FOLDER / "bar.inp")
     text = (folder / "bar.inp").read_text()
     start, end = text.index("*NODE"), text.index("*MATERIAL")
-    mesh = text[start:end].replace("*NODE, NSET", "*Node,\n  NSET").replace("*ELEMENT, ", "*ELEMENT,\n")
+    mesh = text[start:end].replace("*NODE, NSET", "*Node, NSET").replace("NSET=LEFT", "NSET=LEFT,")
     mesh = mesh.replace("2, 5, 9, 11, 7,", "2, 5, 9, 11, 7,\n")
     mesh += "*ELSET, ELSET=END\n2,\n*NSET, NSET=SECOND, ELSET=END\n*NSET, NSET=ODD, GENERATE\n1, 5, 2\n12,\n"
     (folder / "mesh.inp").write_bytes("** f\u00fcr\n".encode("latin-1") + mesh.encode())
