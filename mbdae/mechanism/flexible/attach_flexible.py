@@ -85,8 +85,9 @@ def attach_flexible(
         raise InputError(f"flexible body {name!r} has no modes: make it a rigid body")
     _require_no_mode(model, parent, name)
     body = FlexibleBody(name, modal)
-    for x in (name, *body.mode_joints, *body.node_frames):
-        if model.existJointName(x) or model.existFrame(x):
+    names = (name, *body.mode_joints, *body.node_frames)
+    for x in names:
+        if model.existJointName(x) or model.existFrame(x) or names.count(x) > 1:
             raise InputError(f"the name {x!r} is taken: joints, frames and nodes need different names")
     one = pin.SE3.Identity()
     at, here = parent, placement or one

@@ -18,12 +18,13 @@ from typing import Literal
 import numpy as np
 
 from ...errors import InputError, UnknownNameError
-from .beam_modes import DIRECTIONS, ENDS, Direction, Elements, Shapes
+from ...system import Array
+from .beam_modes import ENDS, TURNS, Direction, Elements, Shapes
+from .checked_numbers import array, integer, real, require_loads
 from .modal_body import ModalBody, Node
 from .points import OutlinePoints
 
 PLANES = {"y": "y", "z": "z", "space": "yz"}
-LOADS = tuple(f"gravity {axis}" for axis in DIRECTIONS)
 Plane = Literal["y", "z", "space"]
 EndCondition = Literal["clamped", "pinned", "clamped-clamped", "clamped-pinned"]
 
@@ -62,7 +63,7 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
             ``"pinned"`` (the frame is the chord between both), ``"clamped-clamped"`` or ``"clamped-pinned"``.
         plane: bending along ``"y"``, along ``"z"``, or both, ``"space"``.
         axial: whether the beam also stretches.
-        damping: ratio of each mode, or one for all.
+        damping: ratio of each mode, those of loads too, by frequency; or one for all.
         polar_moment: second moment of area about x in m^4; without it, or shear, a beam has no inertia about its axis.
         shear_stiffness: shear coefficient x shear modulus x area in N, of a beam of Timoshenko with rotary inertia;
             0 for a beam of Euler and Bernoulli, which is rigid against shear.
@@ -70,23 +71,26 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
             stretching alone, of axial beams.
         stiffening: whether bending shortens the beam along x, by the integral of v'^2 / 2: tension then stiffens it,
             and compression makes it buckle.
-        loads: deflections by the weight, ``"gravity y"``, that modes represent exactly, in addition to normal modes.
+        loads: deflections that modes represent exactly, in addition to normal modes: by the weight, ``"gravity y"``,
+            or by a force or a moment on a node, ``"force y B"``, ``"moment z B"``.
         nodes: names of nodes and their positions along x in m, at ends of elements; A and B at both
             ends if omitted.
 
     Raises:
-        InputError: for values that are not positive, more modes than the elements have, or a node between them.
+        InputError: for values that are not positive, more modes than the elements have, negative damping, or a node
+            between elements.
         UnknownNameError: for other ends, another plane or load.
     """
     moments = _moments(second_moment)
-    if not (np.isfinite(shear_stiffness) and shear_stiffness >= 0):
-        raise InputError(f"beam: shear_stiffness needs a number that is not negative, got {shear_stiffness}")
-    _require_positive(
-        {"length": length, "young": young, "density": density, "area": area, "modes": modes, "elements": elements},
-        {"second_moment along " + axis: x for axis, x in moments.items()},
-    )
+    for name, value in (("length", length), ("young", young), ("density", density), ("area", area)):
+        real(value, f"beam: {name}", positive=True)
+    real(shear_stiffness, "beam: shear_stiffness")
+    real(polar_moment, "beam: polar_moment")
+    if fibre is not None or axial:
+        fibre = array((0.0, 0.0) if fibre is None else fibre, "beam: fibre", (2,)).tolist()
+    modes, elements = integer(modes, "beam: modes", 1), integer(elements, "beam: elements", 1)
     for what, given, known in (("ends", ends, ENDS), ("plane", plane, PLANES)):
-        if given not in known:
+        if given not in list(known):
             raise UnknownNameError(what, given, known)
     grid, per_length = Elements(length, elements), density * area
     gyration = {axis: x / area for axis, x in moments.items()} if shear_stiffness else {}
@@ -95,38 +99,43 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
         bending = young * moments[axis]
         shear = bending / shear_stiffness if shear_stiffness else 0.0
         directions.append(Direction(grid, axis, ends, bending / per_length, shear, gyration.get(axis, 0.0)))
-    shapes = _chosen(directions, modes, loads)
+    positions = _positions(nodes or {"A": 0.0, "B": length})
+    places = {name: grid.node(x, name) for name, x in positions.items()}
+    shapes = _chosen(directions, modes, loads, places)
     r, masses, Phi = shapes.points(per_length, gyration)
     Phi2 = shapes.shortening_at_points(len(r)) if stiffening else None
-    found = _nodes(shapes, nodes or {"A": 0.0, "B": length}, stiffening, young, fibre)
+    found = {name: _node(shapes, (*places[name], x), stiffening, young, fibre) for name, x in positions.items()}
     body = ModalBody.of_points(r, masses, Phi, per_length * length * shapes.squares, damping, found, Phi2)
     if polar_moment:
         body.I0[0, 0] = density * polar_moment * length
-    along = _nodes(shapes, dict(zip(map(str, grid.x), grid.x, strict=True)), stiffening, young, fibre)
-    return replace(body, outline=OutlinePoints.along(list(along.values())))
+    along = [_node(shapes, (*grid.node(x, "end"), x), stiffening, young, fibre) for x in grid.x.tolist()]
+    return replace(body, outline=OutlinePoints.along(along))
+
+
+def _positions(nodes: Mapping[str, float]) -> dict[str, float]:
+    if not isinstance(nodes, Mapping):
+        raise InputError(f"beam: nodes are positions by name, got {nodes!r:.60}")
+    return {name: real(x, f"beam: node {name!r}") for name, x in nodes.items()}
 
 
 def _moments(second_moment: float | Sequence[float]) -> dict[str, float]:
-    pair = tuple(second_moment) if isinstance(second_moment, Sequence) else (second_moment, second_moment)
-    return dict(zip("yz", pair, strict=True))
+    pair = np.broadcast_to(second_moment, 2) if np.ndim(second_moment) == 0 else np.asarray(second_moment)
+    if pair.shape != (2,):
+        raise InputError(f"beam: second_moment needs one number, or two of y and z, got {second_moment!r:.60}")
+    moments = dict(zip("yz", pair.tolist(), strict=True))
+    return {axis: real(x, f"beam: second_moment along {axis}", positive=True) for axis, x in moments.items()}
 
 
-def _require_positive(*tables: Mapping[str, float]) -> None:
-    for name, value in (item for table in tables for item in table.items()):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"beam: {name} needs a positive number, got {value}")
-
-
-def _chosen(directions: Sequence[Direction], modes: int, loads: Sequence[str]) -> Shapes:
+def _chosen(
+    directions: Sequence[Direction], modes: int, loads: Sequence[str], places: Mapping[str, tuple[int, float]]
+) -> Shapes:
     """Return the lowest modes of all directions, and deflections under loads, by frequency."""
     number = sum(d.free for d in directions)
     if modes > number:
         elements = directions[0].grid.elements
         raise InputError(f"beam: {elements} elements have {number} modes with these ends, got modes = {modes}")
-    for load in loads:
-        known = [f"gravity {d.axis}" for d in directions]
-        if load not in known:
-            raise UnknownNameError("load", load, known)
+    known = [_loads(d, places) for d in directions]
+    require_loads(loads, [load for table in known for load in table])
     normal = [d.normal_modes(min(modes, d.free)) for d in directions]
     lowest = np.argsort(np.concatenate([squares for squares, _ in normal]), kind="stable")[:modes]
     of_mode = np.repeat(np.arange(len(directions)), [len(squares) for squares, _ in normal])[lowest]
@@ -134,26 +143,30 @@ def _chosen(directions: Sequence[Direction], modes: int, loads: Sequence[str]) -
     for i, (d, (squares, U)) in enumerate(zip(directions, normal, strict=True)):
         k = int(np.count_nonzero(of_mode == i))
         found = squares[:k], U[:, :k]
-        columns.append(d.with_weight(*found) if f"gravity {d.axis}" in loads else found)
+        given = {load: known[i][load] for load in loads if load in known[i]}
+        columns.append(d.with_loads(*found, given) if given else found)
     return Shapes.of(directions, columns)
 
 
-def _nodes(
-    shapes: Shapes, at: Mapping[str, float], stiffening: bool, young: float, fibre: Sequence[float] | None
-) -> dict[str, Node]:
-    """Return nodes at ends of elements, by their positions in m."""
-    if fibre is None and any(d.axis == "x" for d, _ in shapes.parts):
-        fibre = (0.0, 0.0)
-    return {name: _node(shapes, shapes.grid.node(x, name), stiffening, young, fibre) for name, x in at.items()}
+def _loads(d: Direction, places: Mapping[str, tuple[int, float]]) -> dict[str, Array]:
+    """Return the loads along a direction by name: the weight, and forces and moments on nodes."""
+    out = {f"gravity {d.axis}": d.weight()}
+    for name, (e, s) in places.items():
+        v, theta, _, _ = d.rows(e, s)
+        out[f"force {d.axis} {name}"] = v
+        if d.axis in TURNS:
+            out[f"moment {TURNS[d.axis]} {name}"] = theta
+    return out
 
 
-def _node(shapes: Shapes, at: tuple[int, float], stiffening: bool, young: float, fibre: Sequence[float] | None) -> Node:
+def _node(
+    shapes: Shapes, at: tuple[int, float, float], stiffening: bool, young: float, fibre: Sequence[float] | None
+) -> Node:
     """Return the node at an end of an element; its strain is the mean of both elements there, none without a fibre."""
-    e, s = at
+    e, s, x = at
     displacement, rotation, strains = shapes.at(e, s)
     if s == 0 and e > 0:
         strains = (strains + shapes.at(e - 1, 1.0)[2]) / 2
     strain = None if fibre is None else strains[0] - fibre[0] * strains[1] - fibre[-1] * strains[2]
-    r = np.array([shapes.grid.x[e] + s * shapes.grid.size, 0.0, 0.0])
     Phi2 = shapes.shortening(e, s) if stiffening else None
-    return Node(r, displacement, rotation, Phi2, strain, young)
+    return Node(np.array([x, 0.0, 0.0]), displacement, rotation, Phi2, strain, young)

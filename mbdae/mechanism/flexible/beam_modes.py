@@ -17,6 +17,7 @@ from scipy.linalg import eigh
 
 from ...errors import InputError
 from ...system import Array
+from ...tolerances import RANK
 
 GAUSS_POINTS = 4  # an element: products of cubic polynomials have degree 6
 DIRECTIONS = "xyz"
@@ -26,6 +27,7 @@ ENDS = {  # displacements u, v, w and rotations about y, z that vanish at the le
     "clamped-clamped": ("uvwyz", "uvwyz"),
     "clamped-pinned": ("uvwyz", "vw"),
 }
+TURNS = {"y": "z", "z": "y"}  # axis of the rotations of bending, by direction
 COORDINATES = {"x": "u", "y": "vz", "z": "wy"}  # of a node, by direction: displacement, rotation
 
 
@@ -100,10 +102,10 @@ class Direction:
         out[:, 2 * e : 2 * e + 4] = np.hstack([values, right]) / (1 + phi)
         return out
 
-    def _pencil(self) -> tuple[Array, Array, Array]:
-        """Return stiffness, mass, and the weight, of the coordinates that do not vanish."""
+    def _pencil(self) -> tuple[Array, Array]:
+        """Return stiffness and mass of the coordinates that do not vanish."""
         n = self.width * (self.grid.elements + 1)
-        K, M, f = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+        K, M = np.zeros((2, n, n))
         for e, s, w in self.grid.gauss():
             v, theta, dv, dtheta = self.rows(e, s)
             strain = dv if self.axis == "x" else dtheta
@@ -111,26 +113,37 @@ class Direction:
             if self.shear:
                 K += w / self.shear * np.outer(dv - theta, dv - theta)
             M += w * (np.outer(v, v) + self.gyration * np.outer(theta, theta))
-            f += w * v
         at = np.ix_(self.at, self.at)
-        return K[at], M[at], f[self.at]
+        return K[at], M[at]
+
+    def weight(self) -> Array:
+        """Return the load of the weight on all coordinates, (n,)."""
+        return np.sum([w * self.rows(e, s)[0] for e, s, w in self.grid.gauss()], axis=0)
 
     def normal_modes(self, k: int) -> tuple[Array, Array]:
         """Return squares of frequencies (k,) in rad^2/s^2, ascending, and modes (n, k) of mean square 1."""
-        K, M, _ = self._pencil()
+        K, M = self._pencil()
         last = len(K) - k, len(K) - 1  # the largest eigenvalues of the inverse pencil are the most accurate
         inverse, shapes = eigh(M, K, subset_by_index=last)
         return self._scaled(inverse, shapes)
 
-    def with_weight(self, squares: Array, U: Array) -> tuple[Array, Array]:
-        """Return modes of the span of some modes and of the deflection by the weight, (k + 1,) and (n, k + 1)."""
-        K, M, f = self._pencil()
+    def with_loads(self, squares: Array, U: Array, loads: Mapping[str, Array]) -> tuple[Array, Array]:
+        """Return modes of the span of k modes and of the deflections by l loads (n,), (k + l,) and (n, k + l).
+
+        Raises:
+            InputError: for a load whose deflection is in the span of modes and other loads, or zero.
+        """
+        K, M = self._pencil()
         basis = U[self.at]
-        static = np.linalg.solve(K, f)
-        for _ in range(2):  # twice: to rounding
-            static -= basis @ (basis.T @ (M @ static)) / self.grid.length
-        static *= np.sqrt(self.grid.length / (static @ M @ static))
-        basis = np.column_stack([basis, static])
+        for load, f in loads.items():
+            static = np.linalg.solve(K, f[self.at])
+            size = np.sqrt(static @ M @ static)
+            for _ in range(2):  # twice: to rounding
+                static -= basis @ (basis.T @ (M @ static)) / self.grid.length
+            rest = np.sqrt(static @ M @ static)
+            if not rest > RANK * size:
+                raise InputError(f"beam: the modes and other loads already represent {load!r}: leave it out")
+            basis = np.column_stack([basis, static * np.sqrt(self.grid.length) / rest])
         inverse, x = eigh(basis.T @ M @ basis, basis.T @ K @ basis)
         return self._scaled(inverse, basis @ x)
 

@@ -21,6 +21,7 @@ from scipy.sparse.linalg import eigsh, splu
 from ...errors import InputError, UnknownNameError
 from ...system import Array
 from ...tolerances import HALF_DIGITS, RANK, SOLUTION_ROUNDING
+from .checked_numbers import array, as_array, integer, require_loads, require_names
 from .modal_body import ModalBody, Node
 
 RIGID_MOTIONS = 6
@@ -46,28 +47,31 @@ def modal_body(
             whose elements interpolate the three displacements by the same functions.
         K: stiffness by displacements x, y, z of the points in turn, (3n, 3n), dense or sparse, in N/m.
         interface: nodes by name, each rigid and made of some points (by index), at their centroid; a node of a single
-            point does not turn with the modes.
+            point does not turn with the modes. Together they hold all rigid motions: their points are not on a line.
         modes: number of normal modes with fixed interfaces, in addition to the static modes of the interfaces.
         clamped: the interface that the frame of the body follows; without it the frame floats with the free body.
-        damping: ratio of each mode, or one for all.
+        damping: ratio of each mode, static modes and loads too, by frequency; or one for all.
         loads: ``"gravity x"``, ``"gravity y"``, ..: deflections by the weight that modes represent exactly.
 
     Raises:
         InputError: for wrong shapes, a K that is not symmetric or has other than six motions without force, masses
-            that are not positive, a mass matrix that couples directions, or more normal modes than there are.
+            that are not positive, a mass matrix that couples directions, interfaces on a line, more normal modes than
+            there are, a load that is given twice, or negative damping.
         UnknownNameError: for an unknown clamped interface or load.
     """
-    r, m = np.asarray(points, float), _masses(masses, len(points))
+    r = array(points, "modal_body: points", (len(points) if np.ndim(points) else 1, 3))
+    m = _masses(masses, len(r))
     stiffness = _checked(r, m, K, interface)
     if clamped and clamped not in interface:
         raise UnknownNameError("interface", clamped, interface)
     _require_rotations(r, interface, clamped)
+    require_loads(loads, WEIGHTS)
+    modes = integer(modes, "modal_body: modes", 0)
     T, boundary, inner = _coordinates(r, interface, clamped)
     Kr, Mr = csc_array(T.T @ stiffness @ T), csc_array(T.T @ kron(m, np.eye(3)) @ T)
-    if not 0 <= modes < max(len(inner), 1):
-        raise InputError(f"modal_body: {len(inner)} displacements between the interfaces, got modes = {modes}")
-    if unknown := [load for load in loads if load not in WEIGHTS]:
-        raise UnknownNameError("load", unknown[0], WEIGHTS)
+    if modes + len(loads) >= max(len(inner), 1) and modes:
+        got = f"modes = {modes}" + (f" and {len(loads)} loads" if loads else "")
+        raise InputError(f"modal_body: {len(inner)} displacements between the interfaces, got {got}")
     of_points = m.sum(axis=1)
     weights = T.T @ np.array([np.outer(of_points, WEIGHTS[load]).ravel() for load in loads]).reshape(-1, r.size).T
     basis = _basis(Kr, Mr, boundary, inner, modes, weights)
@@ -75,8 +79,8 @@ def modal_body(
     elastic = squares > HALF_DIGITS * squares[-1]
     expected = 0 if clamped else RIGID_MOTIONS
     if (rigid := int(np.count_nonzero(~elastic))) != expected:
-        what = f"{rigid} motions without elastic force, expected {expected}"
-        raise InputError(f"modal_body: {what}: is K that of this body?")
+        found = f"{rigid} motions without elastic force, expected {expected}"
+        raise InputError(f"modal_body: {found}: is K that of this body?")
     mass = float(m.sum())
     U = T @ (basis @ shapes[:, elastic]) * np.sqrt(mass)
     Phi = U.reshape(len(r), 3, -1)
@@ -86,32 +90,44 @@ def modal_body(
 
 def _masses(masses: Any, n: int) -> csr_array:
     """Return the mass matrix (n, n) of n points, from their masses or from a mass matrix of their displacements."""
-    x = csr_array(masses) if issparse(masses) else np.asarray(masses, float)
-    whole = csr_array(diags_array(x) if x.ndim == 1 else x)
-    m = whole[::3, ::3] if whole.shape == (3 * n, 3 * n) else whole
-    expanded = kron(m, np.eye(3)) if m is not whole else m.T
-    if m.shape == (n, n) and abs(whole - expanded).max() > SOLUTION_ROUNDING * abs(whole).max():
-        what = "is not symmetric" if m is whole else "is not the same in x, y and z, or couples them"
-        raise InputError(f"modal_body: the mass matrix {what}")
+    x = csr_array(masses) if issparse(masses) else as_array(masses)
+    if x.ndim not in (1, 2):
+        raise InputError(f"modal_body: masses need finite numbers of shape ({n},) or a matrix, got {masses!r:.60}")
+    given = csr_array(diags_array(x) if x.ndim == 1 else x)
+    m = given[::3, ::3] if given.shape == (3 * n, 3 * n) else given
+    expanded = kron(m, np.eye(3)) if m is not given else m.T
+    if m.shape == (n, n) and abs(given - expanded).max() > SOLUTION_ROUNDING * abs(given).max():
+        reason = "is not symmetric" if m is given else "is not the same in x, y and z, or couples them"
+        raise InputError(f"modal_body: the mass matrix {reason}")
     return m
 
 
 def _checked(r: Array, m: csr_array, K: Any, interface: Mapping[str, Sequence[int]]) -> csr_array:
-    n = len(r)
-    if r.shape != (n, 3) or m.shape != (n, n) or K.shape != (3 * n, 3 * n):
+    n, K = len(r), csr_array(K) if issparse(K) else as_array(K)
+    if m.shape != (n, n) or K.shape != (3 * n, 3 * n):
         needed = f"shapes ({n}, 3), masses ({n},), ({n}, {n}) or ({3 * n}, {3 * n}), and K ({3 * n}, {3 * n})"
         raise InputError(f"modal_body: {n} points need {needed}; got {r.shape}, mass matrix {m.shape}, K {K.shape}")
     own = m.diagonal()
     if not (own > 0).all():
         raise InputError(f"modal_body: masses are positive, got {own.min():g} kg of point {int(own.argmin())}")
-    out = csr_array(K if issparse(K) else np.asarray(K, float))
+    out = csr_array(K)
     size = abs(out).max()
     if not np.isfinite(size) or abs(out - out.T).max() > SOLUTION_ROUNDING * size:
         raise InputError("modal_body: K is not symmetric and finite")
-    used = [i for at in interface.values() for i in at]
-    if not all(0 <= i < n for i in used) or len(set(used)) < len(used) or not all(len(at) for at in interface.values()):
-        raise InputError(f"modal_body: interfaces are different points 0 to {n - 1}, one or more each")
+    _require_points(interface, n)
     return out
+
+
+def _require_points(interface: Mapping[str, Sequence[int]], n: int) -> None:
+    """Require different points of n in each interface."""
+    if not isinstance(interface, Mapping):
+        raise InputError(f"modal_body: interfaces are lists of points by name, got {interface!r:.60}")
+    require_names(list(interface), "modal_body: interface")
+    used = [i for at in interface.values() for i in (at if np.ndim(at) else [at])]
+    if not all(isinstance(i, int | np.integer) and 0 <= i < n for i in used) or len(set(used)) < len(used):
+        raise InputError(f"modal_body: interfaces are different points 0 to {n - 1}, got {used!r:.60}")
+    if not all(np.size(at) for at in interface.values()):
+        raise InputError("modal_body: an interface has one point or more")
 
 
 def _require_rotations(r: Array, interface: Mapping[str, Sequence[int]], clamped: str) -> None:
@@ -119,11 +135,18 @@ def _require_rotations(r: Array, interface: Mapping[str, Sequence[int]], clamped
     for name, at in interface.items():
         if len(at) == 1 and name != clamped:
             continue
-        points = r[list(at)]
-        sizes = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-        if len(at) < 3 or sizes[1] <= RANK * sizes[0]:
+        if len(at) < 3 or _are_on_a_line(r[list(at)]):
             text = f"modal_body: the modes cannot turn interface {name!r}, whose {len(at)} points are on a line"
             raise InputError(f"{text}; it needs three others, or a single one that is not clamped")
+    used = r[[i for at in interface.values() for i in at]]
+    if len(used) < 3 or _are_on_a_line(used):
+        text = f"the {len(used)} points of all interfaces do not hold the body"
+        raise InputError(f"modal_body: {text}: add a node of a point that is not on a line with them")
+
+
+def _are_on_a_line(points: Array) -> bool:
+    sizes = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(sizes[1] <= RANK * sizes[0])
 
 
 def _coordinates(r: Array, interface: Mapping[str, Sequence[int]], clamped: str) -> tuple[csr_array, Array, Array]:
@@ -163,8 +186,11 @@ def _basis(K: csc_array, M: csc_array, boundary: Array, inner: Array, modes: int
         found = normal
         for f in weights[inner].T:
             static = solve(f)
+            size = np.sqrt(static @ (Mii @ static))
             for _ in range(2):  # twice: to rounding
                 static -= found @ (found.T @ (Mii @ static))
+            if not np.sqrt(static @ (Mii @ static)) > RANK * size:
+                raise InputError("modal_body: a load deflects the body as modes or other loads do: leave it out")
             found = np.column_stack([found, static / np.sqrt(static @ (Mii @ static))])
         out[inner[:, None], np.arange(len(boundary), out.shape[1])] = found
     return out

@@ -2,24 +2,25 @@
 
 CalculiX writes ``job.sti``, ``job.mas`` and ``job.dof`` beside ``job.inp`` in a step ``*FREQUENCY,
 SOLVER=MATRIXSTORAGE`` without boundary conditions: the upper triangles of both matrices, by rows that job.dof names as
-node.direction.
+node.direction. Solid elements alone: nodes of beams and shells are expanded to others.
 Exudyn's ``FEMinterface.SaveToFile`` writes ``.npz`` files.
 
 Source: G. Dhondt, CalculiX CrunchiX user's manual, *FREQUENCY; J. Gerstmayr, Exudyn user documentation, FEMinterface.
 """
 
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, issparse
 
-from ...errors import InputError
+from ...errors import InputError, printable, require
 from ...system import Array
+from .calculix import calculix
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +43,16 @@ def read_finite_elements(path: str | Path) -> FiniteElements:
     """Return the body of a file: ``.npz`` of Exudyn's FEMinterface, or ``.inp`` of CalculiX with its stored matrices.
 
     Raises:
-        InputError: for another suffix, a missing or an incomplete file.
+        InputError: for another suffix, a missing, an incomplete or an inconsistent file.
     """
+    require(path, str | Path, "finite elements: the path of a file")
     path = Path(path)
-    if path.suffix not in READERS:
+    if path.suffix.lower() not in READERS:
         raise InputError(f"finite elements: {path.name}: valid files end with {', '.join(sorted(READERS))}")
     try:
-        return READERS[path.suffix](path)
+        found = READERS[path.suffix.lower()](path)
+    except InputError:
+        raise
     except OSError as e:
         raise InputError(f"finite elements: {e.filename or path}: {e.strerror or e}") from None
     except (
@@ -61,62 +65,15 @@ def read_finite_elements(path: str | Path) -> FiniteElements:
         EOFError,
         pickle.UnpicklingError,
     ) as e:
-        raise InputError(f"finite elements: {path.name} is incomplete or of another program: {e!r}") from None
+        raise InputError(
+            f"finite elements: {path.name} is incomplete or of another program: {printable(f'{e!s:.120}')}"
+        ) from None
+    _require_consistent(found, path)
+    return found
 
 
 def _calculix(path: Path) -> FiniteElements:
-    position, sets = _mesh(path)
-    degrees = [line.split(".") for line in path.with_suffix(".dof").read_text().split()]
-    at = {number: i for i, number in enumerate(sorted({int(node) for node, _ in degrees}))}
-    place = np.array([3 * at[int(node)] + int(direction) - 1 for node, direction in degrees])
-    if len(place) != 3 * len(at):
-        missing = 3 * len(at) - len(place)
-        raise InputError(f"finite elements: {path.stem}.dof: {missing} displacements are held; store a free body")
-    M, K = (_upper(path.with_suffix(suffix), place) for suffix in (".mas", ".sti"))
-    named = {name: [at[i] for i in dict.fromkeys(ids) if i in at] for name, ids in sets.items() if name}
-    return FiniteElements(np.array([position[number] for number in at]), M, K, named)
-
-
-def _mesh(path: Path) -> tuple[dict[int, list[float]], dict[str, list[int]]]:
-    """Return positions of nodes by number, and the numbers of each set by name."""
-    position: dict[int, list[float]] = {}
-    sets: dict[str, list[int]] = {}
-    for keyword, options, rows in _cards(path):
-        if keyword == "NODE":
-            position |= {int(row[0]): [float(x) for x in (row[1:4] + ["0"] * 3)[:3]] for row in rows}
-            sets.setdefault(options.get("NSET", ""), []).extend(int(row[0]) for row in rows)
-        elif keyword == "NSET":
-            sets.setdefault(options["NSET"], []).extend(_members(rows, "GENERATE" in options, sets))
-    return position, sets
-
-
-def _cards(path: Path) -> Iterator[tuple[str, dict[str, str], list[list[str]]]]:
-    """Yield keyword, options and data rows of each card of an input file, in capitals."""
-    lines = [x.strip().upper() for x in path.read_text().splitlines() if x.strip() and not x.strip().startswith("**")]
-    starts = [i for i, x in enumerate(lines) if x.startswith("*")]
-    for i, end in zip(starts, [*starts[1:], len(lines)], strict=True):
-        keyword, *options = (x.strip() for x in lines[i][1:].split(","))
-        pairs = {y[0].strip(): y[-1].strip() for y in (x.split("=") for x in options)}
-        yield keyword, pairs, [[x.strip() for x in row.split(",") if x.strip()] for row in lines[i + 1 : end]]
-
-
-def _members(rows: list[list[str]], generate: bool, sets: dict[str, list[int]]) -> Iterator[int]:
-    for row in rows:
-        if generate:
-            first, last, *step = map(int, row)
-            yield from range(first, last + 1, *step)
-        else:
-            for x in row:
-                yield from sets[x] if x in sets else [int(x)]
-
-
-def _upper(path: Path, place: Array) -> csr_array:
-    """Return a symmetric matrix from rows (i, j, value) of its upper triangle, i and j from 1."""
-    data = np.loadtxt(path, ndmin=2)
-    i, j, x = data[:, 0].astype(int) - 1, data[:, 1].astype(int) - 1, data[:, 2]
-    off = i != j
-    rows, columns = np.concatenate([i, j[off]]), np.concatenate([j, i[off]])
-    return csr_array((np.concatenate([x, x[off]]), (place[rows], place[columns])), (len(place), len(place)))
+    return FiniteElements(*calculix(path))
 
 
 class _Numbers(pickle.Unpickler):
@@ -143,11 +100,27 @@ def _exudyn(path: Path) -> FiniteElements:
                 return _Numbers(stream).load()
 
         nodes, sets = value("nodes").item(), value("nodeSets").tolist()
-        M, K = (csr_array(value(name).item()) for name in ("massMatrix", "stiffnessMatrix"))
+        stored = {name: value(name).item() for name in ("massMatrix", "stiffnessMatrix")}
+    if dense := [name for name, x in stored.items() if not issparse(x)]:
+        raise InputError(f"finite elements: {path.name}: {dense[0]} is no sparse matrix")
+    M, K = map(csr_array, stored.values())
     if "Position" not in nodes:
         raise InputError(f"finite elements: {path.name}: nodes need 'Position', got {', '.join(map(repr, nodes))}")
     named = {x["Name"]: np.asarray(x["NodeNumbers"], int).tolist() for x in sets}
     return FiniteElements(np.asarray(nodes["Position"], float), M, K, named)
+
+
+def _require_consistent(found: FiniteElements, path: Path) -> None:
+    """Require points, matrices and sets of the same nodes."""
+    n, here = len(found.points), f"finite elements: {path.name}"
+    shapes = found.points.shape, found.M.shape, found.K.shape
+    if not n or shapes != ((n, 3), (3 * n, 3 * n), (3 * n, 3 * n)):
+        raise InputError(
+            f"{here}: points (n, 3), M and K (3n, 3n) have the shapes {shapes[0]}, {shapes[1]}, {shapes[2]}"
+        )
+    for name, at in found.sets.items():
+        if not all(0 <= i < n for i in at):
+            raise InputError(f"{here}: the set {name!r} has other points than 0 to {n - 1}")
 
 
 READERS: dict[str, Callable[[Path], FiniteElements]] = {".inp": _calculix, ".npz": _exudyn}

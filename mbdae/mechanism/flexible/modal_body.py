@@ -32,6 +32,7 @@ from ...data_types import CoreData
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import PIVOT_RANK, SUM_ROUNDING
+from .checked_numbers import array, checked_points, damping_constants, require_nodes, require_symmetric
 from .points import Node as Node
 from .points import OutlinePoints
 
@@ -193,9 +194,10 @@ class ModalBody:
             Phi2: displacements of second order of the points, (n, 3, k, k), zero if omitted.
 
         Raises:
-            InputError: for wrong shapes, negative masses, or negative stiffness.
+            InputError: for wrong shapes, masses that no body has, stiffness that is not positive, or negative damping.
         """
-        r, m, P, K = _checked_points(r, masses, Phi, stiffness)
+        r, m, P, K = checked_points(r, masses, Phi, stiffness)
+        require_nodes(nodes or {}, len(K), "flexible body")
         mP, k = _weighted(m, P), len(K)
         Mq = _modal_masses(P, mP)
         modes = P.transpose(2, 0, 1)
@@ -203,9 +205,10 @@ class ModalBody:
         I2 = np.array([2 * _inertia(m, x, y) for x in modes for y in modes]).reshape(k, k, 3, 3)
         second: dict[str, Any] = {}
         if Phi2 is not None:
-            second, (I2_second, Hj_second) = _second_order(r, m, P, Phi2)
+            P2 = array(Phi2, "flexible body: Phi2", (*P.shape, k))
+            require_symmetric(P2, "flexible body: Phi2", (2, 3))
+            second, (I2_second, Hj_second) = _second_order(r, m, P, P2)
             I2, cross = I2 + I2_second, cross + Hj_second
-        ratios = np.broadcast_to(np.asarray(damping_ratios, float), (k,))
         return cls(
             mass=float(m.sum()),
             s0=_weighted(m, r).sum(axis=0),
@@ -218,7 +221,7 @@ class ModalBody:
             I2=I2,
             **second,
             stiffness=K,
-            damping=2 * ratios * np.sqrt(K * np.diagonal(Mq)),
+            damping=damping_constants(damping_ratios, K, Mq),
             nodes=dict(nodes or {}),
             outline=OutlinePoints.of_extremes(r, P),
         )
@@ -231,21 +234,6 @@ _PACKED = ([0, 1, 1, 2, 2, 2], [0, 0, 1, 0, 1, 2])  # xx, xy, yy, xz, yz, zz
 def _largest(q: Array, rows: Sequence[Array]) -> float:
     """Return the largest length of vectors x q, for some x (3, k) and q (m, k)."""
     return max((float(np.linalg.norm(q @ x.T, axis=1).max(initial=0.0)) for x in rows), default=0.0)
-
-
-def _checked_points(r: Array, masses: Any, Phi: Array, stiffness: Array) -> tuple[Array, Any, Array, Array]:
-    r, P, K = (np.asarray(x, float) for x in (r, Phi, stiffness))
-    m = masses if hasattr(masses, "tocsr") else np.asarray(masses, float)  # sparse
-    n, k = m.shape[0], len(K)
-    for name, x, shape in (("points", r, (n, 3)), ("modes", P, (n, 3, k)), ("stiffness", K, (k,))):
-        if x.shape != shape or not np.isfinite(x).all():
-            raise InputError(f"flexible body: {name} need finite numbers of shape {shape}, got {x.shape}")
-    own = m if m.ndim == 1 else m.diagonal()
-    if not (own >= 0).all() or not m.sum() > 0:
-        raise InputError(f"flexible body: masses are not negative and not all zero, got {own.min():g} kg")
-    if not (K > 0).all():
-        raise InputError(f"flexible body: modes need positive stiffness, got {K.min():g} N/m")
-    return r, m, P, K
 
 
 def _modal_masses(P: Array, mP: Array) -> Array:

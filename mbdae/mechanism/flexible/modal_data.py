@@ -6,16 +6,28 @@ I2 (k, k, 3, 3), stiffness, damping (k,), of second order C2, H2, Mq1, Mq2 if gi
 (p, 3), "outline Phi", "outline Psi" (p, 3, k), "outline Phi2" (p, 3, k, k).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
+import pinocchio as pin
 
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING
+from .checked_numbers import (
+    OF_NODES,
+    SYMMETRIC,
+    array,
+    damping_constants,
+    real,
+    require_names,
+    require_nodes,
+    require_positive,
+    require_symmetric,
+)
 from .modal_body import SECOND_ORDER, ModalBody, Node
 from .points import OutlinePoints
 
@@ -31,12 +43,15 @@ def save_modal_body(body: ModalBody, path: str | Path) -> None:
     """Write a modal body to a file, for ``file = "rod.npz"`` of a table ``[[flexible]]``.
 
     Raises:
-        InputError: for another suffix than ``.npz``.
+        InputError: for another suffix than ``.npz``, or an unwritable file.
     """
     if Path(path).suffix != ".npz":
         raise InputError(f"modal bodies are written to .npz files, got {path}")
     arrays: dict[str, Any] = {name: np.array(x) for name, x in modal_data(body).items()}
-    np.savez(path, **arrays)
+    try:
+        np.savez(path, **arrays)
+    except OSError as e:
+        raise InputError(f"cannot write {path}: {e.strerror or e}") from None
 
 
 def read_modal_data(path: Path) -> dict[str, Any]:
@@ -66,44 +81,56 @@ def modal_data(body: ModalBody) -> dict[str, Any]:
     return {name: np.asarray(x).tolist() for name, x in out.items() if x is not None}
 
 
-def modal_body_from_data(data: Mapping[str, Any], name: str) -> ModalBody:
+def modal_body_from_data(
+    data: Mapping[str, Any],
+    name: str,
+    modes: int | None = None,
+    damping: float | Sequence[float] | None = None,
+) -> ModalBody:
     """Return a modal body from its numbers.
 
     Args:
         data: as of `modal_data`.
         name: of the body, for messages.
+        modes: number of the first modes that are taken; all if omitted.
+        damping: damping ratio of each of them, or one for all, in place of the damping of the data.
 
     Raises:
-        InputError: for missing numbers, wrong shapes, or numbers that no elastic body has.
+        InputError: for missing numbers, wrong shapes, numbers that no elastic body has, or more modes than it has.
     """
     _require_known(data, name)
-    arrays = {x: _array(data[x], x, name) for x in data if x != "names"}
-    sizes = {
-        "k": np.size(arrays["stiffness"]),
-        "n": len(data["names"]),
-        "3": 3,
-        "p": len(np.atleast_1d(arrays.get("outline r", ()))),
-    }
-    for x, a in arrays.items():
-        shape = tuple(sizes[c] for c in {**SHAPES, **OPTIONAL}[x])
-        if a.shape != shape:
-            raise InputError(f"flexible body {name!r}: {x} needs the shape {shape}, got {a.shape}")
-    _check(arrays, name)
-    of_nodes = ("r", "Phi", "Psi", "Phi2", "strain")
+    here = f"flexible body {name!r}"
+    require_names(data["names"], here)
+    sizes = {"k": np.size(data["stiffness"]), "n": len(data["names"]), "3": 3}
+    sizes["p"], shapes = len(np.atleast_1d(data.get("outline r", ()))), {**SHAPES, **OPTIONAL}
+    arrays = {x: array(data[x], f"{here}: {x}", tuple(sizes[c] for c in shapes[x])) for x in data if x != "names"}
+    _check(arrays, here)
+    arrays = _first_modes(arrays, sizes["k"] if modes is None else modes, here)
+    if damping is not None:
+        arrays["damping"] = damping_constants(damping, arrays["stiffness"], arrays["Mq"], here)
     nodes = {
-        node: Node(**{x: arrays[x][i] for x in of_nodes if x in arrays},
+        node: Node(**{x: arrays[x][i] for x in OF_NODES if x in arrays},
                    modulus=float(arrays["modulus"][i]) if "modulus" in arrays else 0.0)
         for i, node in enumerate(data["names"])
     }  # fmt: skip
-    rest = {x: a for x, a in arrays.items() if x not in (*of_nodes, *OUTLINE, "modulus", "mass")}
-    return ModalBody(mass=float(arrays["mass"]), nodes=nodes, outline=_outline(arrays, name), **rest)
+    require_nodes(nodes, len(arrays["stiffness"]), here)
+    rest = {x: a for x, a in arrays.items() if x not in (*OF_NODES, *OUTLINE, "modulus", "mass")}
+    return ModalBody(mass=float(arrays["mass"]), nodes=nodes, outline=_outline(arrays, here), **rest)
 
 
-def _outline(arrays: Mapping[str, Array], name: str) -> OutlinePoints | None:
+def _outline(arrays: Mapping[str, Array], here: str) -> OutlinePoints | None:
     given = {x.split()[1]: arrays[x] for x in OUTLINE if x in arrays}
     if given and not {"r", "Phi"} <= set(given):
-        raise InputError(f"flexible body {name!r}: an outline has 'outline r' and 'outline Phi'")
+        raise InputError(f"{here}: an outline has 'outline r' and 'outline Phi'")
     return OutlinePoints(**given) if given else None
+
+
+def _first_modes(arrays: Mapping[str, Array], k: int, here: str) -> dict[str, Array]:
+    """Return the numbers of the first k modes."""
+    if k > (number := len(arrays["stiffness"])):
+        raise InputError(f"{here} has {number} modes, got modes = {k}")
+    shapes, first = {**SHAPES, **OPTIONAL}, {"k": slice(k)}
+    return {x: a[tuple(first.get(c, slice(None)) for c in shapes[x])] for x, a in arrays.items()}
 
 
 def _require_known(data: Mapping[str, Any], name: str) -> None:
@@ -114,25 +141,19 @@ def _require_known(data: Mapping[str, Any], name: str) -> None:
         raise InputError(f"flexible body {name!r}: unknown numbers {unknown[0]!r}; valid: {', '.join(known)}")
 
 
-def _array(value: Any, what: str, name: str) -> Array:
-    try:
-        a = np.array(value, float)
-    except (TypeError, ValueError):
-        a = np.array(np.nan)
-    if not np.isfinite(a).all():
-        raise InputError(f"flexible body {name!r}: {what} needs finite numbers in rows of equal length")
-    return a
-
-
-def _check(arrays: Mapping[str, Array], name: str) -> None:
-    """Require a positive definite mass matrix of the straight body, and springs and dampers that are passive."""
-    if not arrays["mass"] > 0:
-        raise InputError(f"flexible body {name!r}: the mass is positive, got {float(arrays['mass']):g} kg")
+def _check(arrays: Mapping[str, Array], here: str) -> None:
+    """Require masses that a body can have, and springs and dampers that are passive."""
+    real(arrays["mass"], f"{here}: mass", positive=True)
     if not (arrays["stiffness"] > 0).all() or not (arrays["damping"] >= 0).all():
-        raise InputError(f"flexible body {name!r}: stiffness is positive and damping not negative")
-    for x in ("I0", "Mq"):
-        a = arrays[x]
-        if np.abs(a - a.T).max(initial=0.0) > SOLUTION_ROUNDING * np.abs(a).max(initial=0.0):
-            raise InputError(f"flexible body {name!r}: {x} is symmetric")
+        raise InputError(f"{here}: stiffness is positive and damping not negative")
+    for x, axes in SYMMETRIC.items():
+        if x in arrays:
+            require_symmetric(arrays[x], f"{here}: {x}", *axes)
     if len(arrays["Mq"]) and not np.linalg.eigvalsh(arrays["Mq"])[0] > 0:
-        raise InputError(f"flexible body {name!r}: Mq is positive definite")
+        raise InputError(f"{here}: Mq is positive definite")
+    m, X, C, H = arrays["mass"], pin.skew(arrays["s0"]), arrays["C"], arrays["H0"]
+    straight = np.block([[m * np.eye(3), -X, C], [X, arrays["I0"], H], [C.T, H.T, arrays["Mq"]]])
+    require_positive(straight, here)
+    moments = np.linalg.eigvalsh(arrays["I0"] + X @ X / m)
+    if moments[2] > moments[:2].sum() + SOLUTION_ROUNDING * moments[2]:
+        raise InputError(f"{here}: no body has the moments of inertia {', '.join(f'{x:g}' for x in moments)} kg m^2")

@@ -79,14 +79,16 @@ class Flexible(Frame):
         shear_stiffness: shear coefficient x shear modulus x area in N; 0 is rigid against shear.
         fibre: position (y, z) in the cross-section in m whose strain and stress nodes report; without it those by
             stretching alone, of axial beams.
-        modes: number of normal modes.
+        modes: number of normal modes, 4 of a beam if omitted; of a body from a file, of its first modes.
         elements: number of elements.
         ends: displacements that the frame holds at the left and at the right end.
         plane: direction of bending, or both.
         axial: whether the beam stretches, too.
-        damping: damping ratio of all modes, or of each.
+        damping: damping ratio of all modes, or of each, those of loads too, by frequency; if omitted, 0, or as in
+            the file.
         stiffening: whether bending shortens the beam, so that tension stiffens it and compression makes it buckle.
-        loads: deflections by the weight in the frame, "gravity y", that further modes represent exactly.
+        loads: deflections in the frame that further modes represent exactly: by the weight, "gravity y", or by a
+            force or a moment on a node, "force y B", "moment z B".
         nodes: nodes and their positions along x in m, ends of elements; A and B at both ends if omitted.
     """
 
@@ -102,12 +104,12 @@ class Flexible(Frame):
     polar_moment: Annotated[float, Unit("m^4")] = Field(default=0.0, ge=0)
     shear_stiffness: Annotated[float, Unit("N")] = Field(default=0.0, ge=0)
     fibre: Annotated[tuple[float, float] | None, Unit("m")] = None
-    modes: int = Field(default=4, ge=1)
+    modes: int | None = Field(default=None, ge=1)
     elements: int = Field(default=8, ge=1)
     ends: EndCondition = "clamped"
     plane: Plane = "y"
     axial: bool = False
-    damping: Annotated[float | tuple[float, ...], Unit("1")] = 0.0
+    damping: Annotated[float | tuple[float, ...] | None, Unit("1")] = None
     stiffening: bool = True
     loads: tuple[str, ...] = ()
     nodes: Annotated[dict[str, float], Unit("m")] = Field(default_factory=dict)
@@ -115,7 +117,8 @@ class Flexible(Frame):
     @model_validator(mode="after")
     def _check_body(self) -> "Flexible":
         fields = type(self).model_fields
-        given = [x for x in (*BEAM, "nodes") if getattr(self, x) != fields[x].get_default(call_default_factory=True)]
+        of_beams = [x for x in (*BEAM, "nodes") if x not in ("modes", "damping")]
+        given = [x for x in of_beams if getattr(self, x) != fields[x].get_default(call_default_factory=True)]
         if self.file or self.data is not None:
             if given:
                 raise ValueError(f"{given[0]} belongs to a beam, not to a body from a file")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...errors import InputError, UnknownNameError
 from ..allowed_paths import AllowedPaths
 from ..flexible import ModalBody, beam
 from ..flexible.modal_data import modal_body_from_data, read_modal_data
@@ -31,11 +32,17 @@ def modal_body_of(table: Flexible) -> ModalBody:
         InputError: for invalid numbers.
     """
     if table.data is not None:
-        return modal_body_from_data(table.data, table.name)
-    numbers = {name: getattr(table, name) for name in BEAM}
+        return modal_body_from_data(table.data, table.name, table.modes, table.damping)
+    given = {name: x for name in BEAM if (x := getattr(table, name)) is not None}
     if not table.polar_moment and _turns_about_x(table):
-        numbers["polar_moment"] = float(np.broadcast_to(numbers["second_moment"], 2).sum())
-    return beam(**numbers, nodes=table.nodes or None)
+        given["polar_moment"] = float(np.broadcast_to(given["second_moment"], 2).sum())
+    try:
+        return beam(**given, nodes=table.nodes or None)
+    except UnknownNameError:
+        raise
+    except InputError as e:
+        text = str(e).removeprefix("flexible body: ").removeprefix("beam: ")
+        raise InputError(f"flexible body {table.name!r}: {text}") from None
 
 
 def _turns_about_x(table: Flexible) -> bool:

@@ -13,7 +13,7 @@ from ..time_functions.time_functions import Constant
 from ..tree.frames import joint_names
 from .body_tables import Body
 from .load import Recipe, recipe_from_mechanism
-from .table_entries import first_key
+from .table_entries import entry_at, first_key
 from .template import CACHE_SIZE, Template, as_body, split_joint
 
 UNKNOWN = {"1", "q", "q1", "q2", "e", "r", "x", "y"}  # symbols of units of joints and functions
@@ -57,7 +57,7 @@ def parameter_value(template: Template, name: str) -> float:
             entry, rest = _joint(recipe, name.removeprefix("joint."))
         while rest:
             key, rest = first_key(entry, rest, name)
-            entry = entry.get(key) if isinstance(entry, dict) else _entry_of(entry, key)
+            entry = entry_at(entry, key)
     entry = entry.value if isinstance(entry, Constant) else entry
     if isinstance(entry, bool) or not isinstance(entry, int | float):
         raise InputError(f"{name!r} is no number, but {entry!r:.60}: give its value, name = value")
@@ -78,13 +78,9 @@ def parameter_unit(template: Template, name: str) -> str:
         if isinstance(entry, Table):
             declared = entry.unit_of(key)
             unit = declared if isinstance(declared, Unit) else None
-        entry = entry.get(key) if isinstance(entry, dict) else _entry_of(entry, key)
+        entry = entry_at(entry, key)
     text = unit.texts[0] if unit and len(unit.texts) == 1 and not unit.powers_of else ""
     return "" if set(text.replace("/", " ").split()) & UNKNOWN else text
-
-
-def _entry_of(entry: object, key: str) -> Any:
-    return entry[int(key)] if isinstance(entry, tuple) else getattr(entry, key)
 
 
 def _joint(recipe: Recipe, path: str) -> tuple[Body, str]:

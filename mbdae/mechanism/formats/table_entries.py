@@ -85,6 +85,13 @@ def _first_key(part: object, path: str, whole: str, keys: Mapping[str, str]) -> 
     return keys[name], path[len(name) + 1 :]
 
 
+def entry_at(part: Any, key: str) -> Any:
+    """Return an entry of a table, a list or a dict by its key or index; None if a dict lacks it."""
+    if isinstance(part, dict):
+        return part.get(key)
+    return part[int(key)] if isinstance(part, tuple) else getattr(part, key)
+
+
 def entry_keys(part: object) -> dict[str, str]:
     """Return the valid next keys of a path, each with its key or index."""
     if isinstance(part, MechanismFile):

@@ -34,7 +34,7 @@ from .load import Recipe, make, read
 from .model_library import PARAMETRIC, find
 from .parametric import ParametricFile, split
 from .schema import MechanismFile
-from .table_entries import TABLES, entry_keys, entry_names, first_key, with_entries, with_entry
+from .table_entries import TABLES, entry_at, entry_keys, entry_names, first_key, with_entries, with_entry
 
 JOINT = ("xyz", "rpy", "mass", "com", "inertia")  # entries of a source for a joint
 START = "start."
@@ -189,7 +189,9 @@ def _check_path(file: MechanismFile, name: str) -> None:
     rest = name
     while rest:
         key, rest = first_key(at, rest, name)
-        at = at[int(key)] if isinstance(at, tuple) else getattr(at, key)
+        if isinstance(at, dict) and key not in at:
+            raise UnknownNameError(f"entry of {name.removesuffix(key).rstrip('.')}", key, at)
+        at = entry_at(at, key)
     if isinstance(at, Constant):  # a number as a function of time
         return
     if isinstance(at, Table) or entry_names(at if isinstance(at, tuple) else ()):

@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 
 from ...errors import InputError, StepError
 from ...integrate.run.binding import bind
-from ...integrate.run.elastic_resolution import beyond_linear
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
+from ...mechanism.flexible.linear_range import beyond_linear
 from ...mechanism.formulations.index1 import Index1System
 from ...solution.solution import Problem, Solution, uninterrupted
 from ...system import Array
@@ -175,7 +175,9 @@ class ReferenceMotion:
 
 def has_valid_numbers(sol: Solution) -> bool:
     """Return whether a run is successful, or doubtful only because of linear modes, whose range no method changes."""
-    return sol.success or (sol.status == "doubtful" and sol.message == beyond_linear(sol))
+    if sol.success or sol.status != "doubtful" or not isinstance(sol.problem, Mechanism):
+        return bool(sol.success)
+    return sol.message == beyond_linear(sol.mechanism.model, sol.nodes[1][:, : sol.mechanism.nq])
 
 
 def _continued(system: Any, sol: Solution, i: int, t: float) -> Array:

@@ -89,14 +89,14 @@ def animate(
 
     Raises:
         UnknownNameError: for a signal, frame or closure that does not exist; lists those that do.
-        InputError: for an empty or nonfinite solution, an ``fps`` or ``speed`` that is not positive, a ghost of another
-            mechanism, an unwritable file, or missing programs for a video.
+        InputError: for an empty or nonfinite solution, an ``fps`` or ``speed`` that is not positive, a ``deformation``
+            that is not finite, a ghost of another mechanism, an unwritable file, or missing programs for a video.
     """
     suffix = Path(path).suffix
     if suffix == ".glb":
         from .glb import glb
 
-        _checked(sol, fps, speed)
+        _checked(sol, fps, speed, deformation)
         times, q = _frames(sol, 30.0 if fps is None else fps, MAX_FRAMES)
         with atomic_write(path) as draft:
             scene, marks = sol.mechanism.scene.enlarged(deformation).travelled(q), mode_tracks_of(sol, q)
@@ -136,7 +136,7 @@ def page(
     Raises:
         InputError: as `animate`.
     """
-    _checked(sol, fps, speed)
+    _checked(sol, fps, speed, deformation)
     mechanism, ghosts, choices = sol.mechanism, ghosts or {}, choices or {}
     _check_ghosts(ghosts)
     speed = pace(sol) if speed is None else speed
@@ -194,12 +194,14 @@ def _legend(
     return out
 
 
-def _checked(sol: object, fps: float | None, speed: float | None) -> None:
+def _checked(sol: object, fps: float | None, speed: float | None, deformation: float | None) -> None:
     if not hasattr(sol, "mechanism"):
         raise InputError(f"animate takes a Solution (see mbdae.solve), got {sol!r:.60}")
     for name, value in (("fps", fps), ("speed", speed)):
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} must be a positive number, not {value!r}")
+    if deformation is not None and not (isinstance(deformation, float | int) and np.isfinite(deformation)):
+        raise InputError(f"deformation is a factor, a finite number, not {deformation!r:.60}")
 
 
 def _check_ghosts(ghosts: Mapping[str, object]) -> None:

@@ -24,7 +24,7 @@ def test_errors_fall_with_order_four_in_the_elements():
 
 
 def test_a_rod_stretches_and_both_planes_bend():
-    rod = mbdae.beam(**UNIT | {"second_moment": (1.0, 4.0)}, elements=40, plane="space", axial=True, modes=4)
+    rod = mbdae.beam(**UNIT | {"second_moment": np.array([1.0, 4.0])}, elements=40, plane="space", axial=True, modes=4)
     np.testing.assert_allclose(rod.frequencies, [np.pi / 2, CLAMPED[0], 3 * np.pi / 2, 2 * CLAMPED[0]], rtol=1e-3)
     tip, root = rod.nodes["B"], np.sqrt(2)
     np.testing.assert_allclose(np.abs(tip.Phi), [[root, 0, root, 0], [0, 2, 0, 0], [0, 0, 0, 2]], atol=3e-3)
@@ -51,6 +51,24 @@ def test_sag_under_the_weight_is_exact_with_its_mode(ends, modes):
     published = {("clamped", 1): 1e-2, ("clamped", 4): 4e-5, ("pinned", 1): 4e-3, ("pinned", 4): 3e-4}[ends, modes]
     error = without.nodes[node].Phi[1] @ (without.C[1] / without.stiffness) / exact - 1
     assert abs(error) == pytest.approx(published, rel=0.5)
+
+
+def test_deflections_by_forces_and_moments_on_nodes_are_exact():
+    """Of a cantilever by a tip force P L^3/(3 EI), rotation P L^2/(2 EI), by a tip moment M L^2/(2 EI), M L/(EI)."""
+    thick = UNIT | {"modes": 1, "plane": "space", "axial": True, "fibre": (0.1, 0.2)}
+    loads = ["force x B", "force y B", "moment z B", "moment y B"]
+    body = mbdae.beam(**thick, loads=loads)
+    A, B = body.nodes["A"], body.nodes["B"]
+    assert body.modes == 5
+    flexibility = [x / body.stiffness @ y for x, y in ((B.Phi, B.Phi.T), (B.Psi, B.Phi.T), (B.Psi, B.Psi.T))]
+    np.testing.assert_allclose(flexibility[0][:2, :2], np.diag([1, 1 / 3]), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(flexibility[1][2], [0, 1 / 2, 0], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(flexibility[2], np.diag([0, 1, 1]), rtol=1e-9, atol=1e-9)
+    strains = A.strain @ (B.Psi.T / body.stiffness[:, None])
+    np.testing.assert_allclose(strains, [0, 0.2, -0.1], rtol=1e-9, atol=1e-9)  # -M y/(EI) about z, M z/(EI) about y
+    plain = mbdae.beam(**UNIT | {"fibre": (0.1, 0.0)}, modes=6)
+    error = plain.nodes["A"].strain @ (plain.nodes["B"].Psi[2] / plain.stiffness) / -0.1 - 1
+    assert abs(error) > 0.05
 
 
 def test_shear_and_rotary_inertia():
@@ -122,6 +140,43 @@ fibre = [5e-3, 0.0]
         ({"ends": "hinged"}, UnknownNameError, "unknown ends 'hinged' .*; valid: clamped, pinned"),
         ({"loads": ["gravity z"]}, UnknownNameError, "unknown load 'gravity z' .*; valid: gravity y"),
         ({"shear_stiffness": -1.0}, InputError, "beam: shear_stiffness needs a number that is not negative, got -1.0"),
+        (
+            {"damping": -0.1},
+            InputError,
+            "damping needs one ratio that is not negative, or 4, of all modes .*; got -0.1",
+        ),
+        (
+            {"damping": (0.1, 0.2, 0.3, 0.4), "loads": ["gravity y"]},
+            InputError,
+            "damping needs .*, or 5, of all modes with",
+        ),
+        ({"damping": np.nan}, InputError, "damping needs one ratio .*; got nan"),
+        ({"polar_moment": -1.0}, InputError, "polar_moment needs a number that is not negative, got -1.0"),
+        ({"polar_moment": np.nan}, InputError, "polar_moment needs a number that is not negative, got nan"),
+        (
+            {"fibre": (0.1, np.nan)},
+            InputError,
+            r"fibre: expected finite numbers of shape \(2,\), got .*, not all finite",
+        ),
+        ({"fibre": 0.1}, InputError, r"fibre: expected finite numbers of shape \(2,\), got shape \(\)"),
+        ({"second_moment": (1.0, 2.0, 3.0)}, InputError, "second_moment needs one number, or two of y and z, got"),
+        ({"modes": 2.5}, InputError, "beam: modes: expected a whole number from 1, got 2.5"),
+        ({"elements": 8.0}, InputError, "beam: elements: expected a whole number from 1, got 8.0"),
+        ({"length": "1"}, InputError, "length needs a positive number, got '1'"),
+        ({"loads": "gravity y"}, InputError, r"loads are a list, loads = .'gravity y'."),
+        (
+            {"modes": 16, "loads": ["gravity y"]},
+            InputError,
+            "modes and other loads already represent 'gravity y': leave it out",
+        ),
+        ({"loads": ["force y A"]}, InputError, "already represent 'force y A': leave it out"),
+        (
+            {"loads": ["force y C"]},
+            UnknownNameError,
+            "unknown load 'force y C' .*; valid: gravity y, force y A, moment z",
+        ),
+        ({"nodes": ["A"]}, InputError, "nodes are positions by name, got .'A'"),
+        ({"nodes": {"": 0.0}}, InputError, "nodes need names, got"),
         ({"plane": "x"}, UnknownNameError, "unknown plane 'x'; valid: y, z, space"),
     ],
 )

@@ -76,14 +76,35 @@ def test_rigid_interfaces_turn(truss):
         ({"K": np.eye(41)}, r"14 points need shapes \(14, 3\), .* K \(42, 42\); got .*, K \(41, 41\)"),
         ({"K": np.tri(42)}, "K is not symmetric and finite"),
         ({"K": np.eye(42)}, "0 motions without elastic force, expected 6: is K that of this body"),
-        ({"interface": {"A": [0, 77]}}, "interfaces are different points 0 to 13, one or more each"),
+        ({"interface": {"A": [0, 77]}}, "interfaces are different points 0 to 13, got .0, 77"),
+        ({"interface": {"A": "LEFT"}}, "interfaces are different points 0 to 13, got .'LEFT'"),
+        ({"interface": {"A": []}}, "an interface has one point or more"),
         ({"interface": {"A": [0], "pin": [3, 4]}}, "modes cannot turn interface 'pin', whose 2 points are on a line"),
         ({"clamped": "A"}, "modes cannot turn interface 'A', whose 1 points are on a line; it needs three others"),
-        ({"modes": 99}, "39 displacements between the interfaces, got modes = 99"),
+        (
+            {"interface": {}},
+            "the 0 points of all interfaces do not hold the body: add a node of a point that is not on",
+        ),
+        ({"interface": {"A": [0], "B": [1]}}, "the 2 points of all interfaces do not hold the body"),
+        ({"modes": 99}, "33 displacements between the interfaces, got modes = 99"),
+        ({"modes": 32, "loads": ["gravity x"]}, "33 displacements between the interfaces, got modes = 32 and 1 loads"),
+        ({"modes": 2.5}, "modal_body: modes: expected a whole number from 0, got 2.5"),
+        ({"loads": "gravity y"}, r"loads are a list, loads = .'gravity y'."),
+        ({"loads": ["gravity y", "gravity y"]}, "load 'gravity y' is given twice"),
+        (
+            {"damping": -0.1},
+            "damping needs one ratio that is not negative, or 5, of all modes with those of loads; got",
+        ),
+        ({"damping": (0.1, 0.2), "loads": ["gravity y"]}, r"not negative, or 6, .*; got \(0.1, 0.2\)"),
+        (
+            {"points": np.full((14, 3), np.nan)},
+            r"points: expected finite numbers of shape \(14, 3\), got .*, not all finite",
+        ),
     ],
 )
 def test_bad_data_is_refused_in_one_line(truss, change, message):
-    given = dict(zip(("points", "masses", "K"), truss, strict=True)) | {"interface": {"A": [0]}, "modes": 2} | change
+    given = dict(zip(("points", "masses", "K"), truss, strict=True))
+    given |= {"interface": {"A": [0], "B": [1], "C": [2]}, "modes": 2} | change
     with pytest.raises(InputError, match=message):
         mbdae.modal_body(**given)
     with pytest.raises(UnknownNameError, match="unknown interface 'B'; valid: A"):

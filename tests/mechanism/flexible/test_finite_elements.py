@@ -77,8 +77,63 @@ def test_masses_by_points_or_by_displacements_are_the_same_body():
             mbdae.modal_body(found.points, masses, found.K, **options)
 
 
+def test_decks_may_be_written_in_other_ways(tmp_path):
+    """Included files, solids over several lines, commas at ends, nodes of elements, comments in any code, any case."""
+    folder, known = copytree(FOLDER, tmp_path / "bar"), mbdae.read_finite_elements(FOLDER / "bar.inp")
+    text = (folder / "bar.inp").read_text()
+    start, end = text.index("*NODE"), text.index("*MATERIAL")
+    mesh = text[start:end].replace("*NODE, NSET", "*Node, NSET").replace("NSET=LEFT", "NSET=LEFT,")
+    mesh = mesh.replace("2, 5, 9, 11, 7,", "2, 5, 9, 11, 7,\n")
+    mesh += "*ELSET, ELSET=END\n2,\n*NSET, NSET=SECOND, ELSET=END\n*NSET, NSET=ODD, GENERATE\n1, 5, 2\n12,\n"
+    (folder / "mesh.inp").write_bytes("** f\u00fcr\n".encode("latin-1") + mesh.encode())
+    (folder / "bar.inp").unlink()
+    (folder / "bar.INP").write_text(text[:start] + '*include, Input="mesh.inp"\n' + text[end:])
+    found = mbdae.read_finite_elements(folder / "bar.INP")
+    np.testing.assert_array_equal(found.points, known.points)
+    assert found.sets == known.sets | {"SECOND": [4, 8, 10, 6, 5, 9, 11, 7], "ODD": [0, 2, 4, 11]}
+
+
+def _without_rows(text):
+    return text[: len(text) // 3].rpartition("\n")[0]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "change", "message"),
+    [
+        ("inp", lambda x: "*INCLUDE, INPUT=bar.inp\n" + x, "bar.inp includes itself$"),
+        ("inp", lambda x: "*INCLUDE, INPUT=none.inp\n" + x, "none.inp: No such file"),
+        ("inp", lambda x: x + "*NSET, NSET=X\nNONE\n", "unknown set of bar.inp: .NSET 'NONE'; valid: ALL, LEFT"),
+        ("inp", lambda x: x + "*NSET, NSET=X, ELSET=NONE\n", "unknown set of elements 'NONE'; valid: BRICKS"),
+        ("inp", lambda x: x + "*NSET\n1\n", "bar.inp: .NSET needs a name, NSET = .."),
+        (
+            "inp",
+            lambda x: x + "*NSET, NSET=X, GENERATE\n1, 5, 0\n",
+            "bar.inp: .NSET needs numbers from 1, got '1, 5, 0'",
+        ),
+        ("inp", lambda x: x.replace("-0.05", "nan", 1), "bar.inp: .NODE needs finite positions, got '1, 0, NAN"),
+        ("inp", lambda x: "\0" * 99, "bar.dof has displacements of nodes that bar.inp has not: CalculiX expands beams"),
+        ("dof", lambda x: x + "1.1\n", "bar.dof has displacements of nodes that bar.inp has not: CalculiX expands"),
+        ("dof", lambda x: "", "bar.dof is empty$"),
+        ("sti", lambda x: x + "0 0 1.0\n", "bar.sti has rows and columns other than 1 to 36, as bar.dof$"),
+        ("sti", lambda x: x + "1 99 1.0\n", "bar.sti has rows and columns other than 1 to 36, as bar.dof$"),
+        ("sti", lambda x: x + "1 1 nan\n", "bar.sti needs rows of three finite numbers: row, column, value$"),
+        ("sti", _without_rows, "bar.sti is incomplete: .* of 36 diagonal entries are missing"),
+        ("mas", lambda x: "", "bar.mas is incomplete: 36 of 36 diagonal entries are missing"),
+        ("mas", lambda x: "\x1b" * 9999, r"^.{,200}$"),
+    ],
+)
+def test_bad_jobs_are_refused_in_one_line(tmp_path, suffix, change, message):
+    file = copytree(FOLDER, tmp_path / "bar") / f"bar.{suffix}"
+    file.write_text(change(file.read_text()))
+    with pytest.raises(InputError, match=message) as error:
+        mbdae.read_finite_elements(tmp_path / "bar" / "bar.inp")
+    assert str(error.value).isprintable()
+
+
 def test_bad_files_are_refused_in_one_line(tmp_path):
     folder = copytree(FOLDER, tmp_path / "bar")
+    with pytest.raises(InputError, match="finite elements: the path of a file, got None"):
+        mbdae.read_finite_elements(None)
     cases = {
         "bar.txt": r"bar.txt: valid files end with .inp, .npz",
         "none.inp": "none.inp: No such file",

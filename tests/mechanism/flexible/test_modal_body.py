@@ -1,5 +1,7 @@
 """A modal body against sums over its points, and its free motion."""
 
+from dataclasses import replace
+
 import flexible_bodies
 import numpy as np
 import pinocchio as pin
@@ -8,6 +10,7 @@ import pytest
 import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism.flexible import ModalBody, attach_flexible
+from mbdae.mechanism.flexible.modal_body import Node
 
 
 @pytest.fixture(scope="module")
@@ -90,9 +93,26 @@ def test_the_weight_acts_on_the_deformed_body():
     ("change", "message"),
     [
         ({"masses": -np.ones(25)}, "masses are not negative and not all zero, got -1 kg"),
-        ({"Phi": np.zeros((25, 3, 3))}, r"modes need finite numbers of shape \(25, 3, 4\), got \(25, 3, 3\)"),
+        (
+            {"Phi": np.zeros((25, 3, 3))},
+            r"modes: expected finite numbers of shape \(25, 3, 4\), got shape \(25, 3, 3\)",
+        ),
         ({"stiffness": np.array([1.0, 2.0, 0.0, 1.0])}, "modes need positive stiffness"),
         ({"Phi": np.ones((25, 3, 4))}, "independent displacements of masses"),
+        ({"masses": 1.0}, r"masses: expected finite numbers \(n,\) or \(n, n\), got shape \(\)"),
+        ({"masses": np.ones((3, 2))}, r"masses: expected finite numbers \(n,\) or \(n, n\), got shape \(3, 2\)"),
+        ({"masses": np.tri(25)}, "the mass matrix is symmetric"),
+        ({"masses": 3.0 - 2 * np.eye(25)}, "no body has these masses, whose kinetic energy could be negative"),
+        ({"Phi2": np.full((25, 3, 4, 4), np.nan)}, r"Phi2: expected finite .*, got shape \(25, 3, 4, 4\), not all"),
+        ({"Phi2": np.zeros((25, 3, 3, 3))}, r"Phi2: expected finite .*, got shape \(25, 3, 3, 3\)"),
+        ({"Phi2": np.ones((25, 3, 1, 1)) * np.tri(4)}, "Phi2 is symmetric in its modes"),
+        ({"damping_ratios": -0.1}, "damping needs one ratio that is not negative, or 4"),
+        ({"damping_ratios": (0.1, 0.2)}, r"damping needs .*; got \(0.1, 0.2\)"),
+        ({"nodes": {"A": np.zeros(3)}}, "nodes are Node objects by name"),
+        (
+            {"nodes": {"A": Node(np.zeros(3), np.zeros((3, 2)), np.zeros((3, 4)))}},
+            r"'A': Phi: .* \(3, 4\), got shape \(3, 2\)",
+        ),
     ],
 )
 def test_bad_data_is_refused_in_one_line(change, message):
@@ -106,6 +126,8 @@ def test_names_are_different_and_modes_carry_no_frames():
     attach_flexible(model, "rod", modal, pin.JointModelFreeFlyer())
     with pytest.raises(InputError, match="the name 'rod' is taken"):
         attach_flexible(model, "rod", modal, pin.JointModelFreeFlyer())
+    with pytest.raises(InputError, match=r"the name 'bar.mode 1' is taken"):
+        attach_flexible(model, "bar", replace(modal, nodes={"mode 1": modal.nodes["A"]}), None)
     model.addFrame(pin.Frame("tip", model.getJointId("rod.mode 1"), pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     with pytest.raises(InputError, match=r"'tip' is on a mode of 'rod': nodes are rod.A, rod.B, rod.C"):
         mbdae.Mechanism(model, [mbdae.Closure.point("tip", "world")])

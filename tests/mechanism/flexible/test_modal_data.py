@@ -41,6 +41,8 @@ def test_beams_keep_their_strains_and_second_order(tmp_path):
     assert again.nodes["A"].modulus == 2.0
     with pytest.raises(InputError, match=r"written to .npz files, got beam.txt"):
         mbdae.save_modal_body(beam, "beam.txt")
+    with pytest.raises(InputError, match=r"cannot write .*beam.npz: No such file or directory"):
+        mbdae.save_modal_body(beam, tmp_path / "none" / "beam.npz")
 
 
 def test_a_saved_run_keeps_the_numbers(folder):
@@ -54,12 +56,22 @@ def test_a_saved_run_keeps_the_numbers(folder):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"mass": -1.0}, "flexible body 'rod': the mass is positive, got -1 kg"),
+        ({"mass": -1.0}, "flexible body 'rod': mass needs a positive number, got "),
         ({"stiffness": [1.0, 2.0, 0.0, 1.0]}, "'rod': stiffness is positive and damping not negative"),
-        ({"C": [[1.0]]}, r"'rod': C needs the shape \(3, 4\), got \(1, 1\)"),
+        ({"C": [[1.0]]}, r"'rod': C: expected finite numbers of shape \(3, 4\), got shape \(1, 1\)"),
         ({"I0": np.tri(3).tolist()}, "'rod': I0 is symmetric"),
         ({"Mq": np.diag([1.0, 1, 1, -1]).tolist()}, "'rod': Mq is positive definite"),
-        ({"H0": [[1.0], [1.0, 2.0]]}, "'rod': H0 needs finite numbers in rows of equal length"),
+        (
+            {"H0": [[1.0], [1.0, 2.0]]},
+            r"'rod': H0: expected finite numbers of shape \(3, 4\), got \[\[1.0\], \[1.0, 2.0\]\]",
+        ),
+        ({"s0": [9.0, 0.0, 0.0]}, "'rod': no body has these masses, whose kinetic energy could be negative"),
+        ({"I0": np.diag([-1.0, 1, 1]).tolist()}, "'rod': no body has these masses, whose kinetic energy could be neg"),
+        ({"I0": np.diag([9.0, 1, 1]).tolist()}, "'rod': no body has the moments of inertia .*, 9 kg m"),
+        ({"I2": np.arange(144.0).reshape(4, 4, 3, 3).tolist()}, "'rod': I2 is symmetric in its modes"),
+        ({"names": ["pin"] * 3}, "'rod': the node 'pin' is given twice"),
+        ({"names": ["pin", "", "tip"]}, "'rod': nodes need names"),
+        ({"modulus": [1.0, -1.0, 1.0]}, "'rod': node .*: modulus needs a number that is not negative, got -1"),
         ({"color": 1.0}, "'rod': unknown numbers 'color'; valid: mass, s0, I0"),
     ],
 )
@@ -68,11 +80,35 @@ def test_bad_numbers_are_refused_in_one_line(change, message):
         modal_body_from_data(modal_data(rod((0.0,) * 4)[0]) | change, "rod")
 
 
+def test_a_body_from_a_file_is_damped_and_takes_its_first_modes(tmp_path):
+    """A cantilever: frequencies 3.516 and 22.03 sqrt(EI/(rho A L^4)), with the given damping ratios."""
+    unit = {"length": 1.0, "young": 1.0, "density": 1.0, "area": 1.0, "second_moment": 1.0}
+    mbdae.save_modal_body(mbdae.beam(**unit, modes=3, elements=16), tmp_path / "rod.npz")
+    options = 'joint = "fixed"\nmodes = 2\ndamping = [0.02, 0.1]'
+    (tmp_path / "rod.toml").write_text(MODEL.replace('joint = "revolute"', options))
+    found = mbdae.modes(mbdae.load(tmp_path / "rod.toml"))
+    np.testing.assert_allclose(np.abs(found.roots), [3.5160152685, 22.0344915647], rtol=1e-5)
+    np.testing.assert_allclose(found.damping, [0.02, 0.1], rtol=1e-9)
+    beam = mbdae.beam(**unit, modes=2, elements=16, damping=(0.02, 0.1))
+    again = mbdae.load(tmp_path / "rod.toml").model.flexible[0].modal
+    for name, value in modal_data(beam).items():
+        if name == "names":
+            assert list(again.nodes) == value
+        elif hasattr(again, name):
+            np.testing.assert_allclose(getattr(again, name), value, rtol=1e-9, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ('file = "other.npz"', "'other.npz' is not found"),
         ('file = "rod.toml"', "rod.toml is no file of a modal body"),
+        ('file = "rod.npz"\nmodes = 5', "flexible body 'rod' has 4 modes, got modes = 5"),
+        ('file = "rod.npz"\ndamping = -0.1', "flexible body 'rod': damping needs one ratio that is not negative, or 4"),
+        (
+            'file = "rod.npz"\ndamping = [0.1, 0.2]',
+            "flexible body 'rod': damping needs one ratio that .*, or 4, of all",
+        ),
         ('file = "rod.npz"\nlength = 1.0', "flexible.rod: length belongs to a beam, not to a body from a file"),
         ("length = 1.0", "flexible.rod: a beam needs young, density, area, second_moment; another body has a file"),
     ],

@@ -113,6 +113,7 @@ def test_wrong_input_is_refused_by_name_and_leaves_the_file(fourbar, tmp_path):
         (empty, {}, "empty"),
         (broken, {}, "not finite at t = 1"),
         (good, {"fps": 0}, "fps"),
+        (good, {"deformation": float("nan")}, "deformation is a factor, a finite number, not nan"),
         (good, {"speed": -1.0}, "speed"),
         (good, {"speed": float("nan")}, "speed"),
     ):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import mbdae
-from mbdae.errors import InputError
+from mbdae.errors import InputError, UnknownNameError
 from mbdae.finite_differences import numerical_derivative
 from mbdae.mechanism.formats.loaded_model import LoadedModel
 
@@ -79,6 +79,10 @@ def test_parameters_that_change_shapes_are_refused(four_bar):
     sol = mbdae.solve(four_bar, (0, 1e-3), **RUN)
     with pytest.raises(InputError, match=r"flexible.coupler.length' .*: no derivative; "):
         mbdae.sensitivity(sol, ["flexible.coupler.length"])
+    with pytest.raises(InputError, match=r"flexible.coupler.nodes.C' moves frames of a mechanism with the flexible"):
+        mbdae.sensitivity(sol, ["flexible.coupler.nodes.C"])
+    with pytest.raises(UnknownNameError, match=r"unknown entry of flexible.coupler.nodes 'D'; valid: B, middle, C"):
+        mbdae.sensitivity(sol, ["flexible.coupler.nodes.D"])
     with pytest.raises(InputError, match=r"'body.crank.xyz.0' moves frames .* body 'coupler': no derivative"):
         mbdae.sensitivity(sol, ["body.crank.xyz.0"])
 

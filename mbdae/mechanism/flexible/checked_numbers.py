@@ -1,0 +1,182 @@
+"""Checks of the numbers of flexible bodies: one line that names the number, what is valid, and what came."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import InputError, UnknownNameError
+from ...system import Array
+from ...tolerances import SOLUTION_ROUNDING
+
+if TYPE_CHECKING:
+    from .modal_body import Node
+
+OF_NODES = {"r": "3", "Phi": "3k", "Psi": "3k", "Phi2": "3kk", "strain": "k"}
+SYMMETRIC = {  # pairs of axes
+    "I0": ((0, 1),), "Mq": ((0, 1),), "I1": ((1, 2),), "I2": ((0, 1), (2, 3)), "C2": ((1, 2),), "H2": ((2, 3),),
+    "Mq1": ((0, 1),), "Mq2": ((0, 1), (2, 3)),
+}  # fmt: skip
+
+
+def real(value: Any, what: str, positive: bool = False) -> float:
+    """Return a finite number that is not negative, or positive.
+
+    Raises:
+        InputError: for another one.
+    """
+    a = as_array(value)
+    if a.ndim or not (a > 0 if positive else a >= 0):
+        needed = "a positive number" if positive else "a number that is not negative"
+        raise InputError(f"{what} needs {needed}, got {value!r:.60}")
+    return float(a)
+
+
+def integer(value: Any, what: str, least: int) -> int:
+    """Return a whole number, at least ``least``.
+
+    Raises:
+        InputError: for another one.
+    """
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < least:
+        raise InputError(f"{what}: expected a whole number from {least}, got {value!r:.60}")
+    return int(value)
+
+
+def as_array(value: Any) -> Array:
+    """Return an array of finite numbers; nan (scalar) for anything else."""
+    try:
+        a = np.asarray(value, float)
+    except (TypeError, ValueError):
+        return np.array(np.nan)
+    return a if np.isfinite(a).all() and not isinstance(value, str) else np.array(np.nan)
+
+
+def array(value: Any, what: str, shape: tuple[int, ...]) -> Array:
+    """Return an array of finite numbers of a shape.
+
+    Raises:
+        InputError: for another shape, or other values.
+    """
+    a = as_array(value)
+    if a.shape != shape or not np.isfinite(a).all():
+        raise InputError(f"{what}: expected finite numbers of shape {shape}, got {described(value)}")
+    return a
+
+
+def described(value: Any) -> str:
+    """Return the shape of an array of numbers, and whether they are finite; anything else itself."""
+    try:
+        a = np.asarray(value, float)
+    except (TypeError, ValueError):
+        return f"{value!r:.60}"
+    return f"shape {a.shape}" if np.isfinite(a).all() else f"shape {a.shape}, not all finite"
+
+
+def damping_constants(ratios: Any, stiffness: Array, Mq: Array, what: str = "flexible body") -> Array:
+    """Return 2 zeta_i sqrt(k_i m_i), (k,), in N s/m, from damping ratios zeta of each mode, or one of all.
+
+    Raises:
+        InputError: for negative ratios, or another number of them.
+    """
+    k, zeta = len(stiffness), as_array(ratios)
+    if zeta.shape not in ((), (k,)) or not (zeta >= 0).all():
+        got = ratios.tolist() if isinstance(ratios, np.ndarray) else ratios
+        needed = f"one ratio that is not negative, or {k}, of all modes with those of loads"
+        raise InputError(f"{what}: damping needs {needed}; got {got!r:.60}")
+    return 2 * zeta * np.sqrt(stiffness * np.diagonal(Mq))
+
+
+def require_loads(loads: Any, known: Collection[str]) -> None:
+    """Require a list of different known loads.
+
+    Raises:
+        InputError: for a text, or a load that is given twice.
+        UnknownNameError: for an unknown load.
+    """
+    if isinstance(loads, str):
+        raise InputError(f"loads are a list, loads = [{loads!r}]")
+    for i, load in enumerate(loads):
+        if load not in known:
+            raise UnknownNameError("load", load, known)
+        if load in loads[:i]:
+            raise InputError(f"load {load!r} is given twice")
+
+
+def require_symmetric(a: Array, what: str, *axes: tuple[int, int]) -> None:
+    """Require an array that is symmetric in pairs of axes.
+
+    Raises:
+        InputError: for another one.
+    """
+    size = SOLUTION_ROUNDING * np.abs(a).max(initial=0.0)
+    if any(np.abs(a - a.swapaxes(*pair)).max(initial=0.0) > size for pair in axes):
+        raise InputError(f"{what} is symmetric" + ("" if a.ndim == 2 else " in its modes and its directions"))
+
+
+def require_positive(M: Array, what: str) -> None:
+    """Require a symmetric matrix without negative eigenvalues.
+
+    Raises:
+        InputError: for another one.
+    """
+    sizes = np.sqrt(np.abs(np.diagonal(M)))
+    sizes[sizes == 0] = max(sizes.max(initial=0.0), 1.0)
+    if len(M) and np.linalg.eigvalsh(M / np.outer(sizes, sizes))[0] < -SOLUTION_ROUNDING * len(M):
+        raise InputError(f"{what}: no body has these masses, whose kinetic energy could be negative")
+
+
+def require_names(names: Any, what: str) -> None:
+    """Require a list of different names.
+
+    Raises:
+        InputError: for another type, an empty name, or one that is given twice.
+    """
+    if not isinstance(names, Sequence) or isinstance(names, str) or not all(isinstance(x, str) and x for x in names):
+        raise InputError(f"{what}: nodes need names, got {names!r:.60}")
+    if twice := [x for i, x in enumerate(names) if x in names[:i]]:
+        raise InputError(f"{what}: the node {twice[0]!r} is given twice")
+
+
+def require_nodes(nodes: "Mapping[str, Node]", k: int, what: str) -> None:
+    """Require nodes of k modes.
+
+    Raises:
+        InputError: for other values or shapes, an empty name, or a negative modulus.
+    """
+    if not isinstance(nodes, Mapping) or not all(hasattr(node, "Psi") for node in nodes.values()):
+        raise InputError(f"{what}: nodes are Node objects by name, got {nodes!r:.60}")
+    require_names(list(nodes), what)
+    for name, node in nodes.items():
+        here = f"{what}: node {name!r}: "
+        for x, letters in OF_NODES.items():
+            if (value := getattr(node, x)) is not None:
+                array(value, here + x, tuple(k if c == "k" else 3 for c in letters))
+        if node.Phi2 is not None:
+            require_symmetric(np.asarray(node.Phi2), here + "Phi2", (1, 2))
+        real(node.modulus, here + "modulus")
+
+
+def checked_points(r: Array, masses: Any, Phi: Array, stiffness: Array) -> tuple[Array, Any, Array, Array]:
+    """Return points, masses, displacements and stiffness of `ModalBody.of_points`.
+
+    Raises:
+        InputError: for other shapes, masses that no body has, or stiffness that is not positive.
+    """
+    m = masses if hasattr(masses, "tocsr") else as_array(masses)  # sparse
+    n, k = m.shape[0] if m.ndim else 0, np.size(stiffness)
+    if m.shape not in ((n,), (n, n)):
+        raise InputError(f"flexible body: masses: expected finite numbers (n,) or (n, n), got {described(masses)}")
+    of = {"points": (r, (n, 3)), "modes": (Phi, (n, 3, k)), "stiffness": (stiffness, (k,))}
+    r, P, K = (array(x, f"flexible body: {name}", shape) for name, (x, shape) in of.items())
+    own = m if m.ndim == 1 else m.diagonal()
+    if not (own >= 0).all() or not m.sum() > 0:
+        raise InputError(f"flexible body: masses are not negative and not all zero, got {own.min():g} kg")
+    if m.ndim == 2:
+        if abs(m - m.T).max() > SOLUTION_ROUNDING * abs(m).max():
+            raise InputError("flexible body: the mass matrix is symmetric")
+        x = np.column_stack([np.ones(n), r, P.reshape(n, -1)])  # all motions are linear in these columns
+        require_positive(x.T @ (m @ x), "flexible body")
+    if not (K > 0).all():
+        raise InputError(f"flexible body: modes need positive stiffness, got {K.min():g} N/m")
+    return r, m, P, K
