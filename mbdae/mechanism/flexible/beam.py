@@ -82,16 +82,13 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
         UnknownNameError: for other ends, another plane or load.
     """
     moments = _moments(second_moment)
-    for name, value in (("length", length), ("young", young), ("density", density), ("area", area)):
-        real(value, f"beam: {name}", positive=True)
-    real(shear_stiffness, "beam: shear_stiffness")
-    real(polar_moment, "beam: polar_moment")
+    _require_numbers({"length": length, "young": young, "density": density, "area": area}, positive=True)
+    _require_numbers({"shear_stiffness": shear_stiffness, "polar_moment": polar_moment})
     if fibre is not None or axial:
         fibre = array((0.0, 0.0) if fibre is None else fibre, "beam: fibre", (2,)).tolist()
     modes, elements = integer(modes, "beam: modes", 1), integer(elements, "beam: elements", 1)
-    for what, given, known in (("ends", ends, ENDS), ("plane", plane, PLANES)):
-        if given not in list(known):
-            raise UnknownNameError(what, given, known)
+    _require_known("ends", ends, ENDS)
+    _require_known("plane", plane, PLANES)
     grid, per_length = Elements(length, elements), density * area
     gyration = {axis: x / area for axis, x in moments.items()} if shear_stiffness else {}
     directions = [Direction(grid, "x", ends, young / density)] if axial else []
@@ -110,6 +107,16 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
         body.I0[0, 0] = density * polar_moment * length
     along = [_node(shapes, (*grid.node(x, "end"), x), stiffening, young, fibre) for x in grid.x.tolist()]
     return replace(body, outline=OutlinePoints.along(along))
+
+
+def _require_numbers(values: Mapping[str, float], positive: bool = False) -> None:
+    for name, value in values.items():
+        real(value, f"beam: {name}", positive=positive)
+
+
+def _require_known(what: str, given: str, known: Mapping[str, object]) -> None:
+    if given not in list(known):
+        raise UnknownNameError(what, given, known)
 
 
 def _positions(nodes: Mapping[str, float]) -> dict[str, float]:

@@ -49,7 +49,7 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
     else:
         target, driven = {"joint": drive}, (drive,)
         _coordinate(mech, drive, q)
-    values |= dict.fromkeys(_default_modes(mech, {*values, *driven, *(j for d in mech.drivers for j in d.between)}))
+    values |= dict.fromkeys(_default_modes(mech, {*values, *driven}))
     others = [d for d in mech.drivers if d.name != drive and (d.joint or "") not in (drive, *values)]
     rows = [
         Driver.model_validate({**_target(d), "motion": _constant_position(mech, d, q), "name": d.name}) for d in others
@@ -65,6 +65,7 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
 
 def _default_modes(mech: Mechanism, named: set[str]) -> list[str]:
     """Return the modes of the flexible bodies of which no mode is locked or driven."""
+    named = named.union(*(d.between for d in mech.drivers))
     bodies = [body for body in flexible_bodies(mech.model) if named.isdisjoint(body.mode_joints)]
     return [name for body in bodies for name in body.mode_joints]
 

@@ -167,13 +167,14 @@ class Equilibrium(Tabular):
         lines += [f"  s.{name} = {x:.8g}" for name, x in zip(self.mechanism.states, self.s, strict=True)]
         lines += [f"  rests on {n} with {quantity(x, self._contact_unit(n), '.8g')}" for n, x in self.contacts.items()]
         lines += [f"  {n} is held by {quantity(_shown(x), efforts[n], '.8g')}" for n, x in self.holding.items()]
-        for c in self.mechanism.constraints:
-            if c.frames:
-                r = self.reaction(c.name)
-                force, torque = (float(np.linalg.norm(x)) for x in (r.force, r.torque))
-                moment = f", {quantity(torque, 'N m')}" if torque > SOLUTION_ROUNDING else ""
-                lines.append(f"  {c.name} carries {quantity(force, 'N')}{moment}")
+        lines += [self._reaction_text(c.name) for c in self.mechanism.constraints if c.frames]
         return "\n".join([*lines, *([f"  doubtful: {self.warning}"] if self.warning else [])])
+
+    def _reaction_text(self, name: str) -> str:
+        r = self.reaction(name)
+        force, torque = (float(np.linalg.norm(x)) for x in (r.force, r.torque))
+        moment = f", {quantity(torque, 'N m')}" if torque > SOLUTION_ROUNDING else ""
+        return f"  {name} carries {quantity(force, 'N')}{moment}"
 
 
 def _shown(x: float) -> float:
