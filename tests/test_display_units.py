@@ -30,6 +30,10 @@ CONVERTED = [  # unit in SI, value, chosen units, value and unit as they are sho
 ]
 
 
+def rows_of(path):
+    return list(csv.reader(path.read_text().splitlines()))
+
+
 @pytest.fixture(scope="module")
 def sol():
     return mbdae.solve("slider_crank", (0, 0.3), rtol=1e-7)
@@ -65,7 +69,7 @@ def test_columns_of_files_are_labelled(sol, tmp_path):
         sol.save(tmp_path / "mm.csv")
         sol.save(tmp_path / "run.npz")
         frame = pytest.importorskip("pandas") and sol.to_pandas()
-    (heads, *rows), (_, *si) = (list(csv.reader((tmp_path / f"{x}.csv").read_text().splitlines())) for x in ("mm", "si"))
+    (heads, *rows), (_, *si) = (rows_of(tmp_path / f"{x}.csv") for x in ("mm", "si"))
     i, j = heads.index("q.slider [mm]"), heads.index("v.crank [deg/s]")
     for row, old in zip(rows, si, strict=True):
         assert float(row[i]) == pytest.approx(1e3 * float(old[i]), rel=1e-15)
@@ -91,7 +95,7 @@ def test_tables_of_studies_are_labelled(words, heads, tmp_path):
     for name, units in (("si", ()), ("mm", ("--units", "mm,deg"))):
         code, _, err = call(*words.split(), *units, "-o", f"{name}.csv", cwd=tmp_path)
         assert code == 0, err
-    (names, *rows), (plain, *si) = (list(csv.reader((tmp_path / f"{x}.csv").read_text().splitlines())) for x in ("mm", "si"))
+    (names, *rows), (plain, *si) = (rows_of(tmp_path / f"{x}.csv") for x in ("mm", "si"))
     i, factor = names.index(heads), 1e3 if "mm" in heads else 180 / np.pi
     assert heads.startswith(plain[i])
     found, expected = (np.array([float(row[i]) for row in table]) for table in (rows, si))

@@ -54,6 +54,8 @@ REASONS = [
            lambda f: bool(flexible_bodies(f.mech.model))),
     Reason(r"inverse-dynamics .*csv", r"cannot follow the table .* with closed loops",  # eight steps for a vibration
            lambda f: bool(flexible_bodies(f.mech.model))),
+    Reason(r"equilibria", r"^flexible bodies leave more than one degree of freedom: hold",
+           lambda f: bool(flexible_bodies(f.mech.model))),
     Reason(r"inverse-dynamics .*--drive", r"cannot produce the motion .* are missing", lambda f: f.free() > 1),
     Reason(r"kinematics|equilibria", r"^'.*' slides without bound: give", lambda f: f.movable == 1),
     Reason(r"fit", r"not finite|cannot be repeated: .* singular", lambda f: f.coarse == "nonfinite"),

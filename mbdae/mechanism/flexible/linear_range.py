@@ -1,5 +1,7 @@
 """Range of linear modes: deflections and rotations that they describe."""
 
+from collections.abc import Iterator
+
 import pinocchio as pin
 
 from ...system import Array
@@ -18,10 +20,25 @@ def beyond_linear(model: pin.Model, q: Array) -> str:
         q: configurations, (n, nq).
     """
     found = []
-    for body in flexible_bodies(model):
-        modal, first = body.modal, find_joint(model, body.mode_joints[0]).idx_q
-        (deflection, rotation), size = modal.largest_motion(q[:, first : first + modal.modes]), modal.size
+    for name, deflection, rotation, size in _motions(model, q):
         if (deflection > MAX_DEFLECTION * size > 0) or rotation > MAX_ROTATION:
             amount = f"{deflection:.2g} m of {size:.2g} m, {rotation:.2g} rad"
-            found.append(f"{body.name} bends beyond the range of linear modes, by {amount}")
+            found.append(f"{name} bends beyond the range of linear modes, by {amount}")
     return "; ".join(found)
+
+
+def bends_by_its_size(model: pin.Model, q: Array) -> bool:
+    """Return whether the deflection of a flexible body is larger than the body: linear modes have no meaning there.
+
+    Args:
+        model: a model.
+        q: a configuration, (nq,).
+    """
+    return any(deflection > size > 0 for _, deflection, _, size in _motions(model, q[None]))
+
+
+def _motions(model: pin.Model, q: Array) -> Iterator[tuple[str, float, float, float]]:
+    """Yield name, largest deflection, largest rotation and size of each flexible body."""
+    for body in flexible_bodies(model):
+        modal, first = body.modal, find_joint(model, body.mode_joints[0]).idx_q
+        yield body.name, *modal.largest_motion(q[:, first : first + modal.modes]), modal.size

@@ -21,6 +21,7 @@ from ...data_types import JsonObject
 from ...errors import InputError, StepError
 from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.equilibrium.spectrum import CERTAIN, Curvature, curvature, null_space, scale_of
+from ...mechanism.flexible.linear_range import bends_by_its_size
 from ...system import Array
 from ...tolerances import EPS, ITERATION_ROUNDING, ROUNDING, SAME_STATE, SMALLEST_PART, VISIBLE
 from ..path_location import locate
@@ -117,7 +118,7 @@ class Continuation:
             found = self.critical(here, there, h) if h else []
             points += [*(at for at, _ in found), there]
             critical += [point for _, point in found]
-            if ended or there.u < LOWEST_FRACTION:
+            if ended or there.u < LOWEST_FRACTION or bends_by_its_size(self.statics.mech.model, there.here.q):
                 return points, critical, ended
             if change:
                 after = continued(self, there, change.contact)

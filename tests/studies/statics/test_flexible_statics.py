@@ -41,3 +41,15 @@ def test_a_load_path_has_them_along_it(cantilever):
     np.testing.assert_allclose(columns.values["displacement.bar.B.y"], -SAG * path.factor, atol=1e-9 * SAG)
     assert columns.units["displacement.bar.B.y"] == "m"
     assert json.loads(json.dumps(path.to_dict()))["deformation"]["stress.bar.A"][-1] == pytest.approx(STRESS, rel=3e-3)
+
+
+def test_a_path_ends_where_linear_modes_have_no_meaning():
+    """A column with a small lateral force: its deflection grows without bound below pi^2 EI/(4 L^2)."""
+    model = pin.Model()
+    mbdae.attach_flexible(model, "bar", mbdae.beam(LENGTH, YOUNG, DENSITY, AREA, 0.1 * MOMENT, modes=3), None)
+    press = mbdae.Wrench(frame="bar.B", force=(-1.0, 1e-3, 0.0), name="press")
+    path = mbdae.load_path(mbdae.Mechanism(model, forces=[press]), "press", (0.0, 16.0))
+    buckling = np.pi**2 * YOUNG * 0.1 * MOMENT / (4 * LENGTH**2)
+    assert not path.complete
+    assert 0.99 * buckling < path.factor[-1] < 1.003 * buckling  # three modes
+    assert path.warning.startswith("bar bends beyond the range of linear modes, by 1")
