@@ -19,6 +19,20 @@ AT_HALF_SECOND = {  # two formulations of other programs, to one unit of the las
 }
 MODES_AT_HALF_SECOND = -4.978271247338e-4, -1.250931639250e-5, -2.247061941686e-6, 6.7061592655e-8
 
+CANTILEVER = """
+[[flexible]]
+name = "bar"
+parent = "world"
+joint = "fixed"
+length = 1.0
+young = 7e10
+density = 2700.0
+area = 1e-4
+second_moment = 8e-11
+modes = 2
+nodes = { middle = 0.5, tip = 1.0 }
+"""
+
 
 def points(seed=0, n=25, k=4):
     """Points (n, 3), masses (n,) and displacements (n, 3, k) of a random body."""

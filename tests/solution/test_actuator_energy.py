@@ -52,11 +52,11 @@ def test_the_works_of_all_actuators_are_that_of_the_run():
     forces = [
         mbdae.DCMotor(name="motor", joint="crank", voltage=24.0, resistance=1.2, inductance=0.01, constant=0.4),
         mbdae.JointDamping(name="oil", **table),
-        mbdae.JointFriction(name="rub", joint="rocker", friction=0.5, velocity=0.5),
+        mbdae.JointFriction(name="seal", joint="rocker", friction=0.5, velocity=0.5),
     ]
     sol = mbdae.solve(mbdae.load("four_bar", forces=forces), (0, 0.5), rtol=1e-12, atol=1e-13)
     powers = [name for name in units(sol.mechanism) if name.startswith("power.")]
-    assert powers == ["power.motor", "power.oil", "power.rub"]
+    assert powers == ["power.motor", "power.oil", "power.seal"]
     works = [x.integral for x in sol.statistics(powers).integrals.values()]
     assert min(abs(x) for x in works) > 1e-4
     assert sum(works) == pytest.approx(sol.work[-1] - sol.work[0], rel=1e-11)
