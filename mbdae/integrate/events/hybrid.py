@@ -57,7 +57,7 @@ class ModeChanges(EventSource):
 
     def __init__(self, system: Index2System) -> None:
         self.system, self.all_rows = system, AllRows(system)
-        system.closure_friction.min_slip_speed = ZERO_SPEED * system.mechanism.characteristic_speed
+        system.set_min_slip_speed(ZERO_SPEED * system.mechanism.characteristic_speed)
         self.switches = system.mechanism.switches
         self.always = unswitched_rows(self.switches, system.ng)
         self.modes: list[tuple[int, Mode]] = []

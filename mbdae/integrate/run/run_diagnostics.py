@@ -106,15 +106,15 @@ def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
 
 
 def lift_off(sol: Solution, system: Index2System) -> str:
-    """Return which rolling bodies would separate from their surface, and when; empty if none.
+    """Return which rolling bodies would separate from a surface that holds them, and when; empty if none.
 
     The multipliers of the method select candidates; those of the hidden constraint decide.
     """
     mech, (ts, _, zs) = sol.mechanism, sol.nodes
-    found = []
+    found, switched = [], {row for s in mech.switches for row in s.rows}
     for closure in rolling_closures(mech):
         row = mech.rows_of(closure.name)[0]
-        if closure.contact is False or not (zs[1:, row] < 0).any():
+        if closure.contact is False or row in switched or not (zs[1:, row] < 0).any():
             continue
         normal = zs[:, row].copy()
         for i in np.flatnonzero(~(normal >= 0)):

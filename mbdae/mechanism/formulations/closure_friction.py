@@ -67,9 +67,14 @@ class ClosureFriction:
                 self.interfaces.append(FrictionInterface(force, closure, pair, rows, no_slip))
         self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.interfaces])
         self.active = np.array([not p.force.sticks for p in self.interfaces], np.uint8)
-        self.slip_directions = np.tile([1.0, 0.0], (len(self.interfaces), 1))
+        self.slip_directions = np.empty((len(self.interfaces), 2))
+        self.reset()
         sizes = [p.no_slip_rows.stop - p.no_slip_rows.start for p in self.interfaces]
         self.directions = [x[:n] for x, n in zip(self.slip_directions, sizes, strict=True)]
+
+    def reset(self) -> None:
+        """Forget the directions of slips."""
+        self.slip_directions[:] = [1.0, 0.0]
 
     def __bool__(self) -> bool:
         return bool(self.active.any())

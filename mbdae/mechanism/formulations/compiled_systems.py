@@ -61,6 +61,7 @@ class CompiledSystem(Index2System):
         friction = self.closure_friction
         self.core.set_friction_interfaces(friction.core_data(), friction.active, friction.slip_directions)
         self._deactivate_rows()
+        self.set_min_slip_speed(friction.min_slip_speed)
         self.inputs = inputs_of(self)
 
     def set_input(self, cell: Input, number: int) -> None:
@@ -258,7 +259,12 @@ class CompiledSystem(Index2System):
         inactive = self.constraints.inactive
         if len(self.mechanism.switches):
             self.core.deactivate_rows([k in inactive for k in range(self.ng)], self.sticks)
-            self.core.set_smallest_slip(self.closure_friction.min_slip_speed)
+
+    def set_min_slip_speed(self, speed: float) -> None:
+        """See `Index2System.set_min_slip_speed`."""
+        super().set_min_slip_speed(speed)
+        if hasattr(self, "core"):
+            self.core.set_smallest_slip(speed)
 
     def use_rows(self, rows: tuple[int, ...], frozen: bool = True) -> None:
         """See `mbdae.system.System`."""

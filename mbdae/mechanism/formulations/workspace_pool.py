@@ -25,7 +25,7 @@ class RunVariables:
     nq: int
 
     def reset(self) -> None:
-        """Return to the state of a new workspace, in the same mode."""
+        """Return to the state of a new workspace, in the first mode."""
         self.counts = Counts()
         self.rank: int | None = None
         self.ambiguous_pivot = AMBIGUOUS_PIVOT  # pivot ratio below which the branch of a motion is ambiguous
@@ -43,7 +43,7 @@ class RunVariables:
 class WorkspacePool:
     """Idle workspaces of a mechanism; threads may acquire and release them concurrently.
 
-    Variants of a mechanism with other parameters share idle workspaces, and bind them in place. Workspaces with modes,
+    Variants of a mechanism with other parameters share idle workspaces, and bind them in place. Workspaces with
     Baumgarte stabilisation or third-party forces are not pooled, because they cannot be reset.
 
     Args:
@@ -53,7 +53,7 @@ class WorkspacePool:
 
     def __init__(self, mechanism: "Mechanism", idle: dict[tuple[str, bool], list[Any]] | None = None) -> None:
         self.mechanism = mechanism
-        self.pooled = not mechanism.switches and not any(is_custom(f) for f in mechanism.forces)
+        self.pooled = not any(is_custom(f) for f in mechanism.forces)
         self.idle = defaultdict(list) if idle is None else idle
 
     def of(self, mechanism: "Mechanism") -> "WorkspacePool":
