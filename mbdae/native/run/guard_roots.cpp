@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "math/brent.hpp"
 #include "math/vec3.hpp"
@@ -8,6 +9,8 @@
 namespace mbdae {
 
 namespace {
+
+constexpr int NEWTON_STEPS = 3;  // from a point of the polynomial to its root, which is near
 
 // The cubic with values f and derivatives m at 0 and 1: c[3] + c[2] x + c[1] x^2 + c[0] x^3.
 struct Cubic {
@@ -52,28 +55,37 @@ struct Cubic {
   const double c[4];
 };
 
-// The quartic through values at 0, 1, 2, 3, 4, by divided differences.
-class Quartic {
+// The polynomial through points, by divided differences.
+class Interpolant {
  public:
-  explicit Quartic(const double* values) {
-    std::copy(values, values + 5, d_);
-    for (int n = 1; n < 5; ++n)
-      for (int k = 4; k >= n; --k) d_[k] = (d_[k] - d_[k - 1]) / n;
+  void add(double x, double f) {
+    double difference = f;
+    for (size_t n = nodes_.size(), k = n; k > 0; --k) {
+      const double before = std::exchange(last_[n - k], difference);
+      difference = (difference - before) / (x - nodes_[k - 1]);
+    }
+    nodes_.push_back(x), last_.push_back(difference), d_.push_back(difference);
   }
 
-  double value(double x) const {
-    double f = d_[4];
-    for (int n = 3; n >= 0; --n) f = d_[n] + (x - n) * f;
-    return f;
-  }
-  double derivative(double x) const {
-    double f = d_[4], df = 0;
-    for (int n = 3; n >= 0; --n) df = f + (x - n) * df, f = d_[n] + (x - n) * f;
-    return df;
+  double value(double x) const { return evaluate(x).first; }
+  double derivative(double x) const { return evaluate(x).second; }
+
+  double root(double x, int iterations) const {  // from x on
+    for (int k = 0; k < iterations; ++k) {
+      const auto [f, df] = evaluate(x);
+      x -= f / df;
+    }
+    return x;
   }
 
  private:
-  double d_[5];
+  std::pair<double, double> evaluate(double x) const {
+    double f = 0, df = 0;
+    for (size_t n = nodes_.size(); n-- > 0;) df = f + (x - nodes_[n]) * df, f = d_[n] + (x - nodes_[n]) * f;
+    return {f, df};
+  }
+
+  std::vector<double> nodes_, d_, last_;  // last_: differences that end at the last node
 };
 
 // A change of the sign of f between low and high, by bisection.
@@ -88,7 +100,9 @@ double bisect(Function&& f, double low, double high) {
 }  // namespace
 
 double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& shorter) {
-  step_ = &step, shorter_ = &shorter, known_.clear();
+  step_ = &step, shorter_ = &shorter;
+  known_.remove_if([&](const Point& p) { return p.t != step.t || !std::equal(p.y.begin(), p.y.end(), step.y); });
+  for (Point& p : known_) p.theta = 0;  // the end of the last step, or the start of one that was rejected
   if (!referenced_) prepare();
   double worst = 0;
   for (const Guard& guard : modes_.guards) worst = std::max(worst, unresolved(guard));
@@ -126,12 +140,12 @@ std::vector<double> GuardMonitor::samples(int i) {
   std::vector<double> out;
   for (int k = 1; k < 5; ++k) out.push_back(static_cast<double>(k) / 4);
   if (!guard.has_load()) return out;
-  double loads[5], size = 0;
+  double size = 0;
+  Interpolant quartic;
   for (int k = 0; k < 5; ++k) {
-    loads[k] = load(guard, point(static_cast<double>(k) / 4));
-    size = std::max(size, std::fabs(loads[k]));
+    const double x = load(guard, point(static_cast<double>(k) / 4));
+    quartic.add(k, x), size = std::max(size, std::fabs(x));
   }
-  const Quartic quartic(loads);
   const auto derivative = [&](double x) { return quartic.derivative(x); };
   const double first = -4 * modes_.outside, last = 4 * (1 + modes_.outside), move = 1.0 / 8;
   for (double x = first; x < last; x += move) {
@@ -194,30 +208,29 @@ double GuardMonitor::locate(int i, double high) {
   return locate_by_brent(i, high);
 }
 
-// Secants, from the root of the quartic through five values on.
+// Roots of the polynomial through five values, and all those at its roots.
 double GuardMonitor::locate_by_loads(int i, double high) {
   const double tolerance = time_tolerance();
-  double values[5];
-  for (int k = 0; k < 5; ++k) values[k] = at(static_cast<double>(k) / 4, i).f;
-  const Quartic quartic(values);
-  const auto value = [&](double x) { return quartic.value(x); };
+  Interpolant polynomial;
+  for (int k = 0; k < 5; ++k) polynomial.add(k, at(static_cast<double>(k) / 4, i).f);
+  const auto value = [&](double x) { return polynomial.value(x); };
   double low = 0, theta = 0;  // low: in quarters of the step
   for (double next = 0; theta == 0 && low < 4 * high; low = next) {
     next = std::min(low + 1.0 / 8, 4 * high);
     if (value(low) > 0 && !(value(next) > 0)) theta = bisect(value, low, next) / 4;
   }
-  if (!(values[0] > rounding(i)) || theta == 0) return locate_by_brent(i, high);
-  double gradient = 4 * quartic.derivative(4 * theta), best = INFINITY, before = 0, nearest = 0;
+  if (!(at(0, i).f > rounding(i)) || theta == 0) return locate_by_brent(i, high);
+  double best = INFINITY, nearest = 0;
   for (int k = 0; k < modes_.iterations && 0 < theta && theta < high; ++k) {
     const double f = at(theta, i).f;
-    if (k) gradient = (f - before) / (theta - nearest);
-    if (!(gradient < 0) || !(std::fabs(f) < best)) {
+    if (std::fabs(f) < best) polynomial.add(4 * theta, f);
+    if (!(polynomial.derivative(4 * theta) < 0) || !(std::fabs(f) < best)) {
       if (best <= rounding(i)) return nearest;
       break;
     }
-    const double move = f / gradient;
-    if (std::fabs(move) <= tolerance + modes_.step_tolerance * theta) return theta;
-    nearest = theta, before = f, best = std::fabs(f), theta -= move;
+    const double root = polynomial.root(4 * theta, NEWTON_STEPS) / 4;
+    if (!(std::fabs(root - theta) > tolerance + modes_.step_tolerance * theta)) return theta;
+    nearest = theta, best = std::fabs(f), theta = root;
   }
   return locate_by_brent(i, high);
 }

@@ -206,7 +206,7 @@ void GuardMonitor::prepare() {
 }
 
 void GuardMonitor::track(double t, const double* y, const Numbers& F, const Numbers& lam) {
-  modes_.guards = guards_of(modes_.switches, modes_.mode);
+  modes_.guards = guards_of(modes_.switches, modes_.mode), known_.clear();
   referenced_ = true, prepare();
   Point p{0, t, Numbers(y, y + s_.length)};
   p.F = F, p.lam = lam;
@@ -224,6 +224,7 @@ void GuardMonitor::track(double t, const double* y, const Numbers& F, const Numb
     if (f <= rounding(static_cast<int>(i)) && approach > 0 && a < 0)
       guard.return_time = t - modes_.return_factor * 2 * approach / a;
   }
+  known_.push_back(std::move(p));
 }
 
 void GuardMonitor::advance() {
