@@ -25,6 +25,7 @@ from .load_resolution import (
     SAFETY,
     SHRINK,
     PointAt,
+    interpolated_points,
     loads_unresolved,
     resolving_step,
     short_step_loads,
@@ -168,9 +169,9 @@ class ModeChanges(EventSource):
         """Return theta at which the mode ends, and the guards that are zero there; (2, []) if it does not end."""
         at, run = self._points(step), step.run
         fixed = run.stepper.any_size and not run.stepper.controls
-        theta, fired = first_guard_root(
-            self.guards, step, at, resolving_step(self.guards, at, abs(step.h)) if fixed else QUARTERS
-        )
+        points = interpolated_points(step, at)
+        thetas = resolving_step(self.guards, points, abs(step.h)) if fixed else QUARTERS
+        theta, fired = first_guard_root(self.guards, step, at, thetas)
         if not fired:
             for guard in self.guards:
                 guard.advance(at(1.0))
@@ -182,7 +183,7 @@ class ModeChanges(EventSource):
         if self.checked_in_core or not run.stepper.controls or not run.stepper.any_size:
             return False
         h, shortest = abs(step.h), shortest_step(run)
-        worst = loads_unresolved(self.guards, self._points(step), QUARTERS, h)
+        worst = loads_unresolved(self.guards, interpolated_points(step, self._points(step)), QUARTERS, h)
         if worst > 0:
             run.stepper.limit_step(max(shortest, h * max(SHRINK, SAFETY * worst**-0.25)))
         return worst > 1 and h > 2 * shortest

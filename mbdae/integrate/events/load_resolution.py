@@ -2,15 +2,18 @@
 
 Sticking or closed rows cause no local error, so steps would grow until a peak of a load falls between two samples. A
 step resolves a load if a cubic fits five equidistant samples, up to a small share of the distance of the load to its
-limit: 1 for the utilisation of friction, 0 for a normal force.
+limit: 1 for the utilisation of friction, 0 for a normal force. For this check, points between the ends of the step are
+on the cubic through both ends and their rates.
 """
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ... import hermite
 from ...errors import StepError
 from ...mechanism.hybrid.mode_point import ModePoint
 from ...mechanism.hybrid.switch import Guard
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
     from ...mechanism.hybrid.switches import Mode
     from ...mechanism.hybrid.undecided_rows import LoadsAfterStep
     from ..run.run_state import RunState
+    from ..run.step_map import StepMap
     from .guard_location import TrackedGuard
 
 QUARTERS = np.linspace(0.0, 1.0, 5)  # of a step: sampling points of loads
@@ -36,6 +40,25 @@ SHORTEST_STEP = SMALLEST_PART  # of the span: loads that are not resolved by ste
 PointAt = Callable[[float], ModePoint]
 
 
+def interpolated_points(step: "StepMap", at: PointAt) -> PointAt:
+    """Return a function of theta that returns points on the cubic through both ends and their rates, evaluated once."""
+
+    @cache
+    def cubic() -> Array:
+        start, end = at(0.0), at(1.0)
+        rates = step.h * start.derivative[0], step.h * end.derivative[0]
+        move = start.system.difference(start.y, end.y)
+        return hermite.fit([(np.zeros_like(move), move), rates], np.empty((0, len(move))))
+
+    @cache
+    def between(theta: float) -> ModePoint:
+        start = at(0.0)
+        y = start.system.add(start.y, hermite.powers(theta, 3) @ cubic())
+        return ModePoint(start.system, start.all_rows, step.t + theta * step.h, y)
+
+    return lambda theta: between(theta) if 0 < theta < 1 else at(theta)
+
+
 def shortest_step(run: "RunState") -> float:
     """Return the size of the steps of a run that resolve all loads, in s."""
     return SHORTEST_STEP * abs(run.t1 - run.ts[0])
@@ -49,7 +72,7 @@ def loads_unresolved(guards: Sequence["TrackedGuard"], at: PointAt, thetas: Arra
 
     Args:
         guards: the guards of the mode.
-        at: function of theta that returns the point there.
+        at: function of theta that returns an interpolated point there.
         thetas: 4 k + 1 equidistant values of theta.
         step_size: the size of the step.
     """

@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "math/brent.hpp"
+#include "math/interpolant.hpp"
 #include "math/vec3.hpp"
 #include "run/mode_guards.hpp"
 
@@ -12,97 +12,13 @@ namespace {
 
 constexpr int NEWTON_STEPS = 3;  // from a point of the polynomial to its root, which is near
 
-// The cubic with values f and derivatives m at 0 and 1: c[3] + c[2] x + c[1] x^2 + c[0] x^3.
-struct Cubic {
-  Cubic(double f0, double f1, double m0, double m1)
-      : c{2 * (f0 - f1) + m0 + m1, 3 * (f1 - f0) - 2 * m0 - m1, m0, f0} {}
-
-  double value(double x) const { return c[3] + x * (c[2] + x * (c[1] + x * c[0])); }
-
-  double minimum() const {  // where the derivative is negative at 0 and positive at 1
-    const double root = std::sqrt(std::max(0.0, c[1] * c[1] - 3 * c[0] * c[2]));
-    return value(c[1] >= 0 ? -c[2] / (c[1] + root) : (root - c[1]) / (3 * c[0]));
-  }
-
-  // The first zero in (0, 1), or that of the cubic over x if it is zero at 0; 1 if there is none.
-  double first_zero() const {
-    const bool starts_at_zero = c[3] == 0;
-    const auto f = [&](double x) { return starts_at_zero ? c[2] + x * (c[1] + x * c[0]) : value(x); };
-    // extrema, between which it is monotonic
-    const double a = starts_at_zero ? 0 : 3 * c[0], b = starts_at_zero ? 2 * c[0] : 2 * c[1];
-    const double d = starts_at_zero ? c[1] : c[2];
-    double ends[3] = {1, 1, 1};
-    if (a == 0) {
-      ends[0] = -d / b;
-    } else if (b * b >= 4 * a * d) {
-      const double sum = -0.5 * (b + std::copysign(std::sqrt(b * b - 4 * a * d), b));
-      ends[0] = sum / a, ends[1] = d / sum;
-    }
-    for (double& x : ends)
-      if (!(0 < x && x < 1)) x = 1;
-    std::sort(ends, ends + 3);
-    double low = 0;
-    for (double high : ends) {
-      if (f(low) > 0 && !(f(high) > 0)) {
-        for (double x = 0.5 * (low + high); low < x && x < high; x = 0.5 * (low + high)) (f(x) > 0 ? low : high) = x;
-        return low;
-      }
-      low = high;
-    }
-    return 1;
-  }
-
-  const double c[4];
-};
-
-// The polynomial through points, by divided differences.
-class Interpolant {
- public:
-  void add(double x, double f) {
-    double difference = f;
-    for (size_t n = nodes_.size(), k = n; k > 0; --k) {
-      const double before = std::exchange(last_[n - k], difference);
-      difference = (difference - before) / (x - nodes_[k - 1]);
-    }
-    nodes_.push_back(x), last_.push_back(difference), d_.push_back(difference);
-  }
-
-  double value(double x) const { return evaluate(x).first; }
-  double derivative(double x) const { return evaluate(x).second; }
-
-  double root(double x, int iterations) const {  // from x on
-    for (int k = 0; k < iterations; ++k) {
-      const auto [f, df] = evaluate(x);
-      x -= f / df;
-    }
-    return x;
-  }
-
- private:
-  std::pair<double, double> evaluate(double x) const {
-    double f = 0, df = 0;
-    for (size_t n = nodes_.size(); n-- > 0;) df = f + (x - nodes_[n]) * df, f = d_[n] + (x - nodes_[n]) * f;
-    return {f, df};
-  }
-
-  std::vector<double> nodes_, d_, last_;  // last_: differences that end at the last node
-};
-
-// A change of the sign of f between low and high, by bisection.
-template <class Function>
-double bisect(Function&& f, double low, double high) {
-  const bool positive = f(low) > 0;
-  for (double x = 0.5 * (low + high); low < x && x < high; x = 0.5 * (low + high))
-    ((f(x) > 0) == positive ? low : high) = x;
-  return low;
-}
-
 }  // namespace
 
 double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& shorter) {
   step_ = &step, shorter_ = &shorter;
   known_.remove_if([&](const Point& p) { return p.t != step.t || !std::equal(p.y.begin(), p.y.end(), step.y); });
   for (Point& p : known_) p.theta = 0;  // the end of the last step, or the start of one that was rejected
+  interpolated_.clear();
   if (!referenced_) prepare();
   double worst = 0;
   for (const Guard& guard : modes_.guards) worst = std::max(worst, unresolved(guard));
@@ -115,6 +31,43 @@ double GuardMonitor::longest_step(const Guard& guard, const Point& p) const {
   return x.shortest / std::max(std::fabs(p.y[s_.nq + x.column]), s_.mechanics.limits.zero_speed * speed(p) * scale);
 }
 
+// Whether the value of a guard follows from its load alone, which several sticking joints may share.
+bool GuardMonitor::has_own_load(const Guard& guard) const {
+  if (guard.kind != Guard::slip || of(guard).frictional()) return guard.has_load();
+  int sticking = 0;
+  for (size_t k = 0; k < modes_.switches.size(); ++k)
+    sticking += modes_.switches[k].kind == Switch::Kind::stiction && modes_.mode[k] == active;
+  return sticking == 1;
+}
+
+// Loads at quarters of the step: at its ends, and between them on the cubic through both ends and their rates.
+GuardMonitor::Loads GuardMonitor::interpolated_loads(const Guard& guard) {
+  const Point &start = point(0), &end = point(1);
+  if (interpolated_.empty()) {
+    const double h = step_->t1 - step_->t;
+    Numbers move(s_.ny), x(s_.ny);
+    s_.difference(start.y.data(), end.y.data(), move.data());
+    for (int k = 1; k < 4; ++k) {
+      const double a = static_cast<double>(k) / 4, b = 1 - a;
+      Point p{a, step_->t + a * h, Numbers(s_.length)};
+      for (int i = 0; i < s_.ny; ++i) x[i] = a * a * (a + 3 * b) * move[i] + h * a * b * (b * start.F[i] - a * end.F[i]);
+      s_.add(start.y.data(), x.data(), p.y.data());
+      p.F.resize(s_.ny), p.lam.resize(s_.ng);
+      s_.derivative(p.t, p.y.data(), p.F.data(), p.lam.data());
+      interpolated_.push_back(std::move(p));
+    }
+  }
+  Loads out{load(guard, start), 0, 0, 0, load(guard, end)};
+  for (int k = 1; k < 4; ++k) out[k] = load(guard, interpolated_[k - 1]);
+  return out;
+}
+
+GuardMonitor::Loads GuardMonitor::loads_of_steps(const Guard& guard) {
+  Loads out;
+  for (int k = 0; k < 5; ++k) out[k] = load(guard, point(static_cast<double>(k) / 4));
+  return out;
+}
+
 double GuardMonitor::unresolved(const Guard& guard) {
   const double h = step_->t1 - step_->t;
   if (guard.kind == Guard::range_boundary)
@@ -122,9 +75,10 @@ double GuardMonitor::unresolved(const Guard& guard) {
   if (!guard.has_load()) return 0;
   const bool slips = guard.kind == Guard::slip;
   const double fourth[5] = {1, -4, 6, -4, 1};
+  const Loads loads = interpolated_loads(guard);
   double most = 0, least = INFINITY, bend = 0, terms = 0;
   for (int k = 0; k < 5; ++k) {
-    const double x = load(guard, point(static_cast<double>(k) / 4));
+    const double x = loads[k];
     most = std::max(most, std::fabs(x)), least = std::min(least, x);
     bend += fourth[k] * x, terms += std::fabs(fourth[k]);
   }
@@ -135,29 +89,28 @@ double GuardMonitor::unresolved(const Guard& guard) {
   return bend / (size * modes_.rough * std::max(distance >= 0 ? distance : 1.0, modes_.near_limit));
 }
 
+// Fractions of the step, in order, at which a guard may be negative: with loads, extrema of the quartic through them,
+// too, and only where it is close to the limit.
 std::vector<double> GuardMonitor::samples(int i) {
   const Guard& guard = modes_.guards[i];
-  std::vector<double> out;
-  for (int k = 1; k < 5; ++k) out.push_back(static_cast<double>(k) / 4);
-  if (!guard.has_load()) return out;
-  double size = 0;
-  Interpolant quartic;
-  for (int k = 0; k < 5; ++k) {
-    const double x = load(guard, point(static_cast<double>(k) / 4));
-    quartic.add(k, x), size = std::max(size, std::fabs(x));
+  std::vector<double> quarters{1, 2, 3, 4};
+  if (guard.has_load()) {
+    const bool own = has_own_load(guard);
+    const Loads loads = own ? interpolated_loads(guard) : loads_of_steps(guard);
+    const double size = largest(loads.data(), 5);
+    const Interpolant quartic(loads);
+    const auto far = [&](double x) {
+      const double f = quartic.value(x);
+      return guard.kind == Guard::slip ? !(std::fabs(f) > 1 - modes_.close_extremum)
+                                       : !(f < modes_.close_extremum * (size > 0 ? size : 1));
+    };
+    for (double x : quartic.extrema(-4 * modes_.outside, 4 * (1 + modes_.outside)))
+      if (!far(x)) quarters.push_back(std::clamp(x, 0.0, 4.0));
+    if (own) quarters.erase(std::remove_if(quarters.begin(), quarters.end(), far), quarters.end());
   }
-  const auto derivative = [&](double x) { return quartic.derivative(x); };
-  const double first = -4 * modes_.outside, last = 4 * (1 + modes_.outside), move = 1.0 / 8;
-  for (double x = first; x < last; x += move) {
-    const double high = std::min(x + move, last);
-    if ((derivative(x) > 0) == (derivative(high) > 0)) continue;
-    const double low = bisect(derivative, x, high), extremum = quartic.value(low);
-    const bool close = guard.kind == Guard::slip ? std::fabs(extremum) > 1 - modes_.close_extremum
-                                                 : extremum < modes_.close_extremum * (size > 0 ? size : 1);
-    if (close) out.push_back(std::clamp(low / 4, 0.0, 1.0));
-  }
-  std::sort(out.begin(), out.end());
-  return out;
+  std::sort(quarters.begin(), quarters.end());
+  for (double& x : quarters) x /= 4;
+  return quarters;
 }
 
 double GuardMonitor::negative_fraction(int i) {
@@ -208,27 +161,33 @@ double GuardMonitor::locate(int i, double high) {
   return locate_by_brent(i, high);
 }
 
-// Roots of the polynomial through five values, and all those at its roots.
+// From the root of the quartic through five values: its derivative, then roots of the polynomial through all values of
+// steps.
 double GuardMonitor::locate_by_loads(int i, double high) {
   const double tolerance = time_tolerance();
-  Interpolant polynomial;
-  for (int k = 0; k < 5; ++k) polynomial.add(k, at(static_cast<double>(k) / 4, i).f);
-  const auto value = [&](double x) { return polynomial.value(x); };
-  double low = 0, theta = 0;  // low: in quarters of the step
-  for (double next = 0; theta == 0 && low < 4 * high; low = next) {
-    next = std::min(low + 1.0 / 8, 4 * high);
-    if (value(low) > 0 && !(value(next) > 0)) theta = bisect(value, low, next) / 4;
+  const Guard& guard = modes_.guards[i];
+  Interpolant of_steps;
+  Loads values;
+  if (has_own_load(guard)) {
+    values = interpolated_loads(guard);
+    for (double& x : values) x = (guard.kind == Guard::slip ? 1 - std::fabs(x) : x) - guard.level;
+    for (double theta : {0.0, 1.0}) of_steps.add(4 * theta, at(theta, i).f);
+    if (high < 1) of_steps.add(4 * high, at(high, i).f);
+  } else {
+    for (int k = 0; k < 5; ++k) of_steps.add(k, values[k] = at(static_cast<double>(k) / 4, i).f);
   }
-  if (!(at(0, i).f > rounding(i)) || theta == 0) return locate_by_brent(i, high);
-  double best = INFINITY, nearest = 0;
+  const Interpolant quartic(values);
+  double theta = quartic.first_zero(4 * high) / 4, best = INFINITY, nearest = 0;
+  if (!(at(0, i).f > rounding(i))) return locate_by_brent(i, high);
   for (int k = 0; k < modes_.iterations && 0 < theta && theta < high; ++k) {
     const double f = at(theta, i).f;
-    if (std::fabs(f) < best) polynomial.add(4 * theta, f);
-    if (!(polynomial.derivative(4 * theta) < 0) || !(std::fabs(f) < best)) {
+    if (std::fabs(f) < best) of_steps.add(4 * theta, f);
+    const double gradient = (of_steps.size() < 4 ? quartic : of_steps).derivative(4 * theta);
+    if (!(gradient < 0) || !(std::fabs(f) < best)) {
       if (best <= rounding(i)) return nearest;
       break;
     }
-    const double root = polynomial.root(4 * theta, NEWTON_STEPS) / 4;
+    const double root = (of_steps.size() < 4 ? 4 * theta - f / gradient : of_steps.root(4 * theta, NEWTON_STEPS)) / 4;
     if (!(std::fabs(root - theta) > tolerance + modes_.step_tolerance * theta)) return theta;
     nearest = theta, best = std::fabs(f), theta = root;
   }

@@ -2,8 +2,10 @@
 // load_resolution.py). Rare cases are left to Python.
 #pragma once
 
+#include <array>
 #include <list>
 #include <utility>
+#include <vector>
 
 #include "run/event_detection.hpp"
 #include "run/switches.hpp"
@@ -112,6 +114,7 @@ class GuardMonitor {
   struct Value {
     double f, rate;
   };
+  using Loads = std::array<double, 5>;  // at quarters of a step
 
   void prepare();  // for the guards of the mode
   void evaluate(Point& p);
@@ -132,6 +135,9 @@ class GuardMonitor {
     return s_.mechanics.limits.evaluation_rounding * (modes_.guards[i].unit + modes_.guards[i].size);
   }
 
+  bool has_own_load(const Guard& guard) const;
+  Loads interpolated_loads(const Guard& guard);
+  Loads loads_of_steps(const Guard& guard);
   double unresolved(const Guard& guard);
   double longest_step(const Guard& guard, const Point& p) const;
   std::vector<double> samples(int i);  // fractions of the step at which a guard is sampled
@@ -151,6 +157,7 @@ class GuardMonitor {
   const AcceptedStep* step_ = nullptr;
   const PartialStep* shorter_ = nullptr;
   std::list<Point> known_;
+  std::vector<Point> interpolated_;  // at quarters of the step
 };
 
 }  // namespace mbdae

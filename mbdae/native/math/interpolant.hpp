@@ -1,0 +1,123 @@
+// Polynomials through given values, their extrema and zeros.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+namespace mbdae {
+
+// The cubic with values f and derivatives m at 0 and 1: c[3] + c[2] x + c[1] x^2 + c[0] x^3.
+struct Cubic {
+  Cubic(double f0, double f1, double m0, double m1)
+      : c{2 * (f0 - f1) + m0 + m1, 3 * (f1 - f0) - 2 * m0 - m1, m0, f0} {}
+
+  double value(double x) const { return c[3] + x * (c[2] + x * (c[1] + x * c[0])); }
+
+  double minimum() const {  // where the derivative is negative at 0 and positive at 1
+    const double root = std::sqrt(std::max(0.0, c[1] * c[1] - 3 * c[0] * c[2]));
+    return value(c[1] >= 0 ? -c[2] / (c[1] + root) : (root - c[1]) / (3 * c[0]));
+  }
+
+  // The first zero in (0, 1), or that of the cubic over x if it is zero at 0; 1 if there is none.
+  double first_zero() const {
+    const bool starts_at_zero = c[3] == 0;
+    const auto f = [&](double x) { return starts_at_zero ? c[2] + x * (c[1] + x * c[0]) : value(x); };
+    // extrema, between which it is monotonic
+    const double a = starts_at_zero ? 0 : 3 * c[0], b = starts_at_zero ? 2 * c[0] : 2 * c[1];
+    const double d = starts_at_zero ? c[1] : c[2];
+    double ends[3] = {1, 1, 1};
+    if (a == 0) {
+      ends[0] = -d / b;
+    } else if (b * b >= 4 * a * d) {
+      const double sum = -0.5 * (b + std::copysign(std::sqrt(b * b - 4 * a * d), b));
+      ends[0] = sum / a, ends[1] = d / sum;
+    }
+    for (double& x : ends)
+      if (!(0 < x && x < 1)) x = 1;
+    std::sort(ends, ends + 3);
+    double low = 0;
+    for (double high : ends) {
+      if (f(low) > 0 && !(f(high) > 0)) {
+        for (double x = 0.5 * (low + high); low < x && x < high; x = 0.5 * (low + high)) (f(x) > 0 ? low : high) = x;
+        return low;
+      }
+      low = high;
+    }
+    return 1;
+  }
+
+  const double c[4];
+};
+
+// A change of the sign of f between low and high, by bisection.
+template <class Function>
+double bisect(Function&& f, double low, double high) {
+  const bool positive = f(low) > 0;
+  for (double x = 0.5 * (low + high); low < x && x < high; x = 0.5 * (low + high))
+    ((f(x) > 0) == positive ? low : high) = x;
+  return low;
+}
+
+// The polynomial through points, by divided differences.
+class Interpolant {
+ public:
+  Interpolant() = default;
+  template <class Values>
+  explicit Interpolant(const Values& values) {  // at 0, 1, 2, ...
+    for (double f : values) add(static_cast<double>(nodes_.size()), f);
+  }
+
+  void add(double x, double f) {
+    double difference = f;
+    for (size_t n = nodes_.size(), k = n; k > 0; --k) {
+      const double before = std::exchange(last_[n - k], difference);
+      difference = (difference - before) / (x - nodes_[k - 1]);
+    }
+    nodes_.push_back(x), last_.push_back(difference), d_.push_back(difference);
+  }
+
+  size_t size() const { return nodes_.size(); }
+  double value(double x) const { return evaluate(x).first; }
+  double derivative(double x) const { return evaluate(x).second; }
+
+  std::vector<double> extrema(double first, double last) const {
+    std::vector<double> out;
+    const auto rises = [&](double x) { return derivative(x); };
+    for (double x = first; x < last; x += MOVE) {
+      const double high = std::min(x + MOVE, last);
+      if ((rises(x) > 0) != (rises(high) > 0)) out.push_back(bisect(rises, x, high));
+    }
+    return out;
+  }
+
+  double first_zero(double last) const {  // where it becomes negative, after 0; 0 if it does not
+    for (double low = 0; low < last; low += MOVE) {
+      const double high = std::min(low + MOVE, last);
+      if (value(low) > 0 && !(value(high) > 0)) return bisect([&](double x) { return value(x); }, low, high);
+    }
+    return 0;
+  }
+
+  double root(double x, int iterations) const {  // by Newton's method, from x on
+    for (int k = 0; k < iterations; ++k) {
+      const auto [f, df] = evaluate(x);
+      x -= f / df;
+    }
+    return x;
+  }
+
+ private:
+  static constexpr double MOVE = 1.0 / 8;  // between samples of extrema and zeros
+
+  std::pair<double, double> evaluate(double x) const {
+    double f = 0, df = 0;
+    for (size_t n = nodes_.size(); n-- > 0;) df = f + (x - nodes_[n]) * df, f = d_[n] + (x - nodes_[n]) * f;
+    return {f, df};
+  }
+
+  std::vector<double> nodes_, d_, last_;  // last_: differences that end at the last node
+};
+
+}  // namespace mbdae
