@@ -1,20 +1,13 @@
-#include "mechanism/mechanics.hpp"
-
 #include <algorithm>
 #include <iterator>
 #include <stdexcept>
 
-#include "math/eigen_types.hpp"
+#include "mechanism/mechanics_workspace.hpp"
 #include "mechanism/tree_coordinates.hpp"
-#include "mechanism/tree_model.hpp"
-#include "mechanism/tree_sweep.hpp"
 
 namespace mbdae {
 
 namespace {
-
-using Matrix3 = Eigen::Map<const Eigen::Matrix3d>;
-using Vector3 = Eigen::Map<const Eigen::Vector3d>;
 
 std::vector<FlexibleBody> bound(std::vector<ModalBody> bodies, const TreeModel& m) {
   std::vector<FlexibleBody> out;
@@ -32,37 +25,6 @@ std::vector<FlexibleBody> bound(std::vector<ModalBody> bodies, const TreeModel& 
 }
 
 }  // namespace
-
-struct Mechanics::Workspace {
-  Workspace(const void* source_, TreeModel m, std::vector<FlexibleBody> flexible_)
-      : source(source_), model(std::move(m)), flexible(std::move(flexible_)) {
-    size_t frames = model.joints.size(), columns = model.nv;
-    for (const FlexibleBody& x : flexible) {
-      const size_t nodes = x.data.nodes.size();
-      frames += nodes, columns += nodes * x.data.modes;
-    }
-    for (size_t i = 0; i < frames; ++i)
-      for (int k = 0; k < 12; ++k) poses.push_back(k == 0 || k == 4 || k == 8 ? 1 : 0);
-    saved_poses = poses, J.assign(6 * columns, 0.0);
-    M.assign(static_cast<size_t>(model.nv) * model.nv, 0.0), nle.assign(model.nv, 0.0);
-    zero = nle;
-  }
-
-  Matrix3 rotation(int j) const { return Matrix3(&poses[12 * j]); }
-  Vector3 position(int j) const { return Vector3(&poses[12 * j + 9]); }
-
-  const void* source;
-  const TreeModel model;
-  std::vector<FlexibleBody> flexible;
-  std::unique_ptr<TreeSweep> sweep;
-  std::unique_ptr<TreeAlgorithms> other;  // where there is no sweep
-  Numbers poses, saved_poses;             // (frames, 12) R by columns, and p
-  Numbers J, M, nle, zero;                // (6, nv and nodes), (nv, nv) by columns, (nv,), (nv,)
-  struct Begun {  // partials at (q, v): terms known so far
-    Numbers q, v, J, about, M, poses;  // J about the world's origin, and about the reference point of the partials
-  } begun;
-  std::unique_ptr<RneaPartials> partials;
-};
 
 Mechanics::Mechanics(const void* model, const Tolerances& limits_, std::vector<ModalBody> flexible)
     : limits(limits_) {
@@ -200,64 +162,6 @@ void Mechanics::add_forces(std::vector<FlexibleBody>& bodies, const double* q, c
 
 std::vector<FlexibleBody> Mechanics::bind(std::vector<ModalBody> bodies) const {
   return bound(std::move(bodies), w->model);
-}
-
-void Mechanics::expand(const void* model) {
-  const TreeModel tree = tree_model(model);
-  std::vector<int> before;
-  std::vector<std::vector<int>> own(tree.joints.size() - 1);
-  expanded_joints.resize(nv);
-  for (size_t j = 1; j < tree.joints.size(); ++j) {
-    const TreeModel::Joint& x = tree.joints[j];
-    before.push_back(x.parent - 1);
-    for (int i = 0; i < x.nv; ++i) own[j - 1].push_back(x.iv + i), expanded_joints[x.iv + i] = static_cast<int>(j);
-  }
-  w->partials.reset(new RneaPartials(std::move(before), std::move(own)));
-}
-
-bool Mechanics::partials_begun(const double* q, const double* v) const {
-  const auto& begun = w->begun;
-  return !begun.q.empty() && std::equal(q, q + nq, begun.q.data()) && std::equal(v, v + nv, begun.v.data());
-}
-
-void Mechanics::inertia(const double* q, const double* v) {
-  auto& begun = w->begun;
-  poses(q);
-  // About a point among the bodies: far from the world's origin, digits would cancel.
-  Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
-  int bodies = joints - 1;
-  for (const FlexibleBody& x : w->flexible) bodies -= x.data.modes;  // joints of modes have no poses: zero
-  for (int j = 1; j < joints; ++j) centroid += w->position(j) / std::max(bodies, 1);
-  for (int j = 1; j < joints; ++j) {
-    Body here = body(j);
-    for (int i = 0; i < 3; ++i) here.centre[i] -= centroid[i];
-    w->partials->set(expanded_joints[w->model.joints[j].iv + w->model.joints[j].nv - 1] - 1, here);
-  }
-  begun.J = begun.about = w->J, begun.poses = w->poses;
-  for (int k = 0; k < nv; ++k) add_cross(&begun.J[6 * k + 3], centroid.data(), &begun.about[6 * k]);
-  begun.q.assign(q, q + nq), begun.v.assign(v, v + nv), begun.M.resize(w->M.size());
-  w->partials->begin(begun.about.data(), w->model.gravity, v, begun.M.data(), w->nle.data());
-  for (size_t k = 0, n = nv; k < n; ++k) begun.M[(n + 1) * k] += w->model.armature[k];
-  if (!w->flexible.empty()) {
-    w->sweep->dynamics(q, v, w->poses.data(), w->J.data(), w->M.data(), w->nle.data());
-    begun.M = w->M;
-    for (size_t k = 0, n = nv; k < n; ++k)
-      for (size_t i = 0; i < k; ++i) begun.M[n * i + k] = begun.M[n * k + i];
-  }
-  w->M = begun.M;
-}
-
-const double* Mechanics::bias() const { return w->nle.data(); }
-
-void Mechanics::partials(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone) {
-  ++pose_stamp_;
-  if (partials_begun(q, v) && w->flexible.empty())
-    w->M = w->begun.M, w->J = w->begun.J, w->poses = w->begun.poses;
-  else
-    inertia(q, v);
-  w->partials->complete(a, by_q, by_v, alone);
-  if (!w->flexible.empty())
-    w->sweep->add_partials(expanded_joints.data(), q, v, a, alone, by_q, by_v);
 }
 
 double Mechanics::potential() const {

@@ -83,7 +83,7 @@ class Mechanics {
  private:
   struct Workspace;
   void begin_sweep();
-  bool partials_begun(const double* q, const double* v) const;  // are the first terms of the partials those of (q, v)?
+  bool has_partial_terms(const double* q, const double* v) const;  // are they known at (q, v)?
 
   std::unique_ptr<Workspace> w;
   long motion_stamp_ = 0, pose_stamp_ = 0;
