@@ -19,7 +19,11 @@ double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& sho
   known_.remove_if([&](const Point& p) { return p.t != step.t || !std::equal(p.y.begin(), p.y.end(), step.y); });
   for (Point& p : known_) p.theta = 0;  // the end of the last step, or the start of one that was rejected
   interpolated_.clear();
+  const bool first = known_.empty();
+  const Counts counts = s_.counts;
   if (!referenced_) prepare();
+  point(0);
+  if (first) s_.counts = counts;  // they do not depend on the number of calls
   double worst = 0;
   for (const Guard& guard : modes_.guards) worst = std::max(worst, unresolved(guard));
   return worst;
@@ -105,7 +109,7 @@ std::vector<double> GuardMonitor::samples(int i) {
                                        : !(f < modes_.close_extremum * (size > 0 ? size : 1));
     };
     for (double x : quartic.extrema(-4 * modes_.outside, 4 * (1 + modes_.outside)))
-      if (!far(x)) quarters.push_back(std::clamp(x, 0.0, 4.0));
+      if (!far(x)) quarters.push_back(4 * std::clamp(x / 4, 0.0, 1.0));
     if (own) quarters.erase(std::remove_if(quarters.begin(), quarters.end(), far), quarters.end());
   }
   std::sort(quarters.begin(), quarters.end());
