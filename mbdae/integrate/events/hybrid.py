@@ -1,6 +1,7 @@
 """Modes of a run: guards are monitored from step to step, and the mode changes where a guard crosses zero."""
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,7 +70,7 @@ class ModeChanges(EventSource):
         # end of the last step, and points of the step by theta
         self.point_cache: tuple[Array | None, dict[float, ModePoint]] = (None, {})
         self.last_impact: dict[int, float] = {}  # time of the last impact of each switch
-        self.times: list[float] = []  # of transitions
+        self.times = deque[float](maxlen=1 + MAX_TRANSITIONS * (1 + len(self.switches)))  # of the last transitions
         self.rest = min((s.rest for s in self.switches if s.rest), default=0.0)
         self._enter(system.mode)
 
@@ -169,8 +170,7 @@ class ModeChanges(EventSource):
         """Return theta at which the mode ends, and the guards that are zero there; (2, []) if it does not end."""
         at, run = self._points(step), step.run
         fixed = run.stepper.any_size and not run.stepper.controls
-        points = interpolated_points(step, at)
-        thetas = resolving_step(self.guards, points, abs(step.h)) if fixed else QUARTERS
+        thetas = resolving_step(self.guards, interpolated_points(step, at), abs(step.h)) if fixed else QUARTERS
         theta, fired = first_guard_root(self.guards, step, at, thetas)
         if not fired:
             for guard in self.guards:
@@ -233,7 +233,7 @@ class ModeChanges(EventSource):
         Raises:
             StepError: in case of chattering, or if an impact has no solution.
         """
-        self._check_chattering(run.t, [g.name for g in fired])
+        self._check_chattering(run.t, (g.name for g in fired))
         run.end_interval()
         opened = {g.switch for g in fired if g.kind == "separation"}
         self.continue_from(run, self._point(run.t, run.ys[-1]), opened)
@@ -252,7 +252,7 @@ class ModeChanges(EventSource):
 
     def adopt_transition(self, run: "RunState", transition: CoreTransition) -> None:
         """Record a transition of the core; the last mode of several is adopted after them."""
-        self._check_chattering(run.t, [self.switches[i].name for i in transition.fired])
+        self._check_chattering(run.t, (self.switches[i].name for i in transition.fired))
         self.transitions_in_core += 1
         if impact := transition.impact(run.t, self.system.mechanism):
             self.impacts.append(impact)
@@ -291,10 +291,10 @@ class ModeChanges(EventSource):
         in_core: JsonObject = {"impacts_in_core": self.impacts_in_core, "transitions_in_core": self.transitions_in_core}
         return out | in_core if run.stepper.backend == "native" else out
 
-    def _check_chattering(self, t: float, fired: list[str]) -> None:
-        most = MAX_TRANSITIONS * (1 + len(self.switches))
-        self.times = [*self.times[-most:], t]
-        if len(self.times) > most and abs(t - self.times[0]) <= max(self.rest, COINCIDENT * abs(t)):
+    def _check_chattering(self, t: float, fired: Iterable[str]) -> None:
+        times = self.times
+        times.append(t)
+        if len(times) == times.maxlen and abs(t - times[0]) <= max(self.rest, COINCIDENT * abs(t)):
             names = " and ".join(map(repr, fired))
             mode = describe_mode(self.switches, self.system.mode)
             raise StepError("switching", f"{names}: chattering, modes switch without end at t = {t:.17g} ({mode})")
