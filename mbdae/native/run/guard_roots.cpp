@@ -89,7 +89,7 @@ double bisect(Function&& f, double low, double high) {
 
 double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& shorter) {
   step_ = &step, shorter_ = &shorter, known_.clear();
-  if (!referenced_) prepare();
+  if (!referenced_) prepare(), set_references(point(0));
   double worst = 0;
   for (const Guard& guard : modes_.guards) worst = std::max(worst, unresolved(guard));
   return worst;

@@ -98,9 +98,21 @@ class GuardMonitor {
   // Begin to check a step; return the largest unresolved part of a load relative to the tolerance.
   double begin_step(const AcceptedStep& step, const PartialStep& shorter);
   int first_root(double& theta);  // the guard that ends the mode in the step, and the fraction; -1: none
-  void advance();                 // to the end of this step
+  void advance() { advance(point(1)); }  // to the end of this step
   // Guards of a new mode, from y on, where y' and lam are F and lam.
   void track(double t, const double* y, const Numbers& F, const Numbers& lam);
+
+  // Guards at a point of another program's solution.
+  struct Value {
+    double f, rate;  // rate: 0 where it is unknown
+  };
+  struct Values {
+    std::vector<Value> guards;  // less their levels
+    Numbers tolerances;
+  };
+  Values values(double t, const double* y, const Numbers& F, const Numbers& lam, bool advances);
+  // s: until then, a flight after an impact begins, whose gap a step of another method may not resolve; -inf: no flight.
+  double flight_begins(int i) const;
 
  private:
   struct Point {
@@ -109,20 +121,19 @@ class GuardMonitor {
     Numbers F = {}, lam = {};                              // (ny,), (ng,)
     double force = 0;                  // the largest one
   };
-  struct Value {
-    double f, rate;
-  };
 
   void prepare();  // for the guards of the mode
+  void set_references(const Point& p);
+  void advance(const Point& p);
   void evaluate(Point& p);
   const Point& point(double theta);
   double value(const Guard& guard, const Point& p);
   double rate(const Guard& guard, const Point& p) const;
   double load(const Guard& guard, const Point& p);
-  Value at(double theta, int i) {  // minus its level
-    const Point& p = point(theta);
+  Value at(const Point& p, int i) {  // minus its level
     return {value(modes_.guards[i], p) - modes_.guards[i].level, rate(modes_.guards[i], p)};
   }
+  Value at(double theta, int i) { return at(point(theta), i); }
   bool has_rate(const Guard& guard) const;
   const Switch& of(const Guard& guard) const { return modes_.switches[guard.element]; }
   void set_reference(Guard& guard, const Point& p) const;

@@ -87,10 +87,10 @@ bool TimeLoop::complete_step(Proposal& p) {
   return resolved;
 }
 
-// At the start of an interval at after_, see `SingularityMonitor._time_to_singularity` in Python.
-bool TimeLoop::is_near_singular() {
+// At the start of an interval at a point, see `SingularityMonitor._time_to_singularity` in Python.
+bool TimeLoop::is_near_singular(const NextMode& next) {
   const SingularityMonitor& monitor = run_.monitor;
-  const double* y = after_.y.data();
+  const double* y = next.state.y.data();
   if (!run_.monitored || !s_.rows.rank) return false;
   const double here = s_.pivot_ratio(y, s_.rows.rank);
   if (!run_.adaptive) return here < monitor.adjacent_ratio * monitor.largest_ratio;
@@ -98,7 +98,7 @@ bool TimeLoop::is_near_singular() {
   double before = INFINITY;
   Numbers earlier(s_.length);
   for (double h = run_.control.h; std::fabs(before - here) > monitor.max_change * here;) {
-    Numbers move(F_);
+    Numbers move(next.F);
     h /= 2;
     for (double& x : move) x *= -h;
     s_.add(y, move.data(), earlier.data());
@@ -108,29 +108,11 @@ bool TimeLoop::is_near_singular() {
 }
 
 void TimeLoop::resolve_transition(int guard, double t) {
-  Modes& modes = run_.modes;
-  const ModeSettings settings(s_, modes.switches, modes.mode);
-  const Mode mode = modes.mode;
-  const std::vector<Guard> guards = modes.guards;
-  const Guard& fired = guards[guard];
-  const IndependentRows::Freeze freeze(s_.rows);
-  after_ = State(), after_.y = next_.y, F_.resize(s_.ny), z_after_.resize(s_.nz);
-  const std::vector<int> separated(fired.kind == Guard::separation, fired.element);
-  try {
-    Transition found = ModeTransition(s_, modes).resolve(t, after_.y.data(), separated);
-    if (run_.project) project_state(s_, t, after_.y.data());
-    s_.update_independent_rows(t, after_);
-    s_.derivative(t, after_.y.data(), F_.data(), z_after_.data());
-    after_.carry = s_.carry(F_);
-    if (found.mode != mode && (run_.monitor.suspicious || run_.monitor.entered)) throw FallBackToPython();
-    if (is_near_singular()) throw FallBackToPython();
-    modes.mode = found.mode, guards_.track(t, after_.y.data(), F_, z_after_);
-    found.fired = {fired.element};
-    transition_ = std::move(found), changes_mode_ = true;
-  } catch (const FallBackToPython&) {
-    modes.mode = mode, modes.guards = guards, settings.restore();
-    throw;
-  }
+  const auto check = [&](const NextMode& next) {
+    const bool monitored = run_.monitor.suspicious || run_.monitor.entered;
+    if ((next.transition.mode != run_.modes.mode && monitored) || is_near_singular(next)) throw FallBackToPython();
+  };
+  next_mode_ = enter_next_mode(s_, run_.modes, guards_, run_.project, t, next_.y, {guard}, check), changes_mode_ = true;
 }
 
 void TimeLoop::begin_interval(const Numbers& z) {
@@ -144,12 +126,11 @@ void TimeLoop::begin_interval(const Numbers& z) {
 void TimeLoop::apply_transition() {
   if (!changes_mode_) return;
   changes_mode_ = false;
-  transition_.node = static_cast<long>(run_.steps.t.size());
-  run_.steps.changes.emplace_back(transition_.node, s_.rows.in_use());
-  for (int i : transition_.contacts) run_.modes.last_impact[i] = run_.interval.t;
-  std::swap(run_.state, after_);
-  begin_interval(z_after_);
-  run_.modes.transitions.push_back(std::move(transition_));
+  next_mode_.transition.node = static_cast<long>(run_.steps.t.size());
+  run_.steps.changes.emplace_back(next_mode_.transition.node, s_.rows.in_use());
+  std::swap(run_.state, next_mode_.state);
+  begin_interval(next_mode_.z);
+  run_.modes.transitions.push_back(std::move(next_mode_.transition));
 }
 
 bool TimeLoop::apply_jump() {

@@ -6,7 +6,7 @@
 
 #include "steps/collocation.hpp"
 #include "run/jumps.hpp"
-#include "run/mode_guards.hpp"
+#include "run/mode_transition.hpp"
 #include "system/projection.hpp"
 #include "steps/half_explicit_step.hpp"
 #include "run/step_control.hpp"
@@ -139,7 +139,7 @@ class TimeLoop {
   // The guard that ends the mode in it, where it is cut; -1: none. False if the step does not resolve its loads.
   bool detect_transition(Proposal& p, int& guard);
   bool complete_step(Proposal& p);  // check guards, and select the rows of the next step; false if it is too long
-  bool is_near_singular();  // does the point after a transition approach a singular configuration?
+  bool is_near_singular(const NextMode& next);  // does the point after an event approach a singular configuration?
   void resolve_transition(int guard, double t);  // at the end of the step
   void apply_transition();                       // the point after it is the next node
   bool apply_jump();                // the jump after an interval; false if Python must handle it
@@ -155,10 +155,8 @@ class TimeLoop {
   bool restarted_ = false;  // its carry was recomputed
   EventScan scan_;          // on the accepted step
   GuardMonitor guards_;
-  Transition transition_;      // at the end of the accepted step
+  NextMode next_mode_;         // after the event at the end of the accepted step
   bool changes_mode_ = false;  // is there one?
-  State after_;                // it
-  Numbers F_, z_after_;     // (ny,), (nz,) y' and lam there
   Numbers errors_;         // (errors, ny)
   Numbers size0_, size1_;  // (ny,) magnitudes at the start and the end of a step
   Numbers z_;              // (nz,) multipliers of the method
