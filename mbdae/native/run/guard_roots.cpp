@@ -87,12 +87,24 @@ double bisect(Function&& f, double low, double high) {
 
 }  // namespace
 
-double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& shorter) {
-  step_ = &step, shorter_ = &shorter, known_.clear();
+double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& shorter, bool refines) {
+  step_ = &step, shorter_ = &shorter, known_.clear(), intervals_ = 4;
   if (!referenced_) prepare(), set_references(point(0));
+  double worst = unresolved();
+  for (; refines && worst > 1 && intervals_ < modes_.finest; worst = unresolved()) intervals_ *= 2;
+  return worst;
+}
+
+double GuardMonitor::unresolved() {
   double worst = 0;
   for (const Guard& guard : modes_.guards) worst = std::max(worst, unresolved(guard));
   return worst;
+}
+
+Numbers GuardMonitor::loads(const Guard& guard) {
+  Numbers out;
+  for (int k = 0; k <= intervals_; ++k) out.push_back(load(guard, point(static_cast<double>(k) / intervals_)));
+  return out;
 }
 
 double GuardMonitor::longest_step(const Guard& guard, const Point& p) const {
@@ -104,17 +116,15 @@ double GuardMonitor::longest_step(const Guard& guard, const Point& p) const {
 double GuardMonitor::unresolved(const Guard& guard) {
   const double h = step_->t1 - step_->t;
   if (guard.kind == Guard::range_boundary)
-    return std::pow(h / std::min(longest_step(guard, point(0)), longest_step(guard, point(1))), 4);
+    return std::pow(4 * h / intervals_ / std::min(longest_step(guard, point(0)), longest_step(guard, point(1))), 4);
   if (!guard.has_load()) return 0;
   const bool slips = guard.kind == Guard::slip;
   const double fourth[5] = {1, -4, 6, -4, 1};
   double most = 0, least = INFINITY, bend = 0, terms = 0;
-  for (int k = 0; k < 5; ++k) {
-    const double x = load(guard, point(static_cast<double>(k) / 4));
-    most = std::max(most, std::fabs(x)), least = std::min(least, x);
-    bend += fourth[k] * x, terms += std::fabs(fourth[k]);
-  }
-  bend = std::fabs(bend);
+  const Numbers all = loads(guard);
+  for (double x : all) most = std::max(most, std::fabs(x)), least = std::min(least, x);
+  for (double x : fourth) terms += std::fabs(x);
+  for (int k = 0; k < intervals_; k += 4) bend = std::max(bend, std::fabs(dot(fourth, &all[k], 5)));
   if (!slips && !(bend > terms * s_.mechanics.limits.solution_rounding * point(0).force)) return 0;
   const double size = slips ? 1 : std::max(most, s_.mechanics.limits.visible * guard.size);
   const double distance = slips ? 1 - most : least / (size > 0 ? size : 1);
@@ -124,23 +134,22 @@ double GuardMonitor::unresolved(const Guard& guard) {
 std::vector<double> GuardMonitor::samples(int i) {
   const Guard& guard = modes_.guards[i];
   std::vector<double> out;
-  for (int k = 1; k < 5; ++k) out.push_back(static_cast<double>(k) / 4);
+  for (int k = 1; k <= intervals_; ++k) out.push_back(static_cast<double>(k) / intervals_);
   if (!guard.has_load()) return out;
-  double loads[5], size = 0;
-  for (int k = 0; k < 5; ++k) {
-    loads[k] = load(guard, point(static_cast<double>(k) / 4));
-    size = std::max(size, std::fabs(loads[k]));
-  }
-  const Quartic quartic(loads);
-  const auto derivative = [&](double x) { return quartic.derivative(x); };
+  const Numbers all = loads(guard);
+  const double size = largest(all.data(), intervals_ + 1);
   const double first = -4 * modes_.outside, last = 4 * (1 + modes_.outside), move = 1.0 / 8;
-  for (double x = first; x < last; x += move) {
-    const double high = std::min(x + move, last);
-    if ((derivative(x) > 0) == (derivative(high) > 0)) continue;
-    const double low = bisect(derivative, x, high), extremum = quartic.value(low);
-    const bool close = guard.kind == Guard::slip ? std::fabs(extremum) > 1 - modes_.close_extremum
-                                                 : extremum < modes_.close_extremum * (size > 0 ? size : 1);
-    if (close) out.push_back(std::clamp(low / 4, 0.0, 1.0));
+  for (int k = 0; k < intervals_; k += 4) {
+    const Quartic quartic(&all[k]);
+    const auto derivative = [&](double x) { return quartic.derivative(x); };
+    for (double x = first; x < last; x += move) {
+      const double high = std::min(x + move, last);
+      if ((derivative(x) > 0) == (derivative(high) > 0)) continue;
+      const double low = bisect(derivative, x, high), extremum = quartic.value(low);
+      const bool close = guard.kind == Guard::slip ? std::fabs(extremum) > 1 - modes_.close_extremum
+                                                   : extremum < modes_.close_extremum * (size > 0 ? size : 1);
+      if (close) out.push_back(std::clamp((k + low) / intervals_, 0.0, 1.0));
+    }
   }
   std::sort(out.begin(), out.end());
   return out;
@@ -197,6 +206,7 @@ double GuardMonitor::locate(int i, double high) {
 // Secants, from the root of the quartic through five values on.
 double GuardMonitor::locate_by_loads(int i, double high) {
   const double tolerance = time_tolerance();
+  if (intervals_ > 4) return locate_by_brent(i, high);
   double values[5];
   for (int k = 0; k < 5; ++k) values[k] = at(static_cast<double>(k) / 4, i).f;
   const Quartic quartic(values);
@@ -222,7 +232,7 @@ double GuardMonitor::locate_by_loads(int i, double high) {
   return locate_by_brent(i, high);
 }
 
-// A guard that is zero at the start is divided by theta, which gives its mean rate.
+// A guard that is zero at the start is divided by theta, which gives its mean rate; 0 where that is negative.
 double GuardMonitor::locate_by_brent(int i, double high) {
   const bool starts_at_zero = at(0, i).f <= rounding(i);
   const auto value = [&](double theta) { return at(theta, i).f / (starts_at_zero ? theta : 1); };
@@ -230,25 +240,29 @@ double GuardMonitor::locate_by_brent(int i, double high) {
   if (starts_at_zero) {
     low = 0.5 * high;
     for (int k = 2; k < modes_.max_halvings && !(at(low, i).f > 0); ++k) low *= 0.5;
-    if (!(at(low, i).f > 0)) leave_to_python();
+    if (!(at(low, i).f > 0)) return 0;
   }
   return brent(value, low, value(low), high, value(high), time_tolerance(), modes_.step_tolerance,
                modes_.root_iterations);
 }
 
-int GuardMonitor::first_root(double& theta) {
+std::vector<int> GuardMonitor::first_roots(double& theta) {
   const int n = static_cast<int>(modes_.guards.size());
   std::vector<std::pair<int, double>> candidates;
   for (int i = 0; i < n; ++i)
     if (const double high = negative_fraction(i); high > 0) candidates.emplace_back(i, high);
-  int first = -1;
+  std::vector<int> first;
   while (!candidates.empty()) {  // guards that cross zero before theta
     const int i = candidates.front().first;
     const double root = locate(i, candidates.front().second);
-    if (first >= 0 && !(root < theta - 4 * time_tolerance())) leave_to_python();  // together
-    theta = root, first = i, candidates.clear();
+    if (first.empty() || root < theta - 4 * time_tolerance())
+      theta = root, first = {i};
+    else
+      first.push_back(i);
+    candidates.clear();
     for (int k = 0; k < n; ++k)
-      if (k != first && at(theta, k).f < -rounding(k)) candidates.emplace_back(k, theta);
+      if (std::find(first.begin(), first.end(), k) == first.end() && at(theta, k).f < -rounding(k))
+        candidates.emplace_back(k, theta);
   }
   return first;
 }

@@ -59,6 +59,7 @@ struct Modes {
   int root_iterations = 0, max_halvings = 0;  // of Brent's method; of a bracket
   // of loads: largest deviation from a cubic and its scale, extrema close to the limit, and how far outside five samples
   double rough = 0, near_limit = 0, close_extremum = 0, outside = 0;
+  int finest = 0;                 // largest number of intervals between samples of loads in a step of fixed size
   double safety = 0, shrink = 0;  // of the largest step that resolves the loads; smallest ratio of consecutive steps
   double shortest = 0;            // s: step that resolves all loads
   double coincident = 0;          // of a pitch, or of the limit of friction
@@ -74,7 +75,7 @@ struct Modes {
 
   FIELDS(in_core, undecided, mode, last_impact, unswitched, characteristic_rate, mode_rounding, return_factor,
          start_root, grazing, spacings, step_tolerance, iterations, root_iterations, max_halvings, rough, near_limit,
-         close_extremum, outside, safety, shrink, shortest, coincident, transverse, at_limit, lookahead, ambiguous,
+         close_extremum, outside, finest, safety, shrink, shortest, coincident, transverse, at_limit, lookahead, ambiguous,
          fallen, max_impacts, max_states)
 };
 
@@ -95,9 +96,10 @@ class GuardMonitor {
   GuardMonitor(Index2System& s, Modes& modes) : s_(s), modes_(modes) {}
 
   bool checks_steps() const { return modes_.in_core && !modes_.guards.empty(); }
-  // Begin to check a step; return the largest unresolved part of a load relative to the tolerance.
-  double begin_step(const AcceptedStep& step, const PartialStep& shorter);
-  int first_root(double& theta);  // the guard that ends the mode in the step, and the fraction; -1: none
+  // Begin to check a step; return the largest unresolved part of a load relative to the tolerance. `refines`: with as
+  // many samples as resolve it, for a step of fixed size.
+  double begin_step(const AcceptedStep& step, const PartialStep& shorter, bool refines);
+  std::vector<int> first_roots(double& theta);  // guards that end the mode in the step together, and the fraction
   void advance() { advance(point(1)); }  // to the end of this step
   // Guards of a new mode, from y on, where y' and lam are F and lam.
   void track(double t, const double* y, const Numbers& F, const Numbers& lam);
@@ -143,7 +145,9 @@ class GuardMonitor {
     return s_.mechanics.limits.evaluation_rounding * (modes_.guards[i].unit + modes_.guards[i].size);
   }
 
+  double unresolved();
   double unresolved(const Guard& guard);
+  Numbers loads(const Guard& guard);  // at the samples
   double longest_step(const Guard& guard, const Point& p) const;
   std::vector<double> samples(int i);  // fractions of the step at which a guard is sampled
   double negative_fraction(int i);     // a fraction at which a guard is negative; 0: it stays positive
@@ -157,6 +161,7 @@ class GuardMonitor {
   Modes& modes_;
   bool dynamic_ = false;       // do values need y' and lam?
   bool referenced_ = false;    // are references set?
+  int intervals_ = 4;          // between samples of a step
   std::vector<int> rows_;      // of switches
   Numbers G_;                  // (ng, nv)
   const AcceptedStep* step_ = nullptr;

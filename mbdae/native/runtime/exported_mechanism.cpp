@@ -186,6 +186,7 @@ void ExportedMechanism::advance(double t, const AfterStep& after_step, bool stop
   for (bool stopped = false; time() != t && !stopped;) {
     run_.steps = Steps(), run_.taken = run_.rejected = 0, run_.needs_python = run_.monitor.suspicious = false;
     const double before = time();
+    const Numbers start = stop_at_impacts ? y() : Numbers();
     Modes& modes = run_.modes;
     modes.transitions.clear(), modes.undecided = false;
     TimeLoop(method, system(), run_).advance();
@@ -194,10 +195,9 @@ void ExportedMechanism::advance(double t, const AfterStep& after_step, bool stop
       fail("no step of the method is possible: the mechanism is singular, or not finite,");
     if (run_.monitor.suspicious) fail("the mechanism may pass a singular configuration");
     if (stop_at_impacts && !modes.transitions.empty() && modes.transitions.back().impact) {
-      const size_t length = system().length, node = modes.transitions.back().node - 1;
-      after_impact_ = run_.state;
-      std::copy_n(&run_.steps.y[node * length], length, y().data());
-      stopped = true;
+      const size_t node = modes.transitions.back().node;  // without one before it: at the start of the step
+      const double* end = &run_.steps.y[node * system().length];
+      after_impact_ = run_.state, y() = node ? Numbers(end - system().length, end) : start, stopped = true;
     }
     stopped = (after_step && after_step(time(), time() == t)) || stopped;
   }

@@ -14,15 +14,15 @@ from mbdae.integrate.events.hybrid import ModeChanges
 from mbdae.mechanism.hybrid.box_lcp import solve_box_lcp
 from mbdae.mechanism.hybrid.unilateral import Unilateral
 
-# duration in s, method, step in s; impacts and transitions, all in the core but those that begin at a node of the grid
+# duration in s, method, step in s; impacts and transitions, all in the core
 RUNS = {
-    "pendulum_on_stop": (4.0, "herk5", 0.05, 9, 9, 0),
-    "slider_crank_with_stop": (0.6, "radau5", 0.01, 5, 5, 0),
-    "bouncing_chain": (0.5, "pherk5", 0.01, 32, 32, 0),
-    "woodpecker": (0.06, "pherk5", 2e-3, 1, 3, 0),
-    "stick_slip_slider": (1.0, "pherk5", 0.01, 0, 4, 0),
-    "ratchet": (1.0, "pherk5", 0.02, 1, 2, 1),
-    "geneva_drive": (1.0, "pherk5", 0.02, 0, 2, 0),
+    "pendulum_on_stop": (4.0, "herk5", 0.05, 9, 9),
+    "slider_crank_with_stop": (0.6, "radau5", 0.01, 5, 5),
+    "bouncing_chain": (0.5, "pherk5", 0.01, 32, 32),
+    "woodpecker": (0.1, "pherk5", 2e-3, 2, 5),  # loads between nodes need more samples
+    "stick_slip_slider": (1.0, "pherk5", 0.01, 0, 4),
+    "ratchet": (1.0, "pherk5", 0.02, 1, 2),
+    "geneva_drive": (1.0, "pherk5", 0.02, 0, 2),
 }
 
 
@@ -49,10 +49,10 @@ def test_both_back_ends_agree(runs):
 
 
 def test_how_many_transitions_the_core_resolves(runs):
-    (native, python), (impacts, transitions, in_python) = runs
+    (native, python), (impacts, transitions) = runs
     assert (native.stats["impacts"], native.stats["impacts_in_core"]) == (impacts, impacts)
     assert native.stats["transitions"] == python.stats["transitions"] == transitions
-    assert native.stats["transitions_in_core"] == transitions - in_python
+    assert native.stats["transitions_in_core"] == transitions
     assert "transitions_in_core" not in python.stats
 
 
