@@ -203,6 +203,7 @@ class Modes:
     near_limit: float
     close_extremum: float
     outside: float
+    finest: int
     safety: float
     shrink: float
     shortest: float

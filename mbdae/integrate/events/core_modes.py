@@ -1,9 +1,8 @@
 """Modes of a run in the compiled core: guards, impacts and changes of the mode, many steps at a time.
 
 The core has stops and contacts, one-way clutches, ratchets, sticking joints and ranges. It leaves rare cases to Python:
-guards that cross zero one after the other within rounding, complementarity problems that are large or have several
-solutions, rows that neither carry load nor separate, modes next to singular configurations. Then it reports the next
-step as undecided, and takes it alone.
+complementarity problems that are large or have several solutions, rows that neither carry load nor separate, modes next
+to singular configurations. Then it reports the next step as undecided, and takes it alone.
 """
 
 from math import inf
@@ -20,7 +19,7 @@ from ...mechanism.hybrid.rolling_stiction import TRANSVERSE
 from ...tolerances import COINCIDENT, MODE_ROUNDING
 from .guard_location import GRAZING, MAX_HALVINGS, MAX_NEWTON, RETURN_FACTOR, START_ROOT
 from .level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
-from .load_resolution import CLOSE_EXTREMUM, NEAR_LIMIT, OUTSIDE, ROUGH, SAFETY, SHRINK
+from .load_resolution import CLOSE_EXTREMUM, FINEST, NEAR_LIMIT, OUTSIDE, ROUGH, SAFETY, SHRINK
 
 if TYPE_CHECKING:
     from ..._native import Core, Modes
@@ -79,7 +78,7 @@ def set_constants(modes: "Modes") -> None:
     modes.spacings, modes.step_tolerance, modes.iterations = TIME_SPACINGS, RELATIVE_TOLERANCE, MAX_NEWTON
     modes.root_iterations, modes.max_halvings = MAX_ITERATIONS, MAX_HALVINGS
     modes.rough, modes.near_limit, modes.close_extremum = ROUGH, NEAR_LIMIT, CLOSE_EXTREMUM
-    modes.outside, modes.safety, modes.shrink = OUTSIDE, SAFETY, SHRINK
+    modes.outside, modes.finest, modes.safety, modes.shrink = OUTSIDE, FINEST, SAFETY, SHRINK
     modes.transverse, modes.at_limit, modes.lookahead = TRANSVERSE, AT_LIMIT, LOOKAHEAD
     modes.ambiguous, modes.fallen = AMBIGUOUS_UNDERWAY, FALLEN
     modes.max_impacts, modes.max_states = MAX_IMPACTS, MAX_STATES

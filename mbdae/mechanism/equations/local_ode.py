@@ -21,6 +21,7 @@ from ..discrete_sensitivity.acceleration_sensitivity import AccelerationSensitiv
 from ..discrete_sensitivity.parameter_direction import WIDTH
 from ..discrete_sensitivity.parameter_partials import Parameters
 from ..formulations.core_description import samplers_of
+from ..formulations.index2 import Index2System
 from ..inputs import Inputs
 from ..time_functions.input_functions import InputSetting
 from ..time_functions.input_variation import AdvanceSpan, VariedInput
@@ -73,13 +74,7 @@ class LocalODE(LocalCoordinates):
         self.u0 = np.array([cell.setting.value for cell in inputs.cells.values()])
         if m.switches:
             raise InputError(f"{m.title}: stops, clutches and stiction have modes, an ODE has none")
-        if inputs.by_rate:
-            name = min(inputs.by_rate)
-            raise InputError(f"{m.title}: v' depends on the rate of input {name!r}, F(t, x, u) only on values")
-        system = m.system(native=native)
-        if samplers_of(system.laws):
-            raise InputError(f"{m.title}: the states of sampled controllers jump, those of an ODE do not")
-        super().__init__(system, t, m.point(q, v, t, s))
+        super().__init__(_ode_system(inputs, native), t, m.point(q, v, t, s))
 
     def __repr__(self) -> str:
         return f"<ODE of {self.mechanism.title}: {' + '.join(map(str, self.sizes))} coordinates>"
@@ -144,3 +139,31 @@ class LocalODE(LocalCoordinates):
         of_u = rate[:, s.ny : s.ny + len(self.u0)]
         by_u = np.vstack([np.zeros((k, len(self.u0))), self._Nv.T @ (of_u[nv : 2 * nv] / D), of_u[2 * nv : -1]])
         return OdeJacobian(out[:, :-1], out[:, -1], by_u)
+
+
+def _ode_system(inputs: Inputs, native: ModuleType | None) -> Index2System:
+    """Return a workspace.
+
+    Raises:
+        InputError: for an input whose rate acts, or sampled controllers.
+    """
+    m = inputs.mechanism
+    if inputs.by_rate:
+        name = min(inputs.by_rate)
+        raise InputError(f"{m.title}: v' depends on the rate of input {name!r}, F(t, x, u) only on values")
+    system = m.system(native=native)
+    if samplers_of(system.laws):
+        raise InputError(f"{m.title}: the states of sampled controllers jump, those of an ODE do not")
+    return system
+
+
+def most_coordinates(mechanism: "Mechanism") -> int:
+    """Return the number of local coordinates at the start; with modes, where all contacts and joints are released.
+
+    Raises:
+        InputError: for an input whose rate acts, or sampled controllers.
+    """
+    system = _ode_system(Inputs(mechanism), None)
+    m = system.mechanism
+    system.enter((0,) * len(m.switches))
+    return LocalCoordinates(system, 0.0, m.point(*m.start)).n

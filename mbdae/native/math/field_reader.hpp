@@ -95,9 +95,15 @@ class Reader {
   }
   template <class A, class B>
   void read(Data h, std::pair<A, B>& out) {
-    if (Access::size(h) != 2) reject("a pair has two items");
-    const auto first = Access::item(h, 0), second = Access::item(h, 1);
-    static_cast<Derived*>(this)->read(first, out.first), static_cast<Derived*>(this)->read(second, out.second);
+    if constexpr (std::is_arithmetic_v<A>) {
+      const auto x = Access::template cast<std::vector<A>>(h);
+      if (x.size() != 2) reject("a pair has two items");
+      out = {x[0], x[1]};
+    } else {
+      if (Access::size(h) != 2) reject("a pair has two items");
+      const auto first = Access::item(h, 0), second = Access::item(h, 1);
+      static_cast<Derived*>(this)->read(first, out.first), static_cast<Derived*>(this)->read(second, out.second);
+    }
   }
 
   // Fields that may be missing keep their values.

@@ -64,9 +64,8 @@ double bisect(Function&& f, double low, double high) {
 class Interpolant {
  public:
   Interpolant() = default;
-  template <class Values>
-  explicit Interpolant(const Values& values) {  // at 0, 1, 2, ...
-    for (double f : values) add(static_cast<double>(nodes_.size()), f);
+  Interpolant(const double* values, int n) {  // at 0, 1, 2, ...
+    for (int k = 0; k < n; ++k) add(k, values[k]);
   }
 
   void add(double x, double f) {

@@ -4,6 +4,7 @@
 
 #include "math/vec3.hpp"
 #include "run/mode_transition.hpp"
+#include "system/projection.hpp"
 
 namespace mbdae {
 
@@ -14,6 +15,36 @@ Transition ModeTransition::resolve(double t, double* y, const std::vector<int>& 
   select(y, separated);
   if (entered_ || mode_ != modes_.mode) enter_mode(s_, modes_.switches, mode_, y, modes_.first_rank(limits_));
   out.mode = mode_;
+  return out;
+}
+
+NextMode enter_next_mode(Index2System& s, Modes& modes, GuardMonitor& monitor, bool project, double t, const Numbers& y,
+                         const std::vector<int>& fired, const std::function<void(const NextMode&)>& check) {
+  const ModeSettings settings(s, modes.switches, modes.mode);
+  const Mode mode = modes.mode;
+  const std::vector<Guard> guards = modes.guards;
+  const IndependentRows::Freeze freeze(s.rows);
+  NextMode out;
+  std::vector<int> separated, elements;
+  for (int i : fired) {
+    elements.push_back(guards[i].element);
+    if (guards[i].kind == Guard::separation) separated.push_back(guards[i].element);
+  }
+  out.state.y = y, out.F.resize(s.ny), out.z.resize(s.nz);
+  try {
+    out.transition = ModeTransition(s, modes).resolve(t, out.state.y.data(), separated);
+    if (project) project_state(s, t, out.state.y.data());
+    s.update_independent_rows(t, out.state);
+    s.derivative(t, out.state.y.data(), out.F.data(), out.z.data());
+    out.state.carry = s.carry(out.F);
+    if (check) check(out);
+    modes.mode = out.transition.mode, monitor.track(t, out.state.y.data(), out.F, out.z);
+  } catch (const FallBackToPython&) {
+    modes.mode = mode, modes.guards = guards, settings.restore();
+    throw;
+  }
+  for (int i : out.transition.contacts) modes.last_impact[i] = t;
+  out.transition.fired = std::move(elements);
   return out;
 }
 

@@ -14,19 +14,31 @@ constexpr int NEWTON_STEPS = 3;  // from a point of the polynomial to its root, 
 
 }  // namespace
 
-double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& shorter) {
-  step_ = &step, shorter_ = &shorter;
+double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& shorter, bool refines) {
+  step_ = &step, shorter_ = &shorter, intervals_ = 4, interpolated_.clear();
   known_.remove_if([&](const Point& p) { return p.t != step.t || !std::equal(p.y.begin(), p.y.end(), step.y); });
   for (Point& p : known_) p.theta = 0;  // the end of the last step, or the start of one that was rejected
-  interpolated_.clear();
   const bool first = known_.empty();
   const Counts counts = s_.counts;
-  if (!referenced_) prepare();
+  if (!referenced_) prepare(), set_references(point(0));
   point(0);
   if (first) s_.counts = counts;  // they do not depend on the number of calls
+  double worst = unresolved();
+  for (; refines && worst > 1 && intervals_ < modes_.finest; worst = unresolved())
+    intervals_ *= 2, interpolated_.clear();
+  return worst;
+}
+
+double GuardMonitor::unresolved() {
   double worst = 0;
   for (const Guard& guard : modes_.guards) worst = std::max(worst, unresolved(guard));
   return worst;
+}
+
+Numbers GuardMonitor::loads(const Guard& guard) {
+  Numbers out;
+  for (int k = 0; k <= intervals_; ++k) out.push_back(load(guard, point(static_cast<double>(k) / intervals_)));
+  return out;
 }
 
 double GuardMonitor::longest_step(const Guard& guard, const Point& p) const {
@@ -44,15 +56,15 @@ bool GuardMonitor::has_own_load(const Guard& guard) const {
   return sticking == 1;
 }
 
-// Loads at quarters of the step: at its ends, and between them on the cubic through both ends and their rates.
-GuardMonitor::Loads GuardMonitor::interpolated_loads(const Guard& guard) {
+// Loads at the samples: at the ends of the step, and between them on the cubic through both ends and their rates.
+Numbers GuardMonitor::interpolated_loads(const Guard& guard) {
   const Point &start = point(0), &end = point(1);
   if (interpolated_.empty()) {
     const double h = step_->t1 - step_->t;
     Numbers move(s_.ny), x(s_.ny);
     s_.difference(start.y.data(), end.y.data(), move.data());
-    for (int k = 1; k < 4; ++k) {
-      const double a = static_cast<double>(k) / 4, b = 1 - a;
+    for (int k = 1; k < intervals_; ++k) {
+      const double a = static_cast<double>(k) / intervals_, b = 1 - a;
       Point p{a, step_->t + a * h, Numbers(s_.length)};
       for (int i = 0; i < s_.ny; ++i) x[i] = a * a * (a + 3 * b) * move[i] + h * a * b * (b * start.F[i] - a * end.F[i]);
       s_.add(start.y.data(), x.data(), p.y.data());
@@ -61,60 +73,51 @@ GuardMonitor::Loads GuardMonitor::interpolated_loads(const Guard& guard) {
       interpolated_.push_back(std::move(p));
     }
   }
-  Loads out{load(guard, start), 0, 0, 0, load(guard, end)};
-  for (int k = 1; k < 4; ++k) out[k] = load(guard, interpolated_[k - 1]);
-  return out;
-}
-
-GuardMonitor::Loads GuardMonitor::loads_of_steps(const Guard& guard) {
-  Loads out;
-  for (int k = 0; k < 5; ++k) out[k] = load(guard, point(static_cast<double>(k) / 4));
+  Numbers out{load(guard, start)};
+  for (const Point& p : interpolated_) out.push_back(load(guard, p));
+  out.push_back(load(guard, end));
   return out;
 }
 
 double GuardMonitor::unresolved(const Guard& guard) {
   const double h = step_->t1 - step_->t;
   if (guard.kind == Guard::range_boundary)
-    return std::pow(h / std::min(longest_step(guard, point(0)), longest_step(guard, point(1))), 4);
+    return std::pow(4 * h / intervals_ / std::min(longest_step(guard, point(0)), longest_step(guard, point(1))), 4);
   if (!guard.has_load()) return 0;
   const bool slips = guard.kind == Guard::slip;
   const double fourth[5] = {1, -4, 6, -4, 1};
-  const Loads loads = interpolated_loads(guard);
+  const Numbers all = interpolated_loads(guard);
   double most = 0, least = INFINITY, bend = 0, terms = 0;
-  for (int k = 0; k < 5; ++k) {
-    const double x = loads[k];
-    most = std::max(most, std::fabs(x)), least = std::min(least, x);
-    bend += fourth[k] * x, terms += std::fabs(fourth[k]);
-  }
-  bend = std::fabs(bend);
+  for (double x : all) most = std::max(most, std::fabs(x)), least = std::min(least, x);
+  for (double x : fourth) terms += std::fabs(x);
+  for (int k = 0; k < intervals_; k += 4) bend = std::max(bend, std::fabs(dot(fourth, &all[k], 5)));
   if (!slips && !(bend > terms * s_.mechanics.limits.solution_rounding * point(0).force)) return 0;
   const double size = slips ? 1 : std::max(most, s_.mechanics.limits.visible * guard.size);
   const double distance = slips ? 1 - most : least / (size > 0 ? size : 1);
   return bend / (size * modes_.rough * std::max(distance >= 0 ? distance : 1.0, modes_.near_limit));
 }
 
-// Fractions of the step, in order, at which a guard may be negative: with loads, extrema of the quartic through them,
-// too, and only where it is close to the limit.
+// Fractions of the step, in order, at which a guard may be negative: the samples and, with loads, extrema of the quartics
+// through them, only where these are close to the limit.
 std::vector<double> GuardMonitor::samples(int i) {
   const Guard& guard = modes_.guards[i];
-  std::vector<double> quarters{1, 2, 3, 4};
-  if (guard.has_load()) {
-    const bool own = has_own_load(guard);
-    const Loads loads = own ? interpolated_loads(guard) : loads_of_steps(guard);
-    const double size = largest(loads.data(), 5);
-    const Interpolant quartic(loads);
-    const auto far = [&](double x) {
-      const double f = quartic.value(x);
-      return guard.kind == Guard::slip ? !(std::fabs(f) > 1 - modes_.close_extremum)
-                                       : !(f < modes_.close_extremum * (size > 0 ? size : 1));
-    };
+  const bool own = has_own_load(guard);
+  const Numbers all = own ? interpolated_loads(guard) : guard.has_load() ? loads(guard) : Numbers();
+  const double size = largest(all.data(), static_cast<int>(all.size()));
+  const auto close = [&](double load) {
+    if (guard.kind == Guard::slip) return std::fabs(load) > 1 - modes_.close_extremum;
+    return load < modes_.close_extremum * (size > 0 ? size : 1);
+  };
+  std::vector<double> out;
+  for (int k = 1; k <= intervals_; ++k)
+    if (!own || close(all[k])) out.push_back(static_cast<double>(k) / intervals_);
+  for (size_t k = 0; k + 4 < all.size(); k += 4) {
+    const Interpolant quartic(&all[k], 5);
     for (double x : quartic.extrema(-4 * modes_.outside, 4 * (1 + modes_.outside)))
-      if (!far(x)) quarters.push_back(4 * std::clamp(x / 4, 0.0, 1.0));
-    if (own) quarters.erase(std::remove_if(quarters.begin(), quarters.end(), far), quarters.end());
+      if (close(quartic.value(x))) out.push_back(std::clamp((static_cast<double>(k) + x) / intervals_, 0.0, 1.0));
   }
-  std::sort(quarters.begin(), quarters.end());
-  for (double& x : quarters) x /= 4;
-  return quarters;
+  std::sort(out.begin(), out.end());
+  return out;
 }
 
 double GuardMonitor::negative_fraction(int i) {
@@ -168,19 +171,20 @@ double GuardMonitor::locate(int i, double high) {
 // From the root of the quartic through five values: its derivative, then roots of the polynomial through all values of
 // steps.
 double GuardMonitor::locate_by_loads(int i, double high) {
+  if (intervals_ > 4) return locate_by_brent(i, high);
   const double tolerance = time_tolerance();
   const Guard& guard = modes_.guards[i];
   Interpolant of_steps;
-  Loads values;
+  Numbers values;
   if (has_own_load(guard)) {
     values = interpolated_loads(guard);
     for (double& x : values) x = (guard.kind == Guard::slip ? 1 - std::fabs(x) : x) - guard.level;
     for (double theta : {0.0, 1.0}) of_steps.add(4 * theta, at(theta, i).f);
     if (high < 1) of_steps.add(4 * high, at(high, i).f);
   } else {
-    for (int k = 0; k < 5; ++k) of_steps.add(k, values[k] = at(static_cast<double>(k) / 4, i).f);
+    for (int k = 0; k < 5; ++k) values.push_back(at(static_cast<double>(k) / 4, i).f), of_steps.add(k, values.back());
   }
-  const Interpolant quartic(values);
+  const Interpolant quartic(values.data(), 5);
   double theta = quartic.first_zero(4 * high) / 4, best = INFINITY, nearest = 0;
   if (!(at(0, i).f > rounding(i))) return locate_by_brent(i, high);
   for (int k = 0; k < modes_.iterations && 0 < theta && theta < high; ++k) {
@@ -198,7 +202,7 @@ double GuardMonitor::locate_by_loads(int i, double high) {
   return locate_by_brent(i, high);
 }
 
-// A guard that is zero at the start is divided by theta, which gives its mean rate.
+// A guard that is zero at the start is divided by theta, which gives its mean rate; 0 where that is negative.
 double GuardMonitor::locate_by_brent(int i, double high) {
   const bool starts_at_zero = at(0, i).f <= rounding(i);
   const auto value = [&](double theta) { return at(theta, i).f / (starts_at_zero ? theta : 1); };
@@ -206,25 +210,29 @@ double GuardMonitor::locate_by_brent(int i, double high) {
   if (starts_at_zero) {
     low = 0.5 * high;
     for (int k = 2; k < modes_.max_halvings && !(at(low, i).f > 0); ++k) low *= 0.5;
-    if (!(at(low, i).f > 0)) leave_to_python();
+    if (!(at(low, i).f > 0)) return 0;
   }
   return brent(value, low, value(low), high, value(high), time_tolerance(), modes_.step_tolerance,
                modes_.root_iterations);
 }
 
-int GuardMonitor::first_root(double& theta) {
+std::vector<int> GuardMonitor::first_roots(double& theta) {
   const int n = static_cast<int>(modes_.guards.size());
   std::vector<std::pair<int, double>> candidates;
   for (int i = 0; i < n; ++i)
     if (const double high = negative_fraction(i); high > 0) candidates.emplace_back(i, high);
-  int first = -1;
+  std::vector<int> first;
   while (!candidates.empty()) {  // guards that cross zero before theta
     const int i = candidates.front().first;
     const double root = locate(i, candidates.front().second);
-    if (first >= 0 && !(root < theta - 4 * time_tolerance())) leave_to_python();  // together
-    theta = root, first = i, candidates.clear();
+    if (first.empty() || root < theta - 4 * time_tolerance())
+      theta = root, first = {i};
+    else
+      first.push_back(i);
+    candidates.clear();
     for (int k = 0; k < n; ++k)
-      if (k != first && at(theta, k).f < -rounding(k)) candidates.emplace_back(k, theta);
+      if (std::find(first.begin(), first.end(), k) == first.end() && at(theta, k).f < -rounding(k))
+        candidates.emplace_back(k, theta);
   }
   return first;
 }

@@ -99,7 +99,8 @@ void GuardMonitor::evaluate(Point& p) {
   const int nv = s_.nv;
   const double *q = p.y.data(), *v = q + s_.nq;
   p.g.assign(s_.ng, 0.0), p.rate = p.acceleration = p.g;
-  if (dynamic_) {
+  const bool dynamic = dynamic_ || !p.F.empty();
+  if (dynamic) {
     if (p.F.empty()) {
       p.F.resize(s_.ny), p.lam.resize(s_.ng);
       s_.derivative(p.t, q, p.F.data(), p.lam.data());
@@ -111,7 +112,7 @@ void GuardMonitor::evaluate(Point& p) {
   s_.constraints.value(s_.mechanics, q, rows_, G_.data(), p.g.data());
   s_.constraints.complete_g(p.t, p.g.data());
   s_.constraints.evaluate_g_t(p.t, p.rate.data());
-  if (dynamic_) {
+  if (dynamic) {
     s_.mechanics.motions(q, v);
     s_.constraints.evaluate_g_tt(p.t, p.acceleration.data());
     Numbers gamma(s_.ng);
@@ -122,7 +123,7 @@ void GuardMonitor::evaluate(Point& p) {
     for (int c : s_.constraints.rows[k].columns) {
       const double x = G_[static_cast<size_t>(k) * nv + c];
       p.rate[k] += x * v[c];
-      if (dynamic_) p.acceleration[k] += x * p.F[nv + c];
+      if (dynamic) p.acceleration[k] += x * p.F[nv + c];
     }
 }
 
@@ -163,7 +164,7 @@ double GuardMonitor::value(const Guard& guard, const Point& p) {
 double GuardMonitor::rate(const Guard& guard, const Point& p) const {
   const Switch& x = of(guard);
   if (guard.kind == Guard::contact) return (x.kind == Switch::Kind::ratchet ? x.sign : guard.sign) * p.rate[x.rows[0]];
-  return guard.kind == Guard::zero_velocity && !x.frictional() ? guard.sign * p.acceleration[x.rows[0]] : 0;
+  return guard.kind == Guard::zero_velocity ? guard.sign * p.acceleration[x.rows[x.frictional()]] : 0;
 }
 
 double GuardMonitor::load(const Guard& guard, const Point& p) {
@@ -200,9 +201,11 @@ void GuardMonitor::prepare() {
     for (int k : of(x).rows)
       if (std::find(rows_.begin(), rows_.end(), k) == rows_.end()) rows_.push_back(k);
   G_.assign(static_cast<size_t>(s_.ng) * s_.nv, 0.0);
-  if (referenced_) return;
-  referenced_ = true;
-  for (Guard& guard : modes_.guards) set_reference(guard, point(0));
+}
+
+void GuardMonitor::set_references(const Point& p) {
+  if (std::exchange(referenced_, true)) return;
+  for (Guard& guard : modes_.guards) set_reference(guard, p);
 }
 
 void GuardMonitor::track(double t, const double* y, const Numbers& F, const Numbers& lam) {
@@ -210,9 +213,7 @@ void GuardMonitor::track(double t, const double* y, const Numbers& F, const Numb
   referenced_ = true, prepare();
   Point p{0, t, Numbers(y, y + s_.length)};
   p.F = F, p.lam = lam;
-  const bool dynamic = std::exchange(dynamic_, true);  // accelerations predict the ends of flights
-  evaluate(p);
-  dynamic_ = dynamic;
+  evaluate(p);  // accelerations predict the ends of flights
   for (size_t i = 0; i < modes_.guards.size(); ++i) {
     Guard& guard = modes_.guards[i];
     set_reference(guard, p);
@@ -227,9 +228,30 @@ void GuardMonitor::track(double t, const double* y, const Numbers& F, const Numb
   known_.push_back(std::move(p));
 }
 
-void GuardMonitor::advance() {
+GuardMonitor::Values GuardMonitor::values(double t, const double* y, const Numbers& F, const Numbers& lam,
+                                          bool advances) {
+  Point p{0, t, Numbers(y, y + s_.length)};
+  p.F = F, p.lam = lam;
+  if (!referenced_) prepare();
+  evaluate(p), set_references(p);
+  Values out;
+  for (size_t i = 0; i < modes_.guards.size(); ++i) {
+    const int k = static_cast<int>(i);
+    out.guards.push_back(at(p, k)), out.tolerances.push_back(rounding(k));
+  }
+  if (advances) advance(p);
+  return out;
+}
+
+double GuardMonitor::flight_begins(int i) const {
+  const Guard& guard = modes_.guards[i];
+  const double impact = modes_.last_impact[guard.element];
+  return std::isnan(guard.return_time) ? -INFINITY : impact + (guard.return_time - impact) / (4 * modes_.return_factor);
+}
+
+void GuardMonitor::advance(const Point& p) {
   for (Guard& guard : modes_.guards) {
-    const double f = value(guard, point(1));
+    const double f = value(guard, p);
     guard.size = std::max(guard.size, std::fabs(f));
     if (f >= 0) guard.level = 0;
   }

@@ -2,7 +2,6 @@
 // load_resolution.py). Rare cases are left to Python.
 #pragma once
 
-#include <array>
 #include <list>
 #include <utility>
 #include <vector>
@@ -61,6 +60,7 @@ struct Modes {
   int root_iterations = 0, max_halvings = 0;  // of Brent's method; of a bracket
   // of loads: largest deviation from a cubic and its scale, extrema close to the limit, and how far outside five samples
   double rough = 0, near_limit = 0, close_extremum = 0, outside = 0;
+  int finest = 0;                 // largest number of intervals between samples of loads in a step of fixed size
   double safety = 0, shrink = 0;  // of the largest step that resolves the loads; smallest ratio of consecutive steps
   double shortest = 0;            // s: step that resolves all loads
   double coincident = 0;          // of a pitch, or of the limit of friction
@@ -76,7 +76,7 @@ struct Modes {
 
   FIELDS(in_core, undecided, mode, last_impact, unswitched, characteristic_rate, mode_rounding, return_factor,
          start_root, grazing, spacings, step_tolerance, iterations, root_iterations, max_halvings, rough, near_limit,
-         close_extremum, outside, safety, shrink, shortest, coincident, transverse, at_limit, lookahead, ambiguous,
+         close_extremum, outside, finest, safety, shrink, shortest, coincident, transverse, at_limit, lookahead, ambiguous,
          fallen, max_impacts, max_states)
 };
 
@@ -97,12 +97,25 @@ class GuardMonitor {
   GuardMonitor(Index2System& s, Modes& modes) : s_(s), modes_(modes) {}
 
   bool checks_steps() const { return modes_.in_core && !modes_.guards.empty(); }
-  // Begin to check a step; return the largest unresolved part of a load relative to the tolerance.
-  double begin_step(const AcceptedStep& step, const PartialStep& shorter);
-  int first_root(double& theta);  // the guard that ends the mode in the step, and the fraction; -1: none
-  void advance();                 // to the end of this step
+  // Begin to check a step; return the largest unresolved part of a load relative to the tolerance. `refines`: with as
+  // many samples as resolve it, for a step of fixed size.
+  double begin_step(const AcceptedStep& step, const PartialStep& shorter, bool refines);
+  std::vector<int> first_roots(double& theta);  // guards that end the mode in the step together, and the fraction
+  void advance() { advance(point(1)); }  // to the end of this step
   // Guards of a new mode, from y on, where y' and lam are F and lam.
   void track(double t, const double* y, const Numbers& F, const Numbers& lam);
+
+  // Guards at a point of another program's solution.
+  struct Value {
+    double f, rate;  // rate: 0 where it is unknown
+  };
+  struct Values {
+    std::vector<Value> guards;  // less their levels
+    Numbers tolerances;
+  };
+  Values values(double t, const double* y, const Numbers& F, const Numbers& lam, bool advances);
+  // s: until then, a flight after an impact begins, whose gap a step of another method may not resolve; -inf: no flight.
+  double flight_begins(int i) const;
 
  private:
   struct Point {
@@ -111,21 +124,19 @@ class GuardMonitor {
     Numbers F = {}, lam = {};                              // (ny,), (ng,)
     double force = 0;                  // the largest one
   };
-  struct Value {
-    double f, rate;
-  };
-  using Loads = std::array<double, 5>;  // at quarters of a step
 
   void prepare();  // for the guards of the mode
+  void set_references(const Point& p);
+  void advance(const Point& p);
   void evaluate(Point& p);
   const Point& point(double theta);
   double value(const Guard& guard, const Point& p);
   double rate(const Guard& guard, const Point& p) const;
   double load(const Guard& guard, const Point& p);
-  Value at(double theta, int i) {  // minus its level
-    const Point& p = point(theta);
+  Value at(const Point& p, int i) {  // minus its level
     return {value(modes_.guards[i], p) - modes_.guards[i].level, rate(modes_.guards[i], p)};
   }
+  Value at(double theta, int i) { return at(point(theta), i); }
   bool has_rate(const Guard& guard) const;
   const Switch& of(const Guard& guard) const { return modes_.switches[guard.element]; }
   void set_reference(Guard& guard, const Point& p) const;
@@ -136,9 +147,10 @@ class GuardMonitor {
   }
 
   bool has_own_load(const Guard& guard) const;
-  Loads interpolated_loads(const Guard& guard);
-  Loads loads_of_steps(const Guard& guard);
+  Numbers interpolated_loads(const Guard& guard);  // at the samples
+  double unresolved();
   double unresolved(const Guard& guard);
+  Numbers loads(const Guard& guard);
   double longest_step(const Guard& guard, const Point& p) const;
   std::vector<double> samples(int i);  // fractions of the step at which a guard is sampled
   double negative_fraction(int i);     // a fraction at which a guard is negative; 0: it stays positive
@@ -152,12 +164,13 @@ class GuardMonitor {
   Modes& modes_;
   bool dynamic_ = false;       // do values need y' and lam?
   bool referenced_ = false;    // are references set?
+  int intervals_ = 4;          // between samples of a step
   std::vector<int> rows_;      // of switches
   Numbers G_;                  // (ng, nv)
   const AcceptedStep* step_ = nullptr;
   const PartialStep* shorter_ = nullptr;
   std::list<Point> known_;
-  std::vector<Point> interpolated_;  // at quarters of the step
+  std::vector<Point> interpolated_;  // at the samples
 };
 
 }  // namespace mbdae

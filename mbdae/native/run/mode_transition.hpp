@@ -1,6 +1,7 @@
 // Impact at a point, and the mode after it (mbdae/mechanism/hybrid/impact.py, impact_law.py, active_set.py).
 #pragma once
 
+#include <functional>
 #include <map>
 
 #include "run/complementarity.hpp"
@@ -77,5 +78,17 @@ class ModeTransition {
   Numbers lam_, acceleration_, scale_;  // (ng,) of the candidates, see `_ActiveSet` in Python
   double largest_ = 0;                  // multiplier
 };
+
+// The point after an event, in the mode after it, with its carry; y' and lam there, (ny,) and (nz,).
+struct NextMode {
+  State state;
+  Numbers F, z;
+  Transition transition;
+};
+
+// Enter the mode after an event at y (length,), where these guards are zero; `check` may reject it. Nothing has changed
+// after a FallBackToPython.
+NextMode enter_next_mode(Index2System& s, Modes& modes, GuardMonitor& monitor, bool project, double t, const Numbers& y,
+                         const std::vector<int>& fired, const std::function<void(const NextMode&)>& check = nullptr);
 
 }  // namespace mbdae

@@ -34,7 +34,7 @@ void TimeLoop::detect_events(Proposal& p) {
   }
 }
 
-bool TimeLoop::detect_transition(Proposal& p, int& guard) {
+bool TimeLoop::detect_transition(Proposal& p, std::vector<int>& fired) {
   const double t = run_.interval.t, h = p.t_next - t, least = s_.rows.least_pivot_ratio;
   const Modes& modes = run_.modes;
   const IndependentRows::Freeze freeze(s_.rows);
@@ -42,15 +42,14 @@ bool TimeLoop::detect_transition(Proposal& p, int& guard) {
   const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), nullptr, nullptr};
   double theta = 1;
   const PartialStep shorter = [&](double x) { return steps.take(x); };
-  const double unresolved = guards_.begin_step(taken, shorter);
-  if (unresolved > 1 && !run_.adaptive) throw FallBackToPython();
+  const double unresolved = guards_.begin_step(taken, shorter, !run_.adaptive);
   if (unresolved > 0 && run_.adaptive) {
     const double factor = std::max(modes.shrink, modes.safety * std::pow(unresolved, -1.0 / 4));
     run_.control.h = std::min(run_.control.h, std::max(modes.shortest, h * factor)), run_.control.uncut_size = 0;
     if (unresolved > 1 && h > 2 * modes.shortest) return false;
   }
-  guard = guards_.first_root(theta);
-  if (guard < 0) {
+  fired = guards_.first_roots(theta);
+  if (fired.empty()) {
     guards_.advance(), steps.discard();
     return true;
   }
@@ -61,7 +60,12 @@ bool TimeLoop::detect_transition(Proposal& p, int& guard) {
   const bool suspicious = run_.monitored && low &&
                           (ratio < monitor.small_ratio * monitor.largest_ratio ||
                            (std::isfinite(before) && ratio < monitor.notch_ratio * before));
-  if (suspicious || !(t < end && end <= p.t_next && end < run_.interval.stop)) throw FallBackToPython();
+  if (suspicious || !(end <= p.t_next && end < run_.interval.stop)) throw FallBackToPython();
+  if (end == t) {
+    if (++immediate_ > modes.max_impacts) throw FallBackToPython();
+    next_ = run_.state, p.t_next = t, run_.grid.undo_step();
+    return true;
+  }
   theta < 1 ? steps.end_at(theta, p) : steps.discard();
   return true;
 }
@@ -70,12 +74,15 @@ bool TimeLoop::complete_step(Proposal& p) {
   const std::vector<int> before = s_.rows.in_use();
   const long node = static_cast<long>(run_.steps.t.size());
   run_.modes.undecided = true;  // unless all of this succeeds
-  int guard = -1;
+  std::vector<int> fired;
   bool resolved;
   try {
-    resolved = detect_transition(p, guard);
-    if (resolved && s_.update_independent_rows(p.t_next, next_)) run_.steps.changes.emplace_back(node, s_.rows.in_use());
-    if (guard >= 0) resolve_transition(guard, p.t_next);
+    resolved = detect_transition(p, fired);
+    const bool taken = p.t_next != run_.interval.t;
+    if (resolved && taken && s_.update_independent_rows(p.t_next, next_))
+      run_.steps.changes.emplace_back(node, s_.rows.in_use());
+    if (!fired.empty()) resolve_transition(fired, p.t_next);
+    resolved = resolved && taken;
   } catch (const FallBackToPython&) {
     std::vector<std::pair<long, std::vector<int>>>& changes = run_.steps.changes;
     if (!changes.empty() && changes.back().first == node) changes.pop_back();
@@ -87,10 +94,10 @@ bool TimeLoop::complete_step(Proposal& p) {
   return resolved;
 }
 
-// At the start of an interval at after_, see `SingularityMonitor._time_to_singularity` in Python.
-bool TimeLoop::is_near_singular() {
+// At the start of an interval at a point, see `SingularityMonitor._time_to_singularity` in Python.
+bool TimeLoop::is_near_singular(const NextMode& next) {
   const SingularityMonitor& monitor = run_.monitor;
-  const double* y = after_.y.data();
+  const double* y = next.state.y.data();
   if (!run_.monitored || !s_.rows.rank) return false;
   const double here = s_.pivot_ratio(y, s_.rows.rank);
   if (!run_.adaptive) return here < monitor.adjacent_ratio * monitor.largest_ratio;
@@ -98,7 +105,7 @@ bool TimeLoop::is_near_singular() {
   double before = INFINITY;
   Numbers earlier(s_.length);
   for (double h = run_.control.h; std::fabs(before - here) > monitor.max_change * here;) {
-    Numbers move(F_);
+    Numbers move(next.F);
     h /= 2;
     for (double& x : move) x *= -h;
     s_.add(y, move.data(), earlier.data());
@@ -107,30 +114,12 @@ bool TimeLoop::is_near_singular() {
   return here < before;
 }
 
-void TimeLoop::resolve_transition(int guard, double t) {
-  Modes& modes = run_.modes;
-  const ModeSettings settings(s_, modes.switches, modes.mode);
-  const Mode mode = modes.mode;
-  const std::vector<Guard> guards = modes.guards;
-  const Guard& fired = guards[guard];
-  const IndependentRows::Freeze freeze(s_.rows);
-  after_ = State(), after_.y = next_.y, F_.resize(s_.ny), z_after_.resize(s_.nz);
-  const std::vector<int> separated(fired.kind == Guard::separation, fired.element);
-  try {
-    Transition found = ModeTransition(s_, modes).resolve(t, after_.y.data(), separated);
-    if (run_.project) project_state(s_, t, after_.y.data());
-    s_.update_independent_rows(t, after_);
-    s_.derivative(t, after_.y.data(), F_.data(), z_after_.data());
-    after_.carry = s_.carry(F_);
-    if (found.mode != mode && (run_.monitor.suspicious || run_.monitor.entered)) throw FallBackToPython();
-    if (is_near_singular()) throw FallBackToPython();
-    modes.mode = found.mode, guards_.track(t, after_.y.data(), F_, z_after_);
-    found.fired = {fired.element};
-    transition_ = std::move(found), changes_mode_ = true;
-  } catch (const FallBackToPython&) {
-    modes.mode = mode, modes.guards = guards, settings.restore();
-    throw;
-  }
+void TimeLoop::resolve_transition(const std::vector<int>& fired, double t) {
+  const auto check = [&](const NextMode& next) {
+    const bool monitored = run_.monitor.suspicious || run_.monitor.entered;
+    if ((next.transition.mode != run_.modes.mode && monitored) || is_near_singular(next)) throw FallBackToPython();
+  };
+  next_mode_ = enter_next_mode(s_, run_.modes, guards_, run_.project, t, next_.y, fired, check), changes_mode_ = true;
 }
 
 void TimeLoop::begin_interval(const Numbers& z) {
@@ -144,12 +133,11 @@ void TimeLoop::begin_interval(const Numbers& z) {
 void TimeLoop::apply_transition() {
   if (!changes_mode_) return;
   changes_mode_ = false;
-  transition_.node = static_cast<long>(run_.steps.t.size());
-  run_.steps.changes.emplace_back(transition_.node, s_.rows.in_use());
-  for (int i : transition_.contacts) run_.modes.last_impact[i] = run_.interval.t;
-  std::swap(run_.state, after_);
-  begin_interval(z_after_);
-  run_.modes.transitions.push_back(std::move(transition_));
+  next_mode_.transition.node = static_cast<long>(run_.steps.t.size());
+  run_.steps.changes.emplace_back(next_mode_.transition.node, s_.rows.in_use());
+  std::swap(run_.state, next_mode_.state);
+  begin_interval(next_mode_.z);
+  run_.modes.transitions.push_back(std::move(next_mode_.transition));
 }
 
 bool TimeLoop::apply_jump() {

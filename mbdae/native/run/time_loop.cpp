@@ -167,7 +167,11 @@ void TimeLoop::advance() {
       s_.counts = counts, s_.point.invalidate(), run_.needs_python = true;
       return;
     }
-    if (run_.taken == taken) continue;
+    if (run_.taken == taken) {
+      apply_transition();  // at the start of the step
+      continue;
+    }
+    immediate_ = 0;
     if (run_.events.stopped) return;
     bool leave = false;
     if (run_.monitored) {

@@ -6,7 +6,7 @@
 
 #include "steps/collocation.hpp"
 #include "run/jumps.hpp"
-#include "run/mode_guards.hpp"
+#include "run/mode_transition.hpp"
 #include "system/projection.hpp"
 #include "steps/half_explicit_step.hpp"
 #include "run/step_control.hpp"
@@ -136,11 +136,12 @@ class TimeLoop {
   bool undoes_step(double h, const Numbers& y, const Numbers& move) const;  // did it undo the step, which led to y?
   class ShorterSteps;
   void detect_events(Proposal& p);  // on the step just taken, which is cut where an event ends the run
-  // The guard that ends the mode in it, where it is cut; -1: none. False if the step does not resolve its loads.
-  bool detect_transition(Proposal& p, int& guard);
-  bool complete_step(Proposal& p);  // check guards, and select the rows of the next step; false if it is too long
-  bool is_near_singular();  // does the point after a transition approach a singular configuration?
-  void resolve_transition(int guard, double t);  // at the end of the step
+  // The guards that end the mode in it, where it is cut. False if the step does not resolve its loads.
+  bool detect_transition(Proposal& p, std::vector<int>& fired);
+  // Check guards, and select the rows of the next step; false if it is too long, or the mode ends where it begins.
+  bool complete_step(Proposal& p);
+  bool is_near_singular(const NextMode& next);  // does the point after an event approach a singular configuration?
+  void resolve_transition(const std::vector<int>& fired, double t);  // at the end of the step
   void apply_transition();                       // the point after it is the next node
   bool apply_jump();                // the jump after an interval; false if Python must handle it
   void begin_interval(const Numbers& z);  // at the current state, after a jump or a transition
@@ -155,10 +156,9 @@ class TimeLoop {
   bool restarted_ = false;  // its carry was recomputed
   EventScan scan_;          // on the accepted step
   GuardMonitor guards_;
-  Transition transition_;      // at the end of the accepted step
+  NextMode next_mode_;         // after the event at the end of the accepted step
   bool changes_mode_ = false;  // is there one?
-  State after_;                // it
-  Numbers F_, z_after_;     // (ny,), (nz,) y' and lam there
+  int immediate_ = 0;          // events since the last step
   Numbers errors_;         // (errors, ny)
   Numbers size0_, size1_;  // (ny,) magnitudes at the start and the end of a step
   Numbers z_;              // (nz,) multipliers of the method

@@ -7,8 +7,9 @@
 
 namespace mbdae {
 
-void ExportedMechanism::restart() {
-  if (coordinates_) evaluate();
+void ExportedMechanism::restart() { evaluate(), begin_coordinates(); }
+
+void ExportedMechanism::begin_coordinates() {
   Index2System& s = system();
   origin_ = y(), origin_.back() = 0, origin_t_ = time();
   coordinates_.reset();  // its rows are selected at the new origin
@@ -18,10 +19,11 @@ void ExportedMechanism::restart() {
     s.update_independent_rows(time(), at);
     coordinates_ = std::make_unique<LocalCoordinates>(s, limits_, time(), origin_.data());
   } catch (const FallBackToPython&) {
-    throw std::runtime_error("the constraints are singular at t = " + std::to_string(time()) + " s");
+    fail("the constraints are singular");
   }
-  if (coordinates_->size() != states_) throw std::runtime_error("the degrees of freedom have changed");
-  x_ = coordinates_->origin(), current_ = derivatives_current_ = false;
+  if (coordinates_->size() > states_) fail("the mechanism has more degrees of freedom than at its start,");
+  x_ = coordinates_->origin(), x_.resize(states_, 0.0), rate_.assign(states_, 0.0);
+  current_ = derivatives_current_ = false;
 }
 
 void ExportedMechanism::evaluate() {
@@ -45,15 +47,19 @@ double ExportedMechanism::margin() {
 const ExportedMechanism::Derivatives& ExportedMechanism::derivatives() {
   evaluate();
   if (derivatives_current_) return derivatives_;
-  const size_t m = inputs.size(), n = states_, wide = n + m;
+  const size_t m = inputs.size(), n = coordinates_->size(), wide = n + m, held = states_ - n;
   LocalCoordinates::Partials p;
   const auto set = [&](int i, double change) {
     system().set_input(i, time(), settings_[i].value + change, 0);
   };
   coordinates_->partials(time(), x_.data(), static_cast<int>(m), set, p);
-  derivatives_.rates = p.x, derivatives_.outputs.assign(outputs.size() * wide, 0.0);
-  for (size_t i = 0; i < outputs.size(); ++i)
-    for (size_t c = 0; c < wide; ++c) derivatives_.outputs[i * wide + c] = output_partial(outputs[i], p, c, wide);
+  const size_t all = states_ + m;
+  derivatives_.rates.assign(states_ * all, 0.0), derivatives_.outputs.assign(outputs.size() * all, 0.0);
+  for (size_t c = 0; c < wide; ++c) {
+    const size_t to = c < n ? c : c + held;
+    for (size_t i = 0; i < n; ++i) derivatives_.rates[i * all + to] = p.x[i * wide + c];
+    for (size_t i = 0; i < outputs.size(); ++i) derivatives_.outputs[i * all + to] = output_partial(outputs[i], p, c, wide);
+  }
   derivatives_current_ = true;
   return derivatives_;
 }
@@ -62,7 +68,7 @@ double ExportedMechanism::output_partial(const SignalValue& signal, const LocalC
                                          size_t wide) {
   using Kind = SignalValue::Kind;
   const Index2System& s = system();
-  const size_t n = states_, i = signal.i, nq = s.nq;
+  const size_t n = wide - inputs.size(), i = signal.i, nq = s.nq;
   switch (signal.kind) {
     case Kind::t:
       return 0;

@@ -24,11 +24,11 @@ T part(const Json& document, const char* key) {
   return JsonReader().read<T>(&document.at(key));
 }
 
-[[noreturn]] void fail(const char* what, double t) {
-  throw std::runtime_error(std::string(what) + " at t = " + std::to_string(t) + " s");
-}
-
 }  // namespace
+
+void ExportedMechanism::fail(const char* what) const {
+  throw std::runtime_error(std::string(what) + " at t = " + std::to_string(time()) + " s");
+}
 
 ExportedMechanism::ExportedMechanism(const std::string& json)
     : document_(parse_json(json)) {
@@ -43,8 +43,10 @@ ExportedMechanism::ExportedMechanism(const std::string& json)
   reset();
 }
 
+void ExportedMechanism::clear_core() { coordinates_.reset(), monitor_.reset(), other_.reset(), core_.reset(); }
+
 void ExportedMechanism::reset() {
-  values_.clear(), settings_.clear(), coordinates_.reset(), other_.reset(), core_.reset();
+  values_.clear(), settings_.clear(), clear_core();
   for (const ParameterData& p : parameters) values_.push_back(p.value);
   for (const InputData& u : inputs) settings_.push_back({start_.t, u.value, 0});
   wanted_.assign(inputs.size(), NAN), x_.assign(states_, 0.0), rate_ = x_;
@@ -55,7 +57,7 @@ void ExportedMechanism::reset() {
 
 void ExportedMechanism::set_parameter(int i, double value) {
   if (!std::isfinite(value)) reject("a parameter is a finite number");
-  values_[i] = value, coordinates_.reset(), other_.reset(), core_.reset();
+  values_[i] = value, clear_core();
 }
 
 void ExportedMechanism::build() {
@@ -63,7 +65,7 @@ void ExportedMechanism::build() {
   for (size_t i = 0; i < parameters.size(); ++i)
     for (const ParameterEffect& e : parameters[i].effects)
       now.number_at(e.path) += (values_[i] - parameters[i].value) * e.by;
-  coordinates_.reset(), other_.reset(), core_.reset();
+  clear_core();
   tree_ = part<TreeData>(now, "tree"), model_ = model_of(tree_);
   expanded_ = part<TreeData>(now, "expanded"), expanded_model_ = model_of(expanded_);
   const auto tolerances = part<Tolerances>(now, "tolerances");
@@ -88,23 +90,7 @@ void ExportedMechanism::build() {
   s.friction.use(std::move(interfaces), friction_active_.data(), slip_directions_.data());
   s.friction.smallest_slip = part<double>(now, "smallest_slip");
   check(run_.modes, s), set_mode(s, run_.modes.switches, run_.modes.mode);
-  other_.emplace(s.mechanics, s.constraints, s.counts);
-}
-
-Numbers ExportedMechanism::guards() const {
-  Numbers out;
-  for (const Guard& x : run_.modes.guards) out.insert(out.end(), {x.size, x.level, x.return_time, x.unit});
-  return out;
-}
-
-void ExportedMechanism::set_guards(const Numbers& guards) {
-  Modes& modes = run_.modes;
-  if (modes.mode.size() != modes.switches.size() || modes.last_impact.size() != modes.switches.size())
-    reject("the state is not one of this mechanism");
-  modes.guards = guards_of(modes.switches, modes.mode);
-  if (guards.size() != 4 * modes.guards.size()) reject("the state is not one of this mechanism");
-  const double* at = guards.data();
-  for (Guard& x : modes.guards) x.size = at[0], x.level = at[1], x.return_time = at[2], x.unit = at[3], at += 4;
+  other_.emplace(s.mechanics, s.constraints, s.counts), monitor_.emplace(s, run_.modes);
 }
 
 void ExportedMechanism::start(double t, bool steps) {
@@ -118,9 +104,9 @@ void ExportedMechanism::start(double t, bool steps) {
   try {
     s.use_rows(start_.rows, static_cast<int>(start_.rows.size()), start_.floor, true);
     if (moved || (steps && run_.project)) project_state(s, t, y().data());
-    steps ? begin_interval(t + 1, true) : restart();
+    steps ? begin_interval(t + 1, true) : begin_coordinates();
   } catch (const FallBackToPython&) {
-    fail("the mechanism cannot start: it is singular, or not finite,", t);
+    fail("the mechanism cannot start: it is singular, or not finite,");
   }
 }
 
@@ -173,7 +159,7 @@ void ExportedMechanism::begin_interval(double t1, bool jumped) {
     s.derivative(time(), next.y.data(), F.data(), z.data());
     next.carry = s.carry(F), run_.state = std::move(next), run_.monitor.last_ratio = INFINITY;
   }
-  if (!run_.jumps.next_interval(s.samplers, time(), interval)) fail("jumps follow one another too closely", time());
+  if (!run_.jumps.next_interval(s.samplers, time(), interval)) fail("jumps follow one another too closely");
 }
 
 void ExportedMechanism::pass_impact() {
@@ -193,25 +179,25 @@ void ExportedMechanism::advance(double t, const AfterStep& after_step, bool stop
     const bool after_jump = run_.interval.stop != run_.interval.end;
     begin_interval(t, apply_inputs(t) || after_jump);
   } catch (const FallBackToPython&) {
-    fail("the accelerations are singular, or not finite,", time());
+    fail("the accelerations are singular, or not finite,");
   }
   auto method = core_->method(tableau_);
   run_.seconds = INFINITY, run_.max_steps = after_step || stop_at_impacts ? 1 : std::numeric_limits<long>::max();
   for (bool stopped = false; time() != t && !stopped;) {
     run_.steps = Steps(), run_.taken = run_.rejected = 0, run_.needs_python = run_.monitor.suspicious = false;
     const double before = time();
+    const Numbers start = stop_at_impacts ? y() : Numbers();
     Modes& modes = run_.modes;
     modes.transitions.clear(), modes.undecided = false;
     TimeLoop(method, system(), run_).advance();
-    if (modes.undecided) fail("the mode after an event is not unique, or next to a singular configuration,", time());
+    if (modes.undecided) fail("the mode after an event is not unique, or next to a singular configuration,");
     if (run_.needs_python || (time() == before && !run_.rejected))
-      fail("no step of the method is possible: the mechanism is singular, or not finite,", time());
-    if (run_.monitor.suspicious) fail("the mechanism may pass a singular configuration", time());
+      fail("no step of the method is possible: the mechanism is singular, or not finite,");
+    if (run_.monitor.suspicious) fail("the mechanism may pass a singular configuration");
     if (stop_at_impacts && !modes.transitions.empty() && modes.transitions.back().impact) {
-      const size_t length = system().length, node = modes.transitions.back().node - 1;
-      after_impact_ = run_.state;
-      std::copy_n(&run_.steps.y[node * length], length, y().data());
-      stopped = true;
+      const size_t node = modes.transitions.back().node;  // without one before it: at the start of the step
+      const double* end = &run_.steps.y[node * system().length];
+      after_impact_ = run_.state, y() = node ? Numbers(end - system().length, end) : start, stopped = true;
     }
     stopped = (after_step && after_step(time(), time() == t)) || stopped;
   }
@@ -226,76 +212,8 @@ double ExportedMechanism::output(int i) {
     values.set_point(time(), y().data());
     return signal.at(values, time(), y().data());
   } catch (const FallBackToPython&) {
-    fail("the accelerations are singular, or not finite,", time());
+    fail("the accelerations are singular, or not finite,");
   }
-}
-
-Numbers ExportedMechanism::state() {
-  if (!started()) reject("there is no state before the initialization");
-  pass_impact();
-  const IndependentRows& rows = system().rows;
-  const SmoothInterval& i = run_.interval;
-  Numbers out{i.t, i.stop, i.end, i.t1, run_.jumps.restart, run_.grid.t0, double(run_.grid.i),
-              double(run_.grid.on_grid), run_.control.h, run_.control.uncut_size, run_.control.last,
-              double(run_.control.rejected), run_.monitor.largest_ratio, run_.monitor.last_ratio,
-              double(run_.monitor.entered), double(jumped_), double(by_steps_), origin_t_, double(rows.rank), rows.floor,
-              double(rows.frozen)};
-  const auto add = [&](const Numbers& x) { out.push_back(double(x.size())), out.insert(out.end(), x.begin(), x.end()); };
-  add(y()), add(run_.state.carry), add(run_.state.low), add(values_), add(wanted_), add(origin_), add(x_);
-  add(Numbers(rows.in_use().begin(), rows.in_use().end()));
-  add(slip_directions_), add(Numbers(run_.modes.mode.begin(), run_.modes.mode.end()));
-  add(run_.modes.last_impact), add(guards());
-  for (const Setting& u : settings_) add({u.t, u.value, u.rate});
-  set_state(out);  // without what the core has found so far
-  return out;
-}
-
-void ExportedMechanism::set_state(const Numbers& state) {
-  size_t at = 0;
-  const auto next = [&] {
-    if (at >= state.size()) reject("the state is not one of this mechanism");
-    return state[at++];
-  };
-  const auto list = [&] {
-    const double size = next();
-    if (!(size >= 0 && size <= double(state.size() - at))) reject("the state is not one of this mechanism");
-    Numbers out(state.begin() + at, state.begin() + at + static_cast<size_t>(size));
-    return at += out.size(), out;
-  };
-  Run run = fresh_run_;
-  SmoothInterval& i = run.interval;
-  i.t = next(), i.stop = next(), i.end = next(), i.t1 = next(), run.jumps.restart = next(), run.grid.t0 = next();
-  run.grid.i = static_cast<long>(next()), run.grid.on_grid = next(), run.control.h = next();
-  run.control.uncut_size = next(), run.control.last = next(), run.control.rejected = next();
-  run.monitor.largest_ratio = next(), run.monitor.last_ratio = next(), run.monitor.entered = next();
-  const bool jumped = next(), by_steps = next();
-  const double origin_t = next(), rank = next(), floor = next(), frozen = next();
-  run.state.y = list(), run.state.carry = list(), run.state.low = list();
-  const Numbers values = list(), wanted = list(), origin = list(), x = list(), rows = list(), slips = list(), mode = list();
-  run.modes.mode.assign(mode.begin(), mode.end()), run.modes.last_impact = list();
-  const Numbers guards = list();
-  if (run.state.y.size() != start_.y.size() || values.size() != values_.size() || wanted.size() != wanted_.size() ||
-      static_cast<int>(x.size()) != states_)
-    reject("the state is not one of this mechanism");
-  std::vector<Setting> settings;
-  for (size_t k = 0; k < inputs.size(); ++k) {
-    const Numbers u = list();
-    if (u.size() != 3) reject("the state is not one of this mechanism");
-    settings.push_back({u[0], u[1], u[2]});
-  }
-  const bool rebuild = !started() || values != values_;
-  values_ = values, wanted_ = wanted, settings_ = std::move(settings), run_ = std::move(run), jumped_ = jumped;
-  set_guards(guards), after_impact_ = State();
-  by_steps_ = by_steps, current_ = derivatives_current_ = false;
-  if (rebuild) build();
-  Index2System& s = system();
-  set_mode(s, run_.modes.switches, run_.modes.mode);
-  s.reset(), s.use_rows(std::vector<int>(rows.begin(), rows.end()), static_cast<int>(rank), floor, frozen);
-  if (slips.size() == slip_directions_.size()) std::copy(slips.begin(), slips.end(), slip_directions_.begin());
-  use_inputs();
-  if (by_steps_) return;
-  x_ = x, origin_ = origin, origin_t_ = origin_t;
-  coordinates_ = std::make_unique<LocalCoordinates>(s, limits_, origin_t_, origin_.data());
 }
 
 }  // namespace mbdae

@@ -72,7 +72,8 @@ class ExportedMechanism {
   void pass_impact();
   double coincident() const { return run_.grid.coincident * run_.grid.step; }  // s: tolerance for a time on the grid
 
-  // The equation x' = F(t, x, u) in local coordinates.
+  // The equation x' = F(t, x, u) in local coordinates. A mode with fewer degrees of freedom than there are states has
+  // fewer coordinates: the other states are zero.
   int states() const { return states_; }
   const Numbers& x() const { return x_; }
   const Numbers& rate();
@@ -85,6 +86,14 @@ class ExportedMechanism {
     Numbers rates, outputs;  // (states, states + inputs), (outputs, states + inputs)
   };
   const Derivatives& derivatives();
+
+  // Guards of the mode (mbdae/native/run/mode_guards.hpp), positive as long as it lasts, each at a place of its switch; 1
+  // where a mode has none.
+  size_t indicators() const;
+  Numbers indicator_values();
+  bool complete_step();  // of a solver, to the present state; whether an event is due
+  bool update_mode();    // where guards are not positive: impacts, and the next mode; whether there were any
+  double next_event() const;  // s: when a solver stops; inf: never
 
   Numbers state();  // all of it; from now on, this continues as a mechanism with this state
   void set_state(const Numbers& state);
@@ -102,11 +111,18 @@ class ExportedMechanism {
   Numbers guards() const;
   void set_guards(const Numbers& guards);  // of the mode
   void build();
+  void clear_core();
+  [[noreturn]] void fail(const char* what) const;
   void use_inputs();
   bool apply_inputs(double t1);  // from now on until t1; whether one jumps
   void begin_interval(double t1, bool jumped);
   Numbers& y() { return run_.state.y; }
   void evaluate();  // y and x' at (t, x)
+  void begin_coordinates();  // with their origin at y
+  GuardMonitor::Values guard_values(const double* at, bool advances);
+  bool is_watched(int guard) const;
+  void end_flights(const std::vector<int>& fired, Numbers& at);
+  std::vector<int> step_back(Numbers& at);  // to the first of the guards that are negative; those that are zero there
   double output_partial(const SignalValue& signal, const LocalCoordinates::Partials& p, size_t column, size_t wide);
   Index2System& system() { return core_->system; }
 
@@ -126,6 +142,7 @@ class ExportedMechanism {
   std::vector<Setting> settings_;
   bool jumped_ = false, by_steps_ = true, current_ = false, derivatives_current_ = false;
   std::optional<Configuration> other_;
+  std::optional<GuardMonitor> monitor_;
   std::unique_ptr<LocalCoordinates> coordinates_;
   Numbers origin_, x_, rate_;
   double origin_t_ = 0;

@@ -145,14 +145,19 @@ FMI3 Status fmi3UpdateDiscreteStates(void* instance, bool* again, bool* terminat
   *again = *terminate = *nominals = *values = *next = false, *time = 0;
   return attempt(instance, [&](Instance& x) {
     x.mechanism.pass_impact();
-    if (!x.exchange || x.initialising || x.mechanism.margin() >= x.mechanism.restart_margin()) return;
-    x.mechanism.restart(), *values = *nominals = true;
+    if (!x.exchange || x.initialising) return;
+    if (x.mechanism.update_mode()) {
+      *values = *nominals = true;
+    } else if (x.mechanism.margin() < x.mechanism.restart_margin()) {
+      x.mechanism.restart(), *values = *nominals = true;
+    }
+    if (const double event = x.mechanism.next_event(); std::isfinite(event)) *next = true, *time = event;
   });
 }
 
 FMI3 Status fmi3CompletedIntegratorStep(void* instance, bool, bool* event, bool* terminate) {
   *event = *terminate = false;
-  return attempt(instance, [&](Instance& x) { *event = x.mechanism.margin() < x.mechanism.restart_margin(); });
+  return attempt(instance, [&](Instance& x) { *event = x.mechanism.complete_step(); });
 }
 
 FMI3 Status fmi3SetTime(void* instance, double t) {
@@ -176,8 +181,16 @@ FMI3 Status fmi3GetContinuousStateDerivatives(void* instance, double* values, si
 FMI3 Status fmi3GetNominalsOfContinuousStates(void* instance, double* values, size_t n) {
   return attempt(instance, [&](Instance&) { std::fill_n(values, n, 1.0); });
 }
-FMI3 Status fmi3GetEventIndicators(void*, double*, size_t) { return ok; }
-FMI3 Status fmi3GetNumberOfEventIndicators(void*, size_t* n) { return *n = 0, ok; }
+FMI3 Status fmi3GetEventIndicators(void* instance, double* values, size_t n) {
+  return attempt(instance, [&](Instance& x) {
+    if (n != x.mechanism.indicators()) throw std::invalid_argument("another number of event indicators");
+    const Numbers now = x.mechanism.indicator_values();
+    std::copy(now.begin(), now.end(), values);
+  });
+}
+FMI3 Status fmi3GetNumberOfEventIndicators(void* instance, size_t* n) {
+  return attempt(instance, [&](Instance& x) { *n = x.mechanism.indicators(); });
+}
 FMI3 Status fmi3GetNumberOfContinuousStates(void* instance, size_t* n) {
   return attempt(instance, [&](Instance& x) { *n = x.mechanism.states(); });
 }

@@ -1,5 +1,5 @@
 // An instance of an FMU, and its variables. Value references: 0 is time; inputs, parameters, outputs, states and their
-// derivatives follow.
+// derivatives, and event indicators follow.
 #pragma once
 
 #include <cstdint>
@@ -47,15 +47,16 @@ Status attempt(void* instance, F&& call) {
 }
 
 struct Variable {
-  enum Kind { time, input, parameter, output, state, rate } kind;
+  enum Kind { time, input, parameter, output, state, rate, indicator } kind;
   int i;
 };
 
 inline Variable variable(const ExportedMechanism& m, std::uint32_t reference) {
   if (!reference) return {Variable::time, 0};
   size_t i = reference - 1;
-  const size_t states = m.states(), sizes[] = {m.inputs.size(), m.parameters.size(), m.outputs.size(), states, states};
-  for (int kind = 0; kind < 5; i -= sizes[kind++])
+  const size_t states = m.states(), sizes[] = {m.inputs.size(), m.parameters.size(), m.outputs.size(), states, states,
+                                         m.indicators()};
+  for (int kind = 0; kind < 6; i -= sizes[kind++])
     if (i < sizes[kind]) return {static_cast<Variable::Kind>(Variable::input + kind), static_cast<int>(i)};
   throw std::invalid_argument("unknown value reference " + std::to_string(reference));
 }
@@ -73,8 +74,10 @@ inline double value(ExportedMechanism& m, std::uint32_t reference) {
       return m.output(x.i);
     case Variable::state:
       return m.x()[x.i];
-    default:
+    case Variable::rate:
       return m.rate()[x.i];
+    default:
+      return m.indicator_values()[x.i];
   }
 }
 

@@ -75,7 +75,7 @@ LocalCoordinates::LocalCoordinates(Index2System& s, const CoordinateLimits& limi
     Numbers row(nv);
     for (size_t j = 0; j < nv; ++j) row[j] = G_[i * nv + j] * D[j] / tolerances.row_scales[i];
     all.insert(all.end(), row.begin(), row.end());
-    if (!s.constraints.rows[i].positional) continue;
+    if (!s.constraints.rows[i].positional || is_off(i)) continue;
     positional_.push_back(i), kept.insert(kept.end(), row.begin(), row.end());
   }
   row_and_null_space(kept, nv, tolerances.truncation, across_, N_);
@@ -167,7 +167,7 @@ void LocalCoordinates::state(double t, const double* x, double* y) {
   Numbers A(m * nv), b(m * (1 + f_), 0.0);  // v, and the velocities of unit eta
   s_.constraints.evaluate_g_t(t, b.data());
   for (int i = 0; i < s_.ng; ++i) {
-    b[i] /= -tolerances.row_scales[i];
+    b[i] = is_off(i) ? 0 : -b[i] / tolerances.row_scales[i];
     for (size_t j = 0; j < nv; ++j) A[m * j + i] = G_[i * nv + j] / tolerances.row_scales[i];
   }
   for (int i = 0; i < f_; ++i) {

@@ -24,6 +24,8 @@ class LocalCoordinates {
 
   void state(double t, const double* x, double* y);              // y (length,), work 0; displacement `moved`
   void rate(double t, const double* x, double* y, double* dx);   // the same, and x'
+  const Numbers& F() const { return F_; }            // (ny,) y' of the last call of `rate`
+  const Numbers& multipliers() const { return z_; }  // (ng,) lam there
   // How far the state of the last call is inside the range: 1 at the origin, 0 at the end.
   double margin() const { return margin_; }
   // Partials at x: of the tangent of y (ny, size), of F = y' (ny, size + m) and of x' (size, size + m) by x and m inputs,
@@ -44,6 +46,7 @@ class LocalCoordinates {
   }
 
  private:
+  bool is_off(int row) const { return !s_.constraints.off.empty() && s_.constraints.off[row]; }
   void position(double t, const double* xi);
   bool corrected(double t, const Numbers& xi, Numbers& mu);
   void displacement(const Numbers& xi, const Numbers& mu);

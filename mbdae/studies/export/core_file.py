@@ -1,6 +1,6 @@
 """A mechanism as data for a core without Python and Pinocchio: what `mbdae/native/runtime` reads."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
@@ -31,17 +31,15 @@ class _Recorder:
         return lambda **fields: {"struct": name, **fields}
 
 
-def require_exportable(mech: Mechanism, kinds: Sequence[str]) -> None:
-    """Require a mechanism without what only Python computes.
+def require_exportable(mech: Mechanism) -> None:
+    """Require a mechanism without resets, which only Python computes.
 
     Raises:
-        InputError: names it.
+        InputError: names them.
     """
-    modes = list(mech.switches) if "me" in kinds else []
-    for text, found in (("switches for model exchange", modes), ("resets", mech.resets)):
-        if found:
-            names = ", ".join(str(getattr(x, "name", x)) for x in found)
-            raise InputError(f"{mech.title}: {text} cannot be exported: {names}")
+    if mech.resets:
+        names = ", ".join(str(getattr(x, "name", x)) for x in mech.resets)
+        raise InputError(f"{mech.title}: resets cannot be exported: {names}")
 
 
 def core_data(system: CompiledSystem) -> JsonObject:
@@ -171,6 +169,11 @@ def _modes(run: RunState, core_run: Any) -> CoreData:
     modes.set_switches(changes.core_switches)
     modes_to_core(modes, changes, shortest_step(run))
     return {"switches": changes.core_switches, "guards": np.ravel(modes.states)}
+
+
+def count_indicators(data: CoreData) -> int:
+    """Return the number of event indicators: guards that a switch has at most (`native/runtime/exported_modes.cpp`)."""
+    return sum(2 if x["interface"] >= 0 or x["kind"] == "ratchet" else 1 for x in data["modes"]["switches"])
 
 
 def _attributes(struct: Any, core: str) -> Any:

@@ -17,13 +17,14 @@ from ...errors import InputError, UnknownNameError
 from ...file_io import atomic_write
 from ...integrate.simulator.simulator import Simulator
 from ...mechanism import Mechanism
+from ...mechanism.equations.local_ode import most_coordinates
 from ...mechanism.formulations.compiled_systems import CompiledSystem
 from ...solution.problem import mechanism_of
 from ...solution.provenance import versions
 from ...solution.signal_value import SignalValue, find_point_signal
 from ...solution.signals import units
-from .core_file import core_data, native_system, output_data, plain_json, require_exportable, run_data
-from .model_description import KINDS, FmuDescription, Variable
+from .core_file import core_data, count_indicators, native_system, output_data, plain_json, require_exportable, run_data
+from .model_description import KINDS, FmuDescription, Variable, event_indicators
 from .parameter_effects import ParameterEffects, parameter_effects
 
 __all__ = ["export"]
@@ -84,11 +85,12 @@ def export(
 
     Co-simulation takes the steps of `mbdae.Simulator`. Model exchange is the equation x' = F(t, x, u) of
     `Mechanism.ode`, whose solutions satisfy the constraints to rounding; where its local coordinates end, others begin
-    at an event.
+    at an event. Impacts and changes of the mode are events; a mode with fewer degrees of freedom
+    has states that remain zero.
     The file contains the compiled core and the data of the mechanism: it needs neither Python nor a compiler.
 
     Args:
-        mech: a mechanism without resets and functions of Python; with stops, clutches and stiction for co-simulation.
+        mech: a mechanism without resets and functions of Python.
         path: a file ``.fmu``.
         kind: ``"cs"`` for co-simulation, ``"me"`` for model exchange.
         inputs: names of inputs, see `mbdae.Input`; all of them if omitted.
@@ -106,7 +108,7 @@ def export(
     """
     mech = mechanism_of(mech, "export")
     kinds, path, runtime = _checked_kinds(kind), _checked_path(path), _runtime()
-    require_exportable(mech, kinds)
+    require_exportable(mech)
     simulator = Simulator(mech, record=False, backend="native", **settings)
     system: CompiledSystem = simulator._run.system  # type: ignore[assignment]
     cells = simulator.inputs.cells
@@ -124,6 +126,7 @@ def export(
     data["states"] = states
     token = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
     variables = _variables(mech, cells, chosen, effects, named, states)
+    variables += event_indicators(1 + variables[-1].reference, count_indicators(data) if "me" in kinds else 0)
     differentiable = all(x.kind in DIFFERENTIABLE for x in named.values()) and not system.closure_friction
     description = FmuDescription(
         mech.title,
@@ -184,12 +187,12 @@ def _outputs(mech: Mechanism, outputs: Sequence[str] | None) -> dict[str, Signal
 
 
 def _states(mech: Mechanism, kinds: Sequence[str]) -> int:
-    """Return the number of continuous states; 0 without model exchange.
+    """Return the number of continuous states of all modes; 0 without model exchange.
 
     Raises:
-        InputError: for a mechanism that is no ordinary differential equation.
+        InputError: for a mechanism that is no ordinary differential equation within a mode.
     """
-    return mech.ode().n if "me" in kinds else 0
+    return most_coordinates(mech) if "me" in kinds else 0
 
 
 def _variables(

@@ -22,6 +22,7 @@ class Variable(NamedTuple):
         start: start value of inputs, parameters and states; None for others.
         derivative: of a derivative: the value reference of the state.
         by_states: of an output: whether it depends on states alone, not on inputs.
+        is_indicator: whether it is an event indicator.
         description: one line.
     """
 
@@ -33,6 +34,7 @@ class Variable(NamedTuple):
     derivative: int | None = None
     by_states: bool = False
     description: str = ""
+    is_indicator: bool = False
 
 
 class FmuDescription(NamedTuple):
@@ -140,6 +142,15 @@ class FmuDescription(NamedTuple):
             ElementTree.SubElement(parent, "ContinuousStateDerivative", _dependencies(x, [*inputs, *states]))
         for x in (*outputs, *(y for y in self.variables if y.reference in states), *rates):
             ElementTree.SubElement(parent, "InitialUnknown", _dependencies(x, given))
+        for x in self.variables:
+            if x.is_indicator:
+                ElementTree.SubElement(parent, "EventIndicator", _dependencies(x, [*inputs, *states]))
+
+
+def event_indicators(first: int, n: int) -> list[Variable]:
+    """Return the event indicators from a value reference on: guards of contacts, clutches and joints that stick."""
+    text = "guard of the mode, positive as long as it lasts"
+    return [Variable(first + i, f"guard[{i + 1}]", "local", description=text, is_indicator=True) for i in range(n)]
 
 
 def _dependencies(x: Variable, known: Sequence[int]) -> dict[str, str]:

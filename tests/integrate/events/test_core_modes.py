@@ -19,9 +19,9 @@ RUNS = {
     "pendulum_on_stop": (4.0, "herk5", 0.05, 9, 9),
     "slider_crank_with_stop": (0.6, "radau5", 0.01, 5, 5),
     "bouncing_chain": (0.5, "pherk5", 0.01, 32, 32),
-    "woodpecker": (0.06, "pherk5", 2e-3, 1, 3),
+    "woodpecker": (0.1, "pherk5", 2e-3, 2, 5),  # loads between nodes need more samples
     "stick_slip_slider": (1.0, "pherk5", 0.01, 0, 4),
-    "ratchet": (1.0, "pherk5", 0.03, 1, 2),
+    "ratchet": (1.0, "pherk5", 0.02, 1, 2),
     "geneva_drive": (1.0, "pherk5", 0.02, 0, 2),
 }
 

@@ -4,6 +4,7 @@ from ctypes import c_double, c_uint
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import mbdae
 from mbdae import Input, JointTorque, Mechanism
@@ -116,6 +117,53 @@ class Master:
         """The same, from adjoint derivatives."""
         rows, columns = len(self.unknowns()), len(self.knowns())
         return np.array([self._product(self.fmu.fmi3GetAdjointDerivative, e, columns) for e in np.eye(rows)])
+
+
+def solved_by_scipy(unit, end, rtol=1e-12):
+    """Times of the changes of the mode, and outputs at the end, with DOP853 as the solver of a model exchange."""
+    master, t, times, after = Master(unit, "me"), 0.0, [], None
+    z = (c_double * len(master.found.eventIndicators))()
+
+    def at(s, x):
+        master.fmu.setTime(s)
+        master.set_x(x)
+
+    def rate(s, x):
+        at(s, x)
+        return master.rate()
+
+    known = {}  # the interpolant differs by rounding from nodes, where signs must not change
+
+    def indicators(s, x):
+        if s not in known:
+            at(s, x)
+            master.fmu.fmi3GetEventIndicators(master.fmu.component, z, len(z))
+            known[s] = [*z, 0.5 - float(master.fmu.completedIntegratorStep()[0])]
+        return known[s]
+
+    def event(i):
+        def value(s, x):
+            return indicators(s, x)[i]
+
+        value.terminal = True
+        return value
+
+    while t < end:
+        stop = min(end, after or end)
+        found = solve_ivp(
+            rate, (t, stop), master.x(), "DOP853", rtol=rtol, atol=1e-2 * rtol, max_step=0.1,
+            events=[event(i) for i in range(len(z) + 1)],
+        )  # fmt: skip
+        known.clear()
+        t = found.t[-1]
+        at(t, found.y[:, -1])
+        master.fmu.enterEventMode()
+        *_, changed, defined, when = master.fmu.updateDiscreteStates()
+        after = when if defined else None
+        if changed:
+            times.append(t)
+        master.fmu.enterContinuousTimeMode()
+    return np.array(times), master.get(*unit.outputs)
 
 
 def simulated(unit, kind, t, **settings):

@@ -1,0 +1,91 @@
+// All of the state of an exported mechanism as numbers, and back.
+#include "runtime/exported_mechanism.hpp"
+
+namespace mbdae {
+
+Numbers ExportedMechanism::guards() const {
+  Numbers out;
+  for (const Guard& x : run_.modes.guards) out.insert(out.end(), {x.size, x.level, x.return_time, x.unit});
+  return out;
+}
+
+void ExportedMechanism::set_guards(const Numbers& guards) {
+  Modes& modes = run_.modes;
+  if (modes.mode.size() != modes.switches.size() || modes.last_impact.size() != modes.switches.size())
+    reject("the state is not one of this mechanism");
+  modes.guards = guards_of(modes.switches, modes.mode);
+  if (guards.size() != 4 * modes.guards.size()) reject("the state is not one of this mechanism");
+  const double* at = guards.data();
+  for (Guard& x : modes.guards) x.size = at[0], x.level = at[1], x.return_time = at[2], x.unit = at[3], at += 4;
+}
+
+Numbers ExportedMechanism::state() {
+  if (!started()) reject("there is no state before the initialization");
+  pass_impact();
+  const IndependentRows& rows = system().rows;
+  const SmoothInterval& i = run_.interval;
+  Numbers out{i.t, i.stop, i.end, i.t1, run_.jumps.restart, run_.grid.t0, double(run_.grid.i),
+              double(run_.grid.on_grid), run_.control.h, run_.control.uncut_size, run_.control.last,
+              double(run_.control.rejected), run_.monitor.largest_ratio, run_.monitor.last_ratio,
+              double(run_.monitor.entered), double(jumped_), double(by_steps_), origin_t_, double(rows.rank), rows.floor,
+              double(rows.frozen)};
+  const auto add = [&](const Numbers& x) { out.push_back(double(x.size())), out.insert(out.end(), x.begin(), x.end()); };
+  add(y()), add(run_.state.carry), add(run_.state.low), add(values_), add(wanted_), add(origin_), add(x_);
+  add(Numbers(rows.in_use().begin(), rows.in_use().end()));
+  add(slip_directions_), add(Numbers(run_.modes.mode.begin(), run_.modes.mode.end()));
+  add(run_.modes.last_impact), add(guards());
+  for (const Setting& u : settings_) add({u.t, u.value, u.rate});
+  set_state(out);  // without what the core has found so far
+  return out;
+}
+
+void ExportedMechanism::set_state(const Numbers& state) {
+  size_t at = 0;
+  const auto next = [&] {
+    if (at >= state.size()) reject("the state is not one of this mechanism");
+    return state[at++];
+  };
+  const auto list = [&] {
+    const double size = next();
+    if (!(size >= 0 && size <= double(state.size() - at))) reject("the state is not one of this mechanism");
+    Numbers out(state.begin() + at, state.begin() + at + static_cast<size_t>(size));
+    return at += out.size(), out;
+  };
+  Run run = fresh_run_;
+  SmoothInterval& i = run.interval;
+  i.t = next(), i.stop = next(), i.end = next(), i.t1 = next(), run.jumps.restart = next(), run.grid.t0 = next();
+  run.grid.i = static_cast<long>(next()), run.grid.on_grid = next(), run.control.h = next();
+  run.control.uncut_size = next(), run.control.last = next(), run.control.rejected = next();
+  run.monitor.largest_ratio = next(), run.monitor.last_ratio = next(), run.monitor.entered = next();
+  const bool jumped = next(), by_steps = next();
+  const double origin_t = next(), rank = next(), floor = next(), frozen = next();
+  run.state.y = list(), run.state.carry = list(), run.state.low = list();
+  const Numbers values = list(), wanted = list(), origin = list(), x = list(), rows = list(), slips = list(), mode = list();
+  run.modes.mode.assign(mode.begin(), mode.end()), run.modes.last_impact = list();
+  const Numbers guards = list();
+  if (run.state.y.size() != start_.y.size() || values.size() != values_.size() || wanted.size() != wanted_.size() ||
+      static_cast<int>(x.size()) != states_)
+    reject("the state is not one of this mechanism");
+  std::vector<Setting> settings;
+  for (size_t k = 0; k < inputs.size(); ++k) {
+    const Numbers u = list();
+    if (u.size() != 3) reject("the state is not one of this mechanism");
+    settings.push_back({u[0], u[1], u[2]});
+  }
+  const bool rebuild = !started() || values != values_;
+  values_ = values, wanted_ = wanted, settings_ = std::move(settings), run_ = std::move(run), jumped_ = jumped;
+  set_guards(guards), after_impact_ = State();
+  by_steps_ = by_steps, current_ = derivatives_current_ = false;
+  if (rebuild) build();
+  Index2System& s = system();
+  monitor_.emplace(s, run_.modes);
+  set_mode(s, run_.modes.switches, run_.modes.mode);
+  s.reset(), s.use_rows(std::vector<int>(rows.begin(), rows.end()), static_cast<int>(rank), floor, frozen);
+  if (slips.size() == slip_directions_.size()) std::copy(slips.begin(), slips.end(), slip_directions_.begin());
+  use_inputs();
+  if (by_steps_) return;
+  x_ = x, rate_.assign(states_, 0.0), origin_ = origin, origin_t_ = origin_t;
+  coordinates_ = std::make_unique<LocalCoordinates>(s, limits_, origin_t_, origin_.data());
+}
+
+}  // namespace mbdae
