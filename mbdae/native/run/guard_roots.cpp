@@ -16,10 +16,15 @@ struct Cubic {
 
   double value(double x) const { return c[3] + x * (c[2] + x * (c[1] + x * c[0])); }
 
-  double minimum() const {  // where the derivative is negative at 0 and positive at 1
+  // Whether it has a minimum in (0, 1), where the derivative is positive at 1.
+  bool has_minimum() const {
+    return c[2] < 0 || (c[1] < 0 && c[0] > 0 && c[1] * c[1] > 3 * c[0] * c[2] && -c[1] < 3 * c[0]);
+  }
+  double minimum() const {
     const double root = std::sqrt(std::max(0.0, c[1] * c[1] - 3 * c[0] * c[2]));
     return value(c[1] >= 0 ? -c[2] / (c[1] + root) : (root - c[1]) / (3 * c[0]));
   }
+  double steepest() const { return c[2] < 0 ? 0 : -c[1] / (3 * c[0]); }  // where it falls, before the minimum
 
   // The first zero in (0, 1), or that of the cubic over x if it is zero at 0; 1 if there is none.
   double first_zero() const {
@@ -159,12 +164,12 @@ double GuardMonitor::negative_fraction(int i) {
   if (0 < share && share < 1 && at(share, i).f < -rounding(i)) return share;
   if (!has_rate(guard) || !(end.rate > 0)) return 0;
   const Value start = at(0, i);
-  if (!(start.rate < 0)) return 0;
   const Cubic cubic(start.f, end.f, h * start.rate, h * end.rate);
-  if (cubic.minimum() > modes_.grazing * std::min(start.f, end.f)) return 0;
+  if (!cubic.has_minimum() || cubic.minimum() > modes_.grazing * std::min(start.f, end.f)) return 0;
   const auto rate = [&](double theta) { return at(theta, i).rate; };
-  const double small = modes_.coincident;
-  const double theta = brent(rate, 0, start.rate, 1, end.rate, small, small, modes_.root_iterations);
+  const double small = modes_.coincident, falling = cubic.steepest(), steepest = rate(falling);
+  if (!(steepest < 0)) return 0;
+  const double theta = brent(rate, falling, steepest, 1, end.rate, small, small, modes_.root_iterations);
   return at(theta, i).f < -rounding(i) ? theta : 0;
 }
 
