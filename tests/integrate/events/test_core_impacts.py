@@ -3,11 +3,11 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import G, carried, empty
+from bouncing import G, R, carried, empty, frame
 from numpy.polynomial import Polynomial
 
 import mbdae
-from mbdae import JointTorque, Mechanism, Stop
+from mbdae import Closure, CoulombFriction, JointTorque, Mechanism, Stop
 from mbdae.mechanism.time_functions.time_functions import Polynomial as Motion
 
 E = 0.5
@@ -44,7 +44,7 @@ def test_flights_that_end_within_a_step_at_whose_end_the_gap_rises_again(how, ra
 
 
 def test_an_impact_closes_a_contact_that_has_just_opened(back_end):
-    """The upper ball pushes the lower one back onto the floor: impacts in turn at one instant, until none approaches."""
+    """The upper ball pushes the lower one back onto the floor: impacts in turn, until none approaches."""
     opening, w = 1e-6, 1.0
     sol = mbdae.solve(pair(upper=False), (0, 1e-3), [1e-14, 1e-7], [opening, -w], step=1e-4)
     lower, between = opening, -w
@@ -75,6 +75,30 @@ def test_a_contact_that_comes_to_rest_is_not_held_where_another_one_lifts_it(bac
     assert [x.t for x in sol.impacts] == pytest.approx([t1, t1 * (1 + 2 * E)], rel=1e-12)
     assert [x.impulse[0] for x in sol.impacts] == pytest.approx([(1 + E) * G * t1, (1 + E) * yank / 2], rel=1e-9)
     assert back_end == "python" or sol.stats["impacts_in_core"] == 2
+
+
+def test_feet_that_only_friction_loads_stay_down_where_another_body_bounces(back_end):
+    """A sledge brakes: its centre is 0.05 m behind both feet, and mu h > 0.05 m keeps the front one down."""
+    mu, v0, height, model = 0.5, 3.0, 0.3, empty()
+    x = carried(model, 0, pin.JointModelPX(), "x", 0.0)
+    body = carried(model, x, pin.JointModelPZ(), "z", 0.0)
+    body = carried(model, body, pin.JointModelRY(), "tilt", 1.0, inertia=(0.0, 0.05, 0.0))
+    closures, forces = [], []
+    for name, ahead in (("rear", 0.05), ("front", 0.45)):
+        frame(model, body, name, ahead, 0, R - height)
+        more = {"grip": "longitudinal", "unilateral": True}
+        closures.append(Closure.rolling("world", name, R, name=f"{name} foot", **more))
+        forces.append(CoulombFriction(closure=f"{name} foot", coefficient=mu, exact=True))
+    carried(model, 0, pin.JointModelPZ(), "ball")
+    mech = Mechanism(model, closures, forces, stops=[Stop(joint="ball", lower=0.0, restitution=E)])
+    sol = mbdae.solve(mech, (0, 0.25), [0, height, 0, 0.05], [v0, 0, 0, 0], rtol=1e-9)
+    assert [x.where for x in sol.impacts][:2] == [("ball stop",)] * 2
+    sledge = [x for x in mech.switches if x.name.endswith("foot")]
+    assert {tuple(x.states[mode[x.index]] for x in sledge) for _, mode in sol.modes} == {("sliding", "sliding")}
+    np.testing.assert_allclose(sol.v[:, 0], v0 - mu * G * sol.t, rtol=0, atol=1e-9)
+    front = sol.lam[:, sledge[1].row]
+    np.testing.assert_allclose(front, G * (mu * height - 0.05) / 0.4, rtol=1e-8)
+    assert back_end == "python" or sol.stats["impacts_in_core"] == len(sol.impacts)
 
 
 @pytest.mark.usefixtures("back_end")
