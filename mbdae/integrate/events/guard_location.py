@@ -138,25 +138,29 @@ def _negative_fraction(tracked: TrackedGuard, step: "StepMap", at: PointAt, thet
     return_share = (tracked.return_time - step.t) / step.h
     if 0 < return_share < 1 and tracked.value(at(return_share)) < -rounding:
         return return_share
-    if guard.rate is not None:
-        r0, r1 = guard.rate(at(0.0)), guard.rate(at(1.0))
-        if not r0 < 0 < r1:
-            return None
-        f0, h = tracked.value(at(0.0)), abs(step.h)
-        if _cubic_minimum(f0, f1, h * r0, h * r1) > GRAZING * min(f0, f1):
-            return None
-        rate = guard.rate
-        theta = float(brentq(lambda x: rate(at(x)), 0.0, 1.0, xtol=COINCIDENT, rtol=COINCIDENT, maxiter=MAX_ITERATIONS))
-        return theta if tracked.value(at(theta)) < -rounding else None
-    return None
+    return _lowest_fraction(tracked, step, at) if guard.rate is not None else None
 
 
-def _cubic_minimum(f0: float, f1: float, m0: float, m1: float) -> float:
-    """Return the minimum of the cubic with values f and derivatives m0 < 0 < m1 at 0 and 1, which is between them."""
-    b, c = 3 * (f1 - f0) - 2 * m0 - m1, 2 * (f0 - f1) + m0 + m1
-    root = np.sqrt(max(0.0, b * b - 3 * c * m0))
+def _lowest_fraction(tracked: TrackedGuard, step: "StepMap", at: PointAt) -> float | None:
+    """Return the theta of a negative minimum of a guard within a step, at whose end it rises; None without one."""
+    rate, h, f0, f1 = tracked.guard.rate, abs(step.h), tracked.value(at(0.0)), tracked.value(at(1.0))
+    assert rate is not None
+    r0, r1 = rate(at(0.0)), rate(at(1.0))
+    if not r1 > 0:
+        return None
+    b, c, m0 = 3 * (f1 - f0) - h * (2 * r0 + r1), 2 * (f0 - f1) + h * (r0 + r1), h * r0
+    square = b * b - 3 * c * m0
+    if r0 >= 0 and not (b < 0 < c and square > 0 and -b < 3 * c):  # the cubic does not fall, or not within the step
+        return None
+    root = np.sqrt(max(0.0, square))
     x = -m0 / (b + root) if b >= 0 else (root - b) / (3 * c)  # of m0 + 2 b x + 3 c x^2, where it rises
-    return float(f0 + x * (m0 + x * (b + x * c)))
+    if f0 + x * (m0 + x * (b + x * c)) > GRAZING * min(f0, f1):
+        return None
+    falling = 0.0 if r0 < 0 else -b / (3 * c)  # where the cubic falls fastest
+    if not rate(at(falling)) < 0:
+        return None
+    theta = brentq(lambda x: rate(at(x)), falling, 1.0, xtol=COINCIDENT, rtol=COINCIDENT, maxiter=MAX_ITERATIONS)
+    return float(theta) if tracked.value(at(float(theta))) < -tracked.rounding else None
 
 
 def _locate(tracked: TrackedGuard, step: "StepMap", at: PointAt, high: float) -> float:

@@ -67,6 +67,7 @@ class ModeChanges(EventSource):
         self.impacts_in_core = self.transitions_in_core = 0
         self.core_switches = core_switches(system)
         self.fired: list[Guard] = []  # guards that are zero at the end of the last step
+        self.resting: set[int] = set()  # contacts that close where they open: flights lower than the rounding of gaps
         # end of the last step, and points of the step by theta
         self.point_cache: tuple[Array | None, dict[float, ModePoint]] = (None, {})
         self.last_impact: dict[int, float] = {}  # time of the last impact of each switch
@@ -113,8 +114,7 @@ class ModeChanges(EventSource):
             self._track(run.t, run.ys[-1])
 
     def _track(self, t: float, y: Array) -> None:
-        at, mode = self._point(t, y), self.system.mode
-        self.system.ambiguous_pivot = AMBIGUOUS_UNDERWAY
+        at, mode, self.system.ambiguous_pivot = self._point(t, y), self.system.mode, AMBIGUOUS_UNDERWAY
         self.guards = [TrackedGuard(g, at) for s in self.switches for g in s.guards(mode[s.index])]
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
@@ -143,7 +143,8 @@ class ModeChanges(EventSource):
 
     def _resolved_mode(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
         recent = {i for i, when in self.last_impact.items() if abs(at.t - when) < self.switches[i].rest}
-        y, impact = resolve_impact(at, self.always, recent)
+        y, impact = resolve_impact(at, self.always, recent, self.resting)
+        self.resting = set()
         if impact:
             self.impacts.append(impact)
             self.last_impact |= {s.index: at.t for s in self.switches if s.name in impact.where}
@@ -164,6 +165,7 @@ class ModeChanges(EventSource):
         if theta >= 1:
             return Occurrence(step.t1)
         t = step.t + theta * step.h
+        self.resting = {g.switch for g in self.fired if g.kind == "contact" and t == step.t}
         return Occurrence(t, step.end(theta) if t != step.t else None)
 
     def _first_root(self, step: "StepMap") -> tuple[float, list[Guard]]:
@@ -235,8 +237,7 @@ class ModeChanges(EventSource):
         """
         self._check_chattering(run.t, (g.name for g in fired))
         run.end_interval()
-        opened = {g.switch for g in fired if g.kind == "separation"}
-        self.continue_from(run, self._point(run.t, run.ys[-1]), opened)
+        self.continue_from(run, self._point(run.t, run.ys[-1]), {g.switch for g in fired if g.kind == "separation"})
 
     def continue_from(
         self, run: "RunState", at: ModePoint, opened: set[int], completed: Callable[[Array], Array] = np.asarray
@@ -292,8 +293,7 @@ class ModeChanges(EventSource):
         return out | in_core if run.stepper.backend == "native" else out
 
     def _check_chattering(self, t: float, fired: Iterable[str]) -> None:
-        times = self.times
-        times.append(t)
+        (times := self.times).append(t)
         if len(times) == times.maxlen and abs(t - times[0]) <= max(self.rest, COINCIDENT * abs(t)):
             names = " and ".join(map(repr, fired))
             mode = describe_mode(self.switches, self.system.mode)

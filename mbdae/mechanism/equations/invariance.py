@@ -21,7 +21,7 @@ from ..closures.clutch import Clutch
 from ..formulations.index2 import Index2System
 from ..hybrid.mode_point import AllRows
 from ..tree.pinocchio_data import make_data
-from .symmetry import TWISTS, Symmetry
+from .symmetry import MOTIONS, Symmetry
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -45,7 +45,7 @@ def symmetries_of(mech: "Mechanism", points: Sequence[MotionPoint]) -> tuple[str
     simple = [n for n in mech.joint_names if mech.model.joints[mech.model.getJointId(n)].nv == 1]
     q = system.split(points[0].y)[0]
     points, found, directions = _with_velocities(system, points), list[str](), np.zeros((mech.nv, 0))
-    for name in dict.fromkeys([*(n for n in simple if n not in TWISTS), *TWISTS]):
+    for name in dict.fromkeys([*(n for n in simple if n not in MOTIONS), *MOTIONS]):
         try:
             (symmetry,) = Symmetry.named(system, [name])
             w = symmetry.direction(q)
@@ -54,7 +54,7 @@ def symmetries_of(mech: "Mechanism", points: Sequence[MotionPoint]) -> tuple[str
         rest = w - directions @ np.linalg.lstsq(directions, w, rcond=None)[0] if found else w
         if np.linalg.norm(rest) <= VISIBLE * np.linalg.norm(w):
             continue
-        unit = mech.coordinate_scales[np.abs(w).argmax()] if name not in TWISTS else _unit(mech, name)
+        unit = mech.coordinate_scales[np.abs(w).argmax()] if not symmetry.moves_bodies else _unit(mech, name)
         if all(_follows(system, x, symmetry, amount * unit) for x in points for amount in AMOUNTS):
             found, directions = [*found, name], np.column_stack([directions, w])
     return tuple(found)
@@ -130,11 +130,11 @@ def _follows(system: Index2System, point: MotionPoint, symmetry: Symmetry, sigma
     if here is None or there is None:
         return False
     expected = here.rates.copy()
-    if symmetry.name in TWISTS:
+    if symmetry.moves_bodies:
         nv = system.nv
         before = _body_accelerations(symmetry, q, v, here.rates[nv : 2 * nv])
         after = _body_accelerations(symmetry, moved, D @ v, there.rates[nv : 2 * nv])
-        turned = before @ pin.exp6(np.eye(6)[TWISTS[symmetry.name]] * sigma).action.T
+        turned = before @ pin.exp6(symmetry.twist(q) * sigma).action.T
         if not np.abs(after - turned).max(initial=0.0) <= VISIBLE * np.abs(before).max(initial=0.0) + VISIBLE**2:
             return False
         expected[: 2 * nv] = there.rates[: 2 * nv]

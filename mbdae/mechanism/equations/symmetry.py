@@ -1,7 +1,9 @@
 """Symmetries of a mechanism: motions that its equations do not see, and by which a periodic motion may advance.
 
 A group element g(sigma) moves all bodies as one, oM_i -> exp(sigma xi) oM_i, or adds sigma to a cyclic joint. Its
-tangent D acts on dq and v; w = d(q)/d(sigma).
+tangent D acts on dq and v; w = d(q)/d(sigma). The vertical is that of gravity, or z without it. On inclined ground,
+bodies may move down the steepest line or across it, xi = (d, 0), with A w = (d, 0) for all bodies and G w = 0 for the
+rows G of positions.
 """
 
 from collections.abc import Sequence
@@ -12,12 +14,14 @@ import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError
 from ...system import Array
-from ...tolerances import CLOSED, EPS, SUM_ROUNDING
+from ...tolerances import CLOSED, EPS, SUM_ROUNDING, VISIBLE
 from ..formulations.index2 import Index2System
+from ..hybrid.mode_point import AllRows
 from ..tree.pinocchio_data import make_data
 from ..tree.tree_terms import require_rigid
 
-TWISTS = {"x": 0, "y": 1, "z": 2, "turn": 5}  # component of a world twist: translations, and the turn about z
+AXES = {"x": 0, "y": 1, "z": 2}  # of translations in the world
+MOTIONS = (*AXES, "incline", "level", "turn")  # of all bodies: also down and across an incline, and about the vertical
 ITERATIONS = 20
 
 
@@ -26,7 +30,7 @@ class Symmetry:
     """One continuous symmetry.
 
     Attributes:
-        name: ``"x"``, ``"y"``, ``"z"``, ``"turn"``, or a joint of one coordinate.
+        name: ``"x"``, ``"y"``, ``"z"``, ``"incline"``, ``"level"``, ``"turn"``, or a joint of one coordinate.
         system: a workspace.
     """
 
@@ -43,13 +47,56 @@ class Symmetry:
         mech = system.mechanism
         cyclic = [n for n in mech.joint_names if mech.model.joints[mech.model.getJointId(n)].nv == 1]
         for name in names:
-            if name not in (*TWISTS, *cyclic):
-                raise UnknownNameError("symmetry", name, (*TWISTS, *cyclic))
-        if not set(names).isdisjoint(TWISTS):
+            if name not in (*MOTIONS, *cyclic):
+                raise UnknownNameError("symmetry", name, (*MOTIONS, *cyclic))
+        if not set(names).isdisjoint(MOTIONS):
             require_rigid(mech.model, "symmetries")
         if len(set(names)) < len(names):
             raise InputError(f"a symmetry is named once, got {', '.join(names)}")
         return tuple(cls(name, system) for name in names)
+
+    @property
+    def moves_bodies(self) -> bool:
+        """Whether it is a motion of all bodies, not of a joint."""
+        return self.name in MOTIONS
+
+    def twist(self, q: Array) -> Array:
+        """Return xi (6,) of a motion of all bodies, in world axes at the origin.
+
+        Raises:
+            InputError: if there is no incline that the rows leave free.
+        """
+        if self.name in AXES:
+            return np.eye(6)[AXES[self.name]]
+        gravity = self.system.model.gravity.linear
+        up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.eye(3)[2]
+        if self.name == "turn":
+            return np.concatenate([np.zeros(3), up])
+        free = self._free_translations(q)
+        down = -free @ (free.T @ up)
+        size = np.linalg.norm(down)
+        if not size > VISIBLE:
+            raise InputError(f"symmetry {self.name!r}: {self.system.mechanism.title} is not on an incline")
+        down = down / size
+        if self.name == "incline":
+            return np.concatenate([down, np.zeros(3)])
+        across = np.cross(up, down)
+        size = np.linalg.norm(across)
+        if not size > VISIBLE:
+            raise InputError(f"symmetry {self.name!r}: the incline of {self.system.mechanism.title} is vertical")
+        return np.concatenate([across / size, np.zeros(3)])
+
+    def _free_translations(self, q: Array) -> Array:
+        """Return an orthonormal basis (3, k) of the translations that joints allow and rows of positions do not see."""
+        s, A = self.system, self._jacobians(q).reshape(-1, self.system.nv)
+        scales = s.mechanism.row_scales[s.constraints.positional]
+        G = AllRows(s)(0.0, q)[1][s.constraints.positional] / scales[:, None]
+        T = np.tile(np.eye(6)[:, :3], (len(self.bodies), 1))
+        both = np.block([[A, -T], [G, np.zeros((len(G), 3))]])
+        _, sizes, V = np.linalg.svd(both)
+        rank = int(np.count_nonzero(sizes > VISIBLE * sizes[0]))
+        U, sizes, _ = np.linalg.svd(V[rank:, -3:].T)
+        return U[:, : np.count_nonzero(sizes > VISIBLE)]
 
     def direction(self, q: Array) -> Array:
         """Return w (nv,), the velocity at which all bodies move by the symmetry.
@@ -57,9 +104,9 @@ class Symmetry:
         Raises:
             InputError: if the joints do not allow the motion.
         """
-        if self.name not in TWISTS:
+        if not self.moves_bodies:
             return np.eye(self.system.nv)[self._index]
-        twist = np.eye(6)[TWISTS[self.name]]
+        twist = self.twist(q)
         A, b = self._jacobians(q).reshape(-1, self.system.nv), np.tile(twist, len(self.bodies))
         w = np.linalg.lstsq(A, b, rcond=None)[0]
         if not np.abs(A @ w - b).max(initial=0.0) <= CLOSED * max(1.0, np.abs(w).max()):
@@ -70,9 +117,9 @@ class Symmetry:
         """Return g(sigma) q, (nq,)."""
         s = self.system.manifold
         w = sigma * self.direction(q)
-        if self.name not in TWISTS:
+        if not self.moves_bodies:
             return s.integrate(q, w)
-        motion = pin.exp6(np.eye(6)[TWISTS[self.name]] * sigma)
+        motion = pin.exp6(self.twist(q) * sigma)
         targets = [motion * place for place in self._placements(q)]
         target = s.integrate(q, w)
         for _ in range(ITERATIONS):
@@ -87,18 +134,18 @@ class Symmetry:
 
     def tangent(self, q: Array, moved: Array, sigma: float) -> Array:
         """Return D (nv, nv), which maps dq and v at q to those at g(sigma) q."""
-        if self.name not in TWISTS:
+        if not self.moves_bodies:
             return np.eye(self.system.nv)
-        action = pin.exp6(np.eye(6)[TWISTS[self.name]] * sigma).action
+        action = pin.exp6(self.twist(q) * sigma).action
         before, after = (self._jacobians(x).reshape(-1, self.system.nv) for x in (q, moved))
         turned = np.vstack([action @ J for J in before.reshape(-1, 6, self.system.nv)])
         return np.linalg.lstsq(after, turned, rcond=None)[0]
 
     def velocity_change(self, q: Array, v: Array) -> Array:
         """Return d(D v)/d(sigma) at sigma = 0, (nv,): v turns where it is not in the body's axes."""
-        if self.name not in TWISTS:
+        if not self.moves_bodies:
             return np.zeros(self.system.nv)
-        twist = pin.Motion(np.eye(6)[TWISTS[self.name]])
+        twist = pin.Motion(self.twist(q))
         J = self._jacobians(q)
         rates = self._jacobian_rates(q)
         right = np.concatenate([twist.cross(pin.Motion(A @ v)).vector for A in J]) - (rates @ v).ravel()

@@ -1,6 +1,6 @@
 """Impact at a point: contact detection, the complementarity problem, and its impulses by name."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -59,7 +59,9 @@ class RowImpact(NamedTuple):
     sliding: tuple[tuple[int, int, int], ...]
 
 
-def resolve_impact(point: "ModePoint", unswitched: Array, recent: set[int]) -> tuple[Array, Impact | None]:
+def resolve_impact(
+    point: "ModePoint", unswitched: Array, recent: set[int], resting: Collection[int] = ()
+) -> tuple[Array, Impact | None]:
     """Return the point after an impact, and its record, which is None if no row approaches or becomes active.
 
     Args:
@@ -67,11 +69,13 @@ def resolve_impact(point: "ModePoint", unswitched: Array, recent: set[int]) -> t
         unswitched: indices of the rows without a switch.
         recent: indices of the switches with a recent impact. If only these approach, all active contacts come to rest
             together, so that none reopens another; otherwise e = 0 for them.
+        resting: indices of the switches of contacts that come to rest although they open.
 
     Raises:
         StepError: if the impact has no solution.
     """
     problem = _ImpactProblem(point, unswitched)
+    problem.close_slowly_opening(resting)
     impact = problem.solve(recent)
     if impact is None:
         return point.y, None
@@ -142,6 +146,13 @@ class _ImpactProblem:
         resting = [(i, s) for i, s in self.closing if (i in recent or mode[i]) and i not in frictional]
         self.bilateral += [s.row for _, s in resting]
         self.closing = [x for x in self.closing if x not in resting]
+
+    def close_slowly_opening(self, resting: Collection[int]) -> None:
+        """Bring contacts to rest that open so slowly that their flights are lower than the rounding of their gaps."""
+        rows = [s.row for i, s in self.separating if i in resting]
+        self.bilateral, self.violated = [*self.bilateral, *rows], [*self.violated, *rows]
+        self.separating = [x for x in self.separating if x[0] not in resting]
+        self.frictional = [x for x in self.frictional if self.rows_near_contact[x[0]][0].row not in rows]
 
     @property
     def contacts(self) -> list[tuple[int, ImpactRow]]:

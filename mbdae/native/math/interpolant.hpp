@@ -15,10 +15,16 @@ struct Cubic {
 
   double value(double x) const { return c[3] + x * (c[2] + x * (c[1] + x * c[0])); }
 
-  double minimum() const {  // where the derivative is negative at 0 and positive at 1
+  // Whether it has a minimum in (0, 1), where the derivative is positive at 1.
+  bool has_minimum() const {
+    return c[2] < 0 || (c[1] < 0 && c[0] > 0 && c[1] * c[1] > 3 * c[0] * c[2] && -c[1] < 3 * c[0]);
+  }
+  double minimum() const {
     const double root = std::sqrt(std::max(0.0, c[1] * c[1] - 3 * c[0] * c[2]));
     return value(c[1] >= 0 ? -c[2] / (c[1] + root) : (root - c[1]) / (3 * c[0]));
   }
+
+  double steepest() const { return c[2] < 0 ? 0 : -c[1] / (3 * c[0]); }  // where it falls, before the minimum
 
   // The first zero in (0, 1), or that of the cubic over x if it is zero at 0; 1 if there is none.
   double first_zero() const {

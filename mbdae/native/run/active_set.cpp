@@ -8,10 +8,11 @@
 
 namespace mbdae {
 
-Transition ModeTransition::resolve(double t, double* y, const std::vector<int>& separated) {
+Transition ModeTransition::resolve(double t, double* y, const std::vector<int>& separated,
+                                   const std::vector<int>& resting) {
   Transition out;
   evaluate(t, y);
-  resolve_impact(y, out);
+  resolve_impact(y, resting, out);
   select(y, separated);
   if (entered_ || mode_ != modes_.mode) enter_mode(s_, modes_.switches, mode_, y, modes_.first_rank(limits_));
   out.mode = mode_;
@@ -19,20 +20,22 @@ Transition ModeTransition::resolve(double t, double* y, const std::vector<int>& 
 }
 
 NextMode enter_next_mode(Index2System& s, Modes& modes, GuardMonitor& monitor, bool project, double t, const Numbers& y,
-                         const std::vector<int>& fired, const std::function<void(const NextMode&)>& check) {
+                         const std::vector<int>& fired, bool immediate,
+                         const std::function<void(const NextMode&)>& check) {
   const ModeSettings settings(s, modes.switches, modes.mode);
   const Mode mode = modes.mode;
   const std::vector<Guard> guards = modes.guards;
   const IndependentRows::Freeze freeze(s.rows);
   NextMode out;
-  std::vector<int> separated, elements;
+  std::vector<int> separated, resting, elements;
   for (int i : fired) {
     elements.push_back(guards[i].element);
     if (guards[i].kind == Guard::separation) separated.push_back(guards[i].element);
+    if (guards[i].kind == Guard::contact && immediate) resting.push_back(guards[i].element);
   }
   out.state.y = y, out.F.resize(s.ny), out.z.resize(s.nz);
   try {
-    out.transition = ModeTransition(s, modes).resolve(t, out.state.y.data(), separated);
+    out.transition = ModeTransition(s, modes).resolve(t, out.state.y.data(), separated, resting);
     if (project) project_state(s, t, out.state.y.data());
     s.update_independent_rows(t, out.state);
     s.derivative(t, out.state.y.data(), out.F.data(), out.z.data());

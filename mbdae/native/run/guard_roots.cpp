@@ -133,12 +133,12 @@ double GuardMonitor::negative_fraction(int i) {
   if (0 < share && share < 1 && at(share, i).f < -rounding(i)) return share;
   if (!has_rate(guard) || !(end.rate > 0)) return 0;
   const Value start = at(0, i);
-  if (!(start.rate < 0)) return 0;
   const Cubic cubic(start.f, end.f, h * start.rate, h * end.rate);
-  if (cubic.minimum() > modes_.grazing * std::min(start.f, end.f)) return 0;
+  if (!cubic.has_minimum() || cubic.minimum() > modes_.grazing * std::min(start.f, end.f)) return 0;
   const auto rate = [&](double theta) { return at(theta, i).rate; };
-  const double small = modes_.coincident;
-  const double theta = brent(rate, 0, start.rate, 1, end.rate, small, small, modes_.root_iterations);
+  const double small = modes_.coincident, falling = cubic.steepest(), steepest = rate(falling);
+  if (!(steepest < 0)) return 0;
+  const double theta = brent(rate, falling, steepest, 1, end.rate, small, small, modes_.root_iterations);
   return at(theta, i).f < -rounding(i) ? theta : 0;
 }
 

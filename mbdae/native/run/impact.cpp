@@ -73,7 +73,7 @@ std::vector<ModeTransition::ImpactRow> ModeTransition::impact_rows(int i) const 
   return out;
 }
 
-bool ModeTransition::resolve_impact(double* y, Transition& out) {
+bool ModeTransition::resolve_impact(double* y, const std::vector<int>& resting, Transition& out) {
   const std::vector<double>& scales = limits_.row_scales;
   const double speed = speed_, rest = modes_.mode_rounding * speed;
   std::vector<ImpactRow> contacts, separating, frictional;
@@ -88,6 +88,10 @@ bool ModeTransition::resolve_impact(double* y, Transition& out) {
     const bool acts = opening <= rest || modes_.mode[i] != released;
     if (rows[0].sign != 0) near.push_back(i);
     if (acts && rows[0].sign != 0 && opening < -rest) approaching.push_back(i);
+    if (!acts && rows[0].sign != 0 && std::find(resting.begin(), resting.end(), i) != resting.end()) {
+      bilateral.push_back(rows[0].row), violated.push_back(rows[0].row);
+      continue;
+    }
     for (const ImpactRow& x : rows) {
       if (x.friction >= 0)
         frictional.push_back(x);

@@ -17,7 +17,8 @@ class ModeTransition {
 
   // At y (length,), where `s.point` is current, after these switches have separated: y becomes the point after an impact,
   // and the workspace enters the next mode.
-  Transition resolve(double t, double* y, const std::vector<int>& separated);
+  // `resting`: contacts that come to rest although they open, see `resolve_impact` in Python.
+  Transition resolve(double t, double* y, const std::vector<int>& separated, const std::vector<int>& resting);
 
  private:
   // A row that takes part in an impact.
@@ -48,7 +49,7 @@ class ModeTransition {
 
   // Impact.
   std::vector<ImpactRow> impact_rows(int i) const;
-  bool resolve_impact(double* y, Transition& out);
+  bool resolve_impact(double* y, const std::vector<int>& resting, Transition& out);
   void jump(const std::vector<ImpactRow>& contacts, const std::vector<ImpactRow>& frictional,
             const std::vector<int>& bilateral, double* y, Transition& out);
 
@@ -86,9 +87,11 @@ struct NextMode {
   Transition transition;
 };
 
-// Enter the mode after an event at y (length,), where these guards are zero; `check` may reject it. Nothing has changed
-// after a FallBackToPython.
+// Enter the mode after an event at y (length,), where these guards are zero; `immediate`: at the start of a step, so that
+// contacts among them would open for less than the rounding of their gaps, and rest. `check` may reject the mode. Nothing
+// has changed after a FallBackToPython.
 NextMode enter_next_mode(Index2System& s, Modes& modes, GuardMonitor& monitor, bool project, double t, const Numbers& y,
-                         const std::vector<int>& fired, const std::function<void(const NextMode&)>& check = nullptr);
+                         const std::vector<int>& fired, bool immediate = false,
+                         const std::function<void(const NextMode&)>& check = nullptr);
 
 }  // namespace mbdae

@@ -81,7 +81,7 @@ bool TimeLoop::complete_step(Proposal& p) {
     const bool taken = p.t_next != run_.interval.t;
     if (resolved && taken && s_.update_independent_rows(p.t_next, next_))
       run_.steps.changes.emplace_back(node, s_.rows.in_use());
-    if (!fired.empty()) resolve_transition(fired, p.t_next);
+    if (!fired.empty()) resolve_transition(fired, p.t_next, !taken);
     resolved = resolved && taken;
   } catch (const FallBackToPython&) {
     std::vector<std::pair<long, std::vector<int>>>& changes = run_.steps.changes;
@@ -114,12 +114,13 @@ bool TimeLoop::is_near_singular(const NextMode& next) {
   return here < before;
 }
 
-void TimeLoop::resolve_transition(const std::vector<int>& fired, double t) {
+void TimeLoop::resolve_transition(const std::vector<int>& fired, double t, bool immediate) {
   const auto check = [&](const NextMode& next) {
     const bool monitored = run_.monitor.suspicious || run_.monitor.entered;
     if ((next.transition.mode != run_.modes.mode && monitored) || is_near_singular(next)) throw FallBackToPython();
   };
-  next_mode_ = enter_next_mode(s_, run_.modes, guards_, run_.project, t, next_.y, fired, check), changes_mode_ = true;
+  next_mode_ = enter_next_mode(s_, run_.modes, guards_, run_.project, t, next_.y, fired, immediate, check);
+  changes_mode_ = true;
 }
 
 void TimeLoop::begin_interval(const Numbers& z) {

@@ -141,7 +141,7 @@ class TimeLoop {
   // Check guards, and select the rows of the next step; false if it is too long, or the mode ends where it begins.
   bool complete_step(Proposal& p);
   bool is_near_singular(const NextMode& next);  // does the point after an event approach a singular configuration?
-  void resolve_transition(const std::vector<int>& fired, double t);  // at the end of the step
+  void resolve_transition(const std::vector<int>& fired, double t, bool immediate);  // at the end of the step
   void apply_transition();                       // the point after it is the next node
   bool apply_jump();                // the jump after an interval; false if Python must handle it
   void begin_interval(const Numbers& z);  // at the current state, after a jump or a transition

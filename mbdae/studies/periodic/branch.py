@@ -9,14 +9,18 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import InputError, is_number
+from ...mechanism import Mechanism
+from ...mechanism.equations.symmetry import Symmetry
 from ...system import Array
 from ...tabular import Columns, Tabular
+from ...tolerances import VISIBLE
 from ..sweep.sweep_run import maker_of
 from .branch_path import FIRST_STEP, BranchPath, Range
 from .guess import guess_of
 from .newton import newton, require_motion
 from .periodic import GAP, RTOL, require_positive_period, require_second_period, run_options, start_point
 from .result import Bifurcation, BranchMotion, multiplier_text
+from .shooting import Cycle
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -181,6 +185,7 @@ def periodic_branch(
     path = BranchPath(maker, Range(name, first, last), rest, run_options(mech, method, rtol), GAP * rtol)
     y = start_point(mech, q, v, s)
     cycle, guess = guess_of(path.flow(first, 0.0, y), y, T, 0.0, section, symmetry, parts, exchange)
+    require_same_directions(cycle, guess.nodes[0][: mech.nq], maker.make({**rest, name: last}), name)
     found = newton(path.equations(cycle, guess, first), path.tolerance).refined()
     path.options = found.flow.options
     found = newton(found, path.tolerance)
@@ -194,3 +199,17 @@ def periodic_branch(
         )
     points, bifurcations, message = path.run(begin)
     return Branch(name, tuple(points), tuple(bifurcations), message, path)
+
+
+def require_same_directions(cycle: Cycle, q: Array, other: Mechanism, name: str) -> None:
+    """Require that motions of all bodies have the same directions in a mechanism with another value of a parameter.
+
+    Raises:
+        InputError: names a symmetry whose direction changes.
+    """
+    for symmetry in cycle.symmetries:
+        if not symmetry.moves_bodies:
+            continue
+        (there,) = Symmetry.named(other.system(), [symmetry.name])
+        if np.abs(there.twist(q) - symmetry.twist(q)).max() > VISIBLE:
+            raise InputError(f"symmetry {symmetry.name!r} turns with {name!r}: turn gravity instead of the ground")

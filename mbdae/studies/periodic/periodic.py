@@ -58,8 +58,9 @@ def periodic(
         v: guess of the velocity: joint = value, or (nv,).
         s: guess of the states of forces, (ns,).
         section: signal and level at which a period begins and ends, ``"q.crank > 0.1"`` for rising crossings.
-        symmetry: along which the motion advances in a period: ``"x"``, ``"y"``, ``"z"``, ``"turn"`` about the vertical,
-            or names of joints on whose angles nothing depends. When left out, all that rows and accelerations follow.
+        symmetry: along which the motion advances in a period: ``"x"``, ``"y"``, ``"z"``, ``"incline"`` down inclined
+            ground, ``"level"`` across it, ``"turn"`` about the vertical, which is that of gravity, or names of joints
+            on whose angles nothing depends. When left out, all that rows and accelerations follow.
         exchange: joints that change places at the end of a period, joint = other joint, or ``"-"`` and a joint for the
             opposite sign: half a stride of a walker with two equal legs, half a swing of a pendulum.
         parts: of the period that are shot separately; for long or strongly unstable motions.
