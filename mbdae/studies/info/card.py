@@ -21,7 +21,7 @@ from ...mechanism.tree.tree_terms import flexible_bodies
 from ...system import Array
 from ...tabular import Tabular
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
-from ...units import displayed, unit_name
+from ...units import displayed, quantity, unit_name
 from .start_values import by_joint
 
 NOT_MODELLED = (
@@ -148,7 +148,7 @@ class Card(Tabular):
         return "\n".join(lines)
 
     def _gravity(self) -> str:
-        return f"{[displayed(x, 'm/s^2')[0] for x in self.gravity]} {unit_name('m/s^2')}"
+        return f"[{', '.join(quantity(x, 'm/s^2').partition(' ')[0] for x in self.gravity)}] {unit_name('m/s^2')}"
 
     def _start(self) -> list[str]:
         """Return lines of the start coordinates, and of the velocities that are not zero."""

@@ -8,6 +8,7 @@ from ...integrate.options.span import checked_span
 from ...integrate.run.binding import common_backend
 from ...integrate.steppers.solvers import SOLVERS
 from ...mechanism import Mechanism
+from ...mechanism.tree.coordinate_units import quantity_units
 from ...methods import METHODS, Method, obstacle
 from ...methods import method as find_method
 from ...methods.uncompiled import uncompiled
@@ -58,7 +59,8 @@ def order(
     measure = Measurement(problem, T, steps, start, progress or (lambda name: None), backend)
     measure.lower = lower
     orders, missing = finished(chosen, measure.judge)
-    return OrderStudy(problem.title, T, orders, backend, uncompiled(chosen.values(), because), missing)
+    return OrderStudy(problem.title, T, orders, backend, uncompiled(chosen.values(), because), missing,
+                      units=quantity_units(mech) if mech else {})  # fmt: skip
 
 
 def _stepped(name: str | Method) -> Method:
