@@ -200,6 +200,11 @@ def quantity(x: float, unit: str, digits: str = ".6g") -> str:
     return f"{value:{digits}} {name}".rstrip()
 
 
+def time_span(t: Any, digits: str) -> str:
+    """Return the first and the last of times in s as text, in the unit in which times are shown."""
+    return f"{displayed(float(t[0]), 's')[0]:{digits}} to {quantity(t[-1], 's', digits)}"
+
+
 @contextmanager
 def display_units(*names: str) -> Iterator[None]:
     """Show results in these units: text and tables, columns of pandas, xarray and .csv, axes of figures.

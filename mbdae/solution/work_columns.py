@@ -3,8 +3,9 @@
     W(t) = integral from the first node to t of power dt
 
 by the Chebyshev series of the power on each step, see `mbdae.solution.statistics`, whose antiderivatives are exact. The
-sum over all actuators is the change of the energy, without dissipation by rows (dry friction of sticking joints,
-friction proportional to closure forces) and without impacts, in which constraints act by impulses.
+sum over all forces and drivers is the change of the kinetic energy and of the potential energy of gravity, without
+dissipation by rows (dry friction of sticking joints, friction proportional to closure forces) and without impacts, in
+which constraints act by impulses.
 """
 
 from typing import TYPE_CHECKING, NamedTuple

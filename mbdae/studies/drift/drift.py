@@ -207,7 +207,7 @@ def run_labels(sol: Solution) -> tuple[str, str]:
     """Return the method of a run as a `mbdae.studies.method_variant.Variant`, also with its step size or rtol."""
     method, settings = str(variant_from_settings(sol.settings)), sol.settings
     control = (
-        f"h = {settings['step']:g} s"
+        f"h = {quantity(settings['step'], 's', 'g')}"
         if "step" in settings
         else f"rtol {format_tolerance(settings.get('rtol', np.nan))}"
     )

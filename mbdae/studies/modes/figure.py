@@ -16,6 +16,7 @@ from ..figures import (
     logarithmic,
     positive,
 )
+from ..statics.equilibrium import velocity_labels
 from .linear_system import LinearSystem
 from .modes import Modes
 from .root_locus import RootLocus
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+MAX_TICKS = 16  # coordinates that are named on an axis
 ORDERS = (1, 2, 3)  # multiples of the speed in a Campbell diagram
 
 
@@ -40,7 +42,9 @@ def roots(modes: Modes) -> "Figure":
         if shape.any():
             style = curve_style(i) | {"linestyle": "-"}
             right.plot(shape.real, marker="o", label=escaped(modes.describe(i)), **style)
-    right.set_xlabel("velocity component")
+    labels = velocity_labels(modes.mechanism, np.arange(modes.mechanism.nv))
+    shown = range(0, len(labels), -(-len(labels) // MAX_TICKS) or 1)
+    right.set_xticks(list(shown), [escaped(labels[i]) for i in shown], rotation=45, ha="right")
     right.set_ylabel(f"shape ({units}; largest component 1)" if "," in units else "shape (largest component 1)")
     right.legend(loc="best", fontsize=6)
     figure.suptitle(escaped(modes.mechanism.title), fontsize=9)

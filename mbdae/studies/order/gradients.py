@@ -118,8 +118,8 @@ def check_gradients(
     """
     mech = mechanism_of(mech, "check_gradients")
     differentiable = [name for name, m in METHODS.items() if isinstance(m, DIFFERENTIABLE)]
-    names = as_list(methods or differentiable, "methods is a list of names")
-    chosen = {m.name: m for m in map(find_method, names)}
+    names = as_list(methods or "all", "methods is a list of names")
+    chosen = {m.name: m for m in map(find_method, differentiable if names == ["all"] else names)}
     _, T = checked_span(T if T is not None else mech.order.T, end=True)
     steps = steps if steps is not None else mech.order.steps
     if steps < MIN_OUTPUTS:

@@ -36,7 +36,7 @@ def order(
 
     Args:
         problem: a mechanism (started from its model file's state), a textbook problem, or the name or path of one.
-        methods: a name or several, or tableaus; all that the problem admits when left out.
+        methods: a name or several, or tableaus; ``"all"`` that the problem admits when left out.
         T: end time in s; the model's own when left out.
         steps: coarsest number of steps, at least five. When left out that of the model file, or fewer if slopes cannot
             be judged otherwise.
@@ -47,7 +47,8 @@ def order(
         InputError: for invalid T or steps, a method without fixed steps, or an invalid problem.
     """
     problem = problem_of(problem, "order")
-    chosen = {m.name: m for m in map(_stepped, as_list(methods or _admitted(problem), "methods is a list of names"))}
+    names = as_list(methods or "all", "methods is a list of names")
+    chosen = {m.name: m for m in map(_stepped, _admitted(problem) if names == ["all"] else names)}
     mech = problem if isinstance(problem, Mechanism) else None
     settings = mech.order if mech else None
     _, T = checked_span(T if T is not None else (settings.T if settings else problem.duration), end=True)
