@@ -40,11 +40,10 @@ def drifts(runs: Sequence[History]) -> "Figure":
     for i, run in enumerate(runs):
         style = line_style(run.method) | ({} if distinct else curve_style(i))
         label = run.label if len(titles) == 1 else f"{run.title}: {run.label}"
-        residual = run.g if "," in unit else displayed(run.g, unit)[0]
-        for ax, values in ((top, residual), (bottom, run.energy if energies else run.Gv)):
+        for ax, values in ((top, displayed(run.g, unit)[0]), (bottom, run.energy if energies else run.Gv)):
             if values is not None:
                 _line(ax, displayed(run.t, "s")[0], values, (i + 0.5) / len(runs), label=escaped(label), **style)
-    top.set_ylabel(f"max $|g|$ ({unit_name(unit)})" if unit else "max $|g|$")
+    top.set_ylabel(f"max $|g|$ {f'({unit_name(unit)})' * bool(unit)}".rstrip())
     bottom.set_ylabel("$|E - E_0 - W|$ / scale" if energies else "max $|g_t + g_y f|$")
     bottom.set_xlabel(f"$t$ ({unit_name('s')})")
     span = min(run.t[0] for run in runs), max(run.t[-1] for run in runs)

@@ -130,14 +130,14 @@ def check_gradients(
     orders = {name: x for name, (x, _) in found.items()}
     differences, uncertainties = ({name: x[i] for name, (_, x) in found.items()} for i in (0, 1))
     of = parameter or "a velocity of the start"
-    known = parameter_units(mechanism_factory(mech, model), [parameter]) if parameter else {}
-    units = _derivative_units(mech, known.get(parameter or "", ""))
+    units = _derivative_units(mech, parameter, model)
     return GradientStudy(mech.title, T, orders, backend, because, missing, of, differences, uncertainties, units=units)
 
 
-def _derivative_units(mech: Mechanism, of: str) -> dict[str, str]:
-    """Return the units of the derivatives of q and v by a parameter with a unit, see `OrderStudy`."""
-    found = quantity_units(mech)
+def _derivative_units(mech: Mechanism, parameter: str | None, model: object) -> dict[str, str]:
+    """Return the units of the derivatives of q and v by a parameter, or by a factor of a velocity, see `OrderStudy`."""
+    known = parameter_units(mechanism_factory(mech, model), [parameter]) if parameter else {}
+    found, of = quantity_units(mech), known.get(parameter or "", "")
     quotients = {x: [substituted("y/x", {"y": unit, "x": of or "1"}) for unit in found[x].split(", ")] for x in "qv"}
     return {f"d{x}": common_unit(units) for x, units in quotients.items()}
 

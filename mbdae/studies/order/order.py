@@ -47,8 +47,7 @@ def order(
         InputError: for invalid T or steps, a method without fixed steps, or an invalid problem.
     """
     problem = problem_of(problem, "order")
-    names = as_list(methods or "all", "methods is a list of names")
-    chosen = {m.name: m for m in map(_stepped, _admitted(problem) if names == ["all"] else names)}
+    chosen = _chosen(problem, as_list(methods or "all", "methods is a list of names"))
     mech = problem if isinstance(problem, Mechanism) else None
     settings = mech.order if mech else None
     _, T = checked_span(T if T is not None else (settings.T if settings else problem.duration), end=True)
@@ -62,6 +61,11 @@ def order(
     orders, missing = finished(chosen, measure.judge)
     return OrderStudy(problem.title, T, orders, backend, uncompiled(chosen.values(), because), missing,
                       units=quantity_units(mech) if mech else {})  # fmt: skip
+
+
+def _chosen(problem: Problem, names: list[Any]) -> dict[str, Method]:
+    """Return methods by name; of ``["all"]`` those that can step the problem."""
+    return {m.name: m for m in map(_stepped, _admitted(problem) if names == ["all"] else names)}
 
 
 def _stepped(name: str | Method) -> Method:

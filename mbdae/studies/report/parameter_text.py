@@ -6,6 +6,7 @@ from ...mechanism import Mechanism
 from ...mechanism.checked_table import Table
 from ...mechanism.formats.parameter_units import symbols_of, units_conversion
 from ...mechanism.key_units import Coordinates, Unit, UnitSymbols
+from ...mechanism.time_functions.time_functions import Constant
 from ...units import quantity, substituted
 
 
@@ -20,6 +21,8 @@ def _given(table: Table) -> list[str]:
 
 
 def _text(value: Any, unit: "Unit | Coordinates | None", symbols: UnitSymbols) -> str:
+    if isinstance(value, Constant):
+        value = value.value
     if isinstance(value, Table):
         inner = {**symbols, **({"y": unit.texts[0], "x": unit.over} if isinstance(unit, Unit) else {})}
         return " ".join(f"{key} {_text(getattr(value, key), value.unit_of(key), inner)}" for key in _given(value))

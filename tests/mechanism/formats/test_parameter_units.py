@@ -11,7 +11,7 @@ FILE = """
 [[body]]
 name = "crank"
 parent = "world"
-joint = "continuous"
+joint = "revolute"
 axis = [0, 1, 0]
 mass = 2.0
 com = [0.1, 0, 0]
@@ -45,7 +45,7 @@ name = "drive"
 kind = "joint_pid"
 joint = "slide"
 kp = 5.0
-reference = { amplitude = 0.1, omega = 3.0 }
+reference = { kind = "harmonic", amplitude = 0.1, omega = 3.0 }
 [start]
 q = { crank = 0.1, slide = 0.2 }
 v = { crank = 1.0 }
