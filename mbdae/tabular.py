@@ -169,7 +169,7 @@ def align_columns(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return lines of aligned columns, the first left-aligned and the others right-aligned."""
     widths = [max(len(row[j]) for row in rows) for j in range(len(rows[0]))]
     shifted = [[c.rjust(w) for c, w in zip(row, widths, strict=True)] for row in rows]
-    return ["  ".join([row[0].ljust(widths[0]), *cells[1:]]) for row, cells in zip(rows, shifted, strict=True)]
+    return ["  ".join([row[0].ljust(widths[0]), *cells[1:]]).rstrip() for row, cells in zip(rows, shifted, strict=True)]
 
 
 def table(cells: Sequence[Sequence[str]]) -> str:

@@ -7,7 +7,7 @@ they are shown.
 
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -116,14 +116,8 @@ class Units:
 
     def name(self, unit: str) -> str:
         """Return the name of the unit that is shown for a unit in SI."""
-        above: list[str] = []
-        below: list[str] = []
-        for symbol, power in self._parts(unit):
-            named = self.chosen.get(SI[symbol], symbol) if symbol in SI else symbol
-            (above if power > 0 else below).append(named + (f"^{abs(power)}" if abs(power) != 1 else ""))
-        if not above and not below:
-            return unit
-        return "/".join([" ".join(above) or "1", *below])
+        powers = [(self.chosen.get(SI[x], x) if x in SI else x, power) for x, power in self._parts(unit)]
+        return _written(powers) if powers else unit
 
     def displayed(self, x: Any, unit: str) -> Any:
         """Return a value in SI, a number or an array, in these units."""
@@ -143,6 +137,43 @@ class Units:
                 yield (found[0], sign) if found[0] in whole else (found[1], sign * int(found[2] or 1))
 
 
+def _written(powers: Iterable[tuple[str, int]]) -> str:
+    """Return a unit as text, from its symbols with their powers."""
+    above: list[str] = []
+    below: list[str] = []
+    for symbol, power in powers:
+        (above if power > 0 else below).append(symbol + (f"^{abs(power)}" if abs(power) != 1 else ""))
+    return "/".join([" ".join(above) or "1", *below])
+
+
+def substituted(unit: str, symbols: Mapping[str, str]) -> str:
+    """Return a unit with the units of its symbols in their place; "" if one is left that is no unit.
+
+    >>> substituted("e s/q", {"e": "N m", "q": "rad"})
+    'N m s/rad'
+    """
+    powers: dict[str, int] = {}
+    _collect(unit, 1, symbols, powers)
+    if any(symbol in KEY_SYMBOLS for symbol in powers):
+        return ""
+    return _written((symbol, k) for symbol, k in powers.items() if k) if any(powers.values()) else ""
+
+
+def _collect(unit: str, sign: int, symbols: Mapping[str, str], powers: dict[str, int]) -> None:
+    for symbol, power in SI_UNITS._parts(unit):
+        if symbol in symbols:
+            for _ in range(abs(power)):
+                _collect(symbols[symbol], sign if power > 0 else -sign, symbols, powers)
+        else:
+            powers[symbol] = powers.get(symbol, 0) + sign * power
+
+
+def common_unit(units: Iterable[str]) -> str:
+    """Return the unit of numbers that are compared: the only one, else all, ``"m, rad"``, which are shown in SI."""
+    return ", ".join(dict.fromkeys(unit for text in units for unit in text.split(", ")))
+
+
+KEY_SYMBOLS = ("q", "q1", "q2", "e", "r", "x", "y")  # of joints and functions, see `mbdae.mechanism.key_units`
 SI_UNITS = Units()
 _shown: ContextVar[Units] = ContextVar("shown", default=SI_UNITS)
 
@@ -167,6 +198,11 @@ def quantity(x: float, unit: str, digits: str = ".6g") -> str:
     """Return a value in SI as text, with its unit, in the units in which results are shown."""
     value, name = displayed(float(x), unit)
     return f"{value:{digits}} {name}".rstrip()
+
+
+def time_span(t: Any, digits: str) -> str:
+    """Return the first and the last of times in s as text, in the unit in which times are shown."""
+    return f"{displayed(float(t[0]), 's')[0]:{digits}} to {quantity(t[-1], 's', digits)}"
 
 
 @contextmanager

@@ -234,3 +234,10 @@ def test_the_guide_has_the_tables_of_the_atlas(script, capsys):
     data = {"models": {"a": {"methods": ["x", "y"], "work": {"1e-02": {"solves": [30, -20]}}}}}
     assert list(atlas.rows(data, ["1e-02"]))[1:] == [["`y`", "1; 1; 1"], ["`x`", "0; 1.5; 1"]]
     assert capsys.readouterr().out
+
+
+def test_samples_of_tolerances_agree_with_the_analysis(script):
+    """Loop equations in complex numbers, solved for all samples at once, and the same samples assembled by mbdae."""
+    for name, found in script("tolerance_samples").main(["--brief"]).items():
+        assert max(abs(found["mean"]), abs(found["deviation"])) < 3, name
+        assert found["assembly"] < 1e-12, name

@@ -121,10 +121,11 @@ def test_rates_of_convergence(results):
     slope = study.orders["herk3"][0]
     expected = [np.log2(a / b) for a, b in zip(slope.errors, slope.errors[1:], strict=False)]
     assert slope.rates[1:] == pytest.approx(expected)
-    heads, *rows = study.convergence("herk3")
+    heads, units, *rows = study.convergence("herk3")
     assert heads[:3] == ["herk3", "error q", "rate"]
+    assert units[:4] == ["", "rad", "", "rad/s"]
     sizes = [study.T / n for n in slope.steps]
-    assert [float(row[0].removeprefix("h = ")) for row in rows] == pytest.approx(sizes, rel=1e-3)
+    assert [float(row[0].removeprefix("h = ").removesuffix(" s")) for row in rows] == pytest.approx(sizes, rel=1e-3)
     assert rows[2][2] == f"{expected[1]:.2f}"
     assert f"{slope.errors[0]:.2e}" in str(study)
 

@@ -9,6 +9,7 @@ from scipy.linalg.lapack import dgesv
 from ..data_types import JsonObject
 from ..system import Array
 from ..tolerances import AMBIGUOUS_PIVOT, NEGLIGIBLE
+from ..units import quantity
 from .closures import independent_rows
 from .signals.reactions import mass_scaled_jacobian
 
@@ -48,7 +49,7 @@ class Singular:
     def __str__(self) -> str:
         n, names = len(self.closures), self.closures
         where = ", ".join(names) if n <= 4 else f"{n} closures from {names[0]} to {names[-1]}"
-        return f"rank {self.rank} falls to {self.rank_there} at t = {self.t:.9g} s ({where})"
+        return f"rank {self.rank} falls to {self.rank_there} at t = {quantity(self.t, 's', '.9g')} ({where})"
 
 
 def singular(system: "Index2System", t: float, y: Array, before: tuple[float, Array], limit: float) -> Singular | None:

@@ -28,6 +28,7 @@ class DenseOutput:
 
     def __init__(self) -> None:
         self.rates: dict[int, Array] = {}
+        self.integrals: dict[str, Any] = {}
         self._dense: dict[int, Callable[[float], Array]] = {}
 
     @property
@@ -135,7 +136,7 @@ class DenseOutput:
         return self if self.steps is None else self._view(*self.steps, None)
 
     def _view(self, t: Array, y: Array, z_own: Array, steps: tuple[Array, Array, Array] | None) -> Self:
-        """Return the same run at other times; workspace and rates at the nodes are shared."""
+        """Return the same run at other times; workspace, rates at the nodes and integrals are shared."""
         other: Any = replace(cast(Any, self), t=np.asarray(t), y=np.asarray(y), z_own=np.asarray(z_own), steps=steps)
-        other.__dict__["system"], other.rates = self.system, self.rates
+        other.__dict__["system"], other.rates, other.integrals = self.system, self.rates, self.integrals
         return other

@@ -26,7 +26,7 @@ SUMS = ("kinetic", "potential", "energy")
 RESIDUALS = ("g", "Gv")
 PYTHON_KINDS = ("column", "gap", "load", "position")  # kinds that the core does not support
 STATE_KINDS = ("position", "gap", *SUMS, *RESIDUALS)  # kinds that do not need accelerations
-OF_A_RUN = ("mode", "impulse")  # prefixes of signals without a value at a point
+OF_A_RUN = ("mode", "impulse", "work")  # prefixes of signals without a value at a point
 
 
 class SignalValue(NamedTuple):

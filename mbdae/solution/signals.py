@@ -28,6 +28,7 @@ from .columns import (
     row_names,
 )
 from .mode_columns import mode_columns, mode_units
+from .work_columns import work_columns, work_units
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -118,6 +119,7 @@ FAMILIES = (
     Family(lambda mech: MOMENTUM, lambda sol: momentum(sol.mechanism.model, sol.q, sol.v)),
     Family(lambda mech: SHAKING, lambda sol: shaking_force(sol.mechanism.model, sol.q, sol.v, sol.vdot)),
     Family(mode_units, mode_columns),
+    Family(work_units, work_columns),
     Family(lambda mech: deformation_units(mech.model), lambda sol: deformation(sol.mechanism.model, sol.q)),
     Family(lambda mech: ENERGIES, _energies),
 )
@@ -146,10 +148,11 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
     ``torque.<name>`` (N, N m) of joints, closures and driven distances: the magnitude, with suffix ``.x .y .z`` the
     components along world axes, with ``.1 .2 .3`` along local axes, see
     `mbdae.mechanism.signals.joint_wrenches.reaction_wrenches`; ``effort.<name>``, the generalised force of couplings
-    and drivers (N, N m), ``power.<driver>`` (W); of forces ``torque``, ``force``, ``power`` and
-    ``deflection.<force>``, see `mbdae.mechanism.signals.effort_signals`; of rolling bodies ``contact.<closure>.x`` in
-    m, ``normal``, ``longitudinal`` and ``lateral.<closure>`` in N, and ``friction.<closure>``, the friction coefficient
-    required not to slip.
+    and drivers (N, N m), ``power.<driver>`` (W); of forces ``torque``, ``force``, ``power`` and ``deflection.<force>``;
+    ``work.<name>`` of drivers and forces since the start in J, see `mbdae.solution.work_columns` and
+    `mbdae.mechanism.signals.effort_signals`; of rolling bodies ``contact.<closure>.x`` in m, ``normal``,
+    ``longitudinal`` and ``lateral.<closure>`` in N, and ``friction.<closure>``, the friction coefficient required not
+    to slip.
 
     ``position``, ``velocity`` and ``acceleration.<frame>.x`` of the origins of frames in the world (m, per s, per s^2),
     the magnitudes of the last two without ``.x``; ``com.x`` in m, the centre of mass of the mechanism, ``momentum.x``

@@ -16,6 +16,7 @@ from ..mechanism import Contact, Effort, Impact, Mechanism, NotCompiled, Reactio
 from ..system import Array
 from ..tabular import Columns, Tabular
 from ..textbook.hessenberg import Hessenberg
+from ..units import quantity, time_span
 from .archive import read, write
 from .columns import reaction_of
 from .dense_output import DenseOutput
@@ -267,14 +268,14 @@ class Solution(DenseOutput, Tabular):
 
     def __repr__(self) -> str:
         title = getattr(self.problem, "title", "?")
-        span = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "empty"
+        span = f"{len(self.t)} times from {time_span(self.t, 'g')}" if len(self.t) else "empty"
         return f"<Solution of {title}, {self.settings.get('method', '?')}: {span}, {self.status}>"
 
     def __str__(self) -> str:
         s = self.stats
         rejected = "-" if s["rejected"] is None else s["rejected"]
         return (
-            f"{self.status}: {self.message}, t = {self.t[-1]:g} s\n"
+            f"{self.status}: {self.message}, t = {quantity(self.t[-1], 's', 'g')}\n"
             f"  {s['steps']} steps, {rejected} rejected, {s['solves']} solves, {s['seconds']:.2f} s, {s['backend']}"
         )
 

@@ -7,7 +7,7 @@ a value just before an impact or a mode change counts. Extrema are roots of the 
 by the signal itself; integrals are those of the series (Clenshaw-Curtis).
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import cache
 from operator import itemgetter
@@ -161,27 +161,34 @@ def _integrals(sol: "Solution", ends: dict[str, Array], t: Array) -> dict[str, I
     """Return integrals of smooth signals with these values at the ends of steps."""
     if not ends:
         return {}
-    run, length = _Steps(sol, ends), float(t[-1] - t[0])
-    if not len(run.steps):
+    length, h = float(t[-1] - t[0]), np.diff(t)
+    if not length:
         return {name: Integrals(float(x[0]), float(abs(x[0])), 0.0) for name, x in ends.items()}
-    span = np.array([[np.ptp(x)] for x in ends.values()])
     total, squares = np.zeros(len(ends)), np.zeros(len(ends))
-    steps = run.steps
-    for degree in DEGREES:
-        _, _, series = run.sample(steps, degree)
-        tail = np.abs(series[..., -2:]).max(axis=2)
-        unresolved = (tail > INTEGRAL_TOLERANCE * span).any(axis=0) & (degree < DEGREES[-1])
+    for steps, series in resolved_series(sol, ends):
+        degree = series.shape[2] - 1
         x, weights = np.polynomial.legendre.leggauss(degree + 1)
-        inside = series[:, ~unresolved] @ chebyshev.chebvander(x, degree).T
-        total += (inside @ weights / 2) @ run.h[steps[~unresolved]]
-        squares += (inside**2 @ weights / 2) @ run.h[steps[~unresolved]]
-        steps = steps[unresolved]
-        if not len(steps):
-            break
+        inside = series @ chebyshev.chebvander(x, degree).T
+        total += (inside @ weights / 2) @ h[steps]
+        squares += (inside**2 @ weights / 2) @ h[steps]
     return {
         name: Integrals(float(s / length), float(np.sqrt(max(s2 / length, 0.0))), float(s))
         for name, s, s2 in zip(ends, total, squares, strict=True)
     }
+
+
+def resolved_series(sol: "Solution", names: Collection[str]) -> Iterator[tuple[Array, Array]]:
+    """Yield steps (m,) of a run, each once, and series of smooth signals on them, (names, m, degree + 1)."""
+    run, (ends, _) = _Steps(sol, names), _at_nodes(sol, names)
+    span, steps = np.array([[np.ptp(ends[name])] for name in run.names]), run.steps
+    for degree in DEGREES:
+        if not len(steps):
+            return
+        _, _, series = run.sample(steps, degree)
+        tail = np.abs(series[..., -2:]).max(axis=2)
+        unresolved = (tail > INTEGRAL_TOLERANCE * span).any(axis=0) & (degree < DEGREES[-1])
+        yield steps[~unresolved], series[:, ~unresolved]
+        steps = steps[unresolved]
 
 
 class _Steps:

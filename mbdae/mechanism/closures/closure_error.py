@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...system import Array
+from ...units import quantity
 from ..tree.tree_terms import flexible_bodies
 
 if TYPE_CHECKING:
@@ -41,7 +42,9 @@ def largest_error(mech: "Mechanism", residual: Array, per: str = "") -> ClosureE
     rows = mech.rows_of(worst)
     x, units = residual[rows], mech.row_units[rows]
     terms = [
-        f"{size:.3g} {unit}{per}" for unit in dict.fromkeys(units) if (size := float(np.linalg.norm(x[units == unit])))
+        quantity(size, f"{unit}{per}", ".3g")
+        for unit in dict.fromkeys(units)
+        if (size := float(np.linalg.norm(x[units == unit])))
     ]
     velocity_only = bool(per) and not mech.positional[rows[int(np.abs(x).argmax())]]
     return ClosureError(worst, float(np.linalg.norm(x)), sizes[worst], " and ".join(terms) or "0", velocity_only)

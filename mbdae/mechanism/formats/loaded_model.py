@@ -5,9 +5,7 @@ from functools import lru_cache
 from typing import Any
 
 from ...errors import InputError
-from ..checked_table import Table
 from ..forces import FORCES
-from ..key_units import Unit
 from ..mechanism import Mechanism
 from ..time_functions.time_functions import Constant
 from ..tree.frames import joint_names
@@ -15,8 +13,6 @@ from .body_tables import Body
 from .load import Recipe, recipe_from_mechanism
 from .table_entries import entry_at, first_key
 from .template import CACHE_SIZE, Template, as_body, split_joint
-
-UNKNOWN = {"1", "q", "q1", "q2", "e", "r", "x", "y"}  # symbols of units of joints and functions
 
 
 class LoadedModel(Template):
@@ -54,7 +50,7 @@ def parameter_value(template: Template, name: str) -> float:
         template.check({name: 0.0})
         rest = name
         if name.startswith("joint."):
-            entry, rest = _joint(recipe, name.removeprefix("joint."))
+            entry, rest = joint_entry(recipe, name.removeprefix("joint."))
         while rest:
             key, rest = first_key(entry, rest, name)
             entry = entry_at(entry, key)
@@ -64,26 +60,7 @@ def parameter_value(template: Template, name: str) -> float:
     return float(entry)
 
 
-def parameter_unit(template: Template, name: str) -> str:
-    """Return the unit of the parameter with a dotted name, as declared with its key; "" if it depends on a joint."""
-    recipe = template.recipe({})
-    if name in [p["name"] for p in recipe.parameters]:
-        return ""
-    entry: Any = recipe.file
-    rest, unit = name, None
-    if name.startswith("joint."):
-        entry, rest = _joint(recipe, name.removeprefix("joint."))
-    while rest:
-        key, rest = first_key(entry, rest, name)
-        if isinstance(entry, Table):
-            declared = entry.unit_of(key)
-            unit = declared if isinstance(declared, Unit) else None
-        entry = entry_at(entry, key)
-    text = unit.texts[0] if unit and len(unit.texts) == 1 and not unit.powers_of else ""
-    return "" if set(text.replace("/", " ").split()) & UNKNOWN else text
-
-
-def _joint(recipe: Recipe, path: str) -> tuple[Body, str]:
+def joint_entry(recipe: Recipe, path: str) -> tuple[Body, str]:
     """Return the joint of a source as a body table, and the key within it."""
     for source, part in zip(recipe.file.source, recipe.parts, strict=True):
         names = [source.prefix + n for n in joint_names(part.model)]

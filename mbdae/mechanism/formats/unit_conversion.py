@@ -63,7 +63,7 @@ class Conversion:
 
     def table(self, table: Any, symbols: UnitSymbols | None = None) -> Any:
         """Return a table in SI; keys that were left out keep their defaults."""
-        known = {**(symbols or {}), **self._joint_symbols(table), **table.unit_symbols()}
+        known = {**(symbols or {}), **self.joint_symbols(table), **table.unit_symbols()}
         given = {key: getattr(table, key) for key in type(table).model_fields if key in table.model_fields_set}
         return type(table)(**{key: self._key(table, key, value, known) for key, value in given.items()})
 
@@ -107,14 +107,22 @@ class Conversion:
         """Return the coordinates of a joint, or one with its name, ``q.crank``."""
         if isinstance(value, str):
             return value
-        prefix = f"{'v' if per_time else 'q'}.{name}"
-        known = [u for key, u in self.coordinates.items() if key in (name, prefix) or key.startswith(f"{prefix}.")]
+        known = self._coordinate_units(name, per_time)
         values = value if isinstance(value, tuple) else (value,)
         units = known if len(known) == len(values) else ["1"] * len(values)  # others: cosine and sine of an angle
         out = tuple(self.units.factor(u).apply(x) for x, u in zip(values, units, strict=True))
         return out if isinstance(value, tuple) else out[0]
 
-    def _joint_symbols(self, table: Any) -> UnitSymbols:
+    def coordinate_unit(self, name: str, per_time: bool) -> str:
+        """Return the unit in SI of the coordinate of a joint, or of one of several, ``base.x``; "" if they differ."""
+        found = set(self._coordinate_units(name, per_time))
+        return found.pop() if len(found) == 1 else ""
+
+    def _coordinate_units(self, name: str, per_time: bool) -> list[str]:
+        prefix = f"{'v' if per_time else 'q'}.{name}"
+        return [u for key, u in self.coordinates.items() if key in (name, prefix) or key.startswith(f"{prefix}.")]
+
+    def joint_symbols(self, table: Any) -> UnitSymbols:
         """Return the units of the coordinates of the joints of a table, of their effort and of a closure's slip."""
         if closure := getattr(table, "closure", ""):
             return {"q": "rad" if self.closures.get(closure) in ROTATES else "m"} if isinstance(closure, str) else {}

@@ -8,6 +8,7 @@ import numpy as np
 from ...errors import UnknownNameError
 from ...system import Array
 from ...tolerances import VISIBLE
+from ...units import displayed, quantity
 from ..closures.contact import ContactHeightRow, ConvexBody, NoSlipRows
 from ..closures.kinds.rolling import RollingClosure
 from ..closures.line_rows import at_rest
@@ -60,11 +61,12 @@ class Contact:
         friction = float(np.nanmax(self.friction)) if np.isfinite(self.friction).any() else np.nan
         ahead, left = (float(np.abs(x).max(initial=0.0)) for x in (self.longitudinal, self.lateral))
         lines = [
-            f"contact {self.name}: N {low:.4g} to {high:.4g} N, ahead up to {ahead:.4g} N, "
-            f"to the left up to {left:.4g} N, friction needed {friction:.3g}"
+            f"contact {self.name}: N {displayed(low, 'N')[0]:.4g} to {quantity(high, 'N', '.4g')}, "
+            f"ahead up to {quantity(ahead, 'N', '.4g')}, to the left up to {quantity(left, 'N', '.4g')}, "
+            f"friction needed {friction:.3g}"
         ]
         if self.lifts_off is not None:
-            lines.append(f"  N is negative from t = {self.lifts_off:.6g} s: it would separate")
+            lines.append(f"  N is negative from t = {quantity(self.lifts_off, 's')}: it would separate")
         if ambiguous := [name for name, unique in zip(FORCES, self.unique, strict=True) if not unique]:
             lines.append(f"  not unique: {', '.join(ambiguous)} ({NOT_UNIQUE})")
         return "\n".join(lines)

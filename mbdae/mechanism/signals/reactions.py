@@ -8,6 +8,7 @@ import numpy as np
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import VISIBLE
+from ...units import quantity
 from ..closures import independent_rows
 from ..closures.driver import Driver
 from ..tree.frames import skew
@@ -46,7 +47,8 @@ class Reaction:
 
     def __str__(self) -> str:
         largest = [float(np.linalg.norm(x, axis=1).max(initial=0.0)) for x in (self.force, self.torque)]
-        lines = [f"reaction of {self.name}: force up to {largest[0]:.4g} N, torque up to {largest[1]:.4g} N m"]
+        force, torque = quantity(largest[0], "N", ".4g"), quantity(largest[1], "N m", ".4g")
+        lines = [f"reaction of {self.name}: force up to {force}, torque up to {torque}"]
         names = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
         if ambiguous := [name for name, unique in zip(names, self.unique, strict=True) if not unique]:
             lines.append(f"  not unique: {', '.join(ambiguous)} ({NOT_UNIQUE})")
@@ -77,7 +79,7 @@ class Effort:
 
     def __str__(self) -> str:
         effort, power = (float(np.abs(x).max(initial=0.0)) for x in (self.effort, self.power))
-        text = f"effort of {self.name}: up to {effort:.4g} N m or N, power up to {power:.4g} W"
+        text = f"effort of {self.name}: up to {effort:.4g} N m or N, power up to {quantity(power, 'W', '.4g')}"
         return text if self.unique else f"{text}\n  not unique ({NOT_UNIQUE})"
 
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import pinocchio as pin
 
+from ...units import common_unit
 from .frames import find_joint, joint_names
 
 if TYPE_CHECKING:
@@ -68,3 +69,21 @@ def coordinate_units_of(model: pin.Model) -> dict[str, str]:
 def acceleration_units(mech: "Mechanism") -> dict[str, str]:
     """Return the units of ``a.*``, the components of v': rad/s^2 or m/s^2."""
     return {f"a.{name[2:]}": f"{unit}^2" for name, unit in coordinate_units(mech).items() if name.startswith("v.")}
+
+
+def quantity_units(mech: "Mechanism") -> dict[str, str]:
+    """Return the units of the largest of all components of q, v (in the tangent), lam, g and G v by name.
+
+    A list, ``"rad, m"``, where components have several; ``own lam`` are the multipliers of the method.
+    """
+    rates = [unit for name, unit in coordinate_units(mech).items() if name.startswith("v.")]
+    positional = (unit for unit, has_g in zip(mech.row_units, mech.positional, strict=True) if has_g)
+    lam = common_unit("N" if unit == "m" else "N m" for unit in mech.row_units)
+    return {
+        "q": common_unit(unit.removesuffix("/s") for unit in rates),
+        "v": common_unit(rates),
+        "own lam": lam,
+        "lam": lam,
+        "g": common_unit(positional),
+        "Gv": common_unit(f"{unit}/s" for unit in mech.row_units),
+    }

@@ -36,7 +36,7 @@ QUANTITY = click.option(
 @command(
     "rtol steps repeats workers fresh",
     PLOT,
-    shared="methods t_span backend",
+    shared="methods t_span backend units",
     more=[FORMULATIONS, QUANTITY, FILES],
 )
 def compare(

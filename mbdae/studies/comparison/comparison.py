@@ -13,6 +13,8 @@ from ...integrate.steppers.solvers import SOLVERS
 from ...methods import METHODS
 from ...methods.variational import NewtonMethod
 from ...tabular import Columns, Tabular
+from ...units import display_units, displayed
+from ...units import quantity as quantity_text
 from .ranking import RankingEntry, rank, sentence, targets
 from .run_result import RunResult, nonnegative, read_point
 
@@ -22,10 +24,9 @@ if TYPE_CHECKING:
 KNOWN_ERROR_RATIO = 5.0  # to the uncertainty of the reference: larger errors are known
 Work = Literal["solves", "seconds", "f"]
 SHOWN: tuple[Work, ...] = ("solves", "seconds")  # in sentences and reports
-QUANTITIES = {"q": "rad, m", "v": "rad/s, m/s", "lam": "N, N m"}
+QUANTITIES = {"q": "rad, m", "v": "rad/s, m/s", "lam": "N, N m"}  # and their units
+RESIDUALS = {"g": "m, rad", "Gv": "m/s, rad/s"}
 TEXTBOOK_QUANTITIES = ("y", "z")
-UNITS = {**{f"{what}_{name}": unit for what in ("error", "end") for name, unit in QUANTITIES.items()},
-         "g": "m, rad", "Gv": "m/s, rad/s", "seconds": "s"}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,8 @@ class Comparison(Tabular):
             ``"z"`` of
             a textbook problem: the uncertainty of the reference.
         complete: False if the comparison was stopped before its end.
-        meta: key of the settings, versions, command, machine, back end, the reason why runs cannot use the core, and
-            the number of requested runs.
+        meta: key of the settings, versions, command, machine, back end, the reason why runs cannot use the core, units
+            of quantities, and the number of requested runs.
     """
 
     title: str
@@ -70,10 +71,16 @@ class Comparison(Tabular):
         """Quantities of the errors: q, v and lam of a mechanism, y and z of a textbook problem."""
         return tuple(self.uncertainty)
 
+    def unit(self, name: str) -> str:
+        """Return the unit of a quantity in SI, or of g and Gv; a list for several; "" for a textbook problem."""
+        known = QUANTITIES | RESIDUALS if "v" in self.uncertainty else {}
+        return {**known, **self.meta.get("units", {})}.get(name, "")
+
     @property
     def trust(self) -> str:
         """Description of the reference and its uncertainty."""
-        known = ", ".join(f"{u:.1e} in {name}" for name, u in self.uncertainty.items())
+        shown = {name: displayed(u, self.unit(name))[0] for name, u in self.uncertainty.items()}
+        known = ", ".join(f"{u:.1e} in {name}" for name, u in shown.items())
         if not self.witness:
             return f"{self.reference}, known to {known}"
         return f"{self.reference}; {self.witness} differs by {known}"
@@ -149,11 +156,10 @@ class Comparison(Tabular):
     def sentences(self, quantity: str | None = None) -> list[str]:
         """Return a sentence for each power of ten that at least two methods reach."""
         name = self.quantity(quantity)
-        unit = " or ".join(QUANTITIES[name].split(", ")) if name in QUANTITIES else ""
         out = []
         for target in self.targets(name):
             parts = [sentence(self.ranking(target, work=work, quantity=name), work) for work in SHOWN]
-            head = f"error in {name} of {target:.0e} {unit}".rstrip()
+            head = f"error in {name} of {quantity_text(target, self.unit(name), '.0e')}".replace(", ", " or ")
             out.append(f"{head}: " + "; ".join(p for p in parts if p))
         return out
 
@@ -164,6 +170,8 @@ class Comparison(Tabular):
 
     def to_dict(self) -> JsonObject:
         """Return JSON data."""
+        with display_units():
+            ranking = self.sentences()
         return {
             "title": self.title,
             "t_span": list(self.t_span),
@@ -173,7 +181,7 @@ class Comparison(Tabular):
             "complete": self.complete,
             "meta": self.meta,
             "points": [{**p.row(self.quantities), "known": self.known(p)} for p in self.points],
-            "ranking": self.sentences(),
+            "ranking": ranking,
         }
 
     def cells(self) -> list[list[str]]:
@@ -196,7 +204,21 @@ class Comparison(Tabular):
         rows = rows or [dict.fromkeys([*RunResult("", None, None, "").row(self.quantities), "known", "about"])]
         rows[0]["about"] = json.dumps(rest)
         rows = [{**row, "times": " ".join(map(repr, row["times"] or ()))} for row in rows]
-        return Columns({name: [row[name] for row in rows] for name in rows[0]}, UNITS)
+        units = {f"{what}_{name}": self.unit(name) for what in ("error", "end") for name in self.quantities}
+        units |= {name: self.unit(name) for name in ("g", "Gv")} | {"seconds": "s"}
+        return Columns({name: [row[name] for row in rows] for name in rows[0]}, units)
+
+    def save(self, path: str | Path) -> None:
+        """Write as `Tabular.save`; .csv in SI units, since it is read again.
+
+        Raises:
+            InputError: as `Tabular.save`.
+        """
+        if Path(path).suffix != ".csv":
+            super().save(path)
+            return
+        with display_units():
+            super().save(path)
 
     @classmethod
     def load(cls, path: str | Path) -> "Comparison":

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, floor, log
 
+from ...units import quantity
+
 Runs = Sequence[tuple[float, float]]  # (error, work), from coarse to fine
 
 
@@ -81,5 +83,5 @@ def sentence(entries: Sequence[RankingEntry], work: str) -> str:
 
 
 def _amount(value: float, work: str, bound: bool) -> str:
-    text = f"{value:.0f}" if work == "solves" else f"{value:.3g} s"
+    text = f"{value:.0f}" if work == "solves" else quantity(value, "s", ".3g")
     return f"at most {text}" if bound else text

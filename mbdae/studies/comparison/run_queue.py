@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from ...backend import machine_description
 from ...errors import InputError
 from ...mechanism import Mechanism
+from ...mechanism.tree.coordinate_units import quantity_units
 from ...methods import Tableau
 from ...solution.archive import problem_data
 from ...solution.provenance import versions
@@ -84,6 +85,8 @@ class RunQueue:
         self.samples: Samples | None = None
         about = {"versions": versions(), "command": sys.argv, "machine": machine_description(), "runs": len(trials)}
         self.meta = {"key": self.key(), **about, "backend": motion.backend, "because": motion.because}
+        if isinstance(motion.problem, Mechanism):
+            self.meta["units"] = quantity_units(motion.problem)
         if path and path.exists() and not fresh:
             self._read(path)
 

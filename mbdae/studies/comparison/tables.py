@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from ...tabular import align_columns
+from ...units import displayed, quantity, unit_name
 from ..drift.drift import format_tolerance
 from .run_result import COUNTS
 
@@ -17,41 +18,59 @@ def comparison_table(result: "Comparison") -> str:
     """Return all runs of a comparison as a table, after the reference and before the ranking."""
     t0, t1 = result.t_span
     lines = [
-        f"comparison on {result.title}, {t0:g} to {t1:g} s"
+        f"comparison on {result.title}, {displayed(t0, 's')[0]:g} to {quantity(t1, 's', 'g')}"
         + ("" if result.complete else f" (stopped: {len(result.points)} of {result.requested} runs so far)"),
         f"reference: {result.trust}; < marks errors below its uncertainty",
         f"all runs: {result.computed_by}",
         "",
     ]
-    heads, rows = comparison_rows(result)
+    heads, units = comparison_heads(result)
+    rows = [*([units] if any(units[:-1]) else []), *comparison_rows(result)[1]]
     ranking = [t.replace(": ", ":\n  ", 1).replace("; fastest", "\n  fastest") for t in result.sentences()]
     omitted = ["", "omitted:", *(f"  {reason}" for reason in result.omitted.values())] if result.omitted else []
     return "\n".join([*lines, *align_columns([heads, *rows]), "", *ranking, *omitted]).rstrip()
 
 
 def comparison_rows(result: "Comparison") -> tuple[list[str], list[list[str]]]:
-    """Return headings and rows of the table as text."""
+    """Return headings with units, and rows, of the table as text."""
+    heads = [f"{name} ({unit})" if unit else name for name, unit in zip(*comparison_heads(result), strict=True)]
+    return heads, [_row(result, p) for p in result.points]
+
+
+def comparison_heads(result: "Comparison") -> tuple[list[str], list[str]]:
+    """Return headings of the table, and the units of its columns as they are shown."""
     fixed = result.points and all(p.n is not None for p in result.points)
     residuals = ("|g|", "|G v|", "energy") if "v" in result.quantities else ("|g|", "|g'|")
     counts = [ABBREVIATIONS.get(name, name) for name in COUNTS]
     errors = [f"error {name}" for name in result.quantities]
     mixed = any(p.n is not None for p in result.points)
     setting = "fixed steps" if fixed else "rtol or steps" if mixed else "rtol"
-    heads = ["method", setting, *errors, *residuals, *counts, "seconds"]
-    return heads, [_row(result, p, len(residuals)) for p in result.points]
+    units = [*map(result.unit, result.quantities), result.unit("g"), result.unit("Gv")]
+    heads = ["method", setting, *errors, *residuals, *counts, "time"]
+    shown = [*map(unit_name, units), *[""] * (len(heads) - len(units) - 3), unit_name("s")]
+    return heads, ["", "", *shown]
 
 
-def _row(result: "Comparison", p: "RunResult", n_residuals: int) -> list[str]:
+def _residuals(result: "Comparison") -> int:
+    """Return the number of residuals of a run: |g| and |G v|, and for a mechanism the energy."""
+    return 3 if "v" in result.quantities else 2
+
+
+def _row(result: "Comparison", p: "RunResult") -> list[str]:
+    n_residuals = _residuals(result)
     setting = format_tolerance(p.rtol) if p.rtol is not None else f"{p.n} steps"
     counts = ["-" if getattr(p, name) is None else str(getattr(p, name)) for name in COUNTS]
-    seconds = "-" if p.seconds is None else f"{p.seconds:.3f}"
+    seconds = "-" if p.seconds is None else f"{displayed(p.seconds, 's')[0]:.3f}"
     if not p.success:
         missing = ["-"] * (len(result.quantities) - 1 + n_residuals)
         return [p.method, setting, p.status, *missing, *counts, seconds]
     errors = [_error(result, p, name) for name in result.quantities]
-    drift = ["-" if x is None else f"{x:.1e}" for x in (p.g, p.Gv, p.energy)[:n_residuals]]
+    residuals = zip((p.g, p.Gv, p.energy), (result.unit("g"), result.unit("Gv"), ""), strict=True)
+    drift = ["-" if x is None else f"{displayed(x, unit)[0]:.1e}" for x, unit in residuals][:n_residuals]
     return [p.method, setting, *errors, *drift, *counts, seconds]
 
 
 def _error(result: "Comparison", p: "RunResult", quantity: str) -> str:
-    return f"{p.errors[quantity]:.1e}" if result.known(p, quantity) else f"<{result.floor(quantity):.1e}"
+    known, unit = result.known(p, quantity), result.unit(quantity)
+    error = displayed(p.errors[quantity] if known else result.floor(quantity), unit)[0]
+    return f"{'' if known else '<'}{error:.1e}"

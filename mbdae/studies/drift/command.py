@@ -25,7 +25,7 @@ LIMIT = click.option(
 )
 
 
-@command("long", TABLE, PLOT, shared=f"methods {RUN}", subject=TARGETS, more=[start_option, set_option, LIMIT])
+@command("long", TABLE, PLOT, shared=f"methods {RUN} units", subject=TARGETS, more=[start_option, set_option, LIMIT])
 def drift(
     study: Study, out: Output, targets: tuple[str, ...], limit: float | None, long: bool | None, **options: Any
 ) -> None:

@@ -8,10 +8,12 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import require
+from ...mechanism.tree.coordinate_units import quantity_units
 from ...solution.columns import energy_balance, residuals
 from ...solution.solution import Solution
 from ...tabular import Columns, Tabular
 from ...textbook.hessenberg import Hessenberg
+from ...units import displayed, quantity
 from ..method_variant import variant_from_settings
 from .long_time import momentum_changes, reject_textbook, reversal_error
 from .trend import linear_trend
@@ -34,6 +36,8 @@ class History:
         g: max |g| over rows (m, rad), (n,).
         Gv: max |G v| over rows (m/s, rad/s), (n,).
         energy: |E - E_0 - W| over the energy scale of `Drift`, (n,); None for a textbook problem.
+        unit: of g, a list for rows of several, ``"m, rad"``; "" for a textbook problem.
+        rate_unit: of Gv.
     """
 
     title: str
@@ -43,6 +47,8 @@ class History:
     g: np.ndarray
     Gv: np.ndarray
     energy: np.ndarray | None
+    unit: str = ""
+    rate_unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,7 @@ class Drift(Tabular):
         reversal: differences of q (m, rad) and v (m/s, rad/s) at the start after a run back from the end; None unless
             asked for, or if that run ended early.
         history: residuals over time.
+        units: of ``g_max``, ``g_end``, ``Gv_max`` and ``Gv_end``: those of the rows with the largest residuals.
     """
 
     title: str
@@ -89,6 +96,7 @@ class Drift(Tabular):
     energy_trend: float | None
     energy_trend_error: float | None
     history: History = field(repr=False, compare=False)
+    units: dict[str, str] = field(default_factory=dict, kw_only=True)
     momenta: dict[str, float] | None = None
     reversal: tuple[float, float] | None = None
 
@@ -113,22 +121,26 @@ class Drift(Tabular):
         """Return largest |g| and |G v|, and the relative error of the energy balance, over time."""
         h = self.history
         columns = {"t": h.t, "g": h.g, "Gv": h.Gv} | ({} if h.energy is None else {"energy": h.energy})
-        return Columns(columns, {"t": "s", "g": "m, rad", "Gv": "m/s, rad/s", "energy": "1"}, "t")
+        return Columns(columns, {"t": "s", "g": h.unit, "Gv": h.rate_unit, "energy": "1"}, "t")
 
     def cells(self) -> list[list[str]]:
         """Return largest and last residuals, and the energy balance."""
         rows = [
             ["", "max", "at the end"],
-            ["|g|", f"{self.g_max:.2e}", f"{self.g_end:.2e}"],
-            [self._rate, f"{self.Gv_max:.2e}", f"{self.Gv_end:.2e}"],
+            ["|g|", self.shown("g_max"), self.shown("g_end")],
+            [self._rate, self.shown("Gv_max"), self.shown("Gv_end")],
         ]
         if self.energy_error is None:
             return rows
         return [
             *rows,
-            ["energy balance (J)", f"{self.energy_error:.2e}", "-"],
+            ["energy balance", quantity(self.energy_error, "J", ".2e"), "-"],
             ["energy balance, relative", f"{self.energy_relative:.2e}", "-"],
         ]
+
+    def shown(self, name: str) -> str:
+        """Return a residual, ``"g_max"``, as text with its unit."""
+        return quantity(getattr(self, name), self.units.get(name, ""), ".2e")
 
     @property
     def _rate(self) -> str:
@@ -154,15 +166,16 @@ class Drift(Tabular):
         )
         wide = len(self._rate)
         lines = [
-            f"drift of {self.title}, {self.label}, t = {self.t_end:g} s",
-            f"  {'|g|':{wide}}  max {self.g_max:.2e}{worst}, at the end {self.g_end:.2e}{free}",
-            f"  {self._rate}  max {self.Gv_max:.2e}, at the end {self.Gv_end:.2e}",
+            f"drift of {self.title}, {self.label}, t = {quantity(self.t_end, 's', 'g')}",
+            f"  {'|g|':{wide}}  max {self.shown('g_max')}{worst}, at the end {self.shown('g_end')}{free}",
+            f"  {self._rate}  max {self.shown('Gv_max')}, at the end {self.shown('Gv_end')}",
         ]
         if self.energy_error is not None:
-            relative = f"{self.energy_relative:.2e} (work {self.work_end:.4g} J)"
-            lines.append(f"  energy balance {self.energy_error:.2e} J, relative {relative}")
+            relative = f"{self.energy_relative:.2e} (work {quantity(self.work_end or 0.0, 'J', '.4g')})"
+            lines.append(f"  energy balance {quantity(self.energy_error, 'J', '.2e')}, relative {relative}")
         if self.energy_trend is not None:
-            lines.append(f"  energy trend {self.energy_trend:.1e} +- {self.energy_trend_error:.1e} J/s")
+            spread = quantity(self.energy_trend_error or 0.0, "J/s", ".1e")
+            lines.append(f"  energy trend {displayed(self.energy_trend, 'J/s')[0]:.1e} +- {spread}")
         if self.momenta is not None:
             changes = ", ".join(f"{name} {x:.1e}" for name, x in self.momenta.items())
             lines.append(f"  conserved momenta, relative change: {changes or 'none'}")
@@ -194,7 +207,7 @@ def run_labels(sol: Solution) -> tuple[str, str]:
     """Return the method of a run as a `mbdae.studies.method_variant.Variant`, also with its step size or rtol."""
     method, settings = str(variant_from_settings(sol.settings)), sol.settings
     control = (
-        f"h = {settings['step']:g} s"
+        f"h = {quantity(settings['step'], 's', 'g')}"
         if "step" in settings
         else f"rtol {format_tolerance(settings.get('rtol', np.nan))}"
     )
@@ -234,8 +247,15 @@ def drift(sol: Solution, *, long: bool = False) -> Drift:
     history = History(
         mech.title, method, label, sol.t, gaps.max(axis=1, initial=0.0), rates.max(axis=1, initial=0.0),
         error / (scale if 0 < scale < np.inf else 1.0),
+        quantity_units(mech)["g"], quantity_units(mech)["Gv"],
     )  # fmt: skip
-    where = mech.row_names[int(np.unravel_index(gaps.argmax(), gaps.shape)[1])] if mech.positional.any() else ""
+    where = mech.row_names[_largest_row(gaps)] if mech.positional.any() else ""
+    units = {
+        f"{name}_{what}": f"{mech.row_units[_largest_row(values)]}{per}"
+        for name, x, per in (("g", gaps, ""), ("Gv", rates, "/s"))
+        for what, values in (("max", x), ("end", x[-1:]))
+        if mech.ng
+    }
     return Drift(
         title=mech.title,
         method=method,
@@ -255,4 +275,10 @@ def drift(sol: Solution, *, long: bool = False) -> Drift:
         history=history,
         momenta=momentum_changes(sol) if long else None,
         reversal=reversal_error(sol) if long else None,
+        units=units,
     )
+
+
+def _largest_row(values: np.ndarray) -> int:
+    """Return the row with the largest of values (n, ng)."""
+    return int(np.unravel_index(values.argmax(), values.shape)[1])

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...units import common_unit, displayed, unit_name
 from ..figures import (
     WIDTH,
     curve_style,
@@ -35,16 +36,18 @@ def drifts(runs: Sequence[History]) -> "Figure":
     titles = list(dict.fromkeys(run.title for run in runs))
     distinct = len({run.method for run in runs}) == len(runs)
     energies = any(run.energy is not None for run in runs)
+    unit = common_unit(filter(None, (run.unit for run in runs)))
     for i, run in enumerate(runs):
         style = line_style(run.method) | ({} if distinct else curve_style(i))
         label = run.label if len(titles) == 1 else f"{run.title}: {run.label}"
-        for ax, values in ((top, run.g), (bottom, run.energy if energies else run.Gv)):
+        for ax, values in ((top, displayed(run.g, unit)[0]), (bottom, run.energy if energies else run.Gv)):
             if values is not None:
-                _line(ax, run.t, values, (i + 0.5) / len(runs), label=escaped(label), **style)
-    top.set_ylabel("max $|g|$ (m, rad)" if energies else "max $|g|$")
+                _line(ax, displayed(run.t, "s")[0], values, (i + 0.5) / len(runs), label=escaped(label), **style)
+    top.set_ylabel(f"max $|g|$ {f'({unit_name(unit)})' * bool(unit)}".rstrip())
     bottom.set_ylabel("$|E - E_0 - W|$ / scale" if energies else "max $|g_t + g_y f|$")
-    bottom.set_xlabel("$t$ (s)")
-    bottom.set_xlim(min(run.t[0] for run in runs), max(run.t[-1] for run in runs))
+    bottom.set_xlabel(f"$t$ ({unit_name('s')})")
+    span = min(run.t[0] for run in runs), max(run.t[-1] for run in runs)
+    bottom.set_xlim(*displayed(np.array(span), "s")[0])
     figure.align_ylabels([top, bottom])
     legend_right(top)
     figure.suptitle(escaped(f"Drift of {', '.join(titles)}"), fontsize=9)

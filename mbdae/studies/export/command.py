@@ -11,7 +11,7 @@ UNIT = output_file("-o", "--output", required=True, suffixes=(".fmu",), help="Th
 
 @command("kind inputs outputs parameters", UNIT, shared="method step rtol")
 def export(study: Study, out: Output, model: ChosenModel, **options: Any) -> None:
-    """Write a model as an FMU (FMI 3.0) for other simulation programs, with the compiled core inside."""
+    """Write a model as an FMU for other programs. It is one of FMI 3.0, with the compiled core inside."""
     given = {name: x for name, x in options.items() if x is not None}
     found = study(model.load(), out.written[0], **given)
     out.emit(found.to_dict(), str(found), [])

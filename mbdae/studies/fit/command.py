@@ -32,7 +32,7 @@ def _exit_code(found: "Fit") -> int:
     TABLE,
     PAGE,
     PLOT,
-    shared="method rtol step",
+    shared="method rtol step units",
     more=DATA,
     types={"starts": click.IntRange(min=1), "seed": click.IntRange(min=0)},
     exit_code=_exit_code,

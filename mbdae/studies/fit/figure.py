@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ...units import displayed
 from ..figures import WIDTH, empty_figure, escaped, fixed_layout
 from .result import Fit
 
@@ -20,16 +21,17 @@ def compared(fit: Fit) -> "Figure":
     figure = empty_figure(WIDTH, HEIGHT * len(panels) + 0.3)
     axes = figure.subplots(len(panels), 2, squeeze=False, width_ratios=(2, 1))
     for (left, right), (i, name) in zip(axes, panels, strict=True):
-        t = fit.times[i]
-        left.plot(t, fit.measured[i][name], ".", color=COLOURS[1], markersize=3, label="measured")
-        left.plot(t, fit.computed[i][name], color=COLOURS[0], label="computed")
+        (t, time), of = displayed(fit.times[i], "s"), fit.units.get(name, "")
+        measured, unit = displayed(fit.measured[i][name], of)
+        left.plot(t, measured, ".", color=COLOURS[1], markersize=3, label="measured")
+        left.plot(t, displayed(fit.computed[i][name], of)[0], color=COLOURS[0], label="computed")
         source = f", {Path(fit.names[i]).name}" if len(fit.names) > 1 else ""
-        left.set_ylabel(escaped(f"{name}{source} ({fit.units[name]})" if fit.units.get(name) else name + source))
-        left.set_xlabel("$t$ (s)")
+        left.set_ylabel(escaped(f"{name}{source} ({unit})" if unit else name + source))
+        left.set_xlabel(f"$t$ ({time})")
         right.plot(t, fit.residuals[i][name], ".", color=COLOURS[0], markersize=3)
         right.axhline(0.0, color="0.4", linewidth=0.7)
         right.set_ylabel("residual / noise level")
-        right.set_xlabel("$t$ (s)")
+        right.set_xlabel(f"$t$ ({time})")
     axes[0][0].legend()
     ratio = fit.chi2 / fit.dof if fit.dof else float("nan")
     figure.suptitle(escaped(f"Fit of {fit.model}: chi^2 / degrees of freedom = {ratio:.3g}"), fontsize=9)

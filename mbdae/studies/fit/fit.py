@@ -19,6 +19,7 @@ from scipy.special import chdtrc
 from ...errors import InputError, MbdaeError, as_list, require
 from ...mechanism import Mechanism
 from ...mechanism.formats.loaded_model import parameter_value
+from ...mechanism.formats.parameter_units import parameter_units
 from ...mechanism.formats.template import Template
 from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
@@ -283,5 +284,5 @@ def _result(search: _Search, attempts: list[Attempt]) -> Fit:
         computed, [record.columns for record in problem.recordings], [record.t for record in problem.recordings],
         [record.name for record in problem.recordings], problem.runs, problem.gradients, best.converged, best.message,
         attempts, {name: all_units[name] for record in problem.recordings for name in record.columns},
-        tuple(problem.all_rejected),
+        tuple(problem.all_rejected), parameter_units(problem.make, names),
     )  # fmt: skip

@@ -33,10 +33,10 @@ def page(fit: Fit) -> str:
 
 def _values(fit: Fit) -> str:
     rows = [
-        [name, f"{x:.8g}", f"{fit.deviations[name]:.2g}", "at its bound" if name in fit.at_bounds else ""]
-        for name, x in fit.values.items()
+        [name, f"{x:.8g}", f"{d:.2g}", unit, "at its bound" if name in fit.at_bounds else ""]
+        for name, (x, d, unit) in ((name, fit.displayed(name)) for name in fit.values)
     ]
-    return elements().captioned("Values", [["parameter", "value", "standard deviation", ""], *rows])
+    return elements().captioned("Values", [["parameter", "value", "standard deviation", "unit", ""], *rows])
 
 
 def _correlations(fit: Fit) -> str:
@@ -46,10 +46,12 @@ def _correlations(fit: Fit) -> str:
 
 
 def _searches(fit: Fit) -> str:
-    heads = [*(f"{name}, start" for name in fit.values), *fit.values, "chi-squared", ""]
+    units = {name: fit.displayed(name)[2] for name in fit.values}
+    named = [f"{name} ({unit})" if unit else name for name, unit in units.items()]
+    heads = [*(f"{name}, start" for name in named), *named, "chi-squared", ""]
     rows = [
-        [f"{x:.6g}" for x in s.start.values()]
-        + ([f"{x:.6g}" for x in s.values.values()] or ["-"] * len(fit.values))
+        [f"{fit.displayed(name, x)[0]:.6g}" for name, x in s.start.items()]
+        + ([f"{fit.displayed(name, x)[0]:.6g}" for name, x in s.values.items()] or ["-"] * len(fit.values))
         + [f"{s.chi2:.6g}", "" if s.converged else s.message]
         for s in sorted(fit.searches, key=lambda s: s.chi2)
     ]

@@ -11,6 +11,7 @@ from ...file_io import write_page
 from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import SOLUTION_ROUNDING, THREE_DIGITS, VISIBLE
+from ...units import displayed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,6 +59,7 @@ class Fit(Tabular):
         searches: one for each start.
         units: of the signals.
         rejected: reasons of the trials whose runs failed or had no derivative.
+        parameter_units: units of the parameters; "" if unknown.
     """
 
     model: str
@@ -82,6 +84,7 @@ class Fit(Tabular):
     searches: list[Attempt] = field(default_factory=list, repr=False)
     units: dict[str, str] = field(default_factory=dict, repr=False)
     rejected: tuple[str, ...] = field(default=(), repr=False)
+    parameter_units: dict[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def agreeing(self) -> int:
@@ -107,6 +110,7 @@ class Fit(Tabular):
             "refuted": self.refuted,
             "untold": [list(group) for group in self.untold],
             "units": self.units,
+            "parameter_units": self.parameter_units,
             "covariance": self.covariance.tolist(),
             "correlations": self.correlations.tolist(),
             "searches": [s._asdict() for s in self.searches],
@@ -135,14 +139,22 @@ class Fit(Tabular):
         write_page(path, lambda: page(self), "a fit")
 
     def tabulated(self) -> Columns:
-        """Return names, values and standard deviations of the parameters."""
-        columns = {"parameter": list(self.values), "value": list(self.values.values())}
-        return Columns({**columns, "deviation": [self.deviations[name] for name in self.values]})
+        """Return names, values and standard deviations of the parameters, in the units in which results are shown."""
+        values, deviations, units = zip(*(self.displayed(name) for name in self.values), strict=True)
+        columns = {"parameter": list(self.values), "value": list(values), "deviation": list(deviations)}
+        return Columns({**columns, "unit": list(units)})
 
     def cells(self) -> list[list[str]]:
         """Return values and standard deviations."""
-        rows = [[name, f"{x:.8g}", f"{self.deviations[name]:.2g}"] for name, x in self.values.items()]
-        return [["parameter", "value", "deviation"], *rows]
+        shown = {name: self.displayed(name) for name in self.values}
+        return [["parameter", "value", "deviation", "unit"],
+                *([name, f"{x:.8g}", f"{d:.2g}", unit] for name, (x, d, unit) in shown.items())]  # fmt: skip
+
+    def displayed(self, name: str, value: float | None = None) -> tuple[float, float, str]:
+        """Return value and deviation of a parameter, and their unit, as they are shown; or those of another value."""
+        of = self.parameter_units.get(name, "")
+        x, unit = displayed(self.values[name] if value is None else value, of)
+        return x, displayed(self.deviations[name], of)[0], unit
 
     def remarks(self) -> list[str]:
         """Return the quality of the fit, and unidentifiable parameters."""
@@ -157,9 +169,10 @@ class Fit(Tabular):
 
     def __str__(self) -> str:
         lines = [f"fit of {self.model}: {self.runs} runs, {self.gradients} with derivatives"]
-        for name, value in self.values.items():
+        for name in self.values:
             mark = " (at its bound)" if name in self.at_bounds else ""
-            lines.append(f"  {name:36s} {value:14.8g} +- {self.deviations[name]:.2g}{mark}")
+            value, deviation, unit = self.displayed(name)
+            lines.append(f"  {name:36s} {value:14.8g} +- {deviation:.2g} {unit}".rstrip() + mark)
         ratio = self.chi2 / self.dof if self.dof else np.nan
         lines.append(f"  chi^2 / degrees of freedom = {self.chi2:.4g} / {self.dof} = {ratio:.3g}")
         names = list(self.values)

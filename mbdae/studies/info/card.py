@@ -21,7 +21,7 @@ from ...mechanism.tree.tree_terms import flexible_bodies
 from ...system import Array
 from ...tabular import Tabular
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
-from ...units import displayed, unit_name
+from ...units import displayed, quantity, unit_name
 from .start_values import by_joint
 
 NOT_MODELLED = (
@@ -148,7 +148,7 @@ class Card(Tabular):
         return "\n".join(lines)
 
     def _gravity(self) -> str:
-        return f"{[displayed(x, 'm/s^2')[0] for x in self.gravity]} {unit_name('m/s^2')}"
+        return f"[{', '.join(quantity(x, 'm/s^2').partition(' ')[0] for x in self.gravity)}] {unit_name('m/s^2')}"
 
     def _start(self) -> list[str]:
         """Return lines of the start coordinates, and of the velocities that are not zero."""
@@ -177,11 +177,11 @@ class Card(Tabular):
 
     def _flexible(self) -> list[str]:
         """Return lines of the frequencies of flexible bodies, alone and in the mechanism."""
-        lines = [f"  flexible  {name}: {_rounded(w)} rad/s, its frame at rest" for name, w in self.flexible.items()]
+        lines = [f"  flexible  {name}: {_rounded(w)}, its frame at rest" for name, w in self.flexible.items()]
         if self.vibrations:
             ratios = {ratio for _, ratio in self.vibrations}
             damping = f", damping {min(ratios):.2g} to {max(ratios):.2g}" if max(ratios) else ", no damping"
-            lines.append(f"            with the closures {_rounded(w for w, _ in self.vibrations)} rad/s{damping}")
+            lines.append(f"            with the closures {_rounded(w for w, _ in self.vibrations)}{damping}")
         return lines
 
     def _closures(self) -> list[str]:
@@ -197,7 +197,9 @@ class Card(Tabular):
 
 
 def _rounded(frequencies: Iterable[float]) -> str:
-    return ", ".join(f"{w:.6g}" for w in frequencies)
+    """Return frequencies in rad/s as text, with their unit."""
+    shown = ", ".join(f"{displayed(w, 'rad/s')[0]:.6g}" for w in frequencies)
+    return f"{shown} {unit_name('rad/s')}"
 
 
 def wrapped(line: str) -> str:

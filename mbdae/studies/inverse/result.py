@@ -15,7 +15,7 @@ from ...mechanism.tree.coordinate_units import coordinate_units, effort_unit
 from ...solution.columns import LOCAL_AXES, row_names
 from ...system import Array
 from ...tabular import Columns, Tabular, rounded_zero
-from ...units import displayed, quantity, unit_name
+from ...units import displayed, quantity, time_span, unit_name
 from ..kinematics.violations import Violation, violation_lines
 from .peaks import delivered_and_absorbed, located_peak
 
@@ -244,7 +244,7 @@ class InverseDynamics(Tabular):
         return figures.save_if_path(demands(self), path)
 
     def __str__(self) -> str:
-        span = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s"
+        span = f"{len(self.t)} times from {time_span(self.t, 'g')}"
         lines = [f"inverse dynamics of {self.mechanism.title}, {span}"]
         for d in self.demands:
             name, unit = self.abscissa

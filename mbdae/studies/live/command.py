@@ -9,13 +9,14 @@ import click
 from ...cli.model import ChosenModel
 from ...cli.output import exit_unless_successful, output_file
 from ...cli.study_command import Output, Study, command
+from ...units import quantity
 
 RUN = output_file("-o", "--output", suffixes=(".npz", ".csv"), help="Save the simulated run at the end.")
 SECONDS = click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="End after this time.")
 INTERVAL = 0.2  # s in which an interrupt is noticed
 
 
-@command("range parameter trace speed fps port paused shadows", RUN, shared="method rtol step", more=(SECONDS,))
+@command("range parameter trace speed fps port paused shadows", RUN, shared="method rtol step units", more=(SECONDS,))
 def live(study: Study, out: Output, model: ChosenModel, seconds: float | None, **options: Any) -> None:
     """Simulate a model in real time in a browser. Inputs, joints and lengths have sliders; it ends with Ctrl-C.
 
@@ -37,5 +38,5 @@ def live(study: Study, out: Output, model: ChosenModel, seconds: float | None, *
     sol = view.stop()
     written = view.save(out.paths["output"]) if record else []
     data = {"t": float(sol.t[-1]), "status": sol.status, "message": sol.message, "resets": len(view.runs)}
-    out.emit(data, f"simulated {sol.t[-1]:.6g} s: {sol.status}", written)
+    out.emit(data, f"simulated {quantity(sol.t[-1], 's')}: {sol.status}", written)
     exit_unless_successful(sol)

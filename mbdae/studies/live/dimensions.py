@@ -1,6 +1,5 @@
 """Lengths and other parameters of a live mechanism, moved by sliders, and the paths of its points over all poses."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -9,15 +8,17 @@ import numpy as np
 from ...errors import InputError, MbdaeError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.assembly.position_search import close_position
-from ...mechanism.formats.loaded_model import LoadedModel, parameter_unit, parameter_value
+from ...mechanism.formats.loaded_model import LoadedModel, parameter_value
+from ...mechanism.formats.parameter_units import parameter_unit
 from ...mechanism.tree.frames import find_frame, find_joint, frame_paths
 from ...system import Array
+from ...units import displayed, unit_name
 from ..figures import COLOURS
 from ..kinematics.kinematics import kinematics
 from ..replay.animation_tracks import TRACE, drawn_path
 from ..replay.threejs import node, set_property
 from ..view.sliders import independent
-from .pulls import checked_ranges
+from .controls import checked_ranges, slider
 
 POSES = 121  # of a path
 
@@ -33,6 +34,7 @@ class Dimensions:
     Attributes:
         mechanism: the mechanism with the present values; drawn by its dimensions, since meshes would not follow them.
         values: of the parameters, by name.
+        units: of the parameters, by name; "" if unknown.
 
     Raises:
         UnknownNameError: for an unknown parameter or frame.
@@ -44,11 +46,11 @@ class Dimensions:
         self.ranges, self.traces = checked_ranges(ranges), list(traces)
         for name in self.traces:
             find_frame(mechanism.model, name)
-        self.mechanism, self.values, self._units = mechanism, dict[str, float](), dict[str, str]()
+        self.mechanism, self.values, self.units = mechanism, dict[str, float](), dict[str, str]()
         if ranges:
             self._make = LoadedModel(mechanism)
             self.values = {name: parameter_value(self._make, name) for name in ranges}
-            self._units = {name: parameter_unit(self._make, name) for name in ranges}
+            self.units = {name: parameter_unit(self._make, name) for name in ranges}
             self.mechanism = self._make.make(self.values)
 
     def check(self, order: Mapping[str, Any]) -> None:
@@ -109,16 +111,7 @@ class Dimensions:
     def controls(self) -> Iterator[dict[str, Any]]:
         """Yield meshcat's commands for the sliders."""
         for name, (low, high) in self.ranges.items():
-            unit = self._units[name]
-            yield {
-                "type": "set_control",
-                "name": f"{name} ({unit})" if unit else name,
-                "callback": f"value => live.send({{parameter: {json.dumps(name)}, value}})",
-                "value": self.values[name],
-                "min": low,
-                "max": high,
-                "step": (high - low) / 1000,
-            }
+            yield slider("parameter", name, self.units[name], self.values[name], low, high)
 
 
 def require_within(dimensions: Dimensions) -> None:
@@ -129,4 +122,7 @@ def require_within(dimensions: Dimensions) -> None:
     """
     for name, (low, high) in dimensions.ranges.items():
         if not low <= dimensions.values[name] <= high:
-            raise InputError(f"{name} = {dimensions.values[name]:g} is outside of its range, {low:g} to {high:g}")
+            unit = dimensions.units.get(name, "")
+            value, low, high = (displayed(x, unit)[0] for x in (dimensions.values[name], low, high))
+            of = f" {unit_name(unit)}" if unit else ""
+            raise InputError(f"{name} = {value:g}{of} is outside of its range, {low:g} to {high:g}{of}")

@@ -3,6 +3,7 @@
 import atexit
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from contextvars import copy_context
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Event, Thread
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ...errors import InputError, MbdaeError
 from ...integrate.simulator.simulator import Simulator
 from ...system import Array
+from ...units import quantity
 from .dimensions import Dimensions
 from .frame_rate import FrameRate
 from .live_scene import LiveScene
@@ -61,7 +63,7 @@ class LiveView:
 
         self._server = Server(self._commands, self._orders.put, settings.port)
         self.url = self._server.url
-        self._thread = Thread(target=self._run, name="simulator", daemon=True)
+        self._thread = Thread(target=copy_context().run, args=(self._run,), name="simulator", daemon=True)
         self._thread.start()
         atexit.register(self.stop)  # the thread must not outlive the interpreter
 
@@ -263,7 +265,7 @@ class LiveView:
 
     def _described(self) -> dict[str, Any]:
         """Return the state for the pages, as text and data."""
-        text = f"{self.mechanism.title}\nt = {self.t:.2f} s"
+        text = f"{self.mechanism.title}\nt = {quantity(self.t, 's', '.2f')}"
         slow = self.playing and abs(self._rate.pace - 1) > NOTICED and f" ({self._rate.pace:.2g} of real time)"
         text += slow or ("" if self.playing else f", {self.state}")
         text += f"\n{self.message}" if self.message else ""

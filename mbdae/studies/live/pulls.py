@@ -23,7 +23,9 @@ from ...mechanism.tree.coordinate_units import coordinate_units
 from ...mechanism.tree.frames import find_frame, find_joint, frame_names
 from ...mechanism.variant import variant
 from ...system import Array
+from ...units import displayed
 from ..view.sliders import MAX_SLIDERS, independent, limits_of, value_of
+from .controls import checked_ranges, slider, slider_label
 
 FREQUENCY = 20.0  # of the springs in rad/s, as of a hand
 PIECE = 0.1  # of 1/FREQUENCY: longest time over which their forces are constant
@@ -172,16 +174,7 @@ class Pulls:
         sliders = [("input", name, simulator[name]) for name in self.inputs]
         sliders += [("joint", name, self._targets.get(name, self._starts[name])) for name in self.joints]
         for kind, name, value in sliders:
-            low, high = self._ranges[name]
-            yield {
-                "type": "set_control",
-                "name": self._label(name),
-                "callback": f"value => live.send({{{kind}: {json.dumps(name)}, value}})",
-                "value": value,
-                "min": low,
-                "max": high,
-                "step": (high - low) / 1000,
-            }
+            yield slider(kind, name, self._unit_of(name), value, *self._ranges[name])
         if self.joints:
             yield {
                 "type": "set_control",
@@ -194,12 +187,12 @@ class Pulls:
         values = {name: simulator[name] for name in self.inputs}
         values |= self._starts
         for name, value in values.items():
-            command = {"type": "set_control_value", "name": self._label(name)}
-            yield {**command, "value": value, "invoke_callback": False}
+            unit = self._unit_of(name)
+            command = {"type": "set_control_value", "name": slider_label(name, unit)}
+            yield {**command, "value": displayed(value, unit)[0], "invoke_callback": False}
 
-    def _label(self, name: str) -> str:
-        unit = self.inputs[name].unit if name in self.inputs else _unit(self.mechanism, name)
-        return f"{name} ({unit})" if unit else name
+    def _unit_of(self, name: str) -> str:
+        return self.inputs[name].unit if name in self.inputs else _unit(self.mechanism, name)
 
 
 def _hand(mechanism: Mechanism, joint: str) -> list[str]:
@@ -224,24 +217,6 @@ def _default_ranges(
         half = np.pi if _unit(mechanism, name) == "rad" else 0.5
         low, high = (here - half, here + half) if limits is None else limits
         out[name] = (float(low), float(high))
-    return out
-
-
-def checked_ranges(ranges: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, float]]:
-    """Return ranges of sliders by name.
-
-    Raises:
-        InputError: for a range that is not two increasing numbers.
-    """
-    out = {}
-    for name, pair in ranges.items():
-        try:
-            low, high = map(float, pair)
-        except (TypeError, ValueError):
-            low, high = np.nan, np.nan
-        if not (isfinite(low) and isfinite(high) and low < high):
-            raise InputError(f"the range of {name!r} must be two increasing numbers, got {pair!r}")
-        out[name] = (low, high)
     return out
 
 

@@ -5,6 +5,7 @@ import json
 import socket
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from contextvars import copy_context
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any
@@ -50,7 +51,7 @@ class Server:
         self.count = 0
         self._loop = asyncio.new_event_loop()
         self._ready, self._failed = Event(), ""
-        self._thread = Thread(target=self._serve, args=(port,), name="live view", daemon=True)
+        self._thread = Thread(target=copy_context().run, args=(self._serve, port), name="live view", daemon=True)
         self._thread.start()
         self._ready.wait()
         if self._failed:

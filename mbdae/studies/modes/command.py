@@ -8,6 +8,7 @@ from ...cli.model import ChosenModel
 from ...cli.options import STATE
 from ...cli.output import FAILED, HOLDS, PAGES, PLOT, output_file
 from ...cli.study_command import Output, Result, Study, command, study_command
+from ...units import quantity
 
 PAGE = output_file(
     "--html",
@@ -17,7 +18,7 @@ PAGE = output_file(
 )
 
 
-@study_command("", PAGE, PLOT, shared=STATE, exit_code=lambda found: HOLDS if found.stable else FAILED)
+@study_command("", PAGE, PLOT, shared=f"{STATE} units", exit_code=lambda found: HOLDS if found.stable else FAILED)
 def modes(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Compute eigenvalues, damping and shapes of vibrations. They are those around an equilibrium or a steady motion.
 
@@ -26,7 +27,7 @@ def modes(study: Study, model: ChosenModel, **options: Any) -> Result:
     return study(model.load(), **options)
 
 
-@study_command("", PLOT, shared=STATE, more=[click.argument("over", metavar="NAME=FIRST:LAST:NUMBER")])
+@study_command("", PLOT, shared=f"{STATE} units", more=[click.argument("over", metavar="NAME=FIRST:LAST:NUMBER")])
 def root_locus(study: Study, model: ChosenModel, over: str, **options: Any) -> Result:
     """Track eigenvalues over a parameter or a speed. For instance spin=150:250:21, or v.shaft=4:8:9."""
     from .root_locus import read_range
@@ -34,7 +35,7 @@ def root_locus(study: Study, model: ChosenModel, over: str, **options: Any) -> R
     return study(model.name, *read_range(over), start=model.start, **options)
 
 
-@command("inputs outputs", PLOT, shared=STATE)
+@command("inputs outputs", PLOT, shared=f"{STATE} units")
 def linearize(study: Study, out: Output, model: ChosenModel, **options: Any) -> None:
     """Linearise a model with inputs and outputs. Prints gain and phase over frequency; with --json also A, B, C, D."""
     import numpy as np
@@ -49,7 +50,8 @@ def linearize(study: Study, out: Output, model: ChosenModel, **options: Any) -> 
         for j, name in enumerate(system.inputs):
             gain = np.abs(H[:, i, j])
             k = int(gain.argmax())
-            lines.append(f"  {output} / {name}: gain {gain[0]:.4g} at {hertz[0]:.4g} Hz, at most {gain[k]:.4g} at "
-                         f"{hertz[k]:.4g} Hz, {gain[-1]:.4g} at {hertz[-1]:.4g} Hz")  # fmt: skip
+            first, most, last = (quantity(gain[n], system.units[i][j], ".4g") for n in (0, k, -1))
+            lines.append(f"  {output} / {name}: gain {first} at {hertz[0]:.4g} Hz, at most {most} at "
+                         f"{hertz[k]:.4g} Hz, {last} at {hertz[-1]:.4g} Hz")  # fmt: skip
     data = {**system.to_dict(), "hertz": hertz.tolist(), "gain": np.abs(H).tolist(), "phase": np.angle(H).tolist()}
     out.emit(data, "\n".join(lines))

@@ -15,11 +15,14 @@ from ...mechanism.equilibrium.equilibrium_equations import Statics
 from ...mechanism.equilibrium.linearization import LinearMotion
 from ...mechanism.equilibrium.spectrum import spectrum
 from ...mechanism.forces.linear import LinearElement
+from ...mechanism.formats.parameter_units import function_units
 from ...mechanism.signals.effort_signals import named_laws
+from ...mechanism.tree.coordinate_units import coordinate_units
 from ...mechanism.tree.frames import WORLD, Pair, anchor, frame_names
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tabular import Columns, Tabular
+from ...units import substituted
 from ..statics.equilibrium import velocity_labels
 from .operating_point import operating_point
 
@@ -47,6 +50,7 @@ class LinearSystem(Tabular):
         inputs: names.
         outputs: names.
         motion: the linearised motion; its ``state`` returns z for changes of q, v and s.
+        units: of the gain from each input to each output, (outputs, inputs); "" if unknown or dimensionless.
     """
 
     title: str
@@ -57,6 +61,7 @@ class LinearSystem(Tabular):
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     motion: LinearMotion
+    units: tuple[tuple[str, ...], ...]
 
     @property
     def matrices(self) -> tuple[Array, Array, Array, Array]:
@@ -93,12 +98,13 @@ class LinearSystem(Tabular):
         """Return gain and phase in rad of each output for each input, over the frequencies of `band`."""
         hertz = self.band()
         H = self.response(2 * np.pi * hertz)
-        columns: dict[str, Array] = {"frequency": hertz}
+        columns, units = {"frequency": hertz}, {"frequency": "Hz"}
         for i, output in enumerate(self.outputs):
             for j, name in enumerate(self.inputs):
                 columns[f"gain {output} / {name}"] = np.abs(H[:, i, j])
                 columns[f"phase {output} / {name}"] = np.unwrap(np.angle(H[:, i, j]))
-        return Columns(columns, {n: "rad" for n in columns if n[0] == "p"} | {"frequency": "Hz"}, "frequency")
+                units |= {f"gain {output} / {name}": self.units[i][j], f"phase {output} / {name}": "rad"}
+        return Columns(columns, {name: unit for name, unit in units.items() if unit}, "frequency")
 
     def to_dict(self) -> JsonObject:
         """Return JSON data."""
@@ -176,7 +182,26 @@ def linearize(
         @ state_matrix
     )
     B, D = columns + motion.A @ jumps, C @ jumps
-    return LinearSystem(mech.title, motion.A, B, C, D, tuple(chosen_inputs), tuple(chosen_outputs), motion)
+    return LinearSystem(mech.title, motion.A, B, C, D, tuple(chosen_inputs), tuple(chosen_outputs), motion,
+                        _gain_units(mech, chosen_inputs, chosen_outputs))  # fmt: skip
+
+
+def _gain_units(mech: Mechanism, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    """Return the units of the gains, see `LinearSystem`."""
+    rates = [unit for name, unit in coordinate_units(mech).items() if name.startswith("v.")]
+    joints = velocity_labels(mech, np.arange(mech.nv))
+    of_inputs = {n: "N" if u == "m/s" else "N m" for n, u in zip(joints, rates, strict=True)} | function_units(mech)
+    of_outputs = {f"v.{n}": u for n, u in zip(joints, rates, strict=True)}
+    of_outputs |= {f"q.{n}": u.removesuffix("/s") for n, u in zip(joints, rates, strict=True)}
+    of_outputs |= {name: "m" for name in outputs if name.startswith("position.")}
+    frames = {f"{name}.{axis}": "N" for name in frame_names(mech.model)[1:] for axis in AXES}
+    return tuple(
+        tuple(_quotient(of_outputs.get(o, ""), (frames | of_inputs).get(i, "")) for i in inputs) for o in outputs
+    )
+
+
+def _quotient(above: str, below: str) -> str:
+    return substituted("y/x", {"y": above, "x": below}) if above and below else ""
 
 
 InputPartials = tuple[tuple[Array, Array], tuple[Array, Array]]

@@ -14,10 +14,12 @@ from ...mechanism import Mechanism
 from ...mechanism.equilibrium.linearization import LinearMotion
 from ...mechanism.equilibrium.null_space import close_loops
 from ...mechanism.equilibrium.spectrum import CERTAIN, Spectrum, spectrum
+from ...mechanism.tree.coordinate_units import coordinate_units
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular, align_columns
+from ...units import common_unit, displayed, quantity, unit_name
 from ..statics.equilibrium import velocity_labels
 from .operating_point import operating_point
 
@@ -32,6 +34,7 @@ DIGITS = 9  # for sorting eigenvalues by size; conjugate ones stay together
 FRAMES, SECONDS = 121, 2.0  # of one cycle in a replay
 AMPLITUDE = 0.25  # rad or m: default of a replay
 LARGEST_COMPONENTS = 3  # of a shape shown as text
+SHOWN = 0.01  # of the largest component: smaller ones are not shown
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,13 @@ class Modes(Tabular):
             return np.zeros(len(dq), complex)
         largest = dq[np.abs(dq).argmax()]
         return dq * (abs(largest) / (largest * size))
+
+    def displayed_shape(self, i: int) -> tuple[Array, list[str]]:
+        """Return the shape of mode i (nv,) in the units in which results are shown, largest component 1, and these."""
+        names = [name for name in coordinate_units(self.mechanism).items() if name[0].startswith("v.")]
+        found = [displayed(x, unit.removesuffix("/s")) for x, (_, unit) in zip(self.shapes[i], names, strict=True)]
+        shape = np.array([x for x, _ in found])
+        return shape / (np.abs(shape).max(initial=0.0) or 1.0), [unit for _, unit in found]
 
     @property
     def stable(self) -> bool:
@@ -156,7 +166,7 @@ class Modes(Tabular):
             return "free"
         if root.imag:
             return f"{self.frequencies[i]:.4g} Hz, damping {self.damping[i]:.3g}"
-        return f"{'grows' if root.real > 0 else 'decays'}, {abs(root.real):.4g} 1/s"
+        return f"{'grows' if root.real > 0 else 'decays'}, {quantity(abs(root.real), '1/s', '.4g')}"
 
     def to_dict(self) -> JsonObject:
         """Return JSON data; eigenvalues as pairs [re, im]."""
@@ -201,18 +211,20 @@ class Modes(Tabular):
     def cells(self) -> list[list[str]]:
         """Return eigenvalues, frequencies, damping ratios, and dominant coordinates."""
         names = velocity_labels(self.mechanism, np.arange(self.mechanism.nv))
-        heads = ["mode", "eigenvalue in 1/s", "", "Hz", "damping", "moves most"]
+        heads = ["mode", f"eigenvalue in {unit_name('1/s')}", "", "Hz", "damping", "moves most"]
         body = []
         for i, root in enumerate(self.roots):
-            size = np.abs(self.shapes[i])
-            order = [j for j in np.argsort(-size, kind="stable")[:LARGEST_COMPONENTS] if size[j] > 0.01 * size.max()]
-            dominant = ", ".join(f"{names[j]} {size[j] / size.max():.2g}" for j in order) or (
+            shape, units = self.displayed_shape(i)
+            size, mixed = np.abs(shape), "," in common_unit(units)
+            order = [j for j in np.argsort(-size, kind="stable")[:LARGEST_COMPONENTS] if size[j] > SHOWN]
+            dominant = ", ".join(f"{names[j]} {size[j]:.2g}{f' {units[j]}' if mixed else ''}" for j in order) or (
                 "states" if root else "its speed"
             )
-            pair = f"+- {root.imag:.10g} i" if root.imag else ""
+            shown = displayed(root, "1/s")[0]
+            pair = f"+- {shown.imag:.10g} i" if root.imag else ""
             damping = f"{self.damping[i]:.4g}" if root else "-"
             hertz = f"{self.frequencies[i]:.6g}"
-            body.append([str(i + 1), f"{root.real:.10g}", pair, hertz, damping, dominant])
+            body.append([str(i + 1), f"{shown.real:.10g}", pair, hertz, damping, dominant])
         return [heads, *body]
 
     def __str__(self) -> str:
@@ -221,8 +233,9 @@ class Modes(Tabular):
         lines = [title, "", *align_columns(self.cells())]
         if self.free_below:
             largest = np.abs(self.eigenvalues).max()
-            scale = f" (largest |lambda| {largest:.2g} rad/s)" if largest else ""
-            lines.append(f"modes below {self.free_below:.1g} rad/s cannot be distinguished from free ones{scale}")
+            scale = f" (largest |lambda| {quantity(largest, 'rad/s', '.2g')})" if largest else ""
+            below = quantity(self.free_below, "rad/s", ".1g")
+            lines.append(f"modes below {below} cannot be distinguished from free ones{scale}")
         return "\n".join(lines)
 
 

@@ -13,9 +13,12 @@ from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError
 from ...mechanism import Mechanism
 from ...mechanism.equilibrium.spectrum import CERTAIN, Spectrum
+from ...mechanism.formats.parameter_units import parameter_units
+from ...mechanism.tree.coordinate_units import coordinate_units
 from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import ITERATION_ROUNDING, ROUNDING
+from ...units import displayed, quantity
 from ..sweep.sweep_run import maker_of
 from .modes import modes
 
@@ -40,6 +43,7 @@ class RootLocus(Tabular):
         eigenvalues: tracked over the values, (n, m); nan where they could not be computed.
         messages: reasons for missing eigenvalues, by index of the value.
         changes: values at which the number of growing modes changes.
+        unit: of the parameter; "" if unknown.
     """
 
     model: str
@@ -48,6 +52,7 @@ class RootLocus(Tabular):
     eigenvalues: Array
     messages: dict[int, str]
     changes: tuple[float, ...]
+    unit: str = ""
 
     def plot(self, path: str | Path | None = None, *, campbell: bool | None = None) -> "Figure":
         """Draw real parts and frequencies over the parameter, and the roots in the complex plane; optionally saved.
@@ -68,7 +73,8 @@ class RootLocus(Tabular):
         """Return real and imaginary parts over the parameter."""
         parts = {"re": self.eigenvalues.real, "im": self.eigenvalues.imag}
         columns = {f"{part}.{k + 1}": x[:, k] for k in range(self.eigenvalues.shape[1]) for part, x in parts.items()}
-        return Columns({self.name: self.values, **columns}, dict.fromkeys(columns, "1/s"), self.name)
+        units = {self.name: self.unit} if self.unit else {}
+        return Columns({self.name: self.values, **columns}, units | dict.fromkeys(columns, "1/s"), self.name)
 
     def to_dict(self) -> JsonObject:
         """Return JSON data; eigenvalues as pairs [re, im]."""
@@ -84,12 +90,14 @@ class RootLocus(Tabular):
 
     def __str__(self) -> str:
         n, m = self.eigenvalues.shape
-        span = f"{self.values[0]:g} to {self.values[-1]:g}"
+        span = f"{displayed(self.values[0], self.unit)[0]:g} to {quantity(self.values[-1], self.unit, 'g')}"
         lines = [f"root locus of {self.model} over {self.name}, {span}: {n} values, {m} eigenvalues"]
         growth = np.nanmax(self.eigenvalues.real, axis=1) if m else np.zeros(n)
-        lines.append(f"  largest real part {growth.min():.6g} to {growth.max():.6g} 1/s")
-        lines += [f"  the number of growing modes changes at {self.name} = {x:.9g}" for x in self.changes]
-        lines += [f"  {self.name} = {self.values[i]:g}: {text}" for i, text in self.messages.items()]
+        least, most = displayed(growth.min(), "1/s")[0], quantity(growth.max(), "1/s")
+        lines.append(f"  largest real part {least:.6g} to {most}")
+        changes = [quantity(x, self.unit, ".9g") for x in self.changes]
+        lines += [f"  the number of growing modes changes at {self.name} = {x}" for x in changes]
+        lines += [f"  {self.name} = {quantity(self.values[i], self.unit, 'g')}: {x}" for i, x in self.messages.items()]
         return "\n".join(lines)
 
 
@@ -138,7 +146,15 @@ def root_locus(
     found = [None if np.isnan(z).any() else row for z, row in zip(eigenvalues, rows, strict=True)]
     changed = np.flatnonzero([_differ(a, b) for a, b in pairwise(found)])
     changes = [_change(roots, *numbers[i : i + 2].tolist()) for i in changed]
-    return RootLocus(title, name, numbers, eigenvalues, messages, tuple(changes))
+    return RootLocus(title, name, numbers, eigenvalues, messages, tuple(changes), _unit(model, name, start or {}))
+
+
+def _unit(model: Model, name: str, start: Mapping[str, Any]) -> str:
+    """Return the unit of a parameter or a speed; "" if unknown."""
+    maker = maker_of(model)
+    if name.startswith(SPEED):
+        return coordinate_units(maker.make(dict(start))).get(name, "")
+    return parameter_units(maker, [name]).get(name, "")
 
 
 def _roots(

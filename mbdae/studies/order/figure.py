@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...units import displayed, quantity, unit_name
 from ..figures import WIDTH, empty_figure, escaped, fixed_layout, legend_right, line_style, logarithmic
 from .result import ObservedOrder, OrderStudy
 
@@ -18,10 +19,10 @@ TITLE_WIDTH = 110  # characters
 AXES = {
     "dq": "the derivative of $q$",
     "dv": "the derivative of $v$",
-    "q": "$q$ (rad, m)",
-    "v": "$v$ (rad/s, m/s)",
-    "own lam": r"own $\lambda$ (N, N m)",
-    "lam": r"$\lambda$ (N, N m)",
+    "q": "$q$",
+    "v": "$v$",
+    "own lam": r"own $\lambda$",
+    "lam": r"$\lambda$",
     "y": "$y$",
     "own z": "own $z$",
     "z": "$z$",
@@ -48,18 +49,20 @@ def convergence(study: OrderStudy) -> "Figure":
         logarithmic(ax.xaxis)
         logarithmic(ax.yaxis)
         for name, slopes in study.orders.items():
-            _convergence_line(ax, name, slopes[k], study.T)
-        ax.set_xlabel("step $h$ (s)")
-        ax.set_ylabel(f"error of {AXES.get(quantities[k], quantities[k])}")
+            _convergence_line(ax, name, slopes[k], study.T, study.units.get(quantities[k], ""))
+        unit = unit_name(study.units.get(quantities[k], ""))
+        ax.set_xlabel(f"step $h$ ({unit_name('s')})")
+        ax.set_ylabel(f"error of {AXES.get(quantities[k], quantities[k])}{f' ({unit})' if unit else ''}")
         if not many:
             legend_right(ax, title="observed (claimed)", title_fontsize=7.5, alignment="left", handlelength=1.0)
     if many:
-        symbols = ", ".join(AXES.get(q, q).partition(" (")[0] for q in quantities)
+        symbols = ", ".join(AXES.get(q, q) for q in quantities)
         handles = [Line2D([], [], **line_style(name) | {"linestyle": "none"}) for name in study.orders]
         labels = [f"{name}  " + "  ".join(map(_observed, found)) for name, found in study.orders.items()]
         title = f"method, and observed (claimed) orders of {symbols}"
         figure.legend(handles, labels, loc="outside lower center", ncols=2, title=title, title_fontsize=7.5)
-    title = f"{study.title}, T = {study.T:g} s; lines: fitted orders, dotted: claimed\n{study.computed_by}"
+    end = quantity(study.T, "s", "g")
+    title = f"{study.title}, T = {end}; lines: fitted orders, dotted: claimed\n{study.computed_by}"
     figure.suptitle(escaped("\n".join(fill(line, TITLE_WIDTH) for line in title.splitlines())), fontsize=9)
     return figure
 
@@ -70,9 +73,9 @@ def _observed(found: ObservedOrder) -> str:
     return f"{observed} ({found.claimed})"
 
 
-def _convergence_line(ax: "Axes", name: str, slope: ObservedOrder, T: float) -> None:
+def _convergence_line(ax: "Axes", name: str, slope: ObservedOrder, T: float, unit: str) -> None:
     style = {**line_style(name), "linestyle": "none"}
-    h, e = T / np.array(slope.steps, float), np.array(slope.errors)
+    h, e = displayed(T / np.array(slope.steps, float), "s")[0], displayed(np.array(slope.errors), unit)[0]
     shown = (e > 0) & np.isfinite(e)
     used = np.zeros(len(e), bool)
     used[slice(*slope.fitted)] = True

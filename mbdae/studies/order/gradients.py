@@ -22,12 +22,15 @@ from ...integrate.solve import solve
 from ...integrate.trajectory.differentiable_runs import DIFFERENTIABLE
 from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.perturbed_mechanisms import feasible_stencil
+from ...mechanism.formats.parameter_units import parameter_units
+from ...mechanism.tree.coordinate_units import quantity_units
 from ...methods import METHODS, Method
 from ...methods import method as find_method
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COINCIDENT, EPS, NEGLIGIBLE
+from ...units import common_unit, quantity, substituted
 from ..sensitivity.run_parameters import mechanism_factory
 from ..sensitivity.sensitivity import sensitivity
 from .measurement import MIN_OUTPUTS, Measurement, Progress, finished
@@ -76,7 +79,7 @@ class GradientStudy(OrderStudy):
         return {**super().to_dict(), "of": self.of, **more}
 
     def __str__(self) -> str:
-        title = f"{self.title}, T = {self.T:g} s"
+        title = f"{self.title}, T = {quantity(self.T, 's', 'g')}"
         out = [f"derivatives with respect to {self.of}: tangent against quotients, observed (claimed) order, {title}"]
         for name, row in self.orders.items():
             difference, spread = self.differences[name], self.uncertainties[name]
@@ -115,8 +118,8 @@ def check_gradients(
     """
     mech = mechanism_of(mech, "check_gradients")
     differentiable = [name for name, m in METHODS.items() if isinstance(m, DIFFERENTIABLE)]
-    names = as_list(methods or differentiable, "methods is a list of names")
-    chosen = {m.name: m for m in map(find_method, names)}
+    names = as_list(methods or "all", "methods is a list of names")
+    chosen = {m.name: m for m in map(find_method, differentiable if names == ["all"] else names)}
     _, T = checked_span(T if T is not None else mech.order.T, end=True)
     steps = steps if steps is not None else mech.order.steps
     if steps < MIN_OUTPUTS:
@@ -127,7 +130,16 @@ def check_gradients(
     orders = {name: x for name, (x, _) in found.items()}
     differences, uncertainties = ({name: x[i] for name, (_, x) in found.items()} for i in (0, 1))
     of = parameter or "a velocity of the start"
-    return GradientStudy(mech.title, T, orders, backend, because, missing, of, differences, uncertainties)
+    units = _derivative_units(mech, parameter, model)
+    return GradientStudy(mech.title, T, orders, backend, because, missing, of, differences, uncertainties, units=units)
+
+
+def _derivative_units(mech: Mechanism, parameter: str | None, model: object) -> dict[str, str]:
+    """Return the units of the derivatives of q and v by a parameter, or by a factor of a velocity, see `OrderStudy`."""
+    known = parameter_units(mechanism_factory(mech, model), [parameter]) if parameter else {}
+    found, of = quantity_units(mech), known.get(parameter or "", "")
+    quotients = {x: [substituted("y/x", {"y": unit, "x": of or "1"}) for unit in found[x].split(", ")] for x in "qv"}
+    return {f"d{x}": common_unit(units) for x, units in quotients.items()}
 
 
 class GradientMeasurement(Measurement):

@@ -8,6 +8,7 @@ from ...integrate.options.span import checked_span
 from ...integrate.run.binding import common_backend
 from ...integrate.steppers.solvers import SOLVERS
 from ...mechanism import Mechanism
+from ...mechanism.tree.coordinate_units import quantity_units
 from ...methods import METHODS, Method, obstacle
 from ...methods import method as find_method
 from ...methods.uncompiled import uncompiled
@@ -35,7 +36,7 @@ def order(
 
     Args:
         problem: a mechanism (started from its model file's state), a textbook problem, or the name or path of one.
-        methods: a name or several, or tableaus; all that the problem admits when left out.
+        methods: a name or several, or tableaus; ``"all"`` that the problem admits when left out.
         T: end time in s; the model's own when left out.
         steps: coarsest number of steps, at least five. When left out that of the model file, or fewer if slopes cannot
             be judged otherwise.
@@ -46,7 +47,7 @@ def order(
         InputError: for invalid T or steps, a method without fixed steps, or an invalid problem.
     """
     problem = problem_of(problem, "order")
-    chosen = {m.name: m for m in map(_stepped, as_list(methods or _admitted(problem), "methods is a list of names"))}
+    chosen = _chosen(problem, as_list(methods or "all", "methods is a list of names"))
     mech = problem if isinstance(problem, Mechanism) else None
     settings = mech.order if mech else None
     _, T = checked_span(T if T is not None else (settings.T if settings else problem.duration), end=True)
@@ -58,7 +59,13 @@ def order(
     measure = Measurement(problem, T, steps, start, progress or (lambda name: None), backend)
     measure.lower = lower
     orders, missing = finished(chosen, measure.judge)
-    return OrderStudy(problem.title, T, orders, backend, uncompiled(chosen.values(), because), missing)
+    return OrderStudy(problem.title, T, orders, backend, uncompiled(chosen.values(), because), missing,
+                      units=quantity_units(mech) if mech else {})  # fmt: skip
+
+
+def _chosen(problem: Problem, names: list[Any]) -> dict[str, Method]:
+    """Return methods by name; of ``["all"]`` those that can step the problem."""
+    return {m.name: m for m in map(_stepped, _admitted(problem) if names == ["all"] else names)}
 
 
 def _stepped(name: str | Method) -> Method:

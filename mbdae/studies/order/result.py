@@ -10,6 +10,7 @@ from ...backend import describe_backend, machine_description
 from ...data_types import JsonObject
 from ...errors import UnknownNameError
 from ...tabular import Columns, Tabular, align_columns, latex
+from ...units import displayed, quantity, unit_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -74,6 +75,7 @@ class OrderStudy(Tabular):
         because: why runs cannot use the compiled core, in words; "" if they can.
         missing: the methods that remained when the user stopped the study.
         machine: the machine, whose arithmetic determines rounding.
+        units: of the errors by quantity, a list for coordinates of several; none for a textbook problem.
     """
 
     title: str
@@ -83,6 +85,7 @@ class OrderStudy(Tabular):
     because: str = ""
     missing: tuple[str, ...] = ()
     machine: str = field(default_factory=machine_description, kw_only=True)
+    units: dict[str, str] = field(default_factory=dict, kw_only=True)
 
     @property
     def holds(self) -> bool:
@@ -103,6 +106,7 @@ class OrderStudy(Tabular):
             "backend": self.backend,
             "because": self.because,
             "machine": self.machine,
+            "units": self.units,
             "holds": self.holds,
             "refuted": self.refuted,
             "missing": list(self.missing),
@@ -133,7 +137,7 @@ class OrderStudy(Tabular):
         return f"all runs: {describe_backend(self.backend, self.because)}, {self.machine}"
 
     def convergence(self, method: str) -> list[list[str]]:
-        """Return step sizes of a method, and for each quantity the errors and the rates between them.
+        """Return step sizes of a method, and for each quantity the errors and the rates between them, below the units.
 
         Raises:
             UnknownNameError: for a method that was not studied.
@@ -142,21 +146,32 @@ class OrderStudy(Tabular):
             raise UnknownNameError("method", method, self.orders)
         row = self.orders[method]
         heads = [method, *(text for s in row for text in (f"error {s.quantity}", "rate"))]
-        columns = [[f"h = {self.T / n:.4g}" for n in row[0].steps]]
+        columns = [["", *(f"h = {quantity(self.T / n, 's', '.4g')}" for n in row[0].steps)]]
         for s in row:
-            columns += [[f"{x:.2e}" for x in s.errors], [f"{x:.2f}" if np.isfinite(x) else "-" for x in s.rates]]
-        return [heads, *(list(x) for x in zip(*columns, strict=True))]
+            errors, unit = displayed(np.array(s.errors), self.units.get(s.quantity, ""))
+            rates = [f"{x:.2f}" if np.isfinite(x) else "-" for x in s.rates]
+            columns += [[unit, *(f"{x:.2e}" for x in errors)], ["", *rates]]
+        rows = [list(x) for x in zip(*columns, strict=True)]
+        return [heads, *(rows if any(rows[0]) else rows[1:])]
 
     def tabulated(self) -> Columns:
-        """Return a row for each error, with the step, its floor, the rate, and the claimed and the fitted order."""
+        """Return a row for each error, with the step, its floor, the rate, and the claimed and the fitted order.
+
+        Errors and floors are in the units in which results are shown, which are in a column if there are any.
+        """
         rows = [
-            (name, s.quantity, n, self.T / n, error, floor, rate, s.claimed, s.observed)
+            (name, s.quantity, n, self.T / n, *self._shown(error, floor, s), rate, s.claimed, s.observed,
+             unit_name(self.units.get(s.quantity, "")))
             for name, row in self.orders.items()
             for s in row
             for n, error, floor, rate in zip(s.steps, s.errors, s.floors, s.rates, strict=True)
-        ]
-        names = ("method", "quantity", "n", "h", "error", "floor", "rate", "claimed", "observed")
+        ]  # fmt: skip
+        names = ("method", "quantity", "n", "h", "error", "floor", "rate", "claimed", "observed", "unit")
         return Columns(dict(zip(names, map(list, zip(*rows, strict=True)), strict=True)), {"h": "s"})
+
+    def _shown(self, error: float, floor: float, of: ObservedOrder) -> tuple[float, float]:
+        unit = self.units.get(of.quantity, "")
+        return displayed(error, unit)[0], displayed(floor, unit)[0]
 
     def to_latex(self) -> str:
         """Return the orders, and a table of convergence for each method."""
@@ -175,7 +190,7 @@ class OrderStudy(Tabular):
         return figures.save_if_path(convergence(self), path)
 
     def __str__(self) -> str:
-        lines = [f"observed (claimed) order, {self.title}, T = {self.T:g} s"]
+        lines = [f"observed (claimed) order, {self.title}, T = {quantity(self.T, 's', 'g')}"]
         for name, row in self.orders.items():
             cells = [
                 f"{s.quantity} {s.observed:.2f} ({s.claim})" if s.judged else f"{s.quantity} - ({s.claimed})"

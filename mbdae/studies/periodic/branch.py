@@ -11,9 +11,11 @@ from ...data_types import JsonObject
 from ...errors import InputError, is_number
 from ...mechanism import Mechanism
 from ...mechanism.equations.symmetry import Symmetry
+from ...mechanism.formats.parameter_units import parameter_units
 from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import VISIBLE
+from ...units import displayed, quantity
 from ..sweep.sweep_run import maker_of
 from .branch_path import FIRST_STEP, BranchPath, Range
 from .guess import guess_of
@@ -46,6 +48,7 @@ class Branch(Tabular):
         bifurcations: located on it.
         message: why it ended; empty at the end of the range.
         path: the equations, for branches that begin on this one.
+        unit: of the parameter; "" if unknown.
     """
 
     name: str
@@ -53,6 +56,7 @@ class Branch(Tabular):
     bifurcations: tuple[Bifurcation, ...]
     message: str
     path: BranchPath
+    unit: str = ""
 
     @property
     def values(self) -> Array:
@@ -87,14 +91,14 @@ class Branch(Tabular):
         if at.kind != "doubling":
             raise InputError(f"a branch of twice the period begins at a period doubling, got {at.kind!r}")
         points, found, message = self.path.doubled(at, step)
-        return Branch(self.name, tuple(points), tuple(found), message, self.path)
+        return Branch(self.name, tuple(points), tuple(found), message, self.path, self.unit)
 
     def tabulated(self) -> Columns:
         """Return period, stability and multipliers over the parameter."""
         columns: dict[str, Any] = {self.name: self.values, "T": np.array([p.motion.T for p in self.points])}
         for i in range(self.multipliers.shape[1]):
             columns |= {f"re.{i + 1}": self.multipliers[:, i].real, f"im.{i + 1}": self.multipliers[:, i].imag}
-        return Columns(columns, {"T": "s"}, self.name)
+        return Columns(columns, {"T": "s"} | ({self.name: self.unit} if self.unit else {}), self.name)
 
     def to_dict(self) -> JsonObject:
         """Return JSON data."""
@@ -124,14 +128,18 @@ class Branch(Tabular):
     def __str__(self) -> str:
         first, last = self.points[0], self.points[-1]
         title = f"periodic motions of {first.motion.mechanism.title} over {self.name}"
-        lines = [f"{title}, {first.value:.9g} to {last.value:.9g}: {len(self.points)} points"]
+        span = f"{displayed(first.value, self.unit)[0]:.9g} to {quantity(last.value, self.unit, '.9g')}"
+        lines = [f"{title}, {span}: {len(self.points)} points"]
         for p in (first, last):
             largest = p.motion.multipliers[0] if len(p.motion.multipliers) else 0j
+            value, period = quantity(p.value, self.unit, ".9g"), quantity(p.motion.T, "s", ".9g")
             lines.append(
-                f"  {self.name} = {p.value:.9g}: T = {p.motion.T:.9g} s, {p.motion.stability},"
+                f"  {self.name} = {value}: T = {period}, {p.motion.stability},"
                 f" largest multiplier {multiplier_text(complex(largest.real, abs(largest.imag)))}"
             )
-        lines += [f"  {self.name} = {b.value:.12g}: {KINDS[b.kind].format(repr(b.grazed))}" for b in self.bifurcations]
+        for b in self.bifurcations:
+            value = quantity(b.value, self.unit, ".12g")
+            lines.append(f"  {self.name} = {value}: {KINDS[b.kind].format(repr(b.grazed))}")
         return "\n".join([*lines, *([f"  {self.message}"] if self.message else [])])
 
 
@@ -198,7 +206,8 @@ def periodic_branch(
             " branch; add damping and a drive, or call mbdae.periodic for each value"
         )
     points, bifurcations, message = path.run(begin)
-    return Branch(name, tuple(points), tuple(bifurcations), message, path)
+    unit = parameter_units(maker, [name]).get(name, "")
+    return Branch(name, tuple(points), tuple(bifurcations), message, path, unit)
 
 
 def require_same_directions(cycle: Cycle, q: Array, other: Mechanism, name: str) -> None:

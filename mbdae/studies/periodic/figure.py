@@ -6,7 +6,7 @@ import numpy as np
 
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...solution.signals import units as signal_units
-from ...units import displayed, unit_name
+from ...units import displayed, quantity, unit_name
 from ..figures import COLOURS, WIDTH, empty_figure, escaped, fixed_layout
 from .branch import Branch
 from .result import PeriodicMotion
@@ -35,7 +35,7 @@ def motion(found: PeriodicMotion) -> "Figure":
         label(f"{word} ({', '.join(kinds)})")
     left.legend(loc="best", fontsize=6)
     _unit_circle(right, found.multipliers)
-    figure.suptitle(escaped(f"{found.mechanism.title}: T = {found.T:.6g} s, {found.stability}"), fontsize=9)
+    figure.suptitle(escaped(f"{found.mechanism.title}: T = {quantity(found.T, 's')}, {found.stability}"), fontsize=9)
     return figure
 
 
@@ -47,20 +47,22 @@ def branch(found: Branch, signal: str) -> "Figure":
     mech = found.points[0].motion.mechanism
     signal = signal or next(iter(coordinate_units(mech)))
     unit = signal_units(mech).get(signal, "")
+    values, of = displayed(found.values, found.unit)
     for x in found.amplitudes(signal):
-        amplitude.plot(found.values, displayed(x, unit)[0], color=COLOURS[0])
+        amplitude.plot(values, displayed(x, unit)[0], color=COLOURS[0])
     amplitude.set_ylabel(escaped(f"{signal} ({unit_name(unit)})" if unit else signal))
     sizes = np.sort(np.abs(found.multipliers), axis=1)[:, ::-1]
     for k in range(sizes.shape[1]):
-        magnitude.plot(found.values, sizes[:, k], color=COLOURS[k % len(COLOURS)])
+        magnitude.plot(values, sizes[:, k], color=COLOURS[k % len(COLOURS)])
     magnitude.axhline(1, color="black", linewidth=0.7)
     magnitude.set_ylabel("magnitude of multipliers")
     for axes in (amplitude, magnitude):
-        axes.set_xlabel(escaped(found.name))
+        axes.set_xlabel(escaped(f"{found.name} ({of})" if of else found.name))
         for b in found.bifurcations:
-            axes.axvline(b.value, color="0.5", linestyle=":", linewidth=0.9)
+            axes.axvline(displayed(b.value, found.unit)[0], color="0.5", linestyle=":", linewidth=0.9)
     for b in found.bifurcations:
-        magnitude.annotate(SHORT[b.kind], (b.value, 0.02), rotation=90, fontsize=6, ha="right")
+        at = displayed(b.value, found.unit)[0], 0.02
+        magnitude.annotate(SHORT[b.kind], at, rotation=90, fontsize=6, ha="right")
     _unit_circle(plane, found.multipliers.ravel())
     figure.suptitle(escaped(mech.title), fontsize=9)
     return figure

@@ -11,6 +11,7 @@ from ...errors import InputError, UnknownNameError, require
 from ...file_io import atomic_write, write_page
 from ...mechanism.scene.drawables import drawables, motions
 from ...mechanism.scene.visible import sampled
+from ...units import quantity
 from ..figures import COLOURS
 from . import animation_tracks as tracks
 from .html_page import Extra, document, frame, scene_data
@@ -189,7 +190,7 @@ def _legend(
     out = [{"colour": colour, "text": name} for name, colour, _ in ghosts]
     out += [{"colour": path["colour"], "text": f"path of {path['name']}"} for path in paths]
     for k, force in enumerate(forces["forces"]):
-        longest = "" if k else f", longest {forces['largest']:.3g} N"
+        longest = "" if k else f", longest {quantity(forces['largest'], 'N', '.3g')}"
         out.append({"colour": force["colour"], "text": f"force of {force['name']}{longest}"})
     return out
 

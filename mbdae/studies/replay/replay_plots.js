@@ -67,7 +67,7 @@ class Pane {
       scales: {x: {time: false}, y: range ? {distr: 3, range: () => range} : {}},
       axes: [
         {...axis, size: 24, gap: 2, space: 60, values: seconds},
-        {...axis, size: 58, gap: 3, space: 26, ...(range ? {values: powers, splits: every, filter: (u, splits) => splits} : {})},
+        {...axis, size: 58, gap: 3, space: 22, ...(range ? {values: powers, splits: every, filter: (u, splits) => splits} : {})},
       ],
       hooks: {
         setScale: [(u, key) => { if (key === "x") zoom(panes, u); }],

@@ -36,9 +36,9 @@ function sliders(page, scene) {
     return u[i] + part * (u[i + 1] - u[i]);
   };
   const show = (k, over) => {
-    wraps.forEach(({input, at, value, unit, wrap, note, says, ...slider}, j) => {
+    wraps.forEach(({input, at, value, unit, scale, wrap, note, says, ...slider}, j) => {
       if (Number(input.value) !== at) input.value = at;
-      value.textContent = `${number(valueOf({at, ...slider}))} ${unit}`;
+      value.textContent = `${number(scale * valueOf({at, ...slider}))} ${unit}`;
       note.textContent = j === k && over || says;
       wrap.classList.toggle("over", j === k && Boolean(over));
     });

@@ -11,7 +11,7 @@ from ...progress import progress_bar
 PAGE = output_file("-o", "--output", required=True, suffixes=PAGES, help="The HTML page to write.")
 
 
-@command("repeats workers", PAGE, shared="methods t_span rtol")
+@command("repeats workers", PAGE, shared="methods t_span rtol units")
 def report(study: Study, out: Output, model: ChosenModel, t_span: tuple[float, ...] | None, **options: Any) -> None:
     """Write one page on a model. Card, run with replay, drift, orders and comparison, with all data to reproduce it.
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
+from ...units import displayed, quantity, unit_name
 from .. import figures
 from ..comparison.figure import work_precision
 from ..comparison.tables import comparison_rows
@@ -17,7 +18,7 @@ from ..replay.html_page import frame
 from ..replay.replay import pace
 from ..replay.replay import page as replay_page
 from ..solve.figure import motion
-from .report_tables import component_tables, downloads, ranking
+from .report_tables import actuator_table, component_tables, downloads, ranking
 from .templates import document, elements
 
 if TYPE_CHECKING:
@@ -59,16 +60,18 @@ def _run(report: "Report") -> str:
     speed = pace(sol)
     ended, counts = map(str.strip, str(sol).splitlines())
     replay = Markup(frame(replay_page(sol, fps=30.0, speed=speed), 660))
-    return elements().run(run_labels(sol)[1], ended, counts, speed) + replay + image(motion(sol), "motion over time")
+    text = elements().run(run_labels(sol)[1], ended, counts, speed)
+    return text + replay + image(motion(sol), "motion over time") + actuator_table(sol)
 
 
 def _drift(report: "Report") -> str:
     if not report.drifts:
         return ""
-    heads = ["method", "max |g|", "|g| at the end", "max |G v|", "energy error (J)", "relative", "work (J)"]
+    heads = ["method", "max |g|", "|g| at the end", "max |G v|", f"energy error ({unit_name('J')})", "relative",
+             f"work ({unit_name('J')})"]  # fmt: skip
     rows = [
-        [h.label, f"{d.g_max:.1e}", f"{d.g_end:.1e}", f"{d.Gv_max:.1e}", f"{d.energy_error:.1e}"]
-        + [f"{d.energy_relative:.1e}", f"{d.work_end:.4g}"]
+        [h.label, *map(d.shown, ("g_max", "g_end", "Gv_max")), f"{displayed(d.energy_error, 'J')[0]:.1e}"]
+        + [f"{d.energy_relative:.1e}", f"{displayed(d.work_end, 'J')[0]:.4g}"]
         for h, d in zip([d.history for d in report.drifts], report.drifts, strict=True)
     ]
     picture = image(drifts([d.history for d in report.drifts]), "drift of the closures and of the energy over time")
@@ -85,7 +88,8 @@ def _orders(report: "Report") -> str:
         [name, *(elements().verdict(c, marks.get(s.verdict, "")) for c, s in zip(cells, row, strict=True))]
         for (name, *cells), row in zip(body, study.orders.values(), strict=True)
     ]
-    caption = f"Observed (claimed) orders with fixed steps, T = {study.T:g} s; a slope may be 0.2 below its claim"
+    end = quantity(study.T, "s", "g")
+    caption = f"Observed (claimed) orders with fixed steps, T = {end}; a slope may be 0.2 below its claim"
     remarks = elements().note("; ".join(study.remarks()))
     return elements().captioned(caption, [heads, *rows]) + remarks + image(convergence(study), "convergence")
 

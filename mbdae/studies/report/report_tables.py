@@ -4,14 +4,18 @@ import base64
 import json
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from pydantic import BaseModel
+from typing import TYPE_CHECKING
 
 from ...mechanism import Mechanism
+from ...mechanism.checked_table import Table
 from ...mechanism.tree.joints import file_kind
+from ...solution.solution import Solution
+from ...solution.work_columns import actuators
+from ...tabular import rounded_zero
+from ...units import displayed, unit_name
 from ..comparison.comparison import SHOWN
 from ..comparison.ranking import RankingEntry
+from .parameter_text import parameter_texts
 from .templates import elements
 
 if TYPE_CHECKING:
@@ -44,8 +48,10 @@ def ranking(result: "Comparison") -> str:
         ]
         if any(best_work):
             words = "seconds" if work == "seconds" else "linear solves"
-            caption = f"Ranking: {words} for an error in q below the column heading (rad or m); -: not reached"
-            out.append(elements().captioned(caption, [["method", *(f"{goal:.0e}" for goal in goals)], *rows]))
+            unit = " or ".join(unit_name(result.unit("q")).split(", "))
+            caption = f"Ranking: {words} for an error in q below the column heading ({unit}); -: not reached"
+            shown = (displayed(goal, result.unit("q"))[0] for goal in goals)
+            out.append(elements().captioned(caption, [["method", *(f"{goal:.0e}" for goal in shown)], *rows]))
     return "".join(out)
 
 
@@ -69,13 +75,33 @@ def downloads(report: "Report") -> str:
     return elements().downloads(files)
 
 
+def actuator_table(sol: Solution) -> str:
+    """Return a table of power and work of forces and drivers over a run; empty without."""
+    names = actuators(sol.mechanism)
+    if not names:
+        return ""
+    found = sol.statistics([f"power.{name}" for name in names])
+    rows = []
+    for name in names:
+        power, sums = f"power.{name}", found.integrals[f"power.{name}"]
+        values = (found.minimum[power].value, found.maximum[power].value, sums.mean)
+        scale = abs(found.peak(power).value)
+        work = displayed(sums.integral if rounded_zero(sums.mean, scale) else 0.0, "J")[0]
+        rows.append([name, *(f"{displayed(rounded_zero(x, scale), 'W')[0]:.5g}" for x in values), f"{work:.5g}"])
+    heads = ["name", "least power", "largest power", f"mean ({unit_name('W')})", f"work ({unit_name('J')})"]
+    return elements().captioned("Power and work of forces and drivers on the mechanism", [heads, *rows])
+
+
 def _bodies(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
-    heads = ["body of joint", "mass (kg)", "x", "y", "z (m)", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz (kg m^2)"]
+    mass, length, inertia = map(unit_name, ("kg", "m", "kg m^2"))
+    heads = ["body of joint", f"mass ({mass})", "x", "y", f"z ({length})", "Ixx", "Iyy", "Izz", "Ixy", "Ixz"]
+    heads.append(f"Iyz ({inertia})")
     rows = []
     for i in range(1, mech.model.njoints):
         y = mech.model.inertias[i]
         upper = [y.inertia[a, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-        rows.append([mech.model.names[i], *(f"{x:.5g}" for x in (y.mass, *y.lever, *upper))])
+        numbers = zip((y.mass, *y.lever, *upper), ["kg"] + 3 * ["m"] + 6 * ["kg m^2"], strict=True)
+        rows.append([mech.model.names[i], *(f"{displayed(x, unit)[0]:.5g}" for x, unit in numbers)])
     return heads, rows
 
 
@@ -84,8 +110,9 @@ def _joints(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
     for i in range(1, mech.model.njoints):
         joint, placement = mech.model.joints[i], mech.model.jointPlacements[i]
         parent = mech.model.names[mech.model.parents[i]] if mech.model.parents[i] else "the ground"
-        rows.append([mech.model.names[i], file_kind(joint), parent, *(f"{x:.5g}" for x in placement.translation)])
-    return ["joint", "kind", "on", "x", "y", "z (m)"], rows
+        position = displayed(placement.translation, "m")[0]
+        rows.append([mech.model.names[i], file_kind(joint), parent, *(f"{x:.5g}" for x in position)])
+    return ["joint", "kind", "on", "x", "y", f"z ({unit_name('m')})"], rows
 
 
 def _closures(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
@@ -99,18 +126,10 @@ def _closures(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
 def _forces(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
     rows = []
     for force in mech.forces:
-        given: dict[str, Any] = force.model_dump(exclude_defaults=True) if isinstance(force, BaseModel) else {}
-        keys = ", ".join(f"{k} = {_text(v)}" for k, v in given.items() if k not in ("name", "kind"))
+        given = parameter_texts(mech, force) if isinstance(force, Table) else {}
+        keys = ", ".join(f"{k} = {text}" for k, text in given.items() if k not in ("name", "kind"))
         rows.append([getattr(force, "name", "") or str(force), getattr(force, "kind", "function"), keys])
     return ["name", "kind", "parameters"], rows
-
-
-def _text(value: object) -> str:
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_text, value)) + "]"
-    return " ".join(f"{k} {_text(v)}" for k, v in value.items()) if isinstance(value, dict) else str(value)
 
 
 def _cell(entry: RankingEntry, best: float) -> str:

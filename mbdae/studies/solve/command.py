@@ -11,6 +11,7 @@ from ...cli.runs import simulate
 from ...cli.study_command import Output, Study, command
 from ...cli.values import panels, split_names
 from ...errors import InputError
+from ...units import displayed, quantity, unit_name
 
 if TYPE_CHECKING:
     from ...solution.solution import Problem, Solution
@@ -132,10 +133,12 @@ def _impacts(sol: "Solution") -> str:
     """Return the impacts in words: participants, times, and energy loss."""
     names = ", ".join(dict.fromkeys(name for x in sol.impacts for name in x.where))
     times, loss = [x.t for x in sol.impacts], sum(x.loss for x in sol.impacts)
-    return f"  impacts on {names}: {_times(times)}, {abs(loss):.4g} J {'lost' if loss >= 0 else 'added by drivers'}"
+    energy = quantity(abs(loss), "J", ".4g")
+    return f"  impacts on {names}: {_times(times)}, {energy} {'lost' if loss >= 0 else 'added by drivers'}"
 
 
 def _times(times: Any) -> str:
     """Return the times of an event as text, at most the first few."""
-    some = ", ".join(f"{t:.9g}" for t in times[:PRINTED_TIMES])
-    return f"t = {some}{', ...' if len(times) > PRINTED_TIMES else ''} s ({len(times)})" if len(times) else "never"
+    some = ", ".join(f"{displayed(t, 's')[0]:.9g}" for t in times[:PRINTED_TIMES])
+    more = ", ..." if len(times) > PRINTED_TIMES else ""
+    return f"t = {some}{more} {unit_name('s')} ({len(times)})" if len(times) else "never"

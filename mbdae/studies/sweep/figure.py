@@ -66,10 +66,10 @@ def _panels(sweep: Sweep, parameters: list[str], y: np.ndarray, label: str, *, c
     axes = figure.subplots(rows, min(COLUMNS, len(parameters) + 1), squeeze=False)
     panels = list(axes.flat)
     for ax, parameter in zip(panels, parameters, strict=False):
-        x = sweep[parameter][known]
+        x, name = _axis(sweep, parameter, sweep[parameter][known])
         order = x.argsort() if curve else slice(None)
         ax.plot(x[order], y[known][order], ".-" if curve else ".", color=COLOURS[0], markersize=3, alpha=0.7)
-        ax.set_xlabel(escaped(parameter))
+        ax.set_xlabel(name)
         ax.locator_params(axis="x", nbins=3)
     for row in axes:
         row[0].set_ylabel(label)
@@ -89,11 +89,18 @@ def _heat_map(sweep: Sweep, y: np.ndarray, values: list[np.ndarray], label: str)
     figure = empty_figure(WIDTH, MAP_HEIGHT)
     ax = figure.subplots()
     ax.grid(visible=False)
-    edges = [_cell_edges(ax.xaxis, values[0]), _cell_edges(ax.yaxis, values[1])]
+    (x, over), (y, up) = (_axis(sweep, n, x) for n, x in zip(sweep.parameters, values, strict=True))
+    edges = [_cell_edges(ax.xaxis, x), _cell_edges(ax.yaxis, y)]
     figure.colorbar(ax.pcolormesh(*edges, table.T), label=label)
-    ax.set_xlabel(escaped(sweep.parameters[0]))
-    ax.set_ylabel(escaped(sweep.parameters[1]))
+    ax.set_xlabel(over)
+    ax.set_ylabel(up)
     return figure
+
+
+def _axis(sweep: Sweep, parameter: str, values: np.ndarray) -> tuple[np.ndarray, str]:
+    """Return values of a parameter as they are shown, and the label of their axis."""
+    x, unit = displayed(values, sweep.meta.get("units", {}).get(parameter, ""))
+    return x, escaped(f"{parameter} ({unit})" if unit else parameter)
 
 
 def _cell_edges(axis: "Axis", x: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ from ...integrate.options.span import checked_span
 from ...integrate.steppers.solvers import find_method
 from ...mechanism import Mechanism, describe
 from ...mechanism.callbacks import function_name
+from ...mechanism.formats.parameter_units import parameter_units
 from ...mechanism.formats.parametric import split as split_name
 from ...mechanism.imported_model import not_carried_over
 from ...solution.provenance import versions
@@ -154,13 +155,16 @@ def _meta(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]:
     wanted = [parse(x) for x in job.outputs if isinstance(x, str)]
     numbers, samples = ([w.text for w in wanted if bool(w.reduction) is scalar] for scalar in (True, False))
     all_units = units(mech) if wanted else {}
+    kinds = column_kinds(plan, numbers, samples)
+    numeric = [n for n in names(plan) if kinds.get(n) in ("float", "int") and not n.startswith(SOLVE)]
+    known = parameter_units(job.maker(), numeric) | {w.text: all_units[w.signal] for w in wanted}
     return {
         "manifest": _manifest(job, plan, mech),
-        "kinds": column_kinds(plan, numbers, samples),
+        "kinds": kinds,
         "parameters": names(plan),
         "outputs": numbers,
         "samples": samples,
-        "units": {w.text: all_units[w.signal] for w in wanted if all_units[w.signal]},
+        "units": {name: unit for name, unit in known.items() if unit},
     }
 
 

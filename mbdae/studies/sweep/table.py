@@ -34,7 +34,7 @@ class Sweep(Tabular):
         rows: for each run its number ``run``, parameters, ``seed``, ``status``, ``message``, end time ``t`` in s,
             counts of work, ``backend``, and outputs; those of an incomplete run are None. Results of functions are
             a table ``more``.
-        meta: manifest, names of parameters, numbers and signals, and units of these, if the file defines them.
+        meta: manifest, names of parameters, numbers and signals, and their units, if the file defines them.
         seconds: wall time of each run of this call, by number; not a column of the table, which is reproducible bit for
             bit.
         path: the file, if any.
@@ -112,7 +112,7 @@ class Sweep(Tabular):
         return {"complete": self.complete, **about, "outputs": self.outputs, "rows": rows}
 
     def tabulated(self) -> Columns:
-        """Return all columns by name, sampled signals as (n, times); units are those of signals."""
+        """Return all columns by name, sampled signals as (n, times); units are those of parameters and signals."""
         return Columns({name: self[name] for name in self.names}, {"t": "s"} | self.meta.get("units", {}))
 
     def cells(self) -> list[list[str]]:
@@ -233,7 +233,8 @@ def _value(row: Row, name: str) -> Any:
 def _text(value: object, unit: str) -> str:
     if value is None:
         return "-"
-    return f"{displayed(value, unit)[0]:.6g}" if isinstance(value, float) else str(value)
+    number = isinstance(value, float) or (unit and isinstance(value, int))
+    return f"{displayed(value, unit)[0]:.6g}" if number else str(value)
 
 
 def _json_value(value: object) -> Any:

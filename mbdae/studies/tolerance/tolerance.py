@@ -7,8 +7,7 @@ from ... import backend
 from ...errors import InputError, is_number, require
 from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ...mechanism.formats.loaded_model import parameter_unit
-from ...mechanism.formats.template import Template
+from ...mechanism.formats.parameter_units import parameter_units
 from ...system import Array
 from ..kinematics.curve_derivatives import CurveSignals
 from ..kinematics.driven_mechanism import Hold, driven_mechanism
@@ -102,7 +101,7 @@ def tolerance(
     return Tolerance(
         found, tuple(names), signal_units(mech, names, found.unit), kept, gaps, float(sigmas),
         influences(along, names, displacements(along, gaps)), H, left_out,
-        {name: parameter_unit(make, name) for name in kept} if isinstance(make, Template) else {},
+        parameter_units(make, kept),
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from ...cli.study_command import Output, Study, command
 PAGE = output_file("-o", "--output", suffixes=PAGES, help="The page to write.  [default: MODEL.html]")
 
 
-@command("", PAGE)
+@command("", PAGE, shared="units")
 def view(study: Study, out: Output, model: ChosenModel) -> None:
     """Write one page on which a model is moved by sliders. Shows its limits and dead points; opens it on a terminal."""
     file = Path(model.name)

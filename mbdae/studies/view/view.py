@@ -13,6 +13,7 @@ from ...mechanism.scene.drawables import drawables, motions
 from ...mechanism.tree.frames import find_joint
 from ...solution.problem import mechanism_of
 from ...system import Array
+from ...units import displayed, quantity
 from ..replay import animation_tracks as tracks
 from ..replay.html_page import document, frame, scene_data
 from ..replay.threejs import chosen
@@ -46,7 +47,7 @@ class View:
 
     def __str__(self) -> str:
         head = f"{self.mechanism.title}, free coordinates: {len(self.sliders)}"
-        rows = [f"  {s.joint}: {s.u.min():.6g} to {s.u.max():.6g} {s.unit}{_range_text(s)}" for s in self.sliders]
+        rows = [f"  {s.joint}: {_range_text(s, '.6g')}" for s in self.sliders]
         return "\n".join([head, *rows])
 
     def to_dict(self) -> JsonObject:
@@ -140,16 +141,18 @@ def _slider_data(slider: Slider) -> dict[str, Any]:
     dead = [float(np.abs(slider.u - d).argmin()) / (n - 1) for d in slider.dead_points]
     return {
         "joint": slider.joint,
-        "unit": slider.unit,
+        "unit": displayed(1.0, slider.unit)[1],
+        "scale": displayed(1.0, slider.unit)[0],
         "u": slider.u.tolist(),
         "share": slider.start / (n - 1),
         "dead": dead,
-        "says": f"{slider.u.min():.4g} to {slider.u.max():.4g} {slider.unit}{_range_text(slider)}",
+        "says": _range_text(slider, ".4g"),
         "beyond": list(slider.beyond),
     }
 
 
-def _range_text(slider: Slider) -> str:
-    dead = ", ".join(f"{d:.4g}" for d in slider.dead_points)
-    words = [f"dead points at {dead} {slider.unit}" if dead else "", ENDS.get(slider.ended, "")]
-    return "".join(f"; {w}" for w in words if w)
+def _range_text(slider: Slider, digits: str) -> str:
+    low, high = displayed(slider.u.min(), slider.unit)[0], quantity(slider.u.max(), slider.unit, digits)
+    dead = ", ".join(f"{displayed(d, slider.unit)[0]:.4g}" for d in slider.dead_points)
+    words = [f"dead points at {dead} {displayed(0.0, slider.unit)[1]}" if dead else "", ENDS.get(slider.ended, "")]
+    return "; ".join([f"{low:{digits}} to {high}", *filter(None, words)])

@@ -281,3 +281,9 @@ def test_ctrl_c_keeps_the_methods_that_are_finished(study, tmp_path, monkeypatch
     assert (list(kept["methods"]), kept["missing"], kept["holds"]) == (["herk2"], ["herk3", "herk4"], False)
     code, out, err = call(*arguments[:2], "-m", "herk3")
     assert (code, out, err.strip()) == (130, "", "mbdae: stopped by the user")
+
+
+def test_all_methods_are_named_by_all(monkeypatch):
+    monkeypatch.setattr("mbdae.studies.order.order.finished", lambda chosen, judge: ({}, tuple(chosen)))
+    assert mbdae.order("pendulum", "all").missing == mbdae.order("pendulum").missing
+    assert "herk3" in mbdae.order("pendulum", ["all"]).missing

@@ -123,13 +123,14 @@ def test_numbers_of_stops_are_swept():
 
 
 def test_outputs_have_the_units_of_their_signals(tmp_path):
-    """A reduction has that of its signal, in the table and after reading it."""
+    """A reduction has that of its signal, a parameter that of its key, in the table and after reading it."""
     pytest.importorskip("pandas")
     pytest.importorskip("pyarrow")
     outputs = ["max v.joint1", "peak force.joint1", "q.joint2", "final energy"]
     path = tmp_path / "runs.parquet"
     table = mbdae.sweep("double_pendulum", {"gravity.2": [-9.81]}, (0, 0.1), outputs=outputs, times=3, path=path)
-    wanted = {"t": "s", "max v.joint1": "rad/s", "peak force.joint1": "N", "q.joint2": "rad", "final energy": "J"}
+    wanted = {"t": "s", "gravity.2": "m/s^2", "max v.joint1": "rad/s", "peak force.joint1": "N", "q.joint2": "rad",
+              "final energy": "J"}  # fmt: skip
     assert table.to_pandas().attrs["units"] == wanted
     assert mbdae.Sweep.load(path).to_pandas().attrs["units"] == wanted
     older = {key: x for key, x in table.meta.items() if key != "units"}

@@ -1,0 +1,90 @@
+"""Work of each driver and force along a run: the integral of its power over time, within the accuracy of the run.
+
+    W(t) = integral from the first node to t of power dt
+
+by the Chebyshev series of the power on each step, see `mbdae.solution.statistics`, whose antiderivatives are exact. The
+sum over all forces and drivers is the change of the kinetic energy and of the potential energy of gravity, without
+dissipation by rows (dry friction of sticking joints, friction proportional to closure forces) and without impacts, in
+which constraints act by impulses.
+"""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from ..mechanism.signals.effort_signals import effort_units
+from ..system import Array
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+    from .solution import Solution
+
+POWER, WORK = "power.", "work."
+
+
+class StepIntegrals(NamedTuple):
+    """Integrals over time of k signals on the steps of a run.
+
+    Attributes:
+        t: times of the nodes, (n + 1,).
+        starts: integrals up to the nodes, (k, n + 1).
+        series: Chebyshev series of the integrals within the steps, 0 at their starts, (k, n, degree + 1).
+    """
+
+    t: Array
+    starts: Array
+    series: Array
+
+    def at(self, times: Array, steps: Array) -> Array:
+        """Return the integrals at times (m,) within steps (m,), (k, m)."""
+        h = self.t[steps + 1] - self.t[steps]
+        x = np.divide(2 * (times - self.t[steps]), h, out=np.zeros(len(times)), where=h != 0) - 1
+        powers = chebyshev.chebvander(x, self.series.shape[2] - 1)
+        return self.starts[:, steps] + np.einsum("kmi,mi->km", self.series[:, steps], powers)
+
+
+def actuators(mech: "Mechanism") -> list[str]:
+    """Return the names of forces and drivers with a power."""
+    forces = [name.removeprefix(POWER) for name in effort_units(mech) if name.startswith(POWER)]
+    return [*forces, *(d.name for d in mech.drivers)]
+
+
+def work_units(mech: "Mechanism") -> dict[str, str]:
+    """Return names and units of the columns of `work_columns`."""
+    return {f"{WORK}{name}": "J" for name in actuators(mech)}
+
+
+def work_columns(sol: "Solution") -> dict[str, Array]:
+    """Return ``work.<name>`` of forces and drivers since the first node in J, (n,) each.
+
+    NaN for poses that a study has computed at certain times, which have no steps between them.
+    """
+    names = actuators(sol.mechanism)
+    if not names:
+        return {}
+    if "dense_order" not in sol.settings:
+        return {f"{WORK}{name}": np.full(len(sol.t), np.nan) for name in names}
+    if "work" not in sol.integrals:
+        sol.integrals["work"] = integrate_steps(sol, [f"{POWER}{name}" for name in names])
+    found, times = sol.integrals["work"], np.asarray(sol.t)
+    if len(found.t) < 2:
+        return {f"{WORK}{name}": np.zeros(len(times)) for name in names}
+    values = found.at(times, np.minimum(sol.before(times), len(found.t) - 2))
+    return {f"{WORK}{name}": x for name, x in zip(names, values, strict=True)}
+
+
+def integrate_steps(sol: "Solution", names: list[str]) -> StepIntegrals:
+    """Return the integrals of smooth signals over time on all steps of a run."""
+    from .statistics import resolved_series
+
+    t = np.asarray(sol.nodes[0], float)
+    n = max(len(t) - 1, 0)
+    series, width = np.zeros((len(names), n, 1)), 1
+    for steps, found in resolved_series(sol, names):
+        inner = 0.5 * np.diff(t)[steps][:, None] * chebyshev.chebint(found, lbnd=-1, axis=2)
+        width = max(width, inner.shape[2])
+        series = np.pad(series, ((0, 0), (0, 0), (0, width - series.shape[2])))
+        series[:, steps, : inner.shape[2]] = inner
+    ends = series.sum(axis=2)  # at x = 1, where all polynomials are 1
+    return StepIntegrals(t, np.concatenate([np.zeros((len(names), 1)), np.cumsum(ends, axis=1)], axis=1), series)
