@@ -1,15 +1,18 @@
 """Snapshots: the numbers from which a run, or a simulator, continues bit by bit."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...errors import InputError
 from ...mechanism import Mechanism
+from ...mechanism.fmu.session import kept_states
 from ...mechanism.time_functions.input_functions import InputSetting
 from ...system import Array, State
+from ..options.options import RunOptions
+from ..run.run_setup import prepare_at
 from ..run.run_state import RunState
 from ..steppers.stepper import StepperState
 
@@ -57,6 +60,7 @@ class SimulatorState:
         wanted: inputs that were set, by name, since the last advance.
         start: time in s from which fixed steps are counted.
         origin: the simulator that saved it.
+        external: the states of FMUs, by the names of their forces.
     """
 
     run: RunSnapshot
@@ -64,6 +68,17 @@ class SimulatorState:
     wanted: dict[str, float]
     start: float
     origin: Origin
+    external: dict[str, bytes | None]
+
+    def require_external(self) -> None:
+        """Require the states of all FMUs.
+
+        Raises:
+            InputError: names one that cannot save its state.
+        """
+        for name, state in self.external.items():
+            if state is None:
+                raise InputError(f"FMU {name!r} cannot save its state: it lacks canSerializeFMUState")
 
     def require_for(self, mechanism: Mechanism, inputs: Collection[str], origin: Origin) -> None:
         """Require that the state is one of this mechanism, method and fixed step.
@@ -80,6 +95,25 @@ class SimulatorState:
             raise InputError(f"the state was saved by a simulator of {', '.join(other)}")
         if not np.isfinite(self.run.y).all():
             raise InputError("the saved state is not finite")
+
+
+def external_states(run: RunState) -> dict[str, bytes | None]:
+    """Return the states of FMUs at the last node of a run."""
+    s: Any = run.system
+    found: dict[str, bytes | None] = s.laws.external_states(s.element_states(run.ys[-1]))
+    return found
+
+
+def prepare_again(run: RunState, options: RunOptions, state: SimulatorState) -> RunState:
+    """Return a run that can begin at a state, in place of a run of the same mechanism, whose FMUs it takes over."""
+    kept_states.keep({name: x for name, x in state.external.items() if x})
+    before: Any = run.system
+    programs, t = before.laws.take(), state.run.t
+    run.release()
+    out = prepare_at(run.problem, replace(options, t0=t, t1=t + 1, end=t + 1), state.run.y)
+    system: Any = out.system
+    system.laws.give(programs)
+    return out
 
 
 def snapshot(run: RunState) -> RunSnapshot:
