@@ -228,7 +228,7 @@ def _arguments(
     steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
     arrays = {name: data[name] for name in ("t", "y", "z_own")}
     rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
-    kept_states.keep(run.external)
+    kept_states.store(run.external)
     rest |= {"external": run.external}
     rest |= {name: list(getattr(run, name)) for name in ("modes", "impacts", "resets", "singular", "in_use")}
     return {"problem": problem, **arrays, **rest, "steps": steps, "events": events}

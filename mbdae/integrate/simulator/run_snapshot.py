@@ -11,6 +11,7 @@ from ...mechanism import Mechanism
 from ...mechanism.fmu.session import kept_states
 from ...mechanism.time_functions.input_functions import InputSetting
 from ...system import Array, State
+from ..events.jumps import SmoothInterval
 from ..options.options import RunOptions
 from ..run.run_setup import prepare_at
 from ..run.run_state import RunState
@@ -29,6 +30,7 @@ class RunSnapshot(NamedTuple):
         rank_threshold: pivot ratio below which the rank has fallen.
         mode: of the mechanism.
         stepper: of the step-size control.
+        interval: the smooth interval, if a jump follows at t; None within one.
     """
 
     t: float
@@ -39,6 +41,7 @@ class RunSnapshot(NamedTuple):
     rank_threshold: float
     mode: tuple[int, ...]
     stepper: StepperState
+    interval: SmoothInterval | None
 
 
 class Origin(NamedTuple):
@@ -106,7 +109,7 @@ def external_states(run: RunState) -> dict[str, bytes | None]:
 
 def prepare_again(run: RunState, options: RunOptions, state: SimulatorState) -> RunState:
     """Return a run that can begin at a state, in place of a run of the same mechanism, whose FMUs it takes over."""
-    kept_states.keep({name: x for name, x in state.external.items() if x})
+    kept_states.store({name: x for name, x in state.external.items() if x})
     before: Any = run.system
     programs, t = before.laws.take(), state.run.t
     run.release()
@@ -122,13 +125,15 @@ def snapshot(run: RunState) -> RunSnapshot:
     carry = run.state.carry if isinstance(run.state.carry, np.ndarray) else None
     rows = None if s.rows is None else tuple(s.rows.tolist())
     y, compensation = run.ys[-1].copy(), run.state.compensation
-    return RunSnapshot(run.t, y, carry, compensation, rows, s.rank_threshold, s.mode, run.stepper.snapshot())
+    interval = run.interval if run.interval.stop != run.interval.end and run.t >= run.interval.stop else None
+    stepper = run.stepper.snapshot()
+    return RunSnapshot(run.t, y, carry, compensation, rows, s.rank_threshold, s.mode, stepper, interval)
 
 
 def resume(run: RunState, start: RunSnapshot) -> None:
     """Begin a new run at a snapshot, in place of `RunState.begin`."""
     s: Any = run.system
-    t, y, carry, compensation, rows, s.rank_threshold, mode, stepper = start
+    t, y, carry, compensation, rows, s.rank_threshold, mode, stepper, interval = start
     run.ys[-1] = y
     if run.mode_changes:
         run.mode_changes.resume(run, mode)
@@ -138,7 +143,7 @@ def resume(run: RunState, start: RunSnapshot) -> None:
     run.F, run.zs[-1] = s.derivative(t, y)
     run.state = State(y, s.carry(run.F, run.zs[-1]) if carry is None else carry, compensation)
     run.carries.store(0, run.state.carry)
-    run.interval = run.jumps.interval(t)
+    run.interval = interval or run.jumps.interval(t)
     run.stepper.resume(stepper)
     for source in run.sources:
         source.begin_interval(run)

@@ -12,7 +12,7 @@ from threading import Lock
 from typing import Any, TypeVar
 
 from ...errors import StepError
-from .description import INTEGERS, FmuDescription, FmuVariable, fmpy_module
+from .interface import INTEGERS, FmuInterface, FmuVariable, fmpy_module
 
 T = TypeVar("T")
 LOADING = Lock()  # FMPy changes the working directory while it loads a library
@@ -31,7 +31,7 @@ class FmuInstance:
         StepError: if it cannot be made; all methods raise it with the messages of the FMU.
     """
 
-    def __init__(self, name: str, path: Path, description: FmuDescription) -> None:
+    def __init__(self, name: str, path: Path, description: FmuInterface) -> None:
         self.name, self.description, self._said = name, description, list[str]()
         state = path.stat()
         folder = _folder(path.resolve(), state.st_mtime_ns, state.st_size)

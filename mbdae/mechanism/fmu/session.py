@@ -1,8 +1,9 @@
 """An FMU as a function of the number of its state: the same history gives the same number, and the same outputs.
 
 The state of an FMU is opaque, and a run may come back to an instant: the core leaves a jump to Python, a run continues
-from the end of another, a simulator is reset. A number in s, a digest of all samples before, tells which state belongs
-to a point; 0 is the state before the start. States that were saved are restored by their number.
+from the end of another, a simulator is reset. A number in s tells which state belongs to a point: it counts the
+instants, and its fraction is a digest of the inputs at all of them; 0 is the state before the start. Saved states are
+found by it.
 """
 
 import hashlib
@@ -15,16 +16,16 @@ from typing import NamedTuple
 
 from ...errors import StepError
 from ...tolerances import INPUT_DIGITS
-from .description import FmuDescription
 from .instance import FmuInstance, Parameter
+from .interface import FmuInterface
 
-DIGITS = 52  # bits of the number of a state: exact as a float
+DIGITS = 32  # bits of the fraction of the number of a state, below 1/2
 KEPT = 256  # saved states that a process keeps for runs that continue from others
 HEADER = struct.Struct("<dd")  # number of a state, and its time
 Values = tuple[float, ...]
 
 
-class Sample(NamedTuple):
+class FmuSample(NamedTuple):
     """The outputs in SI units after an instant, and the number of the state."""
 
     outputs: Sequence[float]
@@ -37,7 +38,7 @@ class KeptStates:
     def __init__(self) -> None:
         self._states, self._lock = OrderedDict[float, bytes](), Lock()
 
-    def keep(self, states: Mapping[str, bytes]) -> None:
+    def store(self, states: Mapping[str, bytes]) -> None:
         """Keep saved states."""
         with self._lock:
             for state in states.values():
@@ -72,7 +73,7 @@ class FmuSession:
         self,
         name: str,
         path: Path,
-        description: FmuDescription,
+        description: FmuInterface,
         step: float,
         parameters: Mapping[str, Parameter],
         inputs: Sequence[str],
@@ -82,11 +83,11 @@ class FmuSession:
         self.parameters, self.inputs, self.outputs = parameters, inputs, outputs
         self._instance: FmuInstance | None = None
         self._number, self._t = 0.0, 0.0  # of the state of the instance
-        self._last: tuple[tuple[float, float, Values], Sample] | None = None
+        self._last: tuple[tuple[float, float, Values], FmuSample | StepError] | None = None
         origin = (description.token, step, sorted(parameters.items()), list(inputs), list(outputs))
         self._origin = hashlib.sha256(repr(origin).encode()).digest()
 
-    def sample(self, number: float, t: float, inputs: Values) -> Sample:
+    def sample(self, number: float, t: float, inputs: Values) -> FmuSample:
         """Return the outputs at an instant, with the inputs from then on.
 
         Args:
@@ -98,32 +99,37 @@ class FmuSession:
             StepError: if the FMU fails, or if its state before is not known.
         """
         key = number, t, inputs
-        if self._last and self._last[0] == key:  # Python repeats what the core has left to it
-            return self._last[1]
-        self._last, given = None, dict(zip(self.inputs, inputs, strict=True))
+        if not (self._last and self._last[0] == key):  # Python repeats what the core has left to it
+            if number not in (0.0, self._number):
+                self._restore(number)
+            self._last = key, self._sample(key)
+        found = self._last[1]
+        if isinstance(found, StepError):
+            raise found
+        return found
+
+    def _sample(self, key: tuple[float, float, Values]) -> FmuSample | StepError:
+        number, t, inputs = key
+        given = dict(zip(self.inputs, inputs, strict=True))
         try:
             if number == 0.0:
                 self._start(t, given)
             else:
-                self._continue(number, t)
+                self._continue(t)
             assert self._instance
             outputs = self._instance.exchange(given, self.outputs)
-        except StepError:
+        except StepError as e:
             self.close()
-            raise
+            return e
         self._t, self._number = t, self._digest(key)
-        found = Sample(outputs, self._number)
-        self._last = key, found
-        return found
+        return FmuSample(outputs, self._number)
 
     def _start(self, t: float, inputs: Mapping[str, float]) -> None:
         self.close()
         self._instance = FmuInstance(self.name, self.path, self.description)
         self._instance.start(t, self.parameters, inputs)
 
-    def _continue(self, number: float, t: float) -> None:
-        if number != self._number:
-            self._restore(number)
+    def _continue(self, t: float) -> None:
         n = round((t - self._t) / self.step)
         if n < 1 or abs(t - self._t - n * self.step) > INPUT_DIGITS * n * self.step:
             before = f"its state belongs to t = {self._t:.9g} s"
@@ -149,16 +155,17 @@ class FmuSession:
         if number != self._number or not self._instance or not self.description.can_save:
             return kept_states.find(number)
         state = HEADER.pack(number, self._t) + self._instance.saved()
-        kept_states.keep({self.name: state})
+        kept_states.store({self.name: state})
         return state
 
     def close(self) -> None:
         """Free the instance."""
         if self._instance:
             self._instance.free()
-        self._instance, self._number, self._last = None, 0.0, None
+        self._instance, self._number = None, 0.0
 
     def _digest(self, key: tuple[float, float, Values]) -> float:
         number, t, inputs = key
         data = self._origin + struct.pack(f"<{2 + len(inputs)}d", number, t, *inputs)
-        return float(int.from_bytes(hashlib.sha256(data).digest()[:7], "big") % (2**DIGITS - 1) + 1)
+        fraction = int.from_bytes(hashlib.sha256(data).digest()[: DIGITS // 8], "big") / 2 ** (DIGITS + 1)
+        return float(int(number) + 1) + fraction

@@ -11,7 +11,7 @@ from pydantic import Field
 from ...discovery import lazy_import
 from ...errors import InputError, StepError, UnknownNameError
 from ..allowed_paths import AllowedPaths
-from ..fmu.description import describe_fmu
+from ..fmu.interface import describe_fmu
 from ..fmu.session import FmuSession, kept_states
 from ..key_units import Unit
 from ..tree.coordinate_units import model_suffixes
@@ -59,7 +59,7 @@ class FMU(Force):
     step: Annotated[float, Unit("s")] = Field(gt=0)
     inputs: dict[str, str | float] = Field(default_factory=dict)
     outputs: dict[str, str] = Field(min_length=1)
-    parameters: dict[str, bool | float | str] = Field(default_factory=dict)
+    parameters: dict[str, float | bool | str] = Field(default_factory=dict)
     offset: Annotated[float, Unit("s")] = 0.0
     recorded: bool = False
 
@@ -69,6 +69,10 @@ class FMU(Force):
             for what, names in (("input", self.inputs), ("output", self.outputs), ("parameter", self.parameters)):
                 for name in names:
                     found.find(what, name)
+            for name, x in self.parameters.items():
+                if not found.parameters[name].accepts(x):
+                    kind = found.parameters[name].type
+                    raise InputError(f"parameter {name!r} of {self.name!r} is of type {kind}, got {x!r:.80}")
         known = velocity_indices(model)
         torques: dict[int, str] = {}
         for name, joint in self.outputs.items():

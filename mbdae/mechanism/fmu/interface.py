@@ -1,4 +1,4 @@
-"""What an FMU has: variables, units and abilities, from its modelDescription.xml."""
+"""Variables, units and abilities of an FMU, from its modelDescription.xml."""
 
 import zipfile
 from collections.abc import Mapping
@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from ...errors import InputError, UnknownNameError
 
 REALS = {"2.0": "Real", "3.0": "Float64"}  # type of inputs and outputs by version of FMI
+TYPES: dict[str, tuple[type, ...]] = {"Boolean": (bool,), "String": (str,)}  # of values; of others numbers
 INTEGERS = ("Integer", "Enumeration", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 SETTABLE = ("parameter", "structuralParameter", "local", "input")  # with initial = "exact": values before a start
 
@@ -29,6 +30,13 @@ class FmuVariable(NamedTuple):
     factor: float = 1.0
     offset: float = 0.0
 
+    def accepts(self, value: object) -> bool:
+        """Return whether a value is of its type."""
+        if self.type in TYPES:
+            return isinstance(value, TYPES[self.type])
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        return number and (self.type not in INTEGERS or value == int(value))  # type: ignore[call-overload, no-any-return]
+
     def to_si(self, x: float) -> float:
         """Return a value in SI units."""
         return self.factor * x + self.offset
@@ -38,7 +46,7 @@ class FmuVariable(NamedTuple):
         return (x - self.offset) / self.factor
 
 
-class FmuDescription(NamedTuple):
+class FmuInterface(NamedTuple):
     """An FMU for co-simulation.
 
     Attributes:
@@ -86,7 +94,7 @@ def fmpy_module() -> ModuleType:
     return fmpy  # type: ignore[no-any-return]
 
 
-def describe_fmu(path: Path) -> FmuDescription:
+def describe_fmu(path: Path) -> FmuInterface:
     """Return the description of an FMU for co-simulation on this platform.
 
     Raises:
@@ -99,7 +107,7 @@ def describe_fmu(path: Path) -> FmuDescription:
 
 
 @lru_cache(maxsize=32)
-def _described(path: Path, *version: int) -> FmuDescription:
+def _described(path: Path, *version: int) -> FmuInterface:
     fmpy = fmpy_module()
     try:
         found = fmpy.read_model_description(str(path), validate=False)
@@ -117,7 +125,7 @@ def _described(path: Path, *version: int) -> FmuDescription:
     if [here, cs.modelIdentifier + fmpy.sharedLibraryExtension] not in libraries:
         others = ", ".join(sorted({name[0] for name in libraries if name[1:] != [""]})) or "no platform"
         raise InputError(f"{path} has no library for {here}, only for {others}")
-    return FmuDescription(
+    return FmuInterface(
         fmi, found.guid, cs.modelIdentifier, cs.canBeInstantiatedOnlyOncePerProcess,
         cs.canGetAndSetFMUstate and cs.canSerializeFMUstate, *_variables(found, REALS[fmi]),
     )  # fmt: skip
