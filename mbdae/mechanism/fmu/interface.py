@@ -94,7 +94,7 @@ def fmpy_module() -> ModuleType:
     return fmpy  # type: ignore[no-any-return]
 
 
-def describe_fmu(path: Path) -> FmuInterface:
+def fmu_interface(path: Path) -> FmuInterface:
     """Return the description of an FMU for co-simulation on this platform.
 
     Raises:
@@ -103,11 +103,11 @@ def describe_fmu(path: Path) -> FmuInterface:
     if not path.is_file():
         raise InputError(f"no such file: {path}")
     state = path.stat()
-    return _described(path.resolve(), state.st_mtime_ns, state.st_size)
+    return _interface_of(path.resolve(), state.st_mtime_ns, state.st_size)
 
 
 @lru_cache(maxsize=32)
-def _described(path: Path, *version: int) -> FmuInterface:
+def _interface_of(path: Path, *version: int) -> FmuInterface:
     fmpy = fmpy_module()
     try:
         found = fmpy.read_model_description(str(path), validate=False)

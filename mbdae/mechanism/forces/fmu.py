@@ -1,6 +1,8 @@
 """FMUs of other programs as sampled controllers: motors, valves, controllers (FMI 2.0 and 3.0, co-simulation)."""
 
 from collections.abc import Sequence
+from functools import cached_property, partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -11,7 +13,7 @@ from pydantic import Field
 from ...discovery import lazy_import
 from ...errors import InputError, StepError, UnknownNameError
 from ..allowed_paths import AllowedPaths
-from ..fmu.interface import describe_fmu
+from ..fmu.interface import fmu_interface
 from ..fmu.session import FmuSession, kept_states
 from ..key_units import Unit
 from ..tree.coordinate_units import model_suffixes
@@ -65,7 +67,7 @@ class FMU(Force):
 
     def bind(self, model: pin.Model, data: pin.Data) -> "FmuElement":
         if not self.recorded:
-            found = describe_fmu(Path(self.file))
+            found = fmu_interface(Path(self.file))
             for what, names in (("input", self.inputs), ("output", self.outputs), ("parameter", self.parameters)):
                 for name in names:
                     found.find(what, name)
@@ -103,7 +105,7 @@ class FMU(Force):
         """
         if self.recorded:
             raise StepError("force", f"FMU {self.name!r} is not in the file: load the mechanism with it again")
-        found, path = describe_fmu(Path(self.file)), Path(self.file)
+        found, path = fmu_interface(Path(self.file)), Path(self.file)
         return FmuSession(self.name, path, found, self.step, self.parameters, [*self.inputs], [*self.outputs])
 
 
@@ -147,6 +149,7 @@ class FmuElement(SampledElement):
 
     def attach(self, system: "Index2System") -> None:
         self._system, self._own = system, None
+        vars(self).pop("_signals", None)
 
     def sampled(self, t: float, q: Array, v: Array, s: Array, at: slice) -> tuple[Array, Array]:
         """Return the outputs of the FMU, and the number of its state."""
@@ -157,18 +160,22 @@ class FmuElement(SampledElement):
         return np.array(found.outputs), np.array([found.number])
 
     def _inputs(self, t: float, y: Array) -> tuple[float, ...]:
+        return tuple(x if isinstance(x, float) else self._value(x, t, y) for x in self._signals)
+
+    @cached_property
+    def _signals(self) -> list[Any]:
+        """The signals of its inputs, or constant numbers."""
         assert self._system
-        mech, (find, value) = self._system.mechanism, (
-            lazy_import(SIGNALS, name) for name in ("find_point_signal", "value")
-        )  # fmt: skip
-        out = []
-        for x in self.spec.inputs.values():
-            if not isinstance(x, str):
-                out.append(x)
-                continue
-            signal = find(mech, x)
-            out.append(value(None if signal.kind in OF_Y else self._workspace(), signal, t, y))
-        return tuple(out)
+        find = partial(lazy_import(SIGNALS, "find_point_signal"), self._system.mechanism)
+        return [find(x) if isinstance(x, str) else float(x) for x in self.spec.inputs.values()]
+
+    def _value(self, signal: Any, t: float, y: Array) -> float:
+        of_y = signal.kind in OF_Y
+        return self._value_of(None if of_y else self._workspace(), signal, t, y)  # type: ignore[no-any-return]
+
+    @cached_property
+    def _value_of(self) -> Any:
+        return import_module(SIGNALS).value  # of a floor above
 
     def _workspace(self) -> "Index2System":
         """Return a workspace of Python in the mode of the run: the core cannot be called while it calls Python."""
