@@ -25,12 +25,14 @@ from ...solution.signals import units
 from .core_file import core_data, native_system, output_data, plain_json, require_exportable, run_data
 from .model_description import KINDS, FmuDescription, Variable
 from .parameter_effects import ParameterEffects, parameter_effects
+from .picture import picture
 
 __all__ = ["export"]
 
 RUNTIME = "_native_fmi3.so"  # the core without Python, built with the core
 PLATFORMS = {"linux": "linux", "darwin": "darwin"}
 MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
+DIAGRAM = "diagram.png"
 STATE_SIGNALS = ("t", "y", "angle")  # kinds of outputs that are functions of the state
 DIFFERENTIABLE = (*STATE_SIGNALS, "rate", "lam", "force")
 
@@ -136,7 +138,7 @@ def export(
         mech.duration,
         versions()["mbdae"],
     )
-    _write(path, description, json.dumps({"token": token, **data}), runtime)
+    _write(path, description, json.dumps({"token": token, **data}), runtime, picture(mech))
     return ExportedUnit(path, kinds, tuple(chosen), tuple(named), tuple(effects), states, path.stat().st_size)
 
 
@@ -222,13 +224,15 @@ def _identifier(path: Path) -> str:
     return found if found[:1].isalpha() or found[:1] == "_" else f"_{found}"
 
 
-def _write(path: Path, description: FmuDescription, data: str, runtime: bytes) -> None:
+def _write(path: Path, description: FmuDescription, data: str, runtime: bytes, image: bytes) -> None:
     system, machine = PLATFORMS.get(sys.platform, ""), MACHINES.get(platform.machine().lower(), "")
     if not system or not machine:
         raise InputError(f"FMUs are exported on Linux and macOS, not on {sys.platform} {platform.machine()}")
     suffix = ".dylib" if system == "darwin" else ".so"
     with atomic_write(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("modelDescription.xml", description.xml())
-        file.writestr("documentation/index.html", description.page())
+        file.writestr("documentation/index.html", description.page(DIAGRAM if image else ""))
+        for name in (f"documentation/{DIAGRAM}", "model.png") if image else ():  # by the standard; of FMPy and others
+            file.writestr(name, image)
         file.writestr("resources/mechanism.json", data)
         file.writestr(f"binaries/{machine}-{system}/{description.identifier}{suffix}", runtime)

@@ -79,8 +79,8 @@ class FmuDescription(NamedTuple):
         document: bytes = ElementTree.tostring(root, "utf-8", xml_declaration=True)
         return document
 
-    def page(self) -> str:
-        """Return a page of documentation: the variables, and how it was made."""
+    def page(self, diagram: str) -> str:
+        """Return a page of documentation: the file of a picture, if any, the variables, and how it was made."""
         rows = [
             f"<tr><td>{escape(x.name)}</td><td>{x.causality}</td><td>{escape(x.unit)}</td></tr>"
             for x in self.variables
@@ -90,7 +90,8 @@ class FmuDescription(NamedTuple):
         kinds = " and ".join(KINDS[kind] for kind in self.kinds)
         text = f"{kinds}, exported by mbdae {self.version}. All variables are in SI units."
         head = f'<!DOCTYPE html>\n<html lang="en"><meta charset="utf-8"><title>{escape(self.name)}</title>'
-        return f"{head}\n<h1>{escape(self.name)}</h1>\n<p>{text}</p>\n{table}\n</html>\n"
+        image = f'<p><img src="{diagram}" alt="the mechanism at its start" width="700"></p>\n' if diagram else ""
+        return f"{head}\n<h1>{escape(self.name)}</h1>\n<p>{text}</p>\n{image}{table}\n</html>\n"
 
     def _interface(self, root: Element, kind: str) -> None:
         able = ["canGetAndSetFMUState", "canSerializeFMUState"]
