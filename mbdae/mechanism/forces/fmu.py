@@ -125,10 +125,16 @@ def with_fmu_paths(forces: Sequence[Any], path: Path) -> tuple[Any, ...]:
         InputError: for a missing file, or one elsewhere.
     """
     paths = AllowedPaths.from_model_file(path)
-    return tuple(
-        x.model_copy(update={"file": str(paths.find(x.file))}) if isinstance(x, FMU) and not x.recorded else x
-        for x in forces
-    )
+
+    def found(x: Any) -> Any:
+        if not isinstance(x, FMU) or x.recorded:
+            return x
+        try:
+            return x.model_copy(update={"file": str(paths.find(x.file))})
+        except InputError as e:
+            raise InputError(f"{x.name or x.kind}.file: {e}") from None
+
+    return tuple(map(found, forces))
 
 
 class FmuElement(SampledElement):

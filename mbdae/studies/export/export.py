@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ... import backend
 from ...data_types import JsonObject
 from ...errors import InputError, UnknownNameError
@@ -18,10 +20,12 @@ from ...file_io import atomic_write
 from ...integrate.simulator.simulator import Simulator
 from ...mechanism import Mechanism
 from ...mechanism.formulations.compiled_systems import CompiledSystem
+from ...mechanism.signals.reactions import multiplier_null_space
 from ...solution.problem import mechanism_of
 from ...solution.provenance import versions
 from ...solution.signal_value import SignalValue, find_point_signal
 from ...solution.signals import units
+from ...tolerances import AGREEMENT
 from .core_file import core_data, native_system, output_data, plain_json, require_exportable, run_data
 from .model_description import KINDS, FmuDescription, Variable
 from .parameter_effects import ParameterEffects, parameter_effects
@@ -126,7 +130,9 @@ def export(
     data["states"] = states
     token = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
     variables = _variables(mech, cells, chosen, effects, named, states)
-    differentiable = all(x.kind in DIFFERENTIABLE for x in named.values()) and not system.closure_friction
+    spread = _spread_rows(mech)  # the core differentiates the multipliers of the rows in use, not those of all rows
+    differentiable = all(x.kind in DIFFERENTIABLE and not spread & {*x.rows} for x in named.values())
+    differentiable &= not system.closure_friction
     description = FmuDescription(
         mech.title,
         _identifier(path),
@@ -217,6 +223,14 @@ def _variables(
     out += [Variable(first + i, f"local[{i + 1}]", "local", description=coordinate) for i in range(states)]
     out += [Variable(first + states + i, f"der(local[{i + 1}])", "local", derivative=first + i) for i in range(states)]
     return out
+
+
+def _spread_rows(mech: Mechanism) -> set[int]:
+    """Return the rows at the start whose multipliers are not unique: they share a load."""
+    with mech.workspaces.borrowed() as system:
+        free = multiplier_null_space(system, 0.0, mech.start[0])
+    share = (free * free).sum(axis=1)  # 1 of a row without an effect, such as the out-of-plane row of a planar loop
+    return {*np.flatnonzero((share > AGREEMENT) & (share < 1 - AGREEMENT)).tolist()}
 
 
 def _identifier(path: Path) -> str:

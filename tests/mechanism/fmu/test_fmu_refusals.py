@@ -1,4 +1,4 @@
-"""What cannot be imported or done with an FMU is named in one line."""
+"""Wrong keys, wrong files and studies that take no FMU are named in one line."""
 
 import sys
 

@@ -79,6 +79,23 @@ def test_the_command_writes_it(tmp_path):
     assert units == {"m": {"m": "1"}, "m/s": {"m": "1", "s": "-1"}, "s": {"s": "1"}}
 
 
+@pytest.mark.parametrize(
+    ("name", "output", "unique"),
+    [
+        ("differential_drive", "lam.left_wheel.1", True),
+        ("differential_drive", "lam.left_wheel.2", False),  # both wheels on one axle hold the robot sideways
+        ("slider_crank", "lam.wrist pin.1", True),
+    ],
+)
+def test_loads_that_are_not_unique_have_no_derivatives(name, output, unique, tmp_path):
+    """Reported is their minimum norm; the core differentiates those of independent rows."""
+    unit = mbdae.export(mbdae.load(name), tmp_path / "x.fmu", kind="me", outputs=["t", output])
+    with zipfile.ZipFile(unit.path) as file:
+        interface = ElementTree.fromstring(file.read("modelDescription.xml")).find("ModelExchange")
+    for provided in ("providesDirectionalDerivatives", "providesAdjointDerivatives"):
+        assert interface.get(provided, "false") == str(unique).lower()
+
+
 def test_units_are_products_of_base_units():
     assert base_exponents("N m s/rad^2") == {"kg": 1, "m": 2, "s": -1, "rad": -2}
     assert base_exponents("1") == {}
