@@ -16,6 +16,7 @@ from ...integrate.steppers.native import NativeStepper
 from ...mechanism import Mechanism
 from ...mechanism.equations import local_coordinates as chart
 from ...mechanism.forces.force import ForceElement
+from ...mechanism.forces.linear import Linear
 from ...mechanism.forces.sampled import SampledElement
 from ...mechanism.formulations.compiled_systems import CompiledSystem
 from ...mechanism.formulations.core_description import core_tolerances, describe, samplers_of
@@ -94,13 +95,18 @@ def _require_no_functions(mech: Mechanism, system: CompiledSystem, data: CoreDat
 
 def _owner(system: CompiledSystem, path: tuple[str, ...]) -> str:
     """Return what a function in the data belongs to."""
-    laws: list[ForceElement] = [law for law, _ in system.laws.acting]
-    sampled = [law for law, _ in system.laws.bound if isinstance(law, SampledElement)]
+    bound: list[ForceElement] = [law for law, _ in system.laws.bound]
+    law: ForceElement
     if path[0] == "samplers":
-        law = sampled[int(path[1])]
-        return f"force {law.name!r} is {'an FMU' if law.external else 'a function of Python'}"
-    what = f"force {laws[int(path[2])].name!r}" if path[1] == "laws" else " ".join(path[1:-1])
-    return f"{what} is a function of Python"
+        law = [x for x in bound if isinstance(x, SampledElement)][int(path[1])]
+    elif path[1] == "laws":
+        law = system.laws.acting[int(path[2])][0]
+    else:
+        return f"{' '.join(path[1:-1])} is a function of Python"
+    if isinstance(law, Linear):  # of several forces
+        signal = law.u[int(path[4])][0]
+        law = next(x for x in bound if any(u is signal for u in x.signals))
+    return f"force {law.name!r} is {'an FMU' if law.external else 'a function of Python'}"
 
 
 def _leaves(data: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:

@@ -37,6 +37,7 @@ RUNTIME = "_native_fmi3.so"  # the core without Python, built with the core
 PLATFORMS = {"linux": "linux", "darwin": "darwin"}
 MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 DIAGRAM = "diagram.png"
+OF_SIMULATORS = ("record", "restart", "events", "backend")
 STATE_SIGNALS = ("t", "y", "angle")  # kinds of outputs that are functions of the state
 DIFFERENTIABLE = (*STATE_SIGNALS, "rate", "lam", "force")
 
@@ -101,7 +102,7 @@ def export(
         outputs: names of signals, see `mbdae.Solution.signals`; q and v of all joints if omitted.
         parameters: dotted names of parameters, as of `mbdae.sensitivity`, on which the mechanism depends linearly; they
             are set before the initialization.
-        **settings: as of `mbdae.Simulator`: a half-explicit method, step, rtol and others.
+        **settings: as of `mbdae.Simulator`: a half-explicit method, step, rtol, t, q, v and others.
 
     Raises:
         UnknownNameError: for an unknown kind, input, output or parameter.
@@ -111,6 +112,9 @@ def export(
         >>> mbdae.export(mbdae.load("slider_crank"), "slider_crank.fmu", step=1e-3)   # doctest: +SKIP
     """
     mech = mechanism_of(mech, "export")
+    for name in settings:
+        if name in OF_SIMULATORS:
+            raise InputError(f"export has no {name}: it belongs to a simulator of this process")
     kinds, path, runtime = _checked_kinds(kind), _checked_path(path), _runtime()
     require_exportable(mech, kinds)
     simulator = Simulator(mech, record=False, backend="native", **settings)
@@ -141,7 +145,8 @@ def export(
         variables,
         differentiable,
         simulator.options.step,
-        mech.duration,
+        simulator.start,
+        simulator.start + mech.duration,
         versions()["mbdae"],
     )
     _write(path, description, json.dumps({"token": token, **data}), runtime, picture(mech))

@@ -45,7 +45,9 @@ class FmuDescription(NamedTuple):
         kinds: ``"cs"``, ``"me"``.
         variables: by value reference, without gaps of kinds that it has.
         differentiable: whether all outputs have derivatives.
-        step: communication step and stop time in s.
+        step: communication step in s.
+        start: start time in s.
+        stop: end time in s.
         version: of mbdae.
     """
 
@@ -56,6 +58,7 @@ class FmuDescription(NamedTuple):
     variables: Sequence[Variable]
     differentiable: bool
     step: float | None
+    start: float
     stop: float
     version: str
 
@@ -70,7 +73,7 @@ class FmuDescription(NamedTuple):
         log = ElementTree.SubElement(root, "LogCategories")
         for name in ("logStatusError", "logStatusDiscard"):
             ElementTree.SubElement(log, "Category", name=name)
-        experiment = {"startTime": "0", "stopTime": repr(self.stop)}
+        experiment = {"startTime": repr(self.start), "stopTime": repr(self.stop)}
         experiment |= {"stepSize": repr(self.step)} if self.step else {}
         ElementTree.SubElement(root, "DefaultExperiment", experiment)
         self._variables(ElementTree.SubElement(root, "ModelVariables"))
