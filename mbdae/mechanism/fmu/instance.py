@@ -15,6 +15,7 @@ from ...errors import StepError
 from .interface import INTEGERS, FmuInterface, FmuVariable, fmpy_module
 
 T = TypeVar("T")
+ONLY = set[str]()  # tokens of FMUs with one instance per process, which they have
 LOADING = Lock()  # FMPy changes the working directory while it loads a library
 Parameter = float | bool | str
 
@@ -35,10 +36,13 @@ class FmuInstance:
         self.name, self.description, self._said = name, description, list[str]()
         state = path.stat()
         folder = _folder(path.resolve(), state.st_mtime_ns, state.st_size)
+        if description.once and description.token in ONLY:
+            reason = "it allows one instance per process, which another run or simulator has"
+            raise StepError("force", f"FMU {name!r} cannot make an instance: {reason}")
         self._fmu: Any = self._try("make an instance", lambda: self._made(folder))
-        said = self._said  # FMUs may say something while they end
-        self._end = weakref.finalize(self, _free, self._fmu, said)
-        self._end.atexit = True
+        if description.once:
+            ONLY.add(description.token)
+        self._end = weakref.finalize(self, _free, self._fmu, description.token)
 
     def _made(self, folder: str) -> Any:
         fmpy_module()
@@ -159,12 +163,12 @@ def _record(said: list[str], status: int, text: bytes) -> None:
         said.append(text.decode("utf-8", "replace").strip())
 
 
-def _free(fmu: Any, said: list[str]) -> None:
+def _free(fmu: Any, token: str) -> None:
     with suppress(Exception):  # after an error an FMU may refuse it
         fmu.terminate()
     with suppress(Exception):
         fmu.freeInstance()
-    said.clear()
+    ONLY.discard(token)
 
 
 @lru_cache(maxsize=32)

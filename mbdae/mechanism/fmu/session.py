@@ -39,7 +39,13 @@ class KeptStates:
         self._states, self._lock = OrderedDict[float, bytes](), Lock()
 
     def store(self, states: Mapping[str, bytes]) -> None:
-        """Keep saved states."""
+        """Keep saved states.
+
+        Raises:
+            ValueError: for one that is too short.
+        """
+        if any(len(state) <= HEADER.size for state in states.values()):
+            raise ValueError("the state of an FMU is damaged")
         with self._lock:
             for state in states.values():
                 number = HEADER.unpack_from(state)[0]

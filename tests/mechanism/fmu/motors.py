@@ -50,10 +50,11 @@ def motor(folder, version=3, units=False, saves=True, **changes):
     return path
 
 
-def description(version, units, saves, kind="CoSimulation", fmi=None, **_):
+def description(version, units, saves, kind="CoSimulation", fmi=None, once=False, **_):
     """modelDescription.xml."""
     u, state = {2: ("UnitDefinitions", "FMUstate"), 3: ("UnitDefinitions", "FMUState")}[version]
     able = f'canGetAndSet{state}="{str(saves).lower()}" canSerialize{state}="{str(saves).lower()}"'
+    able += ' canBeInstantiatedOnlyOncePerProcess="true"' if once else ""
     token = "guid" if version == 2 else "instantiationToken"
     used = "".join(f'<Unit name="{x}"><BaseUnit rad="1" factor="{FACTORS[x]!r}"/></Unit>' for x in FACTORS)
     return (

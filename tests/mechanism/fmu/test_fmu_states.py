@@ -1,5 +1,7 @@
 """States of FMUs: runs and simulators continue from others, and from files."""
 
+import dataclasses
+import gc
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 
@@ -116,6 +118,24 @@ def test_an_fmu_without_saved_states(stop, tmp_path, monkeypatch):
     solved(m, (0, 0.1))
     with pytest.raises(InputError, match=r"is lost: it cannot be saved \(canSerializeFMUState\)"):
         solved(m, (0.98, END), sol.q[-1], sol.v[-1], sol.s[-1])
+
+
+def test_an_fmu_with_one_instance_per_process(tmp_path):
+    m, other = (cart(drive(motor(tmp_path, once=True))) for _ in range(2))
+    for _ in range(2):
+        solved(m, (0, 0.1))  # each run frees that of the one before
+    with pytest.raises(InputError, match="it allows one instance per process, which another run or simulator has"):
+        solved(other, (0, 0.1))
+    del m
+    gc.collect()
+    assert solved(other, (0, 0.1)).success
+
+
+def test_a_damaged_state_in_a_file(whole, tmp_path):
+    sol = dataclasses.replace(whole[1], external={"motor of cart 0": b"short"})
+    sol.save(tmp_path / "run.npz")
+    with pytest.raises(InputError, match=r"run.npz is damaged .*the state of an FMU is damaged"):
+        mbdae.Solution.load(tmp_path / "run.npz")
 
 
 def test_runs_in_threads_agree_bit_by_bit(tmp_path):
