@@ -42,7 +42,8 @@ class FMU(Force):
     Attributes:
         file: the FMU, ``"motor.fmu"``, within the folder of the mechanism file.
         step: communication step in s.
-        inputs: its inputs, each a signal of the mechanism (`mbdae.Solution.signals`) or a constant number in SI units.
+        inputs: its inputs, each a signal of the mechanism (`mbdae.Solution.signals`) or a constant number in SI units,
+            also in files with other units.
         outputs: its outputs, each acting on a joint of one velocity, or on a velocity ``"ball.wx"`` of another one,
             in N m or N.
         parameters: its parameters and other values before the start, in its own units.
@@ -59,9 +60,9 @@ class FMU(Force):
     kind: Literal["fmu"] = "fmu"
     file: str
     step: Annotated[float, Unit("s")] = Field(gt=0)
-    inputs: dict[str, str | float] = Field(default_factory=dict)
+    inputs: Annotated[dict[str, str | float], Unit("1")] = Field(default_factory=dict)
     outputs: dict[str, str] = Field(min_length=1)
-    parameters: dict[str, float | bool | str] = Field(default_factory=dict)
+    parameters: Annotated[dict[str, float | bool | str], Unit("1")] = Field(default_factory=dict)
     offset: Annotated[float, Unit("s")] = 0.0
     recorded: bool = False
 
