@@ -39,6 +39,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .mechanism.forces.bushing import Bushing as Bushing
     from .mechanism.forces.coulomb_friction import CoulombFriction as CoulombFriction
     from .mechanism.forces.dc_motor import DCMotor as DCMotor
+    from .mechanism.forces.fmu import FMU as FMU
     from .mechanism.forces.joint_damping import JointDamping as JointDamping
     from .mechanism.forces.joint_friction import JointFriction as JointFriction
     from .mechanism.forces.joint_pid import JointPID as JointPID

@@ -18,7 +18,7 @@ HOUSE = (
     " < __init__ < __main__"
 )
 INSIDE = (
-    "tree time_functions < flexible < model_settings < closures forces scene < assembly signals < formulations"
+    "fmu tree time_functions < flexible < model_settings < closures forces scene < assembly signals < formulations"
     " < equilibrium discrete_sensitivity < equations < mechanism < formats"
 )
 CORE = "math < mechanism < system < steps < run < sensitivity < bindings runtime"  # of native
@@ -26,6 +26,7 @@ SECRETS = {  # heavy or special imports, and the only modules that may use them
     "pinocchio": "mechanism/**/*.py backend.py",  # the latter compares versions
     "coal": "mechanism/**/*.py",
     "mujoco": "mechanism/formats/mjcf/*.py",
+    "fmpy": "mechanism/fmu/*.py",
     "matplotlib": "studies/figures.py studies/*/figure.py",
     "meshcat": "",  # its viewer is a file
     "tornado": "studies/live/server.py",

@@ -23,7 +23,7 @@ from .closures.driver import Driver
 from .closures.unilateral_constraint import Stop
 from .equations.dynamics_terms import DynamicsTerms
 from .flexible import require_leaves
-from .forces import bind_forces, named_force, stiction_joints
+from .forces import bind_forces, named_force, require_signals, stiction_joints
 from .forces.elements import ForceElements
 from .formulations.closure_friction import ClosureFriction
 from .formulations.compiled_systems import COMPILED
@@ -115,14 +115,14 @@ class Mechanism(DynamicsTerms):
         self.closure_anchors = [(c, anchors(model, c)) for c in self.closures if c.frames]
         data = self.make_workspace()
         bound = Constraints(model, data, self.constraints)  # rejects unknown names
-        self.ng, self._spans = bound.ng, bound.spans
         self.row_names = [c.name for c in self.constraints for _ in range(c.m)]
-        self.row_units, self.positional = bound.units(), bound.positional
+        self.ng, self._spans, self.row_units, self.positional = bound.ng, bound.spans, bound.units(), bound.positional
         self.switches, self.manifold = switches_of(self), Manifold(model)
         ClosureFriction(self.forces, self.closures, bound)  # rejects unknown names
         self.states = self.bind_forces(data).states()  # rejects unknown names
         self.start_values, self.workspaces = start or Start(), WorkspacePool(self)
         self.resets, self._starts = checked_resets(self, resets), dict[float, tuple[Array, Array]]()
+        require_signals(self)
         for name in (name for table in self.start_values.tables.values() for name in table):
             find_joint(model, name)
 

@@ -4,6 +4,7 @@ import json
 import sys
 import warnings
 import zlib
+from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from math import prod
@@ -13,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo, is_zipfile
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Base64Bytes, BaseModel, ConfigDict, Field, ValidationError
 
 from ..errors import STATUS, InputError
 from ..file_io import atomic_write
 from ..mechanism import Impact, Mechanism, Singular, describe, restore
 from ..mechanism.checked_table import one_line
+from ..mechanism.fmu.session import kept_states
 from ..textbook.problems import TEXTBOOK, listed
 from .provenance import versions
 
@@ -87,6 +89,7 @@ class _Run(_OpenModel):
     resets: tuple[tuple[int, str], ...] = ()
     events: int = Field(default=0, ge=0)
     arrays: dict[str, tuple[int, ...]] | None = None
+    external: dict[str, Base64Bytes] = Field(default_factory=dict)
 
 
 def write(sol: "Solution", path: str | Path) -> None:
@@ -118,6 +121,7 @@ def write(sol: "Solution", path: str | Path) -> None:
         "resets": sol.resets,
         "events": len(sol.events),
         "arrays": {name: x.shape for name, x in arrays.items()},
+        "external": {name: b64encode(x).decode() for name, x in sol.external.items()},
         "versions": versions(),
         "command": sys.argv,
     }
@@ -224,6 +228,8 @@ def _arguments(
     steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
     arrays = {name: data[name] for name in ("t", "y", "z_own")}
     rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
+    kept_states.store(run.external)
+    rest |= {"external": run.external}
     rest |= {name: list(getattr(run, name)) for name in ("modes", "impacts", "resets", "singular", "in_use")}
     return {"problem": problem, **arrays, **rest, "steps": steps, "events": events}
 

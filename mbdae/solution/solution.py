@@ -55,8 +55,8 @@ class Solution(DenseOutput, Tabular):
         impacts: impacts of the run.
         resets: events at which the state jumped: the first node after each, and its name.
         carried: the carry of the method at each node except the last, (n - 1, nc), and the nodes where it was
-            restarted;
-            only for short runs, and not saved.
+            restarted; only for short runs, and not saved.
+        external: the last states of FMUs that can save them, by the names of their forces.
         in_use: the sets of rows in use, each with its first node, if rows of closures are redundant.
     """
 
@@ -76,6 +76,7 @@ class Solution(DenseOutput, Tabular):
     impacts: list[Impact] = field(default_factory=list, repr=False)
     resets: list[tuple[int, str]] = field(default_factory=list, repr=False)
     carried: tuple[Array, list[int]] | None = field(default=None, repr=False)
+    external: dict[str, bytes] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         super().__init__()

@@ -191,11 +191,20 @@ def save_if_path(figure: "Figure", path: str | Path | None) -> "Figure":
     return figure
 
 
-@styled
 def svg(figure: "Figure") -> bytes:
     """Return a figure as SVG."""
+    return _bytes(figure, ".svg")
+
+
+def png(figure: "Figure") -> bytes:
+    """Return a figure as PNG."""
+    return _bytes(figure, ".png")
+
+
+@styled
+def _bytes(figure: "Figure", suffix: str) -> bytes:
     file = BytesIO()
-    figure.savefig(file, format="svg", metadata=_undated(".svg"))
+    figure.savefig(file, format=suffix[1:], metadata=_undated(suffix))
     return file.getvalue()
 
 

@@ -56,7 +56,11 @@ def _statistics(run: RunState, seconds: float) -> dict[str, Any]:
 def _results(run: RunState) -> dict[str, Any]:
     """Return rows in use and carries up to the last node, and the results of the sources of events."""
     n = len(run.ts)
-    found = {"in_use": [(i, rows) for i, rows in run.in_use if i < n], "carried": _carries(run.carries, n)}
+    found: dict[str, Any] = {"in_use": [(i, rows) for i, rows in run.in_use if i < n]}
+    found["carried"] = _carries(run.carries, n)
+    if isinstance(run.system, Index2System):
+        states = run.system.laws.external_states(run.system.element_states(run.ys[n - 1]))
+        found["external"] = {name: x for name, x in states.items() if x}
     for source in run.sources:
         found |= source.results(run)
     return found

@@ -1,15 +1,19 @@
 """Snapshots: the numbers from which a run, or a simulator, continues bit by bit."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...errors import InputError
 from ...mechanism import Mechanism
+from ...mechanism.fmu.session import kept_states
 from ...mechanism.time_functions.input_functions import InputSetting
 from ...system import Array, State
+from ..events.jumps import SmoothInterval
+from ..options.options import RunOptions
+from ..run.run_setup import prepare_at
 from ..run.run_state import RunState
 from ..steppers.stepper import StepperState
 
@@ -26,6 +30,7 @@ class RunSnapshot(NamedTuple):
         rank_threshold: pivot ratio below which the rank has fallen.
         mode: of the mechanism.
         stepper: of the step-size control.
+        interval: the smooth interval, if a jump follows at t; None within one.
     """
 
     t: float
@@ -36,6 +41,7 @@ class RunSnapshot(NamedTuple):
     rank_threshold: float
     mode: tuple[int, ...]
     stepper: StepperState
+    interval: SmoothInterval | None
 
 
 class Origin(NamedTuple):
@@ -57,6 +63,7 @@ class SimulatorState:
         wanted: inputs that were set, by name, since the last advance.
         start: time in s from which fixed steps are counted.
         origin: the simulator that saved it.
+        external: the states of FMUs, by the names of their forces.
     """
 
     run: RunSnapshot
@@ -64,6 +71,17 @@ class SimulatorState:
     wanted: dict[str, float]
     start: float
     origin: Origin
+    external: dict[str, bytes | None]
+
+    def require_external(self) -> None:
+        """Require the states of all FMUs.
+
+        Raises:
+            InputError: names one that cannot save its state.
+        """
+        for name, state in self.external.items():
+            if state is None:
+                raise InputError(f"FMU {name!r} cannot save its state: it lacks canSerializeFMUState")
 
     def require_for(self, mechanism: Mechanism, inputs: Collection[str], origin: Origin) -> None:
         """Require that the state is one of this mechanism, method and fixed step.
@@ -82,19 +100,40 @@ class SimulatorState:
             raise InputError("the saved state is not finite")
 
 
+def external_states(run: RunState) -> dict[str, bytes | None]:
+    """Return the states of FMUs at the last node of a run."""
+    s: Any = run.system
+    found: dict[str, bytes | None] = s.laws.external_states(s.element_states(run.ys[-1]))
+    return found
+
+
+def prepare_again(run: RunState, options: RunOptions, state: SimulatorState) -> RunState:
+    """Return a run that can begin at a state, in place of a run of the same mechanism, whose FMUs it takes over."""
+    kept_states.store({name: x for name, x in state.external.items() if x})
+    before: Any = run.system
+    programs, t = before.laws.take(), state.run.t
+    run.release()
+    out = prepare_at(run.problem, replace(options, t0=t, t1=t + 1, end=t + 1), state.run.y)
+    system: Any = out.system
+    system.laws.give(programs)
+    return out
+
+
 def snapshot(run: RunState) -> RunSnapshot:
     """Return the snapshot of a run of a mechanism at its last node."""
     s: Any = run.system
     carry = run.state.carry if isinstance(run.state.carry, np.ndarray) else None
     rows = None if s.rows is None else tuple(s.rows.tolist())
     y, compensation = run.ys[-1].copy(), run.state.compensation
-    return RunSnapshot(run.t, y, carry, compensation, rows, s.rank_threshold, s.mode, run.stepper.snapshot())
+    interval = run.interval if run.interval.stop != run.interval.end and run.t >= run.interval.stop else None
+    stepper = run.stepper.snapshot()
+    return RunSnapshot(run.t, y, carry, compensation, rows, s.rank_threshold, s.mode, stepper, interval)
 
 
 def resume(run: RunState, start: RunSnapshot) -> None:
     """Begin a new run at a snapshot, in place of `RunState.begin`."""
     s: Any = run.system
-    t, y, carry, compensation, rows, s.rank_threshold, mode, stepper = start
+    t, y, carry, compensation, rows, s.rank_threshold, mode, stepper, interval = start
     run.ys[-1] = y
     if run.mode_changes:
         run.mode_changes.resume(run, mode)
@@ -104,7 +143,7 @@ def resume(run: RunState, start: RunSnapshot) -> None:
     run.F, run.zs[-1] = s.derivative(t, y)
     run.state = State(y, s.carry(run.F, run.zs[-1]) if carry is None else carry, compensation)
     run.carries.store(0, run.state.carry)
-    run.interval = run.jumps.interval(t)
+    run.interval = interval or run.jumps.interval(t)
     run.stepper.resume(stepper)
     for source in run.sources:
         source.begin_interval(run)

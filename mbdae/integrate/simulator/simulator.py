@@ -20,13 +20,13 @@ from ..options.options import RunOptions
 from ..options.span import end_of_tables
 from ..run.loop import time_loop
 from ..run.result import joined, make_solution
-from ..run.run_setup import prepare, prepare_at
+from ..run.run_setup import prepare
 from ..run.run_state import RunState
 from ..steppers.fixed import Fixed
 from .advance_sensitivity import LastAdvance
 from .differentiable_advance import DifferentiableAdvance
 from .input_settings import InputSettings
-from .run_snapshot import Origin, SimulatorState, resume, snapshot
+from .run_snapshot import Origin, SimulatorState, external_states, prepare_again, resume, snapshot
 
 ENDLESS = 2**31 - 1  # fixed steps
 MAX_NODES = 4096  # of a simulator without a record, which then begins a new run
@@ -187,7 +187,7 @@ class Simulator(DifferentiableAdvance):
         if not (is_number(dt) and dt > 0):
             raise InputError(f"dt must be a positive number in s, got {dt!r:.60}")
         if not self.recorded and self._current.stepper.nodes(self._current) > MAX_NODES:
-            self.save()
+            self._restarted()
         self._last = self._differentiated = None
         started, begin, node = perf_counter(), self.t, self._current.stepper.nodes(self._current) - 1
         target = self._on_grid(begin + dt)
@@ -246,11 +246,18 @@ class Simulator(DifferentiableAdvance):
         forgets the steps so far.
 
         Raises:
-            InputError: for a simulator that has stopped.
+            InputError: for a simulator that has stopped, or with an FMU that cannot save its state.
         """
+        state = self._restarted()
+        state.require_external()
+        return state
+
+    def _restarted(self) -> SimulatorState:
+        """Return the state, after a new run has begun there."""
         self._require_running()
-        settings = self._settings
-        state = SimulatorState(snapshot(self._run), self.inputs.values, dict(settings.wanted), self.start, self._origin)
+        settings, run = self._settings, self._run
+        saved = snapshot(run), self.inputs.values, dict(settings.wanted), self.start, self._origin
+        state = SimulatorState(*saved, external_states(run))
         earlier = [*self._earlier, self._made()] if self.recorded else []
         self.restore(state)
         if self.recorded:
@@ -272,10 +279,7 @@ class Simulator(DifferentiableAdvance):
         self.start, self._settings, self._earlier = state.start, InputSettings(self.inputs, state.wanted), []
         self.status, self.message = "running", STATUS["finished"]
         self._last, self._differentiated, self._fresh = None, None, False
-        self._run.release()
-        t = state.run.t
-        options = replace(self.options, t0=t, t1=t + 1, end=t + 1)
-        self._continue(prepare_at(self.mechanism, options, state.run.y))
+        self._continue(prepare_again(self._run, self.options, state))
         resume(self._run, state.run)
 
     @property

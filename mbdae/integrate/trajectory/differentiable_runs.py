@@ -4,6 +4,7 @@ from math import inf
 
 from ...errors import InputError
 from ...mechanism import Mechanism
+from ...mechanism.forces.fmu import FMU
 from ...methods import Tableau, method_from_settings
 from ...methods.radau import RadauIIA
 from ...solution.solution import Solution
@@ -29,6 +30,9 @@ def require_differentiable(sol: Solution) -> Mechanism:
     if not own or not isinstance(method_from_settings(s), DIFFERENTIABLE):
         known = "half-explicit methods and Radau IIA in formulations 'index2' and 'ggl'"
         raise InputError(f"derivatives of runs are those of {known}, got {s['method']!r} in {form!r}")
+    for force in mech.forces:
+        if isinstance(force, FMU):
+            raise InputError(f"force {force.name!r} is an FMU: runs with it have no derivatives")
     if not sol.ended:
         raise InputError(f"the run stopped before its end ({sol.status}): {sol.message}")
     if sol.singular:

@@ -35,6 +35,8 @@ PYTHON_FORCES = tuple(c for c in _FOUND if issubclass(c, PythonForce) and c is n
 NAMES = {c.__name__: c for c in (*FORCES, *PYTHON_FORCES)}
 
 if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
     AnyForce = Force
 else:
     AnyForce = Annotated[Union[FORCES], Field(discriminator="kind")]  # noqa: UP007
@@ -66,6 +68,17 @@ def stiction_joints(model: pin.Model, forces: Sequence[object]) -> tuple[Stictio
     for name in {b.joint for b in found if [x.joint for x in found].count(b.joint) > 1}:
         raise InputError(f"joint {name!r} has two frictions that stick")
     return found
+
+
+def require_signals(mech: "Mechanism") -> None:
+    """Require the signals that forces name.
+
+    Raises:
+        UnknownNameError, InputError: for unknown or unsuitable signals.
+    """
+    for force in mech.forces:
+        if isinstance(force, Force):
+            force.require_signals(mech)
 
 
 def is_custom(force: object) -> bool:

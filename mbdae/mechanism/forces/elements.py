@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from math import inf
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import pinocchio as pin
@@ -9,6 +10,9 @@ import pinocchio as pin
 from ...errors import InputError, StepError
 from .force import Array, ArrayOrZero, ForceElement
 from .linear import Linear, LinearElement
+
+if TYPE_CHECKING:
+    from ..formulations.index2 import Index2System
 
 BoundLaw = tuple[ForceElement, slice]
 """A law and the slice of its states in s."""
@@ -35,6 +39,12 @@ class ForceElements:
         if linear:
             self.acting.insert(0, (Linear(linear, model, self.ns), slice(0, self.ns)))
         self._without_potential = [type(law).potential is ForceElement.potential for law, _ in self.acting]
+
+    def attached(self, system: "Index2System") -> Self:
+        """Return the laws, which take note of their workspace."""
+        for law, _ in self.bound:
+            law.attach(system)
+        return self
 
     def states(self) -> dict[str, float]:
         """Return names ``law.state`` and initial values of all states, in the order of s.
@@ -117,10 +127,23 @@ class ForceElements:
         """Return the next time after t, in the direction of sign, at which a law may jump; sign * inf if none."""
         return sign * min((sign * law.breakpoint(t, sign) for law, _ in self.bound), default=inf)
 
+    def external_states(self, s: Array) -> dict[str, bytes | None]:
+        """Return the states of laws that another program computes, by their names; None if it cannot save them."""
+        return {law.name: law.save(s[at]) for law, at in self.bound if law.external}
+
+    def take(self) -> list[object]:
+        """Return the other programs of laws that have one, and forget them."""
+        return [law.take() for law, _ in self.bound]
+
+    def give(self, programs: Sequence[object]) -> None:
+        """Continue with the other programs of laws of another workspace."""
+        for (law, _), program in zip(self.bound, programs, strict=True):
+            law.give(program)
+
     def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
         """Return s after a jump at time t, (ns,); each law receives its states before the jump."""
         out = s.copy()
         for law, at in self.bound:
             if law.states:
-                out[at] = law.jump(t, q, v, s[at])
+                out[at] = law.jump(t, q, v, s, at)
         return out

@@ -6,7 +6,7 @@ integrated along the motion. A law may have internal states s, s' = h(t, q, v, s
 
 from collections.abc import Mapping, Sequence
 from math import inf
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +18,10 @@ from ..checked_table import Table
 from ..time_functions.time_functions import Constant, TimeFunction
 from ..tree.frames import Pair, find_joint, find_joints
 from ..tree.wrench_partials import PairPartials
+
+if TYPE_CHECKING:
+    from ..formulations.index2 import Index2System
+    from ..mechanism import Mechanism
 
 ArrayOrZero = np.ndarray | float
 """An array, or 0 for one of zeros."""
@@ -89,9 +93,25 @@ class ForceElement:
         """Return the next time after t, in the direction of sign, at which the law may jump; sign * inf if none."""
         return sign * min((sign * s.breakpoint(t, sign) for s in self.signals), default=inf)
 
-    def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        """Return s after a jump at time t, (ns,); kinematics need not be current."""
-        return s
+    def jump(self, t: float, q: Array, v: Array, s: Array, at: slice) -> Array:
+        """Return its states s[at] after a jump at time t; s has those of all laws; kinematics need not be current."""
+        return s[at]
+
+    external = False  # it has a state besides s, which another program computes
+
+    def attach(self, system: "Index2System") -> None:
+        """Take note of the workspace to which it is bound."""
+
+    def save(self, s: Array) -> bytes | None:
+        """Return the external state that belongs to its states s; None if it cannot be saved; empty before a start."""
+        return None
+
+    def take(self) -> object:
+        """Return the other program, and forget it."""
+        return None
+
+    def give(self, external: object) -> None:
+        """Continue with the other program of a law of another workspace."""
 
     def core_data(self) -> CoreData:
         """Return the core data: ``kind``, the name of a file in native/mechanism/laws, and its data.
@@ -166,6 +186,13 @@ class Force(Table):
             UnknownNameError, InputError: for unknown or unsuitable frames and joints.
         """
         raise NotImplementedError
+
+    def require_signals(self, mech: "Mechanism") -> None:
+        """Require the signals that it names; it is called when the mechanism is made.
+
+        Raises:
+            UnknownNameError, InputError: for unknown or unsuitable signals.
+        """
 
 
 class PythonForce:

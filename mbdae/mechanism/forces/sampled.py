@@ -105,7 +105,7 @@ class SampledElement(LinearElement):
         terms: list[Term] = [("tau", i, "s", k, 1.0) for k, i in enumerate(torque_names)]
         super().__init__(name, terms, states={**dict.fromkeys(torque_names.values(), 0.0), **memory})
         self.sample, self.rate, self.offset, self.m = sample, rate, offset, len(torque_names)
-        self.core = core or {"kind": "python", "call": self._python_jump}
+        self.core = core
 
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next sampling instant.
@@ -117,20 +117,23 @@ class SampledElement(LinearElement):
             raise InputError(f"controller {self.name!r} is sampled: a run with it cannot go backwards in time")
         return self.offset + (floor((t - self.offset) * self.rate + INPUT_DIGITS) + 1) / self.rate
 
-    def sampler(self) -> CoreData:
-        """Return the core data."""
-        return {**self.core, "rate": self.rate, "offset": self.offset, "coincide": INPUT_DIGITS}
+    def sampler(self, at: slice) -> CoreData:
+        """Return the core data; its states are s[at]."""
+        core = self.core or {"kind": "python", "call": lambda t, q, v, s: self.jump(t, q, v, s, at)}
+        data = {**core, "rate": self.rate, "offset": self.offset, "coincide": INPUT_DIGITS}
+        return data | {"state": at.start, "states": at.stop - at.start}
 
-    def _python_jump(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
-        return np.zeros(len(v)), self.jump(t, q, v, s)
-
-    def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
+    def jump(self, t: float, q: Array, v: Array, s: Array, at: slice) -> Array:
         """Return the new torque and memory if t is a sampling instant."""
         k = (t - self.offset) * self.rate
         if abs(k - round(k)) > INPUT_DIGITS:
-            return s
-        tau, x = self.sample(t, q, v, s[self.m :].copy())
-        what = f"controller {self.name!r}"
+            return s[at]
+        tau, x = self.sampled(t, q, v, s, at)
+        what, memory = f"controller {self.name!r}", at.stop - at.start - self.m
         return np.concatenate(
-            [checked_value(tau, (self.m,), t, what), checked_value(x, (len(s) - self.m,), t, f"{what}, its memory,")]
+            [checked_value(tau, (self.m,), t, what), checked_value(x, (memory,), t, f"{what}, its memory,")]
         )
+
+    def sampled(self, t: float, q: Array, v: Array, s: Array, at: slice) -> tuple[Array, Array]:
+        """Return the new torque and memory at a sampling instant; s has the states of all laws."""
+        return self.sample(t, q, v, s[at][self.m :].copy())

@@ -25,7 +25,8 @@ def describe(mech: Mechanism) -> JsonObject:
     """Return the description of a mechanism for a saved solution: JSON data; functions by name only."""
     functions = _functions(mech)
     if mech.source:
-        return {**mech.source, "parts": [record() for record in mech.source["parts"]], "functions": functions}
+        parts = [record() for record in mech.source["parts"]]
+        return {**mech.source, "file": _recorded(mech.source["file"]), "parts": parts, "functions": functions}
     file = MechanismFile(
         title=mech.title,
         closure=mech.closures,
@@ -39,7 +40,14 @@ def describe(mech: Mechanism) -> JsonObject:
         solve=mech.settings,
         duration=mech.duration,
     )
-    return {"name": mech.title, "file": table_of(file), "model": model_to_data(mech.model), "functions": functions}
+    table = _recorded(table_of(file))
+    return {"name": mech.title, "file": table, "model": model_to_data(mech.model), "functions": functions}
+
+
+def _recorded(file: Mapping[str, Any]) -> JsonObject:
+    """Return a file whose FMUs are not run again: a saved run may come from anywhere."""
+    forces = [{**x, "recorded": True} if x["kind"] == "fmu" else x for x in file["force"]]
+    return {**file, "force": forces}
 
 
 class _PythonForce(Table):

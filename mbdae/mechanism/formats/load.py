@@ -17,6 +17,7 @@ from ..closures.clutch import Clutch
 from ..closures.driver import Driver
 from ..closures.unilateral_constraint import Stop
 from ..forces import FORCES
+from ..forces.fmu import with_fmu_paths
 from ..hybrid.reset import Reset
 from ..imported_model import ImportedModel, not_carried_over
 from ..mechanism import Mechanism
@@ -132,7 +133,8 @@ def read(
     if free_flyer and not file.source:
         raise InputError(f'{name}: free_flyer belongs to a source; a [[body]] says joint = "free"')
     sources = tuple(_with_options(s, free_flyer or file.free_flyer, key) for s in file.source)
-    file = file.model_copy(update={"source": sources, "flexible": with_data(file.flexible, found)})
+    of_files = {"flexible": with_data(file.flexible, found), "force": with_fmu_paths(file.force, found)}
+    file = file.model_copy(update={"source": sources, **of_files})
     parts = [read_source(s, found.parent) for s in file.source]
     with with_error_context(str(path), file, parts):
         file = in_si(file, parts, name)

@@ -88,7 +88,8 @@ class Conversion:
             return value
         if isinstance(value, dict):
             return {name: self._value(x, unit, symbols) for name, x in value.items()}
-        return self._number(value, unit.texts[0], symbols) if isinstance(value, int | float) else value
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        return self._number(value, unit.texts[0], symbols) if is_number else value
 
     def _list(self, values: tuple[Any, ...], unit: Unit | None, symbols: UnitSymbols) -> tuple[Any, ...]:
         """Return the entries of a list: numbers by the units of the entries, lists and tables each."""

@@ -141,8 +141,7 @@ def inputs_of(system: "CompiledSystem") -> list[Input]:
 
 def samplers_of(laws: ForceElements) -> list[CoreData]:
     """Return the core data of the sampled controllers."""
-    sampled = [(law, at) for law, at in laws.bound if isinstance(law, SampledElement)]
-    return [{**law.sampler(), "state": at.start, "states": at.stop - at.start} for law, at in sampled]
+    return [law.sampler(at) for law, at in laws.bound if isinstance(law, SampledElement)]
 
 
 def laws_of(laws: ForceElements) -> tuple[list[FramePair], list[CoreData]]:

@@ -50,7 +50,7 @@ class Index2System(PinocchioData, RunVariables, System):
         """Bind the workspace to a mechanism, or to a variant of it: its parameters replace those before."""
         before, self.mechanism = getattr(self, "mechanism", None), mechanism
         self.model, self.manifold = mechanism.model, mechanism.manifold
-        self.laws = mechanism.bind_forces(self.workspace)
+        self.laws = mechanism.bind_forces(self.workspace).attached(self)
         if not (before and before.model is mechanism.model and before.constraints is mechanism.constraints):
             self.inertial = InertialForces(self.model)
             tree.update_flexible(self.model, self.workspace)

@@ -30,10 +30,11 @@ def effort_unit(units: Mapping[str, str], joint: str) -> str:
 
 def component_suffixes(mech: "Mechanism", name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the suffixes of a joint's name for its coordinates in q and in v; "" for a single coordinate."""
-    return _suffixes(mech.model, name)
+    return model_suffixes(mech.model, name)
 
 
-def _suffixes(model: pin.Model, name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def model_suffixes(model: pin.Model, name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the suffixes of a joint of a model, see `component_suffixes`."""
     joint = find_joint(model, name)
     kind = _kind(joint)
     if (joint.nq, joint.nv) in ((1, 1), (2, 1)):
@@ -58,7 +59,7 @@ def coordinate_units_of(model: pin.Model) -> dict[str, str]:
     for name in joint_names(model):
         kind = _kind(find_joint(model, name))
         prismatic = kind.startswith("P") and kind != "Planar"
-        for (letter, per), suffixes in zip((("q", ""), ("v", "/s")), _suffixes(model, name), strict=True):
+        for (letter, per), suffixes in zip((("q", ""), ("v", "/s")), model_suffixes(model, name), strict=True):
             for suffix in suffixes:
                 length = suffix.lstrip(".v") in ("x", "y", "z") if suffix else prismatic
                 unit = "m" if length else "1" if suffix[1:] in DIMENSIONLESS else "rad"

@@ -113,10 +113,13 @@ void PyDescriptionReader::bind_functions(nb::handle h, Law& out) {
 }
 
 void PyDescriptionReader::bind_functions(nb::handle h, SampledController& out) {
-  const Law::Call call = law_function(function(h, "call"), n_, out.states, &callbacks_.interrupted);
-  out.call = [call, nv = n_.nv](double t, const double* q, const double* v, const double* s, double* after) {
-    Numbers none(nv);
-    call(t, q, v, s, none.data(), after);
+  out.call = [f = function(h, "call"), n = n_, all = states_, k = out.states, interrupted = &callbacks_.interrupted](
+                 double t, const double* q, const double* v, const double* s, double* after) {
+    guarded(interrupted, [&] {
+      const auto found = nb::cast<Array>(f(t, argument(q, n.nq), argument(v, n.nv), argument(s, all)));
+      if (found.size() != static_cast<size_t>(k)) throw FallBackToPython();
+      std::copy(found.data(), found.data() + k, after);
+    });
   };
 }
 

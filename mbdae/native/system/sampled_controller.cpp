@@ -15,7 +15,7 @@ void SampledController::sample(double t, const double* y, int nq, int nv, double
   const double k = (t - offset) * rate;
   if (std::fabs(k - std::nearbyint(k)) > coincide) return;
   const double* s = y + nq + nv + state;
-  if (kind == python) return call(t, y, y + nq, s, after);
+  if (kind == python) return call(t, y, y + nq, y + nq + nv, after);
   const double error = reference.at(t) - y[x];
   const double damping = a[2] != 0 ? a[2] * (reference.at(t, 1) - y[v]) : 0.0;
   after[0] = a[0] * error + damping + (states > 1 ? a[1] * s[1] : 0.0);

@@ -18,7 +18,7 @@ struct SampledController {
   TimeFunction reference;             // of a PID controller; a: kp, ki, kd
   Numbers a;
   int x = 0, v = 0;  // first index in y of the controlled coordinate, and of the velocity
-  // Python: (t, q, v, s) -> s after the instant.
+  // Python: (t, q, v, s of all laws) -> its states after the instant.
   std::function<void(double t, const double* q, const double* v, const double* s, double* after)> call;
 
   FIELDS(kind, rate, offset, coincide, state, states, reference, a, x, v)

@@ -15,6 +15,9 @@ from ...integrate.simulator.simulator import Simulator
 from ...integrate.steppers.native import NativeStepper
 from ...mechanism import Mechanism
 from ...mechanism.equations import local_coordinates as chart
+from ...mechanism.forces.force import ForceElement
+from ...mechanism.forces.linear import Linear
+from ...mechanism.forces.sampled import SampledElement
 from ...mechanism.formulations.compiled_systems import CompiledSystem
 from ...mechanism.formulations.core_description import core_tolerances, describe, samplers_of
 from ...mechanism.formulations.equation_partials import GAMMA_WIDTH
@@ -85,9 +88,23 @@ def _fields(recorded: Any, struct: str) -> CoreData:
 def _require_no_functions(mech: Mechanism, system: CompiledSystem, data: CoreData) -> None:
     for path, x in _leaves(data):
         if callable(x):
-            law = path[1] == "laws"
-            what = f"force {system.laws.acting[int(path[2])][0].name!r}" if law else " ".join(path[1:-1])
-            raise InputError(f"{mech.title}: {what} is a function of Python, which cannot be exported")
+            raise InputError(f"{mech.title}: {_owner(system, path)}, which cannot be exported")
+
+
+def _owner(system: CompiledSystem, path: tuple[str, ...]) -> str:
+    """Return what a function in the data belongs to."""
+    bound: list[ForceElement] = [law for law, _ in system.laws.bound]
+    law: ForceElement
+    if path[0] == "samplers":
+        law = [x for x in bound if isinstance(x, SampledElement)][int(path[1])]
+    elif path[1] == "laws":
+        law = system.laws.acting[int(path[2])][0]
+    else:
+        return f"{' '.join(path[1:-1])} is a function of Python"
+    if isinstance(law, Linear):  # of several forces
+        signal = law.u[int(path[4])][0]
+        law = next(x for x in bound if any(u is signal for u in x.signals))
+    return f"force {law.name!r} is {'an FMU' if law.external else 'a function of Python'}"
 
 
 def _leaves(data: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ... import backend
 from ...data_types import JsonObject
 from ...errors import InputError, UnknownNameError
@@ -19,19 +21,24 @@ from ...integrate.simulator.simulator import Simulator
 from ...mechanism import Mechanism
 from ...mechanism.equations.local_ode import most_coordinates
 from ...mechanism.formulations.compiled_systems import CompiledSystem
+from ...mechanism.signals.reactions import multiplier_null_space
 from ...solution.problem import mechanism_of
 from ...solution.provenance import versions
 from ...solution.signal_value import SignalValue, find_point_signal
 from ...solution.signals import units
+from ...tolerances import AGREEMENT
 from .core_file import core_data, count_indicators, native_system, output_data, plain_json, require_exportable, run_data
 from .model_description import KINDS, FmuDescription, Variable, event_indicators
 from .parameter_effects import ParameterEffects, parameter_effects
+from .picture import picture
 
 __all__ = ["export"]
 
 RUNTIME = "_native_fmi3.so"  # the core without Python, built with the core
 PLATFORMS = {"linux": "linux", "darwin": "darwin"}
 MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
+DIAGRAM = "diagram.png"
+OF_SIMULATORS = ("record", "restart", "events", "backend")
 STATE_SIGNALS = ("t", "y", "angle")  # kinds of outputs that are functions of the state
 DIFFERENTIABLE = (*STATE_SIGNALS, "rate", "lam", "force")
 
@@ -97,7 +104,7 @@ def export(
         outputs: names of signals, see `mbdae.Solution.signals`; q and v of all joints if omitted.
         parameters: dotted names of parameters, as of `mbdae.sensitivity`, on which the mechanism depends linearly; they
             are set before the initialization.
-        **settings: as of `mbdae.Simulator`: a half-explicit method, step, rtol and others.
+        **settings: as of `mbdae.Simulator`: a half-explicit method, step, rtol, t, q, v and others.
 
     Raises:
         UnknownNameError: for an unknown kind, input, output or parameter.
@@ -107,6 +114,9 @@ def export(
         >>> mbdae.export(mbdae.load("slider_crank"), "slider_crank.fmu", step=1e-3)   # doctest: +SKIP
     """
     mech = mechanism_of(mech, "export")
+    for name in settings:
+        if name in OF_SIMULATORS:
+            raise InputError(f"export has no {name}: it belongs to a simulator of this process")
     kinds, path, runtime = _checked_kinds(kind), _checked_path(path), _runtime()
     require_exportable(mech)
     simulator = Simulator(mech, record=False, backend="native", **settings)
@@ -127,7 +137,9 @@ def export(
     token = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
     variables = _variables(mech, cells, chosen, effects, named, states)
     variables += event_indicators(1 + variables[-1].reference, count_indicators(data) if "me" in kinds else 0)
-    differentiable = all(x.kind in DIFFERENTIABLE for x in named.values()) and not system.closure_friction
+    spread = _spread_rows(mech)  # the core differentiates the multipliers of the rows in use, not those of all rows
+    differentiable = all(x.kind in DIFFERENTIABLE and not spread & {*x.rows} for x in named.values())
+    differentiable &= not system.closure_friction
     description = FmuDescription(
         mech.title,
         _identifier(path),
@@ -136,10 +148,11 @@ def export(
         variables,
         differentiable,
         simulator.options.step,
-        mech.duration,
+        simulator.start,
+        simulator.start + mech.duration,
         versions()["mbdae"],
     )
-    _write(path, description, json.dumps({"token": token, **data}), runtime)
+    _write(path, description, json.dumps({"token": token, **data}), runtime, picture(mech))
     return ExportedUnit(path, kinds, tuple(chosen), tuple(named), tuple(effects), states, path.stat().st_size)
 
 
@@ -220,18 +233,28 @@ def _variables(
     return out
 
 
+def _spread_rows(mech: Mechanism) -> set[int]:
+    """Return the rows at the start whose multipliers are not unique: they share a load."""
+    with mech.workspaces.borrowed() as system:
+        free = multiplier_null_space(system, 0.0, mech.start[0])
+    share = (free * free).sum(axis=1)  # 1 of a row without an effect, such as the out-of-plane row of a planar loop
+    return {*np.flatnonzero((share > AGREEMENT) & (share < 1 - AGREEMENT)).tolist()}
+
+
 def _identifier(path: Path) -> str:
     found = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
     return found if found[:1].isalpha() or found[:1] == "_" else f"_{found}"
 
 
-def _write(path: Path, description: FmuDescription, data: str, runtime: bytes) -> None:
+def _write(path: Path, description: FmuDescription, data: str, runtime: bytes, image: bytes) -> None:
     system, machine = PLATFORMS.get(sys.platform, ""), MACHINES.get(platform.machine().lower(), "")
     if not system or not machine:
         raise InputError(f"FMUs are exported on Linux and macOS, not on {sys.platform} {platform.machine()}")
     suffix = ".dylib" if system == "darwin" else ".so"
     with atomic_write(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("modelDescription.xml", description.xml())
-        file.writestr("documentation/index.html", description.page())
+        file.writestr("documentation/index.html", description.page(DIAGRAM if image else ""))
+        for name in (f"documentation/{DIAGRAM}", "model.png") if image else ():  # by the standard; of FMPy and others
+            file.writestr(name, image)
         file.writestr("resources/mechanism.json", data)
         file.writestr(f"binaries/{machine}-{system}/{description.identifier}{suffix}", runtime)

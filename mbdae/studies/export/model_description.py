@@ -47,7 +47,9 @@ class FmuDescription(NamedTuple):
         kinds: ``"cs"``, ``"me"``.
         variables: by value reference, without gaps of kinds that it has.
         differentiable: whether all outputs have derivatives.
-        step: communication step and stop time in s.
+        step: communication step in s.
+        start: start time in s.
+        stop: end time in s.
         version: of mbdae.
     """
 
@@ -58,6 +60,7 @@ class FmuDescription(NamedTuple):
     variables: Sequence[Variable]
     differentiable: bool
     step: float | None
+    start: float
     stop: float
     version: str
 
@@ -72,7 +75,7 @@ class FmuDescription(NamedTuple):
         log = ElementTree.SubElement(root, "LogCategories")
         for name in ("logStatusError", "logStatusDiscard"):
             ElementTree.SubElement(log, "Category", name=name)
-        experiment = {"startTime": "0", "stopTime": repr(self.stop)}
+        experiment = {"startTime": repr(self.start), "stopTime": repr(self.stop)}
         experiment |= {"stepSize": repr(self.step)} if self.step else {}
         ElementTree.SubElement(root, "DefaultExperiment", experiment)
         self._variables(ElementTree.SubElement(root, "ModelVariables"))
@@ -81,8 +84,8 @@ class FmuDescription(NamedTuple):
         document: bytes = ElementTree.tostring(root, "utf-8", xml_declaration=True)
         return document
 
-    def page(self) -> str:
-        """Return a page of documentation: the variables, and how it was made."""
+    def page(self, diagram: str) -> str:
+        """Return a page of documentation: the file of a picture, if any, the variables, and how it was made."""
         rows = [
             f"<tr><td>{escape(x.name)}</td><td>{x.causality}</td><td>{escape(x.unit)}</td></tr>"
             for x in self.variables
@@ -92,7 +95,8 @@ class FmuDescription(NamedTuple):
         kinds = " and ".join(KINDS[kind] for kind in self.kinds)
         text = f"{kinds}, exported by mbdae {self.version}. All variables are in SI units."
         head = f'<!DOCTYPE html>\n<html lang="en"><meta charset="utf-8"><title>{escape(self.name)}</title>'
-        return f"{head}\n<h1>{escape(self.name)}</h1>\n<p>{text}</p>\n{table}\n</html>\n"
+        image = f'<p><img src="{diagram}" alt="the mechanism at its start" width="700"></p>\n' if diagram else ""
+        return f"{head}\n<h1>{escape(self.name)}</h1>\n<p>{text}</p>\n{image}{table}\n</html>\n"
 
     def _interface(self, root: Element, kind: str) -> None:
         able = ["canGetAndSetFMUState", "canSerializeFMUState"]

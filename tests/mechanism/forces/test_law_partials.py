@@ -40,6 +40,9 @@ def kinds_of_forces():
             {"joint": "revolute_1", "stiffness": 3.0, "rest": 0.2, "damping": 0.4},
             {"joint": "helical_8", "table": TABLE, "damping": 2.0},
         ],
+        "FMU": [
+            {"file": "motor.fmu", "recorded": True, "step": 0.1, "outputs": {"a": "revolute_1", "b": "planar_4.vx"}}
+        ],
         "JointDamping": [{"joint": ("spherical_2", "planar_4"), "damping": 0.7}],
         "JointFriction": [{"joint": ("revolute_1", "planar_4"), "friction": 0.7, "velocity": 0.5}],
         "JointTorque": [

@@ -33,6 +33,8 @@ def slider_crank(*forces):
         ({"parameters": ["joint.rod.mass"]}, "unknown joint of a source 'rod'"),
         ({"method": "radau5"}, "only half-explicit methods"),
         ({"method": "LSODA"}, "LSODA"),
+        ({"events": ["q.crank = 1"]}, "export has no events: it belongs to a simulator"),
+        ({"backend": "python"}, "export has no backend: it belongs to a simulator"),
     ],
 )
 def test_unknown_names_and_settings(settings, text, tmp_path):
@@ -47,6 +49,9 @@ def test_python_functions_resets_and_wrong_files(tmp_path):
         mbdae.export(slider_crank(wind), tmp_path / "x.fmu")
     with pytest.raises(InputError, match="resets cannot be exported: heel strike"):
         mbdae.export(mbdae.load("simplest_walker"), tmp_path / "x.fmu")
+    odd = mbdae.JointTorque(joint="crank", torque=mbdae.Function(function=np.cos, name="odd"), name="push")
+    with pytest.raises(InputError, match="force 'push' is a function of Python, which cannot be exported"):
+        mbdae.export(slider_crank(odd), tmp_path / "x.fmu")
     with pytest.raises(InputError, match=r"an FMU is saved as .fmu, got 'press.zip'"):
         mbdae.export(slider_crank(), "press.zip")
 
@@ -77,6 +82,30 @@ def test_the_command_writes_it(tmp_path):
     root = ElementTree.fromstring(text)
     units = {x.get("name"): x.find("BaseUnit").attrib for x in root.iter("Unit")}
     assert units == {"m": {"m": "1"}, "m/s": {"m": "1", "s": "-1"}, "s": {"s": "1"}}
+
+
+@pytest.mark.parametrize(
+    ("name", "output", "unique"),
+    [
+        ("differential_drive", "lam.left_wheel.1", True),
+        ("differential_drive", "lam.left_wheel.2", False),  # both wheels on one axle hold the robot sideways
+        ("slider_crank", "lam.wrist pin.1", True),
+    ],
+)
+def test_loads_that_are_not_unique_have_no_derivatives(name, output, unique, tmp_path):
+    """Reported is their minimum norm; the core differentiates those of independent rows."""
+    unit = mbdae.export(mbdae.load(name), tmp_path / "x.fmu", kind="me", outputs=["t", output])
+    with zipfile.ZipFile(unit.path) as file:
+        interface = ElementTree.fromstring(file.read("modelDescription.xml")).find("ModelExchange")
+    for provided in ("providesDirectionalDerivatives", "providesAdjointDerivatives"):
+        assert interface.get(provided, "false") == str(unique).lower()
+
+
+def test_times_of_the_default_experiment(tmp_path):
+    unit = mbdae.export("slider_crank", tmp_path / "x.fmu", kind="cs", step=1e-3, t=2.0)
+    with zipfile.ZipFile(unit.path) as file:
+        found = ElementTree.fromstring(file.read("modelDescription.xml")).find("DefaultExperiment").attrib
+    assert {name: float(x) for name, x in found.items()} == {"startTime": 2.0, "stopTime": 12.0, "stepSize": 1e-3}
 
 
 def test_units_are_products_of_base_units():

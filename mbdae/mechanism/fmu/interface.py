@@ -1,0 +1,152 @@
+"""Variables, units and abilities of an FMU, from its modelDescription.xml."""
+
+import zipfile
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from ...errors import InputError, UnknownNameError
+
+REALS = {"2.0": "Real", "3.0": "Float64"}  # type of inputs and outputs by version of FMI
+TYPES: dict[str, tuple[type, ...]] = {"Boolean": (bool,), "String": (str,)}  # of values; of others numbers
+INTEGERS = ("Integer", "Enumeration", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
+SETTABLE = ("parameter", "structuralParameter", "local", "input")  # with initial = "exact": values before a start
+
+
+class FmuVariable(NamedTuple):
+    """A scalar variable of an FMU: SI value = factor x + offset.
+
+    Attributes:
+        reference: its value reference.
+        type: of FMI, ``"Real"``, ``"Float64"``, ``"Integer"`` ...
+        factor: SI units in its unit.
+        offset: in SI units.
+    """
+
+    reference: int
+    type: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def accepts(self, value: object) -> bool:
+        """Return whether a value is of its type."""
+        if self.type in TYPES:
+            return isinstance(value, TYPES[self.type])
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        return number and (self.type not in INTEGERS or value == int(value))  # type: ignore[call-overload, no-any-return]
+
+    def to_si(self, x: float) -> float:
+        """Return a value in SI units."""
+        return self.factor * x + self.offset
+
+    def from_si(self, x: float) -> float:
+        """Return a value in the unit of the variable."""
+        return (x - self.offset) / self.factor
+
+
+class FmuInterface(NamedTuple):
+    """An FMU for co-simulation.
+
+    Attributes:
+        version: of FMI, ``"2.0"`` or ``"3.0"``.
+        token: its instantiation token.
+        identifier: name of its library.
+        once: whether a process may have one instance only.
+        can_save: whether states can be saved as bytes.
+        inputs: by name.
+        outputs: by name.
+        parameters: by name.
+    """
+
+    version: str
+    token: str
+    identifier: str
+    once: bool
+    can_save: bool
+    inputs: Mapping[str, FmuVariable]
+    outputs: Mapping[str, FmuVariable]
+    parameters: Mapping[str, FmuVariable]
+
+    def find(self, what: str, name: str) -> FmuVariable:
+        """Return an ``"input"``, ``"output"`` or ``"parameter"``.
+
+        Raises:
+            UnknownNameError: lists those of the FMU.
+        """
+        known: Mapping[str, FmuVariable] = getattr(self, f"{what}s")
+        if name not in known:
+            raise UnknownNameError(f"{what} of FMU {self.identifier!r}", name, known)
+        return known[name]
+
+
+def fmpy_module() -> ModuleType:
+    """Return FMPy.
+
+    Raises:
+        InputError: if it is not installed.
+    """
+    try:
+        import fmpy
+    except ImportError:
+        raise InputError("FMUs need the package fmpy, which is not installed: pip install 'mbdae[fmi]'") from None
+    return fmpy  # type: ignore[no-any-return]
+
+
+def fmu_interface(path: Path) -> FmuInterface:
+    """Return the description of an FMU for co-simulation on this platform.
+
+    Raises:
+        InputError: for a missing file, a file that is no such FMU, or missing FMPy.
+    """
+    if not path.is_file():
+        raise InputError(f"no such file: {path}")
+    state = path.stat()
+    return _interface_of(path.resolve(), state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=32)
+def _interface_of(path: Path, *version: int) -> FmuInterface:
+    fmpy = fmpy_module()
+    try:
+        found = fmpy.read_model_description(str(path), validate=False)
+        with zipfile.ZipFile(path) as file:
+            libraries = [name.split("/")[1:] for name in file.namelist() if name.startswith("binaries/")]
+    except Exception as e:  # of zipfile, lxml and FMPy
+        raise InputError(f"{path} is not an FMU: {_line(e)}") from None
+    fmi = "3.0" if found.fmiVersion.startswith("3.") else found.fmiVersion
+    if fmi not in REALS:
+        raise InputError(f"{path} is of FMI {found.fmiVersion}; known: {', '.join(REALS)}")
+    if found.coSimulation is None:
+        kind = "scheduled execution" if found.modelExchange is None else "model exchange"
+        raise InputError(f"{path} is an FMU for {kind}; only those for co-simulation can drive a mechanism")
+    cs, here = found.coSimulation, fmpy.platform_tuple if fmi == "3.0" else fmpy.platform
+    if [here, cs.modelIdentifier + fmpy.sharedLibraryExtension] not in libraries:
+        others = ", ".join(sorted({name[0] for name in libraries if name[1:] != [""]})) or "no platform"
+        raise InputError(f"{path} has no library for {here}, only for {others}")
+    return FmuInterface(
+        fmi, found.guid, cs.modelIdentifier, cs.canBeInstantiatedOnlyOncePerProcess,
+        cs.canGetAndSetFMUstate and cs.canSerializeFMUstate, *_variables(found, REALS[fmi]),
+    )  # fmt: skip
+
+
+def _variables(found: Any, real: str) -> tuple[dict[str, FmuVariable], ...]:
+    """Return inputs, outputs and parameters."""
+    units = {unit.name: unit.baseUnit for unit in found.unitDefinitions if unit.baseUnit is not None}
+    out: tuple[dict[str, FmuVariable], ...] = {}, {}, {}
+    for x in found.modelVariables:
+        unit = units.get(x.unit or (x.declaredType and x.declaredType.unit))
+        scale = (float(unit.factor), float(unit.offset)) if unit is not None else ()
+        variable = FmuVariable(int(x.valueReference), x.type, *scale)
+        if x.dimensions or x.name in out:
+            continue
+        if x.causality in ("input", "output") and x.type == real:
+            out[x.causality == "output"][x.name] = variable
+        if x.causality in SETTABLE and x.variability != "constant" and x.start is not None:
+            out[2][x.name] = variable
+    return out
+
+
+def _line(e: Exception) -> str:
+    return (str(e).splitlines() or [type(e).__name__])[0]

@@ -1,0 +1,17 @@
+"""Picture of an exported mechanism, in the best view of its motion."""
+
+from ...errors import MbdaeError
+from ...integrate.solve import solve
+from ...mechanism import Mechanism
+from ..figures import png
+from ..replay.figure import posture
+
+STEPS, RTOL = 300, 1e-4  # of the motion that chooses the view
+
+
+def picture(mech: Mechanism) -> bytes:
+    """Return a picture of a mechanism at its start, a PNG; empty for one that cannot move from there."""
+    try:
+        return png(posture(solve(mech, (0.0, mech.duration), rtol=RTOL, max_steps=STEPS)))
+    except MbdaeError:
+        return b""

@@ -1,0 +1,79 @@
+"""FMUs of a motor, compiled from C with the headers of the standard, as another program would export them."""
+
+import shutil
+import subprocess
+import zipfile
+from pathlib import Path
+
+import pytest
+
+fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbdae[fmi]'")
+
+HERE = Path(__file__).parent
+NAMES = ("angle", "speed", "torque", "kp", "kd", "T", "gain", "feed", "reference", "steps", "fail")
+DEGREE = 0.017453292519943295
+UNITS = {"angle": "deg", "speed": "deg/s", "torque": "N.cm"}
+FACTORS = {"deg": DEGREE, "deg/s": DEGREE, "N.cm": 0.01}
+
+
+def compiled(folder, version):
+    """The library of the motor."""
+    compiler = shutil.which("cc") or pytest.skip("no C compiler")
+    out = Path(folder) / f"motor{version}.so"
+    headers = Path(fmpy.__file__).parent / "c-code"
+    source = HERE / f"motor{version}.c"
+    interface = {2: fmpy.fmi2.FMU2Slave, 3: fmpy.fmi3.FMU3Slave}[version]
+    others = [x for x in dir(interface) if x.startswith(f"fmi{version}") and f" {x}(" not in source.read_text()]
+    stubs = out.with_suffix(".stubs.c")  # FMPy loads all functions of the standard
+    stubs.write_text("\n".join(f"int {name}(void) {{ return 3; }}" for name in others))
+    flags = ["-shared", "-fPIC", "-O1", "-Wall", "-Werror", f"-I{headers}"]
+    subprocess.run([compiler, *flags, "-o", str(out), str(source), str(stubs), "-lm"], check=True)
+    return out
+
+
+def motor(folder, version=3, units=False, saves=True, **changes):
+    """Write the FMU of a motor; return its path.
+
+    Args:
+        folder: where.
+        version: of FMI, 2 or 3.
+        units: angle in degrees, torque in N cm.
+        saves: whether it says that it can save its state.
+        changes: parts of the file that are wrong: kind, platform, fmi.
+    """
+    path = Path(folder) / changes.get("name", f"motor{version}{'_units' * units}{'' if saves else '_forgets'}.fmu")
+    platform = {2: fmpy.platform, 3: fmpy.platform_tuple}[version]
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("modelDescription.xml", description(version, units, saves, **changes))
+        library = compiled(folder, version)
+        file.write(library, f"binaries/{changes.get('platform', platform)}/motor{library.suffix}")
+    return path
+
+
+def description(version, units, saves, kind="CoSimulation", fmi=None, once=False, **_):
+    """modelDescription.xml."""
+    u, state = {2: ("UnitDefinitions", "FMUstate"), 3: ("UnitDefinitions", "FMUState")}[version]
+    able = f'canGetAndSet{state}="{str(saves).lower()}" canSerialize{state}="{str(saves).lower()}"'
+    able += ' canBeInstantiatedOnlyOncePerProcess="true"' if once else ""
+    token = "guid" if version == 2 else "instantiationToken"
+    used = "".join(f'<Unit name="{x}"><BaseUnit rad="1" factor="{FACTORS[x]!r}"/></Unit>' for x in FACTORS)
+    return (
+        f'<fmiModelDescription fmiVersion="{fmi or f"{version}.0"}" modelName="motor" {token}="motor{version}">'
+        f'<{kind} modelIdentifier="motor" {able}/>'
+        f"{f'<{u}>{used}</{u}>' if units else ''}"
+        f"<ModelVariables>{''.join(variable(i, version, units) for i in range(len(NAMES)))}</ModelVariables>"
+        f"<ModelStructure/></fmiModelDescription>"
+    )
+
+
+def variable(i, version, units):
+    """One variable."""
+    name, number = NAMES[i], NAMES[i] == "steps"
+    causality = "input" if i < 2 else "output" if i == 2 else "parameter"
+    unit = f'unit="{UNITS[name]}" ' if units and name in UNITS else ""
+    start = "" if causality == "output" else f'start="{0 if number else 1.0 if name in ("kp", "gain") else 0.0}" '
+    vary = 'variability="fixed" initial="exact" ' if causality == "parameter" else ""
+    head = f'name="{name}" valueReference="{i}" causality="{causality}" {vary}'
+    if version == 3:
+        return f"<{'Int32' if number else 'Float64'} {head}{unit}{start}/>"
+    return f"<ScalarVariable {head}><{'Integer' if number else 'Real'} {unit}{start}/></ScalarVariable>"
