@@ -1,4 +1,5 @@
 // The differential equation of an exported mechanism in local coordinates, and its derivatives.
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -64,6 +65,14 @@ const ExportedMechanism::Derivatives& ExportedMechanism::derivatives() {
   return derivatives_;
 }
 
+// Multipliers of dependent rows are those of minimum norm, and the partials those of the rows in use.
+void ExportedMechanism::require_independent_rows() {
+  const Index2System& s = system();
+  const auto inactive = std::count(s.constraints.off.begin(), s.constraints.off.end(), true);
+  if (s.rows.rank < s.ng - static_cast<int>(inactive))
+    throw std::invalid_argument("multipliers and forces have no derivatives: constraints depend on each other");
+}
+
 double ExportedMechanism::output_partial(const SignalValue& signal, const LocalCoordinates::Partials& p, size_t c,
                                          size_t wide) {
   using Kind = SignalValue::Kind;
@@ -80,12 +89,19 @@ double ExportedMechanism::output_partial(const SignalValue& signal, const LocalC
     case Kind::rate:
       return p.F[i * wide + c];
     case Kind::lam:
+      require_independent_rows();
       return p.lam[signal.rows[0] * wide + c];
     case Kind::force: {
+      require_independent_rows();
       const Numbers& lam = s.multipliers();
       double size = 0, along = 0;
-      for (int k : signal.rows) size += lam[k] * lam[k], along += lam[k] * p.lam[k * wide + c];
-      return along / std::sqrt(size);
+      bool acts = false;
+      for (int k : signal.rows) {
+        size += lam[k] * lam[k], along += lam[k] * p.lam[k * wide + c];
+        acts = acts || s.constraints.off.empty() || !s.constraints.off[k];
+      }
+      if (acts && size == 0) throw std::invalid_argument("the magnitude of a force has no derivative where it is zero");
+      return acts ? along / std::sqrt(size) : 0;
     }
     default:
       throw std::invalid_argument("an output has no derivative");

@@ -123,6 +123,7 @@ class ExportedMechanism {
   bool is_watched(int guard) const;
   void end_flights(const std::vector<int>& fired, Numbers& at);
   std::vector<int> step_back(Numbers& at);  // to the first of the guards that are negative; those that are zero there
+  void require_independent_rows();
   double output_partial(const SignalValue& signal, const LocalCoordinates::Partials& p, size_t column, size_t wide);
   Index2System& system() { return core_->system; }
 

@@ -26,6 +26,7 @@ from ...solution.signals import units
 from .core_file import core_data, count_indicators, native_system, output_data, plain_json, require_exportable, run_data
 from .model_description import KINDS, FmuDescription, Variable, event_indicators
 from .parameter_effects import ParameterEffects, parameter_effects
+from .source_files import source_files
 
 __all__ = ["export"]
 
@@ -33,7 +34,8 @@ RUNTIME = "_native_fmi3.so"  # the core without Python, built with the core
 PLATFORMS = {"linux": "linux", "darwin": "darwin"}
 MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 STATE_SIGNALS = ("t", "y", "angle")  # kinds of outputs that are functions of the state
-DIFFERENTIABLE = (*STATE_SIGNALS, "rate", "lam", "force")
+OF_ROWS = ("lam", "force")
+DIFFERENTIABLE = (*STATE_SIGNALS, "rate", *OF_ROWS)
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,7 @@ def export(
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
     parameters: Sequence[str] = (),
+    sources: bool = False,
     **settings: Any,
 ) -> ExportedUnit:
     """Write a mechanism as a Functional Mock-up Unit (FMI 3.0) for other simulation programs.
@@ -97,17 +100,20 @@ def export(
         outputs: names of signals, see `mbdae.Solution.signals`; q and v of all joints if omitted.
         parameters: dotted names of parameters, as of `mbdae.sensitivity`, on which the mechanism depends linearly; they
             are set before the initialization.
+        sources: Add the sources of the runtime, for other platforms: C++17, without other libraries.
         **settings: as of `mbdae.Simulator`: a half-explicit method, step, rtol and others.
 
     Raises:
         UnknownNameError: for an unknown kind, input, output or parameter.
-        InputError: for a mechanism that cannot be exported, by the name of its part, or a missing runtime.
+        InputError: for a mechanism that cannot be exported, by the name of its part, or without a runtime or its
+            sources.
 
     Example:
         >>> mbdae.export(mbdae.load("slider_crank"), "slider_crank.fmu", step=1e-3)   # doctest: +SKIP
     """
     mech = mechanism_of(mech, "export")
     kinds, path, runtime = _checked_kinds(kind), _checked_path(path), _runtime()
+    code = source_files(_identifier(path)) if sources else {}
     require_exportable(mech)
     simulator = Simulator(mech, record=False, backend="native", **settings)
     system: CompiledSystem = simulator._run.system  # type: ignore[assignment]
@@ -127,7 +133,10 @@ def export(
     token = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
     variables = _variables(mech, cells, chosen, effects, named, states)
     variables += event_indicators(1 + variables[-1].reference, count_indicators(data) if "me" in kinds else 0)
-    differentiable = all(x.kind in DIFFERENTIABLE for x in named.values()) and not system.closure_friction
+    kinds_of_outputs = {x.kind for x in named.values()}
+    differentiable = kinds_of_outputs <= {*DIFFERENTIABLE} and not system.closure_friction
+    if kinds_of_outputs & {*OF_ROWS}:  # those of minimum norm have other derivatives than those of the rows in use
+        differentiable = differentiable and len(system.core.rows) == system.ng - len(system.constraints.inactive)
     description = FmuDescription(
         mech.title,
         _identifier(path),
@@ -139,7 +148,7 @@ def export(
         mech.duration,
         versions()["mbdae"],
     )
-    _write(path, description, json.dumps({"token": token, **data}), runtime)
+    _write(path, description, json.dumps({"token": token, **data}), runtime, code)
     return ExportedUnit(path, kinds, tuple(chosen), tuple(named), tuple(effects), states, path.stat().st_size)
 
 
@@ -225,7 +234,7 @@ def _identifier(path: Path) -> str:
     return found if found[:1].isalpha() or found[:1] == "_" else f"_{found}"
 
 
-def _write(path: Path, description: FmuDescription, data: str, runtime: bytes) -> None:
+def _write(path: Path, description: FmuDescription, data: str, runtime: bytes, code: Mapping[str, bytes]) -> None:
     system, machine = PLATFORMS.get(sys.platform, ""), MACHINES.get(platform.machine().lower(), "")
     if not system or not machine:
         raise InputError(f"FMUs are exported on Linux and macOS, not on {sys.platform} {platform.machine()}")
@@ -235,3 +244,5 @@ def _write(path: Path, description: FmuDescription, data: str, runtime: bytes) -
         file.writestr("documentation/index.html", description.page())
         file.writestr("resources/mechanism.json", data)
         file.writestr(f"binaries/{machine}-{system}/{description.identifier}{suffix}", runtime)
+        for name, content in code.items():
+            file.writestr(f"sources/{name}", content)
