@@ -1,4 +1,5 @@
 // The differential equation of an exported mechanism in local coordinates, and its derivatives.
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -64,6 +65,15 @@ const ExportedMechanism::Derivatives& ExportedMechanism::derivatives() {
   return derivatives_;
 }
 
+// Multipliers of rows that share a load are those of minimum norm, and the partials those of the rows in use.
+void ExportedMechanism::require_own_load(const std::vector<int>& rows) {
+  const Index2System& s = system();
+  const auto inactive = std::count(s.constraints.off.begin(), s.constraints.off.end(), true);
+  bool shared = s.ng - static_cast<int>(inactive) - s.rows.rank > dependent_;
+  for (int k : rows) shared = shared || std::find(shared_.begin(), shared_.end(), k) != shared_.end();
+  if (shared) throw std::invalid_argument("multipliers and forces of constraints that share a load have no derivatives");
+}
+
 double ExportedMechanism::output_partial(const SignalValue& signal, const LocalCoordinates::Partials& p, size_t c,
                                          size_t wide) {
   using Kind = SignalValue::Kind;
@@ -80,12 +90,19 @@ double ExportedMechanism::output_partial(const SignalValue& signal, const LocalC
     case Kind::rate:
       return p.F[i * wide + c];
     case Kind::lam:
+      require_own_load(signal.rows);
       return p.lam[signal.rows[0] * wide + c];
     case Kind::force: {
+      require_own_load(signal.rows);
       const Numbers& lam = s.multipliers();
       double size = 0, along = 0;
-      for (int k : signal.rows) size += lam[k] * lam[k], along += lam[k] * p.lam[k * wide + c];
-      return along / std::sqrt(size);
+      bool acts = false;
+      for (int k : signal.rows) {
+        size += lam[k] * lam[k], along += lam[k] * p.lam[k * wide + c];
+        acts = acts || s.constraints.off.empty() || !s.constraints.off[k];
+      }
+      if (acts && size == 0) throw std::invalid_argument("the magnitude of a force has no derivative where it is zero");
+      return acts ? along / std::sqrt(size) : 0;
     }
     default:
       throw std::invalid_argument("an output has no derivative");

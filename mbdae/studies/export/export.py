@@ -21,7 +21,7 @@ from ...integrate.simulator.simulator import Simulator
 from ...mechanism import Mechanism
 from ...mechanism.equations.local_ode import most_coordinates
 from ...mechanism.formulations.compiled_systems import CompiledSystem
-from ...mechanism.signals.reactions import multiplier_null_space
+from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...solution.problem import mechanism_of
 from ...solution.provenance import versions
 from ...solution.signal_value import SignalValue, find_point_signal
@@ -31,6 +31,7 @@ from .core_file import core_data, count_indicators, native_system, output_data, 
 from .model_description import KINDS, FmuDescription, Variable, event_indicators
 from .parameter_effects import ParameterEffects, parameter_effects
 from .picture import picture
+from .source_files import source_files
 
 __all__ = ["export"]
 
@@ -86,6 +87,7 @@ def export(
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
     parameters: Sequence[str] = (),
+    sources: bool = False,
     **settings: Any,
 ) -> ExportedUnit:
     """Write a mechanism as a Functional Mock-up Unit (FMI 3.0) for other simulation programs.
@@ -104,11 +106,13 @@ def export(
         outputs: names of signals, see `mbdae.Solution.signals`; q and v of all joints if omitted.
         parameters: dotted names of parameters, as of `mbdae.sensitivity`, on which the mechanism depends linearly; they
             are set before the initialization.
+        sources: Add the sources of the runtime, for other platforms: C++17, without other libraries.
         **settings: as of `mbdae.Simulator`: a half-explicit method, step, rtol, t, q, v and others.
 
     Raises:
         UnknownNameError: for an unknown kind, input, output or parameter.
-        InputError: for a mechanism that cannot be exported, by the name of its part, or a missing runtime.
+        InputError: for a mechanism that cannot be exported, by the name of its part, or without a runtime or its
+            sources.
 
     Example:
         >>> mbdae.export(mbdae.load("slider_crank"), "slider_crank.fmu", step=1e-3)   # doctest: +SKIP
@@ -118,6 +122,7 @@ def export(
         if name in OF_SIMULATORS:
             raise InputError(f"export has no {name}: it belongs to a simulator of this process")
     kinds, path, runtime = _checked_kinds(kind), _checked_path(path), _runtime()
+    code = source_files(_identifier(path)) if sources else {}
     require_exportable(mech)
     simulator = Simulator(mech, record=False, backend="native", **settings)
     system: CompiledSystem = simulator._run.system  # type: ignore[assignment]
@@ -133,12 +138,12 @@ def export(
     ]
     data["outputs"] = plain_json([output_data(mech, name, x) for name, x in named.items()])
     data["parameters"] = [x.core_data() for x in effects.values()]
-    data["states"] = states
+    dependent, shared = _shared_loads(simulator)
+    data |= {"states": states, "dependent": dependent, "shared": sorted(shared)}
     token = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
     variables = _variables(mech, cells, chosen, effects, named, states)
     variables += event_indicators(1 + variables[-1].reference, count_indicators(data) if "me" in kinds else 0)
-    spread = _spread_rows(mech)  # the core differentiates the multipliers of the rows in use, not those of all rows
-    differentiable = all(x.kind in DIFFERENTIABLE and not spread & {*x.rows} for x in named.values())
+    differentiable = all(x.kind in DIFFERENTIABLE and not shared & {*x.rows} for x in named.values())
     differentiable &= not system.closure_friction
     description = FmuDescription(
         mech.title,
@@ -152,7 +157,7 @@ def export(
         simulator.start + mech.duration,
         versions()["mbdae"],
     )
-    _write(path, description, json.dumps({"token": token, **data}), runtime, picture(mech))
+    _write(path, description, json.dumps({"token": token, **data}), runtime, picture(mech), code)
     return ExportedUnit(path, kinds, tuple(chosen), tuple(named), tuple(effects), states, path.stat().st_size)
 
 
@@ -233,12 +238,13 @@ def _variables(
     return out
 
 
-def _spread_rows(mech: Mechanism) -> set[int]:
-    """Return the rows at the start whose multipliers are not unique: they share a load."""
-    with mech.workspaces.borrowed() as system:
-        free = multiplier_null_space(system, 0.0, mech.start[0])
+def _shared_loads(simulator: Simulator) -> tuple[int, set[int]]:
+    """Return the number of dependent rows at the start, and the rows whose multipliers are not unique."""
+    with simulator.mechanism.workspaces.borrowed() as system:
+        system.enter(simulator._run.system.mode)
+        free = ModePoint(system, AllRows(system), simulator.start, simulator._run.ys[-1]).null_multipliers
     share = (free * free).sum(axis=1)  # 1 of a row without an effect, such as the out-of-plane row of a planar loop
-    return {*np.flatnonzero((share > AGREEMENT) & (share < 1 - AGREEMENT)).tolist()}
+    return free.shape[1], {*np.flatnonzero((share > AGREEMENT) & (share < 1 - AGREEMENT)).tolist()}
 
 
 def _identifier(path: Path) -> str:
@@ -246,7 +252,9 @@ def _identifier(path: Path) -> str:
     return found if found[:1].isalpha() or found[:1] == "_" else f"_{found}"
 
 
-def _write(path: Path, description: FmuDescription, data: str, runtime: bytes, image: bytes) -> None:
+def _write(
+    path: Path, description: FmuDescription, data: str, runtime: bytes, image: bytes, code: Mapping[str, bytes]
+) -> None:
     system, machine = PLATFORMS.get(sys.platform, ""), MACHINES.get(platform.machine().lower(), "")
     if not system or not machine:
         raise InputError(f"FMUs are exported on Linux and macOS, not on {sys.platform} {platform.machine()}")
@@ -258,3 +266,5 @@ def _write(path: Path, description: FmuDescription, data: str, runtime: bytes, i
             file.writestr(name, image)
         file.writestr("resources/mechanism.json", data)
         file.writestr(f"binaries/{machine}-{system}/{description.identifier}{suffix}", runtime)
+        for name, content in code.items():
+            file.writestr(f"sources/{name}", content)

@@ -151,12 +151,13 @@ def test_a_step_ends_early_where_the_master_asks(driven):
     assert np.array_equal(master.get(*unit.outputs), other.get(*unit.outputs))
 
 
-def test_many_steps_need_no_more_memory(driven):
+@pytest.mark.parametrize("steps", [6000, pytest.param(100_000, marks=pytest.mark.slow)])
+def test_many_steps_need_no_more_memory(steps, driven):
     resource = pytest.importorskip("resource")
-    master, sizes = Master(driven[1], "cs"), []
-    for k in range(6000):
+    master, sizes = Master(driven[1], "cs", {"motor": 0.0}), []
+    for k in range(steps):
         master.step(k * STEP)
-        if k in (2000, 5999):
+        if k in (2000, steps - 1):
             sizes.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     assert sizes[1] - sizes[0] <= 256  # kB
 

@@ -135,3 +135,23 @@ def test_points_beyond_the_coordinates_are_discarded(unit_of, capfd):
     with pytest.raises(Exception, match=r"status 2 \(discard\)"):
         master.rate()
     assert "take a shorter step" in capfd.readouterr().out
+
+
+def test_multipliers_of_dependent_rows_have_no_derivatives(tmp_path, capfd):
+    """Bricard's mechanism: lam of minimum norm is an output, and its derivative is rejected by name."""
+    m = mbdae.load("bricard")
+    name = next(n for n in units(m) if n.startswith("lam."))
+    master = Master(mbdae.export(m, tmp_path / "x.fmu", kind="me", outputs=[name]), "me")
+    assert not master.found.modelExchange.providesDirectionalDerivative
+    assert master.get(name)[0] == pytest.approx(m.at(0.0, *m.start).lam[0], rel=1e-9)
+    with pytest.raises(Exception, match="fmi3GetDirectionalDerivative"):
+        master.fmu.getDirectionalDerivative(master.of(name), master.of("local[1]"), [1.0])
+    assert "constraints that share a load" in capfd.readouterr().out
+
+
+def test_energies_are_outputs(tmp_path):
+    """Of a four-bar without losses: constant along the solution of CVODE."""
+    unit = mbdae.export("four_bar", tmp_path / "x.fmu", kind="me", outputs=["energy", "kinetic", "potential"])
+    found = simulated(unit, "me", 1.0, output_interval=0.02, solver="CVode", relative_tolerance=1e-11)
+    assert np.abs(found["energy"] - found["energy"][0]).max() <= 1e-8 * np.ptp(found["kinetic"])
+    assert np.abs(found["kinetic"] + found["potential"] - found["energy"]).max() <= 1e-13 * np.ptp(found["kinetic"])

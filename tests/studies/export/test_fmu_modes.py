@@ -95,3 +95,21 @@ def test_an_input_that_jumps_releases_a_joint_that_sticks(tmp_path):
         master.fmu.updateDiscreteStates()
         master.fmu.enterContinuousTimeMode()
         assert master.get("a.block")[0] == pytest.approx(acceleration, abs=1e-13)
+
+
+def test_events_need_no_more_memory(pendulum):
+    """Impacts, other coordinates and saved states, by Euler's method."""
+    resource = pytest.importorskip("resource")
+    master, sizes = Master(pendulum, "me"), []
+    for k in range(4000):
+        master.fmu.setTime(k * 1e-3)
+        master.set_x(master.x() + 1e-3 * master.rate())
+        if master.fmu.completedIntegratorStep()[0]:
+            master.fmu.enterEventMode()
+            master.fmu.updateDiscreteStates()
+            master.fmu.enterContinuousTimeMode()
+        if k % 100 == 0:
+            master.fmu.freeFMUState(master.fmu.getFMUState())
+        if k in (2000, 3999):
+            sizes.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    assert sizes[1] - sizes[0] <= 256  # kB

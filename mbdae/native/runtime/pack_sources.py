@@ -1,0 +1,57 @@
+"""Pack the sources of the runtime of exported mechanisms, for FMUs that are compiled where they are used.
+
+Run by the build: ``python pack_sources.py LIST FOLDER EIGEN OUT.zip``. LIST has lines "GROUP FILE" of the files of
+FOLDER that are compiled, those of a group as one. Headers are found by their includes, in FOLDER and in EIGEN.
+"""
+
+import re
+import sys
+import zipfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+ALONE = "laws"  # a group whose files are compiled each alone
+INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
+
+
+def included(files: Iterable[Path], folders: Iterable[Path]) -> Iterator[tuple[str, Path]]:
+    """Yield names and paths of files and of all that they include from these folders."""
+    folders = [folder.resolve() for folder in folders]
+    waiting, known = [path.resolve() for path in files], set[Path]()
+    while waiting:
+        path = waiting.pop()
+        if path in known:
+            continue
+        known.add(path)
+        yield next(path.relative_to(f).as_posix() for f in folders if f in path.parents), path
+        for name in INCLUDE.findall(path.read_text("utf-8")):
+            found = (folder / name for folder in (path.parent, *folders))
+            waiting += [x.resolve() for x in found if x.is_file()][:1]
+
+
+def pack(groups: dict[str, list[Path]], folder: Path, eigen: Path, out: Path) -> None:
+    """Write an archive of the sources: a file for each group, laws, headers, and the list ``compiled.txt``."""
+    listed = [path for paths in groups.values() for path in paths]
+    files = {name: path.read_text("utf-8") for name, path in included(listed, (folder, eigen))}
+    files["laws.inc"] = "".join(f"LAW({path.stem})\n" for path in groups[ALONE])
+    compiled = [path.relative_to(folder).as_posix() for path in groups.pop(ALONE)]
+    for group, paths in groups.items():
+        files[f"{group}.cpp"] = "".join(f'#include "{path.relative_to(folder).as_posix()}"\n' for path in paths)
+        compiled.append(f"{group}.cpp")
+    files["compiled.txt"] = "\n".join(compiled)
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(files):
+            archive.writestr(zipfile.ZipInfo(name), files[name], zipfile.ZIP_DEFLATED)
+
+
+def main(listed: str, folder: str, eigen: str, out: str) -> None:
+    """Pack the sources."""
+    groups: dict[str, list[Path]] = {}
+    for line in Path(listed).read_text("utf-8").splitlines():
+        group, path = line.split(" ", 1)
+        groups.setdefault(group, []).append(Path(path))
+    pack(groups, Path(folder), Path(eigen), Path(out))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

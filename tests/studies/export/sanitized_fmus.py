@@ -1,0 +1,46 @@
+"""Run FMUs in this process, whose library has sanitizers; started by test_fmu_sources.py."""
+
+import json
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import numpy as np
+from fmu_masters import Master
+
+
+def co_simulation(unit):
+    """Steps; a state that is saved, restored and continued."""
+    master = Master(unit, "cs")
+    for k in range(60):
+        master.step(k * 1e-2, 1e-2)
+    saved = master.fmu.getFMUState()
+    master.step(0.6, 1e-2)
+    master.fmu.setFMUState(master.fmu.deserializeFMUState(master.fmu.serializeFMUState(saved)))
+    master.step(0.6, 1e-2)
+    master.fmu.freeFMUState(saved)
+    return master.get(*unit.outputs)
+
+
+def model_exchange(unit):
+    """Steps of Euler's method, with events; derivatives."""
+    master = Master(unit, "me")
+    for k in range(1, 200):
+        master.fmu.setTime(k * 5e-3)
+        master.set_x(master.x() + 5e-3 * master.rate())
+        if master.fmu.completedIntegratorStep()[0]:
+            master.fmu.enterEventMode()
+            master.fmu.updateDiscreteStates()
+            master.fmu.enterContinuousTimeMode()
+    assert np.isfinite(master.x()).all()
+    if master.found.modelExchange.providesDirectionalDerivative:
+        assert np.isfinite(master.jacobian()).all()
+
+
+for data in json.loads(sys.argv[1]):
+    one = SimpleNamespace(**data, inputs=())
+    with ThreadPoolExecutor(2) as pool:
+        first, second = pool.map(co_simulation, [one, one])
+    assert np.array_equal(first, second)
+    model_exchange(one)
+    print("ok")
