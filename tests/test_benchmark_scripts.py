@@ -128,6 +128,14 @@ def test_impacts(script, capsys):
     assert "| pendulum_on_stop, 4.2829 s |" in capsys.readouterr().out
 
 
+@pytest.mark.native
+def test_random_drops(script, capsys):
+    results = script("drops").main(["--brief"])
+    assert {x.verdict for x in results} == {"same"}, [x.text for x in results]
+    assert len({x.kind for x in results}) == len(results) == 10
+    assert "| all | 10 |" in capsys.readouterr().out
+
+
 def test_gradients(script, capsys):
     found = script("gradients").main(["--brief"])
     assert min(found["run"], found["value and gradient"]) > 0
