@@ -138,7 +138,7 @@ def export(
     ]
     data["outputs"] = plain_json([output_data(mech, name, x) for name, x in named.items()])
     data["parameters"] = [x.core_data() for x in effects.values()]
-    dependent, shared = _shared_loads(simulator)
+    dependent, shared = _shared_loads(simulator, system.mode)
     data |= {"states": states, "dependent": dependent, "shared": sorted(shared)}
     token = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
     variables = _variables(mech, cells, chosen, effects, named, states)
@@ -238,10 +238,10 @@ def _variables(
     return out
 
 
-def _shared_loads(simulator: Simulator) -> tuple[int, set[int]]:
+def _shared_loads(simulator: Simulator, mode: tuple[int, ...]) -> tuple[int, set[int]]:
     """Return the number of dependent rows at the start, and the rows whose multipliers are not unique."""
     with simulator.mechanism.workspaces.borrowed() as system:
-        system.enter(simulator._run.system.mode)
+        system.enter(mode)
         free = ModePoint(system, AllRows(system), simulator.start, simulator._run.ys[-1]).null_multipliers
     share = (free * free).sum(axis=1)  # 1 of a row without an effect, such as the out-of-plane row of a planar loop
     return free.shape[1], {*np.flatnonzero((share > AGREEMENT) & (share < 1 - AGREEMENT)).tolist()}
