@@ -28,7 +28,7 @@ from .columns import (
     row_names,
 )
 from .mode_columns import mode_columns, mode_units
-from .work_columns import work_columns, work_units
+from .work_columns import WORK, work_columns, work_units
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -165,15 +165,15 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
 
     Args:
         sol: the solution.
-        names: the requested columns, in this order, see `find`; all when left out. Expensive columns are computed only
-            on request.
+        names: the requested columns, in this order, see `find`; when left out, all but ``work.<name>``, whose
+            integrals take longer than all others. Expensive columns are computed only on request.
 
     Raises:
         UnknownNameError: for an unknown signal.
         InputError: for a solution of a textbook problem, or one without times.
     """
     mech = sol.mechanism
-    wanted = list(units(mech)) if names is None else find(mech, names)
+    wanted = [name for name in units(mech) if not name.startswith(WORK)] if names is None else find(mech, names)
     out: dict[str, Array] = {}
     with np.errstate(over="ignore", invalid="ignore"):  # of a diverging run
         for family, known in zip(reversed(FAMILIES), reversed(_units(mech)), strict=True):

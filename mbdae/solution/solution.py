@@ -1,6 +1,6 @@
 """Solution of a run: times, states, multipliers, statistics, and dense output."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -219,10 +219,10 @@ class Solution(DenseOutput, Tabular):
         """
         return statistics(self, names)
 
-    def signals(self) -> dict[str, Array]:
-        """Named columns of equal length, see `mbdae.solution.signals`, y and z of a textbook problem."""
+    def signals(self, names: str | Iterable[str] | None = None) -> dict[str, Array]:
+        """Named columns of equal length, see `mbdae.solution.signals.signals`; y and z of a textbook problem."""
         if isinstance(self.problem, Mechanism):
-            return signals(self)
+            return signals(self, names)
         parts = {"y": self.y, "z": self.z}
         return {"t": self.t} | {f"{n}.{k + 1}": x[:, k] for n, x in parts.items() for k in range(x.shape[1])}
 

@@ -54,7 +54,8 @@ def orders():
         seen = (n, tuple(h ** (p + 0.02)), (1e-12,) * 6, (1, 6))
         fits = [ObservedOrder(quantity, p, p + 0.02, "holds", *seen) for quantity in ("q", "v", "own lam")]
         slopes[name] = (*fits, ObservedOrder("lam", p, None, "cannot be judged: x", n, tuple(h**p), (1.0,) * 6))
-    return OrderStudy("Test", 1.0, slopes)
+    units = {"q": "rad", "v": "rad/s", "own lam": "N", "lam": "N"}
+    return OrderStudy("Test", 1.0, slopes, units=units)
 
 
 @pytest.fixture(scope="module")

@@ -15,8 +15,9 @@ WIDTH = 0.05  # of the step
 
 
 def driven():
-    """A spatial tree with every kind of force but bushings, which are turned too far, and two drivers."""
-    forces = [force for kind, some in kinds_of_forces().items() for force in some if kind != "Bushing"]
+    """A spatial tree with every kind of force but bushings, which are turned too far, and FMUs; two drivers."""
+    others = {kind: some for kind, some in kinds_of_forces().items() if kind not in ("Bushing", "FMU")}
+    forces = [force for some in others.values() for force in some]
     forces += [JointTorque(joint="revolute_1", torque=Function(function=np.sin, rate=np.cos))]
     forces += [lambda t, q, v: np.cos(3 * t) * np.ones_like(v)]
     drivers = [Driver.polynomial("prismatic_5", (0.1, 0.2, 0.3, 0.4, 0.5)), Driver.harmonic("helical_8", 0.7, 3.0)]
