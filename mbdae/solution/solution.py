@@ -1,6 +1,6 @@
 """Solution of a run: times, states, multipliers, statistics, and dense output."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -219,7 +219,7 @@ class Solution(DenseOutput, Tabular):
         """
         return statistics(self, names)
 
-    def signals(self, names: str | Iterable[str] | None = None) -> dict[str, Array]:
+    def signals(self, names: str | Collection[str] | None = None) -> dict[str, Array]:
         """Named columns of equal length, see `mbdae.solution.signals.signals`; y and z of a textbook problem."""
         if isinstance(self.problem, Mechanism):
             return signals(self, names)

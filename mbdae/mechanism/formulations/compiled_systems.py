@@ -260,12 +260,6 @@ class CompiledSystem(Index2System):
         if len(self.mechanism.switches):
             self.core.deactivate_rows([k in inactive for k in range(self.ng)], self.sticks)
 
-    def set_min_slip_speed(self, speed: float) -> None:
-        """See `Index2System.set_min_slip_speed`."""
-        super().set_min_slip_speed(speed)
-        if hasattr(self, "core"):
-            self.core.set_smallest_slip(speed)
-
     def use_rows(self, rows: tuple[int, ...], frozen: bool = True) -> None:
         """See `mbdae.system.System`."""
         super().use_rows(rows, frozen)

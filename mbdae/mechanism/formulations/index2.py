@@ -12,7 +12,6 @@ from scipy.linalg.lapack import dgesv, dgetrs, dpotrf, dpotrs
 
 from ...errors import StepError
 from ...system import Array, System
-from ...tolerances import ZERO_SPEED
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
 from ..hybrid.switches import Mode, inactive_rows
@@ -61,17 +60,6 @@ class Index2System(PinocchioData, RunVariables, System):
         self.ns, self.ny = self.laws.ns, 2 * self.nv + self.laws.ns + 1
         self.measured = slice(0, self.ny - (not self.driven))  # with drivers, the work, too
         self.reset()
-
-    def reset(self) -> None:
-        """See `RunVariables.reset`."""
-        self.enter((0,) * len(self.mode))
-        self.closure_friction.reset()
-        self.set_min_slip_speed(ZERO_SPEED)
-        super().reset()
-
-    def set_min_slip_speed(self, speed: float) -> None:
-        """Set the speed in m/s below which a slip has no direction."""
-        self.closure_friction.min_slip_speed = speed
 
     def closures(self, q: Array | None = None, t: float | None = None) -> tuple[Array, Array]:
         """Return g(t, q) (ng,) and G (ng, nv) over all rows.

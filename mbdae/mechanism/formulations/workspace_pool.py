@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...system import Array, Counts
-from ...tolerances import AMBIGUOUS_PIVOT
+from ...tolerances import AMBIGUOUS_PIVOT, ZERO_SPEED
 from ..closures import independent_rows
 from ..forces import is_custom
+from .closure_friction import ClosureFriction
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -23,9 +24,14 @@ class RunVariables:
 
     ng: int
     nq: int
+    mode: tuple[int, ...]
+    closure_friction: ClosureFriction
 
     def reset(self) -> None:
         """Return to the state of a new workspace, in the first mode."""
+        self.enter((0,) * len(self.mode))
+        self.closure_friction.reset()
+        self.set_min_slip_speed(ZERO_SPEED)
         self.counts = Counts()
         self.rank: int | None = None
         self.ambiguous_pivot = AMBIGUOUS_PIVOT  # pivot ratio below which the branch of a motion is ambiguous
@@ -38,6 +44,17 @@ class RunVariables:
         self.largest_g = self.largest_rate = self.largest_speed = 0.0
         self.accuracy = 0.0
         self._last_q = np.full(self.nq, np.nan)  # configuration of the last stage
+
+
+    def enter(self, mode: tuple[int, ...]) -> None:
+        """Enter another mode."""
+        raise NotImplementedError
+
+    def set_min_slip_speed(self, speed: float) -> None:
+        """Set the speed in m/s below which a slip has no direction, in the core, too."""
+        self.closure_friction.min_slip_speed = speed
+        if core := getattr(self, "core", None):
+            core.set_smallest_slip(speed)
 
 
 class WorkspacePool:

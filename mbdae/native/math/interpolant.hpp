@@ -33,18 +33,18 @@ struct Cubic {
     // extrema, between which it is monotonic
     const double a = starts_at_zero ? 0 : 3 * c[0], b = starts_at_zero ? 2 * c[0] : 2 * c[1];
     const double d = starts_at_zero ? c[1] : c[2];
-    double ends[3] = {1, 1, 1};
+    double bounds[3] = {1, 1, 1};
     if (a == 0) {
-      ends[0] = -d / b;
+      bounds[0] = -d / b;
     } else if (b * b >= 4 * a * d) {
       const double sum = -0.5 * (b + std::copysign(std::sqrt(b * b - 4 * a * d), b));
-      ends[0] = sum / a, ends[1] = d / sum;
+      bounds[0] = sum / a, bounds[1] = d / sum;
     }
-    for (double& x : ends)
+    for (double& x : bounds)
       if (!(0 < x && x < 1)) x = 1;
-    std::sort(ends, ends + 3);
+    std::sort(bounds, bounds + 3);
     double low = 0;
-    for (double high : ends) {
+    for (double high : bounds) {
       if (f(low) > 0 && !(f(high) > 0)) {
         for (double x = 0.5 * (low + high); low < x && x < high; x = 0.5 * (low + high)) (f(x) > 0 ? low : high) = x;
         return low;

@@ -6,12 +6,12 @@ from ...mechanism import Mechanism
 from ..figures import png
 from ..replay.figure import posture
 
-STEPS, RTOL = 300, 1e-4  # of the motion that chooses the view
+STEPS = 300  # of the motion that chooses the view
 
 
 def picture(mech: Mechanism) -> bytes:
     """Return a picture of a mechanism at its start, a PNG; empty for one that cannot move from there."""
     try:
-        return png(posture(solve(mech, (0.0, mech.duration), rtol=RTOL, max_steps=STEPS)))
+        return png(posture(solve(mech, (0.0, mech.duration), max_steps=STEPS)))
     except MbdaeError:
         return b""

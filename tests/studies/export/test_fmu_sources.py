@@ -1,4 +1,4 @@
-"""FMUs with sources: what g++ makes of them computes as the runtime does, and without errors of memory."""
+"""FMUs with sources: the compiled sources compute as the runtime does, without errors of memory."""
 
 import json
 import os
