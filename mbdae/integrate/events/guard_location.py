@@ -182,7 +182,7 @@ def _locate(tracked: TrackedGuard, step: "StepMap", at: PointAt, high: float) ->
                 break
             f, derivative = tracked.value(at(theta)), h * guard.rate(at(theta))
             if not derivative < 0 or not abs(f) < best:
-                if best <= tracked.rounding and not starts_at_zero:
+                if best <= tracked.rounding:
                     return nearest
                 break
             nearest, best, move = theta, abs(f), f / derivative

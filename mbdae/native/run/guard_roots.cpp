@@ -158,7 +158,7 @@ double GuardMonitor::locate(int i, double high) {
   for (int k = 0; k < modes_.iterations && low < theta && theta < high; ++k) {
     const Value x = at(theta, i);
     if (!(x.rate < 0) || !(std::fabs(x.f) < best)) {
-      if (best <= rounding(i) && !starts_at_zero) return nearest;
+      if (best <= rounding(i)) return nearest;
       break;
     }
     const double move = x.f / (h * x.rate);
