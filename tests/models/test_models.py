@@ -86,7 +86,7 @@ def test_a_second_is_run_and_checked_and_replayed(name, tmp_path, monkeypatch):
     found = mbdae.drift(sol)
     assert max(found.g_max, found.Gv_max / max(1, np.abs(sol.v).max()), found.energy_relative) < 1e-5
     assert mbdae.animate(sol, tmp_path / "run.html").stat().st_size < 1e7
-    assert list(sol.signals()) == list(units(mech))
+    assert list(sol.signals()) == [x for x in units(mech) if not x.startswith("work.")]
 
 
 # -- pendulum ------------------------------------------------------------------------------------------------------

@@ -148,9 +148,10 @@ def test_drivers_have_their_power():
 def test_every_name_has_a_unit_and_a_value_at_a_point(model):
     mech = mbdae.load(model)
     sol = mbdae.solve(mech, (0, 0.02))
-    found, known = sol.signals(), units(mech)
+    assert set(signal_values(mech)) == set(units(mech))
+    known = {name: unit for name, unit in units(mech).items() if not name.startswith("work.")}  # of runs
+    found = sol.signals()
     assert list(found) == list(known)
-    assert set(signal_values(mech)) == set(known)
     assert set(known.values()) <= {
         "s", "rad", "m", "1", "rad/s", "m/s", "rad/s^2", "m/s^2", "N", "N m", "W", "J", "kg m/s", "kg m^2/s", "m, rad",
         "m/s, rad/s", "",
