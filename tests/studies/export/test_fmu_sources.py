@@ -24,7 +24,7 @@ pytestmark = [
         reason=f"the core was built without {source_files.ARCHIVE}",
     ),
 ]
-SANITIZERS = ("-O0", "-UNDEBUG", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined")
+SANITIZERS = ("-O0", "-UNDEBUG", "-fsanitize=address")
 MODELS = ("slider_crank", "pendulum_on_stop", "stick_slip_slider", "bricard", "differential_drive")
 
 
