@@ -63,3 +63,8 @@ def _found(values: Any) -> Unit | Coordinates | None:
 
 UnitSymbols = Mapping[str, str]
 """Units in SI by symbol."""
+
+
+def function_symbols(unit: Unit | Coordinates | None) -> UnitSymbols:
+    """Return the units of the symbols y and x, value and argument, of a function of time that is the value of a key."""
+    return {"y": unit.texts[0], "x": unit.over} if isinstance(unit, Unit) else {}

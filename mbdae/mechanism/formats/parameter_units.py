@@ -6,7 +6,7 @@ from typing import Any
 from ...units import Units, substituted
 from ..checked_table import Table
 from ..forces.force import Force
-from ..key_units import Coordinates, Unit, UnitSymbols
+from ..key_units import Coordinates, Unit, UnitSymbols, function_symbols
 from ..mechanism import Mechanism
 from ..tree.coordinate_units import coordinate_units
 from .loaded_model import joint_entry
@@ -70,5 +70,4 @@ def units_conversion(mech: Mechanism) -> Conversion:
 
 def symbols_of(conversion: Conversion, table: Table, unit: "Unit | Coordinates | None") -> UnitSymbols:
     """Return the units of symbols in the keys of a table; those of its values if it is a function with a unit."""
-    function = {"y": unit.texts[0], "x": unit.over} if isinstance(unit, Unit) else {}
-    return {**function, **conversion.joint_symbols(table), **table.unit_symbols()}
+    return {**function_symbols(unit), **conversion.joint_symbols(table), **table.unit_symbols()}

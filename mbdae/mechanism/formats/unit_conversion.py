@@ -12,7 +12,7 @@ from ...errors import InputError
 from ...units import SYMBOL, Units
 from ..checked_table import Table
 from ..imported_model import ImportedModel
-from ..key_units import Coordinates, Unit, UnitSymbols
+from ..key_units import Coordinates, Unit, UnitSymbols, function_symbols
 from ..tree.coordinate_units import coordinate_units_of
 from .build import build
 from .file_units import FileUnits
@@ -80,8 +80,7 @@ class Conversion:
     def _value(self, value: Any, unit: Unit | None, symbols: UnitSymbols) -> Any:
         """Return a value of a key; inner tables have the unit as that of their values."""
         if isinstance(value, Table):
-            inner = {**symbols, "y": unit.texts[0], "x": unit.over} if unit else symbols
-            return self.table(value, inner)
+            return self.table(value, {**symbols, **function_symbols(unit)})
         if isinstance(value, tuple):
             return self._list(value, unit, symbols)
         if unit is None:

@@ -5,7 +5,7 @@ from typing import Any
 from ...mechanism import Mechanism
 from ...mechanism.checked_table import Table
 from ...mechanism.formats.parameter_units import symbols_of, units_conversion
-from ...mechanism.key_units import Coordinates, Unit, UnitSymbols
+from ...mechanism.key_units import Coordinates, Unit, UnitSymbols, function_symbols
 from ...mechanism.time_functions.time_functions import Constant
 from ...units import quantity, substituted
 
@@ -24,7 +24,7 @@ def _text(value: Any, unit: "Unit | Coordinates | None", symbols: UnitSymbols) -
     if isinstance(value, Constant):
         value = value.value
     if isinstance(value, Table):
-        inner = {**symbols, **({"y": unit.texts[0], "x": unit.over} if isinstance(unit, Unit) else {})}
+        inner = {**symbols, **function_symbols(unit)}
         return " ".join(f"{key} {_text(getattr(value, key), value.unit_of(key), inner)}" for key in _given(value))
     if isinstance(value, tuple):
         return f"[{', '.join(_entries(value, unit, symbols))}]"
