@@ -48,8 +48,8 @@ def convergence(study: OrderStudy) -> "Figure":
             continue
         logarithmic(ax.xaxis)
         logarithmic(ax.yaxis)
-        for name, slopes in study.orders.items():
-            _convergence_line(ax, name, slopes[k], study.T, study.units.get(quantities[k], ""))
+        for name, found in study.orders.items():
+            _convergence_line(ax, name, found[k], study.T, study.units.get(quantities[k], ""))
         unit = unit_name(study.units.get(quantities[k], ""))
         ax.set_xlabel(f"step $h$ ({unit_name('s')})")
         ax.set_ylabel(f"error of {AXES.get(quantities[k], quantities[k])}{f' ({unit})' if unit else ''}")
@@ -73,17 +73,17 @@ def _observed(found: ObservedOrder) -> str:
     return f"{observed} ({found.claimed})"
 
 
-def _convergence_line(ax: "Axes", name: str, slope: ObservedOrder, T: float, unit: str) -> None:
+def _convergence_line(ax: "Axes", name: str, fit: ObservedOrder, T: float, unit: str) -> None:
     style = {**line_style(name), "linestyle": "none"}
-    h, e = displayed(T / np.array(slope.steps, float), "s")[0], displayed(np.array(slope.errors), unit)[0]
+    h, e = displayed(T / np.array(fit.steps, float), "s")[0], displayed(np.array(fit.errors), unit)[0]
     shown = (e > 0) & np.isfinite(e)
     used = np.zeros(len(e), bool)
-    used[slice(*slope.fitted)] = True
+    used[slice(*fit.fitted)] = True
     ax.plot(h[shown & ~used], e[shown & ~used], **{**style, "markerfacecolor": "white"}, alpha=0.6)
-    ax.plot(h[used], e[used], **style, label=f"{name} {_observed(slope)}")
-    if slope.observed is None:
+    ax.plot(h[used], e[used], **style, label=f"{name} {_observed(fit)}")
+    if fit.observed is None:
         return
     middle = np.exp(np.mean(np.log(h[used]))), np.exp(np.mean(np.log(e[used])))
     ends = np.array([h[used][0], h[used][-1]])
-    for order, line, width in ((slope.observed, "-", 1.1), (slope.claimed, ":", 0.9)):
+    for order, line, width in ((fit.observed, "-", 1.1), (fit.claimed, ":", 0.9)):
         ax.plot(ends, middle[1] * (ends / middle[0]) ** order, line, color=style["color"], lw=width)
