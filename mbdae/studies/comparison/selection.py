@@ -16,7 +16,7 @@ from ..method_variant import Variant, default_variants, variants
 from .reference_motion import Trial
 
 ALL = "all"
-METHODS = ("pherk6", "pherk5", "herk5", "hedop5", "radau5", "ggl:pherk5", "index1:dop853")  # after the default
+METHODS = ("pherk6", "pherk5", "herk5", "hedop5", "radau9", "ggl:pherk5", "index1:dop853")  # after the default
 TOLERANCES = tuple(10.0**-k for k in range(3, 11))
 
 

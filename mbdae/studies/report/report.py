@@ -31,7 +31,7 @@ from ..order.result import OrderStudy
 
 __all__ = ["report"]
 
-METHODS = ("pherk6", "pherk5", "herk5", "radau5", "ggl:pherk5", "index1:dop853")  # after the default
+METHODS = ("pherk6", "pherk5", "herk5", "radau9", "ggl:pherk5", "index1:dop853")  # after the default
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 PROGRESS = {"runs": 0.1, "orders": 0.35, "comparison": 1.0}  # at the end of each part
 Progress = Callable[[float, str], None]
