@@ -120,7 +120,9 @@ class CompiledSystem(Index2System):
 
     def first_step(self, t: float, y: Array, F: Array, **given: Any) -> float | None:
         """See `mbdae.system.System`."""
-        found = self.core.first_step(t, y, F, **given) if self._rank_known and self.rows_frozen else None
+        if not (self._rank_known and self.rows_frozen):
+            return None
+        found = self.core.first_step(t, y, F, self.native.FirstStep(**given))
         self.take_core_record()
         return found
 
