@@ -120,6 +120,7 @@ class Adaptive(PythonStepper):
 
     def first_step_numbers(self, run: "RunState") -> dict[str, Any]:
         """Return the numbers of the first step, see `mbdae.system.System.first_step`; if it is not given."""
+        self._check_atol(run)
         return {
             "sign": run.sign, "left": run.time_to_interval_end(), "rtol": float(self.rtol), "atol": self.atol.ravel(),
             "power": self.controller.power, "flat": ROUNDING, "nothing": TINY, **STARTING_STEP,

@@ -120,9 +120,8 @@ class CompiledSystem(Index2System):
 
     def first_step(self, t: float, y: Array, F: Array, **given: Any) -> float | None:
         """See `mbdae.system.System`."""
-        if not (self._rank_known and self.rows_frozen):
-            return None
-        found = self.core.first_step(t, y, F, self.native.FirstStep(**given))
+        known = self._rank_known and self.rows_frozen
+        found = self.core.first_step(t, y, F, self.native.FirstStep(**given)) if known else None
         self.take_core_record()
         return found
 

@@ -153,6 +153,14 @@ class Job:
         others = {name: x for name, x in given.items() if name not in ("jumps", "backend")}
         return RunOptions.from_arguments(mech, self.t_span, None, given["jumps"], None, given["backend"], **others)
 
+    def check(self, mech: Mechanism) -> None:
+        """Reject options that are invalid or do not suit the mechanism.
+
+        Raises:
+            UnknownNameError, InputError: as `mbdae.solve`.
+        """
+        prepare_at(mech, self.options(mech), self.results.y[0]).release()
+
     def groups(self) -> Iterator[Array]:
         """Yield the indices of runs of the same mechanism."""
         found = defaultdict(list)
@@ -183,11 +191,10 @@ def run_batch(job: Job, batch: list[Array], stop: Stop | None = None) -> None:
             options = job.options(mech)
             y = job.starts.points(mech, i, options.t0)
             run = prepare_at(mech, options, y[0])
+            _complete(job, run, i, y)
+            run.release()
         except (AssemblyError, InputError) as e:
             job.results.fail(i, e)
-            continue
-        _complete(job, run, i, y)
-        run.release()
 
 
 def _complete(job: Job, run: RunState, i: Array, y: Array) -> None:
@@ -199,6 +206,8 @@ def _complete(job: Job, run: RunState, i: Array, y: Array) -> None:
         consistent = consistent_starts(run, y)
         job.results.leave(i[~consistent], DOUBTFUL_START)
         i, y = i[consistent], y[consistent]
+    if not len(i):
+        return
     runs = complete_runs(run, y, job.stop)
     i = i[: len(runs.finished)]
     job.results.leave(i[~runs.finished], NEEDS_PYTHON)

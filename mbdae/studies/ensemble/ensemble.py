@@ -73,7 +73,7 @@ def ensemble(
     starts = _starts(first, q, v, {name: len(x) for name, x in values.items()})
     names = tuple(find(first, as_list(signals, "signals are a list of names")))
     job = Job(source, t_span, starts, values, names, settings, Results.of(first, starts.n, names))
-    job.options(first)  # rejects invalid ones
+    job.check(first)
     _run_in_core(job, workers, progress)
     if not job.stop[0]:
         complete_singly(job, progress)
