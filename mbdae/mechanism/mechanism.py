@@ -121,7 +121,7 @@ class Mechanism(DynamicsTerms):
         ClosureFriction(self.forces, self.closures, bound)  # rejects unknown names
         self.states = self.bind_forces(data).states()  # rejects unknown names
         self.start_values, self.workspaces = start or Start(), WorkspacePool(self)
-        self.resets, self._starts = checked_resets(self, resets), dict[float, tuple[Array, Array]]()
+        self.resets, self._starts, self._positions = checked_resets(self, resets), {}, {}
         require_signals(self)
         for name in (name for table in self.start_values.tables.values() for name in table):
             find_joint(model, name)

@@ -1,6 +1,6 @@
 """Columns of a solution: coordinates, multipliers, forces in joints and closures, residuals and energies."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -42,23 +42,30 @@ class Residuals(NamedTuple):
     potential: Array
 
 
-def energy_balance(mech: "Mechanism", v: Array, kinetic: Array, potential: Array, work: Array) -> tuple[Array, Any]:
-    """Return E - E_0 - W in J, (..., n), and the reference energy in J, (...), which is 0 at rest.
+def energy_balance(mech: "Mechanism", v: Array, kinetic: Array, potential: Array, work: Array) -> tuple[Array, float]:
+    """Return E - E_0 - W in J, (n,), and the reference energy in J, which is 0 at rest.
 
     Args:
         mech: the mechanism, whose characteristic lengths and rate define when velocities are zero.
-        v: velocities at n times of a run, or of several runs, (..., n, nv).
-        kinetic: kinetic energy in J, (..., n).
-        potential: potential energy in J, (..., n).
-        work: work of non-conservative forces in J, (..., n).
+        v: velocities, (n, nv).
+        kinetic: kinetic energy in J, (n,).
+        potential: potential energy in J, (n,).
+        work: work of non-conservative forces in J, (n,).
+    """
+    error, scale = energy_error(kinetic, potential, work)
+    fastest = np.abs(v / mech.coordinate_scales).max(initial=0.0)
+    moves = fastest > MOVING * gravity_rate(mech) > 0.0 or not fastest <= AGREEMENT * mech.characteristic_rate
+    return error, float(scale) if moves else 0.0
+
+
+def energy_error(kinetic: Array, potential: Array, work: Array) -> tuple[Array, Array]:
+    """Return E - E_0 - W in J, (..., n), and the energy exchanged in J, (...), at n times of a run or of several runs.
+
+    Args: as for `energy_balance`.
     """
     done, total = work - work[..., :1], kinetic + potential
     scale = np.maximum(np.maximum(np.abs(done).max(-1), kinetic.max(-1)), np.ptp(potential, -1))
-    fastest = np.abs(v / mech.coordinate_scales).max((-2, -1), initial=0.0)
-    moves = fastest > MOVING * (gravity_rate(mech) or np.inf)
-    if not moves.all():
-        moves |= ~(fastest <= AGREEMENT * mech.characteristic_rate)
-    return total - total[..., :1] - done, np.where(moves, scale, 0.0)[()]
+    return total - total[..., :1] - done, scale
 
 
 def residuals(sol: "Solution") -> Residuals:

@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from ...mechanism import Mechanism
 from ...mechanism.closures.closure_error import largest_error
 from ...mechanism.closures.preconditions import closures_with_preconditions, lost_precondition
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.formulations.steps.projection import contradicting_rows
 from ...mechanism.signals.contacts import first_negative, rolling_closures
 from ...mechanism.signals.reactions import mass_scaled_jacobian
-from ...solution.columns import energy_balance
+from ...solution.columns import energy_balance, energy_error
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import AMBIGUOUS_PIVOT, VISIBLE
@@ -82,13 +81,8 @@ def lost_preconditions(sol: Solution, system: Index2System) -> str:
 
 def _largest_slip(system: Index2System) -> float:
     """Return |G v + g_t| over all rows relative to the largest speeds; at rest, to the characteristic rate."""
-    return float(_relative_slip(system.mechanism, np.array(system.largest_rate), np.array(system.largest_speed)))
-
-
-def _relative_slip(mech: Mechanism, slip: Array, speed: Array) -> Array:
-    """Return ratios of |G v + g_t| to speeds, (...); at rest, to the characteristic rate; 0 if they are not visible."""
-    visible = ~(slip <= VISIBLE * speed)
-    return np.where(visible, slip / (speed + mech.characteristic_rate), 0.0) if visible.any() else np.zeros(slip.shape)
+    slip, speed = system.largest_rate, system.largest_speed
+    return slip / (speed + system.mechanism.characteristic_rate) if not slip <= VISIBLE * speed else 0.0
 
 
 def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
@@ -140,20 +134,16 @@ def relative_energy_error(sol: Solution, system: Index2System) -> float:
     """Return the largest |E - E_0 - W| at some steps, relative to |W|, kinetic energy and potential energy range."""
     ts, ys, _ = sol.nodes
     at = _spread(len(ys), SAMPLES + 1)
-    return float(_relative_energy_errors(system, ts[at], ys[at]))
-
-
-def _relative_energy_errors(system: Index2System, t: Array, y: Array) -> Array:
-    """Return the largest |E - E_0 - W| relative to the energy exchanged, (...), at times (..., n) of runs."""
+    times, some = ts[at], ys[at]
     with np.errstate(over="ignore", invalid="ignore"):
-        kinetic, potential = system.residuals(t.ravel(), y.reshape(t.size, -1))[2].T.reshape(2, *t.shape)
-        v = y[..., system.nq : system.nq + system.nv]
-        error, scale = energy_balance(system.mechanism, v, kinetic, potential, y[..., -1])
-        return np.where(scale != 0.0, np.abs(error).max(-1) / np.where(scale != 0.0, scale, 1.0), 0.0)
+        kinetic, potential = system.residuals(times, some)[2].T
+        v = some[:, system.nq : system.nq + system.nv]
+        error, scale = energy_balance(system.mechanism, v, kinetic, potential, some[:, -1])
+        return float(np.abs(error).max() / scale) if scale else 0.0
 
 
 def are_accurate(system: Index2System, extremes: Array, t: Array, y: Array) -> Array:
-    """Return whether runs keep their closures, at both levels, and their energy: the first three `CHECKS`, (k,).
+    """Return whether runs pass the first three `CHECKS`, (k,); where they hardly move, some may count as inaccurate.
 
     Args:
         system: a workspace of their mechanism.
@@ -162,8 +152,11 @@ def are_accurate(system: Index2System, extremes: Array, t: Array, y: Array) -> A
         y: their points, (k, n, ...).
     """
     g, slip, speed = extremes.T
-    closed = (g <= POSITION_TOLERANCE) & (_relative_slip(system.mechanism, slip, speed) <= VISIBLE)
-    return closed & (_relative_energy_errors(system, t, y) <= ENERGY_TOLERANCE)
+    with np.errstate(over="ignore", invalid="ignore"):
+        energies = system.residuals(t.ravel(), y.reshape(t.size, -1))[2].reshape(*t.shape, 2)
+        error, scale = energy_error(energies[..., 0], energies[..., 1], y[..., -1])
+        balanced = np.abs(error).max(-1) <= ENERGY_TOLERANCE * scale
+    return (g <= POSITION_TOLERANCE) & (slip <= VISIBLE * speed) & balanced
 
 
 def _spread(n: int, most: int) -> Array:

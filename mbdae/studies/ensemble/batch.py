@@ -2,7 +2,7 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,14 +11,12 @@ from ...errors import STATUS, AssemblyError, InputError
 from ...integrate.options.options import RunOptions
 from ...integrate.run.run_setup import prepare_at
 from ...integrate.run.run_state import RunState
-from ...integrate.run.whole_runs import COUNTS, WholeRuns, complete_runs, consistent_starts, why_in_python
+from ...integrate.run.whole_runs import COUNTS, WholeRuns, complete_runs, consistent_starts
 from ...mechanism import Mechanism
-from ...solution.signal_value import OF_A_RUN, signal_values
-from ...solution.signals import signals
-from ...solution.solution import Solution
 from ...system import Array
 from ..sweep.sweep_run import Maker
-from ..workers import Stop
+from ..workers import StopFlag
+from .signals_at_end import signals_at_end, why_not_in_core
 
 BATCHES = 4  # for each pending one, so that no thread is idle for long at the end
 UNFINISHED = "interrupted"
@@ -125,7 +123,6 @@ class Job:
         names: signals.
         settings: arguments of `mbdae.solve`.
         results: the results.
-        stop: a flag for the core, (1,): end the runs.
     """
 
     source: Mechanism | Maker
@@ -135,7 +132,6 @@ class Job:
     names: tuple[str, ...]
     settings: dict[str, Any]
     results: Results
-    stop: Array = field(default_factory=lambda: np.zeros(1, np.uint8))
 
     def mechanism(self, i: int) -> Mechanism:
         """Return the mechanism of run i."""
@@ -181,24 +177,24 @@ def batches(job: Job, pending: int) -> list[list[Array]]:
     return out
 
 
-def run_batch(job: Job, batch: list[Array], stop: Stop | None = None) -> None:
+def run_batch(job: Job, batch: list[Array], stop: StopFlag) -> None:
     """Make the runs of a batch in the core; others are marked, see `Results`."""
     for i in batch:
-        if job.stop[0]:
+        if stop():
             return
         try:
             mech = job.mechanism(int(i[0]))
             options = job.options(mech)
             y = job.starts.points(mech, i, options.t0)
             run = prepare_at(mech, options, y[0])
-            _complete(job, run, i, y)
+            _complete(job, run, i, y, stop)
             run.release()
         except (AssemblyError, InputError) as e:
             job.results.fail(i, e)
 
 
-def _complete(job: Job, run: RunState, i: Array, y: Array) -> None:
-    reason = _signal_of_a_run(job.names, run.problem) or why_in_python(run)
+def _complete(job: Job, run: RunState, i: Array, y: Array, stop: StopFlag) -> None:
+    reason = why_not_in_core(run, job.names)
     if reason:
         job.results.leave(i, reason)
         return
@@ -208,30 +204,7 @@ def _complete(job: Job, run: RunState, i: Array, y: Array) -> None:
         i, y = i[consistent], y[consistent]
     if not len(i):
         return
-    runs = complete_runs(run, y, job.stop)
+    runs = complete_runs(run, y, stop.memory)
     i = i[: len(runs.finished)]
     job.results.leave(i[~runs.finished], NEEDS_PYTHON)
-    values = _signals_at_end(run, runs, job.names)
-    job.results.store(i[runs.finished], run.options.t1, runs, values)
-
-
-def _signal_of_a_run(names: tuple[str, ...], mech: Any) -> str:
-    """Return a signal that depends on a whole run, not on its end alone; else ''."""
-    known = signal_values(mech) if names else {}
-    of_a_run = (name for name in names if known[name].kind == "column" and name.partition(".")[0] in OF_A_RUN)
-    unwrapped = (name for name in names if known[name].kind == "angle")
-    return next((f"signal {name!r}" for name in (*of_a_run, *unwrapped)), "")
-
-
-def _signals_at_end(run: RunState, runs: WholeRuns, names: tuple[str, ...]) -> Array:
-    """Return signals at the end of the finished runs, (k, signals): those of a solution whose nodes are these ends."""
-    done = np.flatnonzero(runs.finished)
-    if not names or not len(done):
-        return np.empty((len(done), len(names)))
-    rows = [runs.rows[k] for k in done]
-    in_use = [(k, x) for k, x in enumerate(rows) if not k or x != rows[k - 1]]
-    ends = np.full(len(done), run.options.t1), runs.y[done], runs.z[done]
-    stats = {"backend": run.stepper.backend}
-    sol = Solution(run.problem, *ends, "finished", "", stats, {}, in_use=in_use)
-    found = signals(sol, names)
-    return np.array([found[name] for name in names]).T
+    job.results.store(i[runs.finished], run.options.t1, runs, signals_at_end(run, runs, job.names))

@@ -74,8 +74,7 @@ def ensemble(
     names = tuple(find(first, as_list(signals, "signals are a list of names")))
     job = Job(source, t_span, starts, values, names, settings, Results.of(first, starts.n, names))
     job.check(first)
-    _run_in_core(job, workers, progress)
-    if not job.stop[0]:
+    if _run_in_core(job, workers, progress):
         complete_singly(job, progress)
     found, known = job.results, units(first) if names else {}
     n, nq = starts.n, first.nq
@@ -87,8 +86,8 @@ def ensemble(
     )  # fmt: skip
 
 
-def _run_in_core(job: Job, workers: int | None, progress: Progress | None) -> None:
-    """Make all runs that do not need Python, until Ctrl-C, which sets the flag of the job."""
+def _run_in_core(job: Job, workers: int | None, progress: Progress | None) -> bool:
+    """Make all runs that do not need Python; return False after Ctrl-C."""
     done = [0]
 
     def report(batch: list[Array], _: None) -> None:
@@ -97,11 +96,9 @@ def _run_in_core(job: Job, workers: int | None, progress: Progress | None) -> No
             progress(done[0] / job.starts.n, f"{done[0]} of {job.starts.n} runs in the core")
 
     with suppress(KeyboardInterrupt), pool("threads", workers, run_batch, job, "") as threads:
-        try:
-            threads.run(batches(job, threads.max_pending), report)
-        except BaseException:
-            job.stop[0] = 1
-            raise
+        threads.run(batches(job, threads.max_pending), report)
+        return True
+    return False
 
 
 def _columns(parameters: Mapping[str, Any] | None) -> dict[str, Array]:
