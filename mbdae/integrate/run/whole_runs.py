@@ -155,8 +155,7 @@ def complete_runs(run: RunState, y: Array, stop: Array) -> WholeRuns:
     )  # fmt: skip
     first = native.FirstStep(**control.first_step_numbers(run)) if control and control.h is None else None
     found = system.core.complete_runs(system.method(options.method), start, first, core, y, SAMPLES + 1, stop)
-    finished, records, t, points, z, rows = found
-    finished, records = np.array(finished, bool), records.reshape(-1, len(COUNTS) + 3)
-    finished &= are_accurate(system, records[:, len(COUNTS) :], t, points)
-    counts = records[:, : len(COUNTS)].astype(int)
-    return WholeRuns(finished, counts, records[:, len(COUNTS)], points[:, -1], z, list(map(tuple, rows)))
+    ended, records, t, points, z, rows = found
+    counts, extremes = np.split(records.reshape(-1, len(COUNTS) + 3), [len(COUNTS)], axis=1)
+    finished = np.array(ended, bool) & are_accurate(system, extremes, t, points)
+    return WholeRuns(finished, counts.astype(int), extremes[:, 0], points[:, -1], z, list(map(tuple, rows)))

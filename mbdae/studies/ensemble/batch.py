@@ -14,14 +14,14 @@ from ...integrate.run.run_state import RunState
 from ...integrate.run.whole_runs import COUNTS, WholeRuns, complete_runs, consistent_starts
 from ...mechanism import Mechanism
 from ...system import Array
+from ..final_signals import signals_at_end, why_not_in_core
 from ..sweep.sweep_run import Maker
 from ..workers import StopFlag
-from .signals_at_end import signals_at_end, why_not_in_core
 
 BATCHES = 4  # for each pending one, so that no thread is idle for long at the end
 UNFINISHED = "interrupted"
 NEEDS_PYTHON = "a singular configuration, a failed step, many steps or inaccurate results"
-DOUBTFUL_START = "a start that may be inconsistent"
+INCONSISTENT_START = "a start that may be inconsistent"
 
 
 class Starts(NamedTuple):
@@ -112,7 +112,7 @@ class Results:
 
 
 @dataclass
-class Job:
+class EnsembleJob:
     """Data that all runs of an ensemble share.
 
     Attributes:
@@ -165,7 +165,7 @@ class Job:
         yield from map(np.array, found.values()) if self.parameters else [np.arange(self.starts.n)]
 
 
-def batches(job: Job, pending: int) -> list[list[Array]]:
+def batches(job: EnsembleJob, pending: int) -> list[list[Array]]:
     """Return lists of indices of runs with the same mechanism: batches for threads with so many pending ones."""
     size = max(1, -(-job.starts.n // (BATCHES * pending)))
     out: list[list[Array]] = [[]]
@@ -177,7 +177,7 @@ def batches(job: Job, pending: int) -> list[list[Array]]:
     return out
 
 
-def run_batch(job: Job, batch: list[Array], stop: StopFlag) -> None:
+def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
     """Make the runs of a batch in the core; others are marked, see `Results`."""
     for i in batch:
         if stop():
@@ -193,14 +193,14 @@ def run_batch(job: Job, batch: list[Array], stop: StopFlag) -> None:
             job.results.fail(i, e)
 
 
-def _complete(job: Job, run: RunState, i: Array, y: Array, stop: StopFlag) -> None:
+def _complete(job: EnsembleJob, run: RunState, i: Array, y: Array, stop: StopFlag) -> None:
     reason = why_not_in_core(run, job.names)
     if reason:
         job.results.leave(i, reason)
         return
     if job.starts.q is not None or job.starts.v is not None:
         consistent = consistent_starts(run, y)
-        job.results.leave(i[~consistent], DOUBTFUL_START)
+        job.results.leave(i[~consistent], INCONSISTENT_START)
         i, y = i[consistent], y[consistent]
     if not len(i):
         return

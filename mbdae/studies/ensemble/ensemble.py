@@ -13,7 +13,7 @@ from ...solution.signals import find, units
 from ...system import Array
 from ..sweep.sweep_run import NOT_SETTINGS, Maker, check_settings, maker_of
 from ..workers import pool
-from .batch import Job, Results, Starts, batches, run_batch
+from .batch import EnsembleJob, Results, Starts, batches, run_batch
 from .result import Ensemble
 from .single_runs import complete_singly
 
@@ -72,7 +72,7 @@ def ensemble(
     first = source if isinstance(source, Mechanism) else _first_made(source, values)
     starts = _starts(first, q, v, {name: len(x) for name, x in values.items()})
     names = tuple(find(first, as_list(signals, "signals are a list of names")))
-    job = Job(source, t_span, starts, values, names, settings, Results.of(first, starts.n, names))
+    job = EnsembleJob(source, t_span, starts, values, names, settings, Results.of(first, starts.n, names))
     job.check(first)
     if _run_in_core(job, workers, progress):
         complete_singly(job, progress)
@@ -86,7 +86,7 @@ def ensemble(
     )  # fmt: skip
 
 
-def _run_in_core(job: Job, workers: int | None, progress: Progress | None) -> bool:
+def _run_in_core(job: EnsembleJob, workers: int | None, progress: Progress | None) -> bool:
     """Make all runs that do not need Python; return False after Ctrl-C."""
     done = [0]
 

@@ -10,12 +10,12 @@ from ...integrate.solve import solve
 from ...solution.columns import residuals
 from ...solution.signals import signals
 from ...solution.solution import Solution
-from .batch import COUNTS, UNFINISHED, Job
+from .batch import COUNTS, UNFINISHED, EnsembleJob
 
 Progress = Callable[[float, str], None]
 
 
-def complete_singly(job: Job, progress: Progress | None = None) -> None:
+def complete_singly(job: EnsembleJob, progress: Progress | None = None) -> None:
     """Make all runs that are left by `mbdae.solve`, until Ctrl-C."""
     left = [i for i, reason in enumerate(job.results.reasons) if reason]
     with suppress(KeyboardInterrupt):
@@ -33,7 +33,7 @@ def complete_singly(job: Job, progress: Progress | None = None) -> None:
                 progress(1 - (len(left) - k - 1) / job.starts.n, f"{k + 1} of {len(left)} runs by mbdae.solve")
 
 
-def _store(job: Job, i: int, sol: Solution) -> None:
+def _store(job: EnsembleJob, i: int, sol: Solution) -> None:
     found, mech = job.results, sol.mechanism
     found.t[i], found.y[i] = sol.t[-1], sol.y[-1]
     found.counts[i] = [sol.stats[name] or 0 for name in COUNTS]

@@ -40,7 +40,6 @@ Model = str | Path | Callable[..., Mechanism]
 Progress = Callable[[float, str], None]
 TRIALS = 50  # of the first runs, and of the others, to make one mechanism
 MAX_TIMES = 1_000_000  # of a run
-ALTERNATIVE = "executor='threads'"
 
 
 def sweep(
@@ -113,8 +112,7 @@ def sweep(
     meta = _meta(job, plan, mech)
     job = replace(job, key=json.dumps(meta["manifest"]))
     with closing(_Collector(meta, None if path is None else Path(path), fresh, progress)) as collector:
-        if open_tasks := [task for task in plan if task.run not in collector.rows]:
-            _run(job, open_tasks, executor, workers, collector)
+        _run(job, [task for task in plan if task.run not in collector.rows], executor, workers, collector)
         return collector.finish()
 
 
@@ -122,14 +120,14 @@ def _run(
     job: Job, plan: list[Task], executor: str | Executor | None, workers: int | None, collector: "_Collector"
 ) -> None:
     """Make runs until Ctrl-C: by threads in batches, if they may be completed in the core."""
+    if not plan:
+        return
     kind = default_executor() if executor is None else executor
     in_batches = kind == "threads" and takes_batches(job)
     function = run_batch if in_batches else run
-    with suppress(KeyboardInterrupt), pool(kind, workers, function, job, ALTERNATIVE) as threads:
-        if in_batches:
-            threads.run(batches_of(plan, threads.max_pending), collector.record_all)
-        else:
-            threads.run(plan, collector.record)
+    with suppress(KeyboardInterrupt), pool(kind, workers, function, job, "executor='threads'") as threads:
+        planned = batches_of(plan, threads.max_pending) if in_batches else plan
+        threads.run(planned, collector.record_all if in_batches else collector.record)
 
 
 class _Collector:

@@ -14,7 +14,7 @@ from ...integrate.run.run_setup import prepare_at
 from ...integrate.run.whole_runs import COUNTS, complete_runs
 from ...mechanism import Mechanism
 from ...system import Array
-from ..ensemble.signals_at_end import signals_at_end, why_not_in_core
+from ..final_signals import signals_at_end, why_not_in_core
 from ..workers import StopFlag
 from .outputs import parse
 from .plan import Task

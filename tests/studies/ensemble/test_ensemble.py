@@ -158,7 +158,8 @@ def test_runs_through_singular_configurations_are_left_to_python():
 
 
 def test_long_runs_are_left_to_python(pendulum):
-    found = mbdae.ensemble(pendulum, np.array([[0.1], [0.2]]), np.zeros(1), None, (0.0, 0.5), method="herk3", rtol=1e-12)
+    settings = {"method": "herk3", "rtol": 1e-12}
+    found = mbdae.ensemble(pendulum, np.array([[0.1], [0.2]]), np.zeros(1), None, (0.0, 0.5), **settings)
     assert found.in_python == {NEEDS_PYTHON: 2}
     assert (found.steps > 2000).all()
 

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...integrate.run.run_state import RunState
-from ...integrate.run.whole_runs import WholeRuns, why_in_python
-from ...mechanism import Mechanism
-from ...solution.signal_value import OF_A_RUN, signal_values
-from ...solution.signals import signals
-from ...solution.solution import Solution
-from ...system import Array
+from ..integrate.run.run_state import RunState
+from ..integrate.run.whole_runs import WholeRuns, why_in_python
+from ..mechanism import Mechanism
+from ..solution.signal_value import OF_A_RUN, signal_values
+from ..solution.signals import signals
+from ..solution.solution import Solution
+from ..system import Array
 
 
 def why_not_in_core(run: RunState, names: Sequence[str]) -> str:
