@@ -157,6 +157,16 @@ def test_runs_through_singular_configurations_are_left_to_python():
         assert_same_bits(found, i, sol)
 
 
+@pytest.mark.parametrize(("method", "step", "text"), [("herk3", 0.1, "energy balance"), ("herk2", 0.08, "closures")])
+def test_inaccurate_runs_are_reported_by_python(method, step, text):
+    mech, settings = mbdae.load("slider_crank"), {"method": method, "step": step}
+    found = mbdae.ensemble(mech, None, mech.start[1][None], None, (0.0, 5.0), **settings)
+    assert found.in_python == {NEEDS_PYTHON: 1}
+    assert found.status == ["doubtful"]
+    assert text in found.message[0]
+    assert_same_bits(found, 0, mbdae.solve(mech, (0.0, 5.0), **settings))
+
+
 def test_long_runs_are_left_to_python(pendulum):
     settings = {"method": "herk3", "rtol": 1e-12}
     found = mbdae.ensemble(pendulum, np.array([[0.1], [0.2]]), np.zeros(1), None, (0.0, 0.5), **settings)

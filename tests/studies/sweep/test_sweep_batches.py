@@ -11,7 +11,7 @@ from mbdae.studies.sweep import sweep_batch
 pytestmark = pytest.mark.skipif(backend.load() is None, reason="batches are made in the compiled core")
 OUTPUTS = ["final q.slider", "final force.wrist pin"]
 CASES = {
-    "starts": ("slider_crank", {"start.v.crank": [3.0, 5.0, 7.0, 9.0, 11.0]}, OUTPUTS),
+    "starts": ("slider_crank", {"start.v.crank": np.linspace(3.0, 11.0, 24).tolist()}, OUTPUTS),
     "parameters and settings": (
         "slider_crank", {"frame.rod_tip.xyz.0": [0.34, 0.36], "solve.rtol": [1e-4, 1e-6]}, OUTPUTS,
     ),
