@@ -55,6 +55,8 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .studies.atlas.atlas import atlas as atlas
     from .studies.comparison.compare import compare as compare
     from .studies.drift.drift import drift as drift
+    from .studies.ensemble.ensemble import ensemble as ensemble
+    from .studies.ensemble.result import Ensemble as Ensemble
     from .studies.export.export import export as export
     from .studies.fit.fit import fit as fit
     from .studies.info.info import info as info

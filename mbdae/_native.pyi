@@ -163,6 +163,27 @@ class SingularityMonitor:
     entered: bool
     suspicious: bool
 
+class FirstStep:
+    def __init__(
+        self,
+        *,
+        sign: float,
+        left: float,
+        rtol: float,
+        atol: Array,
+        power: float,
+        small: float,
+        default_step: float,
+        reduction: float,
+        change: float,
+        growth: float,
+        flat: float,
+        nothing: float,
+    ) -> None: ...
+
+class RunStart:
+    def __init__(self, *, ambiguous: float, fallen: float, dependent: float, shortest: float, longest: int) -> None: ...
+
 class Jumps:
     in_core: bool
     times: list[float]
@@ -229,6 +250,8 @@ class Core:
     def rank(self) -> int: ...
     @property
     def floor(self) -> float: ...
+    @property
+    def calls_python(self) -> bool: ...
     def take_record(self) -> tuple: ...
 
     accuracy: float
@@ -283,24 +306,44 @@ class Core:
         self, t: float, y: Array, project: bool, ambiguous: float, fallen: float, dependent: float
     ) -> tuple[Array, Array, Array, list[int], float] | None: ...
     def others_depend(self, q: Array, tolerance: float) -> bool | None: ...
-    def first_step(
+    def first_step(self, t: float, y: Array, F: Array, given: FirstStep) -> float | None: ...
+    @overload
+    def complete_runs(
         self,
-        t: float,
+        tableau: Tableau,
+        start: RunStart,
+        first_step: FirstStep | None,
+        run: Run,
         y: Array,
-        F: Array,
-        sign: float,
-        left: float,
-        rtol: float,
-        atol: Array,
-        power: float,
-        small: float,
-        default_step: float,
-        reduction: float,
-        change: float,
-        growth: float,
-        flat: float,
-        nothing: float,
-    ) -> float | None: ...
+        nodes: int,
+        stop: Array,
+    ) -> tuple[list[bool], Array, Array, Array, Array, list[list[int]]]: ...
+    @overload
+    def complete_runs(
+        self, radau: Radau, start: RunStart, first_step: FirstStep | None, run: Run, y: Array, nodes: int, stop: Array
+    ) -> tuple[list[bool], Array, Array, Array, Array, list[list[int]]]: ...
+    @overload
+    def complete_runs(
+        self,
+        composition: Composition,
+        start: RunStart,
+        first_step: FirstStep | None,
+        run: Run,
+        y: Array,
+        nodes: int,
+        stop: Array,
+    ) -> tuple[list[bool], Array, Array, Array, Array, list[list[int]]]: ...
+    @overload
+    def complete_runs(
+        self,
+        alpha: GeneralizedAlpha,
+        start: RunStart,
+        first_step: FirstStep | None,
+        run: Run,
+        y: Array,
+        nodes: int,
+        stop: Array,
+    ) -> tuple[list[bool], Array, Array, Array, Array, list[list[int]]]: ...
     def bind_parameters(self, count: int, components: list, directions: list, changed: list) -> Parameters: ...
     def recompute(
         self, method: Any, halved: bool, run: Run, t: Array, y: Array, carry: Array, same_state: float, agreement: float

@@ -1,75 +1,118 @@
-"""A thousand runs of a slider-crank by mbdae.sweep, over threads and processes.
+"""A thousand runs: mbdae.sweep over threads and processes, mbdae.ensemble, and diffrax's vmap.
 
-Each run starts at another speed of the crank and takes 10 s with pherk5 at rtol 1e-8; its final position of the slider
-is kept. The time is that of the whole call, with loading, assembly and the table; ratios are those of the times of the
-same executor with one worker, and of all to one thread. The tables must be equal bit for bit.
+Slider-cranks that start at other speeds of the crank take 10 s with pherk5 at rtol 1e-8; their final positions of the
+slider are kept. The time of a sweep is that of the whole call, with loading, assembly and the table; ratios are those
+of the times of the same executor with one worker, and of all to one thread. Tables must be equal bit for bit.
+
+Four-bars from rest at other angles of the crank take 10 s, by mbdae.ensemble and by Dopri8 of diffrax (JAX, compiled,
+vectorised over all runs) on equations that were written by hand, without stabilisation (index1.py): milliseconds of CPU
+per run over all threads, which do not depend on what else the machine does as much as the time of the call, and the
+largest error of the joint angles at the end, with respect to mbdae at rtol 1e-12.
 
 Run: python examples/benchmarks/ensembles.py [--brief]
 """
 
 from collections.abc import Callable, Sequence
-from time import perf_counter
+from functools import partial
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
 from common import brief, digits, machine, medians, ratio, table
+from index1 import STEPS, rate_in_jax
+from problems import FOUR_BAR
+from runs import installed
 
 import mbdae
 
 CASES = [(executor, workers) for executor in ("threads", "processes") for workers in (1, 2)]
+SPREAD = 0.2  # rad: of the angles of the cranks of four-bars
+OURS, THEIRS = (1e-5, 1e-6, 1e-8), (1e-6, 1e-8, 1e-10)  # rtol
 
 
 def main(argv: Sequence[str] | None = None) -> dict[tuple[str, int], float]:
-    """Print the table and return seconds by executor and workers."""
+    """Print the tables and return seconds by executor and workers."""
     short = brief(argv, __doc__)
     n, end, repeats = (8, 0.2, 1) if short else (1000, 10.0, 3)
-    speeds = {"start.v.crank": np.linspace(4.0, 12.0, n).tolist()}
-    tables: dict[tuple[str, int], list[dict[str, Any]]] = {}
-
-    def case(executor: str, workers: int) -> Callable[[], float]:
-        def run() -> float:
-            started = perf_counter()
-            found = mbdae.sweep(
-                "slider_crank",
-                speeds,
-                end,
-                outputs=["final q.slider"],
-                executor=executor,
-                workers=workers,
-                method="pherk5",
-                rtol=1e-8,
-            )
-            seconds = perf_counter() - started
-            tables[executor, workers] = found.rows
-            return seconds
-
-        return run
-
-    times = medians({key: case(*key) for key in (CASES[:3] if short else CASES)}, repeats)
-    if any(rows != tables[CASES[0]] for rows in tables.values()):
-        raise RuntimeError("the tables of threads and processes differ")
-    print(machine() + "\n")
+    times = sweeps(n, end, repeats, CASES[:3] if short else CASES)
+    print(machine("diffrax") + "\n")
     rows = [
-        [
-            executor,
-            str(workers),
-            digits(t),
-            digits(n / t),
-            ratio(times[executor, 1], t),
-            ratio(times["threads", 1], t),
-        ]
+        [executor, str(workers), digits(t), digits(n / t), ratio(times[executor, 1], t), ratio(times["threads", 1], t)]
         for (executor, workers), t in times.items()
     ]
-    header = [
-        f"{n} runs of {end:g} s",
-        "workers",
-        "seconds",
-        "runs per second",
-        "speed over one worker",
-        "over one thread",
-    ]
-    print(table(header, rows))
+    header = [f"{n} runs of {end:g} s", "workers", "seconds", "runs per second", "speed over one worker"]
+    print(table([*header, "over one thread"], rows) + "\n")
+    print(table([f"{n} four-bars, {end:g} s", "rtol", "ms of CPU per run", "error, rad"], four_bars(n, end, repeats)))
     return times
+
+
+def sweeps(n: int, end: float, repeats: int, cases: Sequence[tuple[str, int]]) -> dict[tuple[str, int], float]:
+    """Return seconds of sweeps by executor and workers."""
+    speeds = {"start.v.crank": np.linspace(4.0, 12.0, n).tolist()}
+    settings = {"outputs": ["final q.slider"], "method": "pherk5", "rtol": 1e-8}
+    tables: dict[tuple[str, int], list[dict[str, Any]]] = {}
+
+    def run(executor: str, workers: int) -> float:
+        started = perf_counter()
+        found = mbdae.sweep("slider_crank", speeds, end, executor=executor, workers=workers, **settings)
+        seconds = perf_counter() - started
+        tables[executor, workers] = found.rows
+        return seconds
+
+    times = medians({key: partial(run, *key) for key in cases}, repeats)
+    if any(rows != tables[cases[0]] for rows in tables.values()):
+        raise RuntimeError("the tables of threads and processes differ")
+    return times
+
+
+def four_bars(n: int, end: float, repeats: int) -> list[list[str]]:
+    """Return rows of a table: program, tolerance, milliseconds of CPU per run, largest error."""
+    mech = FOUR_BAR.model()
+    first, guess = FOUR_BAR.start()[0], dict(zip(mech.joint_names, FOUR_BAR.start(), strict=True))
+    crank = mech.joint_names[0]
+    angles = first + np.linspace(-SPREAD, SPREAD, n)
+    q = np.array([mech.assemble(q={crank: x}, guess=guess)[0] for x in angles])
+    at_rest = np.zeros(mech.nv)
+
+    def ours(rtol: float, workers: int) -> np.ndarray:
+        return mbdae.ensemble(mech, q, at_rest, None, (0.0, end), rtol=rtol, workers=workers).q
+
+    reference = ours(1e-12, 2)
+    programs = {("mbdae, 1 thread", rtol): partial(ours, rtol, 1) for rtol in OURS}
+    programs |= {("mbdae, 2 threads", rtol): partial(ours, rtol, 2) for rtol in OURS[-1:]}
+    if theirs := vectorised(q, end):
+        programs |= {("diffrax Dopri8", rtol): partial(theirs, rtol) for rtol in THEIRS}
+    errors = {key: np.abs(run() - reference).max() for key, run in programs.items()}
+
+    def milliseconds(run: Callable[[], np.ndarray]) -> float:
+        started = process_time()
+        run()
+        return (process_time() - started) / n * 1e3
+
+    least = medians({key: partial(milliseconds, run) for key, run in programs.items()}, repeats)
+    return [[name, f"{rtol:.0e}", digits(least[name, rtol]), f"{errors[name, rtol]:.1e}"] for name, rtol in programs]
+
+
+def vectorised(q: np.ndarray, end: float) -> Callable[[float], np.ndarray] | None:
+    """Return runs of all four-bars by diffrax from joint angles q (n, 3) at rest, rtol -> joint angles at the end."""
+    diffrax = installed("diffrax")
+    if diffrax is None:
+        return None
+    import jax
+    import jax.numpy as jnp
+
+    rate, bars = rate_in_jax(FOUR_BAR, 0.0), q.shape[1]
+    y0 = jnp.asarray(np.hstack([FOUR_BAR.absolute(q), np.zeros_like(q)]))
+
+    def solve(rtol: Any, y: Any) -> Any:
+        control = diffrax.PIDController(rtol=rtol, atol=rtol)
+        return diffrax.diffeqsolve(
+            diffrax.ODETerm(rate), diffrax.Dopri8(), 0.0, end, 1e-4 * end, y, stepsize_controller=control,
+            saveat=diffrax.SaveAt(t1=True), adjoint=diffrax.ForwardMode(), throw=False, max_steps=STEPS,
+        ).ys[-1]  # fmt: skip
+
+    run = jax.jit(jax.vmap(solve, in_axes=(None, 0)))
+    return lambda rtol: FOUR_BAR.relative(np.asarray(run(rtol, y0))[:, :bars])
 
 
 if __name__ == "__main__":

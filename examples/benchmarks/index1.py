@@ -111,19 +111,7 @@ def with_diffrax(problem: Problem, alpha: float) -> Runner | None:
     import jax
     import jax.numpy as jnp
 
-    jax.config.update("jax_enable_x64", True)
-    eq = Equations(problem)
-    n, nc = eq.n, 2 * eq.nc
-
-    def rate(t: Any, y: Any, args: Any) -> Any:
-        q, v = y[:n, None], y[n:, None]
-        M, f, *rest = terms(eq, jnp.asarray, jnp.cos(q), jnp.sin(q), v, alpha)
-        if not nc:
-            return jnp.concatenate([y[n:], jnp.linalg.solve(M, f)[:, 0]])
-        G = jnp.concatenate(rest[:2])
-        K = jnp.block([[M, -G.T], [G, jnp.zeros((nc, nc))]])
-        return jnp.concatenate([y[n:], jnp.linalg.solve(K, jnp.concatenate([f, *rest[2:]]))[:n, 0]])
-
+    n, rate = len(problem.bars), rate_in_jax(problem, alpha)
     y0 = jnp.concatenate([jnp.asarray(problem.absolute(problem.start())), jnp.zeros(n)])
     grid = jnp.linspace(0, problem.end, SAMPLES + 1)[1:]
 
@@ -146,3 +134,24 @@ def with_diffrax(problem: Problem, alpha: float) -> Runner | None:
         return Run(seconds, problem.relative(theta[-1]), problem.gap(theta)) if np.isfinite(theta).all() else None
 
     return run
+
+
+def rate_in_jax(problem: Problem, alpha: float) -> Callable[[Any, Any, Any], Any]:
+    """Return (t, y, args) -> y' of absolute angles and their rates y = (theta, omega), in double precision."""
+    import jax
+    import jax.numpy as jnp
+
+    jax.config.update("jax_enable_x64", True)
+    eq = Equations(problem)
+    n, nc = eq.n, 2 * eq.nc
+
+    def rate(t: Any, y: Any, args: Any) -> Any:
+        q, v = y[:n, None], y[n:, None]
+        M, f, *rest = terms(eq, jnp.asarray, jnp.cos(q), jnp.sin(q), v, alpha)
+        if not nc:
+            return jnp.concatenate([y[n:], jnp.linalg.solve(M, f)[:, 0]])
+        G = jnp.concatenate(rest[:2])
+        K = jnp.block([[M, -G.T], [G, jnp.zeros((nc, nc))]])
+        return jnp.concatenate([y[n:], jnp.linalg.solve(K, jnp.concatenate([f, *rest[2:]]))[:n, 0]])
+
+    return rate

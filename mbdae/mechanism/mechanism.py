@@ -120,7 +120,7 @@ class Mechanism(DynamicsTerms):
         self.switches, self.manifold = switches_of(self), Manifold(model)
         ClosureFriction(self.forces, self.closures, bound)  # rejects unknown names
         self.states = self.bind_forces(data).states()  # rejects unknown names
-        self.start_values, self.workspaces = start or Start(), WorkspacePool(self)
+        self.start_values, self.workspaces, self._positions = start or Start(), WorkspacePool(self), dict[Any, Any]()
         self.resets, self._starts = checked_resets(self, resets), dict[float, tuple[Array, Array]]()
         require_signals(self)
         for name in (name for table in self.start_values.tables.values() for name in table):

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 SWITCHED = CoulombFriction, JointFriction  # forces that may have rows or modes
 UNBOUND = {"start", "duration", "source"}  # arguments of which rows, forces and names do not depend
+INDEPENDENT = {"characteristic_length", "row_scales", "q_scales", "coordinate_scales", "joint_names"}  # of these
 
 
 def variant(mech: "Mechanism", **parts: Any) -> "Mechanism":
@@ -58,15 +59,20 @@ def variant(mech: "Mechanism", **parts: Any) -> "Mechanism":
 
 def _shared(mech: "Mechanism", parts: dict[str, Any]) -> "Mechanism":
     """Return a copy with other forces of the same kinds, start, duration or source."""
+    if "forces" not in parts:
+        _ = mech.row_scales, mech.q_scales, mech.coordinate_scales, mech.joint_names  # once for all variants
     out = copy(mech)
     for name in [n for n in vars(out) if isinstance(getattr(type(out), n, None), cached_property)]:
-        del out.__dict__[name]
+        if "forces" in parts or name not in INDEPENDENT:
+            del out.__dict__[name]
     vars(out).update({"start_values" if name == "start" else name: x for name, x in parts.items()})
     out.workspaces = mech.workspaces.of(out)
     if [getattr(f, "frames", None) for f in out.forces] == [getattr(f, "frames", None) for f in mech.forces]:
         vars(out)["characteristic_length"] = mech.characteristic_length
-    if "start" in parts or out.characteristic_length != mech.characteristic_length:
-        out._starts = {}  # otherwise the same: forces do not act on assembly
+    rescaled = out.characteristic_length != mech.characteristic_length
+    out._positions = {} if rescaled else mech._positions  # forces do not act on assembly
+    if "start" in parts or rescaled:
+        out._starts = {}
     if "forces" in parts:
         out.states = bind_forces(out.forces, out.model, out.make_workspace()).states()
     return out

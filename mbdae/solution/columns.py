@@ -52,11 +52,20 @@ def energy_balance(mech: "Mechanism", v: Array, kinetic: Array, potential: Array
         potential: potential energy in J, (n,).
         work: work of non-conservative forces in J, (n,).
     """
-    done, total = work - work[0], kinetic + potential
-    scale = max(np.abs(done).max(), kinetic.max(), np.ptp(potential))
+    error, scale = energy_error(kinetic, potential, work)
     fastest = np.abs(v / mech.coordinate_scales).max(initial=0.0)
     moves = fastest > MOVING * gravity_rate(mech) > 0.0 or not fastest <= AGREEMENT * mech.characteristic_rate
-    return total - total[0] - done, float(scale) if moves else 0.0
+    return error, float(scale) if moves else 0.0
+
+
+def energy_error(kinetic: Array, potential: Array, work: Array) -> tuple[Array, Array]:
+    """Return E - E_0 - W in J, (..., n), and the energy exchanged in J, (...), at n times of a run or of several runs.
+
+    Args: as for `energy_balance`.
+    """
+    done, total = work - work[..., :1], kinetic + potential
+    scale = np.maximum(np.maximum(np.abs(done).max(-1), kinetic.max(-1)), np.ptp(potential, -1))
+    return total - total[..., :1] - done, scale
 
 
 def residuals(sol: "Solution") -> Residuals:

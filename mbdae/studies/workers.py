@@ -13,6 +13,8 @@ from multiprocessing import get_context, parent_process
 from queue import SimpleQueue
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from .. import backend
 from ..errors import InputError, MbdaeError, UnknownNameError
 
@@ -23,6 +25,25 @@ UNKNOWN_EXECUTOR_WORKERS = 64  # assumed for an executor that does not report it
 Stop = Callable[[], bool]
 Function = Callable[..., Any]  # (job, task, stop) -> result; custom executors call it without stop
 _worker: dict[str, Any] = {}  # in a worker process: the function, the shared job, and the stop flag
+
+
+class StopFlag:
+    """A flag that threads, also those of the compiled core, check while they compute.
+
+    Attributes:
+        memory: 1 after `set`, of type uint8, (1,).
+    """
+
+    def __init__(self) -> None:
+        self.memory = np.zeros(1, np.uint8)
+
+    def set(self) -> None:
+        """Request all runs to stop."""
+        self.memory[0] = 1
+
+    def __call__(self) -> bool:
+        """Return whether runs must stop."""
+        return bool(self.memory[0])
 
 
 class Pool(NamedTuple):
@@ -100,9 +121,9 @@ def pool(
     kind = default_executor() if executor is None else executor
     count = workers or _processors()
     if kind == "threads":
-        flag = threading.Event()
+        flag = StopFlag()
         with _shut_down_after(ThreadPoolExecutor(count), flag) as threads:
-            yield Pool(lambda task: threads.submit(function, job, task, flag.is_set), QUEUED_PER_WORKER * count)
+            yield Pool(lambda task: threads.submit(function, job, task, flag), QUEUED_PER_WORKER * count)
         return
     if isinstance(kind, str) and kind != "processes":
         raise UnknownNameError("executor", kind, (*KINDS, "an executor of concurrent.futures"))

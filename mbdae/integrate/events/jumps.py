@@ -143,6 +143,8 @@ def _knots(run: "RunState", t0: float, t1: float) -> Sequence[float]:
 
 
 def _checked(times: Sequence[float]) -> list[float]:
+    if isinstance(times, tuple) and not times:
+        return []
     try:
         out = np.asarray(times, float)
     except (TypeError, ValueError):

@@ -270,16 +270,17 @@ class SingularityMonitor(SingularityLocation):
         At the start of a smooth interval, a short linear step backward, with the initial velocity, replaces the
         previous step.
         """
+        dt, before = float((self.control and self.control.h) or 0.0), np.inf
+        if begins and not (dt and self.largest):  # at the start of the run
+            return np.inf, np.inf
         here = self._ratio(run.t, run.ys[-1])
         if not begins:
             dt, before = abs(run.t - run.ts[-2]), self._ratio(run.ts[-2], run.ys[-2])
-        else:
-            dt, before = float((self.control and self.control.h) or 0.0), np.inf
-            if not (dt and here < MONITORED_RATIO * self.largest):
-                return here, np.inf
-            while abs(before - here) > MAX_RATIO_CHANGE * here:
-                dt /= 2
-                before = self._ratio(run.t - run.sign * dt, run.system.add(run.ys[-1], -run.sign * dt * run.F))
+        elif not here < MONITORED_RATIO * self.largest:
+            return here, np.inf
+        while begins and abs(before - here) > MAX_RATIO_CHANGE * here:
+            dt /= 2
+            before = self._ratio(run.t - run.sign * dt, run.system.add(run.ys[-1], -run.sign * dt * run.F))
         return here, here * dt / (before - here) if here < before else np.inf
 
     def is_close(self, t: float, y: Array) -> bool:

@@ -8,7 +8,7 @@ from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.formulations.steps.projection import contradicting_rows
 from ...mechanism.signals.contacts import first_negative, rolling_closures
 from ...mechanism.signals.reactions import mass_scaled_jacobian
-from ...solution.columns import energy_balance
+from ...solution.columns import energy_balance, energy_error
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import AMBIGUOUS_PIVOT, VISIBLE
@@ -140,6 +140,23 @@ def relative_energy_error(sol: Solution, system: Index2System) -> float:
         v = some[:, system.nq : system.nq + system.nv]
         error, scale = energy_balance(system.mechanism, v, kinetic, potential, some[:, -1])
         return float(np.abs(error).max() / scale) if scale else 0.0
+
+
+def are_accurate(system: Index2System, extremes: Array, t: Array, y: Array) -> Array:
+    """Return whether runs pass the first three `CHECKS`, (k,); where they hardly move, some may count as inaccurate.
+
+    Args:
+        system: a workspace of their mechanism.
+        extremes: largest |g|, |G v + g_t| and |v| at the ends of steps, (k, 3), see `Index2System`.
+        t: times of `SAMPLES` + 1 nodes of each run in s, (k, n).
+        y: their points, (k, n, ...).
+    """
+    g, slip, speed = extremes.T
+    with np.errstate(over="ignore", invalid="ignore"):
+        energies = system.residuals(t.ravel(), y.reshape(t.size, -1))[2].reshape(*t.shape, 2)
+        error, scale = energy_error(energies[..., 0], energies[..., 1], y[..., -1])
+        balanced = np.abs(error).max(-1) <= ENERGY_TOLERANCE * scale
+    return (g <= POSITION_TOLERANCE) & (slip <= VISIBLE * speed) & balanced
 
 
 def _spread(n: int, most: int) -> Array:

@@ -2,8 +2,6 @@
 
 from numbers import Real
 
-import numpy as np
-
 from ...errors import InputError
 from ...mechanism import Mechanism
 from ...methods import obstacle
@@ -51,8 +49,8 @@ def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
     run = RunState(problem, options, system, stepper, y)
     run.fallback = fallback or ("" if options.method.in_core else f"method {options.method.name!r}")
     if isinstance(problem, Mechanism):  # before controllers, modes and projections change the start
-        q, v, s, _ = np.split(y, np.cumsum([problem.nq, problem.nv, len(problem.states)]))
-        run.settings |= {"q": q.tolist(), "v": v.tolist(), "s": s.tolist()}
+        values, nq, nv = y.tolist(), problem.nq, problem.nv
+        run.settings |= {"q": values[:nq], "v": values[nq : nq + nv], "s": values[nq + nv : -1]}
     if run.singularity_monitor and run.control:
         run.backward_stepper = BackwardStepper.from_run(run, float(run.control.rtol))
     return run

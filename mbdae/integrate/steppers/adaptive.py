@@ -118,17 +118,22 @@ class Adaptive(PythonStepper):
         size = np.maximum(run.system.size(run.state.y)[m], run.system.size(y)[m])
         return self.atol + self.rtol * size + TINY
 
+    def first_step_numbers(self, run: "RunState") -> dict[str, Any]:
+        """Return the numbers of the first step, see `mbdae.system.System.first_step`; if it is not given."""
+        self._check_atol(run)
+        return {
+            "sign": run.sign, "left": run.time_to_interval_end(), "rtol": float(self.rtol), "atol": self.atol.ravel(),
+            "power": self.controller.power, "flat": ROUNDING, "nothing": TINY, **STARTING_STEP,
+        }  # fmt: skip
+
     def _estimate_first_step(self, run: "RunState") -> float:
         """Estimate the first step size (Hairer, Noersett, Wanner I, II.4, starting step size algorithm)."""
-        s, y, F = run.system, run.state.y, run.F
-        small, default_step, reduction, change, growth = STARTING_STEP.values()
-        left, power = run.time_to_interval_end(), self.controller.power
-        found = s.first_step(
-            run.t, y, F, sign=run.sign, left=left, rtol=float(self.rtol), atol=self.atol.ravel(), power=power,
-            flat=ROUNDING, nothing=TINY, **STARTING_STEP,
-        )  # fmt: skip
+        s, y, F, given = run.system, run.state.y, run.F, self.first_step_numbers(run)
+        found = s.first_step(run.t, y, F, **given)
         if found is not None:
             return found
+        small, default_step, reduction, change, growth = STARTING_STEP.values()
+        left, power = given["left"], given["power"]
         scale, m = self._scale(run, y), s.measured
 
         def norm(x: Array) -> float:

@@ -90,6 +90,13 @@ class NativeStepper(Stepper):
         self._to_native(run, MAX_UNRECORDED)
         return self.run
 
+    def core_run_before_start(self, run: "RunState") -> "Run":
+        """Return the core's run before this one begins; its first step is 0 where it must be estimated."""
+        run.interval = run.jumps.interval(run.t)
+        self._to_native(run, MAX_UNRECORDED)
+        self.run.max_carries = 0
+        return self.run
+
     def record(self, run: "RunState") -> None:
         if self.unrecorded:
             self.unrecorded = False
@@ -186,7 +193,8 @@ class NativeStepper(Stepper):
             monitor.to_core(r.monitor)
         if adaptive := self.adaptive:
             c, pi = r.control, adaptive.controller
-            c.h, c.uncut_size, c.last, c.rejected = adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected
+            c.h, c.uncut_size = adaptive.h or 0.0, adaptive.size_before_truncation
+            c.last, c.rejected = pi.last, pi.rejected
             c.largest = min(adaptive.max_step, adaptive.cap)
         elif fixed := self.fixed:
             g = r.grid

@@ -60,10 +60,25 @@ def assemble(
         fixed_v = mech.coordinates(v or {}, of_v=True)[1]
         held_v = _held_modes(mech, {**(guess_v or {}), **(v or {})})
     with mech.workspaces.borrowed() as system:
-        q1, fixed_q = _with_modes_held(lambda fixed: close_position(system, q0, fixed, t), fixed_q, held_q)
-        require_preconditions(mech, q1)
+        q1, fixed_q = _closed_position(system, q0, fixed_q, held_q, t)
         v1, fixed_v = _with_modes_held(lambda fixed: close_velocity(system, q1, v0, fixed, t), fixed_v, held_v)
         return Assembled(q1, v1, fixed_q, fixed_v)
+
+
+def _closed_position(system: "Index2System", q0: Array, fixed: Array, held: Array, t: float) -> tuple[Array, Array]:
+    """Return q (nq,) with closed loops, and the fixed coordinates.
+
+    Variants of a mechanism share the last result, unless inputs may drive it.
+    """
+    mech = system.mechanism
+    key = q0.tobytes(), fixed.tobytes(), held.tobytes()
+    found = None if mech.drivers else mech._positions.get(key)
+    if found is None:
+        found = _with_modes_held(lambda fixed: close_position(system, q0, fixed, t), fixed, held)
+        require_preconditions(mech, found[0])
+        mech._positions.clear()
+        mech._positions[key] = found
+    return found[0].copy(), found[1]
 
 
 def assemble_start(mech: "Mechanism", t: float) -> Assembled:

@@ -42,9 +42,10 @@ class CompiledSystem(Index2System):
     """
 
     native: ModuleType
+    _method: tuple[Any, Any]  # the last method, and the core's version of it
 
     def __init__(self, mechanism: "Mechanism", native: ModuleType) -> None:
-        self.native, self._expanded = native, False
+        self.native, self._expanded, self._method = native, False, (None, None)
         super().__init__(mechanism)
 
     def bind(self, mechanism: "Mechanism") -> None:
@@ -54,7 +55,7 @@ class CompiledSystem(Index2System):
         try:
             if not (hasattr(self, "core") and self.core.write(*data)):
                 self.core: Core = self.native.Core(*data)
-                self._expanded = False
+                self._expanded, self._method = False, (None, None)
         except self.native.UnknownKind as e:
             raise NotCompiled(str(e)) from None
         self.core.set_sampled_controllers(samplers_of(self.laws))
@@ -73,7 +74,6 @@ class CompiledSystem(Index2System):
         """See `Index2System.reset`."""
         super().reset()
         self._rank_known = False
-        self._method: tuple[Any, Any] = (None, None)
         if hasattr(self, "core"):
             self.core.reset()
 
@@ -120,7 +120,8 @@ class CompiledSystem(Index2System):
 
     def first_step(self, t: float, y: Array, F: Array, **given: Any) -> float | None:
         """See `mbdae.system.System`."""
-        found = self.core.first_step(t, y, F, **given) if self._rank_known and self.rows_frozen else None
+        known = self._rank_known and self.rows_frozen
+        found = self.core.first_step(t, y, F, self.native.FirstStep(**given)) if known else None
         self.take_core_record()
         return found
 

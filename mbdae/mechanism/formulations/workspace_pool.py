@@ -94,7 +94,9 @@ class WorkspacePool:
             except IndexError:
                 pass
             else:
-                if system.mechanism is not self.mechanism:
+                if _shares_all_but_start(system.mechanism, self.mechanism):
+                    system.mechanism = self.mechanism
+                else:
                     system.bind(self.mechanism)
                 return system
         return self.mechanism.system(formulation, baumgarte, native)
@@ -111,3 +113,8 @@ class WorkspacePool:
         system = self.acquire()
         yield system
         self.release(system)
+
+
+def _shares_all_but_start(a: "Mechanism", b: "Mechanism") -> bool:
+    """Return whether variants of a mechanism share all that is bound to a workspace."""
+    return a.model is b.model and a.constraints is b.constraints and a.forces is b.forces

@@ -7,6 +7,7 @@
 #include "bindings/py_core.hpp"
 #include "bindings/structs.hpp"
 #include "run/method_checks.hpp"
+#include "run/whole_run.hpp"
 
 namespace mbdae {
 
@@ -61,6 +62,8 @@ void bind_structs(nb::module_& m) {
   bind_attributes<StepControl>(m, "StepControl", "Step-size control.");
   bind_attributes<Grid>(m, "Grid", "Steps of equal size.");
   bind_attributes<SingularityMonitor>(m, "SingularityMonitor", "Pivot ratios, and their thresholds.");
+  bind_keywords<FirstStep>(m, "FirstStep", "Numbers of Hairer's starting step size algorithm.");
+  bind_keywords<RunStart>(m, "RunStart", "Numbers of the start of a run.");
   bind_attributes<Jumps>(m, "Jumps", "Times at which a problem may jump.");
 }
 

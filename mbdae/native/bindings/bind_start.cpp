@@ -1,6 +1,6 @@
 // The start of a run.
 #include "bindings/py_core.hpp"
-#include "system/start.hpp"
+#include "run/whole_run.hpp"
 
 namespace mbdae {
 
@@ -20,15 +20,40 @@ auto others_depend(PyCore& c, const Array& q, double tolerance) {
   });
 }
 
-auto step_size(PyCore& c, double t, const Array& y, const Array& F, double sign, double left, double rtol,
-                     const Array& atol, double power, double small, double default_step, double reduction, double change,
-                     double growth, double flat, double nothing) {
+auto step_size(PyCore& c, double t, const Array& y, const Array& F, const FirstStep& given) {
   return attempt(c, [&](Index2System& s) {
-    const size_t n = atol.size();
-    if (n != 1 && n != static_cast<size_t>(s.controlled_components())) reject("atol has the wrong length");
-    const FirstStep given{sign, left, rtol, checked_numbers(atol, n, "atol"), power, small, default_step, reduction, change, growth, flat, nothing};
+    check_atol(s, given.atol);
     return first_step(s, t, checked_numbers(y, s.length, "y"), checked_numbers(F, s.ny, "F"), given);
   });
+}
+
+using Stop = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
+
+template <class Coefficients>
+auto completed_runs(PyCore& c, const Coefficients& a, const RunStart& start, const FirstStep* first_step, const Run& run,
+                    const Array& y, int nodes, const Stop& stop) {
+  const CoreLock lock(c);
+  Index2System& s = c.core->system;
+  const size_t length = s.length;
+  const Numbers points = checked_numbers(y, y.size() / length * length, "y");
+  if (stop.size() != 1 || nodes < 2) reject("one flag, and at least two nodes");
+  if (!c.callbacks->functions.empty()) reject("a force or a row is a function of Python");
+  auto method = c.core->method(a);
+  check_run(c, a, method, run, State{Numbers(length), Numbers(s.carried()), {}, nullptr});
+  if (first_step) check_atol(s, first_step->atol);
+  CompletedRuns out;
+  run_unlocked(c, [&] { complete_runs(method, s, start, first_step, run, points, nodes, *stop.data(), out); });
+  const size_t n = out.finished.size(), m = nodes, nz = s.nz;
+  return std::make_tuple(out.finished, array(out.records, {n, n ? out.records.size() / n : 0}), array(out.t, {n, m}),
+                         array(out.y, {n, m, length}), array(out.z, {n, nz}), out.rows);
+}
+
+template <class Coefficients>
+void def_completed_runs(nb::class_<PyCore>& core, const char* method) {
+  core.def("complete_runs", completed_runs<Coefficients>, nb::arg(method), nb::arg("start"),
+           nb::arg("first_step").none(), nb::arg("run"), nb::arg("y"), nb::arg("nodes"), nb::arg("stop"),
+           "Complete the runs from points y (n, length) until the flag is set; return whether each finished without\n"
+           "Python, its counts and extremes (n, 13), times and points of some nodes, last z, and last rows in use.");
 }
 
 }  // namespace
@@ -39,9 +64,10 @@ void bind_start(nb::class_<PyCore>& core) {
            "Determine rank and rows in use; return y, y' (ny,), lam (ng,), the rows and the smallest ratio of pivots, or None.")
       .def("others_depend", others_depend, nb::arg("q"), nb::arg("tolerance"),
            "Return whether the other rows depend on those in use at q, or None.")
-      .def("first_step", step_size, nb::arg("t"), nb::arg("y"), nb::arg("F"), nb::arg("sign"), nb::arg("left"),
-           nb::arg("rtol"), nb::arg("atol"), nb::arg("power"), nb::arg("small"), nb::arg("default_step"), nb::arg("reduction"),
-           nb::arg("change"), nb::arg("growth"), nb::arg("flat"), nb::arg("nothing"), "Return the first step size in s, or None.");
+      .def("first_step", step_size, nb::arg("t"), nb::arg("y"), nb::arg("F"), nb::arg("given"),
+           "Return the first step size in s, or None.");
+  def_completed_runs<Tableau>(core, "tableau"), def_completed_runs<Radau>(core, "radau");
+  def_completed_runs<Composition>(core, "composition"), def_completed_runs<GeneralizedAlpha>(core, "alpha");
 }
 
 }  // namespace mbdae

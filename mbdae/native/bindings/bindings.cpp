@@ -39,13 +39,6 @@ auto update_independent_rows(PyCore& c, double t, const Array& y, const nb::obje
   });
 }
 
-const Tableau* tableau_of(const Tableau& a) { return &a; }
-
-template <class Coefficients>
-const Tableau* tableau_of(const Coefficients&) {
-  return nullptr;
-}
-
 // Controlled: a flag for methods whose error estimate is not computed otherwise.
 template <class Coefficients, class... Controlled>
 std::optional<StepResult> step(PyCore& c, const Coefficients& a, double t, double h, const Array& y,
@@ -69,23 +62,14 @@ void expand(PyCore& c, nb::handle model) {
   c.core->system.mechanics.expand(m);
 }
 
-void run_loop(PyCore& c, Method& method, Run& run) {
-  const size_t n = run.control.atol.size();
-  if (run.adaptive && n != 1 && n != static_cast<size_t>(c.core->system.controlled_components()))
-    reject("atol has the wrong length");
-  if (run.adaptive && !method.errors) reject("the tableau has no error estimate");
-  if (!run.continued) run.steps = Steps(), run.taken = run.rejected = 0, run.monitor.suspicious = false;
-  run.needs_python = run.modes.undecided = false, run.modes.transitions.clear();
-  check_events(run.events, c.core->system), check(run.modes, c.core->system);
-  run_unlocked(c, [&] { TimeLoop(method, c.core->system, run).advance(); });
-}
-
 template <class Coefficients>
 void advance(PyCore& c, const Coefficients& a, Run& run) {
   const CoreLock lock(c);
-  c.check(run.state, tableau_of(a));
   auto method = c.core->method(a);
-  run_loop(c, method, run);
+  check_run(c, a, method, run, run.state);
+  if (!run.continued) run.steps = Steps(), run.taken = run.rejected = 0, run.monitor.suspicious = false;
+  run.needs_python = run.modes.undecided = false, run.modes.transitions.clear();
+  run_unlocked(c, [&] { TimeLoop(method, c.core->system, run).advance(); });
 }
 
 auto restored(PyCore& c, double t, const Array& y) {
@@ -166,6 +150,9 @@ NB_MODULE(_native, m) {
       .def_prop_ro("rows", [](const PyCore& c) { return c.core->system.rows.in_use(); })
       .def_prop_ro("rank", [](const PyCore& c) { return c.core->system.rows.rank; })
       .def_prop_ro("floor", [](const PyCore& c) { return c.core->system.rows.floor; })
+      .def_prop_ro(
+          "calls_python", [](const PyCore& c) { return !c.callbacks->functions.empty(); },
+          "Whether a force, a row, a driver or a controller is a function of Python.")
       .def("take_record", take_record,
            "Return the counts of work since the last call, in the order of mbdae.system.Counts, the smallest pivot "
            "ratio\n"

@@ -107,6 +107,26 @@ void run_unlocked(PyCore& c, F&& compute) {
   if (c.callbacks->interrupted) throw nb::python_error();
 }
 
+inline const Tableau* tableau_of(const Tableau& a) { return &a; }
+
+template <class Coefficients>
+const Tableau* tableau_of(const Coefficients&) {
+  return nullptr;
+}
+
+inline void check_atol(const Index2System& s, const Numbers& atol) {
+  const size_t n = atol.size();
+  if (n != 1 && n != static_cast<size_t>(s.controlled_components())) reject("atol has the wrong length");
+}
+
+template <class Coefficients>
+void check_run(const PyCore& c, const Coefficients& a, const Method& method, const Run& run, const State& first) {
+  c.check(first, tableau_of(a));
+  if (run.adaptive) check_atol(c.core->system, run.control.atol);
+  if (run.adaptive && !method.errors) reject("the tableau has no error estimate");
+  check_events(run.events, c.core->system), check(run.modes, c.core->system);
+}
+
 void bind_points(nb::class_<PyCore>& core);
 void bind_start(nb::class_<PyCore>& core);
 void bind_sensitivity(nb::module_& m, nb::class_<PyCore>& core);

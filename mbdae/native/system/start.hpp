@@ -18,6 +18,8 @@ struct FirstStep {
   double small, default_step, reduction; // norms that are small, and h_0 in s for them; h_1 of h_0 where nothing changes
   double change, growth;      // of y in a step of h_0; largest h_1 / h_0
   double flat, nothing;       // norm of no change; keeps scales positive
+
+  FIELDS(sign, left, rtol, atol, power, small, default_step, reduction, change, growth, flat, nothing)
 };
 // The first step size in s, by Hairer's algorithm (Hairer, Noersett, Wanner I, II.4).
 double first_step(Index2System& system, double t, const Numbers& y, const Numbers& F, const FirstStep& given);

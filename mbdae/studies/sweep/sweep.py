@@ -25,11 +25,12 @@ from ...mechanism.formats.parametric import split as split_name
 from ...mechanism.imported_model import not_carried_over
 from ...solution.provenance import versions
 from ...solution.signals import units
-from ..workers import pool
+from ..workers import default_executor, pool
 from .fingerprint import fingerprint
 from .outputs import Output, check, label, parse
 from .plan import Parameters, Task, names, tasks
 from .results_file import SweepFile
+from .sweep_batch import batches_of, run_batch, takes_batches
 from .sweep_run import SOLVE, Job, Maker, check_settings, run, split
 from .table import Sweep, column_kinds, completed
 
@@ -111,10 +112,22 @@ def sweep(
     meta = _meta(job, plan, mech)
     job = replace(job, key=json.dumps(meta["manifest"]))
     with closing(_Collector(meta, None if path is None else Path(path), fresh, progress)) as collector:
-        if open_tasks := [task for task in plan if task.run not in collector.rows]:
-            with suppress(KeyboardInterrupt), pool(executor, workers, run, job, "executor='threads'") as workers_pool:
-                workers_pool.run(open_tasks, collector.record)
+        _run(job, [task for task in plan if task.run not in collector.rows], executor, workers, collector)
         return collector.finish()
+
+
+def _run(
+    job: Job, plan: list[Task], executor: str | Executor | None, workers: int | None, collector: "_Collector"
+) -> None:
+    """Make runs until Ctrl-C: by threads in batches, if they may be completed in the core."""
+    if not plan:
+        return
+    kind = default_executor() if executor is None else executor
+    in_batches = kind == "threads" and takes_batches(job)
+    function = run_batch if in_batches else run
+    with suppress(KeyboardInterrupt), pool(kind, workers, function, job, "executor='threads'") as threads:
+        planned = batches_of(plan, threads.max_pending) if in_batches else plan
+        threads.run(planned, collector.record_all if in_batches else collector.record)
 
 
 class _Collector:
@@ -136,6 +149,11 @@ class _Collector:
         if self.progress:
             n, total = len(self.rows), self.result.total
             self.progress(n / total, f"{n} of {total} runs")
+
+    def record_all(self, batch: Sequence[Task], rows: Sequence[dict[str, Any]]) -> None:
+        """Record the rows of a batch."""
+        for task, row in zip(batch, rows, strict=True):
+            self.record(task, row)
 
     def finish(self) -> Sweep:
         """Return the table of finished runs; write the file if all are finished."""

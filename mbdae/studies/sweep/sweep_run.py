@@ -139,6 +139,11 @@ def split(values: Mapping[str, object], maker: Maker, seed: int) -> tuple[dict[s
     return ({"seed": seed, **parameters} if "seed" in maker.parameters else parameters), settings
 
 
+def maker_of_job(job: Job) -> Maker:
+    """Return the factory of the mechanisms of a sweep; it is kept."""
+    return _maker(job.model, job.key)
+
+
 @lru_cache(4)
 def _maker(model: Any, key: str) -> Maker:
     return Job(model).maker()
@@ -166,7 +171,7 @@ def run(job: Job, task: Task, stop: Stop | None = None) -> dict[str, Any]:
 
 
 def _solved(job: Job, task: Task, stop: Stop | None) -> dict[str, Any]:
-    maker = _maker(job.model, job.key)
+    maker = maker_of_job(job)
     values, settings = split(task.values, maker, task.seed)
     mech = maker.make(values)
     times = job.sample_times(mech)

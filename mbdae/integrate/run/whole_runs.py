@@ -1,0 +1,161 @@
+"""Whole runs of a mechanism from many starts in the compiled core, if they request nothing from Python.
+
+The core begins each run, estimates its first step and takes all steps with the functions that `mbdae.solve` calls one
+by one: results are equal bit for bit. A run that needs Python in between, or that may be inaccurate, is left to
+`mbdae.solve`, which has the warnings and messages.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...errors import InputError, StepError
+from ...mechanism import Mechanism
+from ...mechanism.closures.independent_rows import FALLEN
+from ...mechanism.closures.preconditions import closures_with_preconditions
+from ...mechanism.formulations.compiled_systems import CompiledSystem
+from ...mechanism.signals.contacts import rolling_closures
+from ...mechanism.tree.tree_terms import flexible_bodies
+from ...methods import Tableau
+from ...system import Array, Counts
+from ...tolerances import AMBIGUOUS_PIVOT, INPUT_DIGITS, SOLUTION_ROUNDING
+from ..options.options import RunOptions
+from ..steppers.native import NativeStepper
+from ..steppers.stepper import smallest_step
+from .run_diagnostics import SAMPLES, are_accurate
+from .run_setup import START_DRIFT
+from .run_state import RunState
+from .stiffness_detection import FIRST_CHECK
+
+COUNTS = ("steps", "rejected", *Counts().to_dict())
+UNLIMITED = 2**31 - 1  # steps
+
+
+class WholeRuns(NamedTuple):
+    """The first k runs of several.
+
+    Attributes:
+        finished: whether each finished in the core, (k,); others are left to `mbdae.solve`.
+        counts: `COUNTS` of each, (k, 10).
+        drift: largest |g| at the ends of steps, in rad or characteristic lengths, (k,).
+        y: their last points, (k, n).
+        z: their last multipliers of the method, (k, nz).
+        rows: their last rows in use.
+    """
+
+    finished: Array
+    counts: Array
+    drift: Array
+    y: Array
+    z: Array
+    rows: list[tuple[int, ...]]
+
+
+def why_in_python(run: RunState) -> str:
+    """Return why the runs of a mechanism with these options need Python; empty if they do not.
+
+    Args:
+        run: one of them, before its beginning.
+    """
+    mech, options, system = run.problem, run.options, run.system
+    if not isinstance(mech, Mechanism) or not isinstance(system, CompiledSystem):
+        return run.fallback or "the Python back end"
+    if not isinstance(run.stepper, NativeStepper):
+        return f"method {options.method.name!r}"
+    if options.formulation != "index2":
+        return f"formulation {options.formulation!r}"
+    if options.t0 == options.t1:
+        return "an empty time span"
+    return _feature_in_python(mech, system) or _driver_in_python(mech, options)
+
+
+def _feature_in_python(mech: Mechanism, system: CompiledSystem) -> str:
+    """Return a feature of the mechanism that needs Python at the start, between steps or at the end; else ''."""
+    checked = [*closures_with_preconditions(mech), *rolling_closures(mech)]
+    found = {
+        "modes of": [s.name for s in mech.switches],
+        "event": [reset.name for reset in mech.resets],
+        "closure friction": [interface.force.name for interface in system.closure_friction.interfaces],
+        "flexible body": [body.name for body in flexible_bodies(mech.model)],
+        "checks of closure": [c.name for c in checked],
+    }
+    named = next((f"{kind} {names[0]!r}" for kind, names in found.items() if names), "")
+    return named or ("functions of Python" if system.core.calls_python else "")
+
+
+def _driver_in_python(mech: Mechanism, options: RunOptions) -> str:
+    if options.end != options.t1:
+        return "the end of the table of a driver"
+    try:
+        for driver in mech.drivers:
+            driver.check_run(options.t0, options.end)
+    except StepError as e:
+        return str(e)
+    return ""
+
+
+def _in_core(run: RunState) -> tuple[Mechanism, CompiledSystem, NativeStepper]:
+    """Return mechanism, workspace and stepper of a run that does not need Python."""
+    assert isinstance(run.problem, Mechanism)
+    assert isinstance(run.system, CompiledSystem)
+    assert isinstance(run.stepper, NativeStepper)
+    return run.problem, run.system, run.stepper
+
+
+def consistent_starts(run: RunState, y: Array) -> Array:
+    """Return whether points are consistent starts as `mbdae.solve` requires, (k,).
+
+    Args:
+        run: a run of the mechanism, before its beginning.
+        y: the points, (k, n).
+    """
+    (mech, system, _), options = _in_core(run), run.options
+    tolerance = max(INPUT_DIGITS, 0.0 if options.step else START_DRIFT * float(options.rtol))
+    valid = np.isfinite(y).all(axis=1)
+    valid[valid] = [_is_configuration(mech, q) for q in y[valid, : system.nq]]
+    if not mech.ng:
+        return valid
+    g, rates, _ = system.residuals(np.full(len(y), options.t0), y)
+    speed = np.abs(y[:, system.nq : system.nq + system.nv] / mech.coordinate_scales).max(axis=1)
+    gaps, slips = (_largest_violation(mech, x) for x in (g, rates))
+    slow = slips > tolerance * speed
+    limit = tolerance * (speed + (mech.characteristic_rate if slow.any() else 0.0))
+    return valid & (gaps <= tolerance) & (slips <= limit)
+
+
+def _is_configuration(mech: Mechanism, q: Array) -> bool:
+    try:
+        mech.configuration(q)
+    except InputError:
+        return False
+    return True
+
+
+def _largest_violation(mech: Mechanism, residuals: Array) -> Array:
+    """Return the largest norm of the rows of a closure, in rad and characteristic lengths, of residuals (k, ng)."""
+    scaled = residuals / mech.row_scales
+    return np.max([np.linalg.norm(scaled[:, mech.rows_of(c.name)], axis=1) for c in mech.constraints], axis=0)
+
+
+def complete_runs(run: RunState, y: Array, stop: Array) -> WholeRuns:
+    """Complete runs from several starts, as many as possible before a flag is set.
+
+    Args:
+        run: a run of the mechanism, before its beginning; another thread may not use it. See `why_in_python`.
+        y: starts, (k, n).
+        stop: the flag, (1,) of type uint8, which another thread may set.
+    """
+    (_, system, stepper), options = _in_core(run), run.options
+    core, native, control = stepper.core_run_before_start(run), system.native, stepper.adaptive
+    core.max_steps = options.max_steps or UNLIMITED
+    detects_stiffness = control and isinstance(options.method, Tableau)
+    start = native.RunStart(
+        ambiguous=AMBIGUOUS_PIVOT, fallen=FALLEN, dependent=SOLUTION_ROUNDING, shortest=smallest_step(run.t, run.t1),
+        longest=FIRST_CHECK - 1 if detects_stiffness else UNLIMITED,
+    )  # fmt: skip
+    first = native.FirstStep(**control.first_step_numbers(run)) if control and control.h is None else None
+    found = system.core.complete_runs(system.method(options.method), start, first, core, y, SAMPLES + 1, stop)
+    ended, records, t, points, z, rows = found
+    counts, extremes = np.split(records.reshape(-1, len(COUNTS) + 3), [len(COUNTS)], axis=1)
+    finished = np.array(ended, bool) & are_accurate(system, extremes, t, points)
+    return WholeRuns(finished, counts.astype(int), extremes[:, 0], points[:, -1], z, list(map(tuple, rows)))

@@ -1,0 +1,85 @@
+#include "run/whole_run.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mbdae {
+
+namespace {
+
+// The first node y, and the first step size.
+void begin_run(Index2System& s, const RunStart& given, const FirstStep* estimate, Numbers& y, Run& run) {
+  const double accuracy = s.accuracy, t = run.interval.t;
+  Numbers F(s.ny), z(s.ng);
+  s.reset(), s.accuracy = accuracy;
+  start(s, t, run.project, {given.ambiguous, given.fallen, given.dependent}, y, F, z);
+  if (estimate) run.control.h = std::max(first_step(s, t, y, F, *estimate), given.shortest);
+  run.state.y = y, run.state.carry = s.carry(F);
+}
+
+// Steps to the end; false where Python must take one.
+bool take_all_steps(Method& method, Index2System& s, long longest, const volatile unsigned char& stop, Run& run) {
+  const long most = run.max_steps;
+  while (run.interval.t != run.interval.t1 && !stop) {
+    const long tried = run.taken + run.rejected;
+    run.max_steps = std::min(most, tried + longest - run.taken);
+    TimeLoop(method, s, run).advance();
+    run.continued = true;
+    if (run.needs_python || run.monitor.suspicious || run.taken + run.rejected == tried) return false;
+  }
+  return true;
+}
+
+// Does the run end away from singular configurations, and do the other rows still depend on those in use?
+bool ends_regularly(Index2System& s, const Run& run) {
+  const double* y = run.state.y.data();
+  const Tolerances& limits = s.mechanics.limits;
+  const SingularityMonitor& monitor = run.monitor;
+  const int rank = s.rows.rank;
+  if (run.monitored && rank && monitor.last_ratio < monitor.suspicious_ratio * monitor.largest_ratio &&
+      s.pivot_ratio(y, rank) < limits.visible * monitor.largest_ratio)
+    return false;
+  return !run.project || !rank || rank == s.ng || s.others_depend(y, limits.search_tolerance);
+}
+
+void store(const Index2System& s, const Run& run, const Numbers& first, const Counts& n, int nodes, CompletedRuns& out) {
+  const Steps& steps = run.steps;
+  const size_t last = steps.t.size(), length = s.length, most = nodes - 1;
+  for (const long x : {run.taken, run.rejected, n.f, n.M, n.G, n.solves, n.factorizations, n.projections,
+                       n.state_projections, n.newton})
+    out.records.push_back(static_cast<double>(x));
+  out.records.insert(out.records.end(), {s.largest_g, s.largest_rate, s.largest_speed});
+  for (size_t i = 0; i <= most; ++i) {
+    const size_t k = last < most ? std::min(i, last) : i * last / most;
+    const double* at = k ? &steps.y[(k - 1) * length] : first.data();
+    out.t.push_back(k ? steps.t[k - 1] : run.interval.t), out.y.insert(out.y.end(), at, at + length);
+  }
+  out.z.resize(out.z.size() + s.nz, NAN);
+  std::copy(steps.z.end() - (last ? s.nz : 0), steps.z.end(), out.z.end() - (last ? s.nz : 0));
+  out.rows.push_back(s.rows.in_use());
+}
+
+}  // namespace
+
+void complete_runs(Method& method, Index2System& s, const RunStart& start, const FirstStep* first_step, const Run& given,
+                   const Numbers& y, int nodes, const volatile unsigned char& stop, CompletedRuns& out) {
+  const size_t length = s.length;
+  for (auto at = y.begin(); at != y.end(); at += length) {
+    Numbers first(at, at + length);
+    Run run = given;
+    Counts counts;
+    bool finished = false;
+    try {
+      begin_run(s, start, first_step, first, run);
+      finished = take_all_steps(method, s, start.longest, stop, run);
+      counts = s.counts;
+      if (stop) return;
+      finished = finished && ends_regularly(s, run);
+    } catch (const FallBackToPython&) {
+    }
+    out.finished.push_back(finished);
+    store(s, run, first, counts, nodes, out);
+  }
+}
+
+}  // namespace mbdae

@@ -1,0 +1,31 @@
+// Whole runs that request nothing from Python: start, first step, steps to the end (mbdae/integrate/run/whole_runs.py).
+#pragma once
+
+#include "run/time_loop.hpp"
+#include "system/start.hpp"
+
+namespace mbdae {
+
+struct RunStart {
+  double ambiguous = 0, fallen = 0, dependent = 0;  // of the rank, see `IndependentRows::FirstRank`
+  double shortest = 0;                              // s: first step, at least
+  long longest = 0;                                 // steps: longer runs are Python's, which checks them for stiffness
+
+  FIELDS(ambiguous, fallen, dependent, shortest, longest)
+};
+
+// Results of runs one after another, in arrays by rows.
+struct CompletedRuns {
+  std::vector<bool> finished;  // otherwise the run is Python's: a step needs it, or a check of its end
+  Numbers records;  // (n, 13): steps, rejected, counts in the order of `Counts`, largest |g|, |G v + g_t| and |v|
+  Numbers t, y;     // (n, nodes), (n, nodes, length): some nodes, evenly spread; the last one repeats in short runs
+  Numbers z;        // (n, nz): last multipliers of the method
+  std::vector<std::vector<int>> rows;  // in use at the end
+};
+
+// Runs from points y (n, length) to the end of the span of `run`, which has their options and no steps. The system is
+// reset before each. `first_step`: the first step is estimated. Fewer runs where `stop` becomes true.
+void complete_runs(Method& method, Index2System& s, const RunStart& start, const FirstStep* first_step, const Run& run,
+                   const Numbers& y, int nodes, const volatile unsigned char& stop, CompletedRuns& out);
+
+}  // namespace mbdae

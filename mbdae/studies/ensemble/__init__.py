@@ -1,0 +1,1 @@
+"""Ensembles: end states of many runs as arrays."""

@@ -1,0 +1,210 @@
+"""Batches of runs of an ensemble in the compiled core, each by one thread."""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...errors import STATUS, AssemblyError, InputError
+from ...integrate.options.options import RunOptions
+from ...integrate.run.run_setup import prepare_at
+from ...integrate.run.run_state import RunState
+from ...integrate.run.whole_runs import COUNTS, WholeRuns, complete_runs, consistent_starts
+from ...mechanism import Mechanism
+from ...system import Array
+from ..final_signals import signals_at_end, why_not_in_core
+from ..sweep.sweep_run import Maker
+from ..workers import StopFlag
+
+BATCHES = 4  # for each pending one, so that no thread is idle for long at the end
+UNFINISHED = "interrupted"
+NEEDS_PYTHON = "a singular configuration, a failed step, many steps or inaccurate results"
+INCONSISTENT_START = "a start that may be inconsistent"
+
+
+class Starts(NamedTuple):
+    """Starts of n runs; None for the start of the model."""
+
+    n: int
+    q: Array | None
+    v: Array | None
+
+    def arguments(self, i: int) -> tuple[Array | None, Array | None]:
+        """Return q (nq,) and v (nv,) of run i, as arguments of `mbdae.solve`."""
+        return (None if self.q is None else self.q[i]), (None if self.v is None else self.v[i])
+
+    def points(self, mech: Mechanism, i: Array, t: float) -> Array:
+        """Return the points of some runs at time t, (k, n).
+
+        Raises:
+            AssemblyError, InputError: if the start of the model is required, but is not consistent.
+        """
+        q, v = (None if x is None else x[i] for x in (self.q, self.v))
+        if q is None or v is None:
+            y = np.tile(mech.point(t=t), (len(i), 1))
+        else:
+            y = np.tile([*np.zeros(mech.nq + mech.nv), *mech.states.values(), 0.0], (len(i), 1))
+        if q is not None:
+            y[:, : mech.nq] = q
+        if v is not None:
+            y[:, mech.nq : mech.nq + mech.nv] = v
+        return y
+
+
+@dataclass
+class Results:
+    """Results of n runs, by rows; threads write different rows.
+
+    Attributes:
+        t: end times, (n,).
+        y: end points, (n, ...).
+        counts: `COUNTS`, (n, 10).
+        drift: largest |g|, (n,).
+        signals: values at the end, (n, k).
+        status: status of each run.
+        message: message of each run.
+        reasons: why a run is left to `mbdae.solve`; "" for others.
+    """
+
+    t: Array
+    y: Array
+    counts: Array
+    drift: Array
+    signals: Array
+    status: list[str]
+    message: list[str]
+    reasons: list[str]
+
+    @classmethod
+    def of(cls, mech: Mechanism, n: int, names: tuple[str, ...]) -> "Results":
+        """Return the results of n runs that have not begun."""
+        length = mech.nq + mech.nv + len(mech.states) + 1
+        y, values = np.full((n, length), np.nan), np.full((n, len(names)), np.nan)
+        counts, missing = np.zeros((n, len(COUNTS)), int), np.full(n, np.nan)
+        texts = ([text] * n for text in (UNFINISHED, STATUS[UNFINISHED], ""))
+        return cls(missing, y, counts, missing.copy(), values, *texts)
+
+    def fail(self, i: Array, error: Exception) -> None:
+        """Record runs that could not begin."""
+        for k in i.tolist():
+            self.status[k] = "assembly" if isinstance(error, AssemblyError) else "input"
+            self.message[k] = str(error)
+
+    def leave(self, i: Array, reason: str) -> None:
+        """Leave runs to `mbdae.solve`."""
+        for k in i.tolist():
+            self.reasons[k] = reason
+
+    def store(self, i: Array, t: float, runs: WholeRuns, values: Array) -> None:
+        """Record runs that finished."""
+        done = runs.finished
+        self.t[i], self.y[i], self.counts[i], self.drift[i] = t, runs.y[done], runs.counts[done], runs.drift[done]
+        self.signals[i] = values
+        for k in i.tolist():
+            self.status[k], self.message[k] = "finished", STATUS["finished"]
+
+    def in_python(self) -> dict[str, int]:
+        """Return the numbers of runs that `mbdae.solve` made, by reason."""
+        pairs = zip(self.reasons, self.status, strict=True)
+        return dict(Counter(reason for reason, status in pairs if reason and status != UNFINISHED))
+
+
+@dataclass
+class EnsembleJob:
+    """Data that all runs of an ensemble share.
+
+    Attributes:
+        source: the mechanism, or its factory.
+        t_span: start and end in s; from 0 to the model's duration when None.
+        starts: the starts.
+        parameters: values by name, (n,) each.
+        names: signals.
+        settings: arguments of `mbdae.solve`.
+        results: the results.
+    """
+
+    source: Mechanism | Maker
+    t_span: Any
+    starts: Starts
+    parameters: dict[str, Array]
+    names: tuple[str, ...]
+    settings: dict[str, Any]
+    results: Results
+
+    def mechanism(self, i: int) -> Mechanism:
+        """Return the mechanism of run i."""
+        if isinstance(self.source, Mechanism):
+            return self.source
+        return self.source.make({name: x[i].item() for name, x in self.parameters.items()})
+
+    def options(self, mech: Mechanism) -> RunOptions:
+        """Return the options of a run.
+
+        Raises:
+            InputError: for invalid options.
+        """
+        given = {"jumps": (), "backend": "auto", **self.settings}
+        others = {name: x for name, x in given.items() if name not in ("jumps", "backend")}
+        return RunOptions.from_arguments(mech, self.t_span, None, given["jumps"], None, given["backend"], **others)
+
+    def check(self, mech: Mechanism) -> None:
+        """Reject options that are invalid or do not suit the mechanism.
+
+        Raises:
+            UnknownNameError, InputError: as `mbdae.solve`.
+        """
+        prepare_at(mech, self.options(mech), self.results.y[0]).release()
+
+    def groups(self) -> Iterator[Array]:
+        """Yield the indices of runs of the same mechanism."""
+        found = defaultdict(list)
+        for i, values in enumerate(zip(*self.parameters.values(), strict=True)):
+            found[values].append(i)
+        yield from map(np.array, found.values()) if self.parameters else [np.arange(self.starts.n)]
+
+
+def batches(job: EnsembleJob, pending: int) -> list[list[Array]]:
+    """Return lists of indices of runs with the same mechanism: batches for threads with so many pending ones."""
+    size = max(1, -(-job.starts.n // (BATCHES * pending)))
+    out: list[list[Array]] = [[]]
+    for group in job.groups():
+        for part in np.array_split(group, -(-len(group) // size)):
+            if sum(map(len, out[-1])) + len(part) > size and out[-1]:
+                out.append([])
+            out[-1].append(part)
+    return out
+
+
+def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
+    """Make the runs of a batch in the core; others are marked, see `Results`."""
+    for i in batch:
+        if stop():
+            return
+        try:
+            mech = job.mechanism(int(i[0]))
+            options = job.options(mech)
+            y = job.starts.points(mech, i, options.t0)
+            run = prepare_at(mech, options, y[0])
+            _complete(job, run, i, y, stop)
+            run.release()
+        except (AssemblyError, InputError) as e:
+            job.results.fail(i, e)
+
+
+def _complete(job: EnsembleJob, run: RunState, i: Array, y: Array, stop: StopFlag) -> None:
+    reason = why_not_in_core(run, job.names)
+    if reason:
+        job.results.leave(i, reason)
+        return
+    if job.starts.q is not None or job.starts.v is not None:
+        consistent = consistent_starts(run, y)
+        job.results.leave(i[~consistent], INCONSISTENT_START)
+        i, y = i[consistent], y[consistent]
+    if not len(i):
+        return
+    runs = complete_runs(run, y, stop.memory)
+    i = i[: len(runs.finished)]
+    job.results.leave(i[~runs.finished], NEEDS_PYTHON)
+    job.results.store(i[runs.finished], run.options.t1, runs, signals_at_end(run, runs, job.names))

@@ -1,0 +1,175 @@
+"""Many runs of a mechanism in the compiled core: starts and parameters as arrays, ends as arrays."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, MbdaeError, as_list, require
+from ...mechanism import Mechanism
+from ...solution.signals import find, units
+from ...system import Array
+from ..sweep.sweep_run import NOT_SETTINGS, Maker, check_settings, maker_of
+from ..workers import pool
+from .batch import EnsembleJob, Results, Starts, batches, run_batch
+from .result import Ensemble
+from .single_runs import complete_singly
+
+__all__ = ["ensemble"]
+
+Progress = Callable[[float, str], None]
+Model = str | Path | Mechanism | Callable[..., Mechanism]
+
+
+def ensemble(
+    model: Model,
+    q: Array | None = None,
+    v: Array | None = None,
+    parameters: Mapping[str, Array] | None = None,
+    t_span: Sequence[float] | None = None,
+    *,
+    signals: Sequence[str] | str = (),
+    workers: int | None = None,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> Ensemble:
+    """Run a mechanism from many starts and with many values of its parameters; return the ends of the runs.
+
+        q' = v,   M(q; p_i) v' = f(t, q, v; p_i) + G^T lam,   0 = G v + g_t,   q(t0) = q_i,  v(t0) = v_i,  i = 1, ..., n
+
+    Runs that request nothing from Python are made in the compiled core, on several threads, from start to end: each has
+    the bits of `mbdae.solve`, whatever the number of threads. Others follow one after another by `mbdae.solve`: those
+    of mechanisms with modes, functions of Python, flexible or rolling bodies, of other formulations than ``"index2"``,
+    next to singular configurations, with more than 2000 steps (which are checked for stiffness) or with accuracy
+    warnings. `Ensemble.in_python` counts them by reason. After Ctrl-C, the finished runs are returned, and the others
+    have the status ``"interrupted"``.
+
+    Args:
+        model: a mechanism; or, with parameters, an argument of `mbdae.load`, or a function of the parameters that
+            returns a Mechanism.
+        q: consistent start configurations, (n, nq), or a common one, (nq,); the model's start when left out.
+        v: consistent start velocities, (n, nv), or a common one, (nv,); the model's start when left out.
+        parameters: name = values, (n,) each; names as for `mbdae.sweep`. A start of the model depends on them.
+        t_span: start and end in s; from 0 to the model's duration when left out.
+        signals: names of signals whose values at the end are returned, see `mbdae.Solution.signals`.
+        workers: threads; one per processor when left out.
+        progress: called with the fraction done and a text.
+        settings: arguments of `mbdae.solve`: method, rtol, atol, step, project, ...
+
+    Returns:
+        Ends, status and message, counts and signals of all runs.
+
+    Raises:
+        UnknownNameError: for a model, parameter, signal or setting that does not exist.
+        InputError: for arrays of different lengths, or of the wrong shape. A start that is not consistent, or a value
+            of a parameter that is not valid, is the status ``"input"`` or ``"assembly"`` of its run.
+    """
+    check_settings(list(settings), others=(*NOT_SETTINGS, "events"))
+    values = _columns(parameters)
+    source = _source(model, values)
+    first = source if isinstance(source, Mechanism) else _first_made(source, values)
+    starts = _starts(first, q, v, {name: len(x) for name, x in values.items()})
+    names = tuple(find(first, as_list(signals, "signals are a list of names")))
+    job = EnsembleJob(source, t_span, starts, values, names, settings, Results.of(first, starts.n, names))
+    job.check(first)
+    if _run_in_core(job, workers, progress):
+        complete_singly(job, progress)
+    found, known = job.results, units(first) if names else {}
+    n, nq = starts.n, first.nq
+    return Ensemble(
+        first.title, found.t, found.y[:, :nq], found.y[:, nq : nq + first.nv], found.status, found.message,
+        found.counts[:, 0], found.counts[:, 1], found.drift, values,
+        dict(zip(names, found.signals.reshape(n, -1).T, strict=True)), {x: known[x] for x in names if known[x]},
+        found.in_python(),
+    )  # fmt: skip
+
+
+def _run_in_core(job: EnsembleJob, workers: int | None, progress: Progress | None) -> bool:
+    """Make all runs that do not need Python; return False after Ctrl-C."""
+    done = [0]
+
+    def report(batch: list[Array], _: None) -> None:
+        done[0] += sum(map(len, batch))
+        if progress:
+            progress(done[0] / job.starts.n, f"{done[0]} of {job.starts.n} runs in the core")
+
+    with suppress(KeyboardInterrupt), pool("threads", workers, run_batch, job, "") as threads:
+        threads.run(batches(job, threads.max_pending), report)
+        return True
+    return False
+
+
+def _columns(parameters: Mapping[str, Any] | None) -> dict[str, Array]:
+    """Return the values of parameters as arrays.
+
+    Raises:
+        InputError: for values that are not lists of numbers.
+    """
+    if parameters is None:
+        return {}
+    require(parameters, Mapping, "parameters are a table of arrays, name = values")
+    out = {}
+    for name, values in parameters.items():
+        try:
+            out[name] = np.asarray(values, float)
+        except (TypeError, ValueError):
+            out[name] = np.empty(())
+        if out[name].ndim != 1 or not np.isfinite(out[name]).all():
+            raise InputError(f"parameter {name!r} takes one number for each run, got {values!r:.60}")
+    return out
+
+
+def _source(model: object, values: dict[str, Array]) -> Mechanism | Maker:
+    """Return the mechanism, or its factory for several values of its parameters.
+
+    Raises:
+        UnknownNameError, InputError: as `mbdae.load`, for an unknown parameter, and for parameters of a mechanism.
+    """
+    if isinstance(model, Mechanism):
+        if values:
+            raise InputError("parameters need a model by its name, its path or a function, got a Mechanism")
+        return model
+    maker = maker_of(model)
+    maker.check({name: x[0].item() for name, x in values.items() if len(x)})
+    return maker if values else maker.make({})
+
+
+def _first_made(maker: Maker, values: dict[str, Array]) -> Mechanism:
+    """Return the first mechanism that can be made.
+
+    Raises:
+        InputError: if none can be made; names the reason for the last one.
+    """
+    reason = "there are no values"
+    for row in zip(*values.values(), strict=False):
+        try:
+            return maker.make({name: x.item() for name, x in zip(values, row, strict=True)})
+        except MbdaeError as e:
+            reason = str(e)
+    raise InputError(f"no mechanism can be made of these values: {reason}")
+
+
+def _starts(mech: Mechanism, q: object, v: object, lengths: dict[str, int]) -> Starts:
+    """Return the starts, after checks of all shapes.
+
+    Raises:
+        InputError: for a wrong shape, different lengths, or no array at all.
+    """
+    arrays: list[Array | None] = []
+    for name, given, width in (("q", q, mech.nq), ("v", v, mech.nv)):
+        try:
+            x = None if given is None else np.asarray(given, float)
+        except (TypeError, ValueError):
+            x = np.empty(())
+        if x is not None and (x.ndim not in (1, 2) or x.shape[-1] != width):
+            raise InputError(f"{name} has shape {x.shape}, expected (n, {width}) or ({width},) for {mech.title!r}")
+        arrays.append(x)
+        if x is not None and x.ndim == 2:
+            lengths = {**lengths, name: len(x)}
+    if len(set(lengths.values())) != 1 or not all(lengths.values()):
+        text = ", ".join(f"{name} {n}" for name, n in lengths.items()) or "none"
+        raise InputError(f"q (n, {mech.nq}), v (n, {mech.nv}) and parameters have a row for each run, got rows: {text}")
+    n = next(iter(lengths.values()))
+    return Starts(n, *(None if x is None else np.broadcast_to(x, (n, x.shape[-1])) for x in arrays))

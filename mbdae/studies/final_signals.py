@@ -1,0 +1,40 @@
+"""Signals at the ends of runs that were completed in the core."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..integrate.run.run_state import RunState
+from ..integrate.run.whole_runs import WholeRuns, why_in_python
+from ..mechanism import Mechanism
+from ..solution.signal_value import OF_A_RUN, signal_values
+from ..solution.signals import signals
+from ..solution.solution import Solution
+from ..system import Array
+
+
+def why_not_in_core(run: RunState, names: Sequence[str]) -> str:
+    """Return why whole runs with these signals need Python: a signal that depends on more than their ends, for example.
+
+    Args:
+        run: one of the runs, before its beginning.
+        names: signals.
+    """
+    known = signal_values(run.problem) if names and isinstance(run.problem, Mechanism) else {}
+    of_a_run = (name for name in names if known[name].kind == "column" and name.partition(".")[0] in OF_A_RUN)
+    unwrapped = (name for name in names if known[name].kind == "angle")
+    return next((f"signal {name!r}" for name in (*of_a_run, *unwrapped)), "") or why_in_python(run)
+
+
+def signals_at_end(run: RunState, runs: WholeRuns, names: Sequence[str]) -> Array:
+    """Return signals at the end of the finished runs, (k, signals): those of a solution whose nodes are these ends."""
+    done = np.flatnonzero(runs.finished)
+    if not names or not len(done):
+        return np.empty((len(done), len(names)))
+    rows = [runs.rows[k] for k in done]
+    in_use = [(k, x) for k, x in enumerate(rows) if not k or x != rows[k - 1]]
+    ends = np.full(len(done), run.options.t1), runs.y[done], runs.z[done]
+    stats = {"backend": run.stepper.backend}
+    sol = Solution(run.problem, *ends, "finished", "", stats, {}, in_use=in_use)
+    found = signals(sol, names)
+    return np.array([found[name] for name in names]).T
