@@ -98,6 +98,7 @@ class Simulator(DifferentiableAdvance):
         self._settings = InputSettings(self.inputs)
         self._earlier: list[Solution] = []  # recorded before the last save
         self._fresh = True  # no step yet since a start at which the carry was computed
+        self.inputs.begin(s)
         self._continue(prepare(mechanism, self.options, (q, v, s)))
         with np.errstate(over="ignore", invalid="ignore"):
             self._run.begin()
@@ -297,4 +298,5 @@ class Simulator(DifferentiableAdvance):
         Its checks, statistics and signals are those of `mbdae.solve`.
         """
         out = joined([*self._earlier, self._made()])
-        return replace(out, problem=self.inputs.recorded(self._settings.history)) if self.inputs.named else out
+        history = self._settings.history | self.inputs.history(out.t, out.y)
+        return replace(out, problem=self.inputs.recorded(history)) if history else out
