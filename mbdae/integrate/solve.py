@@ -97,9 +97,7 @@ def solve(
         max_steps=max_steps,
     )  # fmt: skip
     inputs = Inputs.of_run(problem)
-    if inputs:
-        inputs.begin(s)
-    run = prepare(inputs.mechanism if inputs else problem, options, (q, v, s))
+    run = prepare(inputs.begin(s) if inputs else problem, options, (q, v, s))
     started = perf_counter()
     status, message = run_to_end(run, options.max_steps, progress)
     out = make_solution(run, status, message, perf_counter() - started, inputs)

@@ -1,6 +1,6 @@
 """Inputs of a mechanism: functions of time whose values are set while it is simulated, by a user or by FMUs."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -84,15 +84,16 @@ class Inputs:
         """The present setting of each input of the user."""
         return {name: cell.setting for name, cell in self.cells.items()}
 
-    def begin(self, s: Array | None) -> None:
-        """Set the inputs that follow FMUs to those of the states s (ns,) of a start, or to their start values."""
+    def begin(self, s: Array | None) -> "Mechanism":
+        """Return the copy, whose inputs that follow FMUs are set by the states s (ns,) of a start, if given."""
         m = self.mechanism
         if self.followed:
             values = np.array([*m.states.values()]) if s is None else m.vector("s", s, len(m.states))
             m.bind_forces(m.make_workspace()).set_inputs(values)
+        return m
 
-    def history(self, t: Sequence[float], y: Array) -> dict[str, list[InputSetting]]:
-        """Return the settings of inputs that follow FMUs, from the nodes of a run: t (n,) and y (n, nq + nv + ns + 1)."""
+    def history(self, t: Array, y: Array) -> dict[str, list[InputSetting]]:
+        """Return the settings of inputs that follow FMUs, from the nodes of a run, t (n,) and points y (n, ...)."""
         m = self.mechanism
         history: dict[str, list[InputSetting]] = {name: [] for name in self.followed}
         if not history:

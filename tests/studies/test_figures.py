@@ -1,7 +1,5 @@
 """Figures: units on the axes, legends next to the data, one style per method, nothing drawn that is unknown."""
 
-import re
-import sys
 from dataclasses import replace
 
 import matplotlib as mpl
@@ -10,7 +8,6 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import mbdae
-from mbdae.cli.output import writable
 from mbdae.errors import InputError
 from mbdae.file_io import PICTURE_SUFFIXES
 from mbdae.integrate.steppers.ida import IDA
@@ -110,59 +107,6 @@ def test_every_format_is_written_and_the_same_twice(drawn, kind, suffix, tmp_pat
         figures.save(drawn[kind], path)
     assert paths[0].read_bytes()[: len(start)] == start
     assert paths[0].read_bytes() == paths[1].read_bytes()
-
-
-LATEX = r"""#!{python}
-import sys
-for line in sys.stdin:  # the part of LaTeX that matplotlib asks for the sizes of texts
-    if "pgf_backend_query_start" in line: print("*pgf_backend_query_start\n\n*", end="", flush=True)
-    if "impossible" in line: sys.exit(1)
-    if r"\the\dp0" in line: print("20.0pt,6.0pt,1.5pt\n\n*", end="", flush=True)
-"""
-
-
-@pytest.fixture
-def latex(tmp_path, monkeypatch):
-    """A program that answers like LaTeX, and no other one."""
-    program = tmp_path / "bin" / "lualatex"
-    program.parent.mkdir()
-    program.write_text(LATEX.replace("{python}", sys.executable))
-    program.chmod(0o755)
-    monkeypatch.setenv("PATH", str(program.parent))
-
-
-@pytest.mark.usefixtures("latex")
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_figure_for_latex_has_the_fonts_of_the_document(drawn, kind, tmp_path):
-    paths = [tmp_path / f"{name}.pgf" for name in "ab"]
-    for path in paths:
-        figures.save(drawn[kind], path)
-    text = paths[0].read_text("utf-8")
-    assert text.startswith("%% Creator: Matplotlib, PGF backend")
-    assert "setmainfont" not in text
-    for ax in drawn[kind].axes:
-        assert re.sub(r"[\W\d_]+.*", "", ax.get_xlabel()) in text
-    assert paths[1].read_text("utf-8") == text
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.pgf", "b.pgf", "bin"]
-
-
-@pytest.mark.usefixtures("latex")
-def test_texts_that_latex_cannot_set_are_named(tmp_path):
-    figure = figures.empty_figure(2.0, 2.0)
-    figure.text(0.5, 0.5, "impossible")
-    with pytest.raises(InputError, match=r"^lualatex cannot measure the texts of a \.pgf figure: Error measuring .*$"):
-        figures.save(figure, tmp_path / "a.pgf")
-    assert not list(tmp_path.glob("*.pgf"))
-
-
-def test_a_figure_for_latex_needs_latex(drawn, tmp_path, monkeypatch):
-    monkeypatch.setenv("PATH", str(tmp_path))
-    words = r"and none of xelatex, lualatex, pdflatex is installed: install one, or save as \.pdf or \.svg$"
-    with pytest.raises(InputError, match=words):
-        figures.save(drawn["motion"], tmp_path / "a.pgf")
-    with pytest.raises(InputError, match=words):
-        writable((str(tmp_path / "a.pgf"), PICTURE_SUFFIXES))  # of a command, before it computes
-    assert not list(tmp_path.iterdir())
 
 
 def test_other_formats_are_refused(drawn, tmp_path):

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property, partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +13,8 @@ from pydantic import Field, PrivateAttr
 from ...discovery import lazy_import
 from ...errors import InputError, StepError, UnknownNameError
 from ..allowed_paths import AllowedPaths
-from ..fmu.interface import fmu_interface
+from ..fmu.held_input import HeldInput
+from ..fmu.interface import FmuInterface, fmu_interface
 from ..fmu.session import FmuSession, kept_states
 from ..key_units import Unit
 from ..time_functions.input_functions import Input, InputSetting
@@ -37,9 +38,11 @@ class FMU(Force):
 
     At each instant t_k = offset + k step the FMU steps from t_k-1 to t_k with its inputs held, takes the signals of
     the mechanism, and its outputs act on the joints until the next instant. It starts at the first instant of a run;
-    before, its outputs are zero, and inputs have their start values. An output that sets an input u (`mbdae.Input`)
-    holds it, u = u_k; with ``hold = "first"`` it is reached at the next instant: u' = (u_k - u(t_k)) / step. Its units are converted from and to SI units. Runs go forwards only, and have no
-    derivatives; a run continues from another one if the FMU can save its state.
+    before, its outputs are zero, and inputs have their start values. Its units are converted from and to SI units. Runs
+    go forwards only, and have no derivatives; a run continues from another one if the FMU can save its state.
+
+    An output that sets an input u (`mbdae.Input`) holds it: u(t) = u_k. With ``hold = "first"`` it is the value at the
+    next instant: u is continuous, with u' = (u_k - u(t_k)) / step, so that it may be the speed of a driver.
 
     Attributes:
         file: the FMU, ``"motor.fmu"``, within the folder of the mechanism file.
@@ -82,27 +85,31 @@ class FMU(Force):
 
     def bind(self, model: pin.Model, data: pin.Data) -> "FmuElement":
         if not self.recorded:
-            found = fmu_interface(Path(self.file))
-            for what, names in (("input", self.inputs), ("output", self.outputs), ("parameter", self.parameters)):
-                for name in names:
-                    found.find(what, name)
-            for name, x in self.parameters.items():
-                if not found.parameters[name].accepts(x):
-                    kind = found.parameters[name].type
-                    raise InputError(f"parameter {name!r} of {self.name!r} is of type {kind}, got {x!r:.80}")
+            self._require_variables(fmu_interface(Path(self.file)))
         known, inputs = velocity_indices(model), self._inputs
         torques: dict[int, str] = {}
         for name, target in self.outputs.items():
             what = f"output {name!r} of {self.name!r}"
             if target in known and target in inputs:
                 raise InputError(f"{what}: {target!r} is a joint and an input, which needs another name")
-            if target not in known and target not in inputs:
+            if target in inputs:
+                continue
+            if target not in known:
                 raise UnknownNameError(f"joint or input of {what}", target, [*known, *inputs])
-            if target in known and known[target] in torques:
+            if known[target] in torques:
                 raise InputError(f"two outputs of {self.name!r} act on {target!r}")
-            if target in known:
-                torques[known[target]] = f"torque {target}"
+            torques[known[target]] = f"torque {target}"
         return FmuElement(self, torques, self.set_inputs)
+
+    def _require_variables(self, found: FmuInterface) -> None:
+        """Require that the FMU has the variables, and parameters of their types."""
+        for what, names in (("input", self.inputs), ("output", self.outputs), ("parameter", self.parameters)):
+            for name in names:
+                found.find(what, name)
+        for name, x in self.parameters.items():
+            if not found.parameters[name].accepts(x):
+                kind = found.parameters[name].type
+                raise InputError(f"parameter {name!r} of {self.name!r} is of type {kind}, got {x!r:.80}")
 
     def require_signals(self, mech: "Mechanism") -> None:
         """Require that its inputs are signals with values at a point.
@@ -172,40 +179,6 @@ def with_fmu_paths(forces: Sequence[Any], path: Path) -> tuple[Any, ...]:
             raise InputError(f"{x.name or x.kind}.file: {e}") from None
 
     return tuple(map(found, forces))
-
-
-class HeldInput(NamedTuple):
-    """An input that an output of an FMU sets, and its setting in the states s of the law, whose last but one may be t_k.
-
-    Attributes:
-        cell: the input.
-        value: index of its value.
-        rate: index of its rate; None for a constant one.
-    """
-
-    cell: Input
-    value: int
-    rate: int | None
-
-    def setting(self, s: Array) -> InputSetting:
-        """Return the setting from the states."""
-        if self.rate is None:
-            return InputSetting(0.0, float(s[self.value]))
-        return InputSetting(float(s[-2]), float(s[self.value]), float(s[self.rate]))
-
-    def hold(self, output: float, t: float, step: float, before: Array, after: Array) -> None:
-        """Set it to an output: at once, or at the end of a step that begins at t in s."""
-        if self.rate is None:
-            after[self.value] = output
-        else:
-            u = self.setting(before).at(t)
-            after[self.value], after[self.rate], after[-2] = u, (output - u) / step, t
-
-    def core_data(self, at: slice) -> CoreData:
-        """Return the core data; the states of the law are s[at]."""
-        first = self.rate is not None
-        rate, instant = (at.start + self.value + 1, at.stop - 2) if first else (-1, -1)
-        return {"input": self.cell.number, "value": at.start + self.value, "rate": rate, "instant": instant}
 
 
 class FmuElement(SampledElement):

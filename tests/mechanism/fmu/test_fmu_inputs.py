@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from motors import motor
 from test_fmu_motion import END, MASS, NUMBERS, REFERENCE, STEP, cart, drive
-from valves import FREE, KEEP, SLOW, at_instants, cylinder, driven, exact, framed, valve
+from valves import FREE, KEEP, SLOW, at_instants, cylinder, driven, exact, valve
 
 import mbdae
 from mbdae import DCMotor, Input, JointPID, JointTorque
