@@ -147,9 +147,10 @@ class ForceElements:
             law.give(program)
 
     def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        """Return s after a jump at time t, (ns,); each law receives its states before the jump."""
+        """Return s after a jump at time t, (ns,), and set inputs; each law receives the states before the jump."""
         out = s.copy()
         for law, at in self.bound:
             if law.states:
                 out[at] = law.jump(t, q, v, s, at)
+        self.set_inputs(out)
         return out

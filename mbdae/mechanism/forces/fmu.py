@@ -13,7 +13,6 @@ from pydantic import Field, PrivateAttr
 from ...discovery import lazy_import
 from ...errors import InputError, StepError, UnknownNameError
 from ..allowed_paths import AllowedPaths
-from ..fmu.held_input import HeldInput
 from ..fmu.interface import FmuInterface, fmu_interface
 from ..fmu.session import FmuSession, kept_states
 from ..key_units import Unit
@@ -21,6 +20,7 @@ from ..time_functions.input_functions import Input, InputSetting
 from ..tree.coordinate_units import model_suffixes
 from ..tree.frames import find_joint, joint_names
 from .force import Array, CoreData, Force
+from .held_input import HeldInput
 from .sampled import SampledElement
 
 if TYPE_CHECKING:
@@ -229,7 +229,7 @@ class FmuElement(SampledElement):
         before, after = s[at], s[at].copy()
         after[-1] = found.number
         for x, value in zip(self.held, found.outputs[self.m :], strict=True):
-            x.hold(value, t, self.spec.step, before, after)
+            x.set_output(value, t, self.spec.step, before, after)
         return np.array(found.outputs[: self.m]), after[self.m :]
 
     def input_settings(self, s: Array) -> dict[str, InputSetting]:

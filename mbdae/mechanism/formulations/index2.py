@@ -188,11 +188,9 @@ class Index2System(PinocchioData, RunVariables, System):
         return min(sign * self.laws.breakpoint(t, sign), min(driven, default=inf)) * sign
 
     def jump(self, t: float, y: Array) -> Array:
-        """See `mbdae.system.System`: the states of sampled controllers jump, and with them inputs that follow FMUs."""
+        """See `mbdae.system.System`: the states of sampled controllers jump."""
         q, v = self.split(y)
-        s = self.laws.jump(t, q, v, self.element_states(y))
-        self.laws.set_inputs(s)
-        return np.concatenate([q, v, s, y[-1:]])
+        return np.concatenate([q, v, self.laws.jump(t, q, v, self.element_states(y)), y[-1:]])
 
     def chart(self, t: float, y: Array) -> index2_step.Index2Chart:
         return index2_step.Index2Chart(self, t, y, self.rows_of_step(t, y))

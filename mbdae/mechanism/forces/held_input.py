@@ -2,9 +2,8 @@
 
 from typing import NamedTuple
 
-from ...data_types import CoreData
-from ...system import Array
 from ..time_functions.input_functions import Input, InputSetting
+from .force import Array, CoreData
 
 
 class HeldInput(NamedTuple):
@@ -26,7 +25,7 @@ class HeldInput(NamedTuple):
             return InputSetting(0.0, float(s[self.value]))
         return InputSetting(float(s[-2]), float(s[self.value]), float(s[self.rate]))
 
-    def hold(self, output: float, t: float, step: float, before: Array, after: Array) -> None:
+    def set_output(self, output: float, t: float, step: float, before: Array, after: Array) -> None:
         """Set it to an output: at once, or at the end of a step that begins at t in s."""
         if self.rate is None:
             after[self.value] = output
