@@ -5,10 +5,12 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shutil import which
 
 from .errors import InputError
 
 VIDEO_SUFFIXES = (".mp4", ".gif")
+PICTURE_SUFFIXES = (".png", ".svg", ".pdf", ".pgf")
 TABLE_SUFFIXES = (".csv", ".json", ".tex")  # formats of saved results of studies
 
 
@@ -36,6 +38,19 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
         raise InputError(f"cannot write {path}: {e.strerror}") from None
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def find_latex() -> str:
+    """Return the name of an installed LaTeX, without which no figure is saved as .pgf.
+
+    Raises:
+        InputError: if there is none.
+    """
+    known = "xelatex", "lualatex", "pdflatex"
+    if not (found := next(filter(which, known), None)):
+        missing = f"none of {', '.join(known)} is installed: install one, or save as .pdf or .svg"
+        raise InputError(f"a .pgf figure needs LaTeX, which measures its texts, and {missing}")
+    return found
 
 
 def write_page(path: str | Path, page: Callable[[], str], what: str) -> None:

@@ -11,13 +11,13 @@ import click
 
 from ..data_types import Json
 from ..errors import InputError, printable
-from ..file_io import TABLE_SUFFIXES, VIDEO_SUFFIXES
+from ..file_io import PICTURE_SUFFIXES, TABLE_SUFFIXES, VIDEO_SUFFIXES, find_latex
 
 if TYPE_CHECKING:
     from ..solution.solution import Solution
 
 HOLDS, FAILED, USAGE, UNJUDGED = 0, 1, 2, 3  # exit codes: holds, failed or refuted, wrong usage, cannot be judged
-PICTURES, PAGES = (".png", ".svg", ".pdf"), (".html",)
+PICTURES, PAGES = PICTURE_SUFFIXES, (".html",)
 TABLES, VIDEOS = TABLE_SUFFIXES, VIDEO_SUFFIXES
 
 
@@ -56,7 +56,7 @@ def output_file(
 TABLE = output_file("-o", "--output", help="Save as a table .csv, all as .json, or in LaTeX as .tex.")
 PLOT = output_file(
     "--plot",
-    help="Draw a figure as .png, .svg or .pdf.",
+    help="Draw a figure as .png, .svg, .pdf or .pgf.",
     suffixes=PICTURES,
     write=lambda found, path, given: found.plot(path),
 )
@@ -66,7 +66,7 @@ def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
     """Check output files before anything is computed; return the paths that are given.
 
     Raises:
-        InputError: for an invalid suffix, or a folder that does not exist.
+        InputError: for an invalid suffix, a folder that does not exist, or a .pgf figure without LaTeX.
     """
     named = [(path, suffixes) for path, suffixes in paths if path]
     for path, suffixes in named:
@@ -77,6 +77,8 @@ def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
             raise InputError(f"cannot write {path}: no such folder")
         if not os.access(folder, os.W_OK):
             raise InputError(f"cannot write {path}: the folder is read-only")
+        if Path(path).suffix == ".pgf":
+            find_latex()
     return [path for path, _ in named]
 
 

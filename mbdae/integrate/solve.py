@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 
+from ..mechanism.inputs import Inputs
 from ..methods import MethodLike
 from ..solution.problem import problem_of
 from ..solution.solution import Problem, Solution
@@ -95,9 +96,10 @@ def solve(
         baumgarte=baumgarte, step=step, rtol=rtol, atol=atol, first_step=first_step, max_step=max_step,
         max_steps=max_steps,
     )  # fmt: skip
-    run = prepare(problem, options, (q, v, s))
+    inputs = Inputs.of_run(problem)
+    run = prepare(inputs.begin(s) if inputs else problem, options, (q, v, s))
     started = perf_counter()
     status, message = run_to_end(run, options.max_steps, progress)
-    out = make_solution(run, status, message, perf_counter() - started)
+    out = make_solution(run, status, message, perf_counter() - started, inputs)
     run.release()
     return out

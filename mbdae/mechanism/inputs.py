@@ -1,11 +1,15 @@
-"""Inputs of a mechanism: functions of time whose values are set while it is simulated."""
+"""Inputs of a mechanism: functions of time whose values are set while it is simulated, by a user or by FMUs."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
 
 from ..errors import InputError, UnknownNameError
-from .closures.driver import Driver
-from .time_functions.input_functions import Input, InputHistory, InputSetting
+from ..system import Array
+from .forces.fmu import fmus_of_inputs
+from .time_functions.input_functions import Input, InputHistory, InputSetting, as_input, inputs_in, map_inputs
+from .time_functions.time_function_base import BaseTimeFunction
 from .variant import variant
 
 if TYPE_CHECKING:
@@ -17,91 +21,97 @@ class Inputs:
 
     Args:
         mechanism: with any number of inputs in its forces and drivers; one without inputs is not copied.
+        settable: whether the user sets inputs; otherwise those that no FMU sets stay constants.
 
     Attributes:
         original: the mechanism.
         mechanism: the copy.
-        named: the inputs by name.
+        named: the inputs of the user by name.
         cells: those of the copy.
+        followed: inputs of the copy that outputs of FMUs set.
         by_rate: names of those whose rate enters the accelerations, so that they jump with it.
 
     Raises:
         InputError: for inputs of one name with different settings, or in a driver whose speed they would let jump.
     """
 
-    def __init__(self, mechanism: "Mechanism") -> None:
-        self.original, self.named = mechanism, dict[str, Input]()
-        for force in mechanism.forces:
-            _mapped(force, self._collect)
-        for driver in mechanism.drivers:
-            _mapped(driver, lambda x, driver=driver: self._collect(_continuous(x, driver)))
+    def __init__(self, mechanism: "Mechanism", settable: bool = True) -> None:
+        self.original, self._fmus = mechanism, fmus_of_inputs(mechanism.forces)
+        found = inputs_in([*mechanism.forces, *mechanism.drivers]) if settable or self._fmus else {}
+        own = found.items() if settable else ()
+        self.named = {name: x for name, x in own if isinstance(x, Input) and name not in self._fmus}
+        for driver in mechanism.drivers if settable else ():
+            driver.require_continuous()
         self.cells = {name: x.cell(i) for i, (name, x) in enumerate(self.named.items())}
-        self.mechanism = self.replaced(self.cells) if self.named else mechanism
+        self.followed = {name: as_input(found[name]).cell(len(self.cells) + i) for i, name in enumerate(self._fmus)}
+        cells = self.cells | self.followed
+        self.mechanism = self.replaced(cells) if cells else mechanism
         self.by_rate = {d.path.name for d in self.mechanism.drivers if isinstance(d.path, Input)}
         for law, _ in self.mechanism.bind_forces(self.mechanism.make_workspace()).bound:
             self.by_rate |= {u.name for u in law.differentiated if isinstance(u, Input)}
 
-    def _collect(self, value: Input) -> Input:
-        known = self.named.setdefault(value.name, value)
-        if known != value:
-            raise InputError(f"input {value.name!r} is given twice, with different settings")
-        return value
+    @classmethod
+    def of_run(cls, problem: object) -> "Inputs | None":
+        """Return the inputs that FMUs set during a run; None if there are none."""
+        forces = getattr(problem, "forces", ())
+        return cls(cast("Mechanism", problem), settable=False) if fmus_of_inputs(forces) else None
 
-    def replaced(self, replaced: Mapping[str, object], m: "Mechanism | None" = None) -> "Mechanism":
+    def replaced(self, replaced: Mapping[str, BaseTimeFunction], m: "Mechanism | None" = None) -> "Mechanism":
         """Return the mechanism, or a variant of it, with functions of time in place of its inputs."""
-        m, change = m or self.original, lambda x: replaced[x.name]
-        drivers = [_mapped(d, change) for d in m.drivers]
-        return variant(m, forces=[_mapped(f, change) for f in m.forces], drivers=drivers, source=None)
+        m = m or self.original
+
+        def change(x: Input | InputHistory) -> BaseTimeFunction:
+            return replaced.get(x.name, x) if isinstance(x, Input) or x.name in self._fmus else x
+
+        drivers = [map_inputs(d, change) for d in m.drivers]
+        return variant(m, forces=[map_inputs(f, change) for f in m.forces], drivers=drivers, source=None)
 
     def cell(self, name: str) -> Input:
         """Return an input that can be set.
 
         Raises:
+            InputError: for one that an FMU sets.
             UnknownNameError: lists the inputs.
         """
+        if name in self._fmus:
+            raise InputError(f"input {name!r} is set by FMU {self._fmus[name]!r}")
         if name not in self.cells:
             raise UnknownNameError("input", name, self.cells)
         return self.cells[name]
 
     @property
     def values(self) -> dict[str, InputSetting]:
-        """The present setting of each input."""
+        """The present setting of each input of the user."""
         return {name: cell.setting for name, cell in self.cells.items()}
 
-    def recorded(self, history: Mapping[str, Sequence[InputSetting]]) -> "Mechanism":
-        """Return the mechanism with the inputs as functions of time."""
-        if not self.named:
-            return self.original
+    def begin(self, s: Array | None) -> "Mechanism":
+        """Return the copy, whose inputs that follow FMUs are set by the states s (ns,) of a start, if given."""
+        m = self.mechanism
+        if self.followed:
+            values = np.array([*m.states.values()]) if s is None else m.vector("s", s, len(m.states))
+            m.bind_forces(m.make_workspace()).set_inputs(values)
+        return m
+
+    def history(self, t: Array, y: Array) -> dict[str, list[InputSetting]]:
+        """Return the settings of inputs that follow FMUs, from the nodes of a run, t (n,) and points y (n, ...)."""
+        m = self.mechanism
+        history: dict[str, list[InputSetting]] = {name: [] for name in self.followed}
+        if not history:
+            return history
+        laws, states = m.bind_forces(m.make_workspace()), y[:, m.nq + m.nv : -1]
+        for law, at in laws.bound:
+            s = states[:, at]
+            changed = np.flatnonzero((s[1:] != s[:-1]).any(axis=1)) + 1
+            for i in (0, *changed.tolist()) if law.external else ():
+                for name, x in law.input_settings(s[i]).items():
+                    setting = InputSetting(float(t[i]), x.at(float(t[i])), x.rate)
+                    if not history[name] or history[name][-1][1:] != setting[1:]:
+                        history[name].append(setting)
+        return history
+
+    def recorded(self, history: Mapping[str, Iterable[InputSetting]]) -> "Mechanism":
+        """Return the mechanism with inputs as functions of time."""
+        holds = {name: x.hold for name, x in (self.cells | self.followed).items()}
         pieces = {name: tuple(map(tuple, settings)) for name, settings in history.items()}
-        return self.replaced({name: InputHistory(name=name, pieces=x) for name, x in pieces.items()})
-
-
-def _continuous(value: Input, driver: Driver) -> Input:
-    """Return the input of a driver.
-
-    Raises:
-        InputError: for a motion, whose speed would jump with its rate; for a speed that jumps: that is an impact.
-    """
-    if driver.speed is None or value.hold != "first":
-        what = "motion" if driver.speed is None else "speed"
-        use = "a driver follows an input as its speed, with hold = 'first'"
-        raise InputError(f"driver {driver.name!r}: input {value.name!r} lets its {what} jump, an impact: {use}")
-    return value
-
-
-def _mapped(value: Any, change: Any) -> Any:
-    """Return a force, or a value of its keys, with its inputs replaced."""
-    if isinstance(value, Input):
-        return change(value)
-    if isinstance(value, tuple):
-        return tuple(_mapped(x, change) for x in value)
-    if not hasattr(type(value), "model_fields"):
-        return value
-    found = {name: getattr(value, name) for name in type(value).model_fields}
-    update = {name: new for name, x in found.items() if (new := _mapped(x, change)) is not x}
-    if not update:
-        return value
-    out = value.model_copy(update=update)
-    for name in vars(out).keys() - found.keys():  # cached properties, of the inputs before
-        del vars(out)[name]
-    return out
+        new = {name: InputHistory(name=name, pieces=x, hold=holds[name]) for name, x in pieces.items()}
+        return self.replaced(new) if new else self.original

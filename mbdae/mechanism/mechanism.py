@@ -23,7 +23,7 @@ from .closures.driver import Driver
 from .closures.unilateral_constraint import Stop
 from .equations.dynamics_terms import DynamicsTerms
 from .flexible import require_leaves
-from .forces import bind_forces, named_force, require_signals, stiction_joints
+from .forces import bind_forces, named_forces, require_signals, stiction_joints
 from .forces.elements import ForceElements
 from .formulations.closure_friction import ClosureFriction
 from .formulations.compiled_systems import COMPILED
@@ -100,7 +100,7 @@ class Mechanism(DynamicsTerms):
         self.title, self.duration, self.order = title or model.name, duration, order or OrderSettings()
         self.motors, self.left_out, self.remarks = tuple(motors), tuple(left_out), tuple(remarks)
         self.closures, self.drivers, self.stops = tuple(closures), tuple(drivers), resolve_stops(model, stops)
-        self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
+        self.forces = named_forces(forces, self.drivers)
         self.clutches, brakes = tuple(clutches), tuple(Brake(*data) for data in stiction_joints(model, self.forces))
         self.constraints: tuple[Spec, ...] = (*self.closures, *self.drivers, *self.stops, *self.clutches, *brakes)
         if len({c.name for c in self.constraints}) < len(self.constraints):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .forces import bind_forces, named_force
+from .forces import bind_forces, named_forces
 from .forces.coulomb_friction import CoulombFriction
 from .forces.joint_friction import JointFriction
 from .tree.tree_terms import structure_of_flexible
@@ -33,7 +33,7 @@ def variant(mech: "Mechanism", **parts: Any) -> "Mechanism":
     if parts.keys() <= UNBOUND:
         return _shared(mech, parts)
     if parts.keys() <= {*UNBOUND, "forces"}:
-        forces = tuple(named_force(f, i) for i, f in enumerate(parts["forces"]))
+        forces = named_forces(parts["forces"], mech.drivers)
         if _are_same_kinds(mech.forces, forces) and not any(isinstance(f, SWITCHED) for f in forces):
             return _shared(mech, parts | {"forces": forces})
     names = (

@@ -237,7 +237,7 @@ class Solution(DenseOutput, Tabular):
         Args:
             names: one or several names of `signals`, or a prefix: ``"q"``; when left out, coordinates, velocities,
                 residuals and energy, or y and z of a textbook problem.
-            path: a file to save, .png, .svg or .pdf.
+            path: a file to save, .png, .svg, .pdf or .pgf.
 
         Raises:
             UnknownNameError: for an unknown signal.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 
 from ..errors import InputError
-from ..file_io import atomic_write
+from ..file_io import PICTURE_SUFFIXES, atomic_write, find_latex
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 T = TypeVar("T")
-FORMATS = (".png", ".svg", ".pdf")
 WIDTH = 7.1  # inches: two columns of a journal
 STYLE: Any = {  # matplotlib's keys
     "font.size": 8.5,
@@ -174,14 +173,29 @@ def legend_right(ax: "Axes", **options: Any) -> None:
 
 @styled
 def save(figure: "Figure", path: str | Path) -> None:
-    """Write a figure as .png, .svg or .pdf.
+    """Write a figure as .png, .svg, .pdf or .pgf, or as .pgf for LaTeX, with the fonts of the document.
 
     Raises:
-        InputError: for another format or an unwritable path.
+        InputError: for another format or an unwritable path; for .pgf without LaTeX, or texts that it cannot set.
     """
     check_format(path)
     with atomic_write(path) as temporary:
-        figure.savefig(temporary, metadata=_undated(Path(path).suffix))
+        if temporary.suffix == ".pgf":
+            _save_pgf(figure, temporary)
+        else:
+            figure.savefig(temporary, metadata=_undated(temporary.suffix))
+
+
+def _save_pgf(figure: "Figure", path: Path) -> None:
+    import matplotlib
+    from matplotlib.backends.backend_pgf import LatexError
+
+    program = find_latex()
+    matplotlib.rcParams.update({"pgf.texsystem": program, "pgf.rcfonts": False})
+    try:
+        figure.savefig(path)
+    except (LatexError, ValueError, RuntimeError) as e:
+        raise InputError(f"{program} cannot measure the texts of a .pgf figure: {str(e).splitlines()[0]}") from None
 
 
 def save_if_path(figure: "Figure", path: str | Path | None) -> "Figure":
@@ -214,8 +228,8 @@ def check_format(path: str | Path) -> None:
     Raises:
         InputError: naming the valid formats.
     """
-    if Path(path).suffix not in FORMATS:
-        raise InputError(f"a figure is saved as {', '.join(FORMATS)}, got {str(path)!r}")
+    if Path(path).suffix not in PICTURE_SUFFIXES:
+        raise InputError(f"a figure is saved as {', '.join(PICTURE_SUFFIXES)}, got {str(path)!r}")
 
 
 def _undated(suffix: str) -> dict[str, None]:

@@ -10,6 +10,7 @@ import numpy as np
 from ...errors import StepError
 from ...mechanism.flexible.linear_range import beyond_linear
 from ...mechanism.formulations.index2 import Index2System
+from ...mechanism.inputs import Inputs
 from ...solution.solution import Solution
 from ...system import Array
 from .elastic_resolution import elastic_resolution
@@ -19,15 +20,26 @@ from .run_state import CarryRecord, RunState
 log = logging.getLogger("mbdae")
 
 
-def make_solution(run: RunState, status: str, message: str, seconds: float) -> Solution:
-    """Return the solution of a run at the requested times; the accuracy of a finished run is checked."""
+def make_solution(
+    run: RunState, status: str, message: str, seconds: float, inputs: Inputs | None = None
+) -> Solution:
+    """Return the solution of a run at the requested times; the accuracy of a finished run is checked.
+
+    Args:
+        run: the run.
+        status: of `mbdae.errors.STATUS`.
+        message: the same in words.
+        seconds: computing time in s.
+        inputs: those that FMUs have set, which become functions of time.
+    """
     stats = _statistics(run, seconds)
     message = "; ".join([message, *(words for source in run.sources if (words := source.warning()))])
     settings = {**run.settings, **run.stepper.settings(), "dense_order": run.dense_order}
     n = len(run.ts)
     t, y, z = np.array(run.ts), run.ys[:n].copy(), run.zs[:n].copy()
     found = _results(run)
-    full = Solution(run.problem, t, y, z, status, message, stats, settings, **found)
+    problem = inputs.recorded(inputs.history(t, y)) if inputs else run.problem
+    full = Solution(problem, t, y, z, status, message, stats, settings, **found)
     out = full if run.options.t_eval is None else _at_times(full, run.options.t_eval, run.sign, found)
     if out.success and isinstance(run.system, Index2System):
         unresolved, limit = elastic_resolution(full, run.tableau)

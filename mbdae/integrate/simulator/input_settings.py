@@ -30,7 +30,8 @@ class InputSettings:
         Raises:
             UnknownNameError: lists the inputs.
         """
-        return self.wanted.get(name, self.inputs.cell(name).at(t))
+        cell = self.inputs.followed.get(name) or self.inputs.cell(name)
+        return self.wanted.get(name, cell.at(t))
 
     def want(self, name: str, value: float) -> None:
         """Set an input for the next advance.

@@ -135,6 +135,7 @@ def resume(run: RunState, start: RunSnapshot) -> None:
     s: Any = run.system
     t, y, carry, compensation, rows, s.rank_threshold, mode, stepper, interval = start
     run.ys[-1] = y
+    s.laws.set_inputs(s.element_states(y))
     if run.mode_changes:
         run.mode_changes.resume(run, mode)
     if rows is not None:

@@ -90,15 +90,15 @@ class Simulator(DifferentiableAdvance):
         if not is_number(t):
             raise InputError(f"t must be a finite number, got {t!r:.60}")
         self.inputs = Inputs(problem)
-        self.mechanism = mechanism = self.inputs.mechanism
+        self.mechanism = self.inputs.mechanism
         span = t, np.nextafter(t, np.inf) + 1.0
-        self.options = RunOptions.from_arguments(mechanism, span, None, jumps, events, backend, **options)
+        self.options = RunOptions.from_arguments(self.mechanism, span, None, jumps, events, backend, **options)
         self.recorded, self.restart, self.start, self.seconds = record, restart, float(t), 0.0
         self.status, self.message = "running", STATUS["finished"]
         self._settings = InputSettings(self.inputs)
-        self._earlier: list[Solution] = []  # recorded before the last save
-        self._fresh = True  # no step yet since a start at which the carry was computed
-        self._continue(prepare(mechanism, self.options, (q, v, s)))
+        # recorded before the last save; no step yet since a start at which the carry was computed
+        self._earlier, self._fresh = list[Solution](), True
+        self._continue(prepare(self.inputs.begin(s), self.options, (q, v, s)))
         with np.errstate(over="ignore", invalid="ignore"):
             self._run.begin()
 
@@ -292,9 +292,7 @@ class Simulator(DifferentiableAdvance):
         return make_solution(self._run, status, self.message, self.seconds)
 
     def solution(self) -> Solution:
-        """Return the recorded steps as a solution; inputs have become functions of time with their history.
-
-        Its checks, statistics and signals are those of `mbdae.solve`.
-        """
+        """Return the recorded steps as a solution of `mbdae.solve`; inputs are functions of time with their history."""
         out = joined([*self._earlier, self._made()])
-        return replace(out, problem=self.inputs.recorded(self._settings.history)) if self.inputs.named else out
+        history = self._settings.history | self.inputs.history(out.t, out.y)
+        return replace(out, problem=self.inputs.recorded(history))

@@ -160,6 +160,7 @@ class NativeStepper(Stepper):
         self._from_native()
         run.rejected = (run.rejected or 0) + self.run.rejected
         self._record(run)
+        self.system.laws.set_inputs(self.system.element_states(run.state.y))
 
     def _constants_to_native(self) -> None:
         """Pass all thresholds to the core."""

@@ -16,6 +16,7 @@ from ...errors import InputError, StepError
 from ...tolerances import COINCIDENT, THREE_DIGITS
 from ..checked_table import Table
 from ..key_units import Unit, UnitSymbols
+from ..time_functions.input_functions import Input
 from ..time_functions.piecewise_polynomial import Beyond, PiecewisePolynomial
 from ..time_functions.time_functions import Function, Harmonic, Motion, Polynomial, Steps, TimeFunction, TimeTable
 from .joint_rows import Coordinate
@@ -127,6 +128,18 @@ class Driver(Table):
         if isinstance(self.motion, TimeTable) and self.motion.beyond is None:
             return self.motion.points[0][0], self.motion.points[-1][0]
         return -inf, inf
+
+    def require_continuous(self) -> None:
+        """Require that an input that is set during runs does not let the speed jump.
+
+        Raises:
+            InputError: for a motion, whose speed would jump with its rate; for a speed that jumps: that is an impact.
+        """
+        u = self._given
+        if isinstance(u, Input) and (self.speed is None or u.hold != "first"):
+            what = "motion" if self.speed is None else "speed"
+            use = "a driver follows an input as its speed, with hold = 'first'"
+            raise InputError(f"driver {self.name!r}: input {u.name!r} lets its {what} jump, an impact: {use}")
 
     def outside(self, t: float) -> str:
         """Return a message if u is not defined at time t, up to rounding; otherwise an empty one."""

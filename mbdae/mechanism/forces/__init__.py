@@ -10,8 +10,10 @@ from pydantic_core import PydanticUndefined
 
 from ...discovery import members, plugins
 from ...errors import InputError
+from ..time_functions.input_functions import as_input, inputs_in
 from ..tree.frames import find_joint
 from .elements import ForceElements
+from .fmu import FMU, fmus_of_inputs
 from .force import Force, PythonForce
 from .joint_damping import JointDamping, damping_law
 from .joint_friction import JointFriction, StictionJoint
@@ -35,6 +37,7 @@ PYTHON_FORCES = tuple(c for c in _FOUND if issubclass(c, PythonForce) and c is n
 NAMES = {c.__name__: c for c in (*FORCES, *PYTHON_FORCES)}
 
 if TYPE_CHECKING:
+    from ..closures.driver import Driver
     from ..mechanism import Mechanism
 
     AnyForce = Force
@@ -56,6 +59,24 @@ def named_force(force: object, i: int) -> MechanismForce:
         kinds = ", ".join(f.__name__ for f in (*FORCES, *PYTHON_FORCES))
         raise InputError(f"a force is a function tau(t, q, v) or one of {kinds}, got {type(force).__name__}")
     return force if force.name else force.model_copy(update={"name": f"{force.kind} {i + 1}"})
+
+
+def named_forces(forces: Sequence[object], drivers: "Sequence[Driver]") -> tuple[MechanismForce, ...]:
+    """Return the forces of a mechanism with their names; FMUs know the inputs that they may set.
+
+    Raises:
+        InputError: for anything else than a force, or inputs that outputs of FMUs cannot set.
+    """
+    found = tuple(named_force(f, i) for i, f in enumerate(forces))
+    if not any(isinstance(f, FMU) for f in found):
+        return found
+    inputs = {name: as_input(x) for name, x in inputs_in([*found, *drivers]).items()}
+    found = tuple(f.with_inputs(inputs) if isinstance(f, FMU) else f for f in found)
+    held = fmus_of_inputs(found)
+    for driver in drivers:
+        if getattr(driver.path, "name", "") in held:
+            driver.require_continuous()
+    return found
 
 
 def stiction_joints(model: pin.Model, forces: Sequence[object]) -> tuple[StictionJoint, ...]:

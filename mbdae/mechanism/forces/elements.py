@@ -131,6 +131,12 @@ class ForceElements:
         """Return the states of laws that another program computes, by their names; None if it cannot save them."""
         return {law.name: law.save(s[at]) for law, at in self.bound if law.external}
 
+    def set_inputs(self, s: Array, notify: bool = True) -> None:
+        """Set inputs that laws set from their states; see `Input.set`."""
+        for law, at in self.bound:
+            if law.external:
+                law.set_inputs(s[at], notify)
+
     def take(self) -> list[object]:
         """Return the other programs of laws that have one, and forget them."""
         return [law.take() for law, _ in self.bound]
@@ -141,9 +147,10 @@ class ForceElements:
             law.give(program)
 
     def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        """Return s after a jump at time t, (ns,); each law receives its states before the jump."""
+        """Return s after a jump at time t, (ns,), and set inputs; each law receives the states before the jump."""
         out = s.copy()
         for law, at in self.bound:
             if law.states:
                 out[at] = law.jump(t, q, v, s, at)
+        self.set_inputs(out)
         return out

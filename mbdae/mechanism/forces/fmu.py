@@ -1,6 +1,6 @@
 """FMUs of other programs as sampled controllers: motors, valves, controllers (FMI 2.0 and 3.0, co-simulation)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property, partial
 from importlib import import_module
 from pathlib import Path
@@ -8,17 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
 from ...discovery import lazy_import
 from ...errors import InputError, StepError, UnknownNameError
 from ..allowed_paths import AllowedPaths
-from ..fmu.interface import fmu_interface
+from ..fmu.interface import FmuInterface, fmu_interface
 from ..fmu.session import FmuSession, kept_states
 from ..key_units import Unit
+from ..time_functions.input_functions import Input, InputSetting
 from ..tree.coordinate_units import model_suffixes
 from ..tree.frames import find_joint, joint_names
-from .force import Array, Force
+from .force import Array, CoreData, Force
+from .held_input import HeldInput
 from .sampled import SampledElement
 
 if TYPE_CHECKING:
@@ -36,8 +38,11 @@ class FMU(Force):
 
     At each instant t_k = offset + k step the FMU steps from t_k-1 to t_k with its inputs held, takes the signals of
     the mechanism, and its outputs act on the joints until the next instant. It starts at the first instant of a run;
-    before, its outputs are zero. Its units are converted from and to SI units. Runs go forwards only, and have no
-    derivatives; a run continues from another one if the FMU can save its state.
+    before, its outputs are zero, and inputs have their start values. Its units are converted from and to SI units. Runs
+    go forwards only, and have no derivatives; a run continues from another one if the FMU can save its state.
+
+    An output that sets an input u (`mbdae.Input`) holds it: u(t) = u_k. With ``hold = "first"`` it is the value at the
+    next instant: u is continuous, with u' = (u_k - u(t_k)) / step, so that it may be the speed of a driver.
 
     Attributes:
         file: the FMU, ``"motor.fmu"``, within the folder of the mechanism file.
@@ -45,7 +50,7 @@ class FMU(Force):
         inputs: its inputs, each a signal of the mechanism (`mbdae.Solution.signals`) or a constant number in SI units,
             also in files with other units.
         outputs: its outputs, each acting on a joint of one velocity, or on a velocity ``"ball.wx"`` of another one,
-            in N m or N.
+            in N m or N, or setting an input of the mechanism, in its unit.
         parameters: its parameters and other values before the start, in its own units.
         offset: an instant in s.
         recorded: whether it belongs to a saved run, which has the outputs of the FMU, but does not run it again.
@@ -54,7 +59,7 @@ class FMU(Force):
     Raises:
         InputError: for an unknown key or a wrong value; when a mechanism is created, for a missing file, a file that
             is no FMU for co-simulation on this platform, or missing FMPy.
-        UnknownNameError: when a mechanism is created, for an unknown joint, signal or variable of the FMU.
+        UnknownNameError: when a mechanism is created, for an unknown joint, input, signal or variable of the FMU.
     """
 
     kind: Literal["fmu"] = "fmu"
@@ -65,26 +70,46 @@ class FMU(Force):
     parameters: Annotated[dict[str, float | bool | str], Unit("1")] = Field(default_factory=dict)
     offset: Annotated[float, Unit("s")] = 0.0
     recorded: bool = False
+    _inputs: Mapping[str, Input] = PrivateAttr(default_factory=dict)  # of the mechanism
+
+    def with_inputs(self, inputs: Mapping[str, Input]) -> "FMU":
+        """Return it with the inputs of its mechanism, which its outputs may set."""
+        out = self.model_copy()
+        out._inputs = inputs
+        return out
+
+    @property
+    def set_inputs(self) -> dict[str, Input]:
+        """The inputs of the mechanism that its outputs set, by the names of the outputs."""
+        return {name: self._inputs[x] for name, x in self.outputs.items() if x in self._inputs}
 
     def bind(self, model: pin.Model, data: pin.Data) -> "FmuElement":
         if not self.recorded:
-            found = fmu_interface(Path(self.file))
-            for what, names in (("input", self.inputs), ("output", self.outputs), ("parameter", self.parameters)):
-                for name in names:
-                    found.find(what, name)
-            for name, x in self.parameters.items():
-                if not found.parameters[name].accepts(x):
-                    kind = found.parameters[name].type
-                    raise InputError(f"parameter {name!r} of {self.name!r} is of type {kind}, got {x!r:.80}")
-        known = velocity_indices(model)
+            self._require_variables(fmu_interface(Path(self.file)))
+        known, inputs = velocity_indices(model), self._inputs
         torques: dict[int, str] = {}
-        for name, joint in self.outputs.items():
-            if joint not in known:
-                raise UnknownNameError(f"joint of output {name!r} of {self.name!r}", joint, known)
-            if known[joint] in torques:
-                raise InputError(f"two outputs of {self.name!r} act on {joint!r}")
-            torques[known[joint]] = f"torque {joint}"
-        return FmuElement(self, torques)
+        for name, target in self.outputs.items():
+            what = f"output {name!r} of {self.name!r}"
+            if target in known and target in inputs:
+                raise InputError(f"{what}: {target!r} is a joint and an input, which needs another name")
+            if target in inputs:
+                continue
+            if target not in known:
+                raise UnknownNameError(f"joint or input of {what}", target, [*known, *inputs])
+            if known[target] in torques:
+                raise InputError(f"two outputs of {self.name!r} act on {target!r}")
+            torques[known[target]] = f"torque {target}"
+        return FmuElement(self, torques, self.set_inputs)
+
+    def _require_variables(self, found: FmuInterface) -> None:
+        """Require that the FMU has the variables, and parameters of their types."""
+        for what, names in (("input", self.inputs), ("output", self.outputs), ("parameter", self.parameters)):
+            for name in names:
+                found.find(what, name)
+        for name, x in self.parameters.items():
+            if not found.parameters[name].accepts(x):
+                kind = found.parameters[name].type
+                raise InputError(f"parameter {name!r} of {self.name!r} is of type {kind}, got {x!r:.80}")
 
     def require_signals(self, mech: "Mechanism") -> None:
         """Require that its inputs are signals with values at a point.
@@ -98,8 +123,11 @@ class FMU(Force):
             if isinstance(signal, str):
                 lazy_import(SIGNALS, "find_point_signal")(mech, signal)
 
-    def session(self) -> FmuSession:
+    def session(self, outputs: Sequence[str]) -> FmuSession:
         """Return the FMU before its start.
+
+        Args:
+            outputs: names of its outputs in the order of its samples.
 
         Raises:
             StepError: if it belongs to a saved run.
@@ -107,7 +135,7 @@ class FMU(Force):
         if self.recorded:
             raise StepError("force", f"FMU {self.name!r} is not in the file: load the mechanism with it again")
         found, path = fmu_interface(Path(self.file)), Path(self.file)
-        return FmuSession(self.name, path, found, self.step, self.parameters, [*self.inputs], [*self.outputs])
+        return FmuSession(self.name, path, found, self.step, self.parameters, [*self.inputs], outputs)
 
 
 def velocity_indices(model: pin.Model) -> dict[str, int]:
@@ -117,6 +145,21 @@ def velocity_indices(model: pin.Model) -> dict[str, int]:
         first = find_joint(model, name).idx_v
         out |= {f"{name}{suffix}": first + i for i, suffix in enumerate(model_suffixes(model, name)[1])}
     return out
+
+
+def fmus_of_inputs(forces: Iterable[object]) -> dict[str, str]:
+    """Return the inputs that outputs of FMUs set, and the names of these FMUs.
+
+    Raises:
+        InputError: for an input that two outputs set.
+    """
+    found: dict[str, str] = {}
+    for fmu in (x for x in forces if isinstance(x, FMU)):
+        for cell in fmu.set_inputs.values():
+            if cell.name in found:
+                raise InputError(f"input {cell.name!r} is set by an output of {found[cell.name]!r} and of {fmu.name!r}")
+            found[cell.name] = fmu.name
+    return found
 
 
 def with_fmu_paths(forces: Sequence[Any], path: Path) -> tuple[Any, ...]:
@@ -139,12 +182,29 @@ def with_fmu_paths(forces: Sequence[Any], path: Path) -> tuple[Any, ...]:
 
 
 class FmuElement(SampledElement):
-    """The law of `FMU`: s = (its outputs (m,), the number of its state), see `mbdae.mechanism.fmu.session`."""
+    """The law of `FMU`: s = (torques (m,), inputs that it sets, the last instant, the number of its state).
+
+    The instant, and rates after the values, belong to inputs of first order alone. See `mbdae.mechanism.fmu.session`
+    for the number.
+
+    Args:
+        spec: the FMU.
+        torques: names of the torques by the index of their velocity.
+        inputs: inputs of the mechanism by the outputs that set them.
+    """
 
     external = True
 
-    def __init__(self, spec: FMU, torques: dict[int, str]) -> None:
-        super().__init__(spec.name, self._no_memory, 1 / spec.step, spec.offset, torques, {"state": 0.0})
+    def __init__(self, spec: FMU, torques: dict[int, str], inputs: Mapping[str, Input]) -> None:
+        memory: dict[str, float] = {}
+        self.held: list[HeldInput] = []
+        for x in inputs.values():
+            first, value = x.hold == "first", len(torques) + len(memory)
+            memory |= {f"input {x.name}": x.value} | ({f"rate {x.name}": 0.0} if first else {})
+            self.held.append(HeldInput(x, value, value + 1 if first else None))
+        memory |= {"instant": 0.0} if any(x.rate is not None for x in self.held) else {}
+        super().__init__(spec.name, self._no_memory, 1 / spec.step, spec.offset, torques, {**memory, "state": 0.0})
+        self._outputs = [name for name in spec.outputs if name not in inputs] + [*inputs]
         self.spec, self._session = spec, None
         self._system: Index2System | None = None  # that runs
         self._own: Index2System | None = None  # a workspace for signals
@@ -159,12 +219,29 @@ class FmuElement(SampledElement):
         vars(self).pop("_signals", None)
 
     def sampled(self, t: float, q: Array, v: Array, s: Array, at: slice) -> tuple[Array, Array]:
-        """Return the outputs of the FMU, and the number of its state."""
+        """Return the torques, and the memory: inputs that it sets and the number of the state of the FMU."""
+        assert self._system
         t = self.offset + round((t - self.offset) * self.rate) * self.spec.step
+        self._system.laws.set_inputs(s, notify=False)  # the core cannot be called while it calls Python
         inputs = self._inputs(t, np.concatenate([q, v, s, [np.nan]]))
-        self._session = self._session or self.spec.session()
+        self._session = self._session or self.spec.session(self._outputs)
         found = self._session.sample(float(s[at][-1]), t, inputs)
-        return np.array(found.outputs), np.array([found.number])
+        before, after = s[at], s[at].copy()
+        after[-1] = found.number
+        for x, value in zip(self.held, found.outputs[self.m :], strict=True):
+            x.set_output(value, t, self.spec.step, before, after)
+        return np.array(found.outputs[: self.m]), after[self.m :]
+
+    def input_settings(self, s: Array) -> dict[str, InputSetting]:
+        """Return the settings of the inputs that it sets, by name, from its states."""
+        return {x.cell.name: x.setting(s) for x in self.held}
+
+    def set_inputs(self, s: Array, notify: bool = True) -> None:
+        for x in self.held:
+            x.cell.set(x.setting(s), notify)
+
+    def sampler(self, at: slice) -> CoreData:
+        return super().sampler(at) | {"inputs": [x.core_data(at) for x in self.held if x.cell.number >= 0]}
 
     def _inputs(self, t: float, y: Array) -> tuple[float, ...]:
         return tuple(x if isinstance(x, float) else self._value(x, t, y) for x in self._signals)
@@ -188,7 +265,7 @@ class FmuElement(SampledElement):
         """Return a workspace of Python in the mode of the run: the core cannot be called while it calls Python."""
         assert self._system
         if self._own is None:
-            self._own = self._system.mechanism.system()
+            self._own = self._system.mechanism.system("index2")
         if self._own.mode != self._system.mode:
             self._own.enter(self._system.mode)
         return self._own

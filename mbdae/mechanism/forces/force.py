@@ -15,6 +15,7 @@ from ...data_types import CoreData
 from ...errors import InputError, NotCompiled
 from ...system import Array
 from ..checked_table import Table
+from ..time_functions.input_functions import InputSetting
 from ..time_functions.time_functions import Constant, TimeFunction
 from ..tree.frames import Pair, find_joint, find_joints
 from ..tree.wrench_partials import PairPartials
@@ -98,6 +99,13 @@ class ForceElement:
         return s[at]
 
     external = False  # it has a state besides s, which another program computes
+
+    def input_settings(self, s: Array) -> Mapping[str, InputSetting]:
+        """Return the settings of inputs of the mechanism that it sets, by name, from its states."""
+        return {}
+
+    def set_inputs(self, s: Array, notify: bool = True) -> None:
+        """Set inputs of the mechanism from its states; see `Input.set`."""
 
     def attach(self, system: "Index2System") -> None:
         """Take note of the workspace to which it is bound."""

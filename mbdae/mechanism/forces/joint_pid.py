@@ -72,7 +72,8 @@ class JointPID(Force):
             sample = self._sampled(ix, i, 1 / self.rate)
             core = {"kind": "pid", "reference": self.reference.core_data(), "a": [self.kp, self.ki, self.kd]}
             core |= {"x": core_index, "v": model.nq + i}
-            return SampledElement(self.name, sample, self.rate, 0.0, {i: f"torque {self.joint}"}, memory, core)
+            names = {i: f"torque {self.joint}"}
+            return SampledElement(self.name, sample, self.rate, 0.0, names, memory, core, [self.reference])
         terms: list[Term] = [("tau", i, "u", 0, self.kp), ("tau", i, x, ix, -self.kp)]
         terms += [("tau", i, "du", 0, self.kd), ("tau", i, "v", i, -self.kd)]
         if not self.ki:

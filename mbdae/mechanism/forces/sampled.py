@@ -5,7 +5,7 @@ A sampled controller is evaluated at the instants t_k = offset + k/rate; its tor
 rejected steps evaluate it only once, and the state determines all of the following motion.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import floor
 from typing import Any
@@ -16,6 +16,7 @@ import pinocchio as pin
 from ...errors import InputError, StepError
 from ...tolerances import INPUT_DIGITS
 from ..callbacks import call_with_views, checked_value, function_name
+from ..time_functions.time_functions import TimeFunction
 from ..tree.frames import find_joints, joint_names
 from .force import Array, CoreData, Joints, PythonForce, start_values
 from .linear import LinearElement, Term
@@ -90,6 +91,7 @@ class SampledElement(LinearElement):
         torque_names: names of the torques by the index of their velocity.
         memory: names and initial values.
         core: core data of the controller; the core calls Python if omitted.
+        references: functions of time that it takes at the instants.
     """
 
     def __init__(
@@ -101,11 +103,12 @@ class SampledElement(LinearElement):
         torque_names: dict[int, str],
         memory: Mapping[str, float],
         core: CoreData | None = None,
+        references: Sequence[TimeFunction] = (),
     ) -> None:
         terms: list[Term] = [("tau", i, "s", k, 1.0) for k, i in enumerate(torque_names)]
         super().__init__(name, terms, states={**dict.fromkeys(torque_names.values(), 0.0), **memory})
         self.sample, self.rate, self.offset, self.m = sample, rate, offset, len(torque_names)
-        self.core = core
+        self.core, self.references = core, references
 
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next sampling instant.
@@ -120,7 +123,7 @@ class SampledElement(LinearElement):
     def sampler(self, at: slice) -> CoreData:
         """Return the core data; its states are s[at]."""
         core = self.core or {"kind": "python", "call": lambda t, q, v, s: self.jump(t, q, v, s, at)}
-        data = {**core, "rate": self.rate, "offset": self.offset, "coincide": INPUT_DIGITS}
+        data = {**core, "rate": self.rate, "offset": self.offset, "coincide": INPUT_DIGITS, "inputs": []}
         return data | {"state": at.start, "states": at.stop - at.start}
 
     def jump(self, t: float, q: Array, v: Array, s: Array, at: slice) -> Array:

@@ -133,7 +133,9 @@ def _frame(a: Anchor) -> CoreData:
 def inputs_of(system: "CompiledSystem") -> list[Input]:
     """Return the inputs that forces and drivers follow; their further settings are those of the workspace."""
     loads = [u for law, _ in system.laws.bound for u in law.signals]
-    found = [u for u in (*loads, *(d.path for d in system.mechanism.drivers)) if isinstance(u, Input)]
+    sampled = [u for law, _ in system.laws.bound if isinstance(law, SampledElement) for u in law.references]
+    motions = [d.path for d in system.mechanism.drivers]
+    found = [u for u in (*loads, *sampled, *motions) if isinstance(u, Input)]
     for u in found:
         u.listen(system)
     return found

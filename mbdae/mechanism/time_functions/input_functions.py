@@ -1,11 +1,13 @@
 """Inputs as functions of time: set while a mechanism is simulated, and recorded."""
 
+from collections.abc import Callable, Iterable
 from functools import cached_property
 from typing import Annotated, Any, Literal, NamedTuple, Protocol
 from weakref import WeakSet
 
 from pydantic import Field, PrivateAttr, field_validator
 
+from ...errors import InputError
 from ..key_units import Unit
 from .piecewise_polynomial import PiecewisePolynomial, require_increasing
 from .time_function_base import BaseTimeFunction, PiecewiseFunction
@@ -18,6 +20,10 @@ class InputSetting(NamedTuple):
     value: float
     rate: float = 0.0
 
+    def at(self, t: float) -> float:
+        """Return the input at time t in s."""
+        return self.value + self.rate * (t - self.t)
+
 
 class InputListener(Protocol):
     """A workspace with inputs as numbers."""
@@ -27,13 +33,14 @@ class InputListener(Protocol):
 
 
 class Input(BaseTimeFunction):
-    """A value that a `mbdae.Simulator` sets while it advances; elsewhere constant.
+    """A value that a `mbdae.Simulator` sets while it advances, or an output of an FMU; elsewhere constant.
 
     Attributes:
         name: of the input; equal names are one input.
         value: at the start.
         unit: for tables and displays.
-        hold: between the times when it is set: ``"zero"``: constant, it jumps; ``"first"``: linear over an advance.
+        hold: between the times when it is set: ``"zero"``: constant, it jumps; ``"first"``: linear over an advance, or
+            over a step of the FMU.
     """
 
     kind: Literal["input"] = "input"
@@ -61,15 +68,21 @@ class Input(BaseTimeFunction):
         if self._number >= 0:
             self._listeners.add(listener)
 
-    def set(self, setting: InputSetting) -> None:
-        """Set it, see `cell`."""
+    def set(self, setting: InputSetting, notify: bool = True) -> None:
+        """Set it, see `cell`; without notification, workspaces of the core keep their setting."""
+        assert self._number >= 0
         self._setting = setting
-        for listener in self._listeners:
+        for listener in self._listeners if notify else ():
             listener.set_input(self, self._number)
 
+    @property
+    def number(self) -> int:
+        """Its number among the inputs of a mechanism in which it can be set; -1 elsewhere."""
+        return self._number
+
     def at(self, t: float, k: int = 0) -> float:
-        t0, value, rate = self.setting
-        return (value + rate * (t - t0), rate)[k] if k < 2 else 0.0
+        now = self.setting
+        return (now.at(t), now.rate)[k] if k < 2 else 0.0
 
     def core_data(self) -> dict[str, Any]:
         t, value, rate = self.setting
@@ -82,10 +95,12 @@ class InputHistory(PiecewiseFunction):
     Attributes:
         name: of the input.
         pieces: each applies from its time on.
+        hold: of the input.
     """
 
     kind: Literal["input_history"] = "input_history"
     name: str = ""
+    hold: Literal["zero", "first"] = "zero"
     pieces: Annotated[tuple[tuple[float, float, float], ...], Unit("s", "y", "y/s")] = Field(min_length=1)
 
     @cached_property
@@ -98,3 +113,44 @@ class InputHistory(PiecewiseFunction):
     def _rise(cls, pieces: tuple[tuple[float, float, float], ...]) -> tuple[tuple[float, float, float], ...]:
         require_increasing([(t, u) for t, u, _ in pieces])
         return pieces
+
+
+def as_input(x: Input | InputHistory) -> Input:
+    """Return an input, or the one that was recorded."""
+    return x if isinstance(x, Input) else Input(name=x.name, value=x.pieces[0][1], hold=x.hold)
+
+
+def map_inputs(value: Any, change: Callable[[Input | InputHistory], Any]) -> Any:
+    """Return a force or driver, or a value of its keys, with its inputs replaced."""
+    if isinstance(value, Input | InputHistory):
+        return change(value)
+    if isinstance(value, tuple):
+        return tuple(map_inputs(x, change) for x in value)
+    if not hasattr(type(value), "model_fields"):
+        return value
+    found = {name: getattr(value, name) for name in type(value).model_fields}
+    update = {name: new for name, x in found.items() if (new := map_inputs(x, change)) is not x}
+    if not update:
+        return value
+    out = value.model_copy(update=update)
+    for name in vars(out).keys() - found.keys():  # cached properties, of the inputs before
+        del vars(out)[name]
+    return out
+
+
+def inputs_in(parts: Iterable[Any]) -> dict[str, Input | InputHistory]:
+    """Return the inputs in forces and drivers, and recorded ones, by name.
+
+    Raises:
+        InputError: for inputs of one name with different settings.
+    """
+    found: dict[str, Input | InputHistory] = {}
+
+    def collect(x: Input | InputHistory) -> Input | InputHistory:
+        if found.setdefault(x.name, x) != x and isinstance(x, Input):
+            raise InputError(f"input {x.name!r} is given twice, with different settings")
+        return x
+
+    for part in parts:
+        map_inputs(part, collect)
+    return found

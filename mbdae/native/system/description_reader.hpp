@@ -107,6 +107,8 @@ void DescriptionReader<Data>::read(Data h, SampledController& out) {
   if (!(out.rate > 0) || !std::isfinite(out.offset) || !(out.coincide >= 0)) reject("a rate is positive");
   if (out.states < 1) reject("states out of range");
   check_states(out.state, out.states);
+  for (const HeldInput& u : out.inputs)
+    check_indices({u.value, std::max(u.rate, 0), std::max(u.instant, 0)}, states_, "state");
   if (out.kind != SampledController::pid) return bind_functions(h, out);
   check_indices({out.x, out.v}, n_.nq + n_.nv, "coordinate");
   if (out.a.size() != 3 || out.states > 2) reject("a PID controller has three gains");

@@ -26,6 +26,10 @@ void Index2System::apply_jumps(double t, double* y) {
   const Numbers before(y, y + length);
   for (const SampledController& x : samplers) x.sample(t, before.data(), nq, nv, y + nq + nv + x.state);
   if (!finite(y, length)) throw FallBackToPython();
+  const double* s = y + nq + nv;
+  for (const SampledController& x : samplers)
+    for (const HeldInput& u : x.inputs)
+      u.rate < 0 ? set_input(u.input, t, s[u.value], 0) : set_input(u.input, s[u.instant], s[u.value], s[u.rate]);
 }
 
 }  // namespace mbdae

@@ -9,6 +9,13 @@
 
 namespace mbdae {
 
+struct HeldInput {
+  int input = -1;                           // number of an input that follows the controller
+  int value = -1, rate = -1, instant = -1;  // indices in s: value + rate (t - instant), or value alone
+
+  FIELDS(input, value, rate, instant)
+};
+
 struct SampledController {
   NAMED_ENUM(enum, Kind, pid, python)
   Kind kind = pid;
@@ -21,7 +28,9 @@ struct SampledController {
   // Python: (t, q, v, s of all laws) -> its states after the instant.
   std::function<void(double t, const double* q, const double* v, const double* s, double* after)> call;
 
-  FIELDS(kind, rate, offset, coincide, state, states, reference, a, x, v)
+  std::vector<HeldInput> inputs;
+
+  FIELDS(kind, rate, offset, coincide, state, states, reference, a, x, v, inputs)
 
   double next(double t) const;  // the first instant after t
   // s (states,) after time t from y = (q, v, s, ...) before it, if that is an instant.

@@ -248,7 +248,7 @@ class Comparison(Tabular):
             raise InputError(f"{path} is damaged or not a comparison written by mbdae ({reason})") from None
 
     def plot(self, path: str | Path | None = None, quantity: str | None = None) -> "Figure":
-        """Draw the work-precision diagram as .png, .svg or .pdf, see `mbdae.studies.figures`.
+        """Draw the work-precision diagram as .png, .svg, .pdf or .pgf, see `mbdae.studies.figures`.
 
         Raises:
             UnknownNameError: for an unknown quantity.

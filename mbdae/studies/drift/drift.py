@@ -150,7 +150,7 @@ class Drift(Tabular):
         """Draw the drift over time; saved if a path is given.
 
         Raises:
-            InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
+            InputError: for a format other than .png, .svg, .pdf or .pgf, or an unwritable path.
         """
         from .. import figures
         from .figure import drifts

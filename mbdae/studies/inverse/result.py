@@ -236,7 +236,7 @@ class InverseDynamics(Tabular):
         """Draw efforts, power and joint forces; saved if a path is given.
 
         Raises:
-            InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
+            InputError: for a format other than .png, .svg, .pdf or .pgf, or an unwritable path.
         """
         from .. import figures
         from .figure import demands

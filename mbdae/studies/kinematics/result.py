@@ -256,7 +256,7 @@ class Kinematics(Tabular):
         """Draw coordinates, rates and the transmission angle over the input; saved if a path is given.
 
         Raises:
-            InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
+            InputError: for a format other than .png, .svg, .pdf or .pgf, or an unwritable path.
         """
         from .. import figures
         from .figure import curves

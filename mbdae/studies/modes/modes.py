@@ -195,7 +195,7 @@ class Modes(Tabular):
         """Draw the eigenvalues in the complex plane, and the shapes; saved if a path is given.
 
         Raises:
-            InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
+            InputError: for a format other than .png, .svg, .pdf or .pgf, or an unwritable path.
         """
         from .. import figures
         from .figure import roots

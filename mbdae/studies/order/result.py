@@ -182,7 +182,7 @@ class OrderStudy(Tabular):
         """Draw the errors over the step with the fitted and the claimed slopes; saved if a path is given.
 
         Raises:
-            InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
+            InputError: for a format other than .png, .svg, .pdf or .pgf, or an unwritable path.
         """
         from .. import figures
         from .figure import convergence

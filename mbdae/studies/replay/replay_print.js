@@ -1,7 +1,9 @@
 
-// Printed page: the scene as a picture, plots below it with the width of the page, no controls.
+// Printed page: the scene as a picture, plots below it with the width of the page, no controls. Up to four plots share
+// the page with the picture; more of them continue on further pages, each plot whole.
 
-const SHARP = 2, PLOT = 190;  // picture pixels per page pixel; height of a plot
+const SHARP = 2;  // picture pixels per page pixel
+const PLOT = 190, PLOTS = 580, MOST = 4;  // heights: of a plot, of all plots of a page with the picture; their largest number
 
 function printed({viewer, plots}, arrange) {
   const picture = document.createElement("canvas");
@@ -10,7 +12,8 @@ function printed({viewer, plots}, arrange) {
   window.addEventListener("beforeprint", () => {
     document.body.classList.add("paper");
     arrange();
-    plots.resize(PLOT);
+    const n = plots.panes.length;
+    plots.resize(n > MOST ? PLOT : Math.min(PLOT, PLOTS / n));
     const {renderer} = viewer, ratio = renderer.getPixelRatio();
     renderer.setPixelRatio(SHARP);
     viewer.render();

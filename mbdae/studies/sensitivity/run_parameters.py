@@ -11,6 +11,7 @@ import numpy as np
 
 from ... import backend
 from ...errors import InputError, StepError, UnknownNameError, is_number, require
+from ...integrate.trajectory.differentiable_runs import require_differentiable
 from ...integrate.trajectory.trajectory import Trajectory
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import call_and_report
@@ -84,8 +85,10 @@ def bind_parameters(sol: Solution, names: Names, model: Model) -> Parameters:
 
     Raises:
         UnknownNameError: for an unknown name.
-        InputError: for a name without a number, a parameter without a derivative, or a force of undefined direction.
+        InputError: for a run without derivatives, a name without a number, a parameter without a derivative, or a force
+            of undefined direction.
     """
+    require_differentiable(sol)
     parameters = _cached_parameters(sol, names, model)
     _require_directions(parameters, sol)
     return parameters

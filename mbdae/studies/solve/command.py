@@ -24,7 +24,7 @@ FILES = (
     output_file("--html", suffixes=PAGES, help="Write a replay as one HTML page."),
     output_file("--video", suffixes=VIDEOS, help="Write a replay as .mp4 or .gif; needs Chromium."),
     output_file("--glb", suffixes=(".glb",), help="Write a replay as a .glb scene for slides and Blender."),
-    output_file("--plot", suffixes=PICTURES, help="Draw the run as .png, .svg or .pdf."),
+    output_file("--plot", suffixes=PICTURES, help="Draw the run as .png, .svg, .pdf or .pgf."),
 )
 MORE = (
     click.option("--event", "events", multiple=True, help="Level crossing to list: 'q.slider = 0.3', 'v.crank'."),

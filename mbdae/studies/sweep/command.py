@@ -17,7 +17,7 @@ STORED = ".parquet"
 TABLE = output_file(
     "-o", "--output", suffixes=(STORED, *TABLES), help="Save as .csv, .json or .tex; .parquet stores each run."
 )
-FIGURE = output_file("--plot", suffixes=PICTURES, help="Draw the first output as .png, .svg or .pdf.")
+FIGURE = output_file("--plot", suffixes=PICTURES, help="Draw the first output as .png, .svg, .pdf or .pgf.")
 FILE = click.argument("file", type=click.Path(dir_okay=False), metavar="FILE.toml")
 
 

@@ -127,7 +127,7 @@ class Tolerance(Deviations, Tabular):
         """Draw deviations over the input, and bands around paths; saved if a path is given.
 
         Raises:
-            InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
+            InputError: for a format other than .png, .svg, .pdf or .pgf, or an unwritable path.
         """
         from .. import figures
         from .figure import bands

@@ -41,6 +41,26 @@ def test_a_motor_drives_an_arm(tmp_path, monkeypatch):
     assert names["torque"][-1] == pytest.approx(exact[2], rel=1e-3)
 
 
+def test_a_motor_drives_a_belt(tmp_path, monkeypatch):
+    """Against the equations of position and motor, continuous: the sampling has an error of first order."""
+    motor(tmp_path, name="motor.fmu")
+    (tmp_path / "belt.toml").write_text(re.search(r"```toml\n# belt.toml\n(.*?)```", PAGE, re.S)[1])
+    monkeypatch.chdir(tmp_path)
+    names = {"mbdae": mbdae}
+    exec(code("belt = mbdae.solve"), names)
+    belt, kp, lag, at, mass = names["belt"], 4.0, 0.02, 0.5, 3.0
+
+    def rates(t, x):
+        return [x[1], (kp * (at - x[0]) - x[1]) / lag]
+
+    exact = solve_ivp(rates, (0, 2), [0, 0], rtol=1e-9, atol=1e-10, dense_output=True).sol(belt.t)
+    assert belt.q[:, 0] == pytest.approx(exact[0], abs=2e-3)
+    assert belt.v[:, 0] == pytest.approx(exact[1], abs=0.1)
+    force = [mass * rates(0.0, x)[1] for x in exact.T]
+    late = belt.t > 0.2
+    assert names["force"][late] == pytest.approx(np.array(force)[late], abs=0.25)
+
+
 @pytest.mark.native
 def test_fmpy_and_casadi(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

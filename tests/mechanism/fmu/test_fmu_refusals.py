@@ -28,7 +28,7 @@ def message(action):
         ({"inputs": {"angle": "q.card 0"}}, ["unknown signal 'q.card 0'", "q.cart 0"]),
         ({"inputs": {"angle": "work"}}, ["input 'angle' of", "'work' belongs to a run"]),
         ({"outputs": {"angle": "cart 0"}}, ["unknown output of FMU 'motor'", "valid: torque"]),
-        ({"outputs": {"torque": "card 0"}}, ["unknown joint of output 'torque'", "valid: cart 0"]),
+        ({"outputs": {"torque": "card 0"}}, ["unknown joint or input of output 'torque'", "valid: cart 0"]),
         ({"outputs": {}}, ["outputs"]),
         ({"parameters": {"kpp": 1}}, ["unknown parameter of FMU 'motor'", "kp, kd, T, gain"]),
         ({"parameters": {"kp": "large"}}, ["parameter 'kp'", "type Float64, got 'large'"]),

@@ -4,6 +4,7 @@ import base64
 import re
 
 import numpy as np
+import pytest
 from browser import Chromium
 from test_replay_pixels import picture_of
 
@@ -22,13 +23,28 @@ LAID_OUT = """
 """
 
 
+def pages_of(tab):
+    """The number of printed pages."""
+    return len(re.findall(rb"/Type /Page\b", base64.b64decode(tab.call("Page.printToPDF")["data"])))
+
+
+@pytest.mark.parametrize(("plots", "pages"), [(4, 1), (5, 2), (9, 3)])
+def test_plots_share_the_page_with_the_picture_or_continue_on_the_next(plots, pages, tmp_path):
+    """One page holds the picture and up to four plots; otherwise three, and each further page five."""
+    sol = mbdae.solve(mbdae.load("slider_crank"), (0, 0.1), rtol=1e-4)
+    names = [f"{kind}.{joint}" for kind in ("q", "v", "a") for joint in ("crank", "crank_pin", "slider")]
+    page = animate(sol, tmp_path / "run.html", plots=[(name,) for name in names[:plots]], fps=10)
+    with Chromium().open(f"{page.as_uri()}#shadows=0", (390, 844)) as tab:
+        assert tab.evaluate("document.querySelectorAll('.uplot').length") == plots
+        assert pages_of(tab) == pages
+
+
 def test_a_replay_is_printed_with_its_picture_and_its_plots(tmp_path):
     sol = mbdae.solve(mbdae.load("slider_crank"), (0, 1), rtol=1e-4)
     page = animate(sol, tmp_path / "run.html", plots=("q.crank", "v.crank", "energy"), fps=10)
     with Chromium().open(f"{page.as_uri()}#t=0.3&shadows=0", (390, 844)) as tab:
         before = tab.picture()
         pdf = base64.b64decode(tab.call("Page.printToPDF")["data"])
-        assert len(re.findall(rb"/Type /Page\b", pdf)) == 1
         assert b"/Width 1320" in pdf  # an image
         assert (tab.picture() == before).all()
         picture = picture_of(tab.evaluate("picture.toDataURL()"))
