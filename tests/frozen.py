@@ -6,8 +6,8 @@ import numpy as np
 
 import mbdae
 from mbdae import finite_differences
-from mbdae.mechanism.formats.loaded_model import parameter_value
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.loaded_model import parameter_value
+from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.system import State
 
 SLIPS = {"start.v.crank": 1.0}

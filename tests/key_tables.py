@@ -18,7 +18,7 @@ from mbdae.mechanism.checked_table import Table, tables_in
 from mbdae.mechanism.closures import KINDS, rows_and_summary
 from mbdae.mechanism.closures.closure import Closure
 from mbdae.mechanism.forces import FORCES
-from mbdae.mechanism.formats.schema import MechanismFile
+from mbdae.mechanism.formats.mechanism_file.schema import MechanismFile
 from mbdae.mechanism.time_functions.time_functions import TIME_FUNCTIONS
 
 PAGE = Path(__file__).parent.parent / "models" / "README.md"

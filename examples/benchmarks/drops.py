@@ -27,10 +27,10 @@ from random_drops import KINDS, Drop, drop, gaps
 
 import mbdae
 from mbdae.errors import MbdaeError
-from mbdae.mechanism.hybrid.frictional_contact import FrictionalContact
 from mbdae.mechanism.hybrid.impact import Impact
-from mbdae.mechanism.hybrid.joint_stiction import JointStiction
-from mbdae.mechanism.hybrid.unilateral import Unilateral
+from mbdae.mechanism.hybrid.kinds.frictional_contact import FrictionalContact
+from mbdae.mechanism.hybrid.kinds.joint_stiction import JointStiction
+from mbdae.mechanism.hybrid.kinds.unilateral import Unilateral
 from mbdae.solution.columns import residuals
 
 Array = np.ndarray

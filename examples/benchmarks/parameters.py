@@ -15,8 +15,8 @@ from scipy.interpolate import CubicSpline
 
 import mbdae
 from mbdae import JointTorque, backend
-from mbdae.mechanism.formats.load import make, read
-from mbdae.mechanism.formats.table_entries import with_entry
+from mbdae.mechanism.formats.mechanism_file.load import make, read
+from mbdae.mechanism.formats.mechanism_file.table_entries import with_entry
 
 MODEL, POINTS, STEPS = "four_bar", 9, 80
 TIMES = np.linspace(0.0, 1.0, POINTS)

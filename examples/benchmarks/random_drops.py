@@ -8,8 +8,8 @@ import pinocchio as pin
 
 import mbdae
 from mbdae import Closure, CoulombFriction, JointFriction, JointTorque, Mechanism, Stop
+from mbdae.mechanism.hybrid.kinds.unilateral import Unilateral
 from mbdae.mechanism.hybrid.mode_point import AllRows
-from mbdae.mechanism.hybrid.unilateral import Unilateral
 from mbdae.mechanism.time_functions.time_functions import Constant
 from mbdae.mechanism.variant import variant
 

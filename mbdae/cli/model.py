@@ -41,7 +41,7 @@ class ChosenModel:
             UnknownNameError, InputError: as for `mbdae.load`; for a start value of an unknown joint.
         """
         from ..mechanism import load
-        from ..mechanism.formats.template import with_start
+        from ..mechanism.formats.mechanism_file.template import with_start
 
         return with_start(load(self.name), self.start)
 
@@ -52,7 +52,7 @@ class ChosenModel:
             UnknownNameError, InputError: as for `load`; for a start value of a textbook problem.
         """
         from ..mechanism import Mechanism
-        from ..mechanism.formats.template import with_start
+        from ..mechanism.formats.mechanism_file.template import with_start
         from ..solution.problem import problem_of
 
         found = problem_of(self.name, "MODEL")
@@ -85,7 +85,7 @@ def chosen_model(name: str, started: tuple[str, ...], chosen: tuple[str, ...]) -
             raise InputError(f"--set takes name=value, got {text!r}")
         name += f"{'&' if '?' in name else '?'}{text}"
     start = values_by_name(started, "--start")
-    from ..mechanism.formats.template import START
+    from ..mechanism.formats.mechanism_file.template import START
 
     return ChosenModel(name, {START + key: x for key, x in start.items()})
 

@@ -7,9 +7,9 @@ from .closures.clutch import Clutch
 from .closures.driver import Driver
 from .closures.unilateral_constraint import Stop
 from .forces import NAMES
-from .formats.description import describe, restore
 from .formats.joint_tree import depth_first
-from .formats.load import load
+from .formats.mechanism_file.description import describe, restore
+from .formats.mechanism_file.load import load
 from .formats.mjcf.states import from_mujoco, to_mujoco
 from .formulations.compiled_systems import CompiledSystem
 from .hybrid.impact import Impact

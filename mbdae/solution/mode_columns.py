@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..mechanism.hybrid.kinds.unilateral import Unilateral
 from ..mechanism.hybrid.mode_point import AllRows, ModePoint
 from ..mechanism.hybrid.switch import Switch
-from ..mechanism.hybrid.unilateral import Unilateral
 from ..system import Array
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ import numpy as np
 from ..data_types import CoreData
 from ..errors import InputError, UnknownNameError
 from ..mechanism import Mechanism
+from ..mechanism.hybrid.kinds.unilateral import Unilateral
 from ..mechanism.hybrid.mode_point import AllRows
-from ..mechanism.hybrid.unilateral import Unilateral
 from ..mechanism.signals.contacts import rolling_closures
 from ..mechanism.tree.coordinate_units import acceleration_units, component_suffixes
 from ..mechanism.tree.frames import anchor, find_joint, frame_index, skew

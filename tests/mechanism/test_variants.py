@@ -9,9 +9,9 @@ import mbdae
 from mbdae import backend
 from mbdae.errors import InputError, NotCompiled, StepError
 from mbdae.mechanism.checked_table import Table
-from mbdae.mechanism.formats.load import make
-from mbdae.mechanism.formats.table_entries import with_entry
-from mbdae.mechanism.formats.template import Template, _with_joint_values
+from mbdae.mechanism.formats.mechanism_file.load import make
+from mbdae.mechanism.formats.mechanism_file.table_entries import with_entry
+from mbdae.mechanism.formats.mechanism_file.template import Template, _with_joint_values
 from mbdae.mechanism.tree.frames import joint_names
 
 TABLES = ("force", "closure", "driver", "stop", "clutch", "body", "frame")

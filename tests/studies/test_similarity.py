@@ -12,7 +12,7 @@ from unit_systems import SI, UNIT_SYSTEMS
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.template import Template
 
 NAMES = ("four_bar", "slider_crank", "flyball_governor", "stewart_platform", "bicycle")
 OTHERS = [units for units in UNIT_SYSTEMS if units is not SI]

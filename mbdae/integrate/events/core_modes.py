@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, NamedTuple
 from ...data_types import CoreData
 from ...mechanism.closures.independent_rows import AMBIGUOUS_UNDERWAY, FALLEN
 from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.hybrid.frictional_contact import AT_LIMIT
 from ...mechanism.hybrid.impact import Impact
 from ...mechanism.hybrid.impact_law import MAX_IMPACTS
-from ...mechanism.hybrid.range_switch import LOOKAHEAD
-from ...mechanism.hybrid.rolling_stiction import TRANSVERSE
+from ...mechanism.hybrid.kinds.frictional_contact import AT_LIMIT
+from ...mechanism.hybrid.kinds.range_switch import LOOKAHEAD
+from ...mechanism.hybrid.kinds.rolling_stiction import TRANSVERSE
 from ...tolerances import COINCIDENT, MODE_ROUNDING
 from .guard_location import GRAZING, MAX_HALVINGS, MAX_NEWTON, RETURN_FACTOR, START_ROOT
 from .level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS

@@ -13,10 +13,10 @@ from ...mechanism.closures.independent_rows import AMBIGUOUS_UNDERWAY
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.hybrid.active_set import select_mode
 from ...mechanism.hybrid.impact import Impact, resolve_impact
+from ...mechanism.hybrid.kinds.unilateral import closed_contacts, penetrated
 from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...mechanism.hybrid.switch import Guard
 from ...mechanism.hybrid.switches import describe_mode, unswitched_rows
-from ...mechanism.hybrid.unilateral import closed_contacts, penetrated
 from ...system import Array
 from ...tolerances import COINCIDENT, ZERO_SPEED
 from .core_modes import CoreTransition, core_switches

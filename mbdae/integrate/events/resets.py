@@ -10,9 +10,9 @@ from ...data_types import JsonObject
 from ...errors import InputError, StepError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
+from ...mechanism.hybrid.kinds.unilateral import penetrated
 from ...mechanism.hybrid.mode_point import ModePoint
 from ...mechanism.hybrid.reset import Reset, StateReset
-from ...mechanism.hybrid.unilateral import penetrated
 from ...solution.signal_value import find_point_signal
 from ...system import Array
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING

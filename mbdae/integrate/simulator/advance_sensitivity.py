@@ -11,7 +11,7 @@ from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.equations.local_ode import UNIT
-from ...mechanism.formats.loaded_model import LoadedModel, parameter_value
+from ...mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
 from ...mechanism.formulations.core_description import samplers_of
 from ...mechanism.inputs import Inputs
 from ...mechanism.time_functions.input_variation import AdvanceSpan, VariedInput

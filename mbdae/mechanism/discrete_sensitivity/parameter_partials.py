@@ -51,7 +51,8 @@ class Parameters:
     """Derivatives with respect to parameters of a mechanism, bound to a workspace.
 
     Args:
-        make: creates a mechanism with these values, for instance `mbdae.mechanism.formats.template.Template.make`.
+        make: creates a mechanism with these values, for instance
+            `mbdae.mechanism.formats.mechanism_file.template.Template.make`.
         values: names and values of the parameters.
         native: the compiled core, for partials by placements and frames.
         own: whether the values are the defaults of ``make``.

@@ -22,8 +22,8 @@ from ...tolerances import EPS, ROUNDING
 from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
 from ..formulations.equation_partials import equation_partials
+from ..hybrid.kinds.unilateral import Unilateral
 from ..hybrid.switches import Mode
-from ..hybrid.unilateral import Unilateral
 from ..tree.tree_terms import bias, update_motions, update_poses
 from .null_space import NullSpace, close_loops, constraint_null_space
 from .spectrum import null_space

@@ -30,7 +30,7 @@ from ..model_settings import Motor
 from ..tree.frames import find_joint, joint_names
 from .body_tables import Source
 from .reader import KEY, Reader
-from .urdf import read_urdf
+from .urdf.read import read_urdf
 from .yaml_table import yaml_table
 
 FILE, URDF = "robot.yaml", "robot.urdf"

@@ -27,7 +27,8 @@ def switches_of(mechanism: "Mechanism") -> tuple[Switch, ...]:
 
 @cache
 def _kinds() -> tuple[type[Switch], ...]:
-    return tuple(dict.fromkeys(x for x in members(__package__, type) if issubclass(x, Switch) and x is not Switch))
+    found = members(f"{__package__}.kinds", type)
+    return tuple(dict.fromkeys(x for x in found if issubclass(x, Switch) and x is not Switch))
 
 
 def inactive_rows(switches: Sequence[Switch], mode: Mode) -> Array:

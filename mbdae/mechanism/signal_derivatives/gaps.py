@@ -6,7 +6,7 @@ import numpy as np
 
 from ...system import Array
 from ..discrete_sensitivity.impact_sensitivity import row_rate_partials
-from ..hybrid.unilateral import Unilateral
+from ..hybrid.kinds.unilateral import Unilateral
 from ..tree.tree_terms import update_motions, update_poses
 from .motion_tangent import MotionTangent
 

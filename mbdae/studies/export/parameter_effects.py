@@ -8,7 +8,7 @@ import numpy as np
 
 from ...data_types import CoreData
 from ...errors import InputError
-from ...mechanism.formats.loaded_model import LoadedModel, parameter_value
+from ...mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
 from ...mechanism.inputs import Inputs
 from ...tolerances import SOLUTION_ROUNDING
 from .core_file import core_data, native_system, numbers_of

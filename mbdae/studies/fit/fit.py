@@ -18,9 +18,9 @@ from scipy.special import chdtrc
 
 from ...errors import InputError, MbdaeError, as_list, require
 from ...mechanism import Mechanism
-from ...mechanism.formats.loaded_model import parameter_value
-from ...mechanism.formats.parameter_units import parameter_units
-from ...mechanism.formats.template import Template
+from ...mechanism.formats.mechanism_file.loaded_model import parameter_value
+from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
+from ...mechanism.formats.mechanism_file.template import Template
 from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
 from ...system import Array

@@ -8,8 +8,8 @@ import numpy as np
 from ...errors import InputError, MbdaeError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.assembly.position_search import close_position
-from ...mechanism.formats.loaded_model import LoadedModel, parameter_value
-from ...mechanism.formats.parameter_units import parameter_unit
+from ...mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
+from ...mechanism.formats.mechanism_file.parameter_units import parameter_unit
 from ...mechanism.tree.frames import find_frame, find_joint, frame_paths
 from ...system import Array
 from ...units import displayed, unit_name

@@ -15,7 +15,7 @@ from ...mechanism.equilibrium.equilibrium_equations import Statics
 from ...mechanism.equilibrium.linearization import LinearMotion
 from ...mechanism.equilibrium.spectrum import spectrum
 from ...mechanism.forces.linear import LinearElement
-from ...mechanism.formats.parameter_units import function_units
+from ...mechanism.formats.mechanism_file.parameter_units import function_units
 from ...mechanism.signals.effort_signals import named_laws
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...mechanism.tree.frames import WORLD, Pair, anchor, frame_names

@@ -13,7 +13,7 @@ from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError
 from ...mechanism import Mechanism
 from ...mechanism.equilibrium.spectrum import CERTAIN, Spectrum
-from ...mechanism.formats.parameter_units import parameter_units
+from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...system import Array
 from ...tabular import Columns, Tabular

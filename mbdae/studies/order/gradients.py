@@ -22,7 +22,7 @@ from ...integrate.solve import solve
 from ...integrate.trajectory.differentiable_runs import DIFFERENTIABLE
 from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.perturbed_mechanisms import feasible_stencil
-from ...mechanism.formats.parameter_units import parameter_units
+from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...mechanism.tree.coordinate_units import quantity_units
 from ...methods import METHODS, Method
 from ...methods import method as find_method

@@ -11,7 +11,7 @@ from ...data_types import JsonObject
 from ...errors import InputError, is_number
 from ...mechanism import Mechanism
 from ...mechanism.equations.symmetry import Symmetry
-from ...mechanism.formats.parameter_units import parameter_units
+from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import VISIBLE

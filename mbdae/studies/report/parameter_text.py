@@ -4,7 +4,7 @@ from typing import Any
 
 from ...mechanism import Mechanism
 from ...mechanism.checked_table import Table
-from ...mechanism.formats.parameter_units import symbols_of, units_conversion
+from ...mechanism.formats.mechanism_file.parameter_units import symbols_of, units_conversion
 from ...mechanism.key_units import Coordinates, Unit, UnitSymbols, function_symbols
 from ...mechanism.time_functions.time_functions import Constant
 from ...units import quantity, substituted

@@ -7,7 +7,7 @@ from pydantic_core import PydanticOmit, core_schema
 
 from ...errors import UnknownNameError
 from ...integrate.steppers.solvers import SOLVERS
-from ...mechanism.formats.schema import MechanismFile
+from ...mechanism.formats.mechanism_file.schema import MechanismFile
 from ...methods import EXPLICIT, METHODS
 from ..sweep.toml_file import SweepTable
 

@@ -16,8 +16,8 @@ from ...integrate.trajectory.trajectory import Trajectory
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import call_and_report
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ...mechanism.formats.loaded_model import LoadedModel, parameter_value
-from ...mechanism.formats.template import Template
+from ...mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
+from ...mechanism.formats.mechanism_file.template import Template
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COINCIDENT

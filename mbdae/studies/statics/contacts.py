@@ -15,10 +15,10 @@ import numpy as np
 from ...errors import EquilibriumError
 from ...mechanism import Mechanism
 from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
+from ...mechanism.hybrid.kinds.unilateral import CLOSED as ACTIVE
+from ...mechanism.hybrid.kinds.unilateral import OPEN, Unilateral
 from ...mechanism.hybrid.mode_point import AllRows
 from ...mechanism.hybrid.switches import Mode
-from ...mechanism.hybrid.unilateral import CLOSED as ACTIVE
-from ...mechanism.hybrid.unilateral import OPEN, Unilateral
 from ...system import Array
 from ...tolerances import CLOSED, MODE_ROUNDING
 from .search import balanced

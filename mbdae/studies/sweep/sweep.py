@@ -20,8 +20,8 @@ from ...integrate.options.span import checked_span
 from ...integrate.steppers.solvers import find_method
 from ...mechanism import Mechanism, describe
 from ...mechanism.callbacks import function_name
-from ...mechanism.formats.parameter_units import parameter_units
-from ...mechanism.formats.parametric import split as split_name
+from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
+from ...mechanism.formats.mechanism_file.parametric import split as split_name
 from ...mechanism.imported_model import not_carried_over
 from ...solution.provenance import versions
 from ...solution.signals import units

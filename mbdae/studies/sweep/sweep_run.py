@@ -14,7 +14,7 @@ from ...errors import AssemblyError, InputError, MbdaeError, UnknownNameError, r
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import call_and_report, function_name
-from ...mechanism.formats.template import START, Template, check_start, with_start
+from ...mechanism.formats.mechanism_file.template import START, Template, check_start, with_start
 from ...system import Counts
 from ..workers import Stop
 from .outputs import Output, evaluate

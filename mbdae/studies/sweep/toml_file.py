@@ -25,8 +25,8 @@ from ...discovery import is_model_name
 from ...errors import InputError
 from ...file_io import read_text
 from ...mechanism.checked_table import Table, one_line
+from ...mechanism.formats.mechanism_file.parametric import split
 from ...mechanism.formats.model_library import PARAMETRIC, find
-from ...mechanism.formats.parametric import split
 from .plan import RANGE, Parameters, Random
 from .sweep_run import check_settings
 

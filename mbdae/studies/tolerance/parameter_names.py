@@ -5,7 +5,7 @@ from fnmatch import fnmatchcase
 from itertools import product
 
 from ...errors import UnknownNameError
-from ...mechanism.formats.template import Template
+from ...mechanism.formats.mechanism_file.template import Template
 from ...mechanism.tree.frames import joint_names
 
 WILD = "*?["

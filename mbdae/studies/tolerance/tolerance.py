@@ -7,7 +7,7 @@ from ... import backend
 from ...errors import InputError, is_number, require
 from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ...mechanism.formats.parameter_units import parameter_units
+from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...system import Array
 from ..kinematics.curve_derivatives import CurveSignals
 from ..kinematics.driven_mechanism import Hold, driven_mechanism

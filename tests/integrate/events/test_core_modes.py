@@ -12,7 +12,7 @@ import mbdae
 from mbdae import Mechanism, Stop
 from mbdae.integrate.events.hybrid import ModeChanges
 from mbdae.mechanism.hybrid.box_lcp import solve_box_lcp
-from mbdae.mechanism.hybrid.unilateral import Unilateral
+from mbdae.mechanism.hybrid.kinds.unilateral import Unilateral
 
 # duration in s, method, step in s; impacts and transitions, all in the core
 RUNS = {

@@ -7,7 +7,7 @@ import pytest
 import mbdae
 from mbdae import Reset
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.template import Template
 
 PENDULUM = """
 title = "A pendulum that is thrown back"

@@ -5,7 +5,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.formats.description import describe, restore
+from mbdae.mechanism.formats.mechanism_file.description import describe, restore
 
 BOB = """
 title = "bob"

@@ -11,8 +11,8 @@ from frozen import retraced
 import mbdae
 from mbdae import Input, JointTorque, Mechanism
 from mbdae.finite_differences import numerical_derivative
-from mbdae.mechanism.formats.loaded_model import parameter_value
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.loaded_model import parameter_value
+from mbdae.mechanism.formats.mechanism_file.template import Template
 
 U, SET, DT, STEPS = 0.7, 1.3, 8e-3, 4
 STATE = ("q", "v", "s")

@@ -12,7 +12,7 @@ import mbdae
 from mbdae import Closure, Driver, Mechanism, finite_differences
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.closures import KINDS
-from mbdae.mechanism.formats.schema import read_toml
+from mbdae.mechanism.formats.mechanism_file.schema import read_toml
 
 JOINTS = ["revolute", "spherical", "prismatic", "free", "universal", "continuous", "planar", "helical", "composite"]
 PARENTS = [0, 1, 2, 0, 4, 5, 4, 0, 8]

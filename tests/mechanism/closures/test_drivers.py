@@ -10,7 +10,7 @@ from driven import DRIVEN, crane, linkage
 import mbdae
 from mbdae import Driver, finite_differences
 from mbdae.errors import AssemblyError, InputError
-from mbdae.mechanism.formats.schema import read_toml
+from mbdae.mechanism.formats.mechanism_file.schema import read_toml
 from mbdae.mechanism.model_settings import Start
 from mbdae.methods import method
 

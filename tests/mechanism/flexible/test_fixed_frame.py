@@ -6,7 +6,7 @@ import pytest
 
 import mbdae
 from mbdae.finite_differences import numerical_derivative
-from mbdae.mechanism.formats.loaded_model import LoadedModel
+from mbdae.mechanism.formats.mechanism_file.loaded_model import LoadedModel
 from mbdae.mechanism.signals.momentum import momentum
 from mbdae.mechanism.tree.tree_terms import copied
 

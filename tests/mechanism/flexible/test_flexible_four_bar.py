@@ -6,7 +6,7 @@ import pytest
 from flexible_bodies import AT_HALF_SECOND, FOUR_BAR, MODES_AT_HALF_SECOND
 
 import mbdae
-from mbdae.mechanism.formats.loaded_model import LoadedModel
+from mbdae.mechanism.formats.mechanism_file.loaded_model import LoadedModel
 
 
 @pytest.fixture(scope="module")

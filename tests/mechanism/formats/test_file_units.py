@@ -11,9 +11,9 @@ from unit_systems import UnitSystem
 import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism.checked_table import tables_in
-from mbdae.mechanism.formats.load import read
+from mbdae.mechanism.formats.mechanism_file.load import read
+from mbdae.mechanism.formats.mechanism_file.schema import MechanismFile
 from mbdae.mechanism.formats.model_library import models_directory
-from mbdae.mechanism.formats.schema import MechanismFile
 from mbdae.mechanism.key_units import declared_unit
 
 MM = UnitSystem("mm, t, s", length=1e3, mass=1e-3)  # with forces in N
@@ -86,7 +86,7 @@ def test_models_of_the_library_are_the_same_in_mm_and_t(name, tmp_path, monkeypa
     if "gravity" in content:
         content["gravity"] = [1e3 * x for x in content["gravity"]]
     file = MechanismFile.model_validate(content)
-    monkeypatch.setattr("mbdae.mechanism.formats.load.read_toml", lambda text, where: file)
+    monkeypatch.setattr("mbdae.mechanism.formats.mechanism_file.load.read_toml", lambda text, where: file)
     found = mbdae.load(name)
     for a, b in zip(equations(found), equations(mech), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12 * np.abs(b).max(initial=1e-300))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mbdae
-from mbdae.mechanism.formats.loaded_model import LoadedModel, parameter_value
+from mbdae.mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
 FIVE_BAR = """<mujoco>

@@ -3,8 +3,8 @@
 import pytest
 
 import mbdae
-from mbdae.mechanism.formats.parameter_units import function_units, parameter_unit
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.parameter_units import function_units, parameter_unit
+from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.units import substituted
 
 FILE = """

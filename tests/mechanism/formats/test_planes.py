@@ -6,7 +6,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.description import describe, restore
+from mbdae.mechanism.formats.mechanism_file.description import describe, restore
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*not carried over")  # joint limits, which have separate tests
 

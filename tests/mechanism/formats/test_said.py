@@ -9,7 +9,7 @@ import pytest
 
 import mbdae
 from mbdae.mechanism.formats.mjcf.unread_contents import READ
-from mbdae.mechanism.formats.urdf import OF_KIND, SHAPES
+from mbdae.mechanism.formats.urdf.read import OF_KIND, SHAPES
 
 # -- URDF --------------------------------------------------------------------------------------------------------------
 

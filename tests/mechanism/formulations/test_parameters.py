@@ -9,7 +9,7 @@ from mbdae import Bushing, Closure, Driver, JointFriction, JointPID, Mechanism, 
 from mbdae.errors import InputError
 from mbdae.finite_differences import WEIGHTS
 from mbdae.mechanism.discrete_sensitivity.parameter_partials import Parameters
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.template import Template
 
 KINDS = ["free", "revolute", "spherical", "universal", "planar", "prismatic", "continuous", "composite", "euler"]
 PARENTS = [0, 1, 2, 3, 1, 5, 0, 7, 8]

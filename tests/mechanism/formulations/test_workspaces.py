@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mbdae
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.mechanism.variant import variant
 
 RUNS = {

@@ -7,7 +7,7 @@ import pytest
 from fmu_masters import STEP, Master, fmpy, motion_outputs, motorised, simulated
 
 import mbdae
-from mbdae.mechanism.formats.loaded_model import LoadedModel, parameter_value
+from mbdae.mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
 
 pytestmark = pytest.mark.native
 MODELS = ("pendulum", "slider_crank", "stewart_platform", "differential_drive", "spatial_slider_crank", "heavy_top")

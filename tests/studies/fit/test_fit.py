@@ -11,9 +11,9 @@ from scipy.optimize import least_squares
 import mbdae
 from mbdae import tolerances
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.formats.loaded_model import parameter_value
+from mbdae.mechanism.formats.mechanism_file.loaded_model import parameter_value
+from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.mechanism.formats.model_library import find
-from mbdae.mechanism.formats.template import Template
 from mbdae.studies.fit.data import records
 from mbdae.studies.fit.fit import SPANS
 from mbdae.studies.fit.fit_residuals import FitResiduals

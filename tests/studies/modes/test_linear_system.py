@@ -11,7 +11,7 @@ import mbdae
 from mbdae import DCMotor, JointDamping, JointPID, JointTorque, Mechanism
 from mbdae.__main__ import cli
 from mbdae.errors import UnknownNameError
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.mechanism.time_functions.time_functions import Harmonic
 
 

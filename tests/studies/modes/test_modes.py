@@ -13,7 +13,7 @@ import mbdae
 from mbdae import Closure, Mechanism
 from mbdae.__main__ import cli
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.template import Template
 
 COMMANDS = (
     "modes double_pendulum --html modes.html --plot modes.png",

@@ -9,7 +9,7 @@ from sprung_arm import ARM
 import mbdae
 from mbdae import finite_differences
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.studies.optimize.objective import curves, runs
 
 STIFFNESS = {"force.spring.stiffness": 10.0}

@@ -5,8 +5,8 @@ import pytest
 
 import mbdae
 from mbdae import JointPID, JointSpring, JointTorque, Wrench
-from mbdae.mechanism.formats.loaded_model import LoadedModel, parameter_value
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
+from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.studies.optimize.objective import runs
 
 TABLE = {"kind": "table", "points": [(0.0, 1.0), (0.05, 2.0), (0.2, -1.0)]}

@@ -9,7 +9,7 @@ from smooth import SMOOTH
 
 import mbdae
 from mbdae import backend
-from mbdae.mechanism.formats.loaded_model import LoadedModel, parameter_value
+from mbdae.mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
 from mbdae.methods import method
 from mbdae.system import State
 

@@ -13,8 +13,8 @@ from mbdae import backend
 from mbdae.errors import InputError
 from mbdae.integrate.trajectory import trajectory
 from mbdae.mechanism.discrete_sensitivity.parameter_partials import Parameters
-from mbdae.mechanism.formats.loaded_model import parameter_value
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.loaded_model import parameter_value
+from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.mechanism.mechanism import Mechanism
 from mbdae.methods import METHODS, Tableau
 

@@ -8,7 +8,7 @@ import mbdae.finite_differences as differences
 from mbdae.errors import InputError
 from mbdae.finite_differences import ABOVE, BELOW, STENCIL
 from mbdae.mechanism.discrete_sensitivity.perturbed_mechanisms import FIRST, feasible_stencil
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.template import Template
 
 G, M = 9.81, 2.0
 SLIDER = """

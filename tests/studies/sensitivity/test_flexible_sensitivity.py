@@ -7,7 +7,7 @@ import pytest
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.finite_differences import numerical_derivative
-from mbdae.mechanism.formats.loaded_model import LoadedModel
+from mbdae.mechanism.formats.mechanism_file.loaded_model import LoadedModel
 
 VALUES = {"young": 2.1e11, "density": 7850.0, "area": 64e-6, "second_moment": 3.4133333333333334e-10, "damping": 0.01}
 NAMES = [f"flexible.coupler.{name}" for name in VALUES]

@@ -6,7 +6,7 @@ import pytest
 from frozen import FROZEN, assert_derivative, compare
 
 import mbdae
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.template import Template
 
 
 @pytest.mark.parametrize(("model", "values", "others", "T", "mode"), FROZEN)

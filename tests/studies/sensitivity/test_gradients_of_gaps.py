@@ -5,7 +5,7 @@ import pytest
 
 import mbdae
 from mbdae.finite_differences import numerical_derivative
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.template import Template
 
 CASES = (
     (

@@ -5,8 +5,8 @@ import pytest
 from frozen import compare, quotient
 
 import mbdae
-from mbdae.mechanism.formats.loaded_model import parameter_value
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.loaded_model import parameter_value
+from mbdae.mechanism.formats.mechanism_file.template import Template
 
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
 MODELS = [  # model, parameters, other values, span in s, number of impacts and of mode changes, relative width

@@ -9,8 +9,8 @@ from frozen import assert_derivative, compare
 import mbdae
 from mbdae import Driver
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.loaded_model import LoadedModel, parameter_value
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
+from mbdae.mechanism.formats.mechanism_file.template import Template
 
 WIDTHS = (1e-5, 1e-4, 1e-3)
 GENEVA = Template("geneva_drive")

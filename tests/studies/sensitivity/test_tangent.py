@@ -10,7 +10,7 @@ from smooth import SMOOTH
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.methods import METHODS, Tableau
 from mbdae.solution.signals import signals as columns
 

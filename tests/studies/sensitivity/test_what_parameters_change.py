@@ -8,7 +8,7 @@ from chains import random_inertia
 import mbdae
 from mbdae import JointPID, backend
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.loaded_model import LoadedModel, parameter_value
+from mbdae.mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
 
 
 def with_pid(**more):

@@ -13,8 +13,8 @@ import mbdae
 from mbdae import Closure, Mechanism
 from mbdae.errors import InputError
 from mbdae.finite_differences import converged_difference
-from mbdae.mechanism.formats.loaded_model import parameter_value
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.loaded_model import parameter_value
+from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.mechanism.model_settings import Start
 
 OMEGA = 10.0

@@ -15,7 +15,7 @@ from mbdae import JointSpring, JointTorque, Sampled
 from mbdae.__main__ import cli
 from mbdae.errors import EquilibriumError, InputError, UnknownNameError
 from mbdae.mechanism.equilibrium.equilibrium_equations import Statics
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.template import Template
 
 COMMANDS = (
     "equilibrium double_pendulum",

@@ -10,7 +10,7 @@ from columns import column
 import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.template import Template
 
 L0 = np.sqrt(1.25)
 

@@ -9,8 +9,8 @@ from scipy.stats import norm
 
 import mbdae
 from mbdae.errors import InputError
+from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.mechanism.formats.model_library import models_directory
-from mbdae.mechanism.formats.template import Template
 from mbdae.solution.signals import signals
 from mbdae.studies.sweep.plan import run_seed, tasks
 

@@ -8,8 +8,8 @@ import pytest
 import mbdae
 from mbdae import kinematics, tolerance
 from mbdae.finite_differences import numerical_derivative
-from mbdae.mechanism.formats.loaded_model import parameter_value
-from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formats.mechanism_file.loaded_model import parameter_value
+from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.mechanism.tree.frames import frame_paths
 from mbdae.solution.signal_value import signal_values
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 from ....errors import InputError
 from ...allowed_paths import AllowedPaths
 from ...scene.meshes import placeholder
-from ..inertias import checked_inertia
+from ..mechanism_file.inertias import checked_inertia
 from ..recorded import Recorded
 from .elements import YES, SdfElements
 

@@ -8,20 +8,20 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ...errors import InputError
-from ...file_io import read_text
-from ..allowed_paths import AllowedPaths
-from ..checked_table import Table
-from ..closures.closure import Axis
-from ..imported_model import EFFORTS, FRICTION, LIMITS, MIMICRY, ImportedModel, Mimic, mimic_couplings, name_list
-from ..model_settings import Value
-from ..tree.frames import find_joint, joint_names
-from .body_tables import WITH_AXIS, Source
-from .joint_tree import resolve_joints
+from ....errors import InputError
+from ....file_io import read_text
+from ...allowed_paths import AllowedPaths
+from ...checked_table import Table
+from ...closures.closure import Axis
+from ...imported_model import EFFORTS, FRICTION, LIMITS, MIMICRY, ImportedModel, Mimic, mimic_couplings, name_list
+from ...model_settings import Value
+from ...tree.frames import find_joint, joint_names
+from ..body_tables import WITH_AXIS, Source
+from ..joint_tree import resolve_joints
+from ..reader import KEY, Reader
+from ..recorded import Recorded, unread_phrases
 from .loop_closures import add_loop_closures
-from .reader import KEY, Reader
-from .recorded import Recorded, unread_phrases
-from .urdf_visuals import one_line, read_visuals
+from .visuals import one_line, read_visuals
 
 POSE = "xyz rpy"
 READ = {  # contents that are read, by Pinocchio or here (`Recorded.mark`); joints have separate tables

@@ -2,8 +2,8 @@
 
 from pydantic import ValidationInfo, field_validator
 
-from ...units import DIMENSIONS, Units
-from ..checked_table import Table
+from ....units import DIMENSIONS, Units
+from ...checked_table import Table
 
 
 class FileUnits(Table):

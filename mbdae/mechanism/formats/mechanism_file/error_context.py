@@ -4,9 +4,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from ...errors import MbdaeError, UnknownNameError, printable
-from ..imported_model import ImportedModel, mimic_couplings
-from ..tree.frames import WORLD, frame_names, joint_names
+from ....errors import MbdaeError, UnknownNameError, printable
+from ...imported_model import ImportedModel, mimic_couplings
+from ...tree.frames import WORLD, frame_names, joint_names
 from .schema import MechanismFile
 
 REFERENCES = {"parent": "frame", "frame": "frame", "frames": "frame", "joint": "joint", "joints": "joint"}

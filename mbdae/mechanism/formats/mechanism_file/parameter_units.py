@@ -3,12 +3,12 @@
 from collections.abc import Iterable
 from typing import Any
 
-from ...units import Units, substituted
-from ..checked_table import Table
-from ..forces.force import Force
-from ..key_units import Coordinates, Unit, UnitSymbols, function_symbols
-from ..mechanism import Mechanism
-from ..tree.coordinate_units import coordinate_units
+from ....units import Units, substituted
+from ...checked_table import Table
+from ...forces.force import Force
+from ...key_units import Coordinates, Unit, UnitSymbols, function_symbols
+from ...mechanism import Mechanism
+from ...tree.coordinate_units import coordinate_units
 from .loaded_model import joint_entry
 from .table_entries import entry_at, first_key
 from .template import Template

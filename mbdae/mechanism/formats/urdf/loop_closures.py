@@ -16,17 +16,17 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field, ValidationError
 
-from ...errors import InputError
-from ...file_io import read_text
-from ..allowed_paths import AllowedPaths, access_error
-from ..checked_table import Table, one_line
-from ..closures.closure import Axis, Closure
-from ..imported_model import ImportedModel
-from ..model_settings import Motor
-from ..tree.frames import find_joint, frame_placement
-from ..tree.pinocchio_data import make_data
-from .body_tables import Frame, Vector
-from .yaml_table import yaml_table
+from ....errors import InputError
+from ....file_io import read_text
+from ...allowed_paths import AllowedPaths, access_error
+from ...checked_table import Table, one_line
+from ...closures.closure import Axis, Closure
+from ...imported_model import ImportedModel
+from ...model_settings import Motor
+from ...tree.frames import find_joint, frame_placement
+from ...tree.pinocchio_data import make_data
+from ..body_tables import Frame, Vector
+from ..yaml_table import yaml_table
 
 FILE, BASE = "loop_closures.yaml", "base_link"
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pinocchio as pin
 
-from ...errors import InputError
-from ...system import Array
-from ...tolerances import SOLUTION_ROUNDING
+from ....errors import InputError
+from ....system import Array
+from ....tolerances import SOLUTION_ROUNDING
 
 
 def checked_inertia(mass: float, com: Array, tensor: Array, of: str) -> pin.Inertia:

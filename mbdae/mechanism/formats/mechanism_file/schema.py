@@ -7,19 +7,19 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from ...errors import InputError, printable
-from ..checked_table import HUGE, Table, one_line, tables_in
-from ..closures import AnyClosure
-from ..closures.clutch import Clutch
-from ..closures.driver import Driver
-from ..closures.unilateral_constraint import Stop
-from ..forces import AnyForce
-from ..hybrid.reset import Reset
-from ..key_units import Coordinates, Unit
-from ..model_settings import OrderSettings, SolveSettings, Start, Value
-from ..time_functions.input_functions import Input
-from ..time_functions.time_functions import TimeFunction
-from .body_tables import Body, Flexible, Frame, Source, Vector
+from ....errors import InputError, printable
+from ...checked_table import HUGE, Table, one_line, tables_in
+from ...closures import AnyClosure
+from ...closures.clutch import Clutch
+from ...closures.driver import Driver
+from ...closures.unilateral_constraint import Stop
+from ...forces import AnyForce
+from ...hybrid.reset import Reset
+from ...key_units import Coordinates, Unit
+from ...model_settings import OrderSettings, SolveSettings, Start, Value
+from ...time_functions.input_functions import Input
+from ...time_functions.time_functions import TimeFunction
+from ..body_tables import Body, Flexible, Frame, Source, Vector
 from .file_units import FileUnits
 
 ReplacementKind = Literal[

@@ -15,7 +15,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from pydantic import ConfigDict, ValidationError, create_model
 from pydantic.fields import FieldInfo
 
-from ...errors import InputError, MbdaeError, UnknownNameError
+from ....errors import InputError, MbdaeError, UnknownNameError
 from .schema import MechanismFile, checked
 
 FUNCTION = "mechanism"

@@ -6,15 +6,15 @@ from typing import NoReturn
 import numpy as np
 import pinocchio as pin
 
-from ...errors import InputError, UnknownNameError, printable
-from ..checked_table import HUGE
-from ..flexible import attach_flexible
-from ..imported_model import ImportedModel
-from ..tree.frames import WORLD, find_frame, frame_names
-from .body_tables import Body, Flexible, Frame, Source
+from ....errors import InputError, UnknownNameError, printable
+from ...checked_table import HUGE
+from ...flexible import attach_flexible
+from ...imported_model import ImportedModel
+from ...tree.frames import WORLD, find_frame, frame_names
+from ..body_tables import Body, Flexible, Frame, Source
+from ..joint_tree import JOINT_MODELS, Tree, depth_first, resolve_joints, rotation_from_z
 from .flexible_table import modal_body_of
 from .inertias import checked_inertia
-from .joint_tree import JOINT_MODELS, Tree, depth_first, resolve_joints, rotation_from_z
 from .schema import MechanismFile
 
 

@@ -8,12 +8,12 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from ...errors import InputError
-from ...units import SYMBOL, Units
-from ..checked_table import Table
-from ..imported_model import ImportedModel
-from ..key_units import Coordinates, Unit, UnitSymbols, function_symbols
-from ..tree.coordinate_units import coordinate_units_of
+from ....errors import InputError
+from ....units import SYMBOL, Units
+from ...checked_table import Table
+from ...imported_model import ImportedModel
+from ...key_units import Coordinates, Unit, UnitSymbols, function_symbols
+from ...tree.coordinate_units import coordinate_units_of
 from .build import build
 from .file_units import FileUnits
 from .schema import MechanismFile

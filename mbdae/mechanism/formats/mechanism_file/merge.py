@@ -4,14 +4,14 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
-from ...errors import InputError, UnknownNameError
-from ..forces.joint_friction import JointFriction
-from ..forces.joint_torque import JointTorque
-from ..forces.wrench import Wrench
-from ..imported_model import FRICTION, LIMITS, ImportedModel, mimic_couplings
-from ..model_settings import Motor, Start
-from ..time_functions.time_functions import Constant
-from ..tree.frames import joint_names
+from ....errors import InputError, UnknownNameError
+from ...forces.joint_friction import JointFriction
+from ...forces.joint_torque import JointTorque
+from ...forces.wrench import Wrench
+from ...imported_model import FRICTION, LIMITS, ImportedModel, mimic_couplings
+from ...model_settings import Motor, Start
+from ...time_functions.time_functions import Constant
+from ...tree.frames import joint_names
 from .schema import MechanismFile
 
 

@@ -19,19 +19,19 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ...errors import InputError, UnknownNameError
-from ..checked_table import Table
-from ..imported_model import ImportedModel
-from ..mechanism import Mechanism
-from ..model_settings import Start
-from ..time_functions.time_functions import Constant
-from ..tree.frames import find_joint, joint_names
-from ..tree.tree_terms import copied
-from ..variant import variant
-from .body_tables import Body
+from ....errors import InputError, UnknownNameError
+from ...checked_table import Table
+from ...imported_model import ImportedModel
+from ...mechanism import Mechanism
+from ...model_settings import Start
+from ...time_functions.time_functions import Constant
+from ...tree.frames import find_joint, joint_names
+from ...tree.tree_terms import copied
+from ...variant import variant
+from ..body_tables import Body
+from ..model_library import PARAMETRIC, find
 from .build import body_inertia, build, placement
 from .load import Recipe, make, read
-from .model_library import PARAMETRIC, find
 from .parametric import ParametricFile, split
 from .schema import MechanismFile
 from .table_entries import TABLES, entry_at, entry_keys, entry_names, first_key, with_entries, with_entry

@@ -3,19 +3,19 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ...errors import InputError
-from ...tolerances import SAME_STATE, ZERO_SPEED
-from ..closures.active_range import ActiveRange
-from ..closures.closure import Closure
-from ..tree.frames import find_joint
-from .switch import Guard, ImpactRow, PointFunction, Switch, core_switch
+from ....errors import InputError
+from ....tolerances import SAME_STATE, ZERO_SPEED
+from ...closures.active_range import ActiveRange
+from ...closures.closure import Closure
+from ...tree.frames import find_joint
+from ..switch import Guard, ImpactRow, PointFunction, Switch, core_switch
 
 if TYPE_CHECKING:
-    from ...data_types import CoreData
-    from ...system import Array
-    from ..formulations.index2 import Index2System
-    from ..mechanism import Mechanism
-    from .mode_point import ModePoint
+    from ....data_types import CoreData
+    from ....system import Array
+    from ...formulations.index2 import Index2System
+    from ...mechanism import Mechanism
+    from ..mode_point import ModePoint
 
 OUTSIDE, INSIDE = 0, 1
 LOOKAHEAD = SAME_STATE  # rad or characteristic lengths: lookahead of a joint at the boundary of a range

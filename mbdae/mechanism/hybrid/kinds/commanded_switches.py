@@ -6,15 +6,15 @@ Both cause impacts at the end of a step, subject to all other closures; see `mbd
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ..closures.clutch import Clutch
-from ..closures.driver import Driver
-from ..time_functions.time_functions import Steps
-from .switch import Guard, ImpactRow, Switch
+from ...closures.clutch import Clutch
+from ...closures.driver import Driver
+from ...time_functions.time_functions import Steps
+from ..switch import Guard, ImpactRow, Switch
 
 if TYPE_CHECKING:
-    from ...system import Array
-    from ..mechanism import Mechanism
-    from .mode_point import ModePoint
+    from ....system import Array
+    from ...mechanism import Mechanism
+    from ..mode_point import ModePoint
 
 OPEN, ENGAGED = 0, 1
 

@@ -4,12 +4,12 @@ import json
 from functools import lru_cache
 from typing import Any
 
-from ...errors import InputError
-from ..forces import FORCES
-from ..mechanism import Mechanism
-from ..time_functions.time_functions import Constant
-from ..tree.frames import joint_names
-from .body_tables import Body
+from ....errors import InputError
+from ...forces import FORCES
+from ...mechanism import Mechanism
+from ...time_functions.time_functions import Constant
+from ...tree.frames import joint_names
+from ..body_tables import Body
 from .load import Recipe, recipe_from_mechanism
 from .table_entries import entry_at, first_key
 from .template import CACHE_SIZE, Template, as_body, split_joint

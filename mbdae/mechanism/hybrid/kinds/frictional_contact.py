@@ -5,19 +5,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...data_types import CoreData
-from ...errors import InputError
-from ...tolerances import VISIBLE
-from ..closures.closure import UnilateralClosure
-from ..forces.coulomb_friction import CoulombFriction
+from ....data_types import CoreData
+from ....errors import InputError
+from ....tolerances import VISIBLE
+from ...closures.closure import UnilateralClosure
+from ...forces.coulomb_friction import CoulombFriction
+from ..switch import Guard, ImpactRow, LoadCandidate, Switch
 from .rolling_stiction import RollingStiction
-from .switch import Guard, ImpactRow, LoadCandidate, Switch
 from .unilateral import Unilateral
 
 if TYPE_CHECKING:
-    from ..formulations.index2 import Index2System
-    from ..mechanism import Mechanism
-    from .mode_point import ModePoint
+    from ...formulations.index2 import Index2System
+    from ...mechanism import Mechanism
+    from ..mode_point import ModePoint
 
 OPEN, STICKING, SLIDING = 0, 1, 2
 AT_LIMIT = 2 * VISIBLE  # of the friction limit: the contact slides if its load is closer to the limit

@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 from pydantic import Field, ValidationError
 
-from ...data_types import JsonObject
-from ...errors import InputError
-from ..callbacks import function_name
-from ..checked_table import Table, one_line
-from ..forces import FORCES, PYTHON_FORCES
-from ..forces.actuator import Actuator
-from ..mechanism import Mechanism
-from ..model_serialization import model_from_data, model_to_data
-from ..model_settings import Motor
+from ....data_types import JsonObject
+from ....errors import InputError
+from ...callbacks import function_name
+from ...checked_table import Table, one_line
+from ...forces import FORCES, PYTHON_FORCES
+from ...forces.actuator import Actuator
+from ...mechanism import Mechanism
+from ...model_serialization import model_from_data, model_to_data
+from ...model_settings import Motor
+from ..sources import restored
 from .load import Recipe, make, mechanism_from_file, table_of
 from .schema import MechanismFile
-from .sources import restored
 
 
 def describe(mech: Mechanism) -> JsonObject:

@@ -5,17 +5,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...tolerances import COINCIDENT
-from ..closures.clutch import Clutch
-from ..tree.frames import find_joint
-from .switch import Guard, ImpactRow, LoadCandidate, PointFunction, SampledMotion, Switch, UnilateralRow, core_switch
+from ....tolerances import COINCIDENT
+from ...closures.clutch import Clutch
+from ...tree.frames import find_joint
+from ..switch import Guard, ImpactRow, LoadCandidate, PointFunction, SampledMotion, Switch, UnilateralRow, core_switch
 
 if TYPE_CHECKING:
-    from ...data_types import CoreData
-    from ...system import Array
-    from ..formulations.index2 import Index2System
-    from ..mechanism import Mechanism
-    from .mode_point import ModePoint
+    from ....data_types import CoreData
+    from ....system import Array
+    from ...formulations.index2 import Index2System
+    from ...mechanism import Mechanism
+    from ..mode_point import ModePoint
 
 FREE, LOCKED, BACKWARDS = 0, 1, 2
 

@@ -7,10 +7,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from ...errors import InputError
-from ..allowed_paths import AllowedPaths
-from ..checked_table import HUGE
-from ..scene.meshes import placeholder
+from ....errors import InputError
+from ...allowed_paths import AllowedPaths
+from ...checked_table import HUGE
+from ...scene.meshes import placeholder
 
 MARKER = 10_000_000  # m: size of the boxes that replace meshes
 

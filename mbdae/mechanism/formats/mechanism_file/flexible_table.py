@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError
-from ..allowed_paths import AllowedPaths
-from ..flexible import ModalBody, beam
-from ..flexible.modal_data import modal_body_from_data, read_modal_data
-from .body_tables import BEAM, Flexible
+from ....errors import InputError, UnknownNameError
+from ...allowed_paths import AllowedPaths
+from ...flexible import ModalBody, beam
+from ...flexible.modal_data import modal_body_from_data, read_modal_data
+from ..body_tables import BEAM, Flexible
 
 
 def with_data(tables: Sequence[Flexible], path: Path) -> tuple[Flexible, ...]:

@@ -3,19 +3,19 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ...tolerances import COINCIDENT, VISIBLE
-from ..closures.brake import Brake
-from ..forces.joint_friction import KineticFrictionElement
-from ..tree.frames import find_joint
-from .friction_utilisation import friction_utilisation
-from .switch import Guard, LoadCandidate, Switch, core_switch
+from ....tolerances import COINCIDENT, VISIBLE
+from ...closures.brake import Brake
+from ...forces.joint_friction import KineticFrictionElement
+from ...tree.frames import find_joint
+from ..friction_utilisation import friction_utilisation
+from ..switch import Guard, LoadCandidate, Switch, core_switch
 
 if TYPE_CHECKING:
-    from ...data_types import CoreData
-    from ...system import Array
-    from ..formulations.index2 import Index2System
-    from ..mechanism import Mechanism
-    from .mode_point import ModePoint
+    from ....data_types import CoreData
+    from ....system import Array
+    from ...formulations.index2 import Index2System
+    from ...mechanism import Mechanism
+    from ..mode_point import ModePoint
 
 IDLE, STICKING, FORWARDS, BACKWARDS = 0, 1, 2, 3
 

@@ -8,30 +8,30 @@ from typing import Any, NamedTuple
 
 import pinocchio as pin
 
-from ...discovery import is_model_name
-from ...errors import InputError, UnknownNameError
-from ...file_io import read_text
-from ...tolerances import INPUT_DIGITS
-from ..closures.closure import Closure
-from ..closures.clutch import Clutch
-from ..closures.driver import Driver
-from ..closures.unilateral_constraint import Stop
-from ..forces import FORCES
-from ..forces.fmu import with_fmu_paths
-from ..hybrid.reset import Reset
-from ..imported_model import ImportedModel, not_carried_over
-from ..mechanism import Mechanism
-from ..model_settings import Motor
-from .body_tables import Source
+from ....discovery import is_model_name
+from ....errors import InputError, UnknownNameError
+from ....file_io import read_text
+from ....tolerances import INPUT_DIGITS
+from ...closures.closure import Closure
+from ...closures.clutch import Clutch
+from ...closures.driver import Driver
+from ...closures.unilateral_constraint import Stop
+from ...forces import FORCES
+from ...forces.fmu import with_fmu_paths
+from ...hybrid.reset import Reset
+from ...imported_model import ImportedModel, not_carried_over
+from ...mechanism import Mechanism
+from ...model_settings import Motor
+from ..body_tables import Source
+from ..model_library import IN_FOLDER, find
+from ..readers import CONVERTERS, MECHANISM, PARAMETRIC, converted
+from ..sources import read_source, restored
 from .build import build
 from .error_context import with_error_context
 from .flexible_table import with_data
 from .merge import merge_sources
-from .model_library import IN_FOLDER, find
 from .parametric import ParametricFile, split
-from .readers import CONVERTERS, MECHANISM, PARAMETRIC, converted
 from .schema import MechanismFile, read_toml
-from .sources import read_source, restored
 from .unit_conversion import in_si
 
 BODIES = "body", "flexible"  # tables whose defaults are valid only for some joints

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ...errors import InputError, UnknownNameError
-from ..checked_table import Table
+from ....errors import InputError, UnknownNameError
+from ...checked_table import Table
 from .schema import MechanismFile
 
 TABLES = (  # of files

@@ -3,19 +3,19 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ...data_types import CoreData
-from ...system import Array
-from ...tolerances import CLOSED as TOUCHING
-from ...tolerances import SHORTEST_FLIGHT
-from ..closures.closure import UnilateralClosure
-from ..closures.unilateral_constraint import Stop, UnilateralOptions
-from ..forces.coulomb_friction import CoulombFriction
-from .switch import Guard, ImpactRow, LoadCandidate, SampledMotion, Switch, UnilateralRow, core_switch
+from ....data_types import CoreData
+from ....system import Array
+from ....tolerances import CLOSED as TOUCHING
+from ....tolerances import SHORTEST_FLIGHT
+from ...closures.closure import UnilateralClosure
+from ...closures.unilateral_constraint import Stop, UnilateralOptions
+from ...forces.coulomb_friction import CoulombFriction
+from ..switch import Guard, ImpactRow, LoadCandidate, SampledMotion, Switch, UnilateralRow, core_switch
 
 if TYPE_CHECKING:
-    from ..formulations.index2 import Index2System
-    from ..mechanism import Mechanism
-    from .mode_point import ModePoint
+    from ...formulations.index2 import Index2System
+    from ...mechanism import Mechanism
+    from ..mode_point import ModePoint
 
 OPEN, CLOSED = 0, 1
 

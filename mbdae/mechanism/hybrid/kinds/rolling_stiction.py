@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...tolerances import COINCIDENT
-from ..forces.coulomb_friction import CoulombFriction
-from .switch import Guard, LoadCandidate, PointFunction, Switch
+from ....tolerances import COINCIDENT
+from ...forces.coulomb_friction import CoulombFriction
+from ..switch import Guard, LoadCandidate, PointFunction, Switch
 
 if TYPE_CHECKING:
-    from ...system import Array
-    from ..formulations.index2 import Index2System
-    from ..mechanism import Mechanism
-    from .mode_point import ModePoint
+    from ....system import Array
+    from ...formulations.index2 import Index2System
+    from ...mechanism import Mechanism
+    from ..mode_point import ModePoint
 
 IDLE, STICKING, SLIDING = 0, 1, 2
 TRANSVERSE = 10  # velocity tolerances: when the slip ends in its direction, errors of the run remain transverse to it

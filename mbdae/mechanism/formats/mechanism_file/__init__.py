@@ -1,0 +1,1 @@
+"""Mechanism files: read, checked, merged with their sources, built, and described in saved runs."""

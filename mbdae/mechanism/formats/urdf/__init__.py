@@ -1,0 +1,1 @@
+"""URDF files, with the loops that CAD exporters cut."""

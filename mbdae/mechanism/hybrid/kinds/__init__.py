@@ -1,0 +1,1 @@
+"""Kinds of switches: a file for each."""
