@@ -170,7 +170,7 @@ def test_stewart_workspace(capsys):
 def test_arm_controller(capsys):
     module = example("arm_controller")
     sol = module.main(end=1.0)
-    wheel = sol.signals()["q.handle"]
+    wheel = sol.signals("q.handle")["q.handle"]
     wanted = np.array([module.reference(t)[0] for t in sol.t])
     assert np.abs(wheel - wanted).max() < 0.03
     assert "reference" in capsys.readouterr().out
