@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from frozen import compare, quotient, runs_of
+from signal_names import without_works
 
 import mbdae
 from mbdae.errors import InputError
 from mbdae.integrate.trajectory.signal_jacobian import SignalJacobian
 from mbdae.solution.signals import signals as columns
-from mbdae.solution.signals import units
 
 ALL_SORTS = str(Path(__file__).parents[2] / "data" / "all_sorts.toml")
 WITHOUT = ("g", "Gv")  # a largest magnitude has no derivative
@@ -19,7 +19,7 @@ WIDTHS = (1e-3, 1e-2)
 
 def with_derivatives(mech):
     """Names of signals with derivatives."""
-    return [x for x in units(mech) if x not in WITHOUT and not x.startswith("work.")]
+    return [x for x in without_works(mech) if x not in WITHOUT]
 
 
 def wrong(model, name, T, **options):
