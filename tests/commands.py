@@ -12,6 +12,8 @@ from unittest import mock
 import pytest
 
 from mbdae.__main__ import main
+from mbdae.cli import study_command
+from mbdae.discovery import lazy_import
 
 
 def call(*arguments, cwd="."):
@@ -33,6 +35,23 @@ def without_pictures(patch):
     """Leave out the pictures of reports, that a test does not read."""
     for name in ("posture", "motion", "drifts", "convergence", "work_precision", "image"):
         patch.setattr(f"mbdae.studies.report.page.{name}", lambda *_, **__: "")
+
+
+def keep_studies(patch, results, known=False):
+    """Append the results of the studies of commands to a list; if they are known, take them from it instead."""
+
+    def find(module, name):
+        study = lazy_import(module, name)
+
+        def called(*arguments, **options):
+            if known:
+                return results.pop(0)
+            results.append(study(*arguments, **options))
+            return results[-1]
+
+        return called
+
+    patch.setattr(study_command, "lazy_import", find)
 
 
 def found():

@@ -14,7 +14,7 @@ from mbdae.mechanism.forces.coulomb_friction import CoulombFriction
 SHORT = {  # s: models that move faster or slower than others; those with mode switches have one before
     "andrews_squeezer": 0.003, "bouncing_chain": 0.25, "pendulum_on_stop": 0.5, "ratchet": 0.4,
     "slider_crank_with_stop": 0.25, "stick_slip_slider": 0.004, "woodpecker": 0.002,
-    "humanoid_stance": 0.02, "stewart_platform": 0.02,
+    "humanoid_stance": 0.02, "stewart_platform": 0.02, "flexible_slider_crank": 0.02,
 }  # fmt: skip
 RANK = 1e-9
 

@@ -129,7 +129,7 @@ def test_plots_of_replays_have_the_units(sol):
     angles, positions = found[0], found[1]
     assert "(deg)" in angles.title
     crank = next(c for c in angles.curves if c.name == "crank")
-    np.testing.assert_allclose(crank.y[[0, -1]], np.degrees(sol.signals()["q.crank"][[0, -1]]), rtol=1e-12)
+    np.testing.assert_allclose(crank.y[[0, -1]], np.degrees(sol.signals("q.crank")["q.crank"][[0, -1]]), rtol=1e-12)
     assert "(mm)" in positions.title
     assert positions.curves[0].y[-1] == pytest.approx(1e3 * sol.q[-1, -1], rel=1e-12)
 

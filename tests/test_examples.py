@@ -170,7 +170,7 @@ def test_stewart_workspace(capsys):
 def test_arm_controller(capsys):
     module = example("arm_controller")
     sol = module.main(end=1.0)
-    wheel = sol.signals()["q.handle"]
+    wheel = sol.signals("q.handle")["q.handle"]
     wanted = np.array([module.reference(t)[0] for t in sol.t])
     assert np.abs(wheel - wanted).max() < 0.03
     assert "reference" in capsys.readouterr().out
@@ -273,7 +273,7 @@ def test_lift_assist(capsys):
 
 
 def test_walker(tmp_path, capsys):
-    found = example("walker").main(0.0148, 0.0153, plot=tmp_path / "walker.png")
+    found = example("walker").main(0.015, 0.0152, plot=tmp_path / "walker.png")
     assert found["incline"] == pytest.approx(0.0150884379411, abs=1e-9)
     assert found["angle"] == pytest.approx(0.23716586, abs=1e-7)
     assert "period doubling" in capsys.readouterr().out

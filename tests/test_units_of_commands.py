@@ -79,7 +79,7 @@ def test_fits_have_the_units_of_parameters_and_signals(pendulum, tmp_path):
     sol = mbdae.solve(pendulum, (0, 2), rtol=1e-8)
     t = np.linspace(0, 2, 40)
     with (tmp_path / "data.csv").open("w") as file:
-        angle = sol.resampled(t).signals()["q.ball"]
+        angle = sol.resampled(t).signals("q.ball")["q.ball"]
         csv.writer(file).writerows([["t", "q.ball"], *zip(t.tolist(), angle.tolist(), strict=True)])
     words = ("fit", str(pendulum), "data.csv", "-p", "force.oil.damping=0.02:0.01:0.2", "--units", "mm,deg")
     text = shown(tmp_path, *words, "-o", "fit.csv", "--plot", "fit.svg", "--html", "fit.html")

@@ -117,7 +117,7 @@ def test_gears_of_unbounded_joints_are_projected_in_the_core(monkeypatch):
     start = gears.assemble({"continuous_1": 0.4}, {"continuous_1": 20.0})
     sol = mbdae.solve(gears, (0, 2), *start, rtol=1e-8, project=True, backend="native")
     assert sol.success, sol.message
-    driven, driving = sol.signals()["q.continuous_0"], sol.signals()["q.continuous_1"]
+    driven, driving = sol.signals("q.continuous_0")["q.continuous_0"], sol.signals("q.continuous_1")["q.continuous_1"]
     assert abs(driving[-1] - driving[0]) > 20
     np.testing.assert_allclose(driven - driven[0], -2.5 * (driving - driving[0]), atol=1e-10)
 

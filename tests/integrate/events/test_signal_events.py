@@ -109,13 +109,13 @@ def test_a_terminal_event_ends_where_closures_hold(name, options):
     mech = mbdae.load(name)
     joint = next(n for n in signal_values(mech) if n.startswith("q."))
     plain = mbdae.solve(mech, (0, 0.2), **options)
-    x = plain.signals()[joint]
+    x = plain.signals(joint)[joint]
     level = float(x[0] + 2 * x[-1]) / 3
     sol = mbdae.solve(mech, (0, 0.2), events=Event(f"{joint} = {level!r}", terminal=True), **options)
     assert sol.status == "event", sol.message
     assert sol.events[0][0][-1] == sol.t[-1]
     np.testing.assert_array_equal(sol.events[0][1][-1], sol.y[-1])
-    assert sol.signals()[joint][-1] == pytest.approx(level, abs=1e-14)
+    assert sol.signals(joint)[joint][-1] == pytest.approx(level, abs=1e-14)
     g, rate = mech.residual(sol.q[-1], sol.v[-1])
     assert np.abs(rate).max() < 1e-13 * (1 + np.abs(sol.v[-1]).max())
     if "rtol" in options:

@@ -37,7 +37,7 @@ def test_forces_at_a_point_are_found_once_for_all_events():
 def test_multipliers_are_those_of_the_hidden_constraint():
     """Without the contribution of Baumgarte's terms to those of the steps: as in `Solution.lam`."""
     mech, options = mbdae.load("four_bar"), {"formulation": "index1", "method": "dop853", "baumgarte": (20.0, 20.0)}
-    lam = mbdae.solve(mech, (0, 1), rtol=1e-4, **options).signals()["lam.pin.1"]
+    lam = mbdae.solve(mech, (0, 1), rtol=1e-4, **options).signals("lam.pin.1")["lam.pin.1"]
     level = float(lam[0] + lam.max()) / 2
     sol = mbdae.solve(mech, (0, 1), rtol=1e-4, events=f"lam.pin.1 = {level!r}", **options)
     system, signal = mech.system(), signal_values(mech)["lam.pin.1"]
@@ -67,7 +67,7 @@ def test_a_signal_missing_in_the_core_is_monitored_in_python():
     mech = mbdae.load("rolling_disc")
     text = next(n for n in signal_values(mech) if n.startswith("contact.") and n.endswith(".x"))
     plain = mbdae.solve(mech, (0, 0.2))
-    x = plain.signals()[text]
+    x = plain.signals(text)[text]
     event = f"{text} = {float(x[0] + x[-1]) / 2!r}"
     sols = [mbdae.solve(mech, (0, 0.2), events=event, backend=b) for b in ("auto", "python")]
     assert len(sols[0].events[0][0]) == len(sols[1].events[0][0]) == 1
@@ -82,7 +82,7 @@ def test_accelerations_and_loads_of_joints_are_signals():
     plain = mbdae.solve(mech, (0, 0.2))
     known = {"a.crank": True, "force.crank": False, "force.rocker.z": False, "force.pin.x": False}
     for text, compiled in known.items():
-        x = plain.signals()[text]
+        x = plain.signals(text)[text]
         event = f"{text} = {float(x[1] + x[-2]) / 2!r}"
         sols = [mbdae.solve(mech, (0, 0.2), events=event, backend=b) for b in ("auto", "python")]
         assert len(sols[0].events[0][0]) == len(sols[1].events[0][0]) > 0

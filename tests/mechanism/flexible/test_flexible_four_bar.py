@@ -75,7 +75,8 @@ def test_the_moment_of_the_weight_follows_the_deformation(four_bar):
     assert moment[1] == pytest.approx(-np.cross(C @ x, R.T @ g)[2], rel=1e-9)
 
 
-def test_a_saved_run_has_the_beam(four_bar, run, tmp_path):
+def test_a_saved_run_has_the_beam(four_bar, run, tmp_path, monkeypatch):
+    monkeypatch.setattr("mbdae.studies.replay.plot_panels.POINTS", 50)
     run.save(tmp_path / "run.npz")
     again = mbdae.Solution.load(tmp_path / "run.npz")
     assert again.mechanism.model.flexible[0].modal.frequencies == pytest.approx(

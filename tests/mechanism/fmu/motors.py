@@ -2,33 +2,34 @@
 
 import shutil
 import subprocess
+import tempfile
 import zipfile
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbdae[fmi]'")
 
-HERE = Path(__file__).parent
+HERE, HEADERS = Path(__file__).parent, Path(fmpy.__file__).parent / "c-code"
 NAMES = ("angle", "speed", "torque", "kp", "kd", "T", "gain", "feed", "reference", "steps", "fail")
 DEGREE = 0.017453292519943295
 UNITS = {"angle": "deg", "speed": "deg/s", "torque": "N.cm"}
 FACTORS = {"deg": DEGREE, "deg/s": DEGREE, "N.cm": 0.01}
 
 
-def compiled(folder, version):
-    """The library of the motor."""
+@cache
+def library(version):
+    """The library of the motor; functions of the standard that it lacks, which FMPy loads too, fail."""
     compiler = shutil.which("cc") or pytest.skip("no C compiler")
-    out = Path(folder) / f"motor{version}.so"
-    headers = Path(fmpy.__file__).parent / "c-code"
-    source = HERE / f"motor{version}.c"
     interface = {2: fmpy.fmi2.FMU2Slave, 3: fmpy.fmi3.FMU3Slave}[version]
-    others = [x for x in dir(interface) if x.startswith(f"fmi{version}") and f" {x}(" not in source.read_text()]
-    stubs = out.with_suffix(".stubs.c")  # FMPy loads all functions of the standard
-    stubs.write_text("\n".join(f"int {name}(void) {{ return 3; }}" for name in others))
-    flags = ["-shared", "-fPIC", "-O1", "-Wall", "-Werror", f"-I{headers}"]
-    subprocess.run([compiler, *flags, "-o", str(out), str(source), str(stubs), "-lm"], check=True)
-    return out
+    names = [name for name in dir(interface) if name.startswith(f"fmi{version}")]
+    flags = ["-shared", "-fPIC", "-O1", "-Wall", "-Werror", f"-DFMI={version}", f"-I{HEADERS}"]
+    with tempfile.TemporaryDirectory() as folder:
+        stubs, out = Path(folder, "stubs.c"), Path(folder, "motor.so")
+        stubs.write_text("\n".join(f"__attribute__((weak)) int {name}(void) {{ return 3; }}" for name in names))
+        subprocess.run([compiler, *flags, "-o", str(out), str(HERE / "motor.c"), str(stubs), "-lm"], check=True)
+        return out.read_bytes()
 
 
 def motor(folder, version=3, units=False, saves=True, **changes):
@@ -45,8 +46,7 @@ def motor(folder, version=3, units=False, saves=True, **changes):
     platform = {2: fmpy.platform, 3: fmpy.platform_tuple}[version]
     with zipfile.ZipFile(path, "w") as file:
         file.writestr("modelDescription.xml", description(version, units, saves, **changes))
-        library = compiled(folder, version)
-        file.write(library, f"binaries/{changes.get('platform', platform)}/motor{library.suffix}")
+        file.writestr(f"binaries/{changes.get('platform', platform)}/motor.so", library(version))
     return path
 
 

@@ -97,7 +97,7 @@ def test_runs_have_derivatives_by_the_parameters_of_actuators(name, five_bar):
     slope = mbdae.sensitivity(mbdae.solve(mech, (0, 0.5), **tight), [key]).signal("q.left")[-1]
 
     def end(x):
-        return mbdae.solve(files.make({key: x}), (0, 0.5), **tight).signals()["q.left"][-1]
+        return mbdae.solve(files.make({key: x}), (0, 0.5), **tight).signals("q.left")["q.left"][-1]
 
     files = LoadedModel(mech)
     x = parameter_value(files, key)

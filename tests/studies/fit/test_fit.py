@@ -42,7 +42,7 @@ damping = 0.01
 
 def measured(model, values, times, names, **settings):
     sol = mbdae.solve(Template(str(model)).make(values), (0.0, times[-1]), t_eval=times, **settings)
-    return {"t": times, **{name: sol.signals()[name] for name in names}}
+    return {"t": times, **sol.signals(names)}
 
 
 def crank(folder, more=""):

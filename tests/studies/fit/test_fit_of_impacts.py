@@ -16,7 +16,7 @@ def test_position_and_restitution_of_a_stop():
     """Errors over 20 seeds, in standard deviations of the fit, are those of a normal distribution."""
     sol = mbdae.solve("pendulum_on_stop", (0.0, 1.6), t_eval=np.linspace(0.0, 1.6, 33), rtol=1e-8)
     assert len(sol.impacts) == 2
-    angle, errors = sol.signals()["q.rod"], []
+    angle, errors = sol.signals("q.rod")["q.rod"], []
     for seed in range(SEEDS):
         noisy = angle + SIGMA * np.random.default_rng(seed).standard_normal(len(angle))
         data = {"t": sol.t, "q.rod": noisy}
@@ -34,7 +34,7 @@ def test_trials_that_accumulate_bounces_are_rejected_steps():
     name = "stop.rod stop.restitution"
     sol = mbdae.solve(resting, (0.0, 2.5), *base.start, t_eval=np.linspace(0.0, 2.5, 26), rtol=1e-6)
     assert sol.modes[-1][1] == (1,)
-    data = {"t": sol.t, "q.rod": sol.signals()["q.rod"]}
+    data = {"t": sol.t, "q.rod": sol.signals("q.rod")["q.rod"]}
     found = mbdae.fit("pendulum_on_stop", {name: (0.6, 0.05, 0.99)}, data, spans=(1,), rtol=1e-6)
     assert 0.5 < found.values[name] < 0.6
     assert not found.converged

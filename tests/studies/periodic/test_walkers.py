@@ -15,7 +15,7 @@ LONG = {  # incline: angle and rate after the strike, period, multiplier
     0.009: (0.200310900544, -0.199832473005, 3.882463752851, -0.19009984 + 0.55759878j),
     1e-6: (0.009709374687, -0.010147203353, 3.812249720362, 0.99327509),
 }
-COMMANDS = ("periodic compass_gait --rtol 1e-8", "periodic-branch simplest_walker incline=0.009:0.0092 --rtol 1e-8")
+COMMANDS = ("periodic compass_gait --rtol 1e-8", "periodic-branch simplest_walker incline=0.009:0.0091 --rtol 1e-6")
 
 
 @pytest.mark.parametrize("incline", LONG)

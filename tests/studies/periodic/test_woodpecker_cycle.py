@@ -2,13 +2,17 @@
 
 import numpy as np
 import pytest
+from commands import call, keep_studies
 
-import mbdae
 
+def test_the_cycle(monkeypatch):
+    """Its period and advance are those of a long run; time and height are neutral; a disturbance dies in a period.
 
-def test_the_cycle():
-    """Its period and advance are those of a long run; time and height are neutral; a disturbance dies in a period."""
-    cycle = mbdae.periodic("woodpecker")
+    By the command of guide/periodic.md.
+    """
+    keep_studies(monkeypatch, found := [])
+    assert call("periodic", "woodpecker")[0] == 0
+    (cycle,) = found
     period = cycle.T
     assert period == pytest.approx(0.132003468, abs=2e-8)
     assert cycle.advances["height"] == pytest.approx(-0.0152323748, abs=1e-8)

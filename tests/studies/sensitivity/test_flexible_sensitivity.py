@@ -66,7 +66,7 @@ def test_derivatives_of_strain_and_stress(four_bar):
 
     def values(x):
         run = mbdae.solve(LoadedModel(four_bar).make({young: 2.1e11 * (1 + x)}), (0, 0.01), **RUN)
-        return np.array([run.signals()[name][-1] for name in SIGNALS])
+        return np.array([column[-1] for column in run.signals(SIGNALS).values()])
 
     quotient = numerical_derivative(values, 2e-3) / 2.1e11
     np.testing.assert_allclose(ours, quotient, rtol=1e-7)

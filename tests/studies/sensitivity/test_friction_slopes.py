@@ -56,8 +56,7 @@ MADE = {"bead": bead, "in_plane": laid, "point": bearing("point"), "revolute": b
 
 
 def columns(sol, names):
-    found = sol.signals()
-    return np.array([found[name] for name in names])
+    return np.array([*sol.signals(names).values()])
 
 
 @pytest.mark.parametrize("kind", MADE)

@@ -21,7 +21,7 @@ COMMANDS = (
     "equilibrium double_pendulum",
     "equilibrium snap_toggle --q pin=-0.5",
     "equilibria four_bar --drive crank",
-    "load-path snap_toggle --load press --to 2 --plot snap.png",
+    "load-path snap_toggle --load press --to 0.2 --plot snap.png",
 )
 NAMES = SMOOTH
 CRANK = -1.82338478542147607  # rad, four_bar: root of the potential's derivative in 30 digits
