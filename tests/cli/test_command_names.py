@@ -18,6 +18,7 @@ FUNCTIONS = {  # public functions without a command
     "attach_flexible": "mechanism files have [[flexible]]",
     "beam": "mechanism files have [[flexible]]",
     "display_units": "commands have --units",
+    "ensemble": "takes arrays; sweep is its command",
     "gradient": "takes a cost, a Python function",
     "load": "every command loads its model",
     "modal_body": "takes sparse matrices of a finite-element program",
