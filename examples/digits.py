@@ -69,7 +69,7 @@ def car_axis_equations() -> list[Digits]:
 
 def flexible_slider_crank() -> list[Digits]:
     """Flexible slider-crank, t = 0.1 s, its published start closed first."""
-    sol = solve(load("flexible_slider_crank"), (0, 0.1), method="pherk6", step=0.1 / 9600)
+    sol = solve(load("flexible_slider_crank"), (0, 0.1), method="pherk6", step=0.1 / 9600, t_eval=(0, 0.1))
     x = {name.removeprefix("displacement.rod."): float(column[-1]) for name, column in sol.signals().items()}
     second = x["quarter.y"] - np.sqrt(0.5) * x["middle.y"]
     modes = {"q_1, m": x["middle.y"], "q_2, m": second, "q_3, m": x["middle.x"], "q_4, m": x["pin.x"]}
