@@ -32,6 +32,7 @@ from ...data_types import CoreData
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import PIVOT_RANK, SUM_ROUNDING
+from ..tree.frames import cross
 from .checked_numbers import array, checked_points, damping_constants, require_nodes, require_symmetric
 from .points import Node as Node
 from .points import OutlinePoints
@@ -147,9 +148,9 @@ class ModalBody:
         C, _, _, I_q, H_q, Mq_q = self.deformed(q)
         p, dS = self.delta(q)[:6] @ nu, C @ u
         dI, dH, Mq_u = np.einsum("iab,i->ab", I_q, u), np.einsum("jak,j->ak", H_q, u), Mq_q @ u
-        linear = np.cross(w, dS + p[:3]) + self.array("C2") @ u @ u
-        angular = np.cross(dS, v) + dI @ w + dH @ u + np.cross(w, p[3:]) + np.cross(v, p[:3])
-        by_q = np.cross(v, w) @ C + np.einsum("iab,a,b->i", I_q, w, w) / 2 + np.einsum("iak,a,k->i", H_q, w, u)
+        linear = cross(w, dS + p[:3]) + self.array("C2") @ u @ u
+        angular = cross(dS, v) + dI @ w + dH @ u + cross(w, p[3:]) + cross(v, p[:3])
+        by_q = cross(v, w) @ C + np.einsum("iab,a,b->i", I_q, w, w) / 2 + np.einsum("iak,a,k->i", H_q, w, u)
         return np.concatenate([linear, angular, dH.T @ w + u @ Mq_u - Mq_u @ u / 2 - by_q])
 
     def core_data(self) -> CoreData:

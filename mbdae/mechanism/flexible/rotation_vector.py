@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...system import Array
-from ..tree.frames import skew
+from ..tree.frames import cross, skew
 
 TERMS = 20  # of each series; to rounding up to 5 rad
 
@@ -30,9 +30,9 @@ class RotationVector(NamedTuple):
     def jacobian_rate(self, z: Array) -> Array:
         """Return d(Jr z)/dtheta, (3, 3), for a constant z (3,)."""
         theta, (a, b, a1, b1) = self.theta, self.functions
-        c = np.cross(theta, z)
+        c = cross(theta, z)
         out = a * skew(z) - b * (skew(c) + skew(theta) @ skew(z))
-        return out - np.outer(a1 * c - b1 * np.cross(theta, c), theta)
+        return out - np.outer(a1 * c - b1 * cross(theta, c), theta)
 
 
 def rotation_vector(theta: Array) -> RotationVector:

@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...system import Array
+from ..tree.frames import cross
 from .modal_body import ModalBody, Node
 from .rotation_vector import rotation_vector
 
@@ -116,10 +117,10 @@ class BoundBody:
             relative, s = Phi @ u, node.Psi @ u
             rate = Phi @ du if node.Phi2 is None else Phi @ du + node.Phi2 @ u @ u
             ET, wr = turn.E.T, turn.Jr @ s
-            at, Ew = ET @ (V.linear + np.cross(w, d) + relative), ET @ w
+            at, Ew = ET @ (V.linear + cross(w, d) + relative), ET @ w
             data.v[n.index] = pin.Motion(at, Ew + wr)
-            linear = ET @ (A.linear + np.cross(A.angular, d) + rate + np.cross(w, relative)) + np.cross(at, wr)
-            angular = ET @ A.angular + turn.Jr @ (node.Psi @ du) + np.cross(Ew, wr) + turn.jacobian_rate(s) @ s
+            linear = ET @ (A.linear + cross(A.angular, d) + rate + cross(w, relative)) + cross(at, wr)
+            angular = ET @ A.angular + turn.Jr @ (node.Psi @ du) + cross(Ew, wr) + turn.jacobian_rate(s) @ s
             data.a[n.index] = pin.Motion(linear, angular)
 
     def add_inertia(self, data: pin.Data, q: Array, M: Array) -> None:

@@ -281,7 +281,7 @@ def motion_cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def point_velocities(motions: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Return the velocities (3, m) of a point p (3,) under motions (6, m) at the world's origin."""
-    return motions[:3] + np.cross(motions[3:].T, p).T
+    return motions[:3] + cross(motions[3:], p[:, None])
 
 
 def wrench_matrix(wrench: np.ndarray) -> np.ndarray:
