@@ -120,9 +120,14 @@ class ModalBody:
         shape = SECOND_ORDER.get(name, "")
         return np.zeros([3 if c == "3" else self.modes for c in shape]) if x is None else np.asarray(x)
 
+    @cached_property
+    def second_order(self) -> list[Array]:
+        """The arrays of `SECOND_ORDER`."""
+        return [self.array(name) for name in SECOND_ORDER]
+
     def deformed(self, q: Array) -> Deformation:
         """Return the polynomials at q."""
-        I_q, (C2, H2, Mq1, Mq2) = self.I1 + np.einsum("ijab,j->iab", self.I2, q), map(self.array, SECOND_ORDER)
+        I_q, (C2, H2, Mq1, Mq2) = self.I1 + np.einsum("ijab,j->iab", self.I2, q), self.second_order
         H_q, Mq_q = self.Hj + (H2 @ q).transpose(2, 0, 1), (Mq1 + Mq2 @ q).transpose(2, 0, 1)
         H = self.H0 + np.einsum("jak,j->ak", self.Hj + H_q, q) / 2
         Mq = self.Mq + (Mq1 @ q + np.einsum("lij,l->ij", Mq_q, q)) / 2
@@ -134,8 +139,11 @@ class ModalBody:
 
     def delta(self, q: Array) -> Array:
         """Return M(q) minus that of the rigid body, (6 + k, 6 + k)."""
-        C, H, Mq, I_q, _, _ = self.deformed(q)
-        X = np.einsum("abc,b->ac", _CROSS, self.first_moment(q))
+        return self._delta(q, self.deformed(q))
+
+    def _delta(self, q: Array, at: Deformation) -> Array:
+        C, H, Mq, I_q, _, _ = at
+        X = np.einsum("abc,b->ac", _CROSS, (self.C + C) @ q / 2)
         I = np.einsum("iab,i->ab", self.I1 + I_q, q) / 2  # noqa: E741 - the inertia
         return np.block([[np.zeros((3, 3)), -X, C], [X, I, H], [C.T, H.T, Mq]])
 
@@ -145,10 +153,10 @@ class ModalBody:
         h = sum q'_i M_i nu + (w x p_v, w x p_w + v x p_v, -(nu^T M_i nu)/2), p = M nu, M_i = dM/dq_i.
         """
         v, w, u = nu[:3], nu[3:6], nu[6:]
-        C, _, _, I_q, H_q, Mq_q = self.deformed(q)
-        p, dS = self.delta(q)[:6] @ nu, C @ u
+        C, _, _, I_q, H_q, Mq_q = at = self.deformed(q)
+        p, dS = self._delta(q, at)[:6] @ nu, C @ u
         dI, dH, Mq_u = np.einsum("iab,i->ab", I_q, u), np.einsum("jak,j->ak", H_q, u), Mq_q @ u
-        linear = cross(w, dS + p[:3]) + self.array("C2") @ u @ u
+        linear = cross(w, dS + p[:3]) + self.second_order[0] @ u @ u
         angular = cross(dS, v) + dI @ w + dH @ u + cross(w, p[3:]) + cross(v, p[:3])
         by_q = cross(v, w) @ C + np.einsum("iab,a,b->i", I_q, w, w) / 2 + np.einsum("iak,a,k->i", H_q, w, u)
         return np.concatenate([linear, angular, dH.T @ w + u @ Mq_u - Mq_u @ u / 2 - by_q])
