@@ -14,15 +14,20 @@ GAIN = 0.1  # of the residual: less is rounding
 def newton(here: Linearisation, tolerance: float) -> Linearisation:
     """Return the equations at a solution, by Newton's method with halved steps.
 
+    Where no step reduces the residual, directions in which the equations hardly change are left out: neighbours in
+    them, such as motions of another angular momentum, are solutions, too.
+
     Raises:
         InputError: if it does not converge.
     """
     for _ in range(MAX_ITERATIONS):
-        there = _shortened(here, _step(here), 1 if here.size <= tolerance else MAX_HALVINGS)
-        if there is None:
+        solved = here.size <= tolerance
+        there = _shortened(here, _step(here, TRUNCATION**2), 1 if solved else MAX_HALVINGS)
+        if not solved and not _is_closer(there, here):
+            there = _shortened(here, _step(here, TRUNCATION), 1)
+        if there is None or not _is_closer(there, here):
             break
-        improved = there.size < GAIN * here.size
-        here = there if there.size < here.size else here
+        here, improved = there, there.size < GAIN * here.size
         if here.size <= tolerance and not improved:
             break
     if here.size > tolerance:
@@ -33,8 +38,12 @@ def newton(here: Linearisation, tolerance: float) -> Linearisation:
     return here
 
 
-def _step(here: Linearisation) -> Array:
-    """Return Newton's step of the unknowns without parameters.
+def _is_closer(there: Linearisation | None, here: Linearisation) -> bool:
+    return there is not None and there.size < here.size
+
+
+def _step(here: Linearisation, truncation: float) -> Array:
+    """Return Newton's step of the unknowns without parameters, without directions of small singular values.
 
     Motions of a conservative mechanism have neighbours of any energy, and the matrix would be singular at a solution,
     and bad close to it: the energy of the start is kept, with a force along its gradient, zero at a solution, as an
@@ -49,7 +58,7 @@ def _step(here: Linearisation) -> Array:
         gradient = gradient / (np.linalg.norm(gradient) or 1.0)
         along[last : last + n, 0] = level[0, :n] = gradient
         matrix, right = np.vstack([np.hstack([matrix, along]), level]), np.append(right, 0.0)
-    return np.linalg.lstsq(matrix, right, rcond=TRUNCATION**2)[0][:unknowns]
+    return np.linalg.lstsq(matrix, right, rcond=truncation)[0][:unknowns]
 
 
 def conservative(here: Linearisation) -> bool:
@@ -90,7 +99,7 @@ def _shortened(here: Linearisation, step: Array, trials: int) -> Linearisation |
         try:
             there = Linearisation(here.system, here.flow, here.cycle, here.moved(step))
             best = best or there
-            if there.size < here.size:
+            if _is_closer(there, here):
                 return there
         except MbdaeError:
             pass
