@@ -95,7 +95,7 @@ def document(title: str, payload: Mapping[str, object]) -> str:
         "title": html.escape(title),
         "style": _asset("replay.css"),
         "plotstyle": _asset("vendor/uPlot.min.css"),
-        "script": "\n".join([*(_asset(f"replay_{name}.js") for name in SCRIPTS), _asset("replay.js")]),
+        "script": _script(),
         "viewer": _viewer(),
         "plots": _plots(),
         "scene": _compressed(umsgpack.packb(payload)),
@@ -126,6 +126,13 @@ def viewer_folder() -> Path:
 @cache
 def _viewer() -> str:
     return _compressed((viewer_folder() / "main.min.js").read_bytes())
+
+
+@cache
+def _script() -> str:
+    """Return the page's own script without lines of comments, which its readers find in mbdae."""
+    parts = [*(_asset(f"replay_{name}.js") for name in SCRIPTS), _asset("replay.js")]
+    return re.sub(r"^ *//.*\n", "", "\n".join(parts), flags=re.MULTILINE)
 
 
 @cache
