@@ -38,17 +38,23 @@ class Inputs:
     def __init__(self, mechanism: "Mechanism", settable: bool = True) -> None:
         self.original, self._fmus = mechanism, fmus_of_inputs(mechanism.forces)
         found = inputs_in([*mechanism.forces, *mechanism.drivers]) if settable or self._fmus else {}
-        own = found.items() if settable else ()
-        self.named = {name: x for name, x in own if isinstance(x, Input) and name not in self._fmus}
-        for driver in mechanism.drivers if settable else ():
-            driver.require_continuous()
+        self.named = self._settable(found) if settable else {}
         self.cells = {name: x.cell(i) for i, (name, x) in enumerate(self.named.items())}
         self.followed = {name: as_input(found[name]).cell(len(self.cells) + i) for i, name in enumerate(self._fmus)}
         cells = self.cells | self.followed
         self.mechanism = self.replaced(cells) if cells else mechanism
-        self.by_rate = {d.path.name for d in self.mechanism.drivers if isinstance(d.path, Input)}
-        for law, _ in self.mechanism.bind_forces(self.mechanism.make_workspace()).bound:
-            self.by_rate |= {u.name for u in law.differentiated if isinstance(u, Input)}
+        self.by_rate = self._names_by_rate()
+
+    def _settable(self, found: Mapping[str, object]) -> dict[str, Input]:
+        """Return the inputs that the user sets, which may not let the speed of a driver jump."""
+        for driver in self.original.drivers:
+            driver.require_continuous()
+        return {name: x for name, x in found.items() if isinstance(x, Input) and name not in self._fmus}
+
+    def _names_by_rate(self) -> set[str]:
+        bound = self.mechanism.bind_forces(self.mechanism.make_workspace()).bound
+        paths = [d.path for d in self.mechanism.drivers]
+        return {u.name for u in [*paths, *(u for law, _ in bound for u in law.differentiated)] if isinstance(u, Input)}
 
     @classmethod
     def of_run(cls, problem: object) -> "Inputs | None":
