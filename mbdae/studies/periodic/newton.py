@@ -1,5 +1,7 @@
 """Newton's method for the equations of shooting."""
 
+from contextlib import suppress
+
 import numpy as np
 
 from ...errors import InputError, MbdaeError
@@ -23,9 +25,9 @@ def newton(here: Linearisation, tolerance: float) -> Linearisation:
     for _ in range(MAX_ITERATIONS):
         solved = here.size <= tolerance
         there = _shortened(here, _step(here, TRUNCATION**2), 1 if solved else MAX_HALVINGS)
-        if not solved and not _is_closer(there, here):
+        if there is None and not solved:
             there = _shortened(here, _step(here, TRUNCATION), 1)
-        if there is None or not _is_closer(there, here):
+        if there is None:
             break
         here, improved = there, there.size < GAIN * here.size
         if here.size <= tolerance and not improved:
@@ -36,10 +38,6 @@ def newton(here: Linearisation, tolerance: float) -> Linearisation:
             " start closer to it, from a run that has settled, or with more parts"
         )
     return here
-
-
-def _is_closer(there: Linearisation | None, here: Linearisation) -> bool:
-    return there is not None and there.size < here.size
 
 
 def _step(here: Linearisation, truncation: float) -> Array:
@@ -93,15 +91,11 @@ def require_motion(here: Linearisation) -> None:
 
 
 def _shortened(here: Linearisation, step: Array, trials: int) -> Linearisation | None:
-    """Return the equations after a step, halved until the residual falls; after the whole step if it never does."""
-    best = None
+    """Return the equations after a step, halved until the residual falls; None if it never does."""
     for _ in range(trials):
-        try:
+        with suppress(MbdaeError):
             there = Linearisation(here.system, here.flow, here.cycle, here.moved(step))
-            best = best or there
-            if _is_closer(there, here):
+            if there.size < here.size:
                 return there
-        except MbdaeError:
-            pass
         step = step / 2
-    return best
+    return None
