@@ -48,8 +48,8 @@ def test_two_flywheels_are_coupled_and_released(how):
     assert sol(1.5).v == pytest.approx([common, common], rel=1e-13)
     faster = T / J[0]  # in a second
     assert second.loss == pytest.approx(J[0] * J[1] / sum(J) * faster**2 / 2, rel=1e-9)
-    struck = sol.signals("impulse.coupling")["impulse.coupling"]
-    assert [(sol.t[i], struck[i]) for i in np.flatnonzero(struck)] == [(x.t, *x.impulse) for x in sol.impacts]
+    impulses = sol.signals("impulse.coupling")["impulse.coupling"]
+    assert [(sol.t[i], impulses[i]) for i in np.flatnonzero(impulses)] == [(x.t, *x.impulse) for x in sol.impacts]
     assert units(mech)["impulse.coupling"] == "N m s"
     end = common + 2 * T / sum(J)
     assert sol.v[-1] == pytest.approx([end, end], rel=1e-10)
@@ -81,8 +81,8 @@ def test_a_speed_step_of_a_driver_is_an_impact(how):
     assert [x.impulse[0] for x in steps] == pytest.approx([sum(J) * 3, -sum(J) * 10], rel=1e-13)
     assert [x.loss for x in steps] == pytest.approx([-sum(J) * (81 - 36) / 2, sum(J) * (81 - 1) / 2], rel=1e-13)
     assert sol.v[-1] == pytest.approx([-1.0, -1.0], abs=1e-13)
-    struck = sol.signals("impulse.drive")["impulse.drive"]
-    assert struck[np.flatnonzero(struck)] == pytest.approx([sum(J) * 3, -sum(J) * 10], rel=1e-13)
+    impulses = sol.signals("impulse.drive")["impulse.drive"]
+    assert impulses[np.flatnonzero(impulses)] == pytest.approx([sum(J) * 3, -sum(J) * 10], rel=1e-13)
     turned = 12.0 + 9.0 - 1.0
     assert sol.signals("q.output")["q.output"][-1] == pytest.approx(turned, abs=1e-9)
     assert mbdae.drift(sol).energy_relative < 1e-12
