@@ -1,6 +1,6 @@
 """Validated options of a run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any
@@ -47,6 +47,18 @@ class RunOptions:
     events: tuple[Event, ...]
     backend: str
     t_eval: Array | None
+
+    @classmethod
+    def from_settings(
+        cls, problem: Problem, t_span: Sequence[float] | None, settings: Mapping[str, Any]
+    ) -> "RunOptions":
+        """Return the options for arguments of `mbdae.solve` by name, without events and times of output.
+
+        Raises:
+            UnknownNameError, InputError: as `from_arguments`.
+        """
+        given = {"jumps": (), "backend": "auto", **settings}
+        return cls.from_arguments(problem, t_span, None, given.pop("jumps"), None, given.pop("backend"), **given)
 
     @classmethod
     def from_arguments(

@@ -145,9 +145,7 @@ class EnsembleJob:
         Raises:
             InputError: for invalid options.
         """
-        given = {"jumps": (), "backend": "auto", **self.settings}
-        others = {name: x for name, x in given.items() if name not in ("jumps", "backend")}
-        return RunOptions.from_arguments(mech, self.t_span, None, given["jumps"], None, given["backend"], **others)
+        return RunOptions.from_settings(mech, self.t_span, self.settings)
 
     def check(self, mech: Mechanism) -> None:
         """Reject options that are invalid or do not suit the mechanism.

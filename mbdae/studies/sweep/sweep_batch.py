@@ -74,13 +74,10 @@ def _completed(
     """Return the rows of the tasks that the core completed, by their indices in the batch."""
     started, mech = perf_counter(), starts[0].mech
     names = [parse(x).signal for x in job.outputs if isinstance(x, str)]
-    given = {"jumps": (), "backend": "auto", **job.settings, **settings}
-    others = {name: x for name, x in given.items() if name not in ("jumps", "backend", "events")}
+    given = {name: x for name, x in {**job.settings, **settings}.items() if name != "events"}
     y = np.array([start.y for start in starts])
     try:
-        options = RunOptions.from_arguments(
-            mech, job.span(mech), None, given["jumps"], None, given["backend"], **others
-        )
+        options = RunOptions.from_settings(mech, job.span(mech), given)
         one = prepare_at(mech, options, y[0])
         if why_not_in_core(one, names):
             one.release()
@@ -99,7 +96,7 @@ def _completed(
             "run": batch[starts[k].i].run,
             **common,
             **dict(zip(COUNTS, runs.counts[k].tolist(), strict=True)),
-            "numbers": dict(zip((x for x in job.outputs), x.tolist(), strict=True)),
+            "numbers": dict(zip(job.outputs, x.tolist(), strict=True)),
         }
         for k, x in zip(done, values, strict=True)
     }
