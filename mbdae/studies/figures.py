@@ -173,7 +173,7 @@ def legend_right(ax: "Axes", **options: Any) -> None:
 
 @styled
 def save(figure: "Figure", path: str | Path) -> None:
-    """Write a figure as .png, .svg, .pdf or .pgf, or as .pgf for LaTeX, with the fonts of the document.
+    """Write a figure as .png, .svg or .pdf, or as .pgf for LaTeX, with the fonts of the document.
 
     Raises:
         InputError: for another format or an unwritable path; for .pgf without LaTeX, or texts that it cannot set.
