@@ -71,7 +71,8 @@ class LinearSystem(Tabular):
     def response(self, omega: Sequence[float] | Array) -> Array:
         """Return the response C (i omega - A)^-1 B + D at angular frequencies (k,) in rad/s, (k, outputs, inputs)."""
         one = np.eye(len(self.A))
-        A, (d, _) = matrix_balance(self.A, permute=False, separate=True)  # scales positions and speeds
+        with np.errstate(invalid="ignore"):  # of factors beyond integers, which are permutations in other calls only
+            A, (d, _) = matrix_balance(self.A, permute=False, separate=True)  # scales positions and speeds
         B, C = self.B / d[:, None], self.C * d
         return np.array([C @ np.linalg.solve(1j * w * one - A, B) + self.D for w in omega])
 
