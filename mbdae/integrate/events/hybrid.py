@@ -1,7 +1,6 @@
 """Modes of a run: guards are monitored from step to step, and the mode changes where a guard crosses zero."""
 
-from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +17,8 @@ from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...mechanism.hybrid.switch import Guard
 from ...mechanism.hybrid.switches import describe_mode, unswitched_rows
 from ...system import Array
-from ...tolerances import COINCIDENT, ZERO_SPEED
+from ...tolerances import ZERO_SPEED
+from .chattering import Chattering
 from .core_modes import CoreTransition, core_switches
 from .guard_location import TrackedGuard, first_guard_root
 from .load_resolution import (
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
 
 COMMANDS = ("command", "speed step")  # guards of jumps at known times
-MAX_TRANSITIONS = 100  # plus as many per switch: more transitions within a rest time are chattering
 
 
 class ModeChanges(EventSource):
@@ -71,8 +70,7 @@ class ModeChanges(EventSource):
         # end of the last step, and points of the step by theta
         self.point_cache: tuple[Array | None, dict[float, ModePoint]] = (None, {})
         self.last_impact: dict[int, float] = {}  # time of the last impact of each switch
-        self.times = deque[float](maxlen=1 + MAX_TRANSITIONS * (1 + len(self.switches)))  # of the last transitions
-        self.rest = min((s.rest for s in self.switches if s.rest), default=0.0)
+        self.chattering = Chattering(self.switches)
         self._enter(system.mode)
 
     @classmethod
@@ -224,7 +222,7 @@ class ModeChanges(EventSource):
             self._change(run, self.fired)
         return False
 
-    def after_discontinuity(self, run: "RunState", mode_changed: bool) -> None:
+    def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
         """Change the mode after a jump of loads."""
         if not mode_changed and (fired := self._violated(run.t, run.ys[-1])):
             self._change(run, fired)
@@ -235,8 +233,9 @@ class ModeChanges(EventSource):
         Raises:
             StepError: in case of chattering, or if an impact has no solution.
         """
-        self._check_chattering(run.t, (g.name for g in fired))
-        run.end_interval()
+        node = len(run.ts) - 1
+        self.chattering.check(node, run.t, (g.name for g in fired), self.system.mode)
+        run.end_interval(node)
         self.continue_from(run, self._point(run.t, run.ys[-1]), {g.switch for g in fired if g.kind == "separation"})
 
     def continue_from(
@@ -251,15 +250,19 @@ class ModeChanges(EventSource):
         run.switch_mode(completed(y))
         self._track(run.t, run.ys[-1])
 
-    def adopt_transition(self, run: "RunState", transition: CoreTransition) -> None:
-        """Record a transition of the core; the last mode of several is adopted after them."""
-        self._check_chattering(run.t, (self.switches[i].name for i in transition.fired))
+    def adopt_transition(self, node: int, t: float, transition: CoreTransition) -> None:
+        """Record a transition of the core, before a node; the last mode of several is adopted after them.
+
+        Raises:
+            EventError: in case of chattering.
+        """
+        self.chattering.check(node - 1, t, (self.switches[i].name for i in transition.fired), self.system.mode)
         self.transitions_in_core += 1
-        if impact := transition.impact(run.t, self.system.mechanism):
+        if impact := transition.impact(t, self.system.mechanism):
             self.impacts.append(impact)
             self.impacts_in_core += 1
-            self.last_impact |= dict.fromkeys(transition.contacts, run.t)
-        self.modes.append((len(run.ts), tuple(transition.mode)))
+            self.last_impact |= dict.fromkeys(transition.contacts, t)
+        self.modes.append((node, tuple(transition.mode)))
 
     def adopt_guards(self, t: float, y: Array) -> None:
         """Continue at a point with the guards of the mode, whose sizes the core knows."""
@@ -291,10 +294,3 @@ class ModeChanges(EventSource):
         out: JsonObject = {"transitions": len(self.modes) - 1, "impacts": len(self.impacts)}
         in_core: JsonObject = {"impacts_in_core": self.impacts_in_core, "transitions_in_core": self.transitions_in_core}
         return out | in_core if run.stepper.backend == "native" else out
-
-    def _check_chattering(self, t: float, fired: Iterable[str]) -> None:
-        (times := self.times).append(t)
-        if len(times) == times.maxlen and abs(t - times[0]) <= max(self.rest, COINCIDENT * abs(t)):
-            names = " and ".join(map(repr, fired))
-            mode = describe_mode(self.switches, self.system.mode)
-            raise StepError("switching", f"{names}: chattering, modes switch without end at t = {t:.17g} ({mode})")

@@ -73,7 +73,7 @@ class Resets(EventSource):
             for signal in self.signals:
                 signal.start_at(run.t, run.ys[-1])
 
-    def after_discontinuity(self, run: "RunState", mode_changed: bool) -> None:
+    def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
         """Note that signals may have jumped."""
         if mode_changed:
             self._checked_until = np.nan
@@ -110,7 +110,7 @@ class Resets(EventSource):
         self.times = [*self.times[-MAX_RESETS:], run.t]
         if len(self.times) > MAX_RESETS and self.times[0] == run.t:
             raise StepError("switching", f"event {found.reset.name!r} repeats without end at t = {run.t:.17g}")
-        run.end_interval()
+        run.end_interval(len(run.ts) - 1)
         for i, signal in enumerate(self.signals):  # the last step was longer before the event
             at = run.t, run.ys[-1]
             signal.advance(*at, 0.0 if i == self._found else signal.value(*at))

@@ -24,8 +24,7 @@ ADJACENT_RATIO = 0.5 * POSITION_ACCURACY  # of the largest ratio: a singular con
 APPROACH = 0.5  # of the time to the singular configuration: the longest step
 RETRY_SHARE = 0.75  # of the time to the singular configuration at the previous attempt: when the next one is made
 ERROR_REDUCTION, MAX_STALLED = 0.5, 2  # of the last error: attempts without this reduction are limited by step errors
-MAX_STEP_ERROR = 1e3  # times the tolerance: largest error of a crossing that may be attributed to the steps
-MAX_PROJECTION = 100.0  # times the tolerance: largest distance of the end of a crossing from the closures
+MAX_STEP_ERROR, MAX_PROJECTION = 1e3, 100.0  # times the tolerance: error due to steps; distance from the closures
 SINGULAR_RATIO = NEGLIGIBLE  # of the ratio one step before: below it, the configuration is singular
 MAX_RATIO_CHANGE = 0.02  # of the ratio at the start of an interval: largest change over a linear backward step
 
@@ -63,7 +62,7 @@ class SingularityMonitor(SingularityLocation):
     def results(self, run: "RunState") -> dict[str, Any]:
         return {"singular": self.found}
 
-    def after_discontinuity(self, run: "RunState", mode_changed: bool) -> None:
+    def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
         """Discard the history; after a mode change, reject fixed steps next to a singular configuration.
 
         Rounding dominates the result of steps that begin there.
@@ -71,18 +70,14 @@ class SingularityMonitor(SingularityLocation):
         Raises:
             StepError: with the time.
         """
-        self._reset_history(len(run.ts) - 1)
-        t = run.t
-        checked = run.mode_changes is not None and run.mode_changes.checked_in_core
-        if mode_changed and not checked and self.control is None and self.is_adjacent(t, run.ys[-1]):
+        self._reset_history(node)
+        checked, t = run.mode_changes and run.mode_changes.checked_in_core, run.ts[node]
+        if mode_changed and not checked and self.control is None and self.is_adjacent(t, run.ys[node]):
             raise StepError("rank", f"no step of fixed size begins next to a singular configuration, at t = {t:.17g}")
 
     def _reset_history(self, first: int) -> None:
         self.zone_entry: int | None = None  # the node at which the ratio became small
-        self.last_attempt, self.stalled_attempts = (
-            (np.inf, np.inf),
-            0,
-        )  # time to the singularity and error of the last rejected crossing
+        self.last_attempt, self.stalled_attempts = (np.inf, np.inf), 0  # of a crossing: time ahead, and error
         self._restart_ratios(first)
 
     def _restart_ratios(self, first: int) -> None:
@@ -124,9 +119,9 @@ class SingularityMonitor(SingularityLocation):
 
         Without ``inspect``, the core has found all of them regular.
         """
-        if self.zone_entry is not None or not len(least_pivot_ratio):
-            return 0
         new = np.sqrt(least_pivot_ratio)
+        if self.zone_entry is not None or not len(new):
+            return 0
         if not inspect:
             self.ratios += new.tolist()
             self.largest = max(self.largest, float(new.max()))
@@ -140,6 +135,13 @@ class SingularityMonitor(SingularityLocation):
         self.ratios += new[:n].tolist()
         self.largest = float(largest[n - 1]) if n else self.largest
         return n
+
+    def skip_regular_intervals(self, least_pivot_ratio: Array, inspect: bool) -> bool:
+        """Return whether all steps of several smooth intervals are regular; if so, skip them."""
+        if inspect or self.zone_entry is not None:
+            return False
+        self.ratios, self.largest = [np.inf], max(self.largest, float(np.sqrt(least_pivot_ratio.max(initial=0.0))))
+        return True
 
     def store_ratio(self) -> None:
         """Store the pivot ratio of the last step, since other solves may follow before the step is inspected."""
@@ -183,8 +185,7 @@ class SingularityMonitor(SingularityLocation):
         near = self.ratios[-1] < SUSPICIOUS_RATIO * self.largest
         if near and self._ratio(run.ts[-1], run.ys[-1]) < VISIBLE * self.largest:
             text = f"at t = {run.ts[-1]:.17g} the run ends in a singular configuration, where rounding errors dominate"
-            text = f"{text} velocities and multipliers: it stops one step earlier"
-            raise EventError("rank", text, len(run.ts) - 2)
+            raise EventError("rank", f"{text} velocities and multipliers: it stops one step earlier", len(run.ts) - 2)
         if not run.continues:
             self.ratios.append(self.ratios[-1])
             self._inspect_step(run, len(self.ratios) - 2)
@@ -193,11 +194,10 @@ class SingularityMonitor(SingularityLocation):
         """Return whether the ratio at the last node is small, and is about to vanish or has vanished."""
         before, here = self.ratios[-2:]
         falls = falls_to_zero(before, here) or (self.zone_entry is not None and here >= before)
-        if not (here < MONITORED_RATIO * self.largest and falls):
-            return False
-        return self._ratio(run.ts[-1], run.ys[-1]) < MONITORED_RATIO * self.largest
+        limit = MONITORED_RATIO * self.largest
+        return here < limit and falls and self._ratio(run.ts[-1], run.ys[-1]) < limit
 
-    def end_interval(self, run: "RunState") -> None:
+    def end_interval(self, run: "RunState", node: int) -> None:
         """Inspect the last step before an impact or a jump.
 
         Raises:

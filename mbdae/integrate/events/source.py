@@ -98,10 +98,10 @@ class EventSource:
     def discard_beyond_end(self, run: "RunState") -> None:
         """Discard events after the last node."""
 
-    def end_interval(self, run: "RunState") -> None:
-        """End a smooth interval at the last node."""
+    def end_interval(self, run: "RunState", node: int) -> None:
+        """End a smooth interval at a node."""
 
-    def after_discontinuity(self, run: "RunState", mode_changed: bool) -> None:
+    def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
         """Update the source at the first node after a jump or, if ``mode_changed``, after a mode change."""
 
     def results(self, run: "RunState") -> dict[str, Any]:

@@ -77,7 +77,7 @@ class UserEvents(EventSource):
         for signal in self.signals.values():
             signal.start_at(t, y)
 
-    def after_discontinuity(self, run: "RunState", mode_changed: bool) -> None:
+    def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
         """Check for crossings at an impact, at the start of the next step."""
         if mode_changed:
             self._checked_until = np.nan

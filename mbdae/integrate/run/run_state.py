@@ -137,14 +137,14 @@ class RunState:
 
     def restart_after_jump(self, t: float) -> None:
         """Begin the next smooth interval after a jump, at time t: a second node, just after the previous one."""
-        self.end_interval()
+        self.end_interval(len(self.ts) - 1)
         self.zs.append(self.zs[-1])
         self.ys.append(self.ys[-1])
         self.ts.append(t)
         self.t = t
         self.begin()
         self.stepper.restart()
-        self.notify_discontinuity()
+        self.notify_discontinuity(len(self.ts) - 1)
 
     def switch_mode(self, y: Array) -> None:
         """Begin a smooth interval in another mode at y: a second node at the same time."""
@@ -153,7 +153,7 @@ class RunState:
         self.ts.append(self.t)
         self._start_at(y, restarted=True)
         self.stepper.restart()
-        self.notify_discontinuity(mode_changed=True)
+        self.notify_discontinuity(len(self.ts) - 1, mode_changed=True)
 
     def continue_to(self, t1: float) -> None:
         """Move the end of the run, which has reached its former one."""
@@ -161,16 +161,16 @@ class RunState:
         self.jumps.extend(self, t1)
         self.interval = self.jumps.interval(self.t)
 
-    def end_interval(self) -> None:
-        """End a smooth interval at the last node."""
+    def end_interval(self, node: int) -> None:
+        """End a smooth interval at a node."""
         for source in self.sources:
-            source.end_interval(self)
+            source.end_interval(self, node)
 
-    def notify_discontinuity(self, mode_changed: bool = False) -> None:
-        """Notify the sources of events of a discontinuity just before the last node: a jump, or a mode change."""
+    def notify_discontinuity(self, node: int, mode_changed: bool = False) -> None:
+        """Notify the sources of events of a discontinuity just before a node: a jump, or a mode change."""
         self.discontinuities += 1
         for source in self.sources:
-            source.after_discontinuity(self, mode_changed)
+            source.after_discontinuity(self, node, mode_changed)
 
     @property
     def dense_order(self) -> int:

@@ -83,21 +83,21 @@ class StiffnessDetector(EventSource):
     def statistics(self, run: "RunState") -> JsonObject:
         return {"stiff": asdict(self.found)} if self.found else {}
 
-    def after_discontinuity(self, run: "RunState", mode_changed: bool) -> None:
+    def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
         """Start the window after the discontinuity."""
-        self.next = max(self.next, len(run.ts) - 1 + WINDOW)
+        self.next = max(self.next, node + WINDOW)
 
     def first_event(self, step: "StepMap") -> None:
         """Check the steps since the last check; warn at the first stiff window."""
-        self.check(step.run)
+        self.check(step.run, len(step.run.ts) - 1)
 
-    def end_interval(self, run: "RunState") -> None:
+    def end_interval(self, run: "RunState", node: int) -> None:
         """Check the steps at the end of a smooth interval."""
-        self.check(run)
+        self.check(run, node)
 
-    def check(self, run: "RunState") -> None:
-        """Warn at the first stiff window."""
-        while not self.found and self.next < len(run.ts):
+    def check(self, run: "RunState", node: int) -> None:
+        """Warn at the first stiff window up to a node."""
+        while not self.found and self.next <= node:
             n = self.next
             self.next, self.pause = n + self.pause, min(2 * self.pause, MAX_PAUSE)
             with suppress(StepError):

@@ -1,20 +1,21 @@
 """Steps of a run in the compiled core, many per call; Python handles events, mode changes and Ctrl-C in between."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...data_types import JsonObject
 from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
-from ...system import Array, State, Step
+from ...system import Array, Step
 from ...tolerances import AGREEMENT, COINCIDENT, TINY
-from ..events.core_modes import CoreTransition, modes_from_core, modes_to_core, set_constants, transitions_from_core
-from ..events.jumps import MARGIN, MAX_CLUSTER, SmoothInterval
+from ..events.core_modes import modes_to_core, set_constants
+from ..events.jumps import MARGIN, MAX_CLUSTER
 from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
 from ..events.load_resolution import shortest_step
 from ..events.singularity import ADJACENT_RATIO, MAX_RATIO_CHANGE, SINGULAR_RATIO
 from ..events.singularity_location import AHEAD, MONITORED_RATIO, NOTCH, SMALL, SUSPICIOUS_RATIO
 from .adaptive import Adaptive
+from .core_record import record_steps
 from .fixed import FIXED_STEP_TOLERANCE, Fixed
 from .projected_step import MAX_UNDONE
 from .stepper import SPACINGS, PythonStepper, Stepper, StepperState
@@ -159,7 +160,7 @@ class NativeStepper(Stepper):
         """Record the steps of the core, and take over its step sizes."""
         self._from_native()
         run.rejected = (run.rejected or 0) + self.run.rejected
-        self._record(run)
+        record_steps(run, self.run, self.system)
         self.system.laws.set_inputs(self.system.element_states(run.state.y))
 
     def _constants_to_native(self) -> None:
@@ -224,75 +225,3 @@ class NativeStepper(Stepper):
             adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected = c.h, c.uncut_size, c.last, c.rejected
         elif fixed := self.fixed:
             fixed.i, fixed.on_grid = self.run.grid.i, self.run.grid.on_grid
-
-    def _record(self, run: "RunState") -> None:
-        r, monitor, first = self.run, run.singularity_monitor, len(run.ts)
-        ts, ys, zs, least_pivot_ratio = r.steps()
-        if not len(ts):
-            return
-        run.carries.extend(first, *r.carries())
-        run.in_use += [(first + k, tuple(rows)) for k, rows in r.row_changes]
-        run.user_events.adopt_native(r.events)
-        transitions = transitions_from_core(r.modes, run.mode_changes)
-        unchecked = transitions is None  # guards are checked first, and may truncate the step
-        state, interval = State(*r.state()), r.interval
-        restart = None if np.isnan(r.jumps.restart) else r.jumps.restart
-        nodes = _Nodes(ts.tolist(), ys, zs, least_pivot_ratio, state)
-        if monitor:
-            monitor.begin_step()
-        try:
-            i = self._record_intervals(run, nodes, transitions)
-        finally:  # in the mode of the core, even if a transition ends the run
-            if run.mode_changes and not unchecked:
-                modes_from_core(r.modes, run.mode_changes, self.system.core, nodes.t[-1], ys[-1])
-        self._record_interval(run, nodes, i, len(ts), nodes.t[-1] == run.t1, unchecked)
-        if monitor and unchecked:
-            self.system.least_pivot_ratio = float(least_pivot_ratio[-1])
-            monitor.store_ratio()
-        run.interval = SmoothInterval(interval.stop, interval.end, restart)
-
-    def _record_intervals(
-        self, run: "RunState", nodes: "_Nodes", transitions: dict[int, CoreTransition] | None
-    ) -> int:
-        """Record all smooth intervals but the last one; return its first node that is not recorded."""
-        i = 0
-        for n in self.run.after_jumps:
-            self._record_interval(run, nodes, i, n, False, transitions is None)
-            run.end_interval()
-            transition = (transitions or {}).get(n)
-            if transition is not None:
-                run.mode_changes.adopt_transition(run, transition)
-            nodes.extend(run, n, n + 1)
-            run.notify_discontinuity(mode_changed=transition is not None)
-            i = n + 1
-        return i
-
-    def _record_interval(self, run: "RunState", nodes: "_Nodes", i: int, n: int, end: bool, unchecked: bool) -> None:
-        """Record the nodes i to n - 1 of a smooth interval; ``end``: at the end of the run."""
-        monitor = run.singularity_monitor
-        while i < n:
-            regular = n - i
-            if monitor and not unchecked:
-                regular = monitor.skip_regular_steps(nodes.least_pivot_ratio[i : n - end], self.run.monitor.suspicious)
-            nodes.extend(run, i, i + regular)
-            i += regular
-            if monitor and i < n:
-                nodes.extend(run, i, i + 1)
-                self.system.least_pivot_ratio, i = float(nodes.least_pivot_ratio[i]), i + 1
-                monitor.store_ratio()
-                if monitor.inspect(run, end and i == n):
-                    run.project_last_node()
-
-
-class _Nodes(NamedTuple):
-    """The nodes of the last steps of the core, and the state after the last of them."""
-
-    t: list[float]
-    y: Array
-    z: Array
-    least_pivot_ratio: Array
-    state: State
-
-    def extend(self, run: "RunState", i: int, n: int) -> None:
-        """Record the nodes i to n - 1."""
-        run.extend(self.t[i:n], self.y[i:n], self.z[i:n], self.state)

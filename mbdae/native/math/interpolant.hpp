@@ -66,7 +66,17 @@ double bisect(Function&& f, double low, double high) {
   return low;
 }
 
-// The polynomial through points, by divided differences.
+// The root of a polynomial near x, of which `f` is the value and the derivative, by Newton's method.
+template <class Function>
+double newton_root(Function&& f, double x) {
+  for (int k = 0; k < 3; ++k) {
+    const auto [value, derivative] = f(x);
+    x -= value / derivative;
+  }
+  return x;
+}
+
+// The polynomial through points, with its derivatives at some of them, by divided differences.
 class Interpolant {
  public:
   Interpolant() = default;
@@ -74,16 +84,14 @@ class Interpolant {
     for (int k = 0; k < n; ++k) add(k, values[k]);
   }
 
-  void add(double x, double f) {
-    double difference = f;
-    for (size_t n = nodes_.size(), k = n; k > 0; --k) {
-      const double before = std::exchange(last_[n - k], difference);
-      difference = (difference - before) / (x - nodes_[k - 1]);
-    }
-    nodes_.push_back(x), last_.push_back(difference), d_.push_back(difference);
-  }
+  void add(double x, double f) { append(x, f, 0); }
+  void add(double x, double f, double derivative) { append(x, f, 0), append(x, f, derivative); }
 
-  size_t size() const { return nodes_.size(); }
+  std::pair<double, double> evaluate(double x) const {  // and its derivative
+    double f = 0, df = 0;
+    for (size_t n = nodes_.size(); n-- > 0;) df = f + (x - nodes_[n]) * df, f = d_[n] + (x - nodes_[n]) * f;
+    return {f, df};
+  }
   double value(double x) const { return evaluate(x).first; }
   double derivative(double x) const { return evaluate(x).second; }
 
@@ -105,21 +113,20 @@ class Interpolant {
     return 0;
   }
 
-  double root(double x, int iterations) const {  // by Newton's method, from x on
-    for (int k = 0; k < iterations; ++k) {
-      const auto [f, df] = evaluate(x);
-      x -= f / df;
-    }
-    return x;
+  double root(double x) const {
+    return newton_root([&](double at) { return evaluate(at); }, x);
   }
 
  private:
   static constexpr double MOVE = 1.0 / 8;  // between samples of extrema and zeros
 
-  std::pair<double, double> evaluate(double x) const {
-    double f = 0, df = 0;
-    for (size_t n = nodes_.size(); n-- > 0;) df = f + (x - nodes_[n]) * df, f = d_[n] + (x - nodes_[n]) * f;
-    return {f, df};
+  void append(double x, double f, double derivative) {  // the latter for the second of two equal nodes
+    double difference = f;
+    for (size_t n = nodes_.size(), k = n; k > 0; --k) {
+      const double before = std::exchange(last_[n - k], difference), width = x - nodes_[k - 1];
+      difference = width == 0 ? derivative : (difference - before) / width;
+    }
+    nodes_.push_back(x), last_.push_back(difference), d_.push_back(difference);
   }
 
   std::vector<double> nodes_, d_, last_;  // last_: differences that end at the last node

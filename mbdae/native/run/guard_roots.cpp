@@ -8,12 +8,6 @@
 
 namespace mbdae {
 
-namespace {
-
-constexpr int NEWTON_STEPS = 3;  // from a point of the polynomial to its root, which is near
-
-}  // namespace
-
 double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& shorter, bool refines) {
   step_ = &step, shorter_ = &shorter, intervals_ = 4, interpolated_.clear();
   known_.remove_if([&](const Point& p) { return p.t != step.t || !std::equal(p.y.begin(), p.y.end(), step.y); });
@@ -155,6 +149,8 @@ double GuardMonitor::locate(int i, double high) {
   const double low = starts_at_zero ? modes_.start_root * high : 0;
   double theta = high * Cubic(std::max(start.f, 0.0), end.f, high * h * start.rate, high * h * end.rate).first_zero();
   double nearest = 0, best = INFINITY;
+  Interpolant known;  // converges faster than Newton's method, at no more points
+  known.add(0, start.f, h * start.rate), known.add(high, end.f, h * end.rate);
   for (int k = 0; k < modes_.iterations && low < theta && theta < high; ++k) {
     const Value x = at(theta, i);
     if (!(x.rate < 0) || !(std::fabs(x.f) < best)) {
@@ -163,41 +159,51 @@ double GuardMonitor::locate(int i, double high) {
     }
     const double move = x.f / (h * x.rate);
     if (std::fabs(move) <= tolerance + modes_.step_tolerance * theta) return theta;
-    nearest = theta, best = std::fabs(x.f), theta -= move;
+    known.add(theta, x.f, h * x.rate);
+    nearest = theta, best = std::fabs(x.f), theta = known.root(theta - move);
+    if (std::fabs(move) <= modes_.coincident * theta) return theta;  // convergence is quadratic
   }
   return locate_by_brent(i, high);
 }
 
-// From the root of the quartic through five values: its derivative, then roots of the polynomial through all values of
-// steps.
+// The root of the quartic through five values, corrected by the polynomial through its errors at points of steps.
 double GuardMonitor::locate_by_loads(int i, double high) {
   if (intervals_ > 4) return locate_by_brent(i, high);
   const double tolerance = time_tolerance();
   const Guard& guard = modes_.guards[i];
-  Interpolant of_steps;
+  const bool own = has_own_load(guard);
   Numbers values;
-  if (has_own_load(guard)) {
+  if (own) {
     values = interpolated_loads(guard);
     for (double& x : values) x = (guard.kind == Guard::slip ? 1 - std::fabs(x) : x) - guard.level;
-    for (double theta : {0.0, 1.0}) of_steps.add(4 * theta, at(theta, i).f);
-    if (high < 1) of_steps.add(4 * high, at(high, i).f);
   } else {
-    for (int k = 0; k < 5; ++k) values.push_back(at(static_cast<double>(k) / 4, i).f), of_steps.add(k, values.back());
+    for (int k = 0; k < 5; ++k) values.push_back(at(static_cast<double>(k) / 4, i).f);
   }
   const Interpolant quartic(values.data(), 5);
-  double theta = quartic.first_zero(4 * high) / 4, best = INFINITY, nearest = 0;
+  Interpolant errors;
+  for (int k = 0; k < 5; k += own ? 4 : 1) errors.add(k, 0);  // points of steps
+  if (own)
+    for (const Point& p : known_)
+      if (0 < p.theta && p.theta < 1) errors.add(4 * p.theta, at(p, i).f - quartic.value(4 * p.theta));
+  const auto corrected = [&](double x) {
+    const auto [f, df] = quartic.evaluate(x);
+    const auto [error, rate] = errors.evaluate(x);
+    return std::pair(f + error, df + rate);
+  };
   if (!(at(0, i).f > rounding(i))) return locate_by_brent(i, high);
+  double theta = newton_root(corrected, quartic.first_zero(4 * high)) / 4, best = INFINITY, nearest = 0;
   for (int k = 0; k < modes_.iterations && 0 < theta && theta < high; ++k) {
     const double f = at(theta, i).f;
-    if (std::fabs(f) < best) of_steps.add(4 * theta, f);
-    const double gradient = (of_steps.size() < 4 ? quartic : of_steps).derivative(4 * theta);
-    if (!(gradient < 0) || !(std::fabs(f) < best)) {
+    if (!(corrected(4 * theta).second < 0) || !(std::fabs(f) < best)) {
       if (best <= rounding(i)) return nearest;
       break;
     }
-    const double root = (of_steps.size() < 4 ? 4 * theta - f / gradient : of_steps.root(4 * theta, NEWTON_STEPS)) / 4;
-    if (!(std::fabs(root - theta) > tolerance + modes_.step_tolerance * theta)) return theta;
+    errors.add(4 * theta, f - quartic.value(4 * theta));
+    const double root = newton_root(corrected, 4 * theta) / 4;
+    const double move = std::fabs(root - theta);
+    if (!(move > tolerance + modes_.step_tolerance * theta)) return theta;
     nearest = theta, best = std::fabs(f), theta = root;
+    if (move <= modes_.coincident * theta) return theta;
   }
   return locate_by_brent(i, high);
 }

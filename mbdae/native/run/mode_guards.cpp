@@ -88,7 +88,7 @@ double stiction_load(const Index2System& s, const std::vector<Switch>& switches,
 }
 
 bool GuardMonitor::has_rate(const Guard& guard) const {
-  return guard.kind == Guard::contact || (guard.kind == Guard::zero_velocity && !of(guard).frictional());
+  return guard.kind == Guard::contact || guard.kind == Guard::zero_velocity;
 }
 
 double GuardMonitor::speed(const Point& p) const {
@@ -194,7 +194,7 @@ double GuardMonitor::unit(const Guard& guard, const Point& p) const {
 
 void GuardMonitor::prepare() {
   dynamic_ = std::any_of(modes_.guards.begin(), modes_.guards.end(), [&](const Guard& x) {
-    return x.has_load() || (x.kind == Guard::zero_velocity && has_rate(x));
+    return x.has_load() || x.kind == Guard::zero_velocity;
   });
   rows_.clear();
   for (const Guard& x : modes_.guards)

@@ -58,17 +58,19 @@ class RollingStiction(Switch):
         """Return the stiction margin as a fraction of the limit."""
         return 1.0 - float(np.linalg.norm(self.friction_ratio(point.lam)))
 
-    def slip(self) -> PointFunction:
-        """Return the slip velocity along its direction at the first evaluation, as a function."""
+    def slip(self) -> tuple[PointFunction, PointFunction]:
+        """Return the slip velocity along its direction at the first evaluation, and its rate, as functions."""
         first: list[Array] = []
 
         def value(point: "ModePoint") -> float:
-            slip = point.rate[self.no_slip]
             if not first:
                 first.append(self.direction(point))
-            return float(slip @ first[0])
+            return float(point.rate[self.no_slip] @ first[0])
 
-        return value
+        def rate(point: "ModePoint") -> float:
+            return sum(x * point.acceleration(row) for x, row in zip(first[0], self.no_slip, strict=True))
+
+        return value, rate
 
     def slips(self, point: "ModePoint") -> bool:
         """Return whether the contact slides."""
@@ -88,7 +90,7 @@ class RollingStiction(Switch):
         if state == STICKING:
             ratio = lambda x: self.friction_ratio(x.lam)  # noqa: E731
             return (Guard("slip", self.name, self.index, self.margin, needs_multipliers=True, load=ratio),)
-        return (Guard("zero velocity", self.name, self.index, self.slip()),) if state == SLIDING else ()
+        return (Guard("zero velocity", self.name, self.index, *self.slip()),) if state == SLIDING else ()
 
     def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
         if self.slips(point) or (state == STICKING and self.margin(point) < COINCIDENT):
