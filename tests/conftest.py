@@ -1,5 +1,6 @@
 """Shared by all tests: child processes that can be stopped and import the installed package, and the back end."""
 
+import gc
 import os
 import signal
 import warnings
@@ -25,6 +26,17 @@ if backend.load() is None:  # reported in the header, not by a warning that fail
 def pytest_report_header():
     """The line of `mbdae info`."""
     return f"mbdae: {backend.status()}"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """The garbage collector does not search the ten thousand tests, which live to the end."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(params=["native", "python"])

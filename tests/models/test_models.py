@@ -86,7 +86,8 @@ def test_a_second_is_run_and_checked_and_replayed(name, tmp_path, monkeypatch):
     found = mbdae.drift(sol)
     assert max(found.g_max, found.Gv_max / max(1, np.abs(sol.v).max()), found.energy_relative) < 1e-5
     assert mbdae.animate(sol, tmp_path / "run.html").stat().st_size < 1e7
-    assert list(sol.signals()) == list(without_works(mech))
+    few = sol.resampled(np.linspace(0, sol.t[-1], 9))  # signals of every step take most of the test's time
+    assert list(few.signals()) == list(without_works(mech))
 
 
 # -- pendulum ------------------------------------------------------------------------------------------------------

@@ -145,21 +145,26 @@ class ModalBody:
         C, H, Mq, I_q, _, _ = at
         X = np.einsum("abc,b->ac", _CROSS, (self.C + C) @ q / 2)
         I = np.einsum("iab,i->ab", self.I1 + I_q, q) / 2  # noqa: E741 - the inertia
-        return np.block([[np.zeros((3, 3)), -X, C], [X, I, H], [C.T, H.T, Mq]])
+        out = np.zeros((6 + self.modes, 6 + self.modes), X.dtype)
+        out[:3, 3:6], out[:3, 6:] = -X, C
+        out[3:6, :3], out[3:6, 3:6], out[3:6, 6:] = X, I, H
+        out[6:, :3], out[6:, 3:6], out[6:, 6:] = C.T, H.T, Mq
+        return out
 
-    def gyroscopic(self, q: Array, nu: Array) -> Array:
-        """Return the terms of M(q) nu' + h(q, nu) that are quadratic in nu, (6 + k,), without the rigid body.
+    def inertial_force(self, q: Array, nu: Array, rate: Array) -> Array:
+        """Return M(q) nu' + h(q, nu), (6 + k,), without the rigid body.
 
         h = sum q'_i M_i nu + (w x p_v, w x p_w + v x p_v, -(nu^T M_i nu)/2), p = M nu, M_i = dM/dq_i.
         """
         v, w, u = nu[:3], nu[3:6], nu[6:]
         C, _, _, I_q, H_q, Mq_q = at = self.deformed(q)
-        p, dS = self._delta(q, at)[:6] @ nu, C @ u
+        D, dS = self._delta(q, at), C @ u
+        p = D[:6] @ nu
         dI, dH, Mq_u = np.einsum("iab,i->ab", I_q, u), np.einsum("jak,j->ak", H_q, u), Mq_q @ u
         linear = cross(w, dS + p[:3]) + self.second_order[0] @ u @ u
         angular = cross(dS, v) + dI @ w + dH @ u + cross(w, p[3:]) + cross(v, p[:3])
         by_q = cross(v, w) @ C + np.einsum("iab,a,b->i", I_q, w, w) / 2 + np.einsum("iak,a,k->i", H_q, w, u)
-        return np.concatenate([linear, angular, dH.T @ w + u @ Mq_u - Mq_u @ u / 2 - by_q])
+        return D @ rate + np.concatenate([linear, angular, dH.T @ w + u @ Mq_u - Mq_u @ u / 2 - by_q])
 
     def core_data(self) -> CoreData:
         """Return the numbers of the body and of its nodes for the core, `native/mechanism/modal_body.hpp`."""

@@ -16,7 +16,6 @@ import pinocchio as pin
 from ...system import Array
 from ..tree.frames import motion_cross, wrench_matrix
 from ..tree.wrench_partials import COMPLEX_STEP
-from .modal_body import ModalBody
 from .workspace import BoundBody
 
 
@@ -49,13 +48,14 @@ def inertial_partials(
     x, nu, rates = q[body.iq], np.concatenate([X @ V, v[at]]), np.concatenate([X @ A, vdot[at]])
     B = np.zeros((6 + k, len(v)))  # velocities of frame and modes, in the axes of the frame
     B[:6, base], B[6:, at] = X @ J[:, base], np.eye(k)
-    force = X.T @ _force(modal, x, nu, rates)[:6]
+    force = X.T @ modal.inertial_force(x, nu, rates)[:6]
     by_q, by_v = np.zeros((2, len(v), len(v)))
     zero = np.zeros(6 + k)
 
     def along(dx: Array, dnu: Array, dA: Array) -> Array:
         step = 1j * COMPLEX_STEP
-        return B.T @ (_force(modal, x + step * dx, nu + step * dnu, rates + step * dA).imag / COMPLEX_STEP)
+        force = modal.inertial_force(x + step * dx, nu + step * dnu, rates + step * dA)
+        return B.T @ (force.imag / COMPLEX_STEP)
 
     def of_frame(motion: Array) -> Array:
         return np.concatenate([X @ motion, zero[6:]])
@@ -71,7 +71,3 @@ def inertial_partials(
         by_q[:, at.start + i] = along(unit, zero, zero)
         by_v[:, at.start + i] = along(zero[6:], np.concatenate([zero[:6], unit]), zero)
     return by_q, by_v
-
-
-def _force(modal: ModalBody, x: Array, nu: Array, rates: Array) -> Array:
-    return modal.delta(x) @ rates + modal.gyroscopic(x, nu)

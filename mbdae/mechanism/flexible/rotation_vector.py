@@ -16,7 +16,8 @@ import numpy as np
 from ...system import Array
 from ..tree.frames import cross, skew
 
-TERMS = 20  # of each series; to rounding up to 5 rad
+TERMS = 20  # of each series at most; to rounding up to 5 rad
+_ONE = np.eye(3)
 
 
 class RotationVector(NamedTuple):
@@ -40,8 +41,8 @@ def rotation_vector(theta: Array) -> RotationVector:
     x2 = float(theta @ theta)
     a, b, a1, b1 = even_functions(x2)
     X = skew(theta)
-    XX, one = X @ X, np.eye(3)
-    return RotationVector(one + (1 - b * x2) * X + a * XX, one - a * X + b * XX, theta, (a, b, a1, b1))
+    XX = X @ X
+    return RotationVector(_ONE + (1 - b * x2) * X + a * XX, _ONE - a * X + b * XX, theta, (a, b, a1, b1))
 
 
 def even_functions(x2: float) -> tuple[float, float, float, float]:
@@ -49,7 +50,9 @@ def even_functions(x2: float) -> tuple[float, float, float, float]:
     a = b = a1 = b1 = 0.0
     p, before, u = 1.0, 0.0, 0.5  # x2^n, x2^(n-1) and 1/(2n + 2)!, with signs
     for n in range(TERMS):
-        w = u / (2 * n + 3)
+        w, shorter = u / (2 * n + 3), (a, b, a1, b1)
         a, b, a1, b1 = a + u * p, b + w * p, a1 + 2 * n * u * before, b1 + 2 * n * w * before
+        if shorter == (a, b, a1, b1):
+            break
         p, before, u = p * x2, p, -w / (2 * n + 4)
     return a, b, a1, b1

@@ -165,7 +165,7 @@ class BoundBody:
     ) -> Array:
         """Return the force of inertia on frame and modes in the axes of the frame, without the rigid body, (6 + k,)."""
         x, A = q[self.iq], np.concatenate([acceleration.vector, rates])
-        return modal.delta(x) @ A + modal.gyroscopic(x, self._velocity(data, v))
+        return modal.inertial_force(x, self._velocity(data, v), A)
 
     def inertia_wrench(self, data: pin.Data, q: Array, v: Array, a: Array, gravity: Array | None = None) -> Array:
         """Return the force and the moment about the origin, world axes, (6,), that the deformation adds to m a - m g.

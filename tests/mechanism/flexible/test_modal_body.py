@@ -60,8 +60,8 @@ def test_forces_of_inertia_are_those_of_the_points(random):
     a = rate[:3] + np.cross(w, nu[:3]) + np.cross(rate[3:6], d) + Phi @ rate[6:]
     f = m[:, None] * (a + np.cross(w, np.cross(w, d)) + 2 * np.cross(w, relative))
     points = np.concatenate([f.sum(axis=0), np.cross(d, f).sum(axis=0), np.einsum("nak,na->k", Phi, f)])
-    p = rigid(body) @ nu[:6]
-    ours = mass(body, q) @ rate + body.gyroscopic(q, nu)
+    p, ours = rigid(body) @ nu[:6], body.inertial_force(q, nu, rate)
+    ours[:6] += rigid(body) @ rate[:6]
     ours[:6] += np.concatenate([np.cross(w, p[:3]), np.cross(w, p[3:]) + np.cross(nu[:3], p[:3])])
     np.testing.assert_allclose(ours, points, rtol=1e-12, atol=1e-12 * np.abs(points).max())
 

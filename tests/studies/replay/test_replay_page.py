@@ -14,7 +14,6 @@ from scenes import motion
 import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import InputError
-from mbdae.studies.replay import plot_panels as panes
 from mbdae.studies.replay.replay import animate, pace
 
 ORANGE = np.array([242, 142, 43])
@@ -93,7 +92,8 @@ LOOK = """
 
 @pytest.mark.parametrize("name", mbdae.model_names())
 def test_cursor_time_is_scene_time(name, chromium, tmp_path, monkeypatch):
-    monkeypatch.setattr(panes, "POINTS", 100)
+    for constant, coarse in (("plot_panels.POINTS", 100), ("animation_tracks.SMOOTH", np.inf)):
+        monkeypatch.setattr(f"mbdae.studies.replay.{constant}", coarse)
     mech = mbdae.load(name)
     end = min(0.5, mech.duration)
     sol = mbdae.solve(mech, (0, end), rtol=1e-4)
@@ -101,9 +101,9 @@ def test_cursor_time_is_scene_time(name, chromium, tmp_path, monkeypatch):
     assert page.stat().st_size < 2.5e6
     times = [0.0, 0.4 * end, end]
     frames = round(60 * end / pace(sol)) + 1
-    scene = mech.scene.travelled(np.array([sol(t)[0] for t in np.linspace(0, end, max(101, frames))]))
+    scene = mech.scene.travelled(sol(np.linspace(0, end, max(101, frames)))[0])
     paths = [f"/mechanism/{s.role}/{s.name.replace('/', '|')}" for s in scene.shapes]
-    log = chromium.ask(page, LOOK % (times, paths), size=(560, 320))
+    log = chromium.ask(f"{page.as_uri()}#shadows=0&autoplay=0", LOOK % (times, paths), size=(560, 320))
     frame = end / 100
     for t, look in zip(times, log["looks"], strict=True):
         assert look["t"] == pytest.approx(t, abs=1e-12)
