@@ -308,6 +308,22 @@ class Core:
     def others_depend(self, q: Array, tolerance: float) -> bool | None: ...
     def first_step(self, t: float, y: Array, F: Array, given: FirstStep) -> float | None: ...
     @overload
+    def begin(
+        self, tableau: Tableau, start: RunStart, first_step: FirstStep | None, run: Run
+    ) -> tuple[Array, Array, Array, list[int], float] | None: ...
+    @overload
+    def begin(
+        self, radau: Radau, start: RunStart, first_step: FirstStep | None, run: Run
+    ) -> tuple[Array, Array, Array, list[int], float] | None: ...
+    @overload
+    def begin(
+        self, composition: Composition, start: RunStart, first_step: FirstStep | None, run: Run
+    ) -> tuple[Array, Array, Array, list[int], float] | None: ...
+    @overload
+    def begin(
+        self, alpha: GeneralizedAlpha, start: RunStart, first_step: FirstStep | None, run: Run
+    ) -> tuple[Array, Array, Array, list[int], float] | None: ...
+    @overload
     def complete_runs(
         self,
         tableau: Tableau,
@@ -378,7 +394,10 @@ class Core:
     def projection(self, parameters: Parameters, t: float, y: Array, positions: bool) -> tuple[Array, Array] | None: ...
 
 class Run:
+    @overload
     def __init__(self) -> None: ...
+    @overload
+    def __init__(self, other: Run) -> None: ...
 
     interval: SmoothInterval
     control: StepControl

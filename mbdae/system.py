@@ -42,6 +42,11 @@ class Counts:
         """The counts by name."""
         return dict(vars(self))
 
+    def add(self, *counts: int) -> None:
+        """Add counts, in their order."""
+        own = vars(self)
+        own.update(zip(own, map(int.__add__, own.values(), counts), strict=True))
+
 
 class State(NamedTuple):
     """State of a one-step method: the point y (n,), and the carry, such as the derivative of an explicit first stage.

@@ -98,7 +98,7 @@ class SolveSettings(Table):
     @property
     def given(self) -> dict[str, Any]:
         """Settings that are not None."""
-        return {key: x for key in type(self).model_fields if (x := getattr(self, key)) is not None}
+        return {key: x for key, x in vars(self).items() if x is not None}
 
 
 class Motor(NamedTuple):

@@ -43,7 +43,7 @@ def method(name: MethodLike) -> Method:
         UnknownNameError: with the valid names.
         InputError: for a tableau with the name of another method, or an invalid file.
     """
-    if isinstance(name, Method):
+    if not isinstance(name, str) and isinstance(name, Method):
         known = METHODS.get(name.name, name)
         if known != name:
             raise errors.InputError(f"{name.name!r} is the name of a method of mbdae: give the tableau another name")
@@ -51,13 +51,13 @@ def method(name: MethodLike) -> Method:
     text = str(name)
     if text.endswith(".toml"):
         return method(read_tableau(text))
+    if text in METHODS:
+        return METHODS[text]
     if re.fullmatch(r"radau([1-9]|[12]\d)", text) and int(text[5:]) % 2:
-        return METHODS.get(text) or RadauIIA((int(text[5:]) + 1) // 2)
-    if text not in METHODS and (found := alpha_method(text)):
+        return RadauIIA((int(text[5:]) + 1) // 2)
+    if found := alpha_method(text):
         return found
-    if text not in METHODS:
-        raise errors.UnknownNameError("method", text, METHODS)
-    return METHODS[text]
+    raise errors.UnknownNameError("method", text, METHODS)
 
 
 def method_from_settings(settings: Mapping[str, Any]) -> Method:

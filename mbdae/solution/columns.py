@@ -64,8 +64,8 @@ def energy_error(kinetic: Array, potential: Array, work: Array) -> tuple[Array, 
     Args: as for `energy_balance`.
     """
     done, total = work - work[..., :1], kinetic + potential
-    scale = np.maximum(np.maximum(np.abs(done).max(-1), kinetic.max(-1)), np.ptp(potential, -1))
-    return total - total[..., :1] - done, scale
+    worked, moving, high, low = np.array([np.abs(done), kinetic, potential, -potential]).max(-1)  # one call for all
+    return total - total[..., :1] - done, np.maximum(np.maximum(worked, moving), high + low)
 
 
 def residuals(sol: "Solution") -> Residuals:

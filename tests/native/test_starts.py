@@ -5,6 +5,7 @@ import pytest
 
 import mbdae
 from mbdae import _native
+from mbdae.mechanism.formulations.compiled_systems import CompiledSystem
 from mbdae.system import System
 
 MODELS = ("pendulum", "four_bar", "andrews_squeezer", "panda_handle", "bricard", "stewart_platform", "heavy_top")
@@ -50,7 +51,41 @@ def test_the_first_step_is_that_of_python(name, monkeypatch):
     mech = mbdae.load(name)
     core = mbdae.solve(mech, (0, 0.01), max_steps=1000)
     monkeypatch.setattr(System, "first_step", lambda *_, **__: None)
-    monkeypatch.setattr("mbdae.mechanism.formulations.compiled_systems.CompiledSystem.first_step", System.first_step)
+    monkeypatch.setattr(CompiledSystem, "first_step", System.first_step)
+    monkeypatch.setattr(CompiledSystem, "begin", lambda *_: None)
     python = mbdae.solve(mech, (0, 0.01), max_steps=1000)
     assert core.stats["steps"] == python.stats["steps"]
     assert core.t[1] == pytest.approx(python.t[1], rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"step": 0.01}, {"method": "radau5"}, {"jumps": [0.05]}, {"max_steps": 3}, {"project": False}],
+    ids=str,
+)
+@pytest.mark.parametrize("name", ["four_bar", "andrews_squeezer", "pendulum"])
+def test_a_run_that_the_core_begins_is_the_same(name, options, monkeypatch):
+    mech, begun = mbdae.load(name), []
+    begin, end = CompiledSystem.begin, 2e-4 if name == "andrews_squeezer" else 0.1
+
+    def recorded(*given):
+        begun.append(begin(*given))
+        return begun[-1]
+
+    monkeypatch.setattr(CompiledSystem, "begin", recorded)
+    found = mbdae.solve(mech, (0, end), **options)
+    monkeypatch.setattr(CompiledSystem, "begin", lambda *_: None)
+    expected = mbdae.solve(mech, (0, end), **options)
+    assert len(begun) == 1
+    assert begun[0] is not None
+    assert len(found.t) > 1
+    for column in ("t", "y", "z_own"):
+        np.testing.assert_array_equal(getattr(found, column), getattr(expected, column))
+    assert found.stats | {"seconds": 0} == expected.stats | {"seconds": 0}
+    assert (found.status, found.message, found.in_use) == (expected.status, expected.message, expected.in_use)
+
+
+@pytest.mark.parametrize("options", [{"first_step": 1e-3}, {"events": ["q.crank = 0.1"]}], ids=str)
+def test_python_begins_runs_whose_start_its_sources_check(options, monkeypatch):
+    monkeypatch.setattr(CompiledSystem, "begin", lambda *_: pytest.fail("the core began the run"))
+    assert mbdae.solve("four_bar", (0, 0.1), **options).success

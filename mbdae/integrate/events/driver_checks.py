@@ -3,7 +3,6 @@
 from typing import TYPE_CHECKING
 
 from ...errors import StepError
-from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.formulations.steps.projection import require_compatible_accelerations
 from .source import EventSource
 
@@ -26,8 +25,8 @@ class DriverChecks(EventSource):
             return reason
         try:
             self._check(run, run.t1)
-            if isinstance(run.system, Index2System):
-                require_compatible_accelerations(run.system, run.t, run.ys[-1])
+            if run.mechanical:
+                require_compatible_accelerations(run.mechanical, run.t, run.ys[-1])
         except StepError as cause:
             return cause
         return reason

@@ -7,7 +7,6 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import InputError, StepError
-from ...mechanism import Mechanism
 from ...mechanism.closures.independent_rows import AMBIGUOUS_UNDERWAY
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.hybrid.active_set import select_mode
@@ -75,18 +74,16 @@ class ModeChanges(EventSource):
 
     @classmethod
     def from_run(cls, run: "RunState") -> "ModeChanges | None":
-        if not isinstance(run.problem, Mechanism) or not isinstance(run.system, Index2System):
+        if not run.mechanical or not (switches := run.mechanical.mechanism.switches):
             return None
-        if not run.problem.switches:
-            return None
-        name, formulation = run.problem.switches[0].name, run.options.formulation
+        name, formulation = switches[0].name, run.options.formulation
         if formulation != "index2":
             raise InputError(
                 f"{name!r}: unilateral constraints and switches need formulation 'index2', got {formulation!r}"
             )
         if run.sign < 0:
             raise InputError(f"{name!r}: a run with modes cannot go backward in time: impacts are irreversible")
-        return cls(run.system)
+        return cls(run.mechanical)
 
     def _point(self, t: float, y: Array) -> ModePoint:
         return ModePoint(self.system, self.all_rows, t, y)

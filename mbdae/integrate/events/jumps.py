@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...errors import InputError, StepError
-from ...mechanism import Mechanism
-from ...mechanism.formulations.index2 import Index2System
 from ...system import Array, System
 from .source import EventSource, Occurrence
 
@@ -90,7 +88,7 @@ class Jumps(EventSource):
         Raises:
             StepError: if more than `MAX_CLUSTER` jumps differ only by rounding.
         """
-        s, margin = self.sign, MARGIN * float(np.spacing(max(abs(t), abs(self.t1))))
+        s, margin = self.sign, MARGIN * ulp(max(abs(t), abs(self.t1)))
         first = self._next(self._last_of_cluster(t, 4 * margin))
         if s * (first - self.t1) > 4 * margin:
             return SmoothInterval(self.t1, self.t1, None)
@@ -133,12 +131,11 @@ class Jumps(EventSource):
 
 def _knots(run: "RunState", t0: float, t1: float) -> Sequence[float]:
     """Return the knots of loads and motions between two times if the run has modes: loads may have extrema there."""
-    problem, system = run.problem, run.system
-    if not isinstance(problem, Mechanism) or not isinstance(system, Index2System) or not problem.switches:
+    if not (system := run.mechanical) or not system.mechanism.switches:
         return ()
     laws = (signal for law, _ in system.laws.bound for signal in law.signals)
-    motions = (d.path for d in problem.drivers)
-    commands = (clutch.engaged for clutch in problem.clutches if clutch.engaged)
+    motions = (d.path for d in run.problem.drivers)
+    commands = (clutch.engaged for clutch in system.mechanism.clutches if clutch.engaged)
     return [t for signal in (*laws, *motions, *commands) for t in signal.knots_between(t0, t1)]
 
 

@@ -55,16 +55,14 @@ class Resets(EventSource):
 
     @classmethod
     def from_run(cls, run: "RunState") -> "Resets | None":
-        if not isinstance(run.problem, Mechanism) or not isinstance(run.system, Index2System):
+        if not run.mechanical or not (resets := run.mechanical.mechanism.resets):
             return None
-        if not run.problem.resets:
-            return None
-        name, formulation = run.problem.resets[0].name, run.options.formulation
+        name, formulation = resets[0].name, run.options.formulation
         if formulation == "index1":
             raise InputError(f"event {name!r}: states jump in formulations 'index2' and 'ggl', got {formulation!r}")
         if run.sign < 0:
             raise InputError(f"event {name!r}: a run whose state jumps cannot go backward in time")
-        return cls(run.system)
+        return cls(run.mechanical)
 
     def begin_interval(self, run: "RunState") -> None:
         """Start to track the signals."""

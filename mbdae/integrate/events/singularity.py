@@ -54,10 +54,10 @@ class SingularityMonitor(SingularityLocation):
 
     @classmethod
     def from_run(cls, run: "RunState") -> "SingularityMonitor | None":
-        if not isinstance(run.system, Index2System) or not run.system.ng:
+        if not run.mechanical or not run.mechanical.ng:
             return None
         formulation = run.options.formulation
-        return cls(run.system, run.project or formulation == "ggl", run.control, formulation == "index2")
+        return cls(run.mechanical, run.project or formulation == "ggl", run.control, formulation == "index2")
 
     def results(self, run: "RunState") -> dict[str, Any]:
         return {"singular": self.found}

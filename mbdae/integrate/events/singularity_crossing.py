@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...discovery import lazy_import
-from ...errors import StepError
+from ...errors import InputError, StepError
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.singularity import Singular, singular, singular_crossing
 from ...system import Array
@@ -154,8 +154,8 @@ def _earlier_states(run: "RunState", time_ahead: float, first: int) -> tuple[Arr
     ages = np.abs(np.array(run.ts[first:]) - run.t)
     if run.backward_stepper and (run.backward_stepper.from_any_node or ages[0] < OFFSETS[-1] * time_ahead):
         offsets = np.array(OFFSETS) * (min(1.0, ages[0] / (OFFSETS[-1] * time_ahead)) or 1.0)
-        with suppress(StepError):  # near singular configurations rounding may prevent accurate steps
-            return run.backward_stepper(run.t - run.sign * time_ahead * offsets)
+        with suppress(StepError, InputError):  # near singular configurations rounding may prevent accurate steps
+            return run.backward_stepper(run, run.t - run.sign * time_ahead * offsets)
     chosen = [len(ages) - 1]
     for offset in OFFSETS:
         earlier = ages[: chosen[-1]]

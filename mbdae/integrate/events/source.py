@@ -57,6 +57,7 @@ class Occurrence(NamedTuple):
 class EventSource:
     """Source of events of a run; by default without events."""
 
+    is_needed = True  # whether it may have events in this run
     each_step = False  # whether it must check every step: the stepper then takes one step at a time
 
     @classmethod

@@ -13,9 +13,7 @@ import numpy as np
 from ...data_types import CoreData, JsonObject
 from ...discovery import lazy_import
 from ...errors import InputError, StepError
-from ...mechanism import Mechanism
 from ...mechanism.callbacks import function_name
-from ...mechanism.formulations.index2 import Index2System
 from ...system import Array, State, Step
 from ...tolerances import AGREEMENT, ROUNDING, SOLUTION_ROUNDING
 from .event import Event, event_value
@@ -52,7 +50,7 @@ class UserEvents(EventSource):
         signals: dict[int, SignalEvent],
         modes: bool = False,
     ) -> None:
-        self.events, self.evaluate, self.signals = events, evaluate, signals
+        self.events, self.evaluate, self.signals, self.is_needed = events, evaluate, signals, bool(events)
         self.functions = {i: e for i, e in enumerate(events) if i not in self.signals}
         compiled = all(s.signal.compiled for s in self.signals.values())
         self.by_signal = not self.functions and compiled and not modes  # detected in the core
@@ -64,7 +62,8 @@ class UserEvents(EventSource):
     @classmethod
     def from_run(cls, run: "RunState") -> "UserEvents":
         system, events = run.system, run.options.events
-        modes = isinstance(run.problem, Mechanism) and bool(run.problem.switches or run.problem.resets)
+        mechanism = run.mechanical and run.mechanical.mechanism
+        modes = bool(mechanism and (mechanism.switches or mechanism.resets))
         return cls(events, lambda e, t, y: event_value(system, e, t, y), _signals(run), modes)
 
     def begin_interval(self, run: "RunState") -> None:
@@ -266,9 +265,9 @@ def _signals(run: "RunState") -> dict[int, SignalEvent]:
     texts = {i: (e.function, e.direction) for i, e in enumerate(run.options.events) if isinstance(e.function, str)}
     if not texts:
         return {}
-    if not isinstance(run.problem, Mechanism) or not isinstance(run.system, Index2System):
+    if not run.mechanical:
         raise InputError(
             f"events of a textbook problem are functions event(t, y), got {next(iter(texts.values()))[0]!r}"
         )
-    workspace = run.system.new_workspace()
-    return {i: SignalEvent.from_text(workspace, run.problem, *text) for i, text in texts.items()}
+    workspace = run.mechanical.new_workspace()
+    return {i: SignalEvent.from_text(workspace, workspace.mechanism, *text) for i, text in texts.items()}

@@ -1,9 +1,8 @@
 """Validated options of a run."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from numbers import Real
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
@@ -18,8 +17,7 @@ from .settings import complete_settings
 from .span import checked_span, checked_times, end_of_tables
 
 
-@dataclass(frozen=True)
-class RunOptions:
+class RunOptions(NamedTuple):
     """Options of a run, see the arguments of `mbdae.solve`.
 
     Attributes:

@@ -20,6 +20,8 @@ def complete_settings(problem: Problem, given: Mapping[str, object]) -> dict[str
     """
     arguments = {name: x for name, x in given.items() if x is not None}
     from_file = _file_settings(problem)
+    if not from_file:
+        return DEFAULTS | arguments
     overridden = set(METHOD_SETTINGS if "method" in arguments or "formulation" in arguments else ())
     overridden |= set(CONTROL_SETTINGS if "step" in arguments else ())
     overridden |= {"step"} if any(name in arguments for name in CONTROL_SETTINGS) else set()

@@ -1,10 +1,9 @@
 """Backward steps from the last node of a run: states from which a polynomial crosses a singular configuration."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import InputError
 from ...methods import Tableau, method
 from ...system import Array
 from ...tolerances import NEGLIGIBLE, SOLUTION_ROUNDING
@@ -28,32 +27,28 @@ class BackwardStepper:
     They use the default method: a method of low order would need thousands of steps for this accuracy.
 
     Attributes:
-        run: the run.
         rtol: relative tolerance of these steps.
         from_any_node: whether they may start at any node; if not (implicit methods, for stiff motions), only at the
             first node of a smooth interval, where no earlier steps exist.
     """
 
-    run: RunState
     rtol: float
     from_any_node: bool
 
     @classmethod
-    def from_run(cls, run: RunState, rtol: float) -> "BackwardStepper | None":
-        """Return the backward stepper of a run; None if forces cannot be integrated backward in time."""
-        try:
-            run.system.breakpoint(run.t, -run.sign)
-        except InputError:  # a sampled controller
-            return None
-        return cls(run, max(RTOL_FACTOR * rtol, MIN_RTOL), isinstance(run.tableau, Tableau))
+    def from_run(cls, run: RunState, rtol: float) -> "BackwardStepper":
+        """Return the backward stepper of a run."""
+        return cls(max(RTOL_FACTOR * rtol, MIN_RTOL), isinstance(run.tableau, Tableau))
 
-    def __call__(self, times: Array) -> tuple[Array, Array, Array]:
-        """Return times (k,), points (k, ...) and rates (k, ny): first at the last node, then at earlier times.
+    def __call__(self, run: RunState, times: Array) -> tuple[Array, Array, Array]:
+        """Return times (k,), points (k, ...) and rates (k, ny): first at the last node of a run, then at earlier times.
 
         Raises:
             StepError: if a time cannot be reached.
+            InputError: if forces cannot be integrated backward in time: sampled controllers.
         """
-        run, tableau = self.run, method(DEFAULTS["method"])
+        run.system.breakpoint(run.t, -run.sign)
+        tableau = method(DEFAULTS["method"])
         system = run.system.new_workspace()
         system.use_rows(run.system.in_use)
         ts, ys, rates = [run.t], [run.ys[-1]], []
@@ -61,7 +56,7 @@ class BackwardStepper:
             control = Adaptive(tableau.error_power, self.rtol, None, None, np.inf)
             stepper = NativeStepper(control, system, tableau, True) if system.native else control
             options = {"method": tableau, "project": True, "t0": ts[-1], "t1": t, "end": t, "jumps": (), "events": ()}
-            backward = RunState(run.problem, replace(run.options, **options), system, stepper, ys[-1], SOURCES)
+            backward = RunState(run.problem, run.options._replace(**options), system, stepper, ys[-1], SOURCES)
             backward.begin()
             rates.append(backward.F)
             time_loop(backward, MAX_STEPS)

@@ -14,7 +14,6 @@ import numpy as np
 from ...errors import StepError
 from ...mechanism.equilibrium.elastic_modes import ElasticModes, elastic_modes
 from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.tree.tree_terms import flexible_bodies
 from ...methods import RungeKutta
 from ...methods.explicit import ExplicitMethod
 from ...solution.solution import Solution
@@ -47,10 +46,10 @@ def elastic_resolution(sol: Solution, method: Any) -> tuple[str, str]:
     """Return which vibrations of flexible bodies a run does not resolve, and which one limits its steps; or empty.
 
     Args:
-        sol: a run of a mechanism that reached its end.
+        sol: a run of a mechanism with flexible bodies that reached its end.
         method: its method.
     """
-    found = _vibrations(sol) if flexible_bodies(sol.mechanism.model) and len(sol.nodes[0]) > 1 else None
+    found = _vibrations(sol) if len(sol.nodes[0]) > 1 else None
     if found is None:
         return "", ""
     (ts, ys, _), modes, fixed = sol.nodes, found.modes, "step" in sol.settings

@@ -1,9 +1,11 @@
 """An array to which rows are appended."""
 
 import numpy as np
-from numpy.typing import DTypeLike
+from numpy.typing import ArrayLike, DTypeLike
 
 from ...system import Array
+
+CAPACITY = 8  # rows at first
 
 
 class GrowingArray:
@@ -12,8 +14,10 @@ class GrowingArray:
     The length is updated after a row is completely written, so an interrupt leaves the array consistent.
     """
 
-    def __init__(self, first: Array) -> None:
-        self._data, self._n = np.array(first, float)[None], 1
+    def __init__(self, first: ArrayLike) -> None:
+        row = np.asarray(first, float)
+        self._data, self._n = np.empty((CAPACITY, *row.shape)), 1
+        self._data[0] = row
 
     def __len__(self) -> int:
         return self._n

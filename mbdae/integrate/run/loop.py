@@ -34,7 +34,7 @@ def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) 
     """
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # a diverging run is reported by its status
-            run.begin()
+            run.begin(ahead=True)
             stopped = time_loop(run, max_steps, progress)
             for source in run.sources:
                 source.finish(run)

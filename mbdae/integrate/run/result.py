@@ -9,13 +9,13 @@ import numpy as np
 
 from ...errors import StepError
 from ...mechanism.flexible.linear_range import beyond_linear
-from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.inputs import Inputs
+from ...mechanism.tree.tree_terms import flexible_bodies
 from ...solution.solution import Solution
 from ...system import Array
 from .elastic_resolution import elastic_resolution
 from .run_diagnostics import accuracy_warnings
-from .run_state import CarryRecord, RunState
+from .run_state import RunState
 
 log = logging.getLogger("mbdae")
 
@@ -41,11 +41,12 @@ def make_solution(
     problem = inputs.recorded(inputs.history(t, y)) if inputs else run.problem
     full = Solution(problem, t, y, z, status, message, stats, settings, **found)
     out = full if run.options.t_eval is None else _at_times(full, run.options.t_eval, run.sign, found)
-    if out.success and isinstance(run.system, Index2System):
-        unresolved, limit = elastic_resolution(full, run.tableau)
-        beyond = beyond_linear(run.system.model, full.nodes[1][:, : run.system.nq])
-        warnings = accuracy_warnings(full, run.system), unresolved, beyond
-        out.message = "; ".join(filter(None, (out.message, limit)))
+    if out.success and (system := run.mechanical):
+        warnings = [accuracy_warnings(full, system)]
+        if flexible_bodies(system.model):
+            unresolved, limit = elastic_resolution(full, run.tableau)
+            warnings += [unresolved, beyond_linear(system.model, full.nodes[1][:, : system.nq])]
+            out.message = "; ".join(filter(None, (out.message, limit)))
         if words := "; ".join(filter(None, warnings)):
             out.status, out.message = "doubtful", words
     log.info(
@@ -69,21 +70,13 @@ def _results(run: RunState) -> dict[str, Any]:
     """Return rows in use and carries up to the last node, and the results of the sources of events."""
     n = len(run.ts)
     found: dict[str, Any] = {"in_use": [(i, rows) for i, rows in run.in_use if i < n]}
-    found["carried"] = _carries(run.carries, n)
-    if isinstance(run.system, Index2System):
-        states = run.system.laws.external_states(run.system.element_states(run.ys[n - 1]))
+    found["carried"] = run.carries.up_to(n - 1)
+    if run.mechanical:
+        states = run.mechanical.laws.external_states(run.mechanical.element_states(run.ys[n - 1]))
         found["external"] = {name: x for name, x in states.items() if x}
     for source in run.sources:
         found |= source.results(run)
     return found
-
-
-def _carries(record: CarryRecord, n: int) -> tuple[Array, list[int]] | None:
-    """Return the carries at nodes 0 to n - 2, (n - 1, nc), and the restarted nodes; None if one is not stored."""
-    sizes = {len(record.rows.get(i, ())) for i in range(n - 1)}
-    if len(sizes) != 1 or 0 in sizes:
-        return None
-    return np.array([record.rows[i] for i in range(n - 1)]), sorted(i for i in record.restarted if i < n)
 
 
 def _at_times(full: Solution, times: Array, sign: float, found: dict[str, Any]) -> Solution:

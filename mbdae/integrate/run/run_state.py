@@ -2,12 +2,11 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...errors import StepError
-from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
 from ...solution.solution import Problem, Solution
 from ...system import Array, State, Step, System
@@ -19,7 +18,7 @@ from ..events.singularity import SingularityMonitor
 from ..events.source import EventSource, Occurrence
 from ..events.user_events import UserEvents
 from ..options.options import RunOptions
-from ..trajectory.checkpoints import MAX_STORED
+from .carry_record import CarryRecord
 from .growing_array import GrowingArray
 from .stiffness_detection import StiffnessDetector
 
@@ -34,31 +33,6 @@ SOURCES: tuple[type[EventSource], ...] = (
     DriverChecks, ModeChanges, SingularityMonitor, StiffnessDetector, UserEvents, Resets, Jumps
 )  # fmt: skip
 """Sources of events, in the order in which they check a step."""
-Source = TypeVar("Source", bound=EventSource)
-
-
-class CarryRecord:
-    """The carry at each node, and the nodes at which it was restarted."""
-
-    def __init__(self) -> None:
-        self.rows: dict[int, Array] = {}
-        self.restarted: set[int] = set()
-
-    def capacity_left(self, n: int) -> int:
-        """Return for how many nodes after the first n carries can be stored."""
-        return max(MAX_STORED - n, 0)
-
-    def store(self, i: int, carry: object, restarted: bool = False) -> None:
-        """Store the carry at node i."""
-        if i < MAX_STORED and isinstance(carry, np.ndarray):
-            self.extend(i, carry[None], [0] if restarted else [])
-
-    def extend(self, first: int, carries: Array, restarted: list[int]) -> None:
-        """Store the carries of several nodes, (k, nc), some of them restarted."""
-        nodes = range(first, first + len(carries))
-        self.rows.update(zip(nodes, carries, strict=True))
-        self.restarted -= set(nodes)
-        self.restarted |= {first + i for i in restarted}
 
 
 class RunState:
@@ -81,41 +55,41 @@ class RunState:
         self.t, self.t1, self.sign, self.discontinuities = options.t0, options.end, options.sign, 0
         self.continues = False  # beyond its end, see `continue_to`
         self.system, self.stepper, self.state = system, stepper, State(start)
+        self.mechanical = system if isinstance(system, Index2System) else None  # the workspace, of a mechanism
+        # the step-size control; None for the index-1 baseline
+        self.control: Adaptive | None = None if options.formulation == "index1" else stepper.control
         self.rejected: int | None = 0
         self.undone_motion: Array | None = (
             None  # motion since a step was undone, and its undone part, see `projected_step`
         )
         self.restarted = False  # whether the carry was recomputed after the projection of the last step
-        self.ts, self.ys, self.zs = [self.t], GrowingArray(start), GrowingArray(np.full(self.system.nz, np.nan))
+        self.ts, self.ys, self.zs = [self.t], GrowingArray(start), GrowingArray([np.nan] * system.nz)
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # first node of each set of rows in use
         self.carries = CarryRecord()
         self.backward_stepper: BackwardStepper | None = None
         self.settings = options.record()  # recorded with the solution
         self.fallback = ""  # why the run cannot use the compiled core
         self._record: Solution | None = None
-        self.sources = tuple(source for kind in kinds if (source := kind.from_run(self)))
-        self.mode_changes, self.singularity_monitor = self._source(ModeChanges), self._source(SingularityMonitor)
-        self.user_events, self.jumps = self._source(UserEvents), self._source(Jumps)
+        found: Any = {kind: source for kind in kinds if (source := kind.from_run(self))}
+        self.sources: tuple[EventSource, ...] = tuple(source for source in found.values() if source.is_needed)
+        self.mode_changes: ModeChanges = found.get(ModeChanges)
+        self.singularity_monitor: SingularityMonitor = found.get(SingularityMonitor)
+        self.user_events: UserEvents = found.get(UserEvents)
+        self.jumps: Jumps = found.get(Jumps)
 
-    def _source(self, kind: type[Source]) -> Source:
-        """Return the source of a kind; None if the run has none."""
-        return next((source for source in self.sources if isinstance(source, kind)), None)  # type: ignore[return-value]
+    def begin(self, ahead: bool = False) -> None:
+        """Begin a smooth interval at the last node: adjust the point, and compute its derivative and the carry.
 
-    @property
-    def control(self) -> "Adaptive | None":
-        """The step-size control; None for the index-1 baseline."""
-        return None if self.options.formulation == "index1" else self.stepper.control
-
-    def begin(self) -> None:
-        """Begin a smooth interval at the last node: adjust the point, and compute its derivative and the carry."""
+        ``ahead``: the stepper may take the first steps, too, and records them when it advances.
+        """
         y = self.ys[-1].copy()
         for source in reversed(self.sources):  # states jump before mode selection
             y = source.adjust_point(self, y)
+        self.interval = self.jumps.interval(self.t)
         if self.in_use:
             self._start_at(y)
         else:
-            self._set_start(*self.system.start(self.t, y, self.project))
-        self.interval = self.jumps.interval(self.t)
+            self._set_start(*self.stepper.begin_run(self, y, ahead))
         for source in self.sources:
             source.begin_interval(self)
 
@@ -275,10 +249,10 @@ class RunState:
 
     def release(self) -> None:
         """Release the workspaces of the run."""
-        if isinstance(self.problem, Mechanism) and isinstance(self.system, Index2System):
+        if self.mechanical:
             for source in self.sources:
                 source.release()
-            self.problem.workspaces.release(self.system)
+            self.mechanical.mechanism.workspaces.release(self.mechanical)
 
     def record(self) -> Solution:
         """Return the run so far as a solution that shares its lists; its dense output is used by event detection."""

@@ -73,9 +73,9 @@ class StiffnessDetector(EventSource):
 
     @classmethod
     def from_run(cls, run: "RunState") -> "StiffnessDetector | None":
-        if not isinstance(run.system, Index2System) or not run.control or not isinstance(run.tableau, Tableau):
+        if not run.mechanical or not (control := run.control) or not isinstance(run.tableau, Tableau):
             return None
-        return cls(run.system, run.tableau, run.control)
+        return cls(run.mechanical, run.tableau, control)
 
     def warning(self) -> str:
         return str(self.found or "")

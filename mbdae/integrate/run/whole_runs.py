@@ -1,7 +1,7 @@
 """Whole runs of a mechanism from many starts in the compiled core, if they request nothing from Python.
 
-The core begins each run, estimates its first step and takes all steps with the functions that `mbdae.solve` calls one
-by one: results are equal bit for bit. A run that needs Python in between, or that may be inaccurate, is left to
+The core begins each run, estimates its first step and takes all steps with the functions that `mbdae.solve` calls:
+results are equal bit for bit. A run that needs Python in between, or that may be inaccurate, is left to
 `mbdae.solve`, which has the warnings and messages.
 """
 
@@ -11,14 +11,13 @@ import numpy as np
 
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
-from ...mechanism.closures.independent_rows import FALLEN
 from ...mechanism.closures.preconditions import closures_with_preconditions
 from ...mechanism.formulations.compiled_systems import CompiledSystem
 from ...mechanism.signals.contacts import rolling_closures
 from ...mechanism.tree.tree_terms import flexible_bodies
 from ...methods import Tableau
 from ...system import Array, Counts
-from ...tolerances import AMBIGUOUS_PIVOT, INPUT_DIGITS, SOLUTION_ROUNDING
+from ...tolerances import INPUT_DIGITS
 from ..options.options import RunOptions
 from ..steppers.native import NativeStepper
 from ..steppers.stepper import smallest_step
@@ -149,10 +148,7 @@ def complete_runs(run: RunState, y: Array, stop: Array) -> WholeRuns:
     core, native, control = stepper.core_run_before_start(run), system.native, stepper.adaptive
     core.max_steps = options.max_steps or UNLIMITED
     detects_stiffness = control and isinstance(options.method, Tableau)
-    start = native.RunStart(
-        ambiguous=AMBIGUOUS_PIVOT, fallen=FALLEN, dependent=SOLUTION_ROUNDING, shortest=smallest_step(run.t, run.t1),
-        longest=FIRST_CHECK - 1 if detects_stiffness else UNLIMITED,
-    )  # fmt: skip
+    start = system.run_start(smallest_step(run.t, run.t1), FIRST_CHECK - 1 if detects_stiffness else UNLIMITED)
     first = native.FirstStep(**control.first_step_numbers(run)) if control and control.h is None else None
     found = system.core.complete_runs(system.method(options.method), start, first, core, y, SAMPLES + 1, stop)
     ended, records, t, points, z, rows = found

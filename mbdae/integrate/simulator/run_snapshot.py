@@ -1,7 +1,7 @@
 """Snapshots: the numbers from which a run, or a simulator, continues bit by bit."""
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -113,7 +113,7 @@ def prepare_again(run: RunState, options: RunOptions, state: SimulatorState) -> 
     before: Any = run.system
     programs, t = before.laws.take(), state.run.t
     run.release()
-    out = prepare_at(run.problem, replace(options, t0=t, t1=t + 1, end=t + 1), state.run.y)
+    out = prepare_at(run.problem, options._replace(t0=t, t1=t + 1, end=t + 1), state.run.y)
     system: Any = out.system
     system.laws.give(programs)
     return out

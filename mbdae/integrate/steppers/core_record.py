@@ -1,5 +1,6 @@
 """Record of the steps that the compiled core has taken in one call."""
 
+from math import isnan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,7 +48,7 @@ class _CoreSteps:
         transitions = transitions_from_core(core.modes, run.mode_changes)
         self.unchecked = transitions is None  # guards are checked first, and may truncate the step
         self.state, interval = State(*core.state()), core.interval
-        restart = None if np.isnan(core.jumps.restart) else core.jumps.restart
+        restart = None if isnan(core.jumps.restart) else core.jumps.restart
         if monitor:
             monitor.begin_step()
         try:
@@ -91,8 +92,9 @@ class _CoreSteps:
             regular = n - i
             if monitor and not self.unchecked:
                 regular = monitor.skip_regular_steps(self.least_pivot_ratio[i : n - end], self.suspicious)
-            self._extend(i, i + regular)
-            i += regular
+            if regular:
+                self._extend(i, i + regular)
+                i += regular
             if monitor and i < n:
                 self._extend(i, i + 1)
                 self.system.least_pivot_ratio, i = float(self.least_pivot_ratio[i]), i + 1

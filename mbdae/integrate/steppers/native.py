@@ -1,24 +1,17 @@
 """Steps of a run in the compiled core, many per call; Python handles events, mode changes and Ctrl-C in between."""
 
+from math import nan
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ...data_types import JsonObject
-from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
-from ...system import Array, Step
-from ...tolerances import AGREEMENT, COINCIDENT, TINY
-from ..events.core_modes import modes_to_core, set_constants
-from ..events.jumps import MARGIN, MAX_CLUSTER
-from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
+from ...system import Array, State, Step
+from ..events.core_modes import modes_to_core
 from ..events.load_resolution import shortest_step
-from ..events.singularity import ADJACENT_RATIO, MAX_RATIO_CHANGE, SINGULAR_RATIO
-from ..events.singularity_location import AHEAD, MONITORED_RATIO, NOTCH, SMALL, SUSPICIOUS_RATIO
 from .adaptive import Adaptive
 from .core_record import record_steps
-from .fixed import FIXED_STEP_TOLERANCE, Fixed
-from .projected_step import MAX_UNDONE
-from .stepper import SPACINGS, PythonStepper, Stepper, StepperState
+from .fixed import Fixed
+from .new_run import new_run
+from .stepper import PythonStepper, Stepper, StepperState, smallest_step
 
 if TYPE_CHECKING:
     from ..._native import Run
@@ -45,19 +38,32 @@ class NativeStepper(Stepper):
     def __init__(self, inner: PythonStepper, system: Any, tableau: Any, project: bool) -> None:
         self.inner, self.system, self.tableau = inner, system, tableau
         self.controls = inner.controls
-        self.run: Run = system.native.Run()
-        self.run.project, self.run.seconds = project, CHECK_INTERVAL
+        self.adaptive = inner if isinstance(inner, Adaptive) else None
+        self.fixed = inner if isinstance(inner, Fixed) else None
+        self.run = new_run(system.native, project, self.adaptive, tableau)
+        self.run.seconds = CHECK_INTERVAL
         self.passed_events: UserEvents | None = None
         self.undecided = False  # whether the guards of the next step are left to Python
         self.passed_switches = False
         self.unrecorded = False  # whether the core has steps that are not recorded
-        self.adaptive = inner if isinstance(inner, Adaptive) else None
-        self.fixed = inner if isinstance(inner, Fixed) else None
-        self._constants_to_native()
+        self.ahead = False  # whether the core has tried the first steps
 
     @property
     def control(self) -> Adaptive | None:
-        return self.inner.control
+        return self.adaptive
+
+    def begin_run(self, run: "RunState", y: Array, ahead: bool) -> tuple[Array, Array, Array]:
+        control, system = self.adaptive, self.system
+        in_core = ahead and system.starts_in_core and not system.core.calls_python and run.time_left() > 0
+        checks_start = run.user_events.events or any(source.each_step for source in run.sources)
+        if in_core and not (checks_start or (control and control.h)):
+            run.state = State(y)
+            self._to_native(run, min(run.options.max_steps or STEPS_PER_CALL, STEPS_PER_CALL))
+            first = control and control.first_step_numbers(run)
+            if found := system.begin(self.tableau, self.run, smallest_step(run.t, run.t1), first):
+                self.ahead = True
+                return found
+        return super().begin_run(run, y, ahead)
 
     def advance(self, run: "RunState", max_steps: int | None = None) -> None:
         """Take steps until Python is needed, for about `CHECK_INTERVAL`; one step in Python if necessary.
@@ -65,7 +71,7 @@ class NativeStepper(Stepper):
         Steps, rejections and the state of the run are up to date afterwards, even after an interrupt.
         """
         some = STEPS_PER_CALL if max_steps is None else min(max_steps, STEPS_PER_CALL)
-        if run.undone_motion is not None or not (self.inner.ready_for_core(run) and self._advance_core(run, some)):
+        if run.undone_motion is not None or not self._advance_core(run, some):
             self.inner.advance(run)
 
     def continue_unrecorded(self, run: "RunState", t1: float) -> bool:
@@ -139,6 +145,13 @@ class NativeStepper(Stepper):
 
     def _advance_core(self, run: "RunState", max_steps: int) -> int:
         """Let the core try steps; return their number, 0 if the next step needs Python."""
+        if self.ahead:
+            self.ahead = False
+            self.system.adopt_rows(self.run)
+            self._take_from_core(run)
+            return self.run.taken + self.run.rejected
+        if not self.inner.ready_for_core(run):
+            return 0
         modes, changes = self.run.modes, run.mode_changes
         modes.in_core = bool(changes and not changes.each_step and not self.undecided and max_steps > 1)
         if modes.in_core:
@@ -162,25 +175,6 @@ class NativeStepper(Stepper):
         run.rejected = (run.rejected or 0) + self.run.rejected
         record_steps(run, self.run, self.system)
         self.system.laws.set_inputs(self.system.element_states(run.state.y))
-
-    def _constants_to_native(self) -> None:
-        """Pass all thresholds to the core."""
-        r, c = self.run, self.run.control
-        r.max_undone, r.tiny, r.adaptive = MAX_UNDONE, TINY, self.adaptive is not None
-        r.grid.coincident, r.tolerated_move = COINCIDENT, FIXED_STEP_TOLERANCE
-        set_constants(r.modes)
-        m = r.monitor
-        m.suspicious_ratio, m.singular_ratio, m.monitored_ratio = SUSPICIOUS_RATIO, SINGULAR_RATIO, MONITORED_RATIO
-        m.notch_ratio, m.small_ratio, m.steps_ahead = NOTCH, SMALL, AHEAD
-        m.adjacent_ratio, m.max_change = ADJACENT_RATIO, MAX_RATIO_CHANGE
-        if self.adaptive:
-            pi = self.adaptive.controller
-            c.agreement, c.spacings, c.tiny, c.companion = AGREEMENT, SPACINGS, TINY, COMPANION
-            c.rtol, c.atol = float(self.adaptive.rtol), self.adaptive.atol.ravel().tolist()
-            c.power, c.exponent, c.last_exponent = pi.power, pi.exponent, pi.beta
-            c.safety, c.smallest_factor, c.largest_factor = SAFETY, pi.control.smallest, pi.control.largest
-            c.blend = self.tableau.blend
-            c.steady, c.smallest_error, c.smallest_last = pi.steady, SMALLEST_ERROR, SMALLEST_LAST
 
     def _to_native(self, run: "RunState", max_steps: int) -> None:
         """Pass the position of the run and its step size to the core."""
@@ -207,14 +201,12 @@ class NativeStepper(Stepper):
         e, j, events = self.run.events, self.run.jumps, run.user_events
         if self.passed_events is not events:
             self.passed_events = events
-            e.set_events(events.core_data() if events.by_signal else [])
-            e.agreement, e.iterations = AGREEMENT, MAX_ITERATIONS
-            e.spacings, e.step_tolerance = TIME_SPACINGS, RELATIVE_TOLERANCE
+            if events.events and events.by_signal:
+                e.set_events(events.core_data())
             of_drivers = self.system.constraints.breaks
             j.times = sorted({*run.jumps.times, *self.system.laws.breaks(), *of_drivers})
-            j.margin, j.max_cluster = MARGIN, MAX_CLUSTER
         j.in_core = (events.by_signal or not events.events) and not run.mode_changes
-        j.restart = np.nan if run.interval.restart is None else run.interval.restart
+        j.restart = nan if run.interval.restart is None else run.interval.restart
         if events.events and events.by_signal:
             e.start = events.origin[0]
             e.set_nodes([signal.node for signal in events.signals.values()])

@@ -25,7 +25,7 @@ def find_method(formulation: str, method: MethodLike) -> Any:
             names = f"{', '.join(EXPLICIT)} and scipy's methods {', '.join(SCIPY)}"
             raise InputError(f"formulation 'index1' takes {names}, got {method!r}")
         return EXPLICIT.get(method) or SCIPY[method]
-    if isinstance(method, str) and method in (*EXPLICIT, *SCIPY):
+    if isinstance(method, str) and (method in EXPLICIT or method in SCIPY):
         valid = ", ".join((*METHODS, IDA.name))
         raise InputError(
             f"method {method!r} belongs to formulation 'index1'; formulation {formulation!r} takes {valid}"

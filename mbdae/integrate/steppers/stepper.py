@@ -1,6 +1,7 @@
 """Interface of steppers, and steppers that take one step at a time in Python."""
 
 from abc import ABC, abstractmethod
+from math import ulp
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,6 +31,10 @@ class Stepper(ABC):
     def control(self) -> "Adaptive | None":
         """The step-size control of mbdae; None if the stepper does not use it."""
         return None
+
+    def begin_run(self, run: "RunState", y: Array, ahead: bool) -> tuple[Array, Array, Array]:
+        """Return the first point, y' and z, see `mbdae.system.System.start`; ``ahead``: steps may be taken, too."""
+        return run.system.start(run.t, y, run.project)
 
     @abstractmethod
     def advance(self, run: "RunState", max_steps: int | None = None) -> None:
@@ -141,4 +146,4 @@ class PythonStepper(Stepper):
 
 def smallest_step(t: float, t1: float) -> float:
     """Return the smallest step size, well above the rounding of times from t to t1."""
-    return SPACINGS * float(np.spacing(max(abs(t), abs(t1))))
+    return SPACINGS * ulp(max(abs(t), abs(t1)))

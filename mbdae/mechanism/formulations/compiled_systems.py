@@ -11,26 +11,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import NotCompiled
-from ...system import Array, Counts, State, Step
-from ...tolerances import SEARCH_TOLERANCE, SOLUTION_ROUNDING
-from ..closures.independent_rows import FALLEN
+from ...system import Array, State, Step
+from ...tolerances import SEARCH_TOLERANCE
 from ..forces.joint_friction import KineticFrictionElement
 from ..hybrid.switches import Mode
 from ..time_functions.input_functions import Input
 from .core_description import core_tolerances, describe, inputs_of, samplers_of
+from .core_start import CoreStart
 from .equation_partials import EquationPartials
 from .ggl import GGLSystem
 from .index1 import Index1System
-from .index2 import Index2System
 
 if TYPE_CHECKING:
     from ..._native import Core, Run
     from ..mechanism import Mechanism
 
-COUNTS = tuple(Counts().to_dict())
 
-
-class CompiledSystem(Index2System):
+class CompiledSystem(CoreStart):
     """`mbdae.system.System` of a mechanism whose points and steps are computed by the core.
 
     Args:
@@ -41,7 +38,6 @@ class CompiledSystem(Index2System):
         NotCompiled: names the feature that the core does not support.
     """
 
-    native: ModuleType
     _method: tuple[Any, Any]  # the last method, and the core's version of it
 
     def __init__(self, mechanism: "Mechanism", native: ModuleType) -> None:
@@ -106,25 +102,6 @@ class CompiledSystem(Index2System):
         if not self._rank_known:
             self.derivative(t, y)
 
-    def start(self, t: float, y: Array, project: bool) -> tuple[Array, Array, Array]:
-        """See `mbdae.system.System`; with modes, equal pivots, and near singular configurations, in Python."""
-        found = None
-        if self.formulation == "index2" and not self.mechanism.switches and not self._rank_known:
-            found = self.core.start(t, y, project, self.ambiguous_pivot, FALLEN, SOLUTION_ROUNDING)
-        self.take_core_record()
-        if found is None:
-            return super().start(t, y, project)
-        y, F, z, rows, self.rank_threshold = found
-        self.rows, self.rank, self.rows_frozen, self._rank_known = np.array(rows, int), len(rows), True, True
-        return y, F, z
-
-    def first_step(self, t: float, y: Array, F: Array, **given: Any) -> float | None:
-        """See `mbdae.system.System`."""
-        known = self._rank_known and self.rows_frozen
-        found = self.core.first_step(t, y, F, self.native.FirstStep(**given)) if known else None
-        self.take_core_record()
-        return found
-
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """See `Index2System.derivative`; the first call, which determines the rank, is computed in Python."""
         result = self.core.derivative(t, y) if self._rank_known else None
@@ -162,8 +139,12 @@ class CompiledSystem(Index2System):
             self.core.advance(self.method(method), run)
         finally:
             self.take_core_record()
-            if run.row_changes:
-                self.rows = np.array(self.core.rows, int)
+            self.adopt_rows(run)
+
+    def adopt_rows(self, run: "Run") -> None:
+        """Take over the rows in use after the last steps of a run."""
+        if run.row_changes:
+            self.rows = np.array(self.core.rows, int)
 
     def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:
         """See `mbdae.system.System`."""
@@ -177,8 +158,7 @@ class CompiledSystem(Index2System):
     def residuals(self, t: Array, y: Array) -> tuple[Array, Array, Array]:
         """See `Index2System.residuals`."""
         g, rates, energies = self.core.residuals(np.ascontiguousarray(t), np.ascontiguousarray(y))
-        failed = np.isnan(energies).any(axis=1) & np.isfinite(y).all(axis=1)
-        if failed.any():
+        if np.isnan(energies).any() and (failed := np.isnan(energies).any(axis=1) & np.isfinite(y).all(axis=1)).any():
             g[failed], rates[failed], energies[failed] = super().residuals(t[failed], y[failed])
         return g, rates, energies
 
@@ -216,9 +196,7 @@ class CompiledSystem(Index2System):
     def take_core_record(self) -> None:
         """Add the core's counts to those of the system, and update its extremes."""
         *counts, least, g, rate, speed = self.core.take_record()
-        for name, n in zip(COUNTS, counts, strict=True):
-            if n:
-                setattr(self.counts, name, getattr(self.counts, name) + n)
+        self.counts.add(*counts)
         self.least_pivot_ratio = min(self.least_pivot_ratio, least)
         self.largest_g = max(self.largest_g, g)
         self.largest_rate = max(self.largest_rate, rate)

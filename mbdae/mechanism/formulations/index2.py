@@ -185,10 +185,12 @@ class Index2System(PinocchioData, RunVariables, System):
 
     def breakpoint(self, t: float, sign: float) -> float:
         driven = (sign * s for s in self.constraints.breaks if sign * s > sign * t)
-        return min(sign * self.laws.breakpoint(t, sign), min(driven, default=inf)) * sign
+        return sign * min(sign * self.laws.breakpoint(t, sign), *driven, inf)
 
     def jump(self, t: float, y: Array) -> Array:
         """See `mbdae.system.System`: the states of sampled controllers jump."""
+        if not self.ns:
+            return y
         q, v = self.split(y)
         return np.concatenate([q, v, self.laws.jump(t, q, v, self.element_states(y)), y[-1:]])
 

@@ -70,6 +70,7 @@ void bind_structs(nb::module_& m) {
 void bind_run(nb::module_& m) {
   bind_attributes<Run>(m, "Run", "Input of a run, and its steps.")
       .def(nb::init<>())
+      .def(nb::init<const Run&>(), nb::arg("other"))
       .def_prop_ro("row_changes", [](const Run& r) { return r.steps.changes; })
       .def_prop_ro("after_jumps", [](const Run& r) { return r.steps.after_jumps; })
       .def("carries", carries)

@@ -20,11 +20,42 @@ auto others_depend(PyCore& c, const Array& q, double tolerance) {
   });
 }
 
+// The method of a run from a point of n numbers that has not begun, and which calls no functions of Python.
+template <class Coefficients>
+auto check_start(PyCore& c, const Coefficients& a, const FirstStep* first_step, const Run& run, size_t n) {
+  const Index2System& s = c.core->system;
+  if (!c.callbacks->functions.empty()) reject("a force or a row is a function of Python");
+  auto method = c.core->method(a);
+  check_run(c, a, method, run, State{Numbers(n), Numbers(s.carried()), {}, nullptr});
+  if (first_step) check_atol(s, first_step->atol);
+  return method;
+}
+
 auto step_size(PyCore& c, double t, const Array& y, const Array& F, const FirstStep& given) {
   return attempt(c, [&](Index2System& s) {
     check_atol(s, given.atol);
     return first_step(s, t, checked_numbers(y, s.length, "y"), checked_numbers(F, s.ny, "F"), given);
   });
+}
+
+template <class Coefficients>
+auto begin(PyCore& c, const Coefficients& a, const RunStart& start, const FirstStep* first_step, Run& run) {
+  const CoreLock lock(c);
+  Index2System& s = c.core->system;
+  auto method = check_start(c, a, first_step, run, run.state.y.size());
+  using Found = std::tuple<Out, Out, Out, std::vector<int>, double>;
+  std::optional<Found> found;
+  const double accuracy = s.accuracy;
+  c.callbacks->interrupted = false;
+  try {
+    const StartDerivative at = begin_run(s, start, first_step, run);
+    found = {vector(run.state.y), vector(at.F), vector(at.z), s.rows.in_use(), s.rows.floor};
+  } catch (const FallBackToPython&) {
+    s.reset(), s.accuracy = accuracy;
+    return found;
+  }
+  take_steps(c, method, run);
+  return found;
 }
 
 using Stop = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
@@ -37,10 +68,7 @@ auto completed_runs(PyCore& c, const Coefficients& a, const RunStart& start, con
   const size_t length = s.length;
   const Numbers points = checked_numbers(y, y.size() / length * length, "y");
   if (stop.size() != 1 || nodes < 2) reject("one flag, and at least two nodes");
-  if (!c.callbacks->functions.empty()) reject("a force or a row is a function of Python");
-  auto method = c.core->method(a);
-  check_run(c, a, method, run, State{Numbers(length), Numbers(s.carried()), {}, nullptr});
-  if (first_step) check_atol(s, first_step->atol);
+  auto method = check_start(c, a, first_step, run, length);
   CompletedRuns out;
   run_unlocked(c, [&] { complete_runs(method, s, start, first_step, run, points, nodes, *stop.data(), out); });
   const size_t n = out.finished.size(), m = nodes, nz = s.nz;
@@ -49,7 +77,10 @@ auto completed_runs(PyCore& c, const Coefficients& a, const RunStart& start, con
 }
 
 template <class Coefficients>
-void def_completed_runs(nb::class_<PyCore>& core, const char* method) {
+void def_runs(nb::class_<PyCore>& core, const char* method) {
+  core.def("begin", begin<Coefficients>, nb::arg(method), nb::arg("start"), nb::arg("first_step").none(), nb::arg("run"),
+           "Begin a run and take many steps; return the first y, y' (ny,), lam (ng,), rows in use and smallest ratio of\n"
+           "pivots, or None, with no step.");
   core.def("complete_runs", completed_runs<Coefficients>, nb::arg(method), nb::arg("start"),
            nb::arg("first_step").none(), nb::arg("run"), nb::arg("y"), nb::arg("nodes"), nb::arg("stop"),
            "Complete the runs from points y (n, length) until the flag is set; return whether each finished without\n"
@@ -66,8 +97,8 @@ void bind_start(nb::class_<PyCore>& core) {
            "Return whether the other rows depend on those in use at q, or None.")
       .def("first_step", step_size, nb::arg("t"), nb::arg("y"), nb::arg("F"), nb::arg("given"),
            "Return the first step size in s, or None.");
-  def_completed_runs<Tableau>(core, "tableau"), def_completed_runs<Radau>(core, "radau");
-  def_completed_runs<Composition>(core, "composition"), def_completed_runs<GeneralizedAlpha>(core, "alpha");
+  def_runs<Tableau>(core, "tableau"), def_runs<Radau>(core, "radau");
+  def_runs<Composition>(core, "composition"), def_runs<GeneralizedAlpha>(core, "alpha");
 }
 
 }  // namespace mbdae

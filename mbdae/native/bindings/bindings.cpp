@@ -67,9 +67,7 @@ void advance(PyCore& c, const Coefficients& a, Run& run) {
   const CoreLock lock(c);
   auto method = c.core->method(a);
   check_run(c, a, method, run, run.state);
-  if (!run.continued) run.steps = Steps(), run.taken = run.rejected = 0, run.monitor.suspicious = false;
-  run.needs_python = run.modes.undecided = false, run.modes.transitions.clear();
-  run_unlocked(c, [&] { TimeLoop(method, c.core->system, run).advance(); });
+  take_steps(c, method, run);
 }
 
 auto restored(PyCore& c, double t, const Array& y) {

@@ -127,6 +127,12 @@ void check_run(const PyCore& c, const Coefficients& a, const Method& method, con
   check_events(run.events, c.core->system), check(run.modes, c.core->system);
 }
 
+inline void take_steps(PyCore& c, Method& method, Run& run) {
+  if (!run.continued) run.steps = Steps(), run.taken = run.rejected = 0, run.monitor.suspicious = false;
+  run.needs_python = run.modes.undecided = false, run.modes.transitions.clear();
+  run_unlocked(c, [&] { TimeLoop(method, c.core->system, run).advance(); });
+}
+
 void bind_points(nb::class_<PyCore>& core);
 void bind_start(nb::class_<PyCore>& core);
 void bind_sensitivity(nb::module_& m, nb::class_<PyCore>& core);

@@ -7,16 +7,6 @@ namespace mbdae {
 
 namespace {
 
-// The first node y, and the first step size.
-void begin_run(Index2System& s, const RunStart& given, const FirstStep* estimate, Numbers& y, Run& run) {
-  const double accuracy = s.accuracy, t = run.interval.t;
-  Numbers F(s.ny), z(s.ng);
-  s.reset(), s.accuracy = accuracy;
-  start(s, t, run.project, {given.ambiguous, given.fallen, given.dependent}, y, F, z);
-  if (estimate) run.control.h = std::max(first_step(s, t, y, F, *estimate), given.shortest);
-  run.state.y = y, run.state.carry = s.carry(F);
-}
-
 // Steps to the end; false where Python must take one.
 bool take_all_steps(Method& method, Index2System& s, long longest, const volatile unsigned char& stop, Run& run) {
   const long most = run.max_steps;
@@ -61,16 +51,29 @@ void store(const Index2System& s, const Run& run, const Numbers& first, const Co
 
 }  // namespace
 
+StartDerivative begin_run(Index2System& s, const RunStart& given, const FirstStep* estimate, Run& run) {
+  const double accuracy = s.accuracy, t = run.interval.t;
+  Numbers& y = run.state.y;
+  StartDerivative at{Numbers(s.ny), Numbers(s.ng)};
+  s.reset(), s.accuracy = accuracy;
+  start(s, t, run.project, {given.ambiguous, given.fallen, given.dependent}, y, at.F, at.z);
+  if (estimate) run.control.h = std::max(first_step(s, t, y, at.F, *estimate), given.shortest);
+  run.state.carry = s.carry(at.F);
+  return at;
+}
+
 void complete_runs(Method& method, Index2System& s, const RunStart& start, const FirstStep* first_step, const Run& given,
                    const Numbers& y, int nodes, const volatile unsigned char& stop, CompletedRuns& out) {
   const size_t length = s.length;
   for (auto at = y.begin(); at != y.end(); at += length) {
-    Numbers first(at, at + length);
     Run run = given;
+    run.state.y.assign(at, at + length);
+    Numbers first = run.state.y;
     Counts counts;
     bool finished = false;
     try {
-      begin_run(s, start, first_step, first, run);
+      begin_run(s, start, first_step, run);
+      first = run.state.y;
       finished = take_all_steps(method, s, start.longest, stop, run);
       counts = s.counts;
       if (stop) return;

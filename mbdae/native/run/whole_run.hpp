@@ -23,8 +23,16 @@ struct CompletedRuns {
   std::vector<std::vector<int>> rows;  // in use at the end
 };
 
-// Runs from points y (n, length) to the end of the span of `run`, which has their options and no steps. The system is
-// reset before each. `first_step`: the first step is estimated. Fewer runs where `stop` becomes true.
+// The derivative y' (ny,) and lam (ng,) at the start of a run.
+struct StartDerivative {
+  Numbers F, z;
+};
+// Begin a run at its state y, which moves onto the closures where ends of steps do; the system is reset before.
+// `first_step`: the first step is estimated. `FallBackToPython` as `start`.
+StartDerivative begin_run(Index2System& s, const RunStart& start, const FirstStep* first_step, Run& run);
+
+// Runs from points y (n, length) to the end of the span of `run`, which has their options and no steps, each begun by
+// `begin_run`. Fewer runs where `stop` becomes true.
 void complete_runs(Method& method, Index2System& s, const RunStart& start, const FirstStep* first_step, const Run& run,
                    const Numbers& y, int nodes, const volatile unsigned char& stop, CompletedRuns& out);
 

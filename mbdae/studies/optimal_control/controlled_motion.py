@@ -121,7 +121,7 @@ class Shooting:
         grid, simulator = self.grid, self.simulator
         dt = float(grid.duration if grid.duration is not None else z[-1]) / (grid.points - 1)
         step = dt / grid.steps
-        simulator.options = replace(simulator.options, step=step)
+        simulator.options = simulator.options._replace(step=step)
         first = {name: InputSetting(self.start.start, float(z[grid.columns(name)[0]])) for name in grid.names}
         origin = self.start.origin._replace(step=step)
         simulator.restore(replace(self.start, inputs={**self.start.inputs, **first}, origin=origin))

@@ -1,0 +1,47 @@
+"""Carries of the method at the nodes of a run."""
+
+import numpy as np
+
+from ...system import Array
+from ..trajectory.checkpoints import MAX_STORED
+
+
+class CarryRecord:
+    """The carry at each node, and the nodes at which it was restarted."""
+
+    def __init__(self) -> None:
+        self.blocks: list[Array] = []  # carries (k, nc) at consecutive nodes, from the first one on
+        self.n = 0
+        self.restarted: list[int] = []
+
+    def capacity_left(self, n: int) -> int:
+        """Return for how many nodes after the first n carries can be stored."""
+        return max(MAX_STORED - n, 0)
+
+    def store(self, i: int, carry: object, restarted: bool = False) -> None:
+        """Store the carry at node i."""
+        if i < MAX_STORED and isinstance(carry, np.ndarray):
+            self.extend(i, carry[None], [0] if restarted else [])
+
+    def extend(self, first: int, carries: Array, restarted: list[int]) -> None:
+        """Store the carries of several nodes, (k, nc), some of them restarted, unless there are none just before."""
+        while self.n > first:
+            block = self.blocks.pop()
+            self.n -= len(block)
+            if self.n < first:
+                self._append(block[: first - self.n])
+        if self.n != first or (first and carries.shape[1] != self.blocks[0].shape[1]):
+            return
+        self._append(carries)
+        if restarted or self.restarted:
+            self.restarted = [i for i in self.restarted if i < first] + [first + i for i in restarted]
+
+    def _append(self, block: Array) -> None:
+        self.blocks.append(block)
+        self.n += len(block)
+
+    def up_to(self, n: int) -> tuple[Array, list[int]] | None:
+        """Return the carries at the first n nodes, (n, nc), and the restarted ones; None if one is not stored."""
+        if not 0 < n <= self.n:
+            return None
+        return np.concatenate(self.blocks)[:n], [i for i in self.restarted if i <= n]

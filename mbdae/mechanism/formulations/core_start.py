@@ -1,0 +1,85 @@
+"""Start of a run in the compiled core: rank and rows in use, the first derivative, and the first step size."""
+
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...system import Array
+from ...tolerances import SOLUTION_ROUNDING
+from ..closures.independent_rows import FALLEN
+from .index2 import Index2System
+
+if TYPE_CHECKING:
+    from ..._native import Core, Run, RunStart
+
+
+class CoreStart(Index2System):
+    """The functions of a workspace at the start of a run, by the core.
+
+    Attributes:
+        native: the core as a module, see `mbdae.backend`.
+        core: the mechanism in the core.
+    """
+
+    native: ModuleType
+    core: "Core"
+    _rank_known: bool
+
+    @property
+    def starts_in_core(self) -> bool:
+        """Whether the core determines the rank: not with modes."""
+        return self.formulation == "index2" and not self.mechanism.switches and not self._rank_known
+
+    def start(self, t: float, y: Array, project: bool) -> tuple[Array, Array, Array]:
+        """See `mbdae.system.System`; with modes, equal pivots, and near singular configurations, in Python."""
+        found = None
+        if self.starts_in_core:
+            found = self.core.start(t, y, project, self.ambiguous_pivot, FALLEN, SOLUTION_ROUNDING)
+        self.take_core_record()
+        return super().start(t, y, project) if found is None else self._started(*found)
+
+    def begin(
+        self, method: Any, run: "Run", shortest: float, first_step: dict[str, Any] | None
+    ) -> tuple[Array, Array, Array] | None:
+        """Begin a run in the core, and take many steps; return what `start` returns, None if Python must begin it.
+
+        Args:
+            method: the method.
+            run: the run, at its first point; then it has the steps.
+            shortest: smallest first step in s.
+            first_step: the numbers of the first step, if it is not given.
+        """
+        start = self.run_start(shortest)
+        first = self.native.FirstStep(**first_step) if first_step else None
+        found = self.core.begin(self.method(method), start, first, run)
+        self.take_core_record()
+        return self._started(*found) if found else None
+
+    def run_start(self, shortest: float, longest: int = 0) -> "RunStart":
+        """Return the numbers of the start of a run: its smallest first step in s, its largest number of steps."""
+        return self.native.RunStart(
+            ambiguous=self.ambiguous_pivot, fallen=FALLEN, dependent=SOLUTION_ROUNDING, shortest=shortest,
+            longest=longest,
+        )  # fmt: skip
+
+    def _started(self, y: Array, F: Array, z: Array, rows: list[int], floor: float) -> tuple[Array, Array, Array]:
+        """Take over the rows in use at the start of a run."""
+        self.rows, self.rank, self.rows_frozen, self._rank_known = np.array(rows, int), len(rows), True, True
+        self.rank_threshold = floor
+        return y, F, z
+
+    def first_step(self, t: float, y: Array, F: Array, **given: Any) -> float | None:
+        """See `mbdae.system.System`."""
+        known = self._rank_known and self.rows_frozen
+        found = self.core.first_step(t, y, F, self.native.FirstStep(**given)) if known else None
+        self.take_core_record()
+        return found
+
+    def method(self, method: Any) -> Any:
+        """Return the core's version of a method."""
+        raise NotImplementedError
+
+    def take_core_record(self) -> None:
+        """Add the core's counts to those of the system, and update its extremes."""
+        raise NotImplementedError
