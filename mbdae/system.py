@@ -242,8 +242,7 @@ class System(Protocol):
             self.update_independent_rows(t, State(closed))
             self.counts.state_projections = 0  # only those of steps are counted
             y = closed if project else y
-        y = self.update_independent_rows(t, State(y)).y
-        return y, *self.derivative(t, y)
+        return (y := self.update_independent_rows(t, State(y)).y), *self.derivative(t, y)
 
     def first_step(self, t: float, y: Array, F: Array, **given: Any) -> float | None:
         """Return a first step size in s from the compiled core; None where Python estimates it."""

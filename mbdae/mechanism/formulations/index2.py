@@ -189,10 +189,8 @@ class Index2System(PinocchioData, RunVariables, System):
 
     def jump(self, t: float, y: Array) -> Array:
         """See `mbdae.system.System`: the states of sampled controllers jump."""
-        if not self.ns:
-            return y
         q, v = self.split(y)
-        return np.concatenate([q, v, self.laws.jump(t, q, v, self.element_states(y)), y[-1:]])
+        return np.concatenate([q, v, self.laws.jump(t, q, v, self.element_states(y)), y[-1:]]) if self.ns else y
 
     def chart(self, t: float, y: Array) -> index2_step.Index2Chart:
         return index2_step.Index2Chart(self, t, y, self.rows_of_step(t, y))
