@@ -128,6 +128,12 @@ def test_impacts(script, capsys):
     assert "| pendulum_on_stop, 4.2829 s |" in capsys.readouterr().out
 
 
+def test_fixed_cost(script, capsys):
+    found = script("fixed_cost").main(["--brief"])
+    assert "a run of one step" in capsys.readouterr().out
+    assert all(run > 0 and advance > 0 for run, advance in found.values())
+
+
 @pytest.mark.native
 def test_random_drops(script, capsys):
     results = script("drops").main(["--brief"])
