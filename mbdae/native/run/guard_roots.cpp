@@ -161,7 +161,6 @@ double GuardMonitor::locate(int i, double high) {
     if (std::fabs(move) <= tolerance + modes_.step_tolerance * theta) return theta;
     known.add(theta, x.f, h * x.rate);
     nearest = theta, best = std::fabs(x.f), theta = known.root(theta - move);
-    if (std::fabs(move) <= modes_.coincident * theta) return theta;  // convergence is quadratic
   }
   return locate_by_brent(i, high);
 }
@@ -200,10 +199,8 @@ double GuardMonitor::locate_by_loads(int i, double high) {
     }
     errors.add(4 * theta, f - quartic.value(4 * theta));
     const double root = newton_root(corrected, 4 * theta) / 4;
-    const double move = std::fabs(root - theta);
-    if (!(move > tolerance + modes_.step_tolerance * theta)) return theta;
+    if (!(std::fabs(root - theta) > tolerance + modes_.step_tolerance * theta)) return theta;
     nearest = theta, best = std::fabs(f), theta = root;
-    if (move <= modes_.coincident * theta) return theta;
   }
   return locate_by_brent(i, high);
 }
