@@ -71,7 +71,9 @@ def method_from_settings(settings: Mapping[str, Any]) -> Method:
 
 
 def obstacle(method: Any, system: System) -> str:
-    """Return why a method cannot step a problem, naming what it excludes of it; or ""."""
+    """Return why a method cannot step a problem: a missing package, or what it excludes of the problem; or ""."""
+    if reason := getattr(method, "missing", ""):
+        return str(reason)
     for kind, names in system.features.items() if method.excludes else ():
         if kind in method.excludes:
             return f"method {method.name!r} does not take {names}: {method.excludes[kind]}"

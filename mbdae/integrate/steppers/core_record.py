@@ -27,7 +27,7 @@ def record_steps(run: "RunState", core: "Run", system: Any) -> None:
     """
     steps = _CoreSteps(run, core, system)
     if steps.t:
-        steps.record()
+        steps.store()
 
 
 class _CoreSteps:
@@ -39,7 +39,7 @@ class _CoreSteps:
         self.t = ts.tolist()
         self.suspicious = core.monitor.suspicious
 
-    def record(self) -> None:
+    def store(self) -> None:
         """Record all steps, and what happened in them."""
         run, core, monitor, first = self.run, self.core, self.run.singularity_monitor, len(self.run.ts)
         run.carries.extend(first, *core.carries())
@@ -70,19 +70,24 @@ class _CoreSteps:
             return 0
         ratios = np.delete(self.least_pivot_ratio[: starts[-1]], starts[:-1])
         regular = monitor is None or monitor.skip_regular_intervals(ratios, self.suspicious)
-        if regular:
-            self._extend(0, starts[-1] + 1)
-        for n in starts:
-            if not regular:
-                self._record_interval(i, n, False)
-            run.end_interval(first + n - 1)
-            transition = transitions.get(n)
-            if transition is not None:
-                run.mode_changes.adopt_transition(first + n, self.t[n - 1], transition)
-            if not regular:
-                self._extend(n, n + 1)
-            run.notify_discontinuity(first + n, mode_changed=transition is not None)
-            i = n + 1
+        n = starts[0]
+        try:
+            if regular:
+                self._extend(0, starts[-1] + 1)
+            for n in starts:
+                if not regular:
+                    self._record_interval(i, n, False)
+                run.end_interval(first + n - 1)
+                transition = transitions.get(n)
+                if transition is not None:
+                    run.mode_changes.adopt_transition(first + n, self.t[n - 1], transition)
+                if not regular:
+                    self._extend(n, n + 1)
+                run.notify_discontinuity(first + n, mode_changed=transition is not None)
+                i = n + 1
+        except KeyboardInterrupt:
+            run.drop_nodes_after(first + n - 1)  # modes of the others are not recorded
+            raise
         return i
 
     def _record_interval(self, i: int, n: int, end: bool) -> None:

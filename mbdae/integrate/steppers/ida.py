@@ -48,6 +48,14 @@ class IdaSolver(LibrarySolver):
     }
     in_core = False
 
+    @property
+    def missing(self) -> str:
+        try:
+            import sksundae.ida  # noqa: F401
+        except ModuleNotFoundError:
+            return "method 'ida' needs scikit-sundae: pip install \"mbdae[sundials]\""
+        return ""
+
     def stepper(self, system: System, *control: Any) -> "Ida":
         """See `LibrarySolver.stepper`."""
         return Ida(self, system, *control)
@@ -60,15 +68,13 @@ class Ida(LibraryStepper):
     """Steps of IDA; rejected ones are not reported (None).
 
     Raises:
-        InputError: without scikit-sundae; for several atol on a manifold.
+        InputError: for several atol on a manifold.
     """
 
     def __init__(self, method: IdaSolver, system: System, *control: Any) -> None:
         super().__init__(method, system, *control)
-        try:
-            from sksundae.ida import IDA as solver
-        except ModuleNotFoundError:
-            raise InputError("method 'ida' needs scikit-sundae: pip install \"mbdae[sundials]\"") from None
+        from sksundae.ida import IDA as solver
+
         self._create, self.system = solver, system
         self.unknowns: Any = ()
         self.raw = RawCoordinates(system)

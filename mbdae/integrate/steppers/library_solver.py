@@ -35,6 +35,11 @@ class LibrarySolver(ABC):
     error_power = 1  # positive: it controls its step sizes
 
     @property
+    def missing(self) -> str:
+        """Why the library cannot be used; empty if it can."""
+        return ""
+
+    @property
     def order_linear(self) -> int:
         """Order on mechanisms."""
         return self.order

@@ -72,6 +72,7 @@ class CompiledSystem(CoreStart):
         self._rank_known = False
         if hasattr(self, "core"):
             self.core.reset()
+            self._mode_to_core()  # a run that was interrupted may have left it in another one
 
     def method(self, method: Any) -> Any:
         """Return the core's version of a method; an implicit method also needs the expanded tree."""
@@ -228,11 +229,16 @@ class CompiledSystem(CoreStart):
         """See `Index2System.enter`."""
         if mode != self.mode:
             super().enter(mode)
-            self._deactivate_rows()
-            for k, (law, _) in enumerate(self.laws.acting):
-                if isinstance(law, KineticFrictionElement):
-                    self.core.change_law(k, law.core_data()["a"])
+            self._mode_to_core()
             self._rank_known = False
+
+    def _mode_to_core(self) -> None:
+        if not self.mechanism.switches:
+            return
+        self._deactivate_rows()
+        for k, (law, _) in enumerate(self.laws.acting):
+            if isinstance(law, KineticFrictionElement):
+                self.core.change_law(k, law.core_data()["a"])
 
     def _deactivate_rows(self) -> None:
         inactive = self.constraints.inactive

@@ -8,10 +8,10 @@ import pytest
 import mbdae
 from mbdae import MbdaeError
 from mbdae.integrate.run import loop, run_state
-from mbdae.integrate.steppers import native, stepper
+from mbdae.integrate.steppers import core_record, native, stepper
 from mbdae.studies.drift.drift import drift
 
-LOOP = ("time_loop", "accept", "advance", "_march", "_record", "extend")
+LOOP = ("time_loop", "accept", "advance", "_march", "record_steps", "store", "_record_interval", "_extend", "extend")
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +148,7 @@ def test_interrupt_between_the_steps_of_the_compiled_core(four_bar):
 
 @pytest.mark.parametrize(("backend", "lines"), [("python", range(60, 260, 3)), ("native", range(2, 32))])
 def test_interrupt_at_any_line_of_the_loop(four_bar, backend, lines):
-    files = {module.__file__ for module in (loop, native, stepper, run_state)}
+    files = {module.__file__ for module in (loop, core_record, native, stepper, run_state)}
     statuses = set()
     for line in lines:  # the line of the interrupt, counted in the loop and the record
         seen = 0
@@ -233,3 +233,36 @@ def test_a_start_whose_accelerations_overflow_is_a_status(four_bar, options, bac
     assert sol.status == "nonfinite"
     assert "not finite at t = " in sol.message or "has entries that are not finite" in sol.message
     assert len(sol.t) == 1
+
+
+@pytest.mark.native
+def test_a_run_after_an_interrupted_one_with_modes():
+    """At any line of the record: nodes and modes of an interrupted run are those of the whole one, as is a next run."""
+    mech = mbdae.load("woodpecker")
+    whole = mbdae.solve(mech, (0, 0.1), rtol=1e-6)
+    found = set()
+    for line in range(1, 120, 7):
+        seen = 0
+
+        def trace(frame, event, arg, line=line):
+            nonlocal seen
+            if frame.f_code.co_filename != core_record.__file__:
+                return trace if frame.f_code.co_name == "solve" else None
+            if event == "line":
+                seen += 1
+                if seen == line:
+                    sys.settrace(None)
+                    raise KeyboardInterrupt
+            return trace
+
+        sys.settrace(trace)
+        try:
+            sol = mbdae.solve(mech, (0, 0.1), rtol=1e-6)
+        finally:
+            sys.settrace(None)
+        n = len(sol.t)
+        np.testing.assert_array_equal(sol.y, whole.y[:n])
+        assert sol.modes == [(i, mode) for i, mode in whole.modes if i < n]
+        found.add(n)
+    assert len(found) > 2
+    np.testing.assert_array_equal(mbdae.solve(mech, (0, 0.1), rtol=1e-6).y, whole.y)
