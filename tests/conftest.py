@@ -39,6 +39,10 @@ def pytest_collection():
         gc.enable()
 
 
+def pytest_sessionfinish():
+    gc.unfreeze()
+
+
 @pytest.fixture(params=["native", "python"])
 def back_end(request, monkeypatch):
     """Run a test on both back ends: runs and, by `Mechanism.system()`, single evaluations and steps."""
