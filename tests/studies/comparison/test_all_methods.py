@@ -1,5 +1,7 @@
 """Comparison of all methods: those that suit a problem run, the others are named with their reasons."""
 
+import sys
+
 import pytest
 
 import mbdae
@@ -30,6 +32,13 @@ def test_all_methods_on_a_mechanism_with_stops_and_on_a_textbook_problem():
     study = mbdae.compare("circle", (0, 0.1), methods="all", rtol=[1e-3], steps=[10], repeats=0)
     assert {"gauss2", "sdirk2", "pherk6"} <= {*study.methods}
     assert {"alpha", "rattle8", "index1:dop853"} <= {*study.omitted}
+
+
+def test_a_method_whose_package_is_missing_is_omitted(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sksundae.ida", None)
+    study = mbdae.compare("circle", (0, 0.1), methods="all", rtol=[1e-3], repeats=0)
+    assert "needs scikit-sundae" in study.omitted["ida"]
+    assert "pherk6" in study.methods
 
 
 @pytest.mark.native
