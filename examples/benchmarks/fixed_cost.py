@@ -13,7 +13,7 @@ import mbdae
 GOALS = {  # us of a run
     "pendulum": 150, "four_bar": 150, "andrews_squeezer": 150, "panda_handle": 150, "humanoid_stance": 300,
 }  # fmt: skip
-SHORT, ADVANCE = 1e-7, 1e-3  # s
+SHORT, ADVANCE = 1e-7, 1e-5  # s
 
 
 def mean(repeats: int, run: Callable[[], object]) -> float:
