@@ -84,5 +84,5 @@ def _start(
 ) -> Array:
     """Return the initial point; with step-size control, closures may be violated as after a run with drift."""
     q, v, s = start
-    drifted = START_DRIFT * float(rtol) if isinstance(rtol, float | Real) else 0.0
+    drifted = START_DRIFT * float(rtol) if isinstance(rtol, Real) else 0.0
     return problem.point(q, v, t, s, max(INPUT_DIGITS, drifted))

@@ -36,7 +36,7 @@ class Adaptive(PythonStepper):
         control: Control = PI,
         steady: float = 1.0,
     ) -> None:
-        if not (isinstance(rtol, float | Real) and SMALLEST_RTOL <= float(rtol) < np.inf):
+        if not (isinstance(rtol, Real) and SMALLEST_RTOL <= float(rtol) < np.inf):
             raise InputError(f"rtol = {rtol!r} cannot be met: it must be a finite number, at least {SMALLEST_RTOL:.2g}")
         self.rtol, self.atol = rtol, _not_negative("atol", 0.01 * rtol if atol is None else atol)
         self.controller, self.max_step = Controller(power, control, steady), max_step

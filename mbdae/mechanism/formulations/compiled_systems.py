@@ -57,7 +57,7 @@ class CompiledSystem(CoreStart):
         self.core.set_sampled_controllers(samplers_of(self.laws))
         friction = self.closure_friction
         self.core.set_friction_interfaces(friction.core_data(), friction.active, friction.slip_directions)
-        self._deactivate_rows()
+        self._mode_to_core()
         self.set_min_slip_speed(friction.min_slip_speed)
         self.inputs = inputs_of(self)
 
@@ -235,15 +235,11 @@ class CompiledSystem(CoreStart):
     def _mode_to_core(self) -> None:
         if not self.mechanism.switches:
             return
-        self._deactivate_rows()
+        inactive = self.constraints.inactive
+        self.core.deactivate_rows([k in inactive for k in range(self.ng)], self.sticks)
         for k, (law, _) in enumerate(self.laws.acting):
             if isinstance(law, KineticFrictionElement):
                 self.core.change_law(k, law.core_data()["a"])
-
-    def _deactivate_rows(self) -> None:
-        inactive = self.constraints.inactive
-        if len(self.mechanism.switches):
-            self.core.deactivate_rows([k in inactive for k in range(self.ng)], self.sticks)
 
     def use_rows(self, rows: tuple[int, ...], frozen: bool = True) -> None:
         """See `mbdae.system.System`."""

@@ -146,29 +146,38 @@ def test_interrupt_between_the_steps_of_the_compiled_core(four_bar):
     assert np.isfinite(sol.y).all()
 
 
+def interrupted_at(line, is_counted, *given, **options):
+    """A run that is interrupted at the given line, of those in frames that are counted."""
+    seen = 0
+
+    def trace(frame, event, arg):
+        nonlocal seen
+        if not is_counted(frame.f_code):
+            return trace if frame.f_code.co_name == "solve" else None
+        if event == "line":
+            seen += 1
+            if seen == line:
+                sys.settrace(None)
+                raise KeyboardInterrupt
+        return trace
+
+    sys.settrace(trace)
+    try:
+        return mbdae.solve(*given, **options)
+    finally:
+        sys.settrace(None)
+
+
 @pytest.mark.parametrize(("backend", "lines"), [("python", range(60, 260, 3)), ("native", range(2, 32))])
 def test_interrupt_at_any_line_of_the_loop(four_bar, backend, lines):
     files = {module.__file__ for module in (loop, core_record, native, stepper, run_state)}
     statuses = set()
+
+    def in_loop(code):
+        return code.co_filename in files and code.co_name in LOOP
+
     for line in lines:  # the line of the interrupt, counted in the loop and the record
-        seen = 0
-
-        def trace(frame, event, arg, line=line):
-            nonlocal seen
-            if frame.f_code.co_filename not in files or frame.f_code.co_name not in LOOP:
-                return trace if frame.f_code.co_name == "solve" else None
-            if event == "line":
-                seen += 1
-                if seen == line:
-                    sys.settrace(None)
-                    raise KeyboardInterrupt
-            return trace
-
-        sys.settrace(trace)
-        try:
-            sol = mbdae.solve(four_bar, (0, 2), rtol=1e-6, backend=backend)
-        finally:
-            sys.settrace(None)
+        sol = interrupted_at(line, in_loop, four_bar, (0, 2), rtol=1e-6, backend=backend)
         statuses.add(sol.status)
         assert len(sol.t) == len(sol.y) == len(sol.z_own)
         assert (np.diff(sol.t) > 0).all()
@@ -242,24 +251,7 @@ def test_a_run_after_an_interrupted_one_with_modes():
     whole = mbdae.solve(mech, (0, 0.1), rtol=1e-6)
     found = set()
     for line in range(1, 120, 7):
-        seen = 0
-
-        def trace(frame, event, arg, line=line):
-            nonlocal seen
-            if frame.f_code.co_filename != core_record.__file__:
-                return trace if frame.f_code.co_name == "solve" else None
-            if event == "line":
-                seen += 1
-                if seen == line:
-                    sys.settrace(None)
-                    raise KeyboardInterrupt
-            return trace
-
-        sys.settrace(trace)
-        try:
-            sol = mbdae.solve(mech, (0, 0.1), rtol=1e-6)
-        finally:
-            sys.settrace(None)
+        sol = interrupted_at(line, lambda code: code.co_filename == core_record.__file__, mech, (0, 0.1), rtol=1e-6)
         n = len(sol.t)
         np.testing.assert_array_equal(sol.y, whole.y[:n])
         assert sol.modes == [(i, mode) for i, mode in whole.modes if i < n]
