@@ -20,6 +20,7 @@ from scipy.linalg.lapack import dgesv, dpotrf, dpotrs
 
 import mbdae
 from mbdae.backend import load
+from mbdae.studies.info.inertia_source import inertia_source
 
 MODELS = {"four_bar": 2e-3, "panda_handle": 1e-3, "humanoid_stance": 5e-4, "stewart_platform": 1e-3}  # step in s
 CALLS = 300  # of the bare sequence in one measurement
@@ -79,12 +80,6 @@ def measure(name: str, h: float, steps: int, repeats: int) -> dict[str, float]:
     return medians(runs | in_core(mech), repeats)
 
 
-def serves(name: str) -> str:
-    """Return the source of M, nle and J of a model in the compiled core; empty without it."""
-    native = load()
-    return "" if native is None else "sweep" if native.sweeps(mbdae.load(name).model) else "Pinocchio"
-
-
 def main(argv: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
     """Print the table and return seconds by model and name."""
     steps, repeats = (10, 1) if brief(argv, __doc__) else (200, 7)
@@ -96,7 +91,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
         python, native, bare, core, partials = times
         cells = [microseconds(t) for t in times]
         ratios = (python, native), (python, bare), (native, core), (partials, core)
-        rows.append([name, serves(name), *cells, *(ratio(*pair) for pair in ratios)])
+        source = inertia_source(mbdae.load(name)).removeprefix("the core's ").removesuffix(" through the tree")
+        rows.append([name, source, *cells, *(ratio(*pair) for pair in ratios)])
     print(machine() + "\n")
     header = ["microseconds per stage", "serves", "Python", "native", "bare calls, Python", "bare calls, C++"]
     print(table([*header, "partials", "Python / native", "Python / bare", "native / bare", "partials / bare"], rows))

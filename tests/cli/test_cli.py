@@ -170,7 +170,7 @@ def test_drift_limit(tmp_path):
 
 @pytest.mark.native
 def test_info_reports_what_computes_the_inertia():
-    assert "inertia   by the core's sweep through the tree" in call("info", "four_bar")[1]
+    assert "inertia   by the core's planar sweep through the tree" in call("info", "four_bar")[1]
 
 
 def test_info_says_what_is_not_modelled():

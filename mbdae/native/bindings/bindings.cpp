@@ -146,6 +146,9 @@ NB_MODULE(_native, m) {
   core.def(nb::init<nb::handle, const Tolerances&, const nb::dict&>(), arg("model"), arg("tolerances"),
            arg("description"))
       .def_prop_ro("rows", [](const PyCore& c) { return c.core->system.rows.in_use(); })
+      .def_prop_ro(
+          "planar", [](const PyCore& c) { return c.core->system.mechanics.planar(); },
+          "Whether all bodies move in parallel planes, so that the sweep computes two coordinates and an angle.")
       .def_prop_ro("rank", [](const PyCore& c) { return c.core->system.rows.rank; })
       .def_prop_ro("floor", [](const PyCore& c) { return c.core->system.rows.floor; })
       .def_prop_ro(

@@ -78,6 +78,7 @@ struct CoreLock {
       std::this_thread::sleep_for(std::chrono::microseconds(50));
     }
     busy = true, c.owner = std::this_thread::get_id();
+    c.core->system.mechanics.refresh();
   }
   ~CoreLock() { busy = false; }
   bool& busy;

@@ -53,17 +53,24 @@ Mechanics::Mechanics(const void* model, const Tolerances& limits_, std::vector<M
 
 void Mechanics::begin_sweep() {
   const TreeModel& m = w->model;
-  if (!m.tree.empty())
+  if (!m.tree.empty() && w->flexible.empty())
+    w->sweep = planar_sweep(m.tree, ancestors, m.gravity, m.armature, limits.sum_rounding);
+  if (!m.tree.empty() && !w->sweep)
     w->sweep.reset(new TreeSweep(m.tree, ancestors, m.gravity, m.armature, &w->flexible));
-  else if (w->flexible.empty())
-    w->other = tree_algorithms(w->source);
-  else
+  if (!w->sweep && w->flexible.empty()) w->other = tree_algorithms(w->source);
+  if (!w->sweep && !w->other)
     throw std::invalid_argument("flexible bodies need joints with fixed axes");
+}
+
+bool Mechanics::planar() const { return w->sweep && w->sweep->planar(); }
+
+void Mechanics::refresh() {
+  if (w->sweep && !w->sweep->refresh()) w->sweep.reset(), begin_sweep();
 }
 
 void Mechanics::write(const void* model, const Tolerances& limits_, std::vector<ModalBody> flexible) {
   ++motion_stamp_, ++pose_stamp_, limits = limits_;
-  if (model == w->source) return;
+  if (model == w->source) return refresh();
   auto partials = std::move(w->partials);
   TreeModel m = tree_model(model);
   auto bodies = bound(std::move(flexible), m);

@@ -17,9 +17,11 @@ class Mechanics {
   Mechanics(const void* model, const Tolerances& limits, std::vector<ModalBody> flexible);
   ~Mechanics();
 
+  bool planar() const;  // do all bodies move in parallel planes? Then `planar_sweep` computes them
   bool has_same_structure(const std::vector<ModalBody>& flexible) const;  // have these as many modes and nodes?
   // Another model of the same joints; all that was computed with the one before is forgotten.
   void write(const void* model, const Tolerances& limits, std::vector<ModalBody> flexible);
+  void refresh();  // the numbers of the model may have changed where they are
 
   Tolerances limits;
   int nq, nv, joints, frames;               // frames: joints, and nodes of flexible bodies, which follow them

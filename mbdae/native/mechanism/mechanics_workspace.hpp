@@ -3,6 +3,7 @@
 
 #include "math/eigen_types.hpp"
 #include "mechanism/mechanics.hpp"
+#include "mechanism/planar_sweep.hpp"
 #include "mechanism/tree_model.hpp"
 #include "mechanism/tree_sweep.hpp"
 
@@ -32,7 +33,7 @@ struct Mechanics::Workspace {
   const void* source;
   const TreeModel model;
   std::vector<FlexibleBody> flexible;
-  std::unique_ptr<TreeSweep> sweep;
+  std::unique_ptr<Sweep> sweep;
   std::unique_ptr<TreeAlgorithms> other;  // where there is no sweep
   Numbers poses, saved_poses;             // (frames, 12) R by columns, and p
   Numbers J, M, nle, zero;                // (6, nv and nodes), (nv, nv) by columns, (nv,), (nv,)

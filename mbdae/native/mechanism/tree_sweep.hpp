@@ -31,35 +31,53 @@ struct TreeJoint {
   const double *mass = nullptr, *lever = nullptr, *I = nullptr;  // of the body; about its centre, xx, xy, yy, xz, yz, zz
 };
 
-class TreeSweep {
+class Sweep {
+ public:
+  virtual ~Sweep() = default;
+
+  // The numbers of the model may have changed; false: another sweep is needed.
+  virtual bool refresh() { return true; }
+  virtual bool planar() const { return false; }
+  // Poses (joints and nodes, 12), R by columns and p, of which the first is that of the world, and J (6, nv and nodes) by columns at the
+  // world's origin.
+  virtual void poses(const double* q, double* poses, double* J) = 0;
+  // The same, and entries of M (nv, nv) by columns, above the diagonal on the branches of the tree.
+  virtual void inertia(const double* q, double* poses, double* J, double* M) = 0;
+  // The same, with nle (nv,); velocities, and accelerations for v' = 0 minus gravity.
+  virtual void dynamics(const double* q, const double* v, double* poses, double* J, double* M, double* nle) = 0;
+  // M a + nle, a = nullptr: 0; velocities, and accelerations for v' = a minus gravity.
+  virtual void inverse(const double* q, const double* v, const double* a, double* poses, double* J, double* out) = 0;
+  // Velocities and accelerations for v' = a.
+  virtual void motions(const double* q, const double* v, const double* a, double* poses, double* J) = 0;
+  virtual void velocity(int joint, double* out) const = 0;  // spatial, at the world's origin
+  virtual void acceleration(int joint, double* out) const = 0;
+
+  // out += the part of M a + nle of some flexible bodies under this gravity (3,).
+  virtual void add_forces(std::vector<FlexibleBody>&, const double*, const double*, const double*, const double*, double*,
+                          double*, double*) {}
+  // Add the partials of forces of inertia of flexible bodies at the last poses, see `FlexibleBody::add_partials`;
+  // without gravity if `alone`.
+  virtual void add_partials(const int*, const double*, const double*, const double*, bool, double*, double*) const {}
+};
+
+class TreeSweep final : public Sweep {
  public:
   // Parents first, the world before all; ancestors of each degree of freedom, nearest first; gravity (3,), armature
   // (nv,); flexible bodies, which outlive this object.
   TreeSweep(std::vector<TreeJoint> joints, const std::vector<std::vector<int>>& ancestors, const double* gravity,
             const double* armature, std::vector<FlexibleBody>* flexible);
 
-  // Poses (joints and nodes, 12), R by columns and p, of which the first is that of the world, and J (6, nv and nodes) by columns at the
-  // world's origin.
-  void poses(const double* q, double* poses, double* J);
-  // The same, and entries of M (nv, nv) by columns, above the diagonal on the branches of the tree.
-  void inertia(const double* q, double* poses, double* J, double* M);
-  // The same, with nle (nv,); velocities, and accelerations for v' = 0 minus gravity.
-  void dynamics(const double* q, const double* v, double* poses, double* J, double* M, double* nle);
-  // M a + nle, a = nullptr: 0; velocities, and accelerations for v' = a minus gravity.
-  void inverse(const double* q, const double* v, const double* a, double* poses, double* J, double* out);
-  // out += the part of M a + nle of some flexible bodies under this gravity (3,).
+  void poses(const double* q, double* poses, double* J) override;
+  void inertia(const double* q, double* poses, double* J, double* M) override;
+  void dynamics(const double* q, const double* v, double* poses, double* J, double* M, double* nle) override;
+  void inverse(const double* q, const double* v, const double* a, double* poses, double* J, double* out) override;
+  void motions(const double* q, const double* v, const double* a, double* poses, double* J) override;
+  void velocity(int joint, double* out) const override { shift(V_, joint, out); }
+  void acceleration(int joint, double* out) const override { shift(A_, joint, out); }
   void add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a, const double* gravity,
-                  double* poses, double* J, double* out);
-  // Velocities and accelerations for v' = a.
-  void motions(const double* q, const double* v, const double* a, double* poses, double* J);
-
-  // Add the partials of forces of inertia of flexible bodies at the last poses, see `FlexibleBody::add_partials`;
-  // without gravity if `alone`.
+                  double* poses, double* J, double* out) override;
   void add_partials(const int* expanded_joints, const double* q, const double* v, const double* a, bool alone,
-                    double* by_q, double* by_v) const;
-
-  void velocity(int joint, double* out) const { shift(V_, joint, out); }  // spatial, at the world's origin
-  void acceleration(int joint, double* out) const { shift(A_, joint, out); }
+                    double* by_q, double* by_v) const override;
 
  private:
   struct Subtree {  // mass, moment, inertia as in TreeJoint, wrench: about the root's position

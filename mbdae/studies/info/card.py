@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ... import backend
 from ...data_types import JsonObject
 from ...integrate.options.settings import complete_settings
 from ...mechanism import Closure, Mechanism, redundant
@@ -22,6 +21,7 @@ from ...system import Array
 from ...tabular import Tabular
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
 from ...units import displayed, quantity, unit_name
+from .inertia_source import inertia_source
 from .start_values import by_joint
 
 NOT_MODELLED = (
@@ -63,8 +63,7 @@ class Card(Tabular):
         solve: settings of runs in the file.
         not_modelled: features that the motion ignores.
         fixed: links without a parent joint: their base is fixed to the world.
-        inertia: the source of M, nle and J in runs of the compiled core: its sweep through the tree, or Pinocchio's
-            routines where the sweep does not know a kind of joint; empty without the core.
+        inertia: the source of M, nle and J in runs, see `inertia_source`.
         flexible: frequencies of the modes of each flexible body in rad/s, with its frame at rest.
         vibrations: frequencies of the flexible bodies in rad/s at the start, with the closures, and damping ratios.
         units: of positions and velocities by joint, ``q.crank``.
@@ -240,17 +239,16 @@ def card(mech: Mechanism) -> Card:
     g, Gv = mech.residual(q, v)
     loaded, gap = mech.given[0], mech.gap_as_given
     switching = {row for switch in mech.switches for row in switch.rows}
-    closures = []
-    for c in mech.constraints:
-        closures.append(
-            {
-                "name": c.name,
-                "kind": c.kind if isinstance(c, Closure) else type(c).__name__.lower(),
-                "joins": list(c.between),
-                "rows": c.m,
-                "dependent": 0 if mech.rows_of(c.name)[0] in switching else dependent.get(c.name, 0),
-            }
-        )
+    closures = (
+        {
+            "name": c.name,
+            "kind": c.kind if isinstance(c, Closure) else type(c).__name__.lower(),
+            "joins": list(c.between),
+            "rows": c.m,
+            "dependent": 0 if mech.rows_of(c.name)[0] in switching else dependent.get(c.name, 0),
+        }
+        for c in mech.constraints
+    )
     return Card(
         title=mech.title,
         nq=mech.nq,
@@ -277,7 +275,7 @@ def card(mech: Mechanism) -> Card:
         solve=mech.settings.given,
         not_modelled=(*NOT_MODELLED, *mech.left_out),
         fixed=tuple(fixed_links(mech.model)),
-        inertia=_inertia_by(mech),
+        inertia=inertia_source(mech),
         units=coordinate_units(mech),
         **_elastic(mech, q),
     )
@@ -290,9 +288,3 @@ def _elastic(mech: Mechanism, q: Array) -> dict[str, Any]:
     found = elastic_modes(mech.system(), 0.0, q)
     pairs = tuple(zip(found.frequencies.tolist(), found.ratios.tolist(), strict=True))
     return {"flexible": {body.name: body.modal.frequencies.tolist() for body in bodies}, "vibrations": pairs}
-
-
-def _inertia_by(mech: Mechanism) -> str:
-    if (native := backend.load()) is None:
-        return ""
-    return "the core's sweep through the tree" if native.sweeps(mech.model) else "Pinocchio"
