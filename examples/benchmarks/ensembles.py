@@ -1,13 +1,14 @@
-"""A thousand runs: mbdae.sweep over threads and processes, mbdae.ensemble, and diffrax's vmap.
+"""A thousand runs: mbdae.sweep over threads and processes, mbdae.ensemble, diffrax's vmap, and MuJoCo's rollout.
 
 Slider-cranks that start at other speeds of the crank take 10 s with pherk5 at rtol 1e-8; their final positions of the
 slider are kept. The time of a sweep is that of the whole call, with loading, assembly and the table; ratios are those
 of the times of the same executor with one worker, and of all to one thread. Tables must be equal bit for bit.
 
-Four-bars from rest at other angles of the crank take 10 s, by mbdae.ensemble and by Dopri8 of diffrax (JAX, compiled,
-vectorised over all runs) on equations that were written by hand, without stabilisation (index1.py): milliseconds of CPU
-per run over all threads, which do not depend on what else the machine does as much as the time of the call, and the
-largest error of the joint angles at the end, with respect to mbdae at rtol 1e-12.
+Four-bars from rest at other angles of the crank take 10 s, by mbdae.ensemble, by Dopri8 of diffrax (JAX, compiled,
+vectorised over all runs) on equations that were written by hand, without stabilisation (index1.py), and by RK4 in
+MuJoCo's rollout, a batch of runs in C, with the settings of peers.py: milliseconds of CPU per run over all threads,
+which do not depend on what else the machine does as much as the time of the call, and the largest error of the joint
+angles at the end, with respect to mbdae at rtol 1e-12.
 
 Run: python examples/benchmarks/ensembles.py [--brief]
 """
@@ -20,6 +21,7 @@ from typing import Any
 import numpy as np
 from common import brief, digits, machine, medians, ratio, table
 from index1 import STEPS, rate_in_jax
+from peers import mjcf
 from problems import FOUR_BAR
 from runs import installed
 
@@ -28,6 +30,7 @@ import mbdae
 CASES = [(executor, workers) for executor in ("threads", "processes") for workers in (1, 2)]
 SPREAD = 0.2  # rad: of the angles of the cranks of four-bars
 OURS, THEIRS = (1e-5, 1e-6, 1e-8), (1e-6, 1e-8, 1e-10)  # rtol
+ROLLOUTS, CHUNK = (5e-3, 1e-3), 500  # s: steps of MuJoCo; steps of a call, which returns the states of all
 
 
 def main(argv: Sequence[str] | None = None) -> dict[tuple[str, int], float]:
@@ -42,7 +45,8 @@ def main(argv: Sequence[str] | None = None) -> dict[tuple[str, int], float]:
     ]
     header = [f"{n} runs of {end:g} s", "workers", "seconds", "runs per second", "speed over one worker"]
     print(table([*header, "over one thread"], rows) + "\n")
-    print(table([f"{n} four-bars, {end:g} s", "rtol", "ms of CPU per run", "error, rad"], four_bars(n, end, repeats)))
+    header = [f"{n} four-bars, {end:g} s", "rtol or step", "ms of CPU per run", "error, rad"]
+    print(table(header, four_bars(n, end, repeats)))
     return times
 
 
@@ -82,6 +86,8 @@ def four_bars(n: int, end: float, repeats: int) -> list[list[str]]:
     programs |= {("mbdae, 2 threads", rtol): partial(ours, rtol, 2) for rtol in OURS[-1:]}
     if theirs := vectorised(q, end):
         programs |= {("diffrax Dopri8", rtol): partial(theirs, rtol) for rtol in THEIRS}
+    if rolled := rollout(q, end):
+        programs |= {("MuJoCo rollout, RK4", step): partial(rolled, step) for step in ROLLOUTS}
     errors = {key: np.abs(run() - reference).max() for key, run in programs.items()}
 
     def milliseconds(run: Callable[[], np.ndarray]) -> float:
@@ -113,6 +119,27 @@ def vectorised(q: np.ndarray, end: float) -> Callable[[float], np.ndarray] | Non
 
     run = jax.jit(jax.vmap(solve, in_axes=(None, 0)))
     return lambda rtol: FOUR_BAR.relative(np.asarray(run(rtol, y0))[:, :bars])
+
+
+def rollout(q: np.ndarray, end: float) -> Callable[[float], np.ndarray] | None:
+    """Return runs of all four-bars by MuJoCo from joint angles q (n, 3) at rest, step -> joint angles at the end."""
+    mujoco = installed("mujoco")
+    if mujoco is None:
+        return None
+    from mujoco import rollout
+
+    def run(step: float) -> np.ndarray:
+        model = mujoco.MjModel.from_xml_string(mjcf(FOUR_BAR, step))
+        data, left = mujoco.MjData(model), round(end / step)
+        at = 1 + np.array([model.joint(name).qposadr[0] for name in FOUR_BAR.names])  # after the time
+        states = np.zeros((len(q), 1 + model.nq + model.nv))
+        states[:, at] = q
+        while left:
+            taken, _ = rollout.rollout(model, data, states, nstep=min(left, CHUNK))
+            states, left = taken[:, -1], left - taken.shape[1]
+        return states[:, at]
+
+    return run
 
 
 if __name__ == "__main__":
