@@ -5,16 +5,17 @@ import pinocchio as pin
 import pytest
 
 import mbdae
+from mbdae.errors import InputError
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
 
 
-def geared(tmp_path, motor, option="", joint=""):
+def geared(tmp_path, motor, option="", joint="", control="3"):
     path = tmp_path / "geared.xml"
     path.write_text(
         f"""<mujoco>{option}<worldbody><body><joint name="j" axis="0 1 0" {joint}/>
         <inertial pos="0 0 0.1" mass="1" diaginertia="0.1 0.1 0.1"/></body></worldbody>
-        <actuator><motor name="m" joint="j" {motor}/></actuator><keyframe><key ctrl="3"/></keyframe></mujoco>"""
+        <actuator><motor name="m" joint="j" {motor}/></actuator><keyframe><key ctrl="{control}"/></keyframe></mujoco>"""
     )
     return path
 
@@ -36,6 +37,20 @@ def test_motors_that_mujoco_would_clip_are_named(where, tmp_path):
     assert [m.name for m in mech.motors] == ["m"]
     free = '<option><flag clampctrl="disable"/></option>'
     assert not mbdae.load(geared(tmp_path, CLAMPED, free)).left_out
+
+
+@pytest.mark.parametrize(
+    ("where", "array"),
+    [
+        ({"motor": "", "control": "nan"}, "key_ctrl"),
+        ({"motor": "", "joint": 'frictionloss="1e200"'}, "dof_frictionloss"),
+        ({"motor": "", "joint": 'limited="true" range="0 1e200"'}, "jnt_range"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:.*warning of MuJoCo")
+def test_numbers_that_are_not_finite_or_too_large_are_named(where, array, tmp_path):
+    with pytest.raises(InputError, match=f"geared.xml: {array} is not finite, or beyond"):
+        mbdae.load(geared(tmp_path, **where))
 
 
 @pytest.mark.parametrize("option", ['<flag actuation="disable"/>', 'actuatorgroupdisable="2"'])

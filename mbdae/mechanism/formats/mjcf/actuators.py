@@ -127,7 +127,7 @@ def springs_of(c: "MjcfModel") -> list[JointSpring | Bushing]:
     return out
 
 
-def weightless(c: "MjcfModel") -> dict[str, float]:
+def weightless_masses(c: "MjcfModel") -> dict[str, float]:
     """Return frames and masses for the armature of free joints, which has inertia, but no weight."""
     m, out = c.m, {}
     for j in range(m.njnt):

@@ -23,7 +23,7 @@ from ...model_settings import Start
 from ...scene.shapes import pack
 from ..body_tables import Source
 from ..reader import Reader
-from .actuators import actuators_of, springs_of, weightless
+from .actuators import actuators_of, springs_of, weightless_masses
 from .compiled_model import MjcfModel
 from .equalities import closures_of
 from .file_checks import check_files
@@ -33,11 +33,11 @@ from .unread_contents import unread
 
 REFERENCE = "qpos0"
 COMPILER_LOCK = Lock()  # MuJoCo has one global warning handler for all threads
-NUMBERS = (
-    "body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat", "jnt_pos", "jnt_axis",
-    "jnt_stiffness", "dof_armature", "dof_damping", "qpos0", "qpos_spring", "key_qpos", "key_qvel", "eq_data",
-    "site_pos", "geom_pos", "geom_size", "actuator_gear", "actuator_gainprm",
-    "actuator_biasprm",
+CHECKED_ARRAYS = (
+    "body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat", "jnt_pos", "jnt_axis", "jnt_range",
+    "jnt_stiffness", "dof_armature", "dof_damping", "dof_frictionloss", "qpos0", "qpos_spring", "key_qpos", "key_qvel",
+    "key_ctrl", "eq_data", "site_pos", "site_quat", "geom_pos", "geom_quat", "geom_size", "mesh_vert", "actuator_gear",
+    "actuator_gainprm", "actuator_biasprm", "actuator_armature", "actuator_damping",
 )  # fmt: skip
 
 
@@ -45,13 +45,13 @@ def read_mjcf(path: Path, allowed: AllowedPaths, source: Source) -> ImportedMode
     """Read an MJCF file.
 
     Args:
-        path: the file; included files are searched as by MuJoCo.
+        path: the file; included files are resolved as in MuJoCo.
         allowed: paths of the files that may be read.
         source: options, with the keyframe of the initial state, ``"qpos0"`` for the reference configuration; the first
             keyframe, if there is one, by default.
 
     Raises:
-        InputError: if MuJoCo is missing, or cannot compile the file, or for a file that is not allowed.
+        InputError: if MuJoCo is missing or cannot compile the file, or if a file is not allowed.
         UnknownNameError: for an unknown keyframe.
     """
     try:
@@ -63,12 +63,13 @@ def read_mjcf(path: Path, allowed: AllowedPaths, source: Source) -> ImportedMode
     _require_finite(m, path.name)
     c = MjcfModel(mujoco, m, path.stem)
     actuators = actuators_of(c)
-    frame = _key(c, source.key)
-    start = _start(c, frame)
-    control = m.key_ctrl[frame] if frame is not None else np.zeros(m.nu)
+    keyframe = _keyframe_index(c, source.key)
+    start = _start(c, keyframe)
+    control = m.key_ctrl[keyframe] if keyframe is not None else np.zeros(m.nu)
     gravity = (0.0, 0.0, 0.0) if c.disables("GRAVITY") else tuple(m.opt.gravity.tolist())
     closures, drivers, equalities = closures_of(c)
-    forces, masses, (geometry, shapeless) = springs_of(c), weightless(c), visuals(c)
+    forces, weightless = springs_of(c), weightless_masses(c)
+    geometry, shapeless = visuals(c)
     return ImportedModel(
         c.model,
         geometry,
@@ -77,7 +78,7 @@ def read_mjcf(path: Path, allowed: AllowedPaths, source: Source) -> ImportedMode
         closures=tuple(closures),
         drivers=tuple(drivers),
         forces=tuple(forces),
-        weightless=masses,
+        weightless=weightless,
         start=start,
         motors=tuple(actuators.motors.values()),
         controls={motor.name: float(control[i]) for i, motor in actuators.motors.items() if control[i]},
@@ -86,42 +87,44 @@ def read_mjcf(path: Path, allowed: AllowedPaths, source: Source) -> ImportedMode
 
 
 def _compile(lib: ModuleType, path: Path) -> Any:
-    said: list[str] = []
+    texts: list[str] = []
     with COMPILER_LOCK:
-        joint_parents = lib.get_mju_user_warning()
-        lib.set_mju_user_warning(said.append)  # otherwise MuJoCo writes them to a file in the working directory
+        previous_handler = lib.get_mju_user_warning()
+        lib.set_mju_user_warning(texts.append)  # otherwise MuJoCo writes them to a file in the working directory
         try:
             m = lib.MjModel.from_xml_path(str(path))
         except (ValueError, RuntimeError, lib.FatalError) as e:
-            words = " ".join(str(e).split())
-            raise InputError(f"{path.name} is not an MJCF file that MuJoCo compiles: {words}") from None
+            detail = " ".join(str(e).split())
+            raise InputError(f"{path.name}: MuJoCo cannot compile this file: {detail}") from None
         finally:
-            lib.set_mju_user_warning(joint_parents)
-    for text in said:
-        warnings.warn(f"{path.name}: MuJoCo says {text.strip()}", stacklevel=4)
+            lib.set_mju_user_warning(previous_handler)
+    for text in texts:
+        warnings.warn(f"{path.name}: warning of MuJoCo: {text.strip()}", stacklevel=4)  # the caller of `load`
     return m
 
 
 def _require_finite(m: Any, name: str) -> None:
-    """Require numbers that are finite, and whose products do not overflow."""
-    for array in NUMBERS:
-        if not np.abs(getattr(m, array)).max(initial=0) <= HUGE:
+    """Require numbers of at most `HUGE`, whose products do not overflow; comparisons with NaN are false."""
+    for array in CHECKED_ARRAYS:
+        if not float(np.abs(getattr(m, array, ())).max(initial=0)) <= HUGE:  # those of actuators are new in MuJoCo 4
             raise InputError(f"{name}: {array} is not finite, or beyond {HUGE:g}")
     if not np.abs(m.opt.gravity).max() <= HUGE:
         raise InputError(f"{name}: gravity is not finite, or beyond {HUGE:g}")
 
 
-def _key(c: MjcfModel, key: str) -> int | None:
+def _keyframe_index(c: MjcfModel, name: str) -> int | None:
     names = [c.name("KEY", k) or f"key{k}" for k in range(c.m.nkey)]
-    if key in names:
-        return names.index(key)
-    if key not in ("", REFERENCE):
-        raise UnknownNameError("keyframe", key, [*names, REFERENCE])
-    return 0 if names and not key else None
+    if name in names:
+        return names.index(name)
+    if name not in ("", REFERENCE):
+        raise UnknownNameError("keyframe", name, [*names, REFERENCE])
+    return 0 if names and not name else None
 
 
-def _start(c: MjcfModel, key: int | None) -> Start:
-    qpos, qvel = (c.m.qpos0, np.zeros(c.m.nv)) if key is None else (c.m.key_qpos[key], c.m.key_qvel[key])
+def _start(c: MjcfModel, keyframe: int | None) -> Start:
+    qpos, qvel = c.m.qpos0, np.zeros(c.m.nv)
+    if keyframe is not None:
+        qpos, qvel = c.m.key_qpos[keyframe], c.m.key_qvel[keyframe]
     q, v = from_mujoco(c.model, qpos, qvel)
     joints = [(n, c.model.joints[c.model.getJointId(n)]) for n in c.joints]
     guess = {n: _value(q[j.idx_q : j.idx_q + j.nq]) for n, j in joints}
