@@ -4,7 +4,7 @@ The recreated model is bitwise equal. Pinocchio's archives are not used: reading
 process.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from pydantic import AllowInfNan, Field, ValidationError
 
 from ..data_types import JsonObject
 from ..errors import InputError
+from ..tolerances import INPUT_DIGITS
 from .checked_table import Table, one_line
 from .flexible import FlexibleBody
 from .flexible.modal_data import modal_body_from_data, modal_data
@@ -21,8 +22,8 @@ from .tree.joints import PER_COORDINATE, PER_VELOCITY, subspace
 from .tree.tree_terms import flexible_bodies
 
 PREFIX = "JointModel"
-COMPOSITE, SKEWED = "Composite", "RevoluteUnboundedUnaligned"
-NUMBERS: dict[str, tuple[str, ...]] = {  # kinds of joints, and arguments of their constructors
+COMPOSITE, UNALIGNED = "Composite", "RevoluteUnboundedUnaligned"
+CONSTRUCTOR_ARGUMENTS: dict[str, tuple[str, ...]] = {  # by kind of joint
     **dict.fromkeys(("RX", "RY", "RZ", "RUBX", "RUBY", "RUBZ", "PX", "PY", "PZ"), ()),
     **dict.fromkeys(("Spherical", "SphericalZYX", "Planar", "Translation", "FreeFlyer"), ()),
     **dict.fromkeys(("HX", "HY", "HZ"), ("pitch",)),
@@ -32,14 +33,14 @@ NUMBERS: dict[str, tuple[str, ...]] = {  # kinds of joints, and arguments of the
     "Universal": ("axis1", "axis2"),
     "Ellipsoid": ("radius_x", "radius_y", "radius_z"),
 }
-KINDS = (*NUMBERS, SKEWED, COMPOSITE)
-SCALES = 64  # trial scalings of a skewed axis until normalisation reproduces it exactly
+KINDS = (*CONSTRUCTOR_ARGUMENTS, UNALIGNED, COMPOSITE)
+MAX_SCALINGS = 64  # trial scalings of an unaligned axis until normalisation reproduces it exactly
 ROBOT = """<robot name="one"><link name="a"/><link name="b"/><joint name="j" type="continuous">
 <parent link="a"/><child link="b"/><axis xyz="{!r} {!r} {!r}"/></joint></robot>"""
 
-Limit = Annotated[float, AllowInfNan(True)]
+FloatOrInfinite = Annotated[float, AllowInfNan(True)]
 Vector = tuple[float, float, float]
-Symmetric = tuple[float, float, float, float, float, float]
+Six = tuple[float, float, float, float, float, float]
 
 
 class _Inertia(Table):
@@ -47,7 +48,7 @@ class _Inertia(Table):
 
     mass: float
     com: Vector
-    moments: Symmetric
+    moments: Six
 
 
 class _Joint(Table):
@@ -60,7 +61,7 @@ class _Joint(Table):
 
 
 class _Link(Table):
-    """A joint in the tree, and the inertia of its body; place: rows of [R p], the placement on the parent joint."""
+    """A joint and the inertia of its body; place: the placement on the parent joint, [R p] (3, 4) row by row."""
 
     name: str
     parent: int = Field(ge=0)
@@ -70,7 +71,7 @@ class _Link(Table):
 
 
 class _Frame(Table):
-    """A frame on a joint."""
+    """A frame on a parent joint and a parent frame."""
 
     name: str
     type: Literal["OP_FRAME", "JOINT", "FIXED_JOINT", "BODY", "SENSOR"]
@@ -84,11 +85,11 @@ class _Model(Table):
     """A model; ``arrays`` holds values per velocity or coordinate."""
 
     name: str
-    gravity: Symmetric
+    gravity: Six
     ground: _Inertia
     joints: tuple[_Link, ...]
     frames: tuple[_Frame, ...]
-    arrays: dict[str, tuple[Limit, ...]]
+    arrays: dict[str, tuple[FloatOrInfinite, ...]]
     flexible: dict[str, dict[str, Any]] = Field(default_factory=dict)
 
 
@@ -135,32 +136,44 @@ def model_from_data(data: Mapping[str, object]) -> pin.Model:
         raise InputError(f"model: {one_line(e, lambda path: [])}") from None
     model = pin.Model()
     model.name, model.gravity = validated.name, pin.Motion(np.array(validated.gravity))
-    model.inertias[0] = _inertia_from_data(validated.ground)
-    for number, x in enumerate(validated.joints, 1):
+    model.inertias[0] = _inertia_from_data(validated.ground, "the world")
+    _add_joints(model, validated.joints)
+    _add_frames(model, validated.frames)
+    _set_arrays(model, validated.arrays)
+    if validated.flexible:
+        model.flexible = _flexible_from_data(validated.flexible, model)
+    return model
+
+
+def _add_joints(model: pin.Model, joints: Sequence[_Link]) -> None:
+    for number, x in enumerate(joints, 1):
         if x.parent >= number:
             raise InputError(f"model: joint {x.name!r} has parent joint {x.parent}, which does not precede it")
         if model.existJointName(x.name):
             raise InputError(f"model: two joints are called {x.name!r}")
-        model.addJoint(x.parent, _joint_from_data(x.joint), _placement_from_data(x.place), x.name)
-        model.inertias[number] = _inertia_from_data(x.inertia)
-    for f in validated.frames:
+        owner = f"joint {x.name!r}"
+        model.addJoint(x.parent, _joint_from_data(x.joint, owner), _placement_from_data(x.place, owner), x.name)
+        model.inertias[number] = _inertia_from_data(x.inertia, owner)
+
+
+def _add_frames(model: pin.Model, frames: Sequence[_Frame]) -> None:
+    for f in frames:
         if f.joint >= model.njoints or f.frame >= len(model.frames):
             raise InputError(f"model: frame {f.name!r} is on joint {f.joint} and frame {f.frame}, which do not exist")
-        kind = pin.FrameType.names[f.type]
+        kind, owner = pin.FrameType.names[f.type], f"frame {f.name!r}"
         if model.existFrame(f.name, kind):
             raise InputError(f"model: two frames are called {f.name!r}")
-        placement, inertia = _placement_from_data(f.place), _inertia_from_data(f.inertia)
+        placement, inertia = _placement_from_data(f.place, owner), _inertia_from_data(f.inertia, owner)
         model.addFrame(pin.Frame(f.name, f.joint, f.frame, placement, kind, inertia), False)
+
+
+def _set_arrays(model: pin.Model, arrays: Mapping[str, tuple[float, ...]]) -> None:
     for names, size in ((PER_VELOCITY, model.nv), (PER_COORDINATE, model.nq)):
         for name in names:
-            values = np.array(validated.arrays.get(name, ()))
-            invalid = ~np.isfinite(values) if not name.endswith("Limit") else np.isnan(values)
-            if len(values) != size or invalid.any():
-                raise InputError(f"model: {name} needs {size} numbers")
+            values, limit = np.array(arrays.get(name, ())), name.endswith("Limit")  # limits may be infinite
+            if len(values) != size or (np.isnan(values) if limit else ~np.isfinite(values)).any():
+                raise InputError(f"model: {name} needs {size} {'' if limit else 'finite '}numbers")
             getattr(model, name)[:] = values
-    if validated.flexible:
-        model.flexible = _flexible_from_data(validated.flexible, model)
-    return model
 
 
 def _flexible_from_data(tables: Mapping[str, Mapping[str, Any]], model: pin.Model) -> tuple[FlexibleBody, ...]:
@@ -181,9 +194,12 @@ def _placement(x: pin.SE3) -> list[float]:
     return x.homogeneous[:3].ravel().tolist()
 
 
-def _placement_from_data(x: PlacementEntries) -> pin.SE3:
+def _placement_from_data(x: PlacementEntries, owner: str) -> pin.SE3:
     rows = np.array(x).reshape(3, 4)
-    return pin.SE3(rows[:, :3], rows[:, 3])
+    R = rows[:, :3]
+    if not (np.abs(R @ R.T - np.eye(3)).max() <= INPUT_DIGITS and np.linalg.det(R) > 0):
+        raise InputError(f"model: the placement of {owner} is not a rotation and a translation")
+    return pin.SE3(R, rows[:, 3])
 
 
 def _inertia(x: pin.Inertia) -> JsonObject:
@@ -192,8 +208,10 @@ def _inertia(x: pin.Inertia) -> JsonObject:
     return {"mass": float(x.mass), "com": x.lever.tolist(), "moments": moments}
 
 
-def _inertia_from_data(x: _Inertia) -> pin.Inertia:
+def _inertia_from_data(x: _Inertia, owner: str) -> pin.Inertia:
     ixx, ixy, iyy, ixz, iyz, izz = x.moments
+    if x.mass < 0 or min(ixx, iyy, izz) < 0:  # Pinocchio aborts with an exception of its own
+        raise InputError(f"model: the inertia of {owner} has a negative mass or moment")
     return pin.Inertia(x.mass, np.array(x.com), np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]))
 
 
@@ -202,40 +220,47 @@ def _joint(joint: pin.JointModel) -> JsonObject:
     if kind == COMPOSITE:
         placements = [_placement(p) for p in typed.jointPlacements]
         return {"kind": kind, "parts": [_joint(j) for j in typed.joints], "places": placements}
-    if kind == SKEWED:
+    if kind == UNALIGNED:
         return {"kind": kind, "numbers": subspace(typed)[3:, 0].tolist()}
-    if kind not in NUMBERS:
+    if kind not in CONSTRUCTOR_ARGUMENTS:
         raise InputError(f"a joint of kind {kind!r} cannot be serialised; known: {', '.join(KINDS)}")
-    return {"kind": kind, "numbers": [float(x) for name in NUMBERS[kind] for x in np.atleast_1d(getattr(typed, name))]}
+    arguments = (np.atleast_1d(getattr(typed, name)) for name in CONSTRUCTOR_ARGUMENTS[kind])
+    return {"kind": kind, "numbers": [float(x) for argument in arguments for x in argument]}
 
 
-def _joint_from_data(x: _Joint) -> pin.JointModel:
+def _joint_from_data(x: _Joint, owner: str) -> pin.JointModel:
     if x.kind == COMPOSITE:
         if not x.parts or len(x.parts) != len(x.places):
-            raise InputError(f"model: a composite joint has {len(x.parts)} parts and {len(x.places)} placements")
+            raise InputError(f"model: {owner} is composed of {len(x.parts)} joints and {len(x.places)} placements")
         joint = pin.JointModelComposite(len(x.parts))
         for factor, placement in zip(x.parts, x.places, strict=True):
-            joint.addJoint(_joint_from_data(factor), _placement_from_data(placement))
+            joint.addJoint(_joint_from_data(factor, owner), _placement_from_data(placement, owner))
         return joint
     if x.kind not in KINDS:
-        raise InputError(f"model: unknown kind of joint {x.kind!r}; known: {', '.join(KINDS)}")
-    sizes = [3 if name.startswith("axis") else 1 for name in NUMBERS.get(x.kind, ("axis",))]
+        raise InputError(f"model: {owner} is of unknown kind {x.kind!r}; known: {', '.join(KINDS)}")
+    names = CONSTRUCTOR_ARGUMENTS.get(x.kind, ("axis",))
+    sizes = [3 if name.startswith("axis") else 1 for name in names]
     if len(x.numbers) != sum(sizes):
-        raise InputError(f"model: a joint of kind {x.kind!r} takes {sum(sizes)} numbers, got {len(x.numbers)}")
+        raise InputError(f"model: {owner} of kind {x.kind!r} has {len(x.numbers)} parameters; needs {sum(sizes)}")
     arguments = np.split(np.array(x.numbers), np.cumsum(sizes)[:-1]) if sizes else []
-    if x.kind == SKEWED:
-        return _skewed_revolute(arguments[0])
+    if any(len(a) == 3 and not abs(np.linalg.norm(a) - 1) <= INPUT_DIGITS for a in arguments):
+        raise InputError(f"model: the axis of {owner} is not of unit length: {list(x.numbers)}")
+    if x.kind == UNALIGNED:
+        return _unaligned_continuous(arguments[0])
     return getattr(pin, PREFIX + x.kind)(*(a if len(a) == 3 else float(a[0]) for a in arguments))
 
 
-def _skewed_revolute(axis: np.ndarray) -> pin.JointModel:
-    """Return an unbounded revolute joint about any axis: only Pinocchio's URDF reader creates and normalises those.
+def _unaligned_continuous(axis: np.ndarray) -> pin.JointModel:
+    """Return an unbounded revolute joint about any unit vector, bit for bit.
+
+    In Python only Pinocchio's URDF reader makes such joints. It normalises the axis, which is scaled until that gives
+    the same bits again.
 
     Raises:
-        InputError: for an axis that is not of unit length.
+        InputError: if it does not.
     """
-    for k in range(SCALES):
-        joint = pin.buildModelFromXML(ROBOT.format(*(axis * (1 + k / SCALES)).tolist())).joints[1]
-        if joint.shortname() == PREFIX + SKEWED and np.array_equal(subspace(joint)[3:, 0], axis):
+    for k in range(MAX_SCALINGS):
+        joint = pin.buildModelFromXML(ROBOT.format(*(axis * (1 + k / MAX_SCALINGS)).tolist())).joints[1]
+        if joint.shortname() == PREFIX + UNALIGNED and np.array_equal(subspace(joint)[3:, 0], axis):
             return joint.extract()
-    raise InputError(f"model: a joint of kind {SKEWED!r} has no axis of unit length: {axis.tolist()}")
+    raise InputError(f"model: a joint of kind {UNALIGNED!r} cannot have the axis {axis.tolist()}")

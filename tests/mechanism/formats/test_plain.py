@@ -10,7 +10,7 @@ from chains import JOINTS, tree
 import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism import depth_first
-from mbdae.mechanism.model_serialization import NUMBERS, model_from_data, model_to_data
+from mbdae.mechanism.model_serialization import CONSTRUCTOR_ARGUMENTS, model_from_data, model_to_data
 
 MODELS = mbdae.model_names()
 
@@ -52,7 +52,7 @@ def test_every_kind_of_joint_comes_back_bit_for_bit():
     assert list(again.frames) == list(model.frames)
     for name in ("damping", "lowerPositionLimit", "upperEffortLimit"):
         np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
-    for kind in NUMBERS:
+    for kind in CONSTRUCTOR_ARGUMENTS:
         assert hasattr(pin, f"JointModel{kind}")
 
 
@@ -73,19 +73,24 @@ def test_a_saved_mechanism_moves_as_before(name, tmp_path):
     [
         (("joints", 1, "parent"), 7, "parent joint 7"),
         (("joints", 1, "parent"), -1, "parent"),
-        (("joints", 1, "joint", "kind"), "RQ", "unknown kind of joint 'RQ'; known: RX"),
-        (("joints", 1, "joint", "numbers"), [1.0], "takes 3 numbers, got 1"),
+        (("joints", 1, "joint", "kind"), "RQ", "joint 'revolute_1' is of unknown kind 'RQ'; known: RX"),
+        (("joints", 1, "joint", "numbers"), [1.0], "has 1 parameters; needs 3"),
+        (("joints", 1, "joint", "numbers"), [1.0, 1.0, 0.0], "axis of joint 'revolute_1' is not of unit length"),
         (("joints", 1, "joint", "numbers"), [np.nan, 0, 0], "numbers"),
-        (("joints", 0, "joint", "parts"), [], "0 parts"),
+        (("joints", 0, "joint", "parts"), [], "composed of 0 joints"),
         (("joints", 0, "inertia", "mass"), np.inf, "mass"),
+        (("joints", 0, "inertia", "mass"), -1.0, "inertia of joint 'composite_0' has a negative mass"),
+        (("joints", 0, "inertia", "moments"), [1.0, 0, -1.0, 0, 0, 1.0], "negative mass or moment"),
         (("joints", 0, "place"), [0.0] * 11, "place"),
+        (("joints", 0, "place"), [0.0] * 12, "placement of joint 'composite_0' is not a rotation"),
+        (("frames", 0, "place"), [1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0], "placement of frame 'tip_0' is not a rot"),
         (("joints", 1, "name"), "composite_0", "two joints are called"),
         (("frames", 0, "joint"), 10**6, "do not exist"),
         (("frames", 0, "type"), "JOY", "type"),
         (("frames", 1, "name"), "tip_0", "two frames are called"),
-        (("arrays", "armature"), [1.0], "armature needs 9 numbers"),
-        (("arrays", "damping"), [np.nan] * 9, "damping needs 9 numbers"),
-        (("arrays",), {}, "needs 9 numbers"),
+        (("arrays", "armature"), [1.0], "armature needs 9 finite numbers"),
+        (("arrays", "damping"), [np.nan] * 9, "damping needs 9 finite numbers"),
+        (("arrays",), {}, "needs 9 finite numbers"),
     ],
 )
 def test_a_wrong_number_is_named(where, value, said):
