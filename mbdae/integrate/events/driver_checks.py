@@ -1,4 +1,4 @@
-"""Checks of drivers: derivatives that contradict their functions, motions that contradict closures or each other."""
+"""Checks of drivers: derivatives that contradict their functions, motions incompatible with closures or each other."""
 
 from typing import TYPE_CHECKING
 
@@ -9,9 +9,14 @@ from .source import EventSource
 if TYPE_CHECKING:
     from ..run.run_state import RunState
 
+BEYOND = 1 / 16  # of the time span: after a failure, enough times to recognise an inconsistent derivative
+
 
 class DriverChecks(EventSource):
-    """Check of the drivers of a run at its end, or after a failure that drivers may have caused."""
+    """Check of the drivers of a run at its end, or after a failure that drivers may have caused.
+
+    It has no events, but is asked at the end of a run as sources of events are.
+    """
 
     @classmethod
     def from_run(cls, run: "RunState") -> "DriverChecks | None":
@@ -21,10 +26,12 @@ class DriverChecks(EventSource):
         self._check(run, run.t)
 
     def explain(self, run: "RunState", reason: StepError) -> StepError:
-        if reason.status not in ("step_size", "max_steps"):
+        if reason.status not in ("step_size", "max_steps"):  # no step size reduces an error of a derivative
             return reason
+        start, end = run.options.t0, run.t1
+        reached = (run.t - start) / (end - start)
         try:
-            self._check(run, run.t1)
+            self._check(run, start + min(1.0, reached + BEYOND) * (end - start))
             if run.mechanical:
                 require_compatible_accelerations(run.mechanical, run.t, run.ys[-1])
         except StepError as cause:

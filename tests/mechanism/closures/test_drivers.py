@@ -73,6 +73,15 @@ def test_derivatives_that_become_wrong_during_the_run_are_named(k, what):
     assert mbdae.solve(mech, (0, 0.6), *mech.assemble({}, {}), rtol=1e-4).success
 
 
+def test_a_later_wrong_derivative_is_not_the_cause():
+    right = (lambda t: 1.2 + np.sin(t), np.cos, lambda t: -np.sin(t))
+    spoiled = [lambda t, i=i: right[i](t) + 0.01 * (t > 0.6) * (i == 1) for i in range(3)]
+    mech = mbdae.load("four_bar", drivers=[Driver.function("crank", *spoiled)])
+    sol = mbdae.solve(mech, (0, 1), *mech.assemble({}, {}), rtol=1e-4, max_step=1e-2, max_steps=20)
+    assert sol.t[-1] < 0.3
+    assert sol.status == "max_steps"
+
+
 def test_a_jump_of_the_acceleration_is_no_wrong_derivative():
     """u = t^2 / 2 to t = 0.5, and straight from there: the difference quotient of u'' fails at one time only."""
     early = Driver.function(
