@@ -21,7 +21,7 @@ def impact(M, rows, v, e, bilateral=None, b=None):
 
 @pytest.mark.parametrize(("angle", "e"), [(0.3, 0.0), (0.7, 0.5), (1.2, 1.0)])
 def test_a_rod_on_one_end(angle, e):
-    # it falls with v: m (v+ + v) = p, I w+ = -p l cos a, I = m l^2/3, half its length l: p = (1 + e) m v/(1 + 3 cos^2 a)
+    # it falls with v, l is half its length: m (v+ + v) = p, I w+ = -p l cos a, p = (1 + e) m v/(1 + 3 cos^2 a)
     m, half_length, v = 1.7, 0.4, 2.0
     M, row = np.diag([m, m * half_length**2 / 3]), np.array([[1.0, -half_length * np.cos(angle)]])
     solution = impact(M, row, np.array([-v, 0.0]), np.array([e]))
