@@ -204,11 +204,12 @@ def equation_of_motion(centre: float) -> np.ndarray:
         return np.array([-x, p[1], p[2]]), np.array([p @ dp / x, dp[1], dp[2]])  # l d and its derivative
 
     def energies(theta: complex) -> np.ndarray:
-        d, slope = place(theta)
+        d, derivative = place(theta)
         turn = np.array([0, -d[2], d[1]])
-        spin = slope @ turn / (turn @ turn) * d[0] / 0.3
-        middle = slope / 2 * [-1, 1, 1]
-        T = (2 * slope[0] ** 2 + 0.5 * middle @ middle + 4e-3 * slope @ slope / 0.09 + 4e-4 * spin**2) / 2
+        spin = derivative @ turn / (turn @ turn) * d[0] / 0.3
+        middle = derivative / 2 * [-1, 1, 1]
+        bar = 0.5 * middle @ middle + 4e-3 * derivative @ derivative / 0.09
+        T = (2 * derivative[0] ** 2 + bar + 4e-4 * spin**2) / 2
         V = 9.81 * (0.12 * centre * np.cos(theta) + 0.5 * d[2] / 2)
         return np.array([T + (1e-4 + 0.12 * centre**2) / 2, V])
 

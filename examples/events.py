@@ -24,9 +24,9 @@ def main(end: float = 10.0) -> mbdae.Solution:
         pin.framesForwardKinematics(model, data, q)
         return float(data.oMf[tip].translation[2]) - LEVEL
 
-    turning = "v.crank"  # a signal alone means its zeros
+    reversals = "v.crank"  # a signal alone means its zeros
     low = mbdae.Event(height, terminal=True, direction=-1)
-    sol = mbdae.solve(mech, (0, end), rtol=1e-10, events=[turning, low])
+    sol = mbdae.solve(mech, (0, end), rtol=1e-10, events=[reversals, low])
     (turns, _), (lows, _) = sol.events  # times (n,) and states (n, ny)
     print(f"{sol.status}: {sol.message}")
     print("the crank turns at", ", ".join(f"{t:.6f}" for t in turns), "s")

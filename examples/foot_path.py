@@ -24,25 +24,25 @@ def main(points: int = 73, plot: str | Path | None = None) -> dict[str, float]:
     """Print the lengths and the height variation of the foot; return the variation."""
     shipped = mbdae.kinematics(mbdae.load(MODEL), "crank", points=points).signals()
     x, z = shipped[f"{FOOT}.x"], shipped[f"{FOOT}.z"]
-    stands = np.isin(np.arange(points), np.argsort(z)[: int(STANDING * points)])  # always the same poses
-    ends = np.flatnonzero(stands)[[np.argmin(x[stands]), np.argmax(x[stands])]]
+    stance = np.isin(np.arange(points), np.argsort(z)[: int(STANDING * points)])  # always the same poses
+    ends = np.flatnonzero(stance)[[np.argmin(x[stance]), np.argmax(x[stance])]]
     top = int(np.argmax(z))
 
     def bumps(signals):
         """Half the variance of the height of the foot in stance in mm^2, and its gradient."""
         height = 1e3 * signals[f"{FOOT}.z"]
-        left = np.where(stands, height - height[stands].mean(), 0.0)
-        return left @ left / (2 * stands.sum()), {f"{FOOT}.z": 1e3 * left / stands.sum()}
+        left = np.where(stance, height - height[stance].mean(), 0.0)
+        return left @ left / (2 * stance.sum()), {f"{FOOT}.z": 1e3 * left / stance.sum()}
 
     def stride(signals):
-        slope = np.zeros(points)
-        slope[ends] = -1, 1
-        return slope @ signals[f"{FOOT}.x"], {f"{FOOT}.x": slope}
+        derivative = np.zeros(points)
+        derivative[ends] = -1, 1
+        return derivative @ signals[f"{FOOT}.x"], {f"{FOOT}.x": derivative}
 
     def lift(signals):
-        slope = np.where(stands, -1 / stands.sum(), 0.0)
-        slope[top] = 1
-        return slope @ signals[f"{FOOT}.z"], {f"{FOOT}.z": slope}
+        derivative = np.where(stance, -1 / stance.sum(), 0.0)
+        derivative[top] = 1
+        return derivative @ signals[f"{FOOT}.z"], {f"{FOOT}.z": derivative}
 
     was = {name: function(shipped)[0] for name, function in (("stride", stride), ("lift", lift))}
     found = mbdae.optimize(
@@ -59,11 +59,11 @@ def main(points: int = 73, plot: str | Path | None = None) -> dict[str, float]:
     before, after = ((2 * c) ** 0.5 for c in (found.start.cost, found.cost))
     print(f"the standing foot leaves its mean height by {before:.3g} mm before, {after:.3g} mm after (RMS)")
     if plot:
-        draw({"shipped": shipped, "optimised": found.motion.signals()}, stands, plot)
+        draw({"shipped": shipped, "optimised": found.motion.signals()}, stance, plot)
     return {"before": before, "after": after, **{f"{n} kept": found.constraints[n] / was[n] for n in was}}
 
 
-def draw(paths, stands, path: str | Path) -> None:
+def draw(paths, stance, path: str | Path) -> None:
     """Draw paths of the foot."""
     from matplotlib.figure import Figure
 
@@ -72,7 +72,7 @@ def draw(paths, stands, path: str | Path) -> None:
     for name, signals in paths.items():
         x, z = 1e3 * signals[f"{FOOT}.x"], 1e3 * signals[f"{FOOT}.z"]
         (line,) = axes.plot(x, z, label=name, linewidth=1)
-        axes.plot(x[stands], z[stands], ".", color=line.get_color(), markersize=4)
+        axes.plot(x[stance], z[stance], ".", color=line.get_color(), markersize=4)
     axes.set(aspect="equal", xlabel="x (mm)", ylabel="z (mm)")
     axes.legend()
     figure.savefig(path, dpi=150)

@@ -9,7 +9,7 @@ import numpy as np
 
 import mbdae
 
-STRIKE = "heel strike"
+FOOT_CONTACT = "heel strike"
 
 
 def main(first: float = 0.001, last: float = 0.017, plot: str | Path | None = None) -> dict[str, float]:
@@ -19,7 +19,7 @@ def main(first: float = 0.001, last: float = 0.017, plot: str | Path | None = No
     doubling = next(b for b in found.bifurcations if b.kind == "doubling")
     if plot:
         draw(found, plot)
-    return {"incline": doubling.value, "angle": doubling.motion.after[STRIKE]["q.stance"]}
+    return {"incline": doubling.value, "angle": doubling.motion.after[FOOT_CONTACT]["q.stance"]}
 
 
 def draw(found, path: str | Path) -> None:
@@ -41,7 +41,7 @@ def draw(found, path: str | Path) -> None:
     for bifurcation in found.bifurcations:
         for axes in (angle, multipliers):
             axes.axvline(bifurcation.value, color="0.5", linestyle=":", linewidth=0.9)
-    angle.plot(found.values, [p.motion.after[STRIKE]["q.stance"] for p in found.points], color="#0072B2")
+    angle.plot(found.values, [p.motion.after[FOOT_CONTACT]["q.stance"] for p in found.points], color="#0072B2")
     angle.set(title="angle after the strike (rad)", xlabel="incline (rad)")
     sizes = np.sort(np.abs(found.multipliers), axis=1)
     multipliers.plot(found.values, sizes[:, 1:], color="#0072B2")

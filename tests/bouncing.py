@@ -15,7 +15,7 @@ def empty(gravity=-G):
     return model
 
 
-def carried(model, parent, joint, name, mass=1.0, com=(0.0, 0.0, 0.0), inertia=(0.0, 0.0, 0.0), place=None):
+def add_body(model, parent, joint, name, mass=1.0, com=(0.0, 0.0, 0.0), inertia=(0.0, 0.0, 0.0), place=None):
     """Add a joint with a body and a frame of the same name."""
     j = model.addJoint(parent, joint, place or pin.SE3.Identity(), name)
     model.appendBodyToJoint(j, pin.Inertia(mass, np.array(com), np.diag(inertia)), pin.SE3.Identity())
@@ -33,22 +33,22 @@ def plane(name, restitution=0.0, **more):
 
 def ball(restitution=0.8, rest=1e-7):
     model = empty()
-    carried(model, 0, pin.JointModelPZ(), "z")
+    add_body(model, 0, pin.JointModelPZ(), "z")
     return Mechanism(model, stops=[Stop(joint="z", lower=0.0, restitution=restitution, rest=rest)])
 
 
 def pendulum(lower=0.3, restitution=0.7):
     """A point on a massless rod of 1 m."""
     model = empty()
-    carried(model, 0, pin.JointModelRY(), "a", com=(0, 0, -1.0))
+    add_body(model, 0, pin.JointModelRY(), "a", com=(0, 0, -1.0))
     return Mechanism(model, stops=[Stop(joint="a", lower=lower, restitution=restitution)])
 
 
 def lever(mu, angle=0.9, e=0.0):
     """A rod on a carriage, hinged above the floor, its end ahead of the hinge and rounded to a radius R."""
     model = empty()
-    cart = carried(model, 0, pin.JointModelPX(), "cart", 0.5)
-    rod = carried(model, cart, pin.JointModelRY(), "rod", 0.0, inertia=(0, 0.02, 0))
+    cart = add_body(model, 0, pin.JointModelPX(), "cart", 0.5)
+    rod = add_body(model, cart, pin.JointModelRY(), "rod", 0.0, inertia=(0, 0.02, 0))
     frame(model, rod, "end", 0.5 * np.sin(angle), 0, -0.5 * np.cos(angle))
     place = pin.SE3(np.eye(3), np.array([0, 0, -0.5 * np.cos(angle) - R]))
     model.addFrame(pin.Frame("floor", 0, 0, place, pin.FrameType.OP_FRAME))
@@ -68,7 +68,7 @@ def dropped_chain(rng):
         length, mass = float(rng.uniform(0.3, 0.8)), float(rng.uniform(0.2, 2))
         moment = mass * length**2 / 12
         inertia = (0.002, moment, moment)
-        joint = carried(model, joint, moving, f"j{k}", mass, (length / 2, 0, 0), inertia, place)
+        joint = add_body(model, joint, moving, f"j{k}", mass, (length / 2, 0, 0), inertia, place)
         place = pin.SE3(np.eye(3), np.array([length, 0, 0]))
         frame(model, joint, f"tip{k}", length, 0, 0)
         closures.append(plane(f"tip{k}", e))

@@ -23,7 +23,7 @@ ROUND = [
     for s in (0.0, 0.5, 1.1, 1.8, 2.4, 3.0, 3.7, 4.4, 5.0, 5.6)
 ]
 LAW = [(x, 0.2 * sin(x)) for x in (0.0, 0.7, 1.3, 2.4, 3.2, 3.9, 4.8, 5.6)] + [(2 * pi, 0.0)]
-RISING = [(x, y + x / 2) for x, y in LAW[:-1]] + [(2 * pi, LAW[0][1] + pi)]
+INCREASING = [(x, y + x / 2) for x, y in LAW[:-1]] + [(2 * pi, LAW[0][1] + pi)]
 
 
 class Kind(NamedTuple):
@@ -66,7 +66,7 @@ HIGHER = {  # further profiles and laws
     "flat on points": Closure.cam("tip_2", "tip_5", {"kind": "points", "points": ROUND}, axis=A),
     "law": Closure.law("revolute_0", "helical_7", {"kind": "table", "points": LAW, "periodic": True}),
     "open law": Closure.law("revolute_0", "prismatic_2", {"kind": "table", "points": LAW}),
-    "indexing": Closure.law("continuous_5", "helical_7", {"kind": "table", "points": RISING, "periodic": True}),
+    "indexing": Closure.law("continuous_5", "helical_7", {"kind": "table", "points": INCREASING, "periodic": True}),
     "eccentric": Closure.law("revolute_0", "continuous_5", {"kind": "harmonic", "amplitude": 0.3, "omega": 2.0}),
     "sum": Closure.coupling("revolute_0", ("helical_7", "prismatic_2"), (0.1, -1.5, 0.7)),
 }

@@ -30,7 +30,7 @@ SLIDER_CRANK = f"""<mujoco>{OPTIONS}<worldbody>
 </worldbody><equality><connect site1="a" site2="b"/></equality></mujoco>"""
 
 
-def steps(m, q, v, t, look):
+def steps(m, q, v, t, observe):
     """Step a model from (q, v) and return look(data) at times t, multiples of the step."""
     d = mujoco.MjData(m)
     d.qpos[:], d.qvel[:] = q, v
@@ -39,7 +39,7 @@ def steps(m, q, v, t, look):
     for time in t:
         while d.time < time - 0.5 * m.opt.timestep:
             mujoco.mj_step(m, d)
-        out.append(look(d))
+        out.append(observe(d))
     return np.array(out)
 
 

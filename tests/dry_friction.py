@@ -37,8 +37,8 @@ class SliderCrank:
         x2, z2 = -r * c - L / 2 * (cb * db * db + sb * ddb), r * s / 2
         y1, y2 = -r * s - L * sb * db, -r * c - L * (cb * db * db + sb * ddb)  # of the slider
         inertia = m1 * r * r / 3 + m2 * (x1 * x1 + z1 * z1) + m2 * L * L / 12 * db * db + m3 * y1 * y1
-        slope = 2 * (m2 * (x1 * x2 + z1 * z2) + m2 * L * L / 12 * db * ddb + m3 * y1 * y2)
-        return inertia, slope, GRAVITY * (m1 * r * c / 2 - m2 * z1), y1
+        derivative = 2 * (m2 * (x1 * x2 + z1 * z2) + m2 * L * L / 12 * db * ddb + m3 * y1 * y2)
+        return inertia, derivative, GRAVITY * (m1 * r * c / 2 - m2 * z1), y1
 
     def load(self, t, p):
         """Q."""
@@ -74,9 +74,9 @@ class SliderCrank:
         way = np.sign(self.terms(p + 1e-6 * sign)[3])
 
         def rate(t, y):
-            inertia, slope, _, x = self.terms(y[0])
+            inertia, derivative, _, x = self.terms(y[0])
             friction = sign * self.kinetic + sign * self.slider * x * way
-            return y[1], (self.load(t, y[0]) - slope * y[1] ** 2 / 2 - friction) / inertia
+            return y[1], (self.load(t, y[0]) - derivative * y[1] ** 2 / 2 - friction) / inertia
 
         first = t
 

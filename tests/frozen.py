@@ -73,7 +73,7 @@ def free_velocity(mech):
     return free / max(np.abs(free).max(), 1e-3)
 
 
-def retraced(trace, mech, start=None):
+def repeated_run(trace, mech, start=None):
     """Points of a mechanism recomputed with the steps of a run, from its start or another point, (n, ...)."""
     system, tableau, t = mech.system(), trace.tableau, trace.ts
     y = mech.point() if start is None else start

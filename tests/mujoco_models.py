@@ -35,12 +35,12 @@ def at(mech, m, d, q, v):
     d.qpos[:], d.qvel[:] = to_mujoco(mech.model, q, v)
     mujoco.mj_forward(m, d)
     T = np.array([from_mujoco(mech.model, d.qpos, e)[1] for e in np.eye(m.nv)]).T
-    turning = np.zeros(m.nv)
+    transport = np.zeros(m.nv)
     for j in list(mech.model.joints)[1:]:
         if j.shortname() == "JointModelFreeFlyer":  # linear velocity in the body: d/dt (R^T v) = R^T v' - w x R^T v
             i = j.idx_v
-            turning[i : i + 3] = -np.cross(v[i + 3 : i + 6], v[i : i + 3])
-    return T, turning
+            transport[i : i + 3] = -np.cross(v[i + 3 : i + 6], v[i : i + 3])
+    return T, transport
 
 
 def mass_matrix(mech, q):

@@ -47,13 +47,13 @@ def test_jacobian_of_the_equations_written_by_hand(script, title):
     eq = script("planar").Equations(problem, cut=() if problem.pins else ("lower",))
     rng, n, h = np.random.default_rng(1), 2 * eq.n + 4 * eq.nc, 1e-6
     y, yp = 0.5 * rng.normal(size=n), rng.normal(size=n)
-    for k, slope in enumerate(eq.ggl_partials(0.0, y, yp)):
+    for k, derivative in enumerate(eq.ggl_partials(0.0, y, yp)):
         for i in range(n):
             ends = [
                 eq.ggl(0.0, *(x + s * h * (np.arange(n) == i) * (k == m) for m, x in enumerate((y, yp))))
                 for s in (1, -1)
             ]
-            np.testing.assert_allclose((ends[0] - ends[1]) / (2 * h), slope[:, i], atol=1e-7)
+            np.testing.assert_allclose((ends[0] - ends[1]) / (2 * h), derivative[:, i], atol=1e-7)
 
 
 @pytest.mark.parametrize("title", PROBLEMS)

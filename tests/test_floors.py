@@ -180,7 +180,7 @@ def test_files_are_short(folder):
     assert not long
 
 
-def test_each_name_means_one_thing():
+def test_each_name_has_one_meaning():
     """No class is defined twice, and arrays have one short name."""
     places = defaultdict(list)
     for path in FILES:

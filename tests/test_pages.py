@@ -227,9 +227,10 @@ def test_the_mechanism_with_parameters_moves(tmp_path):
 
 
 def test_what_is_said_without_the_core(monkeypatch):
-    told = TEXT["examples/guide/messages.md"].split("## mbdae computes in Python\n\n")[1].splitlines()[0]
-    monkeypatch.setattr(backend, "_core", lambda: (None, "python: not built for this Python; " + told.split("; ")[-1]))
+    reported = TEXT["examples/guide/messages.md"].split("## mbdae computes in Python\n\n")[1].splitlines()[0]
+    reason = "python: not built for this Python; " + reported.split("; ")[-1]
+    monkeypatch.setattr(backend, "_core", lambda: (None, reason))
     with pytest.warns(UserWarning, match=backend.SLOW_WARNING) as found:
         backend._warn.__wrapped__()
-    assert told == f"    mbdae: warning: {found[0].message}"
-    assert told.split("; ", 1)[1].removeprefix("python: ") == backend._not_built(ROOT / "nowhere")
+    assert reported == f"    mbdae: warning: {found[0].message}"
+    assert reported.split("; ", 1)[1].removeprefix("python: ") == backend._not_built(ROOT / "nowhere")

@@ -59,7 +59,7 @@ def test_a_notebook_shows_it(results, name):
     assert str(results[name]).strip()
 
 
-def test_words_stand_to_the_left_and_numbers_to_the_right():
+def test_text_is_aligned_left_and_numbers_right():
     left = ' style="text-align: left"'
     page = table([["name", "x"], ["a < b", "-1.5"]])
     assert f"<tr><th{left}>name</th><th>x</th></tr><tr><td{left}>a &lt; b</td><td>-1.5</td></tr>" in page

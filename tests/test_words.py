@@ -26,7 +26,7 @@ WHOLE = re.compile(
 PROSE = re.compile(
     r"\b(?:slopes?|blows?|leaps?|leapt|rubs?|rubbing|stuff|doubts?|anew|afresh|hitherto)\b"
     r"|(?<![Dd]egree of )(?<![Dd]egrees of )\bfreedoms?\b"
-    r"|\b(?:looks?|looked) (?:at|for|ahead|after|back)\b"
+    r"|\b(?:[Ll]ooks?|looked) (?:at|for|ahead|after|back)\b"
     r"|\b(?:stands?|stood) (?:at|there|in|behind|beside|still|for|open)\b"
     r"|\b(?:is|are) (?:told|asked|struck|found anew|once more)\b"
     r"|\b(?:his|her|one's) own\b|\bof (?:one's|its|their) own\b|\bbut for\b"
@@ -38,6 +38,8 @@ STAYING = {  # names that stay, by folder or file
     "kinematics": ("rising",),  # attribute and JSON key of assembly modes
 }
 FITTED = ("order", "benchmarks", "report")  # folders whose slopes are those of fitted lines
+PAGE_ON_ORDERS = "check.md"
+OF_TESTS = re.compile("slopes?|doubtful|freedoms?")  # of fitted lines, a status, degrees of freedom
 
 
 def words(name):
@@ -79,6 +81,17 @@ def stays(path, name):
 def found_names():
     found = ((p, n) for p in package() for n in defined(p) if any(PART.fullmatch(w) for w in words(n)))
     return [f"{p.name}: {n}" for p, n in found if not stays(p, n)]
+
+
+def found_in_tests():
+    """Old words in names of tests and examples, and of their files."""
+    others = {*sources(".py")} - {*package()}
+    found = ((p, n) for p in others for n in {p.stem, *defined(p)})
+    return [
+        f"{p.name}: {n}"
+        for p, n in found
+        if any(PART.fullmatch(w) and not OF_TESTS.fullmatch(w) for w in words(n)) and not stays(p, n)
+    ]
 
 
 def found_members():
@@ -130,13 +143,13 @@ def found_in_core():
 
 
 def found_in_pages():
-    return [
-        f"{p.name}: {w}" for p in sources(".md") if p.name != "GLOSSARY.md" for w in PROSE.findall(p.read_text("utf-8"))
-    ]
+    found = [(p, w) for p in sources(".md") if p.name != "GLOSSARY.md" for w in PROSE.findall(p.read_text("utf-8"))]
+    return [f"{p.name}: {w}" for p, w in found if not (w.startswith("slope") and p.name == PAGE_ON_ORDERS)]
 
 
 FOUND = {
     "names": found_names,
+    "names of tests": found_in_tests,
     "members": found_members,
     "messages": found_messages,
     "identifiers of C++": found_identifiers,

@@ -84,8 +84,8 @@ def car_axis(exu: ModuleType, mbs: Any) -> Array:
         return ROUGH * SPEED * symbolic.cos(SPEED * t) / symbolic.sqrt(1.0 - y * y)
 
     (xl, yl, xr, yr), (ul, wl, ur, wr) = CAR_AXIS.start
-    turning = {"initialVelocities": [0.0, 0.0, ROUGH * SPEED]}
-    axle = mbs.AddNode(item.NodeRigidBody2D(referenceCoordinates=[0.0, 0.0, 0.0], **turning))
+    spin = {"initialVelocities": [0.0, 0.0, ROUGH * SPEED]}
+    axle = mbs.AddNode(item.NodeRigidBody2D(referenceCoordinates=[0.0, 0.0, 0.0], **spin))
     body = mbs.AddObject(item.ObjectRigidBody2D(mass=1.0, inertia=1.0, nodeNumber=axle))
     _hold(mbs, axle, 0), _hold(mbs, axle, 1)
     drive = _hold(mbs, axle, 2, offsetUserFunction=angle, offsetUserFunction_t=rate)

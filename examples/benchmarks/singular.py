@@ -40,7 +40,7 @@ OUTCOMES = ("right", "loose", "stopped", "slow", "v there", "wrong, told", "sile
 NEAR = 1e-2  # rad, m, and relative: right
 LOOSE = 100.0  # times rtol: accumulated errors of steps as a change of the speed at the start
 REGULAR = 0.1  # of the largest ratio of singular values: lam is compared above
-TOLD = "left its branch there", "rows that depended on others"
+REPORTED = "left its branch there", "rows that depended on others"
 KEPT = 300  # nodes at which a run is compared
 EXPLICIT_STEPS, IMPLICIT_STEPS = 20000, 1500
 
@@ -112,7 +112,7 @@ def run(number: int, seed: int = 0) -> Result:
     about = f"{c.mechanism}, {c.method}, {c.mode}, rtol {c.rtol:.1e}, {c.title}"
     formulation, started = MODES[c.mode][1], perf_counter()
     q, v = c.truth.at(0.0)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as reported:
         warnings.simplefilter("always")
         try:
             sol = mbdae.solve(
@@ -126,7 +126,7 @@ def run(number: int, seed: int = 0) -> Result:
     if wrong == ["v there"]:
         outcome = "v there"
     elif wrong and wrong != ["loose"]:
-        outcome = "wrong, told" if told or any(x in sol.message for x in TOLD) else "silently wrong"
+        outcome = "wrong, told" if reported or any(x in sol.message for x in REPORTED) else "silently wrong"
     elif not sol.success:
         outcome = "slow" if sol.status == "max_steps" else "stopped"
     else:

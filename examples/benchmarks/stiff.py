@@ -108,9 +108,9 @@ def car_axis(m: Any, t: Any, q: Any, v: Any) -> Terms:
     return [[K if i == j else 0 for j in range(4)] for i in range(4)], f, G, b
 
 
-def _body(model: pin.Model, parent: int, joint: Any, name: str, mass: float, turning: float = 0.0) -> int:
+def _body(model: pin.Model, parent: int, joint: Any, name: str, mass: float, about_y: float = 0.0) -> int:
     i = model.addJoint(parent, joint, pin.SE3.Identity(), name)
-    inertia = pin.Inertia(mass, np.zeros(3), np.diag([0.0, turning, 0.0]) + 1e-12 * np.eye(3))
+    inertia = pin.Inertia(mass, np.zeros(3), np.diag([0.0, about_y, 0.0]) + 1e-12 * np.eye(3))
     model.appendBodyToJoint(i, inertia, pin.SE3.Identity())
     return i
 

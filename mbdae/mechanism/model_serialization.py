@@ -210,7 +210,7 @@ def _inertia(x: pin.Inertia) -> JsonObject:
 
 def _inertia_from_data(x: _Inertia, owner: str) -> pin.Inertia:
     ixx, ixy, iyy, ixz, iyz, izz = x.moments
-    if x.mass < 0 or min(ixx, iyy, izz) < 0:  # Pinocchio aborts with an exception of its own
+    if x.mass < 0 or min(ixx, iyy, izz) < 0:  # otherwise Pinocchio raises a RuntimeError
         raise InputError(f"model: the inertia of {owner} has a negative mass or moment")
     return pin.Inertia(x.mass, np.array(x.com), np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]))
 
@@ -230,12 +230,7 @@ def _joint(joint: pin.JointModel) -> JsonObject:
 
 def _joint_from_data(x: _Joint, owner: str) -> pin.JointModel:
     if x.kind == COMPOSITE:
-        if not x.parts or len(x.parts) != len(x.places):
-            raise InputError(f"model: {owner} is composed of {len(x.parts)} joints and {len(x.places)} placements")
-        joint = pin.JointModelComposite(len(x.parts))
-        for factor, placement in zip(x.parts, x.places, strict=True):
-            joint.addJoint(_joint_from_data(factor, owner), _placement_from_data(placement, owner))
-        return joint
+        return _composite_from_data(x, owner)
     if x.kind not in KINDS:
         raise InputError(f"model: {owner} is of unknown kind {x.kind!r}; known: {', '.join(KINDS)}")
     names = CONSTRUCTOR_ARGUMENTS.get(x.kind, ("axis",))
@@ -243,11 +238,20 @@ def _joint_from_data(x: _Joint, owner: str) -> pin.JointModel:
     if len(x.numbers) != sum(sizes):
         raise InputError(f"model: {owner} of kind {x.kind!r} has {len(x.numbers)} parameters; needs {sum(sizes)}")
     arguments = np.split(np.array(x.numbers), np.cumsum(sizes)[:-1]) if sizes else []
-    if any(len(a) == 3 and not abs(np.linalg.norm(a) - 1) <= INPUT_DIGITS for a in arguments):
+    if not all(abs(np.linalg.norm(a) - 1) <= INPUT_DIGITS for a in arguments if len(a) == 3):
         raise InputError(f"model: the axis of {owner} is not of unit length: {list(x.numbers)}")
     if x.kind == UNALIGNED:
         return _unaligned_continuous(arguments[0])
     return getattr(pin, PREFIX + x.kind)(*(a if len(a) == 3 else float(a[0]) for a in arguments))
+
+
+def _composite_from_data(x: _Joint, owner: str) -> pin.JointModel:
+    if not x.parts or len(x.parts) != len(x.places):
+        raise InputError(f"model: {owner} is composed of {len(x.parts)} joints and {len(x.places)} placements")
+    joint = pin.JointModelComposite(len(x.parts))
+    for factor, placement in zip(x.parts, x.places, strict=True):
+        joint.addJoint(_joint_from_data(factor, owner), _placement_from_data(placement, owner))
+    return joint
 
 
 def _unaligned_continuous(axis: np.ndarray) -> pin.JointModel:

@@ -59,7 +59,7 @@ def mechanism(
 
 def steady(a: float, w: float) -> float:
     """The spin of a steady circle: 0 = (C + m R^2) n w sin a - A w^2 sin a cos a + m g R cos a, C = 2 A."""
-    turning = (2 * ACROSS + MASS * RADIUS**2) * w * sin(a)
-    if not turning:
+    rate_factor = (2 * ACROSS + MASS * RADIUS**2) * w * sin(a)
+    if not rate_factor:
         raise ValueError("a disc that goes straight needs its spin")
-    return (ACROSS * w * w * sin(a) - MASS * GRAVITY * RADIUS) * cos(a) / turning
+    return (ACROSS * w * w * sin(a) - MASS * GRAVITY * RADIUS) * cos(a) / rate_factor

@@ -109,7 +109,7 @@ def test_a_model_may_be_a_file():
 
 
 @pytest.mark.parametrize(("typed", "word"), [("solve four_", "four_bar"), ("order pendulum -m arn", "arnold4")])
-def test_bash_itself_completes_names_where_files_may_stand(typed, word, tmp_path):
+def test_bash_itself_completes_names_where_files_may_be_given(typed, word, tmp_path):
     bash = shutil.which("bash") or pytest.skip("no bash found")
     program = tmp_path / "mbdae"
     program.write_text(f"#!{sys.executable}\nfrom mbdae.__main__ import main\nmain()\n")

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import carried, empty
+from bouncing import add_body, empty
 
 import mbdae
 from mbdae import Closure, Mechanism, methods
@@ -18,7 +18,7 @@ def wheels(amplitude=1.0):
     """Two hinged wheels, one geared to the other by 1 : 2, with a torque sin t on the first."""
     model = empty(0.0)
     for name in "ab":
-        carried(model, 0, pin.JointModelRZ(), name, inertia=INERTIA)
+        add_body(model, 0, pin.JointModelRZ(), name, inertia=INERTIA)
     torque = JointTorque(joint="a", torque=Harmonic(amplitude=amplitude, omega=1.0))
     return Mechanism(model, [Closure.coupling("b", "a", (0.0, 2.0))], forces=[torque])
 

@@ -60,10 +60,10 @@ def exact_solution(e, n):
     """Taylor series of r, u, w, z at t = h by n Picard iterations."""
     y = [Series([x] + [Fraction(0)] * (n - 1)) for x in START]
     for _ in range(n):
-        slopes = rates(*y, hidden(*y), e)
+        derivatives = rates(*y, hidden(*y), e)
         y = [
             Series([x, *(s.terms[k] / (k + 1) for k in range(n - 1))])
-            for x, s in zip(START, slopes, strict=True)
+            for x, s in zip(START, derivatives, strict=True)
         ]
     return [*y, hidden(*y)]
 
@@ -72,13 +72,13 @@ def one_step(tableau, e, n, weights=None):
     """r, u, w after a step with given weights (b), and z of the last stage."""
     y0 = [Series([x] + [Fraction(0)] * (n - 1)) for x in START]
     A, Ahat = tableau.exact_A, tableau.exact_Ahat
-    slopes = []
+    derivatives = []
 
     def advance(row):
         y = list(y0)
-        for a, slope in zip(row, slopes, strict=False):
+        for a, derivative in zip(row, derivatives, strict=False):
             if a:
-                y = [x + s.scaled(a).times_h() for x, s in zip(y, slope, strict=True)]
+                y = [x + s.scaled(a).times_h() for x, s in zip(y, derivative, strict=True)]
         return y
 
     for i in range(len(A)):
@@ -90,7 +90,7 @@ def one_step(tableau, e, n, weights=None):
             r, u, w = stage
             rhat = known[0] + (u + r * w).scaled(pivot).times_h()
             z = (rhat * rhat - known[2]).over_h().scaled(1 / pivot) - u
-        slopes.append(rates(*stage, z, e))
+        derivatives.append(rates(*stage, z, e))
     return [*advance(weights or tableau.exact_b), z]
 
 

@@ -43,9 +43,9 @@ def roots(speed, mech=None):
     gamma_q, gamma_v = gamma_partials(s, q, v)
     saddle = np.block([[M, -G.T], [G, np.zeros((mech.ng, mech.ng))]])
     dvdot = np.linalg.solve(saddle, np.block([[K, D], [-gamma_q, -gamma_v]]))[:nv]
-    turning = np.zeros((nv, nv))
-    turning[:6, :6] = -motion_cross(np.repeat(v[:6, None], 6, axis=1), np.eye(6))
-    A = np.block([[turning, np.eye(nv)], [dvdot[:, :nv], dvdot[:, nv:]]])
+    transport = np.zeros((nv, nv))
+    transport[:6, :6] = -motion_cross(np.repeat(v[:6, None], 6, axis=1), np.eye(6))
+    A = np.block([[transport, np.eye(nv)], [dvdot[:, :nv], dvdot[:, nv:]]])
     kept = null_space(np.block([[G[mech.positional], np.zeros((mech.positional.sum(), nv))], [B, G]]))
     alike = np.zeros((2 * nv, 5))
     alike[[0, 1, 5, 6, 8], range(5)] = 1.0

@@ -33,20 +33,20 @@ def governor_equations():
     def about_shaft(a):
         c, s = cos(a), sin(a)
         spin = thin * s**2 + slender * c**2 + 0.3 * (hinge + 0.5 * c) ** 2 + 5 * (hinge + c) ** 2
-        slope = 2 * (thin - slender) * s * c - 0.3 * (hinge + 0.5 * c) * s - 10 * (hinge + c) * s
-        return thin + 0.005 + 2 * spin, 2 * slope
+        derivative = 2 * (thin - slender) * s * c - 0.3 * (hinge + 0.5 * c) * s - 10 * (hinge + c) * s
+        return thin + 0.005 + 2 * spin, 2 * derivative
 
     momentum = about_shaft(np.pi / 6)[0] * 2 * np.pi
 
     def rate(t, y):
         _, s, a, ds, da = y
-        inertia, slope = about_shaft(a)
+        inertia, derivative = about_shaft(a)
         turn = momentum / inertia
         gap = np.array([0.5 * cos(a), 1 - 0.5 * sin(a) - s])  # from the slider's side to the middle of the rod
         d = np.hypot(*gap)
         d_a, d_s = gap @ [-0.5 * sin(a), -0.5 * cos(a)] / d, -gap[1] / d
         tension = stiffness * (d - 0.5) + damping * (d_a * da + d_s * ds)
-        dda = (0.25 * slope * turn**2 + moment * G * cos(a) - tension * d_a) / tilting
+        dda = (0.25 * derivative * turn**2 + moment * G * cos(a) - tension * d_a) / tilting
         return [turn, ds, da, -G - 2 * tension * d_s / 3, dda]
 
     return rate
@@ -130,8 +130,8 @@ def test_the_feet_carry_weight_and_inertia_forces():
     sol = mbdae.solve(mech, (0, 0.2), rtol=1e-5)
     model, data, q, v = mech.model, mech.model.createData(), sol.q[-1], sol.v[-1]
     y = np.concatenate([q, v, [0.0]])
-    slope, lam = mech.system().derivative(0.2, y)
-    change = pin.computeCentroidalMomentumTimeVariation(model, data, q, v, slope[mech.nv : 2 * mech.nv]).linear
+    derivative, lam = mech.system().derivative(0.2, y)
+    change = pin.computeCentroidalMomentumTimeVariation(model, data, q, v, derivative[mech.nv : 2 * mech.nv]).linear
     weight = pin.computeTotalMass(model) * G
     forces = lam.reshape(2, 6)[:, :3].sum(0)  # the anchors' axes are the world's
     np.testing.assert_allclose(forces, change + [0, 0, weight], atol=1e-8 * weight)

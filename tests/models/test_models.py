@@ -35,8 +35,8 @@ def accelerate(mech, q, v):
     """v' (nv,) and lam (ng,) from the hidden constraint, also away from g = 0."""
     y = mech.point()
     y[: mech.nq], y[mech.nq : mech.nq + mech.nv] = q, v
-    slope, lam = mech.system().derivative(0.0, y)
-    return slope[mech.nv : 2 * mech.nv], lam
+    derivative, lam = mech.system().derivative(0.0, y)
+    return derivative[mech.nv : 2 * mech.nv], lam
 
 
 def body(mech, joint):

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import carried, empty, frame
+from bouncing import add_body, empty, frame
 
 import mbdae
 from mbdae import Closure, CoulombFriction, JointSpring, Mechanism
@@ -16,10 +16,10 @@ SPECK, BALL = 1e-9, 1e-4  # masses in kg of carrier bodies, radius of the balls 
 def linear_toy():
     """The published model: small angles. Points move along lines defined by couplings, the pole is at x = 0."""
     model = empty()
-    sleeve = carried(model, 0, pin.JointModelRY(), "sleeve", 0.0, inertia=(0, J_SLEEVE, 0))
-    carried(model, sleeve, pin.JointModelRY(), "bird", 0.0, inertia=(0, J_BIRD, 0))
-    y = carried(model, 0, pin.JointModelPZ(), "y", SLEEVE)
-    carried(model, y, pin.JointModelPZ(), "mass", BIRD)
+    sleeve = add_body(model, 0, pin.JointModelRY(), "sleeve", 0.0, inertia=(0, J_SLEEVE, 0))
+    add_body(model, sleeve, pin.JointModelRY(), "bird", 0.0, inertia=(0, J_BIRD, 0))
+    y = add_body(model, 0, pin.JointModelPZ(), "y", SLEEVE)
+    add_body(model, y, pin.JointModelPZ(), "mass", BIRD)
     turned = pin.SE3(pin.utils.rotate("y", np.pi / 2), np.zeros(3))
     model.addFrame(pin.Frame("pole", 0, 0, turned, pin.FrameType.OP_FRAME))
     couplings = [Closure.coupling("mass", ("sleeve", "bird"), (0, LM + LG, LG))]
@@ -27,8 +27,8 @@ def linear_toy():
     ways = {"beak": ((-HS, -HS), (LM + LG - LS, LG - LS), LM + LG - LS - R0, 0.5)}
     ways |= {"lower": ((HM, 0), (RM, 0), RM - R0, 0.0), "upper": ((-HM, 0), (RM, 0), RM - R0, 0.0)}
     for name, (across, up, gap, e) in ways.items():
-        j = carried(model, y, pin.JointModelPX(), f"{name} x", SPECK)
-        j = carried(model, j, pin.JointModelPZ(), f"{name} z", SPECK)
+        j = add_body(model, y, pin.JointModelPX(), f"{name} x", SPECK)
+        j = add_body(model, j, pin.JointModelPZ(), f"{name} z", SPECK)
         frame(model, j, name, BALL + gap, 0, 0)
         for k, shares in ((f"{name} x", across), (f"{name} z", up)):
             couplings.append(Closure.coupling(k, ("sleeve", "bird"), (0, *shares)))

@@ -65,10 +65,10 @@ def test_the_law_has_the_derivatives_of_its_force(tmp_path):
     for line, v in zip(lines, (-3.0, -0.2, 0.5, 4.0), strict=True):
         numbers = np.array(line.split(), float)
         force, by = numbers[:8].reshape(2, 4), numbers[8:].reshape(2, 4, 10)
-        expected, slope = np.zeros((2, 4)), np.zeros((2, 4, 10))
-        expected[1, 2], slope[1, 2, 4 + 2] = -0.7 * abs(v) * v, -2 * 0.7 * abs(v)
+        expected, derivative = np.zeros((2, 4)), np.zeros((2, 4, 10))
+        expected[1, 2], derivative[1, 2, 4 + 2] = -0.7 * abs(v) * v, -2 * 0.7 * abs(v)
         np.testing.assert_allclose(force, expected, rtol=1e-15)
-        np.testing.assert_allclose(by, slope, rtol=1e-15)
+        np.testing.assert_allclose(by, derivative, rtol=1e-15)
 
 
 def test_the_force_in_python_has_the_derivatives_of_its_formula():

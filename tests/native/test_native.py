@@ -271,7 +271,7 @@ def test_the_core_satisfies_the_constraint_at_the_points_of_the_tableau(name):
 
     system = slide(drivers=[Driver.function("slide", lambda t: 0.0, speed, lambda t: 0.0)])
     system.use_rows((0,))
-    slopes = np.zeros((n, n))  # of stage i, for a speed of 1 at stage k alone, or the first derivative
+    derivatives = np.zeros((n, n))  # of stage i, for a speed of 1 at stage k alone, or the first derivative
     for stage in range(n):
         carry = np.array([float(stage == 0), 0.0]) if first else None
         for i in range(first, n):  # weights that select one derivative
@@ -279,13 +279,13 @@ def test_the_core_satisfies_the_constraint_at_the_points_of_the_tableau(name):
             settings = {"project_embedded": False, "doubling_order": 0, "noise": 0.0}
             weights = replace(a, b=np.eye(n)[i], e=a.e[:0])
             show = weights.compiled(system.native, explicit_first=bool(first), **settings)
-            slopes[i, stage] = system.core.step(show, t, h, np.zeros(3), carry, None)[0][1] / h
+            derivatives[i, stage] = system.core.step(show, t, h, np.zeros(3), carry, None)[0][1] / h
         np.testing.assert_allclose(seen[::2], t + h * a.chat[first:], rtol=0, atol=1e-15)
-    slopes[0, 0] += first
+    derivatives[0, 0] += first
     expected = np.eye(n) / h
     expected[:first] = 0.0
-    scale = np.abs(a.Ahat) @ np.abs(slopes)
-    np.testing.assert_array_less(np.abs(a.Ahat @ slopes - expected)[first:], 1e-13 * (1 + scale[first:]))
+    scale = np.abs(a.Ahat) @ np.abs(derivatives)
+    np.testing.assert_array_less(np.abs(a.Ahat @ derivatives - expected)[first:], 1e-13 * (1 + scale[first:]))
 
 
 def test_a_closure_that_closes_nothing():

@@ -65,7 +65,7 @@ def test_functions_cannot_change_their_arguments():
             mbdae.solve(mbdae.load("four_bar", forces=[law]), (0, 1), step=0.01, backend=name)
 
 
-def test_a_core_does_one_thing_at_a_time():
+def test_a_core_executes_one_call_at_a_time():
     def law(t, q, v):
         return np.zeros(3) if inside else np.array([system.core.derivative(t, system.mechanism.point())[1]] * 3)
 

@@ -84,14 +84,14 @@ def test_both_back_ends_use_the_same_rows(monkeypatch):
     """On many rows that must be reselected, listed in an order that would fill the matrix."""
     mech = several(bricard(5, [9.81, 0, 0]), 7)
     by_row = [Mechanism(mech.model, mech.closures[k:] + mech.closures[:k]) for k in (0, 3)]
-    looks, select = [], independent_rows.select_rows
-    record = lambda *given: (looks.append(len(given[0])), select(*given))[1]  # noqa: E731
+    selections, select = [], independent_rows.select_rows
+    record = lambda *given: (selections.append(len(given[0])), select(*given))[1]  # noqa: E731
     monkeypatch.setattr(independent_rows, "select_rows", record)
     for m in (*by_row, mbdae.load("n_four_bar", N=20)):
-        looks.clear()
+        selections.clear()
         native, python = both(m, (0, 1.2), step=0.01, method="herk3")
         assert native.in_use == python.in_use
-        assert len(looks) < 40  # not in each of 120 steps
+        assert len(selections) < 40  # not in each of 120 steps
         assert_near(native.y, python.y, 1e-9)
     assert len(mbdae.solve(by_row[0], (0, 1.2), step=0.01, method="herk3").in_use) > 1
 

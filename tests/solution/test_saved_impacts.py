@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import G, carried, empty
+from bouncing import G, add_body, empty
 
 import mbdae
 from mbdae import Mechanism, Solution, Stop
@@ -14,7 +14,7 @@ MASS, HEIGHT, E = 2.0, 0.5, 0.6
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory):
     model = empty()
-    carried(model, 0, pin.JointModelPZ(), "z", MASS)
+    add_body(model, 0, pin.JointModelPZ(), "z", MASS)
     floor = Stop(joint="z", lower=0.0, restitution=E)
     sol = mbdae.solve(Mechanism(model, stops=[floor]), (0, 1.2), np.array([HEIGHT]), np.zeros(1), rtol=1e-10)
     path = tmp_path_factory.mktemp("impacts") / "run.npz"

@@ -223,9 +223,9 @@ def test_each_study_gives_a_result_or_a_true_reason(feature, tmp_path, monkeypat
         assert "\n" not in text
         if not (re.search(refused[study], text) if study in refused else not text):
             wrong.append(f"{study}: {text!r}, expected {refused.get(study, 'an answer')!r}")
-        told = {str(w.message) for w in said}
-        if study in warned and not text and not (told and all(x.startswith(LEFT_OUT) for x in told)):
-            wrong.append(f"{study} should say what it leaves out, and said {told or 'nothing'}")
-        elif told and study not in warned:
-            wrong.append(f"{study} warns: {told}")
+        reported = {str(w.message) for w in said}
+        if study in warned and not text and not (reported and all(x.startswith(LEFT_OUT) for x in reported)):
+            wrong.append(f"{study} should say what it leaves out, and said {reported or 'nothing'}")
+        elif reported and study not in warned:
+            wrong.append(f"{study} warns: {reported}")
     assert not wrong, "\n".join(wrong)

@@ -84,7 +84,7 @@ def test_axes_have_labels_with_units(drawn, kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_legends_stand_beside_the_data(drawn, kind):
+def test_legends_are_beside_the_data(drawn, kind):
     figure = drawn[kind]
     FigureCanvasAgg(figure).draw()
     legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes if ax.get_legend())]
@@ -121,8 +121,8 @@ def test_other_formats_are_refused(drawn, tmp_path):
 
 def test_every_method_has_a_distinct_style():
     names = [*mbdae.METHODS, IDA.name, *(f"index1:{name}" for name in SCIPY)]
-    looks = {name: figures.line_style(name) for name in names}
-    pairs = {(s["color"], s["marker"]) for s in looks.values()}
+    styles = {name: figures.line_style(name) for name in names}
+    pairs = {(s["color"], s["marker"]) for s in styles.values()}
     assert len(pairs) == len(names)
     assert figures.DEFAULT_STYLE not in pairs, "a method of the list is drawn like an unknown one"
     lines = {str(figures.line_style(f)["linestyle"]) for f in ("herk5", "project:herk5", "ggl:herk5", "index1:RK45")}
@@ -138,7 +138,7 @@ def test_the_default_methods_differ_in_grey():
     assert len({(s["marker"], s["markerfacecolor"] == "white", str(s["linestyle"])) for s in styles}) == len(METHODS)
 
 
-def test_a_method_looks_the_same_in_all_figures(drawn):
+def test_a_method_has_the_same_style_in_all_figures(drawn):
     colours = []
     for kind in ("drifts", "work_precision", "convergence"):
         lines = [line for ax in drawn[kind].axes for line in ax.lines if str(line.get_label()).startswith("pherk5")]

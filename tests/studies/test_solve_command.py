@@ -14,9 +14,9 @@ def test_impacts_are_reported():
     words = ["solve", "pendulum_on_stop", "-t", "2"]
     text = CliRunner().invoke(cli, words).output
     assert "impacts on rod stop: t = 0.464927724, 1.27497619, 1.97549149 s (3)" in text
-    told = json.loads(CliRunner().invoke(cli, [*words, "--json"]).output)["impacts"]
-    assert [x["t"] for x in told] == pytest.approx([x.t for x in sol.impacts], abs=1e-9)
-    assert told[0]["where"] == ["rod stop"]
+    reported = json.loads(CliRunner().invoke(cli, [*words, "--json"]).output)["impacts"]
+    assert [x["t"] for x in reported] == pytest.approx([x.t for x in sol.impacts], abs=1e-9)
+    assert reported[0]["where"] == ["rod stop"]
 
 
 def test_info_reports_mode_switches():

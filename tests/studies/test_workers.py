@@ -13,7 +13,7 @@ import pytest
 from mbdae.errors import InputError, MbdaeError
 from mbdae.studies.workers import QUEUED_PER_WORKER, Pool, pool
 
-LOOKS = 3000  # of a run that nobody stops
+POLLS = 3000  # of a run that nobody stops
 STUDY = """
 import multiprocessing, os, time
 from pathlib import Path
@@ -82,7 +82,7 @@ def double(job, task, stop):
     if task == "wrong":
         raise InputError("wrong")
     if task == "long":
-        for _ in range(LOOKS):
+        for _ in range(POLLS):
             if stop():
                 break
             time.sleep(0.01)

@@ -19,14 +19,14 @@ def test_start_and_derivatives(name):
     assert problem.g(0.0, problem.point()) == pytest.approx(0, abs=1e-14)
     y = problem.point() + 0.01 * rng.normal(size=len(problem.y0))
     z, dy, dz = (rng.normal(size=n) for n in (len(problem.z0), len(y), len(problem.z0)))
-    for slope, path in {
+    for derivative, path in {
         "g_y": (problem.g_y(t, y) @ dy, lambda s: problem.g(t, y + s * dy)),
         "g_t": (problem.g_t(t, y), lambda s: problem.g(t + s, y)),
         "f_z": (system.f_z(t, y, z) @ dz, lambda s: system.f(t, y, z + s * dz)),
         "f_y": (problem.f_y and system.f_y(t, y, z) @ dy, lambda s: system.f(t, y + s * dy, z)),
     }.values():
-        if slope is not None:
-            assert slope == pytest.approx(finite_differences.numerical_derivative(path, h), rel=1e-8, abs=1e-8)
+        if derivative is not None:
+            assert derivative == pytest.approx(finite_differences.numerical_derivative(path, h), rel=1e-8, abs=1e-8)
 
 
 @pytest.mark.parametrize("name", TEXTBOOK)

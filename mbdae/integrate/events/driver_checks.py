@@ -15,7 +15,7 @@ BEYOND = 1 / 16  # of the time span: after a failure, enough times to recognise 
 class DriverChecks(EventSource):
     """Check of the drivers of a run at its end, or after a failure that drivers may have caused.
 
-    It has no events, but is asked at the end of a run as sources of events are.
+    It has no events; sources of events are called at the end of a run.
     """
 
     @classmethod

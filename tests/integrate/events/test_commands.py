@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import carried, empty
+from bouncing import add_body, empty
 
 import mbdae
 from mbdae import Clutch, Driver, JointDamping, JointTorque, Mechanism
@@ -21,7 +21,7 @@ def flywheels(forces=(), **more):
     """Two flywheels about z, ``input`` and ``output``."""
     model = empty()
     for name, inertia in zip(("input", "output"), J, strict=True):
-        carried(model, 0, pin.JointModelRUBZ(), name, 1.0, inertia=(inertia,) * 3)
+        add_body(model, 0, pin.JointModelRUBZ(), name, 1.0, inertia=(inertia,) * 3)
     return Mechanism(model, forces=forces, **more)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import G, R, carried, empty, frame
+from bouncing import G, R, add_body, empty, frame
 from numpy.polynomial import Polynomial
 
 import mbdae
@@ -16,7 +16,7 @@ E = 0.5
 def pair(upper, **more):
     """A ball above the floor, and another one that the same stop joins to it: 1 kg each, z1 is relative."""
     model = empty()
-    carried(model, carried(model, 0, pin.JointModelPZ(), "z0"), pin.JointModelPZ(), "z1")
+    add_body(model, add_body(model, 0, pin.JointModelPZ(), "z0"), pin.JointModelPZ(), "z1")
     limit = {"upper": 0.0} if upper else {"lower": 0.0}
     floor, between = Stop(joint="z0", lower=0.0, restitution=E, **more), Stop(joint="z1", restitution=E, **limit)
     return Mechanism(model, stops=[floor, between])
@@ -28,7 +28,7 @@ def pair(upper, **more):
 def test_flights_that_end_within_a_step_at_whose_end_the_gap_rises_again(how, rate):
     """x'' = -1 + 4 t: bounces, rest until t = 1/4, then (2/3) (t - 1/4)^3; methods take it in one step."""
     model, height = empty(0.0), 5e-4
-    carried(model, 0, pin.JointModelPZ(), "z")
+    add_body(model, 0, pin.JointModelPZ(), "z")
     forces = [JointTorque(joint="z", torque=Motion(coefficients=(-1.0, 4.0)))]
     mech = Mechanism(model, forces=forces, stops=[Stop(joint="z", lower=0.0, restitution=E)])
     speed, x, v, t, impacts = Polynomial([-1.0, 4.0]).integ(), height, rate, 0.0, []
@@ -80,16 +80,16 @@ def test_a_contact_that_comes_to_rest_is_not_held_where_another_one_lifts_it(bac
 def test_feet_that_only_friction_loads_stay_down_where_another_body_bounces(back_end):
     """A sledge brakes: its centre is 0.05 m behind both feet, and mu h > 0.05 m keeps the front one down."""
     mu, v0, height, model = 0.5, 3.0, 0.3, empty()
-    x = carried(model, 0, pin.JointModelPX(), "x", 0.0)
-    body = carried(model, x, pin.JointModelPZ(), "z", 0.0)
-    body = carried(model, body, pin.JointModelRY(), "tilt", 1.0, inertia=(0.0, 0.05, 0.0))
+    x = add_body(model, 0, pin.JointModelPX(), "x", 0.0)
+    body = add_body(model, x, pin.JointModelPZ(), "z", 0.0)
+    body = add_body(model, body, pin.JointModelRY(), "tilt", 1.0, inertia=(0.0, 0.05, 0.0))
     closures, forces = [], []
     for name, ahead in (("rear", 0.05), ("front", 0.45)):
         frame(model, body, name, ahead, 0, R - height)
         more = {"grip": "longitudinal", "unilateral": True}
         closures.append(Closure.rolling("world", name, R, name=f"{name} foot", **more))
         forces.append(CoulombFriction(closure=f"{name} foot", coefficient=mu, exact=True))
-    carried(model, 0, pin.JointModelPZ(), "ball")
+    add_body(model, 0, pin.JointModelPZ(), "ball")
     mech = Mechanism(model, closures, forces, stops=[Stop(joint="ball", lower=0.0, restitution=E)])
     sol = mbdae.solve(mech, (0, 0.25), [0, height, 0, 0.05], [v0, 0, 0, 0], rtol=1e-9)
     assert [x.where for x in sol.impacts][:2] == [("ball stop",)] * 2
@@ -107,7 +107,7 @@ def test_feet_that_only_friction_loads_stay_down_where_another_body_bounces(back
 def test_a_flight_lower_than_the_rounding_of_its_gap_ends_in_rest(level, speed):
     """v^2/(2 g) = 5e-20 m and more: a gap of 1 m has no digits for it, but velocities do."""
     model = empty()
-    carried(model, 0, pin.JointModelPZ(), "z")
+    add_body(model, 0, pin.JointModelPZ(), "z")
     mech = Mechanism(model, stops=[Stop(joint="z", lower=level, restitution=E)])
     sol = mbdae.solve(mech, (0, 0.1), [level], [speed], rtol=1e-8)
     assert sol.t[-1] == 0.1

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import G, R, carried, empty, lever
+from bouncing import G, R, add_body, empty, lever
 from scipy.optimize import lsq_linear
 
 import mbdae
@@ -87,7 +87,7 @@ def bouncing_pair(e=0.5, heights=(1.0, 0.3)):
     """Two balls on a plane that do not touch each other; the second one falls from another height."""
     model = empty()
     for k in range(2):
-        carried(model, 0, pin.JointModelPZ(), f"z{k}")
+        add_body(model, 0, pin.JointModelPZ(), f"z{k}")
     stops = [Stop(joint=f"z{k}", lower=0.0, restitution=e * (1 - k)) for k in range(2)]
     return Mechanism(model, stops=stops), np.array(heights), np.zeros(2)
 

@@ -18,12 +18,12 @@ def run(T=6, **options):
 
 
 @pytest.mark.parametrize("method", ["pherk5", "herk5", "pherk6", "radau5"])
-def test_turning_points(method, back_end):
-    turning = mbdae.Event(lambda t, q, v: v[0] * q[2] - v[2] * q[0])  # the angular velocity changes sign
+def test_reversals(method, back_end):
+    reversal = mbdae.Event(lambda t, q, v: v[0] * q[2] - v[2] * q[0])  # the angular velocity changes sign
     lowest = mbdae.Event(lambda t, q, v: q[0])
     T, swings = (2.5, 2) if back_end == "native" and method == "pherk5" else (1.25, 1)  # of many steps
     coarse = {"rtol": 1e-11, "atol": 1e-13} if method in ("herk5", "radau5") else {}
-    sol = run(T=T, method=method, events=[turning, lowest], **coarse)
+    sol = run(T=T, method=method, events=[reversal, lowest], **coarse)
     n = int(T / (2 * QUARTER))
     times = sol.events[0][0]
     assert times[0] == 0  # at rest: the event at the start is reported, and does not end the run
@@ -37,14 +37,14 @@ def test_turning_points(method, back_end):
 
 @pytest.mark.usefixtures("back_end")
 def test_direction_and_terminal():
-    rising = mbdae.Event(lambda t, q, v: q[0], direction=1, terminal=True)
+    upward = mbdae.Event(lambda t, q, v: q[0], direction=1, terminal=True)
     falling = mbdae.Event(lambda t, q, v: q[0], direction=-1)
-    sol = run(events=[rising, falling])
+    sol = run(events=[upward, falling])
     assert sol.status == "event"
     assert sol.success
     assert abs(sol.t[-1] - QUARTER) < 1e-10
     assert len(sol.events[1][0]) == 0
-    again = mbdae.solve(mbdae.load("pendulum"), (sol.t[-1], 6), sol.q[-1], sol.v[-1], rtol=1e-10, events=rising)
+    again = mbdae.solve(mbdae.load("pendulum"), (sol.t[-1], 6), sol.q[-1], sol.v[-1], rtol=1e-10, events=upward)
     assert abs(again.t[-1] - 5 * QUARTER) < 1e-8  # a run may start on the surface where another one ended
 
 
@@ -135,8 +135,8 @@ def torque(t, q=None, v=None):
 def test_functions_and_signals_see_a_jump(direction, options):
     """A torque changes sign, or drops to zero, at given times; the time itself crosses one of them."""
     push = mbdae.JointTorque(joint="arm", torque=Steps(points=((0.0, 1.0), *JUMPS.items())), name="push")
-    rising, falling, passed = [0.5], [0.31, 0.9], [0.31] if direction >= 0 else []
-    expected = {0: [0.31, 0.5, 0.9], 1: rising, -1: falling}[direction]
+    upward, falling, passed = [0.5], [0.31, 0.9], [0.31] if direction >= 0 else []
+    expected = {0: [0.31, 0.5, 0.9], 1: upward, -1: falling}[direction]
     watched = ["torque.push", torque, "t = 0.31", lambda t, q, v: t - 0.31]
     events = [mbdae.Event(what, direction=direction) for what in watched]
     sol = mbdae.solve(arm(push), (0, 1), events=events, **options)

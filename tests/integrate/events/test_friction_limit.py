@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bouncing import G
-from integrate.events.test_rubbing import GRIPS, SLIDES, R, block
+from integrate.events.test_frictional_contacts import GRIPS, SLIDES, R, block
 
 import mbdae
 from mbdae import JointTorque

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import carried, empty
+from bouncing import add_body, empty
 
 import mbdae
 from mbdae import Mechanism, Solution, Stop
@@ -131,6 +131,6 @@ def test_wrong_stops_are_named(keys, text):
 
 def test_unbounded_joints_have_no_ends():
     model = empty()
-    carried(model, 0, pin.JointModelRUBZ(), "wheel")
+    add_body(model, 0, pin.JointModelRUBZ(), "wheel")
     with pytest.raises(InputError, match="joint 'wheel' has an unbounded angle"):
         Mechanism(model, stops=[Stop(joint="wheel", lower=0.0)])

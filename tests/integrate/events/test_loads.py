@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import carried, empty
+from bouncing import add_body, empty
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
@@ -20,7 +20,7 @@ def slider(*forces, **more):
     """A slider of 2 kg without gravity."""
     model = empty()
     model.gravity.linear = np.zeros(3)
-    carried(model, 0, pin.JointModelPX(), "x", MASS)
+    add_body(model, 0, pin.JointModelPX(), "x", MASS)
     return Mechanism(model, forces=forces, **more)
 
 
@@ -90,7 +90,7 @@ def test_a_pulse_of_a_table_makes_a_joint_slip():
 def test_a_driven_table_that_drops_faster_than_gravity_separates():
     """A motion table that drops by more than g for 0.1 s: the body on it lifts off."""
     model = empty()
-    carried(model, carried(model, 0, pin.JointModelPZ(), "table"), pin.JointModelPZ(), "block", MASS)
+    add_body(model, add_body(model, 0, pin.JointModelPZ(), "table"), pin.JointModelPZ(), "block", MASS)
     points = ((0.0, 0.0), (4.0, 0.0), (4.05, -0.02), (4.1, -0.04), (4.2, -0.04), (10.0, -0.04))
     drive = Driver(joint="table", motion=TimeTable(points=points, interpolation="monotone"))
     mech = Mechanism(model, drivers=[drive], stops=[Stop(joint="block", lower=0.0)])
@@ -118,7 +118,7 @@ def test_a_load_is_passed_on_through_backlash_however_small(backlash, restitutio
     model = empty()
     model.gravity.linear = np.zeros(3)
     for name in ("a", "b"):
-        carried(model, 0, pin.JointModelPX(), name, 1.0)
+        add_body(model, 0, pin.JointModelPX(), name, 1.0)
     play = {"joints": ("a", "b"), "coefficients": (0.0, 1.0), "lower": -backlash / 2, "upper": backlash / 2}
     push = JointTorque(joint="a", torque=Harmonic(amplitude=1.0, omega=6.0))
     mech = Mechanism(model, forces=[push], stops=[Stop(restitution=restitution, **play)])

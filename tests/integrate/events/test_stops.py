@@ -4,7 +4,7 @@ import mpmath as mp
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import G, ball, carried, empty, frame, gaps, pendulum, plane
+from bouncing import G, add_body, ball, empty, frame, gaps, pendulum, plane
 
 import mbdae
 from mbdae import Closure, Mechanism, Stop
@@ -64,7 +64,7 @@ def test_a_pendulum_hits_a_stop():
 def test_a_rope_goes_slack_and_taut(backend):
     # from the lowest point with v^2 = 3.5 g L the rope becomes slack at z = (v^2/(g L) - 2)/3 L
     model = empty()
-    carried(model, 0, pin.JointModelTranslation(), "m")
+    add_body(model, 0, pin.JointModelTranslation(), "m")
     frame(model, 0, "peg", 0, 0, 0)
     mech = Mechanism(model, [Closure(kind="distance", frames=("peg", "m"), length=1.0, unilateral=True)])
     start = np.array([0, 0, -1.0]), np.array([np.sqrt(3.5 * G), 0, 0])
@@ -80,7 +80,7 @@ def test_a_rope_goes_slack_and_taut(backend):
 def test_a_wheel_that_falls_rolls_on():
     # each impact is without slip; with I + m r^2 = 2 I it keeps two thirds of the speed without rotation
     model = empty()
-    carried(model, 0, pin.JointModelFreeFlyer(), "hub", 2.0, inertia=(0.05, 0.09, 0.05))
+    add_body(model, 0, pin.JointModelFreeFlyer(), "hub", 2.0, inertia=(0.05, 0.09, 0.05))
     touches = {"unilateral": True, "restitution": 0.3}
     rolls = Closure(kind="rolling", frames=("world", "hub"), radius=0.3, axis=(0, 1, 0), **touches)
     q, v = pin.neutral(model), np.array([1.0, 0, 0, 0, 0, 0])
@@ -95,7 +95,7 @@ def test_a_wheel_that_falls_rolls_on():
 def geared(**stop):
     model = empty(0.0)
     for name in "ab":
-        carried(model, 0, pin.JointModelRY(), name, inertia=(1, 1, 1))
+        add_body(model, 0, pin.JointModelRY(), name, inertia=(1, 1, 1))
     return Mechanism(model, stops=[Stop(joints=("a", "b"), coefficients=(0.0, 2.0), **stop)])
 
 
@@ -111,7 +111,7 @@ def test_backlash_is_two_stops_on_a_coupling():
 def test_a_contact_within_one_step_is_detected(above):
     # thrown down at a plane, with a force that reverses it there: z = above + (t - 1)^2, in one long step
     model = empty(2.0)
-    carried(model, 0, pin.JointModelPZ(), "z")
+    add_body(model, 0, pin.JointModelPZ(), "z")
     mech = Mechanism(model, [plane("z")])
     sol = mbdae.solve(mech, (0, 2), [1.0 + above], [-2.0], step=2.0)
     assert len(sol.impacts) == (above < 0)
@@ -120,9 +120,9 @@ def test_a_contact_within_one_step_is_detected(above):
 def test_a_load_that_reverses_opens_a_stop():
     # pressed by a force A sin wt + T until A sin wt = -T
     model = empty(0.0)
-    carried(model, 0, pin.JointModelPZ(), "z")
-    turning = mbdae.JointTorque(joint="z", torque={"kind": "harmonic", "offset": -1.0, "amplitude": -2.0, "omega": 3.0})
-    mech = Mechanism(model, stops=[Stop(joint="z", lower=0.0)], forces=[turning])
+    add_body(model, 0, pin.JointModelPZ(), "z")
+    load = mbdae.JointTorque(joint="z", torque={"kind": "harmonic", "offset": -1.0, "amplitude": -2.0, "omega": 3.0})
+    mech = Mechanism(model, stops=[Stop(joint="z", lower=0.0)], forces=[load])
     sol = mbdae.solve(mech, (0, 1.6), [0.0], [0.0], rtol=1e-11)
     assert [m for _, m in sol.modes] == [(1,), (0,)]
     assert sol.t[sol.modes[1][0]] == pytest.approx((np.pi + np.arcsin(0.5)) / 3, abs=1e-12)
@@ -131,7 +131,7 @@ def test_a_load_that_reverses_opens_a_stop():
 def test_a_later_contact_is_not_moved_into_an_earlier_impact():
     model = empty()
     for name in "ab":
-        carried(model, 0, pin.JointModelPZ(), name)
+        add_body(model, 0, pin.JointModelPZ(), name)
     mech = Mechanism(model, stops=[Stop(joint="a", lower=0.0), Stop(joint="b", lower=0.0)])
     h = np.array([1e-3, 1e-3 + 5e-11])
     sol = mbdae.solve(mech, (0, 0.02), h, np.zeros(2), rtol=1e-10)
@@ -142,7 +142,7 @@ def test_a_later_contact_is_not_moved_into_an_earlier_impact():
 def test_infinitely_fast_switching_in_a_narrow_gap_is_named():
     """Elastic stops 1e-9 m apart, at 1 m/s: without a longer rest, and with flights near the resolution of time."""
     model = empty(0.0)
-    carried(model, 0, pin.JointModelPX(), "x")
+    add_body(model, 0, pin.JointModelPX(), "x")
 
     def run(**more):
         slit = Stop(joint="x", lower=0.0, upper=1e-9, restitution=1.0, name="slit", **more)

@@ -7,7 +7,7 @@ both constrain velocities equally, and the rank is one. The curved wire opens by
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import carried, empty
+from bouncing import add_body, empty
 
 import mbdae
 from mbdae import Closure, Mechanism
@@ -16,7 +16,7 @@ from mbdae.mechanism.time_functions.time_functions import Harmonic
 
 def bead(c):
     model = empty(0.0)
-    carried(model, carried(model, 0, pin.JointModelPX(), "x", 1.0), pin.JointModelPZ(), "z", 1.0)
+    add_body(model, add_body(model, 0, pin.JointModelPX(), "x", 1.0), pin.JointModelPZ(), "z", 1.0)
     straight, bent = (Harmonic(amplitude=a, omega=1.0, phase=np.pi / 2, offset=-a) for a in (0.0, c))
     return Mechanism(model, [Closure.law("z", "x", straight, "straight"), Closure.law("z", "x", bent, "bent")])
 

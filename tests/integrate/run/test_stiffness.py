@@ -50,7 +50,7 @@ def early(monkeypatch):
     monkeypatch.setattr(stiffness_detection, "FIRST_CHECK", EARLY)
 
 
-def told(problem, **options):
+def reported(problem, **options):
     """Return the solution and its warnings."""
     mech, q, v = problem
     with warnings.catch_warnings(record=True) as found:
@@ -62,7 +62,7 @@ def told(problem, **options):
 @pytest.mark.usefixtures("back_end", "early")
 @pytest.mark.parametrize("name", STIFF)
 def test_stiff_runs_are_reported_once_and_continue(name):
-    sol, found = told(STIFF[name](), max_steps=EARLY + 100)
+    sol, found = reported(STIFF[name](), max_steps=EARLY + 100)
     assert len(found) == 1
     assert found[0].filename == __file__
     assert 'try -m radau9 (method="radau9")' in str(found[0].message)
@@ -78,7 +78,7 @@ def test_stiff_runs_are_reported_once_and_continue(name):
 @pytest.mark.parametrize("method", ["pherk6", "herk5", "hedop5", "pherk4"])
 @pytest.mark.parametrize("name", STIFF)
 def test_stiff_runs_of_other_methods(name, method, rtol):
-    sol, found = told(STIFF[name](), method=method, rtol=rtol, max_steps=SOON + 2000)
+    sol, found = reported(STIFF[name](), method=method, rtol=rtol, max_steps=SOON + 2000)
     assert len(found) == 1
     assert "stiff" in sol.stats
 
@@ -102,20 +102,20 @@ def test_nor_are_crossings_of_singular_configurations():
 @pytest.mark.usefixtures("back_end", "early")
 @pytest.mark.parametrize("options", [{}, {"method": "pherk6"}, {"rtol": 1e-4, "method": "herk5"}], ids=str)
 def test_nor_is_a_vibration_that_the_motion_has(options):
-    sol, found = told(crank_on_rubber(1e6, 0.0, stretch=1e-3), max_steps=EARLY + 200, **options)
+    sol, found = reported(crank_on_rubber(1e6, 0.0, stretch=1e-3), max_steps=EARLY + 200, **options)
     assert sol.stats["steps"] > EARLY
     assert not found
 
 
 def test_nor_are_steps_that_the_user_chose():
-    assert not told(governor(), max_steps=SOON, max_step=4e-4)[1]
-    assert not told(governor(), max_steps=SOON, step=4e-4)[1]
+    assert not reported(governor(), max_steps=SOON, max_step=4e-4)[1]
+    assert not reported(governor(), max_steps=SOON, step=4e-4)[1]
 
 
 @pytest.mark.usefixtures("early")
 def test_no_window_reaches_across_a_jump():
-    assert not told(governor(), max_steps=SOON, jumps=np.arange(0.01, 10, 0.01))[1]  # fewer than 50 steps in between
-    sol, found = told(governor(), max_steps=SOON, jumps=np.arange(0.1, 10, 0.1))
+    assert not reported(governor(), max_steps=SOON, jumps=np.arange(0.01, 10, 0.01))[1]  # fewer than 50 steps between
+    sol, found = reported(governor(), max_steps=SOON, jumps=np.arange(0.1, 10, 0.1))
     assert len(found) == 1
     assert not (np.abs(np.arange(0.1, 2, 0.1) - sol.stats["stiff"]["t"]) < 1e-6).any()
 

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from chains import rod
-from frozen import retraced
+from frozen import repeated_run
 
 import mbdae
 from mbdae import Input, JointTorque, Mechanism
@@ -113,7 +113,7 @@ def test_controlled_steps_are_frozen(name, method):
 
     def again(x, du=0.0):
         point = np.append(np.concatenate(states(x)), 0.0)
-        return retraced(trace, with_input(name, value=U + du), point)[-1][:-1]
+        return repeated_run(trace, with_input(name, value=U + du), point)[-1][:-1]
 
     assert again(0.0) == pytest.approx(end(simulator), abs=1e-10)  # Newton's iteration ends at its tolerance
     split = np.cumsum([m.nv, m.nv])

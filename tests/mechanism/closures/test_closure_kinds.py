@@ -54,10 +54,10 @@ def test_derivatives_far_off_the_manifold(name):
             return pin.integrate(mech.model, q, s * v)
 
         _, G = system.closures(q, t)
-        slopes = finite_differences.numerical_jacobian(
+        derivatives = finite_differences.numerical_jacobian(
             lambda x, q=q, t=t: system.closures(at(1.0, q, x), t)[0], mech.nv, h
         )
-        assert slopes == pytest.approx(np.where(mech.positional, G.T, 0.0).T, abs=2e-9)
+        assert derivatives == pytest.approx(np.where(mech.positional, G.T, 0.0).T, abs=2e-9)
         g_t = finite_differences.numerical_derivative(lambda s, q=q, t=t: system.closures(q, t + s)[0], h)
         assert g_t == pytest.approx(np.where(mech.positional, system.g_t(t), 0.0), abs=2e-9)
         # along q(s) = q (+) s v the velocity remains v: d/ds (G v + g_t) = Gdot v + g_tt

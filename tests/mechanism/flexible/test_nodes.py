@@ -83,7 +83,7 @@ def test_velocities_and_accelerations_of_nodes_are_derivatives_of_poses(size):
 
 
 @pytest.mark.parametrize("kind", ["frame", "revolute"])
-def test_energy_of_a_body_on_a_turning_node(kind):
+def test_energy_of_a_body_on_a_rotating_node(kind):
     """Welded or hinged to a node that turns by 0.5 rad; a Jacobian Psi in place of Jr Psi loses 4e-4 of the energy."""
     mech = flexible_bodies.free(flexible_bodies.body(turn=0.5), more=[(kind, "A")])
     q, v = mech.assemble(None, np.random.default_rng(2).normal(size=mech.nv))

@@ -209,12 +209,12 @@ def test_friction_of_the_urdf_counts_when_asked_for(tmp_path):
     for value in ("0.3", "0"):
         (tmp_path / f"arm{value}.urdf").write_text(URDF.format(value))
     path = tmp_path / "arm0.3.urdf"
-    free, rubbing = mbdae.load(path), mbdae.load(path, forces=[JointFriction(velocity=0.5)])
+    free, with_friction = mbdae.load(path), mbdae.load(path, forces=[JointFriction(velocity=0.5)])
     assert "friction of joints hinge" in free.left_out
-    assert not any("friction" in text for text in rubbing.left_out)
+    assert not any("friction" in text for text in with_friction.left_out)
     q, v = np.zeros(1), np.array([0.4])
     assert not free.system().laws.acting
-    assert rubbing.system().laws.torque(0.0, q, v, q[:0])[0][0] == pytest.approx(-0.3 * np.tanh(0.8))
+    assert with_friction.system().laws.torque(0.0, q, v, q[:0])[0][0] == pytest.approx(-0.3 * np.tanh(0.8))
     with pytest.raises(InputError, match="model has no friction"):
         mbdae.load(tmp_path / "arm0.urdf", forces=[JointFriction()])
 

@@ -66,7 +66,7 @@ def as_tree(mech, kind):
 
 
 @pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.joints])
-def test_a_closure_moves_like_the_joint_that_it_stands_for(kind, tmp_path):
+def test_a_closure_moves_like_the_joint_that_it_replaces(kind, tmp_path):
     mech = body_and_closure(kind, tmp_path)
     tree, q, v, back = as_tree(mech, kind)
     assert mech.nv - mech.ng == tree.nv

@@ -29,14 +29,14 @@ def test_mass_matrix_and_bias_are_those_of_mujoco(name):
     M, data = np.empty((m.nv, m.nv)), mech.model.createData()  # mj_fullM takes other arguments in MuJoCo 3
     assert np.array_equal(mech.gravity, m.opt.gravity)
     for q, v in random_states(mech):
-        T, turning = at(mech, m, d, q, v)
+        T, transport = at(mech, m, d, q, v)
         for row, unit in zip(M, np.eye(m.nv), strict=True):
             mujoco.mj_mulM(m, d, row, unit)
         ours = mass_matrix(mech, q)
         np.testing.assert_allclose(T.T @ ours @ T, M, rtol=0, atol=EXACT * np.abs(M).max())
         if name == "heavy_rotor":  # the weight of its armature is balanced by a force: see the next test
             continue
-        bias = T.T @ (pin.nonLinearEffects(mech.model, data, q, v) + ours @ turning)
+        bias = T.T @ (pin.nonLinearEffects(mech.model, data, q, v) + ours @ transport)
         np.testing.assert_allclose(bias, d.qfrc_bias, rtol=0, atol=EXACT * max(1, np.abs(bias).max()))
 
 
@@ -50,13 +50,13 @@ def test_forces_are_those_of_mujoco(name):
         d.ctrl[:] = [0.7, -0.1, 0, 0]
         m.actuator_gainprm[3:], m.actuator_biasprm[3:] = 0, 0  # the winch is left out
     for q, v in random_states(mech):
-        T, turning = at(mech, m, d, q, v)
+        T, transport = at(mech, m, d, q, v)
         system = mech.system()
         system.inertia(0.0, q)
         f = np.asarray(system.force(0.0, q, v, NO_STATES)[0])
         theirs = d.qfrc_passive + d.qfrc_actuator - d.qfrc_bias
         np.testing.assert_allclose(
-            T.T @ (f - mass_matrix(mech, q) @ turning), theirs, rtol=0, atol=EXACT * max(1, np.abs(theirs).max())
+            T.T @ (f - mass_matrix(mech, q) @ transport), theirs, rtol=0, atol=EXACT * max(1, np.abs(theirs).max())
         )
 
 
@@ -139,7 +139,7 @@ def product(a, b):
     return np.array([a[0] * b[0] - a[1:] @ b[1:], *(a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:]))])
 
 
-def turning_part(one, two, J):
+def rotational_part(one, two, J):
     """Vector part of q2^-1 q1 of two orientations, and its Jacobian; J of the difference of angular velocities."""
     a, b = quaternion(one.rotation), quaternion(two.rotation) * [1, -1, -1, -1]
     rows = np.array([0.5 * product(product(b, np.array([0, *w])), a)[1:] for w in J.T]).T
@@ -178,7 +178,7 @@ def test_equalities_have_the_residuals_and_jacobians_of_mujoco(name):
             np.testing.assert_allclose(gap, p[:3], atol=EXACT)
             np.testing.assert_allclose(dgap, dp[:3], atol=EXACT)
             if closure.kind == "frame":
-                same_up_to_sign(turning_part(one, two, J1[3:] - J2[3:]), (p[3:], dp[3:]))
+                same_up_to_sign(rotational_part(one, two, J1[3:] - J2[3:]), (p[3:], dp[3:]))
             # rows here measure the gap in axes of the first frame: g = R^T (p2 - p1)
             R, mine = one.rotation, mine[:3]
             np.testing.assert_allclose(R @ g[mine], -p[:3], atol=EXACT)

@@ -94,14 +94,14 @@ def test_runs_have_derivatives_by_the_parameters_of_actuators(name, five_bar):
     with warnings.catch_warnings(action="ignore"):
         mech = mbdae.load(five_bar)
     key, tight = f"force.right.{name}", {"rtol": 1e-10, "method": "pherk6"}
-    slope = mbdae.sensitivity(mbdae.solve(mech, (0, 0.5), **tight), [key]).signal("q.left")[-1]
+    derivative = mbdae.sensitivity(mbdae.solve(mech, (0, 0.5), **tight), [key]).signal("q.left")[-1]
 
     def end(x):
         return mbdae.solve(files.make({key: x}), (0, 0.5), **tight).signals("q.left")["q.left"][-1]
 
     files = LoadedModel(mech)
     x = parameter_value(files, key)
-    assert slope == pytest.approx((end(x + 1e-4) - end(x - 1e-4)) / 2e-4, rel=1e-5)
+    assert derivative == pytest.approx((end(x + 1e-4) - end(x - 1e-4)) / 2e-4, rel=1e-5)
 
 
 def test_gains_that_depend_on_the_joint_are_named(tmp_path):

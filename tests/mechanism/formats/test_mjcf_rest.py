@@ -36,7 +36,7 @@ def test_equalities_between_bodies_that_do_not_move_are_left_out_by_name(tmp_pat
     assert mbdae.solve(mech, (0, 0.01), step=1e-3).status == "finished"
 
 
-def test_all_names_of_what_is_left_out_stand_in_info(tmp_path):
+def test_all_names_of_omitted_contents_are_in_info(tmp_path):
     links = "".join(f'<body><joint name="hinge_{i}" range="-1 1" limited="true"/>{GEOM}</body>' for i in range(9))
     mech, said = load(tmp_path, links)
     names = [f"hinge_{i}" for i in range(9)]

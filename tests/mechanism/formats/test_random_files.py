@@ -120,13 +120,13 @@ def test_random_mjcf_files_have_the_mass_matrix_and_forces_of_mujoco_anywhere(tm
         d, rng = mujoco.MjData(m), np.random.default_rng(seed)
         q = pin.integrate(mech.model, pin.neutral(mech.model), rng.uniform(-1, 1, mech.nv))
         v, M = rng.standard_normal(mech.nv), np.empty((m.nv, m.nv))
-        T, turning = at(mech, m, d, q, v)
+        T, transport = at(mech, m, d, q, v)
         for row, one in zip(M, np.eye(m.nv), strict=True):
             mujoco.mj_mulM(m, d, row, one)
         ours, system = mass_matrix(mech, q), mech.system()
         np.testing.assert_allclose(T.T @ ours @ T, M, rtol=0, atol=EXACT * np.abs(M).max(), err_msg=f"{seed}")
         system.inertia(0.0, q)
-        f = T.T @ (np.asarray(system.force(0.0, q, v, np.empty(0))[0]) - ours @ turning)
+        f = T.T @ (np.asarray(system.force(0.0, q, v, np.empty(0))[0]) - ours @ transport)
         theirs = d.qfrc_passive - d.qfrc_bias
         np.testing.assert_allclose(f, theirs, rtol=0, atol=EXACT * max(1, np.abs(theirs).max()), err_msg=f"{seed}")
 

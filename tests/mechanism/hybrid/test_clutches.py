@@ -47,9 +47,9 @@ def test_a_one_way_clutch_overruns_and_engages(direction, joint, back_end):
 def test_a_clutch_that_closes_on_wheels_at_different_speeds_is_an_impact():
     sol = mbdae.solve(wheels(clutches=[Clutch(joints=("wheel", "input"))]), (0, 1), np.zeros(2), np.array([3.0, 1.0]))
     assert sol.v[-1] == pytest.approx([2.0, 2.0], abs=1e-14)
-    (blow,) = sol.impacts
-    assert (blow.where, blow.loss) == (("wheel-input clutch",), pytest.approx(INERTIA * (9 + 1 - 8) / 2))
-    assert blow.impulse == pytest.approx([INERTIA])
+    (impact,) = sol.impacts
+    assert (impact.where, impact.loss) == (("wheel-input clutch",), pytest.approx(INERTIA * (9 + 1 - 8) / 2))
+    assert impact.impulse == pytest.approx([INERTIA])
 
 
 @pytest.mark.usefixtures("back_end")
@@ -102,8 +102,8 @@ def test_two_opposed_clutches_lock_both_ways(swapped):
     sol = mbdae.solve(wheels([push], clutches=[first, other]), (0, 1), np.zeros(2), np.array([3.0, 1.0]), rtol=1e-10)
     assert sol.success
     assert len(sol.modes) == 1
-    (blow,) = sol.impacts
-    assert blow.loss == pytest.approx(INERTIA * (10 - 25 / (1 + r * r)) / 2, rel=1e-12)
+    (impact,) = sol.impacts
+    assert impact.loss == pytest.approx(INERTIA * (10 - 25 / (1 + r * r)) / 2, rel=1e-12)
     v = (3 + r) / (1 + r * r) + T / (w * INERTIA * (1 + r * r)) * (1 - np.cos(w))
     assert sol.v[-1] == pytest.approx([v, r * v], rel=1e-9)
     assert mbdae.drift(sol).energy_relative < 1e-10

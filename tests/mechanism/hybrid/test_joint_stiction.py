@@ -123,8 +123,8 @@ def test_a_sticking_block_leaves_its_stop_with_the_load():
         d = t - slips
         return A * (np.cos(w * slips) * d / w - (np.sin(w * t) - np.sin(w * slips)) / w**2) - F * d**2 / 2
 
-    strikes = brentq(lambda t: way(t) - end, slips, 0.5, xtol=1e-15)
-    turns = [t + k * np.pi / w for k in range(3) for t in (slips, strikes)]  # ahead, back and ahead with equal strokes
+    impact_time = brentq(lambda t: way(t) - end, slips, 0.5, xtol=1e-15)
+    turns = [t + k * np.pi / w for k in range(3) for t in (slips, impact_time)]  # ahead, back, ahead by equal strokes
     assert sol.success
     slides = [mode[2] for _, mode in sol.modes]
     found = [sol.t[sol.modes[k][0]] for k in range(1, len(slides)) if slides[k] != slides[k - 1]]

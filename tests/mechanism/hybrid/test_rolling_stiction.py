@@ -41,7 +41,7 @@ def test_a_ball_slides_until_it_rolls(heading, backend):
 
 
 @pytest.mark.parametrize(("tangent", "mode", "acceleration"), [(1.04, 1, 5 / 7), (1.06, 2, None)])
-def test_a_ball_on_a_slope_rolls_up_to_seven_halves_of_mu(tangent, mode, acceleration):
+def test_a_ball_on_an_incline_rolls_up_to_seven_halves_of_mu(tangent, mode, acceleration):
     angle = np.arctan(tangent)  # 7/2 mu = 1.05
     sol = mbdae.solve(ball(angle, exact=True), (0, 0.3), START, np.zeros(6), rtol=1e-10)
     a = GRAVITY * np.sin(angle) * acceleration if acceleration else GRAVITY * (np.sin(angle) - MU * np.cos(angle))

@@ -16,7 +16,7 @@ def lowest(scene, name, place):
 
 
 @pytest.mark.parametrize(("wheel", "radius"), [("rear_wheel", 0.3), ("front_wheel", 0.35)])
-def test_a_wheel_stands_on_its_plane(wheel, radius):
+def test_a_wheel_touches_its_plane(wheel, radius):
     mech = mbdae.load("bicycle")
     for q in (mech.start[0], mech.assemble(q={"fork": 0.3})[0]):
         assert abs(lowest(mech.scene, f"{wheel} tyre", q)[2]) < 0.01 * radius  # a polygon of 48 corners

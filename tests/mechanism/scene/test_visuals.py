@@ -125,9 +125,9 @@ def test_a_spring_goes_from_point_to_point():
     scene = make_scene(model, springs=[Strut("coil", (0, identity), (1, identity), length=2.0)])
     ends = scene.end_points(scene.springs, np.array([[0.0, 1.2, -1.6], [0.0, 12.0, 0.0]]))
     np.testing.assert_allclose(ends[:, 0], [[[0, 0, 0], [0, 1.2, -1.6]], [[0, 0, 0], [0, 12, 0]]])
-    looks = {s.name: (s.coil, s.tube) for name in ("andrews_squeezer", "flyball_governor") for s in
+    shapes = {s.name: (s.coil, s.tube) for name in ("andrews_squeezer", "flyball_governor") for s in
              mbdae.load(name).scene.springs}  # fmt: skip
-    assert set(looks.values()) == {(True, False), (True, True)}, "the governor's are damped"
+    assert set(shapes.values()) == {(True, False), (True, True)}, "the governor's are damped"
     assert not mbdae.load("slider_crank").scene.springs
 
 

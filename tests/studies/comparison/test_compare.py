@@ -153,12 +153,12 @@ def line(constant, order, works):
 
 
 def test_methods_that_know_no_stops_are_refused_by_name_before_any_run():
-    def told(done, name):
+    def reported(done, name):
         raise AssertionError(f"{name} is computed")
 
     with pytest.raises(InputError, match=r"need formulation 'index2', leave out ggl:pherk5, index1:dop853$"):
         mbdae.compare(
-            "slider_crank_with_stop", (0, 0.1), methods=["pherk5", "ggl:pherk5", "index1:dop853"], progress=told
+            "slider_crank_with_stop", (0, 0.1), methods=["pherk5", "ggl:pherk5", "index1:dop853"], progress=reported
         )
 
 
@@ -267,13 +267,14 @@ def test_times_are_taken_in_turn(four_bar, monkeypatch):
     monkeypatch.setattr(
         ReferenceMotion, "solve", lambda self, run, *rest: order.append(str(run)) or real(self, run, *rest)
     )
-    told = []
-    study = mbdae.compare(four_bar, (0, 0.2), **QUICK | {"repeats": 3}, progress=lambda done, name: told.append(done))
+    reported = []
+    options = QUICK | {"repeats": 3}
+    study = mbdae.compare(four_bar, (0, 0.2), **options, progress=lambda done, name: reported.append(done))
     names = [f"{m}, rtol {r:g}" for m in QUICK["methods"] for r in QUICK["rtol"]]
     assert [o for o in order if "1e-12" not in o] == 3 * names
     assert all(len(p.times) == 3 for p in study.points)
-    assert told == sorted(told)
-    assert 0.5 < told[-1] <= 1
+    assert reported == sorted(reported)
+    assert 0.5 < reported[-1] <= 1
     monkeypatch.setattr(run_queue, "LONG", 0.0)
     once = mbdae.compare(four_bar, (0, 0.2), **QUICK | {"repeats": 3})
     assert all(len(p.times) == 1 for p in once.points), "long runs are timed once"

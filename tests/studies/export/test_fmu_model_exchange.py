@@ -55,7 +55,7 @@ def test_energy_is_kept_over_new_coordinates(unit_of):
     assert found["q.ball.x"].max() > 0.9  # on the other side
 
 
-def test_coordinates_begin_anew_at_an_event(unit_of):
+def test_coordinates_restart_at_an_event(unit_of):
     """Far from their origin, a step asks for an event; the state before and after it is the same."""
     _, unit = unit_of("pendulum")
     master, events = Master(unit, "me"), 0

@@ -107,9 +107,9 @@ def test_dry_friction_in_a_run_and_in_a_motion():
     assert moved.static_friction == {}
     back = inverse_dynamics(free, {"t": t, "one": -0.5 * t**2, "two": 0 * t}, ["one", "two"])
     np.testing.assert_allclose(back.efforts[1:-1, 0], -6.0, atol=1e-9)
-    stands = inverse_dynamics(free, (t[:2], np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2))), ["one", "two"])
-    assert stands.static_friction == {"one": 6.0}
-    assert "'one' is at rest: its static friction can balance up to 6 N" in str(stands)
+    at_rest = inverse_dynamics(free, (t[:2], np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2))), ["one", "two"])
+    assert at_rest.static_friction == {"one": 6.0}
+    assert "'one' is at rest: its static friction can balance up to 6 N" in str(at_rest)
 
 
 def test_a_locked_clutch_transmits_load_in_a_run():

@@ -166,9 +166,9 @@ def pendulum():
     ],
 )
 def test_wrong_input_is_one_line(mech, motion, actuators, words):
-    with pytest.raises(InputError, match=words) as told:
+    with pytest.raises(InputError, match=words) as reported:
         inverse_dynamics(mech(), motion, actuators)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(reported.value)
 
 
 def test_wrong_names_and_weights():

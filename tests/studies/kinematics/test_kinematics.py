@@ -247,10 +247,10 @@ def test_a_singular_start_and_a_start_out_of_reach_are_refused():
 
 def test_a_pose_costs_six_evaluations_of_the_closures(monkeypatch):
     """On average, 608 for a hundred; with Euler's predictor, which needs more corrections, 788."""
-    looks, motion = [], Constraints.motion
-    monkeypatch.setattr(Constraints, "motion", lambda self, t: looks.append(t) or motion(self, t))
+    evaluations, motion = [], Constraints.motion
+    monkeypatch.setattr(Constraints, "motion", lambda self, t: evaluations.append(t) or motion(self, t))
     assert len(kinematics(mbdae.load("four_bar"), "crank", points=100).u) == 100
-    assert len(looks) <= 7 * 100
+    assert len(evaluations) <= 7 * 100
 
 
 def test_what_slides_away_is_named(monkeypatch):

@@ -19,8 +19,8 @@ def test_a_mass_on_a_spring_is_scipys():
     """H = 1/(m s^2 + c s + k) of the toggle about its equilibrium."""
     mech = Template("snap_toggle").make({"force.press.force": [0.0, 0.0, 0.0]})
     system = mbdae.linearize(mech, inputs="pin", outputs=["q.pin", "v.pin", "position.pin.z"])
-    slope = 0.5 / np.sqrt(1.25)
-    k, c = 2 * 1000 * slope**2, 2 * 5 * slope**2
+    derivative = 0.5 / np.sqrt(1.25)
+    k, c = 2 * 1000 * derivative**2, 2 * 5 * derivative**2
     omega = np.array([1.0, 5.0, 20.0, 100.0])
     expected = 1 / (-(omega**2) + 1j * c * omega + k)
     H = system.response(omega)[:, :, 0]

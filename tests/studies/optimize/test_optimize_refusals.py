@@ -24,7 +24,7 @@ def search(cost=height, parameters=None, **options):
     return mbdae.optimize("four_bar", cost, parameters or G, **({} if "drive" in options else RUN), **options)
 
 
-def told(answer):
+def reported(answer):
     """A function of signals with a result that does not depend on them."""
 
     def own(signals):
@@ -61,9 +61,9 @@ ANSWERS = [
 @pytest.mark.parametrize(("answer", "words"), ANSWERS)
 def test_a_wrong_answer_is_that_of_a_cost_or_of_a_constraint(answer, words):
     with pytest.raises(InputError, match=f"^cost 'own' ?{words}"):
-        search(told(answer))
+        search(reported(answer))
     with pytest.raises(InputError, match=f"^constraint 'reach' ?{words}"):
-        search(constraints={"reach": (told(answer), 0, 1)})
+        search(constraints={"reach": (reported(answer), 0, 1)})
 
 
 @pytest.mark.parametrize(("function", "cause"), [(broken, ZeroDivisionError), (silent, TypeError)])

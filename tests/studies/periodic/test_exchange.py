@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import G, carried, empty
+from bouncing import G, add_body, empty
 from scipy.special import ellipk
 
 import mbdae
@@ -15,14 +15,14 @@ def pendulums():
     """Two pendulums of 1 m side by side."""
     model = empty()
     for name in ("left", "right"):
-        carried(model, 0, pin.JointModelRY(), name, 1.0, (0, 0, -1.0))
+        add_body(model, 0, pin.JointModelRY(), name, 1.0, (0, 0, -1.0))
     return Mechanism(model)
 
 
 def test_half_a_swing_of_a_pendulum():
     """T = 2 K(sin(a/2)) sqrt(L/g), half a period."""
     model = empty()
-    carried(model, 0, pin.JointModelRY(), "rod", 1.0, (0, 0, -1.0))
+    add_body(model, 0, pin.JointModelRY(), "rod", 1.0, (0, 0, -1.0))
     found = mbdae.periodic(Mechanism(model), 1.1, q=[0.8], v=[0.3], exchange={"rod": "-rod"})
     swing = np.arccos(np.cos(found.q[0]) - found.v[0] ** 2 / (2 * G))
     assert pytest.approx(2 * ellipk(np.sin(swing / 2) ** 2) / np.sqrt(G), rel=1e-10) == found.T
@@ -33,7 +33,7 @@ def test_half_a_swing_of_a_pendulum():
 def test_an_exchange_that_is_no_symmetry_is_rejected():
     """Under a constant torque a swing begins and ends at the bottom, but the other half differs."""
     model = empty()
-    carried(model, 0, pin.JointModelRY(), "rod", 1.0, (0, 0, -1.0))
+    add_body(model, 0, pin.JointModelRY(), "rod", 1.0, (0, 0, -1.0))
     mech = Mechanism(model, forces=[JointTorque(joint="rod", torque=2.0)])
     with pytest.raises(InputError, match=r"^the exchange of joints is no symmetry: the motion does not continue"):
         mbdae.periodic(mech, 1.1, q=[0.01], v=[2.0], exchange={"rod": "-rod"})

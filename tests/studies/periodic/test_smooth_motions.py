@@ -57,7 +57,7 @@ def test_a_rolling_disc_has_neutral_multipliers_of_its_symmetries():
     assert found.advances["x"] == pytest.approx(2 * np.pi * 0.3, rel=1e-11)
 
 
-def test_a_driven_linkage_settles_to_the_periodic_motion():
+def test_a_driven_linkage_converges_to_the_periodic_motion():
     """The motion after many periods, and the determinant of the monodromy matrix against damping (Liouville)."""
     torque = JointTorque(joint="crank", torque=Harmonic(amplitude=3.0, omega=2 * np.pi))
     forces = [torque, JointDamping(joint=["crank", "coupler", "rocker"], damping=4.0)]

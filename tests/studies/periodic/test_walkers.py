@@ -9,7 +9,7 @@ from click.testing import CliRunner
 import mbdae
 from mbdae.__main__ import cli
 
-STRIKE = "heel strike"
+FOOT_CONTACT = "heel strike"
 LONG = {  # incline: angle and rate after the strike, period, multiplier
     0.004: (0.153389564876, -0.156080146676, 3.852613461751, 0.22888996 + 0.59115519j),
     0.009: (0.200310900544, -0.199832473005, 3.882463752851, -0.19009984 + 0.55759878j),
@@ -23,7 +23,7 @@ def test_long_gaits_of_the_simplest_walker(incline):
     """Garcia, Chatterjee, Ruina, Coleman, J. Biomech. Eng. 120 (1998): T -> 3.812, angle/incline^(1/3) -> 0.970956."""
     found = mbdae.periodic(f"simplest_walker?incline={incline}")
     angle, rate, T, multiplier = LONG[incline]
-    after = found.after[STRIKE]
+    after = found.after[FOOT_CONTACT]
     assert pytest.approx(T, abs=1e-10) == found.T
     assert after["q.stance"] == pytest.approx(angle, abs=1e-10)
     assert after["v.stance"] == pytest.approx(rate, abs=1e-10)
@@ -43,8 +43,8 @@ def test_the_short_gait_is_unstable():
         "simplest_walker", q={"stance": 0.19394, "swing": 0.38788}, v={"stance": -0.20387, "swing": -0.01513}
     )
     assert pytest.approx(3.096105868078, abs=1e-10) == found.T
-    assert found.after[STRIKE]["q.stance"] == pytest.approx(0.193937369810, abs=1e-10)
-    assert found.after[STRIKE]["v.stance"] == pytest.approx(-0.203866927442, abs=1e-10)
+    assert found.after[FOOT_CONTACT]["q.stance"] == pytest.approx(0.193937369810, abs=1e-10)
+    assert found.after[FOOT_CONTACT]["v.stance"] == pytest.approx(-0.203866927442, abs=1e-10)
     np.testing.assert_allclose(found.multipliers[:2], [4.00386436, 0.45958959], atol=2e-8)
     assert found.stability == "unstable"
 
@@ -59,7 +59,7 @@ def test_the_compass_gait(compass):
 
     The strike is the impact law on the closure of the new foot; the other program has the angular momentum.
     """
-    after, incline = compass.after[STRIKE], np.radians(3.0)
+    after, incline = compass.after[FOOT_CONTACT], np.radians(3.0)
     assert pytest.approx(0.734346391159, abs=1e-10) == compass.T
     assert after["q.stance"] - incline == pytest.approx(0.2186688029, abs=1e-10)
     assert after["q.swing"] - incline == pytest.approx(-0.3233885581, abs=1e-10)
@@ -81,7 +81,7 @@ def test_one_period_is_one_run_that_closes(compass, tmp_path):
     run = compass.run
     assert run.t[-1] - run.t[0] == pytest.approx(compass.T, abs=1e-12)
     np.testing.assert_allclose(run.q[-1], run.q[0], atol=1e-10)
-    assert [name for _, name in run.resets] == [STRIKE]
+    assert [name for _, name in run.resets] == [FOOT_CONTACT]
     compass.animate(tmp_path / "walk.html")
     compass.plot(tmp_path / "walk.png")
     compass.save(tmp_path / "walk.csv")
@@ -89,7 +89,7 @@ def test_one_period_is_one_run_that_closes(compass, tmp_path):
     assert json.loads(json.dumps(compass.to_dict()))["stability"] == "stable"
 
 
-def test_a_settled_run_is_a_guess(compass, tmp_path):
+def test_a_run_to_steady_state_is_a_guess(compass, tmp_path):
     """The command finds the period of a saved run by itself."""
     sol = mbdae.solve("compass_gait", (0, 12.1), rtol=1e-8)
     sol.save(tmp_path / "run.npz")
@@ -97,4 +97,4 @@ def test_a_settled_run_is_a_guess(compass, tmp_path):
     assert result.exit_code == 0
     found = json.loads(result.stdout)
     assert found["T"] == pytest.approx(compass.T, rel=1e-7)
-    assert found["after"][STRIKE]["q.stance"] == pytest.approx(compass.after[STRIKE]["q.stance"], rel=1e-6)
+    assert found["after"][FOOT_CONTACT]["q.stance"] == pytest.approx(compass.after[FOOT_CONTACT]["q.stance"], rel=1e-6)

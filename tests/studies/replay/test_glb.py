@@ -159,7 +159,7 @@ def test_solids_are_closed_and_turned_outwards(kind, size, volume):
     assert set(np.unique(edges, axis=0, return_counts=True)[1]) == {2}
 
 
-def test_edges_stay_sharp_and_round_things_round():
+def test_edges_stay_sharp_and_round_shapes_round():
     box = normals(solid("box", (1, 1, 1)))
     np.testing.assert_allclose(np.abs(box).max(axis=1), 1)
     ball = solid("sphere", (1.0,))

@@ -71,7 +71,7 @@ def test_every_material_of_a_mesh_is_seen(chromium, tmp_path):
     assert columns[1] > columns[0] + 20
 
 
-LOOK = """
+OBSERVE = """
   const canvas = mbdae.viewer.renderer.domElement;
   log.looks = %s.map(t => {
     mbdae.seek(t);
@@ -103,21 +103,21 @@ def test_cursor_time_is_scene_time(name, chromium, tmp_path, monkeypatch):
     frames = round(60 * end / pace(sol)) + 1
     scene = mech.scene.travelled(sol(np.linspace(0, end, max(101, frames)))[0])
     paths = [f"/mechanism/{s.role}/{s.name.replace('/', '|')}" for s in scene.shapes]
-    log = chromium.ask(f"{page.as_uri()}#shadows=0&autoplay=0", LOOK % (times, paths), size=(560, 320))
+    log = chromium.ask(f"{page.as_uri()}#shadows=0&autoplay=0", OBSERVE % (times, paths), size=(560, 320))
     frame = end / 100
-    for t, look in zip(times, log["looks"], strict=True):
-        assert look["t"] == pytest.approx(t, abs=1e-12)
-        assert float(look["clock"].split()[2]) == pytest.approx(t, abs=frame)
+    for t, observation in zip(times, log["looks"], strict=True):
+        assert observation["t"] == pytest.approx(t, abs=1e-12)
+        assert float(observation["clock"].split()[2]) == pytest.approx(t, abs=frame)
         near = [scene.placements(sol(x)[0]) for x in np.clip([t - frame, t, t + frame], 0, end)]
         slack = np.ptp([p[:, :3] for p in near], axis=0) + 1e-5
-        seen = np.array([look["places"][path] for path in paths])
+        seen = np.array([observation["places"][path] for path in paths])
         assert np.all(np.abs(seen[:, :3] - near[1][:, :3]) <= slack)
         turns = np.abs(np.sum(seen[:, 3:] * near[1][:, 3:], axis=1))
         drift = [np.abs(np.sum(near[k][:, 3:] * near[1][:, 3:], axis=1)) for k in (0, 2)]
         assert np.all(turns >= np.minimum(*drift) - 1e-5)
-        for (left, right), share in zip(log["axis"], look["panes"], strict=True):
+        for (left, right), share in zip(log["axis"], observation["panes"], strict=True):
             assert left + share * (right - left) == pytest.approx(t, abs=end / 100)
-    shots = [picture_of(look["scene"]) for look in log["looks"]]
+    shots = [picture_of(observation["scene"]) for observation in log["looks"]]
     for a, b in ((0, 1), (1, 2), (0, 2)):
         seen = name != "sleeping_top"  # which turns about its axis of symmetry
         assert 1e-4 * seen <= changed(shots[a], shots[b]) < 0.6
@@ -185,7 +185,7 @@ def test_keys_buttons_and_pointer(crank, chromium, tmp_path):
 
 
 def test_plots_zoom_hide_and_set_the_time(crank, chromium, tmp_path):
-    look = """
+    observation = """
       log.t = mbdae.t;
       log.zoom = mbdae.plots.panes.map(({plot}) => [plot.scales.x.min, plot.scales.x.max]).flat();
     """
@@ -194,11 +194,11 @@ def test_plots_zoom_hide_and_set_the_time(crank, chromium, tmp_path):
         left, top, width = tab.ask(place)["at"]
         x, y = left + width * np.array([0.25, 0.5, 0.75]), top + 20
         tab.mouse(("Moved", x[1], y), ("Pressed", x[1], y), ("Released", x[1], y))
-        log = tab.ask(look)
+        log = tab.ask(observation)
         assert log["t"] == pytest.approx(1.0, abs=0.01)
         tab.mouse(("Moved", x[0], y), ("Pressed", x[0], y), ("Moved", x[1], y), ("Moved", x[2], y))
         tab.mouse(("Released", x[2], y))
-        log = tab.ask("await wait(0.2);" + look)
+        log = tab.ask("await wait(0.2);" + observation)
         assert log["zoom"] == pytest.approx([0.5, 1.5] * 4, abs=0.02), "all panes"
         assert log["t"] == pytest.approx(1.0, abs=0.01)
         log = tab.ask("""
@@ -208,7 +208,7 @@ def test_plots_zoom_hide_and_set_the_time(crank, chromium, tmp_path):
           plot.root.querySelectorAll(".u-legend .u-label")[1].click();
           log.hidden = plot.series[1].show;
           log.label = plot.ctx.canvas.getAttribute("aria-label");
-        """ + look)
+        """ + observation)
         assert log["zoom"] == pytest.approx([0, 2] * 4)
         assert log["hidden"] is False
         assert log["label"] == "q.slider (m) over time: slider"
@@ -251,19 +251,19 @@ def test_a_phone_shows_scene_controls_and_plots(crank, chromium, tmp_path):
 
 def test_the_address_says_how_it_opens(crank, chromium, tmp_path):
     page = animate(crank, tmp_path / "run.html", fps=20)
-    look = """
+    observation = """
       log.page = [mbdae.speed, mbdae.t, mbdae.playing, mbdae.loop, mbdae.view.state.view, mbdae.view.state.followed];
       log.bare = document.querySelector("main").className;
       log.legend = byId("legend").textContent;
     """
     said = "t=1.5&speed=0.1&camera=top&follow=crank_pin&plots=0&closures=1&loop=0"
     with chromium.open(f"{page.as_uri()}#{said}") as tab:
-        log = tab.ask(look)
+        log = tab.ask(observation)
         assert log["page"] == [0.1, 1.5, False, False, "top", "crank_pin"]
         assert (log["bare"], "wrist pin open by up to" in log["legend"]) == ("bare", True)
         tab.evaluate("location.hash = '#camera=3d&autoplay=1&plots=1&closures=0'; 0")
         tab.evaluate("new Promise(done => setTimeout(done, 300))")
-        log = tab.ask(look)
+        log = tab.ask(observation)
     assert log["page"][2:5] == [True, False, "3d"]
     assert (log["bare"], log["legend"]) == ("", "")
 

@@ -92,14 +92,14 @@ def test_a_stretched_spring_stays_whole(tmp_path):
 
     model, still = pin.Model(), pin.SE3.Identity()
     model.addJoint(0, pin.JointModelPX(), still, "slide")
-    for look in ({"coil": True}, {"coil": False, "tube": True}, {"coil": True, "tube": True}):
-        scene = make_scene(model, springs=[Strut("pull", (0, still), (1, still), 0.2, **look)])
+    for drawing in ({"coil": True}, {"coil": False, "tube": True}, {"coil": True, "tube": True}):
+        scene = make_scene(model, springs=[Strut("pull", (0, still), (1, still), 0.2, **drawing)])
         page = animate(motion(scene, lambda t: np.array([0.1 + t])), tmp_path / "run.html", plots=())
         with Chromium().open(f"{page.as_uri()}#t=0&camera=front&shadows=0", (900, 300)) as tab:
             for t in (0.0, 0.5, 2.0):
                 tab.evaluate(f"mbdae.seek({t}); 0")
                 columns = np.flatnonzero(drawn(tab).any(axis=0))
-                assert (np.diff(columns) == 1).all(), (look, t)
+                assert (np.diff(columns) == 1).all(), (drawing, t)
                 scale = tab.evaluate("mbdae.view.camera.right - mbdae.view.camera.left")
                 assert np.ptp(columns) / 900 * scale >= 0.99 * (0.1 + t)
 

@@ -22,9 +22,9 @@ def crank():
 @pytest.mark.parametrize("suffix", [".gif", ".mp4"])
 def test_a_video(crank, tmp_path, suffix):
     Chromium()
-    told = []
-    path = animate(crank, tmp_path / f"run{suffix}", fps=2, speed=2.0, arrows=True, progress=told.append)
-    assert told == pytest.approx([1 / 3, 2 / 3, 1])
+    reported = []
+    path = animate(crank, tmp_path / f"run{suffix}", fps=2, speed=2.0, arrows=True, progress=reported.append)
+    assert reported == pytest.approx([1 / 3, 2 / 3, 1])
     if suffix == ".mp4":
         import imageio_ffmpeg
 

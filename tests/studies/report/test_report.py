@@ -25,13 +25,13 @@ BLUE, RED = np.array([33, 97, 171]), np.array([200, 50, 45])
 
 
 @pytest.fixture(scope="module")
-def told():
+def reported():
     return []
 
 
 @pytest.fixture(scope="module")
-def result(told):
-    tell = lambda done, name: told.append(done)  # noqa: E731
+def result(reported):
+    tell = lambda done, name: reported.append(done)  # noqa: E731
     return mbdae.report(mbdae.load("slider_crank"), 1.0, **OPTIONS, progress=tell)
 
 
@@ -148,7 +148,7 @@ def test_what_a_file_says_of_runs_is_what_report_and_comparison_begin_with(tmp_p
     assert str(default_variant(mech, rtol=1e-6)) == "project:pherk6", "a tolerance takes the place of the step"
 
 
-def test_results_are_data_and_text(result, told):
+def test_results_are_data_and_text(result, reported):
     data = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert set(data) == {"card", "run", "drift", "orders", "comparison", "meta", "missing"}
     assert [d["method"] for d in data["drift"]] == ["project:pherk5", *OPTIONS["methods"]], "the run is first"
@@ -156,8 +156,8 @@ def test_results_are_data_and_text(result, told):
     assert list(data["orders"]["methods"]) == ["pherk5"]
     assert len(data["comparison"]["points"]) == 4
     assert str(result.orders) in str(result)
-    assert told == sorted(told)
-    assert told[-1] <= 1
+    assert reported == sorted(reported)
+    assert reported[-1] <= 1
 
 
 def test_an_order_that_is_missed_is_said_in_words(result):

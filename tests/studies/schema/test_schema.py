@@ -49,7 +49,7 @@ def test_faults_are_seen(content, words):
     assert any(words in text for text in faults("mechanism", content)), faults("mechanism", content)
 
 
-def test_what_stands_for_more_is_taken():
+def test_values_that_represent_others_are_taken():
     body = {"name": "a", "parent": "world"}
     torque = {"kind": "joint_torque", "joint": "a", "torque": {"kind": "harmonic", "amplitude": 1.0, "omega": 2.0}}
     assert not faults("mechanism", {"source": "robot.urdf", "motor": {"hip": 2.0}, "force": [torque], "body": [body]})

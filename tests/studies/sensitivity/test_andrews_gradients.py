@@ -71,13 +71,13 @@ def test_the_same_steps(method, names):
     """All 42 derivatives, closures and start included."""
     h, n = 5e-4, 20
     q, v = run(andrews.Squeezer(moved(names, np.clongdouble, np.longdouble(andrews.STEP))), method, h, n)
-    y, slopes = andrews.computed(names, end=h * n, method=method, step=h)
+    y, derivatives = andrews.computed(names, end=h * n, method=method, step=h)
     np.testing.assert_allclose(y, np.concatenate([q, v]).real[:, 0].astype(float), rtol=0, atol=1e-10)
     expected = (np.concatenate([q, v]).imag / andrews.STEP).astype(float)
     for part in (slice(0, 7), slice(7, 14)):
         size = np.abs(expected[part]).max(axis=0)
         assert (size > 0).all()
-        assert (np.abs(slopes[part] - expected[part]).max(axis=0) < 1e-12 * size).all()
+        assert (np.abs(derivatives[part] - expected[part]).max(axis=0) < 1e-12 * size).all()
 
 
 def test_thirty_digits():
@@ -87,10 +87,10 @@ def test_thirty_digits():
         p = moved(names, mpmath.mpc, mpmath.mpf("1e-60"))
         sin, cos = np.frompyfunc(mpmath.sin, 1, 1), np.frompyfunc(mpmath.cos, 1, 1)
         found = np.concatenate(run(andrews.Squeezer(p, sin, cos), "herk4", 1e-4, 4))
-        slopes = np.array([[float(x.imag * mpmath.mpf("1e60")) for x in row] for row in found])
+        derivatives = np.array([[float(x.imag * mpmath.mpf("1e60")) for x in row] for row in found])
     q, v = run(andrews.Squeezer(moved(names, np.clongdouble, np.longdouble(andrews.STEP))), "herk4", 1e-4, 4)
     expected = (np.concatenate([q, v]).imag / andrews.STEP).astype(float)
-    assert (np.abs(slopes - expected) <= 1e-15 * np.abs(expected).max(axis=0)).all()
+    assert (np.abs(derivatives - expected) <= 1e-15 * np.abs(expected).max(axis=0)).all()
 
 
 def test_the_printed_table():
@@ -102,6 +102,6 @@ def test_the_printed_table():
         table[:, i] = q + v
     assert np.isfinite(table).all()
     names = ["sd", "m7", "mom"]
-    _, slopes = andrews.computed(names, method="radau9", rtol=1e-9)
+    _, derivatives = andrews.computed(names, method="radau9", rtol=1e-9)
     known = table[:, [NUMBERS.index(name) for name in names]]
-    np.testing.assert_allclose(slopes, known, rtol=5e-8, atol=0)
+    np.testing.assert_allclose(derivatives, known, rtol=5e-8, atol=0)

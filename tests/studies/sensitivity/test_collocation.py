@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from frozen import assert_derivative, compare, free_velocity, retraced, runs_of
+from frozen import assert_derivative, compare, free_velocity, repeated_run, runs_of
 from smooth import SMOOTH
 
 import mbdae
@@ -96,8 +96,8 @@ def test_controlled_runs_with_frozen_steps(rtol):
     template, value, run = runs_of("four_bar", name, 0.2, rtol=rtol, method="radau5")
     found = mbdae.sensitivity(run(value), [name], model=template)
     left = 1e-11 + 1e-2 * rtol
-    assert np.abs(retraced(found.trace, template.make({name: value})) - found.y).max() < left
-    assert_derivative(found.dy[..., 0], lambda x: retraced(found.trace, template.make({name: x})), value, 10 * left,
+    assert np.abs(repeated_run(found.trace, template.make({name: value})) - found.y).max() < left
+    assert_derivative(found.dy[..., 0], lambda x: repeated_run(found.trace, template.make({name: x})), value, 10 * left,
                       mech=found.trace.sol.mechanism)  # fmt: skip
 
 

@@ -38,9 +38,9 @@ def compare(sol, names, **options):
     _, weights = cost(sol.signals())
     tangent, adjoint = mbdae.sensitivity(sol, names, **options), mbdae.gradient(sol, cost, names, **options)
     backwards = np.array(list(adjoint.gradient.values()))
-    slopes = {name: tangent.signal(name) for name in weights}
-    forwards = sum(w @ slopes[name] for name, w in weights.items())
-    size = sum(np.abs(w) @ np.abs(slopes[name]) for name, w in weights.items())
+    derivatives = {name: tangent.signal(name) for name in weights}
+    forwards = sum(w @ derivatives[name] for name, w in weights.items())
+    size = sum(np.abs(w) @ np.abs(derivatives[name]) for name, w in weights.items())
     assert (np.abs(forwards - backwards) <= 1e-13 * size.max()).all()
     assert np.abs(tangent.dy).max() > 0
     return tangent

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import G, ball, carried, empty
+from bouncing import G, add_body, ball, empty
 
 import mbdae
 from mbdae import Clutch, JointSpring, JointTorque, Mechanism, Stop
@@ -17,7 +17,7 @@ def wheels(forces=(), **more):
     """Two wheels of 0.2 kg m^2 about z, ``input`` and ``wheel``."""
     model = empty(0.0)
     for name in ("input", "wheel"):
-        carried(model, 0, pin.JointModelRZ(), name, inertia=(0.2, 0.2, 0.2))
+        add_body(model, 0, pin.JointModelRZ(), name, inertia=(0.2, 0.2, 0.2))
     return Mechanism(model, forces=forces, **more)
 
 
@@ -86,12 +86,12 @@ def test_what_has_no_derivative():
     )
     model = empty(0.0)
     for name in ("a", "b"):
-        carried(model, 0, pin.JointModelPX(), name)
+        add_body(model, 0, pin.JointModelPX(), name)
     stops = [Stop(joint=name, upper=1.0, restitution=0.5) for name in ("a", "b")]
     both = mbdae.solve(Mechanism(model, stops=stops), (0.0, 2.0), np.zeros(2), np.ones(2))
     refused("'a stop' and 'b stop' switch at the same time, t = 1 s", both)
     model = empty(0.0)
-    carried(model, 0, pin.JointModelPX(), "x")
+    add_body(model, 0, pin.JointModelPX(), "x")
     stop = Stop(joint="x", upper=0.0, restitution=0.5)
     spring = JointSpring(joint="x", stiffness=1.0)  # it moves at 1 m/s at an amplitude of 1 m
     slow = mbdae.solve(Mechanism(model, forces=[spring], stops=[stop]), (0.0, 1.0), np.array([-1e-8]), np.array([1e-7]))

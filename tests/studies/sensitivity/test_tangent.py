@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from frozen import assert_derivative, compare, free_velocity, quotient, retraced, runs_of
+from frozen import assert_derivative, compare, free_velocity, quotient, repeated_run, runs_of
 from smooth import SMOOTH
 
 import mbdae
@@ -69,8 +69,8 @@ def test_controlled_runs_with_frozen_steps(method):
     name = "joint.crank.mass"
     template, value, run = runs_of("four_bar", name, 0.7, rtol=1e-5, method=method)
     found = mbdae.sensitivity(run(value), [name], model=template)
-    assert np.abs(retraced(found.trace, template.make({name: value})) - found.y).max() < 1e-11
-    assert_derivative(found.dy[..., 0], lambda x: retraced(found.trace, template.make({name: x})), value, 1e-11,
+    assert np.abs(repeated_run(found.trace, template.make({name: value})) - found.y).max() < 1e-11
+    assert_derivative(found.dy[..., 0], lambda x: repeated_run(found.trace, template.make({name: x})), value, 1e-11,
                       mech=found.trace.sol.mechanism)  # fmt: skip
 
 

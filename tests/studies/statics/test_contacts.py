@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import G, carried, empty, frame, pendulum, plane
+from bouncing import G, add_body, empty, frame, pendulum, plane
 
 import mbdae
 from mbdae import JointSpring, JointTorque, Mechanism, Stop
@@ -28,7 +28,7 @@ def test_a_rod_that_leans_on_a_plane():
     L, h, m = 1.0, 0.6, 2.0
     model = empty()
     place = pin.SE3(np.eye(3), np.array([0.0, 0.0, h]))
-    j = carried(model, 0, pin.JointModelRY(), "rod", m, (L / 2, 0, 0), (0.1, 0.1, 0.1), place)
+    j = add_body(model, 0, pin.JointModelRY(), "rod", m, (L / 2, 0, 0), (0.1, 0.1, 0.1), place)
     frame(model, j, "tip", L, 0, 0)
     found = mbdae.equilibrium(Mechanism(model, [plane("tip")]), {"rod": 0.1})
     assert found.q == pytest.approx([np.arcsin(h / L)], abs=ROUNDING)
@@ -39,7 +39,7 @@ def test_a_rod_that_leans_on_a_plane():
 def test_a_press_at_its_stop():
     """A constant force without a spring has no equilibrium but the stop: N = F - m g in a vertical guide."""
     model = empty()
-    carried(model, 0, pin.JointModelPZ(), "ram", 3.0)
+    add_body(model, 0, pin.JointModelPZ(), "ram", 3.0)
     mech = Mechanism(model, forces=[JointTorque(joint="ram", torque=100.0)], stops=[Stop(joint="ram", upper=0.25)])
     found = mbdae.equilibrium(mech)
     assert found.q == pytest.approx([0.25], abs=ROUNDING)
@@ -69,9 +69,9 @@ def test_a_toggle_with_a_stop(lower, rests):
 def test_vibrations_on_a_stop():
     """A double pendulum whose upper rod rests on a stop: only the lower one swings, omega^2 = g/l."""
     model = empty()
-    first = carried(model, 0, pin.JointModelRY(), "upper", 1.0, (0, 0, -1.0))
+    first = add_body(model, 0, pin.JointModelRY(), "upper", 1.0, (0, 0, -1.0))
     place = pin.SE3(np.eye(3), np.array([0.0, 0.0, -1.0]))
-    carried(model, first, pin.JointModelRY(), "lower", 1.0, (0, 0, -0.5), place=place)
+    add_body(model, first, pin.JointModelRY(), "lower", 1.0, (0, 0, -0.5), place=place)
     mech = Mechanism(model, forces=[JointSpring(joint="upper", stiffness=1.0)], stops=[Stop(joint="upper", lower=0.2)])
     found = mbdae.modes(mech, {"upper": 0.5})
     assert np.abs(found.eigenvalues.imag) == pytest.approx(np.full(2, np.sqrt(G / 0.5)), rel=1e-10)

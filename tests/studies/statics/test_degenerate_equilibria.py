@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import carried, empty
+from bouncing import add_body, empty
 
 import mbdae
 from mbdae import Actuator, JointDamping, JointPID, JointSpring, Mechanism
@@ -15,9 +15,9 @@ STIFFNESS, INERTIA = 2e4, 2 / 3 + 1  # N m/rad; kg m^2 of two cranks and a coupl
 def sliders(n, damping=0.0):
     """A pendulum held by a controller, and n carts on level rails."""
     model, names = empty(), [f"cart_{k}" for k in range(n)]
-    carried(model, 0, pin.JointModelRY(), "arm", 1.0, (0, 0, -0.5), (0.1, 0.1, 0.1))
+    add_body(model, 0, pin.JointModelRY(), "arm", 1.0, (0, 0, -0.5), (0.1, 0.1, 0.1))
     for k, name in enumerate(names):
-        carried(model, 0, pin.JointModelPX(), name, 1.0 + k)
+        add_body(model, 0, pin.JointModelPX(), name, 1.0 + k)
     damped = [JointDamping(joint=tuple(names), damping=damping)] if damping else []
     return Mechanism(model, [], [JointPID(joint="arm", kp=1.0, ki=1.0, kd=0.5, reference=0.0), *damped])
 

@@ -102,8 +102,8 @@ def test_all_equilibria_of_a_branch():
 
 def test_derivatives_of_forces_are_taken_at_equilibria_alone(monkeypatch):
     """Of each circuit 361 poses are compared by the sign of the force along it."""
-    taken, slopes = [], Statics.partials
-    monkeypatch.setattr(Statics, "partials", lambda *given: taken.append(given) or slopes(*given))
+    taken, derivatives = [], Statics.partials
+    monkeypatch.setattr(Statics, "partials", lambda *given: taken.append(given) or derivatives(*given))
     assert len(mbdae.equilibria(mbdae.load("four_bar"), "crank")) == 4
     assert len(taken) < 100
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import G, carried, empty, frame, pendulum, plane
+from bouncing import G, add_body, empty, frame, pendulum, plane
 
 import mbdae
 from mbdae import JointSpring, Mechanism, Stop
@@ -56,8 +56,8 @@ def test_the_load_reverses_at_a_stop_beyond_the_limit_point():
 def test_an_arm_between_a_spring_and_a_stop():
     """Of two arms with springs the upper one meets a stop, which presses against its weight and the lower one's."""
     model = empty()
-    first = carried(model, 0, pin.JointModelRY(), "upper", 2.0, (0.7, 0, 0), (0.1, 0.1, 0.1))
-    carried(model, first, pin.JointModelRY(), "lower", 1.0, (0, 0, -0.4), (0.1, 0.1, 0.1))
+    first = add_body(model, 0, pin.JointModelRY(), "upper", 2.0, (0.7, 0, 0), (0.1, 0.1, 0.1))
+    add_body(model, first, pin.JointModelRY(), "lower", 1.0, (0, 0, -0.4), (0.1, 0.1, 0.1))
     springs = [JointSpring(joint="upper", stiffness=30.0), JointSpring(joint="lower", stiffness=5.0)]
     mech = Mechanism(model, forces=springs, stops=[Stop(joint="upper", upper=0.3)])
     path = mbdae.load_path(mech, "gravity", (0.0, 3.0))
@@ -81,7 +81,7 @@ def test_equilibria_of_a_rod_that_leans_on_a_plane():
     L, h, m = 1.0, 0.6, 2.0
     model = empty()
     place = pin.SE3(np.eye(3), np.array([0.0, 0.0, h]))
-    j = carried(model, 0, pin.JointModelRY(), "rod", m, (L / 2, 0, 0), (0.1, 0.1, 0.1), place)
+    j = add_body(model, 0, pin.JointModelRY(), "rod", m, (L / 2, 0, 0), (0.1, 0.1, 0.1), place)
     frame(model, j, "tip", L, 0, 0)
     found = mbdae.equilibria(Mechanism(model, [plane("tip")]), "rod", span=(-2, 4))
     poses = {round(float(e.q[0]), 12): e for e in found}

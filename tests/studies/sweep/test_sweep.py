@@ -266,11 +266,11 @@ def test_failed_runs_are_rows():
     ],
 )
 def test_wrong_arguments_are_refused_before_anything_runs(arguments, words):
-    told = []
+    reported = []
     with pytest.raises(InputError) as e:
-        mbdae.sweep(*arguments, executor="threads", progress=lambda *x: told.append(x))
+        mbdae.sweep(*arguments, executor="threads", progress=lambda *x: reported.append(x))
     assert words in str(e.value)
-    assert not told
+    assert not reported
 
 
 @pytest.mark.parametrize(

@@ -28,12 +28,12 @@ def test_a_table_has_what_was_computed_when_the_user_stopped(tmp_path, monkeypat
 
     @contextmanager
     def bar(*_):
-        def told(done, text):
+        def reported(done, text):
             seen.append(done)
             if len(seen) == 2:
                 raise KeyboardInterrupt
 
-        yield told
+        yield reported
 
     monkeypatch.setattr("mbdae.studies.sweep.command.bar", bar)
     table = tmp_path / "few.csv"

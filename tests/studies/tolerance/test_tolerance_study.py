@@ -27,7 +27,7 @@ def slider(theta, crank, rod, e):
     return crank * np.cos(theta) + np.sqrt(rod**2 - (crank * np.sin(theta) - e) ** 2)
 
 
-def slider_slopes(theta):
+def slider_derivatives(theta):
     """Derivatives of the position by crank, rod and e at e = 0."""
     crank, rod, _ = DIMENSIONS.values()
     root = np.sqrt(rod**2 - (crank * np.sin(theta)) ** 2)
@@ -44,12 +44,13 @@ def slider_crank():
 
 def test_slider_crank_is_the_closed_form(slider_crank):
     u, found = slider_crank.curve.u, slider_crank.influences
-    np.testing.assert_allclose(found.derivatives[0], slider_slopes(u).T, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.derivatives[0], slider_derivatives(u).T, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.derivatives[0, 0], [0.5456516992, 1.0562978863, 0.3402428907], rtol=0, atol=1e-10)
-    np.testing.assert_allclose(slider_crank.magnitudes[0, :, 3:], slider_slopes(u)[1][:, None] * [1, 1], atol=1e-12)
+    expected = slider_derivatives(u)[1][:, None] * [1, 1]
+    np.testing.assert_allclose(slider_crank.magnitudes[0, :, 3:], expected, atol=1e-12)
     assert slider_crank.magnitudes[0, 0, 3] * 1e-4 == pytest.approx(0.105630e-3, abs=5e-10)
     np.testing.assert_array_equal(found.directions, 2)  # none out of the plane, where the pin's row is redundant
-    worst = 2e-3 * np.abs(slider_slopes(u)).sum(axis=0) + 2e-4 * slider_slopes(u)[1]
+    worst = 2e-3 * np.abs(slider_derivatives(u)).sum(axis=0) + 2e-4 * slider_derivatives(u)[1]
     np.testing.assert_allclose(slider_crank.worst[0], worst, rtol=1e-12)
 
 
@@ -60,11 +61,11 @@ def test_second_derivatives_are_those_of_the_closed_form():
         "slider_crank", "crank", [X], sizes, span=(0.7, 2.5), points=2, second_order=True, values=DIMENSIONS
     )
 
-    def slopes(change):
+    def derivatives(change):
         values = np.array([*DIMENSIONS.values()]) + change
         return np.array([slider(found.curve.u, *(values + 1e-30j * e)).imag / 1e-30 for e in np.eye(3)])
 
-    H = np.array([numerical_derivative(lambda x, e=e: slopes(x * e), 1e-3) for e in np.eye(3)])
+    H = np.array([numerical_derivative(lambda x, e=e: derivatives(x * e), 1e-3) for e in np.eye(3)])
     np.testing.assert_allclose(found.hessians[0], H.transpose(2, 0, 1), rtol=0, atol=1e-7 * np.abs(H).max())
 
 

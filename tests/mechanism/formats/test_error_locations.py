@@ -29,19 +29,19 @@ BODY = '[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ninertia = [1, 1, 1, 
 def test_files(text, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "m.toml").write_text(text.replace("start.q", "[start]\nq"))
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as reported:
         mbdae.load("m.toml")
-    assert str(told.value).startswith(words)
-    assert str(pickle.loads(pickle.dumps(told.value))) == str(told.value)
+    assert str(reported.value).startswith(words)
+    assert str(pickle.loads(pickle.dumps(reported.value))) == str(reported.value)
 
 
 def faults(text, tmp_path, monkeypatch):
     """The unknown names of a file's UnknownNameError, and the valid ones."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "m.toml").write_text(text)
-    with pytest.raises(UnknownNameError) as told:
+    with pytest.raises(UnknownNameError) as reported:
         mbdae.load("m.toml")
-    return str(told.value).split("; ")
+    return str(reported.value).split("; ")
 
 
 FAULTY = """
@@ -117,6 +117,6 @@ def test_names_of_sources_are_known(tmp_path, monkeypatch):
 
 
 def test_what_python_adds_is_not_the_files():
-    with pytest.raises(UnknownNameError) as told:
+    with pytest.raises(UnknownNameError) as reported:
         mbdae.load("pendulum", forces=[mbdae.JointSpring(joint="b", stiffness=1.0)])
-    assert str(told.value).startswith("unknown joint 'b'")
+    assert str(reported.value).startswith("unknown joint 'b'")

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from bouncing import G, R, carried, empty, frame, lever
+from bouncing import G, R, add_body, empty, frame, lever
 
 import mbdae
 from mbdae import Closure, CoulombFriction, Mechanism
@@ -16,7 +16,7 @@ def block(mu=0.3, e=0.0, slope=0.0):
     """A ball that does not rotate, over a floor inclined down along x."""
     model = empty()
     model.gravity.linear = G * np.array([np.sin(slope), 0, -np.cos(slope)])
-    carried(model, carried(model, 0, pin.JointModelPX(), "x", 0.0), pin.JointModelPZ(), "z", 2.0)
+    add_body(model, add_body(model, 0, pin.JointModelPX(), "x", 0.0), pin.JointModelPZ(), "z", 2.0)
     floor = Closure.rolling("world", "z", R, name="floor", grip="longitudinal", unilateral=True, restitution=e)
     return Mechanism(model, [floor], [CoulombFriction(closure="floor", coefficient=mu, exact=True)])
 
@@ -67,7 +67,7 @@ def test_the_end_of_a_falling_rod_sticks_or_slides_by_its_impulse(mu):
 
 def test_invalid_frictional_contacts_are_rejected():
     model = empty()
-    carried(model, 0, pin.JointModelFreeFlyer(), "ball")
+    add_body(model, 0, pin.JointModelFreeFlyer(), "ball")
     floor = Closure.rolling("world", "ball", R, name="floor", unilateral=True)
     with pytest.raises(InputError, match="'floor', which is unilateral, needs exact = true without static"):
         Mechanism(model, [floor], [CoulombFriction(closure="floor", coefficient=0.3, exact=True)])
@@ -77,8 +77,8 @@ def rod(mu):
     """A uniform rod of 1 m in a vertical plane, its end on the floor."""
     model = empty()
     model.gravity.linear = np.array([0, 0, -G])
-    across = carried(model, carried(model, 0, pin.JointModelPX(), "x", 0.0), pin.JointModelPZ(), "z", 0.0)
-    frame(model, carried(model, across, pin.JointModelRY(), "turn", 1.0, inertia=(0, 1 / 12, 0)), "end", 0.5, 0, 0)
+    across = add_body(model, add_body(model, 0, pin.JointModelPX(), "x", 0.0), pin.JointModelPZ(), "z", 0.0)
+    frame(model, add_body(model, across, pin.JointModelRY(), "turn", 1.0, inertia=(0, 1 / 12, 0)), "end", 0.5, 0, 0)
     tip = Closure.rolling("world", "end", SMALL, name="tip", grip="longitudinal", unilateral=True)
     return Mechanism(model, [tip], [CoulombFriction(closure="tip", coefficient=mu, exact=True)])
 
@@ -104,7 +104,7 @@ def test_the_rod_of_painleve_is_named_where_it_has_no_motion(angle, share):
 @pytest.mark.usefixtures("back_end")
 def test_a_drive_against_a_stop_has_no_impact_and_is_named():
     model = empty()
-    carried(model, 0, pin.JointModelPX(), "x")
+    add_body(model, 0, pin.JointModelPX(), "x")
     drive = mbdae.Driver.at_speed("x", 2.0)
     mech = Mechanism(model, drivers=[drive], stops=[mbdae.Stop(joint="x", upper=0.5, name="end")])
     sol = mbdae.solve(mech, (0, 1))
