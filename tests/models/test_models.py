@@ -64,12 +64,12 @@ def test_start_is_consistent(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_passport(name):
+def test_readme(name):
     mech = mbdae.load(name)
     text = (MODELS / name / "README.md").read_text()
     assert text.startswith(f"# {name}\n")
-    for word in ("Origin:", "icence", "Coordinates:", "Look at:"):
-        assert word in text, f"the passport of {name} lacks {word!r}"
+    for word in ("Origin:", "icence", "Coordinates:", "Of interest:"):
+        assert word in text, f"the README of {name} lacks {word!r}"
     numbers = [int(x) for x in text.split(TABLE_HEAD)[1].splitlines()[2].strip("| ").split("|")]
     rank = np.linalg.matrix_rank(jacobian(mech, mech.start[0]), tol=1e-9)
     assert numbers == [mech.nq, mech.nv, mech.ng, rank, mech.nv - rank]
