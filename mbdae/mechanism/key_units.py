@@ -3,9 +3,9 @@
     mass: Annotated[float, Unit("kg")]
     stiffness: Annotated[float, Unit("e/q")]
 
-Symbols in the units of keys are units of the joints of a table and of functions: ``q``, ``q1``, ``q2`` of the
-coordinates of its first, second and third joint (rad or m; m for a distance of frames), ``e`` of the effort on the
-first (N m or N), ``y`` of the values of a function and ``x`` of its argument.
+A unit may contain symbols: ``q``, ``q1``, ``q2`` are the units of the coordinates of the first, second and third joint
+of the table (rad or m; m for a distance of frames), ``e`` the unit of the effort on the first (N m or N), ``y`` and
+``x`` the units of the values of a function and of its argument.
 """
 
 from collections.abc import Mapping
@@ -17,11 +17,11 @@ from pydantic.fields import FieldInfo
 
 @dataclass(frozen=True, init=False)
 class Unit:
-    """The unit of all numbers of a key.
+    """The units of the values of a key.
 
     Args:
-        texts: the unit; or several, of the entries of a list with as many, or of each list in a list.
-        powers_of: the variable of coefficients c_k, which have the unit divided by its k-th power.
+        texts: one unit for all values; or one per entry, for a list of that length, or for each list in a list.
+        powers_of: symbol of the variable of a polynomial: coefficient c_k has the unit divided by its k-th power.
         over: the unit of the argument of a function.
     """
 
@@ -62,7 +62,7 @@ def _found(values: Any) -> Unit | Coordinates | None:
 
 
 UnitSymbols = Mapping[str, str]
-"""Units in SI by symbol."""
+"""SI units by symbol."""
 
 
 def function_symbols(unit: Unit | Coordinates | None) -> UnitSymbols:

@@ -12,7 +12,7 @@ from ...cli.output import emit
 @click.argument("file", type=click.Choice(["mechanism", "sweep"]), default="mechanism")
 @SHARED["json"]
 def schema(file: str, as_json: bool) -> None:
-    """Print the JSON Schema of mechanism files or sweep files. Editors complete and check files with it.
+    """Print the JSON Schema of mechanism files or sweep files. Editors use it for completion and validation.
 
     mbdae schema > mechanism.schema.json; then the first line of a file is: #:schema mechanism.schema.json
     """
