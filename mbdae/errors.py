@@ -36,6 +36,8 @@ STATUS = {
 
 def printable(text: str) -> str:
     """Return text with control characters, except line ends and tabs, escaped: they could affect a terminal."""
+    if text.isprintable():  # a fast test of nearly all texts
+        return text
     return "".join(ascii(c)[1:-1] if category(c) in CONTROL_CATEGORIES and c not in "\n\t" else c for c in text)
 
 

@@ -34,7 +34,7 @@ def error_norm(errors: np.ndarray, scale: np.ndarray, blend: float = 1.0) -> flo
         scale: of their components.
         blend: p.
     """
-    norms = np.sqrt(np.mean((errors / scale) ** 2, axis=1))
+    norms = np.sqrt(np.square(errors / scale).mean(axis=1))
     if len(norms) == 1 or norms[0] == 0:
         return float(norms[0])
     return float(norms[0] ** 2 / (norms[0] ** blend + COMPANION * norms[1] ** blend) ** (1 / blend))

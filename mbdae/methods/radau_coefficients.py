@@ -16,7 +16,6 @@ from functools import cache, cached_property
 from math import comb, perm
 
 import numpy as np
-from scipy.special import roots_jacobi
 
 from .stage_arrays import StageArrays, stage_arrays
 
@@ -51,11 +50,17 @@ def coefficients(s: int) -> Coefficients:
 
 
 def _nodes(s: int) -> list[Decimal]:
-    """Compute the zeros by Newton's method from those of the Jacobi polynomial P^(1,0) of degree s - 1."""
+    """Compute the zeros by Newton's method from those of the Jacobi polynomial P^(1,0) of degree s - 1.
+
+    These are eigenvalues of the matrix of its recurrence (Golub, Welsch, Math. Comp. 23 (1969)).
+    """
     power = [Decimal(comb(s, k) * (-1) ** (s - k)) for k in range(s + 1)]  # (x - 1)^s; x^(s-1) shifts it
     p = [perm(k + s - 1, s - 1) * a for k, a in enumerate(power)]
     dp = [k * a for k, a in enumerate(p)][1:]
-    guesses = (roots_jacobi(s - 1, 1, 0)[0] + 1) / 2 if s > 1 else []
+    k = np.arange(1, s)
+    beside = np.sqrt(k * (k + 1)) / (2 * k + 1)
+    recurrence = np.diag(-1.0 / (4 * k**2 - 1)) + np.diag(beside[:-1], 1) + np.diag(beside[:-1], -1)
+    guesses = (np.linalg.eigvalsh(recurrence) + 1) / 2
     return [_zero(p, dp, Decimal(float(x))) for x in guesses] + [Decimal(1)]
 
 

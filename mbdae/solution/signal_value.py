@@ -153,6 +153,8 @@ def find_point_signal(mech: Mechanism, name: str) -> SignalValue:
         UnknownNameError: for an unknown name, with the valid names.
         InputError: for a signal of a whole run, the mode or the impulses of a switch.
     """
+    if mech not in _KNOWN and name in (own := _coordinates(mech)):  # all signals take longer than all else of a load
+        return own[name]
     known = signal_values(mech)
     found = find_signal(mech, name, known)
     prefix, _, switch = name.partition(".")

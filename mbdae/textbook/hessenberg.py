@@ -12,8 +12,10 @@ from scipy.linalg.lapack import dgesv
 from ..errors import InputError, StepError
 from ..hermite import powers, refine
 from ..system import Array, Counts, System
+from ..tolerances import BELOW_ROUNDING
 from .implicit import HessenbergStages
 from .index_check import require_index_2
+from .newton import is_last, largest
 
 Function = Callable[..., Array]
 CACHE_SIZE = 8
@@ -213,8 +215,8 @@ class HessenbergSystem(System):
             if info:
                 break
             z = z - dz
-            size = largest(dz)
-            if size <= 4e-16 * largest(z):
+            size, rounding = largest(dz), BELOW_ROUNDING * largest(z)
+            if size <= 4 * rounding or is_last(size, last, rounding):
                 return z
             if size >= 0.5 * last and largest(r) <= 1e-13 * (1 + np.abs(rate).max() * largest(y)):
                 return z
@@ -282,11 +284,6 @@ class HessenbergChart(HessenbergStages):
         t, y, z = self.last
         g_y, f_z = self.system.g_y(t, y), self.system.f_z(t, y, z)
         return e - f_z @ np.linalg.solve(g_y @ f_z, g_y @ e)
-
-
-def largest(x: Array) -> float:
-    """Return max |x_i|, for (n,); nan if one is nan."""
-    return float(np.maximum.reduce(np.abs(x)))
 
 
 def jacobian(function: Function, u: Array) -> Array:

@@ -15,9 +15,10 @@ from scipy.linalg.lapack import dgesv
 
 from ..errors import InputError, StepError
 from ..system import Array
-from ..tolerances import ROUNDING, SEARCH_TOLERANCE
-from .hessenberg import Function, Hessenberg, HessenbergSystem, jacobian, largest
+from ..tolerances import BELOW_ROUNDING, ROUNDING, SEARCH_TOLERANCE
+from .hessenberg import Function, Hessenberg, HessenbergSystem, jacobian
 from .index_check import require_index_1
+from .newton import is_last, largest
 
 ITERATIONS = 30
 
@@ -101,7 +102,9 @@ class MixedSystem(HessenbergSystem):
             if info or not isfinite(size):
                 break
             u = u - du
-            if size <= ROUNDING * largest(u) or (last <= 2 * size and size <= SEARCH_TOLERANCE * (1 + largest(u))):
+            whole = largest(u)
+            stalls = last <= 2 * size and size <= SEARCH_TOLERANCE * (1 + whole)
+            if size <= ROUNDING * whole or is_last(size, last, BELOW_ROUNDING * whole) or stalls:
                 self._u, self._at = u, at
                 return u
             last = size

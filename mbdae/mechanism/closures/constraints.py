@@ -142,7 +142,17 @@ class Constraints:
 
     def value(self, t: float | None) -> tuple[Array, Array]:
         """Return g(t, q) (ng,), 0 for velocity rows, and G (ng, nv); without t, g of driven rows is nan."""
-        G, g = self.jacobian(), np.zeros(self.ng)
+        G = self.jacobian()
+        return self._residual(t), G
+
+    def residual(self, t: float | None) -> Array:
+        """Return g(t, q) alone, see `value`."""
+        for pair, _ in self.frame_rows.values():
+            pair.locate()
+        return self._residual(t)
+
+    def _residual(self, t: float | None) -> Array:
+        g = np.zeros(self.ng)
         for pair, rows in self.frame_rows.values():
             for s, r, _ in rows:
                 g[s] = r.residual(pair)
@@ -153,7 +163,7 @@ class Constraints:
         if len(self._periodic):
             g[self._periodic] -= self._periods * np.round(g[self._periodic] / self._periods)
         g[self._velocity_rows] = g[self.inactive] = 0.0
-        return g, G
+        return g
 
     def bias(self, v: Array) -> Array:
         """Return Gdot v, (ng,); velocities v (nv,), and accelerations for v' = 0, must be current in the workspace."""

@@ -9,14 +9,15 @@ derivatives of w: w' = Da V_a + Db V_b.
 Source: J. I. Neimark, N. A. Fufaev, Dynamics of Nonholonomic Systems (1972), chapter 3.
 """
 
-from copy import copy
 from typing import NamedTuple
 
 import numpy as np
 
 from ...system import Array
-from ..tree.frames import Pair, cross
+from ..tree.frames import Pair, cross, wrench_matrix
 from .rows import FrameRows
+
+AT_REST = np.zeros(6)
 
 
 class Lines(NamedTuple):
@@ -62,20 +63,18 @@ class LineRows(FrameRows):
         return np.concatenate([de, cross(dp, e) + cross(p, de) - self.lead * de])
 
     def partials(self, pair: Pair) -> tuple[Array, Array]:
-        Da, Db = np.empty((2, self.m, 6, 6))
-        moving, zero = at_rest(pair), np.zeros(6)
-        for i, unit in enumerate(np.eye(6)):
-            moving.Va, moving.Vb = unit, zero
-            Da[:, :, i] = self.rate(moving).T
-            moving.Va, moving.Vb = zero, unit
+        Db, w, moving = np.empty((self.m, 6, 6)), np.zeros((6, self.m)), at_rest(pair)
+        self.wrenches(pair, w)
+        for i, motion in enumerate(np.eye(6)):
+            moving.Vb = motion
             Db[:, :, i] = self.rate(moving).T
-        return Da, Db
+        return np.array([wrench_matrix(x) for x in w.T]) - Db, Db  # a common motion carries w along
 
 
 def at_rest(pair: Pair) -> Pair:
     """Return a pair with the same poses and zero velocities."""
-    out = copy(pair)
-    out.Va = out.Vb = np.zeros(6)
+    out = Pair.__new__(Pair)  # faster than a copy
+    vars(out).update(vars(pair), Va=AT_REST, Vb=AT_REST)
     return out
 
 

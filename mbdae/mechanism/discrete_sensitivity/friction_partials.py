@@ -7,9 +7,10 @@ tanh(x/w)/x, c = -mu r, is with psi = phi'/x, at constant lam of the rows in use
 
 Exact friction along one no-slip row has phi s = +-1 instead.
 
-Partials of S and |F| by q are sixth-order differences of these terms alone. |F| depends on q if rows are redundant:
-it is that of the minimum-norm multipliers. The partials by lam are included in L of
-`mbdae.mechanism.formulations.equation_partials`.
+Partials of S and |F| by q are sixth-order differences of these terms alone, by the coordinates that move the frames of
+an interface against each other: to move both together turns S, but not the friction. |F| depends on q if rows are
+redundant: it is that of the minimum-norm multipliers, and then all coordinates matter. The partials by lam are included
+in L of `mbdae.mechanism.formulations.equation_partials`.
 """
 
 from math import tanh
@@ -35,12 +36,13 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
     """
     jacobians, size = _terms(s, q, lam, rows)
     ends = np.cumsum([len(S) for S in jacobians]) * s.nv
+    into = np.eye(s.nv)[_relevant(s, rows)]
 
     def flat_terms(x: Array) -> Array:
-        changed, load = _terms(s, s.manifold.integrate(q, x), lam, rows)
+        changed, load = _terms(s, s.manifold.integrate(q, x @ into), lam, rows)
         return np.concatenate([*(S.ravel() for S in changed), load])
 
-    terms_by_q = numerical_jacobian(flat_terms, s.nv, WIDTH)
+    terms_by_q = numerical_jacobian(flat_terms, len(into), WIDTH) @ into
     by_q, by_v = np.zeros((s.nv, s.nv)), np.zeros((s.nv, s.nv))
     by_load, total = np.zeros((s.nv, len(size))), np.zeros(s.nv)
     for k, (S, interface) in enumerate(zip(jacobians, _active_interfaces(s), strict=True)):
@@ -77,6 +79,15 @@ def _terms(s: "Index2System", q: Array, lam: Array, rows: Array) -> tuple[list[A
     s.constraints.update_wrenches(friction.interfaces[k].closure.name for k in active)
     load = friction.normal_forces(friction.minimum_norm_map(rows) @ lam)[0]
     return [friction.interfaces[k].sliding_jacobian(W) for k in active], load[active]
+
+
+def _relevant(s: "Index2System", rows: Array) -> Array:
+    """Return a mask of the coordinates on which the friction depends, (nv,)."""
+    if len(rows) < s.ng - len(s.constraints.inactive):
+        return np.ones(s.nv, bool)
+    friction = s.closure_friction
+    pairs = [friction.interfaces[k].pair for k in np.flatnonzero(friction.active)]
+    return np.any([pair.columns if pair.nodes else pair.sign != 0 for pair in pairs], axis=0)
 
 
 class _ActiveInterface(NamedTuple):

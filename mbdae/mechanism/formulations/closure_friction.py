@@ -77,7 +77,7 @@ class ClosureFriction:
         self.slip_directions[:] = [1.0, 0.0]
 
     def __bool__(self) -> bool:
-        return bool(self.active.any())
+        return bool(self.interfaces) and bool(self.active.any())
 
     @property
     def can_stick(self) -> bool:

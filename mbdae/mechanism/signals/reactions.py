@@ -167,7 +167,7 @@ def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
 def mass_scaled_jacobian(system: "Index2System", t: float, q: Array) -> Array:
     """Return G M^-1/2 over all rows, (ng, nv)."""
     U = np.triu(system.inertia(t, q))
-    return np.linalg.solve(U.T, system.closures()[1].T).T
+    return np.linalg.solve(U.T, system.jacobian().T).T
 
 
 def rank(G: Array) -> int:
@@ -177,7 +177,7 @@ def rank(G: Array) -> int:
 
 def multiplier_null_space(system: "Index2System", t: float, q: Array) -> Array:
     """Return the null space of G^T: N (ng, ng - r) with G^T N = 0 and N^T N = 1, r the rank in use."""
-    U, G = system.inertia(t, q), system.closures()[1]
+    U, G = system.inertia(t, q), system.jacobian()
     r = len(system.choose_rows(t, U, G))
     return np.linalg.svd(G)[0][:, r:]
 

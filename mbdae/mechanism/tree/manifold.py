@@ -12,11 +12,11 @@ two points (cos, sin) of a circle: it treats them as equal if rounding gives a c
 """
 
 from collections.abc import Callable
+from fractions import Fraction
 from math import atan2, cos, sin
 
 import numpy as np
 import pinocchio as pin
-from scipy.special import zeta
 
 from ...errors import StepError
 from ...tolerances import BELOW_ROUNDING, ROUNDING
@@ -24,8 +24,17 @@ from .frames import skew
 
 TERMS = 40
 MAX_ROTATION = 3.0  # rad within one step: below pi, so that both ends of a step determine it
-SERIES = [-2 * (-1) ** k * float(zeta(2 * k)) / (2 * np.pi) ** (2 * k) for k in range(1, TERMS)]  # B_2k/(2k)!
 
+
+def _series() -> list[float]:
+    """Return b_k = B_2k/(2k)! for k = 1, 2, ..., by Euler's (2k + 1) b_k = -(b_1 b_k-1 + ... + b_k-1 b_1)."""
+    b = [Fraction(1, 12)]
+    for k in range(2, TERMS):
+        b.append(sum((x * y for x, y in zip(b, reversed(b), strict=True)), Fraction(0)) / -(2 * k + 1))
+    return [float(x) for x in b]
+
+
+SERIES = _series()
 Ad = Callable[[np.ndarray], np.ndarray]
 
 

@@ -20,12 +20,10 @@ LONGEST = 20.0  # expected durations, within which a run must return to its sect
 
 
 @dataclass(frozen=True)
-class FlowEnd:
-    """The end of a part of a period.
+class FlowTangent:
+    """The tangent of a part of a period.
 
     Attributes:
-        sol: the run.
-        y: its end (n,).
         fixed: tangent of the end at a fixed time, (ny, m).
         dt: tangent of the time of the section, (m,); zeros for a fixed duration.
         rate: y' there, in the tangent, (ny,).
@@ -34,8 +32,6 @@ class FlowEnd:
         energy: gradient of the energy at the first node, (ny,).
     """
 
-    sol: Solution
-    y: Array
     fixed: Array
     dt: Array
     rate: Array
@@ -85,8 +81,8 @@ class Flow:
             )
         return sol
 
-    def end(self, sol: Solution, dy: Array, section: str | None) -> FlowEnd:
-        """Return the end of a run and its tangent for variations dy (ny, m) of the start; the last k are parameters'.
+    def tangent(self, sol: Solution, dy: Array, section: str | None) -> FlowTangent:
+        """Return the tangent of a run for variations dy (ny, m) of the start; the last k are parameters'.
 
         Raises:
             InputError: for runs without derivatives.
@@ -101,7 +97,7 @@ class Flow:
         rate = trace.system.derivative(float(sol.t[-1]), sol.y[-1])[0]
         dt, energy = found.dt[-1], trace.sensitivity.energy(*trace.system.split(y)).sum(axis=0)[: len(dy)]
         fixed = found.dy[-1] - np.outer(rate, dt)
-        return FlowEnd(sol, sol.y[-1], fixed, dt, rate, first_rate, found.dy[0], energy)
+        return FlowTangent(fixed, dt, rate, first_rate, found.dy[0], energy)
 
 
 def _cause(sol: Solution) -> str:

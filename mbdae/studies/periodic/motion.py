@@ -16,9 +16,8 @@ def motion_of(found: Linearisation) -> PeriodicMotion:
     cycle, at, mech = found.cycle, found.at, found.flow.mechanism
     q, v, s, _ = np.split(at.nodes[0], np.cumsum([mech.nq, mech.nv, len(mech.states)]))
     multipliers, neutral = floquet(found)
-    T = float(found.ends[-1].sol.t[-1]) - cycle.t
+    T, runs = float(found.runs[-1].t[-1]) - cycle.t, tuple(found.runs)
     advances = {x.name: float(-sigma) for x, sigma in zip(cycle.symmetries, at.sigma, strict=True)}
-    runs = tuple(end.sol for end in found.ends)
     shifted = [(name, mech.model.joints[mech.model.getJointId(name)]) for name in mech.joint_names]
     shifts = {name: float(at.shifts[j.idx_v]) for name, j in shifted if j.nv == 1 and at.shifts[j.idx_v]}
     return PeriodicMotion(mech, T, cycle.t, q, v, s, multipliers, neutral, advances, shifts, found.size, runs, found)

@@ -63,8 +63,8 @@ def conservative(here: Linearisation) -> bool:
     """Return whether the equations do not depend on time and no force takes or adds energy."""
     if not here.cycle.free or here.flow.mechanism.resets:  # whose work may vanish at a solution
         return False
-    works = max(float(np.ptp(end.sol.y[:, -1])) for end in here.ends)
-    kinetic = max(here.system.energy(*here.system.split(y))[0] for end in here.ends for y in end.sol.y)
+    works = max(float(np.ptp(run.y[:, -1])) for run in here.runs)
+    kinetic = max(here.system.energy(*here.system.split(y))[0] for run in here.runs for y in run.y)
     return works <= SOLUTION_ROUNDING * kinetic
 
 
@@ -81,7 +81,7 @@ def require_motion(here: Linearisation) -> None:
             " further from it, or give a section"
         )
     mech, s = here.flow.mechanism, here.system
-    nodes, ends = [*here.at.nodes[1:], here.at.nodes[0]], [*(end.y for end in here.ends[:-1]), here.closing[0]]
+    nodes, ends = [*here.at.nodes[1:], here.at.nodes[0]], [*(run.y[-1] for run in here.runs[:-1]), here.closing[0]]
     moved = [mech.manifold.difference(s.split(a)[0], s.split(b)[0]) for a, b in zip(nodes, ends, strict=True)]
     if np.abs(np.array(moved) / mech.coordinate_scales).max() > VISIBLE:
         raise InputError(
@@ -95,7 +95,7 @@ def _shortened(here: Linearisation, step: Array, trials: int) -> Linearisation |
     for _ in range(trials):
         with suppress(MbdaeError):
             there = Linearisation(here.system, here.flow, here.cycle, here.moved(step))
-            if there.size < here.size:
+            if there.size < here.size and there.tangents:  # a point without derivatives leads no further
                 return there
         step = step / 2
     return None

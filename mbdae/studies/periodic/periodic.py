@@ -145,7 +145,7 @@ def require_second_period(found: Linearisation) -> None:
     P, mech = found.cycle.exchange, found.flow.mechanism
     if not P:
         return
-    middle = found.ends[-1].sol
+    middle = found.runs[-1]
     t = float(middle.t[-1])
     again = found.flow.run(t, middle.y[-1], t - found.cycle.t, None)
     q0, q1, q2 = found.at.nodes[0][: mech.nq], middle.q[-1], again.q[-1]

@@ -23,7 +23,7 @@ from ...mechanism.formulations.index2 import Index2System
 from ...system import Array
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
 from .exchange import Exchange
-from .flow import Flow, FlowEnd, require_same_rows
+from .flow import Flow, FlowTangent, require_same_rows
 
 MAX_REFINEMENTS = 12
 HALVED_STEPS = 2**6  # change of rtol, for methods of order 6
@@ -88,22 +88,37 @@ class Linearisation:
         last = at.T - at.T * (k - 1) / k
         self.durations = [at.T / k] * (k - 1) + [last]
         self.times = [cycle.t + sum(self.durations[:i]) for i in range(k)]
-        sections = [*[None] * (k - 1), cycle.section]
-        runs = list(map(flow.run, self.times, at.nodes, self.durations, sections))
-        for run, following in zip(runs, [*runs[1:], runs[0]], strict=True):
+        self.runs = list(map(flow.run, self.times, at.nodes, self.durations, self._sections))
+        for run, following in zip(self.runs, [*self.runs[1:], self.runs[0]], strict=True):
             require_same_rows(run, following)
-        self.modes = tuple(run.mode(0) for run in runs)
+        self.modes = tuple(run.mode(0) for run in self.runs)
         self.charts = [LocalCoordinates(*args) for args in zip(self._workspaces(), self.times, at.nodes, strict=True)]
         self.n = self.charts[0].n
         if any(chart.n != self.n for chart in self.charts):
             raise InputError("degrees of freedom differ between the parts of the period: give parts=1")
-        self.lifts, self.ends = [], list[FlowEnd]()
-        for run, chart, t, section in zip(runs, self.charts, self.times, sections, strict=True):
+
+    @property
+    def _sections(self) -> list[str | None]:
+        return [*[None] * (self.cycle.parts - 1), self.cycle.section]
+
+    @cached_property
+    def lifts(self) -> list[Array]:
+        """Maps from variations of the coordinates of each node to those of its state, (ny, n) each."""
+        out = []
+        for chart, t in zip(self.charts, self.times, strict=True):
             found = chart.partials(t, chart.x0)
-            lift = np.vstack([found.dq, found.dv, found.ds, np.zeros((1, self.n + 1))])[:, : self.n]
-            self.lifts.append(lift)
-            dy = np.hstack([lift, np.zeros((len(lift), self.p))])
-            self.ends.append(flow.end(run, dy, section))
+            out.append(np.vstack([found.dq, found.dv, found.ds, np.zeros((1, self.n + 1))])[:, : self.n])
+        return out
+
+    @cached_property
+    def tangents(self) -> list[FlowTangent]:
+        """Tangents of the parts, which take longer than their runs.
+
+        Raises:
+            InputError: for runs without derivatives.
+        """
+        varied = [np.hstack([lift, np.zeros((len(lift), self.p))]) for lift in self.lifts]
+        return list(map(self.flow.tangent, self.runs, varied, self._sections))
 
     def _workspaces(self) -> list[Index2System]:
         """Return a workspace for each part in the mode in which it begins."""
@@ -115,7 +130,7 @@ class Linearisation:
     @cached_property
     def closing(self) -> tuple[Array, Array, Array]:
         """The end of the last part after P, S and g(sigma): y (n,), tangent map (ny, ny), directions w (ny, m)."""
-        s, y = self.system, self.ends[-1].y.copy()
+        s, y = self.system, self.runs[-1].y[-1].copy()
         q, nq, nv = self.cycle.exchange.moved(s.split(y)[0]), s.nq, s.nv
         q = s.manifold.integrate(q, -self.at.shifts) if self.at.shifts.any() else q
         D = self.cycle.exchange.of_v
@@ -147,25 +162,25 @@ class Linearisation:
     def residual(self) -> Array:
         """Distance of the end of each part from the next node, in coordinates there, (k n,)."""
         charts = [*self.charts[1:], self.charts[0]]
-        ends = [*(end.y for end in self.ends[:-1]), self.closing[0]]
+        ends = [*(run.y[-1] for run in self.runs[:-1]), self.closing[0]]
         return np.concatenate([chart.coordinates_of(y) - chart.x0 for chart, y in zip(charts, ends, strict=True)])
 
     def _into_next(self, i: int, dy: Array) -> Array:
         """Return tangents at the end of part i in coordinates of the next node, (n, m)."""
         k = self.cycle.parts
         if i < k - 1:
-            return self.charts[i + 1].coordinate_tangents(self.ends[i].y, dy)
+            return self.charts[i + 1].coordinate_tangents(self.runs[i].y[-1], dy)
         y, whole, _ = self.closing
         return self.charts[0].coordinate_tangents(y, whole @ dy)
 
     @cached_property
     def factors(self) -> list[Array]:
         """Tangents over each part at fixed times, (n, n): their product is the monodromy matrix."""
-        return [self._into_next(i, end.fixed[:, : self.n]) for i, end in enumerate(self.ends)]
+        return [self._into_next(i, end.fixed[:, : self.n]) for i, end in enumerate(self.tangents)]
 
     def flow_direction(self, i: int) -> Array:
         """Return y' at node i in its coordinates, (n,)."""
-        return self.charts[i].coordinate_tangents(self.at.nodes[i], self.ends[i].first_rate[:, None])[:, 0]
+        return self.charts[i].coordinate_tangents(self.at.nodes[i], self.tangents[i].first_rate[:, None])[:, 0]
 
     def symmetry_directions(self, i: int) -> Array:
         """Return the directions of the symmetries at node i in its coordinates, (n, m)."""
@@ -179,7 +194,7 @@ class Linearisation:
 
     def energy_gradient(self, i: int) -> Array:
         """Return the derivatives of the energy at node i by its coordinates, (n,)."""
-        return self.ends[i].energy @ self.lifts[i]
+        return self.tangents[i].energy @ self.lifts[i]
 
     @cached_property
     def matrix(self) -> Array:
@@ -187,7 +202,7 @@ class Linearisation:
         n, k, m = self.n, self.cycle.parts, len(self.cycle.symmetries)
         period = int(self.cycle.unknown_period)
         A = np.zeros((n * k, n * k + period + m + self.p))
-        for i, end in enumerate(self.ends):
+        for i, end in enumerate(self.tangents):
             rows, following = slice(i * n, (i + 1) * n), (i + 1) % k
             whole = self._into_next(i, end.moving)
             A[rows, i * n : (i + 1) * n] += whole[:, :n]
@@ -196,7 +211,7 @@ class Linearisation:
                 A[rows, n * k] = self._into_next(i, end.rate[:, None])[:, 0] / k
             if self.p:
                 nodes = self.charts[following].coordinate_tangents(
-                    self.at.nodes[following], self.ends[following].start[:, n:]
+                    self.at.nodes[following], self.tangents[following].start[:, n:]
                 )
                 A[rows, n * k + period + m :] = whole[:, n:] - nodes
         y, _, w = self.closing
@@ -230,7 +245,7 @@ class Linearisation:
     @cached_property
     def longest_step(self) -> float:
         """Longest step of the runs in s."""
-        return max(float(np.diff(end.sol.nodes[0]).max()) for end in self.ends)
+        return max(float(np.diff(run.nodes[0]).max()) for run in self.runs)
 
     def refined(self) -> "Linearisation":
         """Return the equations with steps that resolve the tangents of the motion, not only the motion.

@@ -202,7 +202,7 @@ class Continuation:
             return None
         if residual(here) > ITERATION_ROUNDING:
             return None
-        found = self.tangent(u, self.balance(here.q, here.s, u), at)
+        found = self.tangent(u, self.balance(here.q, here.s, u) if len(here.s) else here, at)  # s of integrators
         before, after = (np.append(p.dq / self.l, p.du) for p in (at, found))
         return found if before @ after >= MIN_COSINE * np.linalg.norm(before) * np.linalg.norm(after) else None
 

@@ -143,8 +143,8 @@ def _invalid_values(value: object, path: str = "") -> Iterator[str]:
     """Yield the keys of numbers whose products would overflow, and of texts with control characters."""
     if isinstance(value, dict | list | tuple):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
-            if printable(str(key)) != str(key):
-                yield str(key)
+            if isinstance(key, str) and printable(key) != key:
+                yield key
             yield from _invalid_values(inner, f"{path}.{key}" if path else str(key))
     elif isinstance(value, str):
         if printable(value) != value:

@@ -62,7 +62,7 @@ class ImplicitStages:
         s, nv = self.system, self.system.nv
         q, v = s.manifold.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
         update_poses(s.model, s.workspace, q)
-        G = s.closures()[1][self.rows]
+        G = s.jacobian()[self.rows]
         tau, rates = s.torque(t, q, v, self.s + x[2 * nv : -1])
         if s.closure_friction:
             e, speed, factor = s.closure_friction.slip_terms(v)
@@ -94,7 +94,7 @@ class ImplicitStages:
         """
         s, nv, y = self.system, self.system.nv, self.system.add(self.y, x)
         q, _ = s.split(y)
-        U, G = s.inertia(t, q), s.closures()[1]
+        U, G = s.inertia(t, q), s.jacobian()
         s._last_q, s._last = q, (U, G)
         if dx is None:
             s.manifold.require_small_rotations(x[:nv])

@@ -78,7 +78,7 @@ def update_independent_rows(system: "Index2System", t: float, state: State) -> S
             G = system.jacobian(q)
         rate = G @ v + system.g_t(t)
     mech = system.mechanism
-    system.largest_g = max(system.largest_g, float(np.abs(system.constraints.value(t)[0] / mech.row_scales).max()))
+    system.largest_g = max(system.largest_g, float(np.abs(system.constraints.residual(t) / mech.row_scales).max()))
     system.largest_rate = max(system.largest_rate, float(np.abs(rate / mech.row_scales).max()))
     system.largest_speed = max(system.largest_speed, float(np.abs(v / mech.coordinate_scales).max()))
     return state

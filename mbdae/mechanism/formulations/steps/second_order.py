@@ -63,7 +63,7 @@ class SecondOrderStep:
         t, full, lam = self.t + self.h, self.displacement(du, z), z[:r]
         x = full[:nv]
         left, rate = self.chart.residual(t, full, np.concatenate([du[:nv], du]), lam)
-        g = s.constraints.value(t)[0][self.rows]
+        g = s.constraints.residual(t)[self.rows]
         p = s.partials(t, s.manifold.integrate(self.chart.q, x), self.y[s.nq :] + full[nv:], du[:nv], lam, self.rows)
         V = s.manifold.velocity(x, np.eye(nv))
         KV, BV, GV = p.K @ V, p.B @ V, p.G @ V

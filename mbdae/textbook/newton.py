@@ -1,0 +1,15 @@
+"""Ends of Newton's iterations of a few unknowns."""
+
+import numpy as np
+
+from ..system import Array
+
+
+def largest(x: Array) -> float:
+    """Return max |x_i|, for (n,); nan if one is nan."""
+    return float(np.maximum.reduce(np.abs(x)))
+
+
+def is_last(size: float, last: float, limit: float) -> bool:
+    """Return whether the next change of Newton's iteration, (size / last)^2 size after these two, is below a limit."""
+    return last < np.inf and size**3 <= limit * last**2
