@@ -9,7 +9,7 @@ from .motion_tangent import MotionTangent
 
 
 def wrench_cross(a: Array, F: Array) -> Array:
-    """Return the products a x* F of motions and wrenches, column by column, (6, m)."""
+    """Return the dual cross products a x* F of motions a and wrenches F, column by column, (6, m)."""
     (v, w), (f, n) = (a[:3].T, a[3:].T), (F[:3].T, F[3:].T)
     return np.concatenate([np.cross(w, f).T, (np.cross(w, n) + np.cross(v, f)).T])
 
@@ -22,7 +22,7 @@ def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     Xa, Xb = motion.pair(pair)
     F, dF = np.zeros(6), np.zeros_like(Xa)
     for at, row, w in rows:
-        row.wrenches(pair, w)
+        row.wrenches(pair, w)  # writes w
         lam = motion.lam[at]
         Da, Db = (np.tensordot(lam, D, 1) for D in row.partials(pair))
         F += w.dot(lam)
@@ -42,28 +42,29 @@ def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     return F, dF
 
 
-def law_wrench(motion: MotionTangent, law: PairElement, number: int) -> tuple[Array, Array]:
+def law_wrench(motion: MotionTangent, law: PairElement, index: int) -> tuple[Array, Array]:
     """Return the wrench of a force on its second frame, at the world's origin, (6,), and its derivatives (6, m).
 
     Args:
-        motion: the motion.
+        motion: the motion, with its tangent.
         law: a law between two frames.
-        number: index of the law.
+        index: of the law.
     """
     law.pair.locate()
     Xa, Xb = motion.pair(law.pair)
     V, dV = motion.relative(law.pair)
-    dF = np.outer(law.wrench_time_rate(motion.t) + np.zeros(6), motion.d.t)
-    for part in (parts := law.wrench_partials(motion.t, V)):
-        dF += part.Da.dot(Xa) + part.Db.dot(Xb) + part.C.dot(dV)
-    for i, perturbed in motion.perturbed_laws(number):
+    dF = np.outer(law.wrench_time_rate(motion.t) + np.zeros(6), motion.d.t)  # the rate may be the number 0
+    terms = law.wrench_partials(motion.t, V)
+    for term in terms:
+        dF += term.Da.dot(Xa) + term.Db.dot(Xb) + term.C.dot(dV)
+    for i, perturbed in motion.perturbed_laws(index):
         found = {}
         for k, other in perturbed.items():
             other.pair.locate()  # type: ignore[attr-defined]
             found[k] = _sum(other.wrench_partials(motion.t, V))  # type: ignore[attr-defined]
         dF += np.outer(motion.parameters.all[i].quotient(found), motion.d.p[i])
-    return _sum(parts), dF
+    return _sum(terms), dF
 
 
-def _sum(parts: tuple[WrenchPartials, ...]) -> Array:
-    return np.sum([part.F for part in parts], axis=0)
+def _sum(terms: tuple[WrenchPartials, ...]) -> Array:
+    return np.sum([term.F for term in terms], axis=0)
