@@ -47,8 +47,7 @@ def frame_index(model: pin.Model, name: str) -> int:
     if name == WORLD:
         return 0
     links = [model.getFrameId(name, kind) for kind in LINKS if model.existFrame(name, kind)]
-    others = [model.getFrameId(name, kind) for kind in KINDS if not links and model.existFrame(name, kind)]
-    indices = links or [i for i in others if i]
+    indices = links or [i for kind in KINDS if model.existFrame(name, kind) and (i := model.getFrameId(name, kind))]
     if not indices:
         raise UnknownNameError("frame", name, frame_names(model))
     return min(indices)

@@ -165,7 +165,7 @@ class Constraints {
   void value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g = nullptr);
   // The same into G (ng, nv), which is zero outside the columns of rows; an empty one is allocated.
   void dense_value(const Mechanics& m, const double* q, const std::vector<int>& which, Numbers& G, double* g = nullptr);
-  void expand(int row, const double* entries, double* out) const {  // entries of G or alike, into their columns of (nv,)
+  void expand(int row, const double* entries, double* out) const {  // entries of G or Z, into their columns of (nv,)
     const double* entry = entries + start[row];
     for (int c : rows[row].columns) out[c] = *entry++;
   }
