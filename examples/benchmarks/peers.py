@@ -192,7 +192,7 @@ def with_exudyn(problem: Problem, sparse: bool = False) -> Runner | None:
         mbs, sensors = plane(exu, problem)
         s = settings(exu, problem.end, step)
         if sparse:
-            s.linearSolverType = exu.LinearSolverType.EigenSparse
+            s.linearSolver.solverType = exu.LinearSolverType.EigenSparse
         s.solution.sensors.writePeriod = problem.end / SAMPLES
         started = perf_counter()
         mbs.SolveDynamic(s)
