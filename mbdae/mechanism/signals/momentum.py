@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from ...system import Array
 from ..tree.pinocchio_data import make_data
-from ..tree.tree_terms import bound_bodies, require_rigid, update_motions
+from ..tree.tree_terms import bound_bodies, require_rigid, update_inertia, update_motions
 
 MOMENTUM = {f"{word}.{x}": unit
             for word, unit in (("com", "m"), ("momentum", "kg m/s"), ("angular_momentum", "kg m^2/s"))
@@ -77,13 +77,14 @@ def momenta(model: pin.Model, q: Array, v: Array, a: Array) -> Momenta:
         a: accelerations, (n, nv).
     """
     require_rigid(model, "momenta")
-    data, out = make_data(model), Momenta(*np.empty((4, len(q), 6 + model.nv)))
+    data = make_data(model, complete=True)  # for computeCoriolisMatrix
+    out = Momenta(*np.empty((4, len(q), 6 + model.nv)))
     for i, (qi, vi, ai) in enumerate(zip(q, v, a, strict=True)):
         pin.forwardKinematics(model, data, qi, vi, ai)
         h, dh = _momenta_of_bodies(model, data, qi, vi), _inertia_wrenches(model, data, qi, vi, ai)
         C = pin.computeCoriolisMatrix(model, data, qi, vi)
         dM = C + C.T
-        M = pin.crba(model, data, qi)
+        M = update_inertia(model, data, qi)
         M = np.triu(M) + np.triu(M, 1).T
         out.value[i] = [*h.sum(axis=0), *(M @ vi)]
         out.size[i] = [*np.abs(h).sum(axis=0), *(np.abs(M) @ np.abs(vi))]
