@@ -31,7 +31,7 @@ def test_momenta_of_a_body_are_those_of_the_closed_form(tmp_path):
     assert np.allclose(found.value[0, 6:], [*c, *(MOMENTS[:3] * w)])
 
 
-@pytest.mark.parametrize("model", ["four_bar", "heavy_top", "dual_arm"])
+@pytest.mark.parametrize("model", ["four_bar", "heavy_top", "dual_arm", "n_four_bar?N=26"])  # nv = 53: more than 50
 def test_rates_are_those_of_difference_quotients(model):
     mech, h = mbdae.load(model), 1e-4
     sol = mbdae.solve(mech, (0, 8 * h), method="pherk6", step=h)
