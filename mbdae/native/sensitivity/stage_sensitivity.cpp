@@ -42,21 +42,16 @@ void StageSensitivity::satisfy_rows(const Numbers& seen, bool transposed, const 
   const std::vector<int>& position = s_.rows.position();
   nu.assign(target_.size(), 0.0), residual_.resize(target_.size());
   for (int pass = 0; pass < 2; ++pass) {
-    for (int k : s_.rows.in_use()) {
-      const double* Z = &seen[static_cast<size_t>(k) * s_.nv];
-      double& miss = residual_[position[k]] = target_[position[k]];
-      for (int c : s_.constraints.rows[k].columns) miss -= Z[c] * above[c];
-    }
+    for (int k : s_.rows.in_use())
+      residual_[position[k]] = target_[position[k]] - s_.constraints.times(k, seen, above.data());
     if (transposed) {
       lu.solve_transposed(residual_.data());
     } else {
       lu.solve(residual_.data());
     }
     for (int k : s_.rows.in_use()) {
-      const double* Z = &moved[static_cast<size_t>(k) * s_.nv];
-      const double by = residual_[position[k]];
-      for (int c : s_.constraints.rows[k].columns) above[c] += Z[c] * by;
-      nu[position[k]] += by;
+      s_.constraints.add(k, moved, residual_[position[k]], above.data());
+      nu[position[k]] += residual_[position[k]];
     }
   }
 }
