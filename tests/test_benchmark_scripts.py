@@ -198,7 +198,7 @@ def test_growth_of_default_runs(script, capsys):
     measured = script("growth").main(["--brief"])
     assert [list(m) for m in measured.values()] == [[10, 30], [10, 30]]
     assert min(x["start"] for m in measured.values() for x in m.values()) > 0
-    assert "| exponent |" in capsys.readouterr().out
+    assert "| exponent from 10 |" in capsys.readouterr().out
 
 
 def test_simulator_is_measured(script, capsys):

@@ -1,25 +1,46 @@
-"""Growth of the cost of default runs with the mechanism: assembly, start and projected steps of N four-bars in a row.
+"""Growth of default runs with the mechanism: time and peak memory of N four-bars in a row.
 
 In the unequal row the pivots are displaced alternately by 5 cm: no symmetry keeps the loops closed, and every step
-projects. The start is a run over 1e-7 s; a step is the longer run without the start, over its steps.
+projects. The start is a run over 1e-7 s; a step is the longer run without the start, over its steps. Times are those of
+the processor. Each case runs in a new process, whose peak memory is above that after a run of one four-bar.
+
+The second table has the longest unequal row from rest over 1 s, beside MuJoCo (RK4) and Exudyn (sparse solver); errors
+of all angles are against `pherk6` with rtol 1e-10.
 
 Run: python examples/benchmarks/growth.py [--brief]
 """
 
-from collections.abc import Sequence
+import resource
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from math import pi
-from time import perf_counter
+from multiprocessing import get_context
+from time import process_time
+from typing import TypeVar
 
+import numpy as np
 from common import brief, digits, machine, table
+from peers import with_exudyn, with_mbdae, with_mujoco
+from planar import Problem
+from problems import rod
+from runs import Array, Run
 from scaling import exponent
 
 import mbdae
 
+R = TypeVar("R")
 SIZES = (10, 30, 100, 300, 1000)
 OFFSET = 0.05  # m
 END = 0.2  # s: before the first singular configuration
-REPEATS = 3  # the shortest counts
-PARTS = ("assembly", "start", "step")
+REPEATS, LEAST = 3, 0.3  # at least this many runs and seconds, the shortest of which counts
+TIMES = ("model", "assembly", "start", "step")
+PARTS = (*TIMES, "memory")
+LENGTH = 1.0  # s, of the run beside other programs
+STEPS = {"MuJoCo RK4": (2e-3, 1e-3), "Exudyn, sparse": (2e-3, 1e-3)}  # s
+TOLERANCES = (1e-4, 1e-6)
+REFERENCE = 1e-10  # rtol
 
 
 def unequal(N: int) -> mbdae.Mechanism:
@@ -31,35 +52,119 @@ def unequal(N: int) -> mbdae.Mechanism:
     return mbdae.Mechanism(model, equal.closures, title=f"Row of unequal four-bars, N = {N}")
 
 
-def seconds(mech: mbdae.Mechanism, N: int) -> dict[str, float]:
-    """Seconds of assembly, start and step."""
+def equal(N: int) -> mbdae.Mechanism:
+    """Return a row of parallelograms."""
+    return mbdae.load("n_four_bar", N=N)
+
+
+ROWS = {"equal": equal, "unequal": unequal}
+
+
+def assembled(mech: mbdae.Mechanism, N: int) -> tuple[Array, Array]:
+    """Return the upright row."""
     guess = {f"crank_{i}": pi / 2 for i in range(1, N + 1)} | {f"coupler_{i}": -pi / 2 for i in range(1, N + 1)}
-    begun = perf_counter()
-    q, v = mech.assemble(q={"crank_0": pi / 2}, v={"crank_0": -1.0}, guess=guess)
-    found = {"assembly": perf_counter() - begun}
+    return mech.assemble(q={"crank_0": pi / 2}, v={"crank_0": -1.0}, guess=guess)
+
+
+def seconds(row: str, N: int) -> dict[str, float]:
+    """Seconds of the processor for the model, its assembly, start and step."""
+    begun = process_time()
+    mech = ROWS[row](N)
+    found = {"model": process_time() - begun}
+    begun = process_time()
+    q, v = assembled(mech, N)
+    found["assembly"] = process_time() - begun
     for name, end in (("start", 1e-7), ("run", END)):
-        times = []
-        for _ in range(REPEATS):
-            begun = perf_counter()
+        times: list[float] = []
+        while len(times) < REPEATS or sum(times) < LEAST:
+            begun = process_time()
             sol = mbdae.solve(mech, (0, end), q, v)
-            times.append(perf_counter() - begun)
+            times.append(process_time() - begun)
             if not sol.success:
                 raise RuntimeError(f"N = {N}: {sol.message}")
         found[name] = min(times)
     return found | {"step": max(0.0, found["run"] - found["start"]) / (sol.stats["steps"] - 1)}
 
 
+def peak() -> float:
+    """Largest resident memory of this process in bytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+
+def with_memory(measure: Callable[[], R]) -> tuple[R, float]:
+    """Return what is measured, and the bytes by which it raises the peak after a run of one four-bar."""
+    mech = equal(1)
+    mbdae.solve(mech, (0, 1e-3), *assembled(mech, 1))
+    before = peak()
+    return measure(), peak() - before
+
+
+def in_process(measure: Callable[[], R]) -> tuple[R, float]:
+    """`with_memory` in a new process."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
+        return process.submit(with_memory, measure).result()
+
+
+def problem(N: int, end: float) -> Problem:
+    """Return the unequal row from rest."""
+    mech = unequal(N)
+    start = dict(zip(mech.joint_names, assembled(mech, N)[0], strict=True))
+    model = mech.model
+    pivots = [complex(model.jointPlacements[model.getJointId(f"crank_{i}")].translation[0]) for i in range(N + 1)]
+    cranks = [rod(n := f"crank_{i}", None, pivots[i], 1.0, 1.0, float(start[n])) for i in range(N + 1)]
+    couplers = [rod(n := f"coupler_{i}", f"crank_{i - 1}", 1 + 0j, 1.0, 1.0, float(start[n])) for i in range(1, N + 1)]
+    pins = tuple((f"coupler_{i}", 1 + 0j, f"crank_{i}", 1 + 0j) for i in range(1, N + 1))
+    return Problem("row", end, lambda: mech, (*cranks, *couplers), lambda: np.empty(0), pins)
+
+
+def one_run(name: str, N: int, end: float, value: float) -> Run | None:
+    """Run one program at a tolerance or step."""
+    row = problem(N, end)
+    if name == "mbdae":
+        run = with_mbdae(row, "pherk6", project=True)
+    else:
+        run = with_mujoco(row) if name.startswith("MuJoCo") else with_exudyn(row, sparse=True)
+    return run and run(value)
+
+
+def beside(N: int, end: float, short: bool) -> list[list[str]]:
+    """Rows of the second table: seconds, largest error in rad, |g| in m, and peak memory in MB."""
+    measured, out = with_memory if short else in_process, []
+    # Also in a new process: each begins with the peak of its parent.
+    reference, _ = measured(partial(one_run, "mbdae", N, end, REFERENCE))
+    assert reference is not None
+    for name, values in ({"mbdae": TOLERANCES} | STEPS).items():
+        for value in values[:1] if short else values:
+            run, memory = measured(partial(one_run, name, N, end, value))
+            setting = f"rtol {value:.0e}" if name == "mbdae" else f"step {value:.0e} s"
+            if run is None:
+                out.append([f"{name}, {setting}", *("-" * 4)])
+                continue
+            error = f"{np.abs(run.end - reference.end).max():.1e}"
+            out.append([f"{name}, {setting}", digits(run.seconds), error, f"{run.g:.0e}", digits(memory / 1e6)])
+    return out
+
+
 def main(argv: Sequence[str] | None = None) -> dict[str, dict[int, dict[str, float]]]:
-    """Print the table and return seconds by row, N and part."""
-    sizes = SIZES[:2] if brief(argv, __doc__) else SIZES
-    rows = {"equal": lambda N: mbdae.load("n_four_bar", N=N), "unequal": unequal}
-    measured = {name: {N: seconds(make(N), N) for N in sizes} for name, make in rows.items()}
-    print(machine() + "\n")
-    header = ["N, ms", *(f"{part}, {name}" for name in rows for part in PARTS)]
-    lines = [[str(N), *(digits(1e3 * measured[r][N][p]) for r in rows for p in PARTS)] for N in sizes]
-    exponents = [exponent({N: t[p] for N, t in measured[r].items()}) for r in rows for p in PARTS]
-    lines.append(["exponent", *("-" if s is None else f"{s:.2f}" for s in exponents)])
-    print(table(header, lines))
+    """Print the tables and return seconds and bytes by row, N and part."""
+    short = brief(argv, __doc__)
+    sizes = SIZES[:2] if short else SIZES
+    measured: dict[str, dict[int, dict[str, float]]] = {name: {} for name in ROWS}
+    for name in ROWS:
+        for N in sizes:
+            times, memory = in_process(partial(seconds, name, N))
+            measured[name][N] = times | {"memory": memory}
+    print(machine("mujoco", "exudyn") + "\n")
+    for name, found in measured.items():
+        header = [f"N, {name} row", *(f"{part}, ms" for part in TIMES), "memory, MB"]
+        lines = [[str(N), *(digits((1e-6 if p == "memory" else 1e3) * x[p]) for p in PARTS)] for N, x in found.items()]
+        for least in (10, 100):
+            exponents = [exponent({N: x[p] for N, x in found.items() if least <= N}) for p in PARTS]
+            lines.append([f"exponent from {least}", *("-" if s is None else f"{s:.2f}" for s in exponents)])
+        print(table(header, lines) + "\n")
+    N, end = sizes[-1], 0.1 if short else LENGTH
+    header = [f"N = {N}, {end:g} s", "seconds", "error, rad", "largest \\|g\\|, m", "memory, MB"]
+    print(table(header, beside(N, end, short)))
     return measured
 
 

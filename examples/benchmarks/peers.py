@@ -181,7 +181,7 @@ def with_mujoco(problem: Problem) -> Runner | None:
     return run
 
 
-def with_exudyn(problem: Problem) -> Runner | None:
+def with_exudyn(problem: Problem, sparse: bool = False) -> Runner | None:
     """Generalised alpha of Exudyn as the trapezoidal rule on index 2; every hinge is a joint."""
     exu = installed("exudyn")
     if exu is None:
@@ -191,6 +191,8 @@ def with_exudyn(problem: Problem) -> Runner | None:
     def run(step: float) -> Run | None:
         mbs, sensors = plane(exu, problem)
         s = settings(exu, problem.end, step)
+        if sparse:
+            s.linearSolver.solverType = exu.LinearSolverType.EigenSparse
         s.solution.sensors.writePeriod = problem.end / SAMPLES
         started = perf_counter()
         mbs.SolveDynamic(s)

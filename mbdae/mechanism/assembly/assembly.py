@@ -18,7 +18,6 @@ from ..closures.independent_rows import MANY_ROWS
 from ..closures.preconditions import require_preconditions
 from ..model_settings import normalized
 from ..tree.frames import find_joint
-from ..tree.pinocchio_data import make_data
 from ..tree.tree_terms import missing_inertia, mode_joints, update_inertia
 from .position_search import assembly_error, close_position, sparse_least_squares
 
@@ -127,24 +126,19 @@ def close_velocity(system: "Index2System", q: Array, v: Array, fixed: Array, t: 
         InputError: if a massless body makes the mass metric singular.
     """
     mech, free = system.mechanism, np.delete(np.arange(system.nv), fixed)
-    G, g_t = system.closures(q)[1], system.g_t(t)
+    many = mech.ng > MANY_ROWS
+    G, g_t = system.sparse_closures(q, t)[1] if many else system.closures(q)[1], system.g_t(t)
     if not (G @ v + g_t).any():
         return v
-    M = _mass(mech, q)[np.ix_(free, free)]
-    U, info = dpotrf(M, lower=0)
-    if info:
-        joint = mech.coordinate_joint(int(free[abs(info) - 1]))
+    metric = _Metric(update_inertia(mech.model, system.workspace, q), free, many)
+    if (at := metric.singular()) is not None:
+        joint = mech.coordinate_joint(int(free[at]))
         raise InputError(f"the mass matrix is singular at joint {joint!r}: {missing_inertia(mech.model, joint)}")
     rows = mech.row_scales
     speeds = np.linalg.norm(v / mech.coordinate_scales) + np.linalg.norm(g_t / rows)
-    scaled = G[:, free] / rows[:, None]
     for _ in range(2):  # the second pass removes rounding
         v, rate = v.copy(), (G @ v + g_t) / rows
-        if len(rows) > MANY_ROWS:
-            v[free] -= sparse_least_squares(scaled, rate, 0.0, M)
-        else:
-            root = np.linalg.solve(U.T, scaled.T).T  # G M^{-1/2}
-            v[free] -= np.linalg.solve(U, np.linalg.lstsq(root, rate, rcond=TRUNCATION)[0])
+        v[free] -= metric.least_change(G[:, free], rows, rate)
     if not np.linalg.norm((G @ v + g_t) / rows) <= AGREEMENT * speeds:
         raise assembly_error(mech, largest_error(mech, G @ v + g_t, "/s"), fixed, "velocity")
     return v
@@ -174,6 +168,41 @@ def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, toleranc
     require_preconditions(mech, q)
 
 
-def _mass(mech: "Mechanism", q: Array) -> Array:
-    M = update_inertia(mech.model, make_data(mech.model), q)
-    return np.triu(M) + np.triu(M, 1).T
+class _Metric:
+    """The mass matrix of some coordinates, sparse for many rows; `M` has the upper triangle of all, (nv, nv)."""
+
+    def __init__(self, M: Array, free: Array, many: bool) -> None:
+        from scipy.sparse import csc_array, triu
+
+        self.many = many
+        if many:
+            upper = triu(csc_array(M), format="csc")
+            self.M = (upper + triu(upper, 1).T).tocsc()[:, free][free]
+        else:
+            self.M = (np.triu(M) + np.triu(M, 1).T)[np.ix_(free, free)]
+
+    def singular(self) -> int | None:
+        """Return the index of a coordinate where M is not positive definite; None if it is."""
+        if self.many and self._has_positive_pivots():
+            return None
+        self.U, info = dpotrf(self.M.toarray() if self.many else self.M, lower=0)
+        return abs(info) - 1 if info else None
+
+    def _has_positive_pivots(self) -> bool:
+        """Whether elimination from the leaves of the tree, without fill-in, has positive pivots."""
+        from scipy.sparse.linalg import splu
+
+        with suppress(RuntimeError):  # exactly singular
+            inward = self.M[::-1][:, ::-1].tocsc()
+            factors = splu(inward, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+            return bool((factors.U.diagonal() > 0).all())
+        return False
+
+    def least_change(self, G: Any, rows: Array, rate: Array) -> Array:
+        """Return the least x in this metric with G x = rows * rate, in the least-squares sense; rows (ng,) scale G."""
+        if self.many:
+            scaled = G.copy()
+            scaled.data /= rows.repeat(np.diff(scaled.indptr))
+            return sparse_least_squares(scaled, rate, 0.0, self.M)
+        root = np.linalg.solve(self.U.T, (G / rows[:, None]).T).T  # G M^{-1/2}
+        return np.linalg.solve(self.U, np.linalg.lstsq(root, rate, rcond=TRUNCATION)[0])

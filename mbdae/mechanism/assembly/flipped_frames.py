@@ -1,35 +1,44 @@
 """Flipped frames: wrong assembly branches on which g vanishes, and additional rows that lead away from them."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Union
 
 import numpy as np
 
 from ...system import Array
+from ..closures.independent_rows import MANY_ROWS
 from ..closures.rows import DotProduct1
 
 if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
     from ..formulations.index2 import Index2System
 
-Residuals = Callable[["Index2System", Array, float], tuple[Array, Array]]
+Jacobian = Union[Array, "csr_array"]  # of many rows: without its zeros
+Residuals = Callable[["Index2System", Array, float], tuple[Array, Jacobian]]
 
 
-def scaled_residuals(system: "Index2System", q: Array, t: float) -> tuple[Array, Array]:
+def scaled_residuals(system: "Index2System", q: Array, t: float) -> tuple[Array, Jacobian]:
     """Return g and G of the position rows; lengths of rows and coordinates are in characteristic lengths."""
-    g, G = system.closures(q, t)
     rows, columns = system.mechanism.row_scales, system.mechanism.coordinate_scales
     positional = system.constraints.positional
+    if np.count_nonzero(positional) > MANY_ROWS:
+        g, scaled = system.sparse_closures(q, t)
+        scaled.data *= columns[scaled.indices]
+        scaled.data /= rows.repeat(np.diff(scaled.indptr))
+        return (g / rows)[positional], scaled[positional]
+    g, G = system.closures(q, t)
     return (g / rows)[positional], (G * columns / rows[:, None])[positional]
 
 
-def residuals_with_directions(system: "Index2System", q: Array, t: float) -> tuple[Array, Array]:
+def residuals_with_directions(system: "Index2System", q: Array, t: float) -> tuple[Array, Jacobian]:
     """Return g and G with additional rows cos - 1 for axes that should coincide.
 
     Where all loops are closed, these rows and their gradients vanish. Where a frame is flipped they do not, and the sum
     of squares has no minimum there.
     """
     g, G = scaled_residuals(system, q, t)
-    values, partials = [g], [G]
+    values, partials = [g], [G if isinstance(G, np.ndarray) else G.toarray()]
     for closure in system.mechanism.closures:
         bound = system.constraints.frame_rows.get(closure.name)
         if bound is None:

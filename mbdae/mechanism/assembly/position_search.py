@@ -14,7 +14,7 @@ from ...system import Array
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING, THREE_DIGITS, TRUNCATION
 from ..closures.closure_error import ClosureError, largest_error
 from ..closures.independent_rows import MANY_ROWS
-from .flipped_frames import Residuals, flipped_closure, residuals_with_directions, scaled_residuals
+from .flipped_frames import Jacobian, Residuals, flipped_closure, residuals_with_directions, scaled_residuals
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
@@ -66,11 +66,13 @@ def close_position(system: "Index2System", q: Array, fixed: Array, t: float) -> 
 
 def _require_finite(system: "Index2System", q: Array, t: float) -> None:
     try:
-        g, G = system.closures(q, t)
+        g, G = system.sparse_closures(q, t)
     except StepError as e:
         raise InputError(f"the initial estimate cannot be assembled: {e}") from e
-    if not (np.isfinite(g).all() and np.isfinite(G).all()):
-        worst = system.mechanism.row_names[int(np.argmin(np.isfinite(g) & np.isfinite(G).all(axis=1)))]
+    finite = np.isfinite(g)
+    finite[G.nonzero()[0][~np.isfinite(G.data)]] = False
+    if not finite.all():
+        worst = system.mechanism.row_names[int(np.argmin(finite))]
         raise InputError(f"closure {worst!r} is not finite: numbers in the model are too large")
 
 
@@ -171,7 +173,7 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
     g, G = rows(system, q, t)
     closed, damping = False, DAMPING
     for _ in range(ITERATIONS):
-        if closed or not np.isfinite(G).all():
+        if closed or not np.isfinite(G if isinstance(G, np.ndarray) else G.data).all():
             break
         closed = bool(np.linalg.norm(g) <= SOLUTION_ROUNDING)  # one more step reduces g to rounding
         x = _damped_step(G, g, free, damping)
@@ -190,7 +192,7 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
     return q
 
 
-def _damped_step(G: Array, g: Array, free: Array, damping: float) -> Array:
+def _damped_step(G: Jacobian, g: Array, free: Array, damping: float) -> Array:
     """Return the x that minimises |G x + g|^2 + mu |x|^2, mu = damping |g|: it is short where G is nearly singular."""
     x, mu = np.zeros(G.shape[1]), damping * float(np.linalg.norm(g))
     if len(g) > MANY_ROWS:
@@ -202,7 +204,7 @@ def _damped_step(G: Array, g: Array, free: Array, damping: float) -> Array:
     return x
 
 
-def sparse_least_squares(G: Array, g: Array, mu: float, M: Array | None = None) -> Array:
+def sparse_least_squares(G: Jacobian, g: Array, mu: float, M: Jacobian | None = None) -> Array:
     """Return the x that minimises |G x - g|^2 + mu x^T M x, M = 1 if omitted; rows have few nonzeros.
 
     With G x - g = mu y it is [M, G^T; G, -mu] [x; y] = [0; g], solved by a sparse LU.

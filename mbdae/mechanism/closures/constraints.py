@@ -7,8 +7,9 @@ entries are 0.
 """
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +25,9 @@ from .driver import Driver
 from .joint_rows import BoundJointRow, JointRow
 from .rows import FrameRows
 from .unilateral_constraint import Stop
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 Spec = Closure | Driver | Stop | Brake | Clutch
 
@@ -48,8 +52,6 @@ class Constraints:
         joint_rows: bound rows between joints.
         spans: indices of the rows of each closure and driver, by name.
         driven: indices of the rows that follow functions of time, and their drivers.
-        sign: see `mbdae.mechanism.tree.frames.Pair`, (ng, nv).
-        columns: which velocities a row depends on: those of its joints and their ancestors, (ng, nv).
         positional: which rows have a g, (ng,).
         W: wrenches of the rows between frames at the last evaluation of G, (6, ng).
         breaks: times at which u'' of a driver jumps.
@@ -63,8 +65,8 @@ class Constraints:
         self.spans = {spec.name: slice(*ends) for spec, ends in zip(specs, pairwise(starts), strict=True)}
         self.driven = [(self.spans[d.name].start, d) for d in specs if isinstance(d, Driver)]
         self.ng = starts[-1]
-        self.columns = np.zeros((self.ng, model.nv), bool)
-        self.sign, self.W = np.zeros((self.ng, model.nv)), np.zeros((6, self.ng))
+        self._columns: list[Array] = [np.empty(0, int)] * self.ng
+        self.nv, self.W = model.nv, np.zeros((6, self.ng))
         self.positional, self.inactive = np.ones(self.ng, bool), np.empty(0, int)
         for spec in specs:
             if spec.frames:
@@ -97,7 +99,7 @@ class Constraints:
             rows.append((span, r, self.W[:, span]))
             self.positional[span] = r.positional
         self.frame_rows[spec.name] = BoundFrameRows(pair, tuple(rows))
-        self.sign[all_rows], self.columns[all_rows] = pair.sign, pair.columns
+        self._columns[all_rows] = [pair.columns] * spec.m
 
     def _between_joints(self, model: pin.Model, data: pin.Data, spec: Spec) -> None:
         """Bind the rows between joints."""
@@ -105,7 +107,7 @@ class Constraints:
             bound = r.bind(model, data, at, spec.name)
             self.joint_rows.append(bound)
             self.positional[at] = r.positional
-            self.columns[at] = sum(support(model, j.id) for j in bound.joints) > 0
+            self._columns[at] = np.flatnonzero(sum(support(model, j.id) for j in bound.joints))
 
     def units(self) -> Array:
         """Return the unit of each row's g, ``"m"`` or ``"rad"``, (ng,)."""
@@ -115,6 +117,22 @@ class Constraints:
                 out[s] = r.unit
         for row in self.joint_rows:
             out[row.at] = row.unit
+        return out
+
+    @cached_property
+    def columns(self) -> "csr_array":
+        """Which velocities a row depends on: those of its joints and their ancestors, (ng, nv)."""
+        from scipy.sparse import csr_array
+
+        starts, at = np.cumsum([0, *map(len, self._columns)]), np.concatenate([np.empty(0, int), *self._columns])
+        return csr_array((np.ones(len(at), bool), at, starts), shape=(self.ng, self.nv))
+
+    @cached_property
+    def sign(self) -> Array:
+        """See `mbdae.mechanism.tree.frames.Pair`, (ng, nv)."""
+        out = np.zeros((self.ng, self.nv))
+        for name, (pair, _) in self.frame_rows.items():
+            out[self.spans[name]] = pair.sign
         return out
 
     def update_wrenches(self, names: Iterable[str]) -> None:
@@ -139,6 +157,36 @@ class Constraints:
             G[row.at, row.columns] = row.value()[1]
         G[self.inactive] = 0.0
         return G
+
+    def sparse_jacobian(self) -> "csr_array":
+        """Return G without its zeros, (ng, nv), and store the wrenches of the rows in W: memory of order ng."""
+        from scipy.sparse import coo_array
+
+        self.update_wrenches(self.frame_rows)
+        rows, columns, moving = self._structure
+        entries = [w.dot(self._J[:, at]) * sign for w, at, sign in moving]
+        entries += [sign * self.W[:, span].T.dot(node.columns) for span, sign, _, node in self._node_rows]
+        entries += [np.array(row.value()[1], float) for row in self.joint_rows]
+        data = np.concatenate([np.empty(0), *(x.ravel() for x in entries)])
+        data[np.isin(rows, self.inactive)] = 0.0
+        out = coo_array((data, (rows, columns)), shape=(self.ng, self.nv)).tocsr()
+        out.eliminate_zeros()
+        return out
+
+    @cached_property
+    def _structure(self) -> tuple[Array, Array, list[tuple[Array, Array, Array]]]:
+        """Rows and columns of the entries of `sparse_jacobian`; and w^T, columns of J and signs of each pair."""
+        moving, blocks = [], []
+        for name, (pair, _) in self.frame_rows.items():
+            at = np.flatnonzero(pair.sign)
+            moving.append((self.W[:, self.spans[name]].T, at, pair.sign[at]))
+            blocks.append((self.spans[name], at))
+        blocks += [(span, np.arange(body.at.start, body.at.stop)) for span, _, body, _ in self._node_rows]
+        blocks += [(slice(row.at, row.at + 1), np.array(row.columns, int)) for row in self.joint_rows]
+        rows = [np.repeat(np.arange(s.start, s.stop), len(at)) for s, at in blocks]
+        columns = [np.tile(at, s.stop - s.start) for s, at in blocks]
+        none = np.empty(0, int)
+        return np.concatenate([none, *rows]), np.concatenate([none, *columns]), moving
 
     def value(self, t: float | None) -> tuple[Array, Array]:
         """Return g(t, q) (ng,), 0 for velocity rows, and G (ng, nv); without t, g of driven rows is nan."""

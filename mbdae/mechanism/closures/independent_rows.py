@@ -1,6 +1,7 @@
 """Redundant constraint rows: rank, and selection of well-conditioned independent rows."""
 
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg.lapack import dgeqp3, dgesdd, dgesv
@@ -9,7 +10,9 @@ from ...discovery import lazy_import
 from ...errors import StepError
 from ...tolerances import AMBIGUOUS_PIVOT, BELOW_ROUNDING, EPS, PIVOT_RANK, SUM_ROUNDING, TRUNCATION
 
-csr_array = lazy_import("scipy.sparse", "csr_array")
+if TYPE_CHECKING:
+    from .constraints import Constraints
+
 reverse_cuthill_mckee = lazy_import("scipy.sparse.csgraph", "reverse_cuthill_mckee")
 WORST_CONDITIONING = 0.1  # of the smallest pivot of the best selection: below, rows in use are replaced
 GROWTH_TOLERANCE = 1e-2  # of the largest pivot: a dependent row whose pivot exceeds it has become independent
@@ -30,18 +33,19 @@ def random_probe(nv: int) -> np.ndarray:
     return np.random.default_rng(0).standard_normal(nv)
 
 
-def elimination_order(columns: np.ndarray) -> np.ndarray:
+def elimination_order(constraints: "Constraints") -> np.ndarray:
     """Return the position of each row in the elimination order, (ng,): as given, or with a smaller bandwidth.
 
     Many rows are ordered by reverse Cuthill-McKee: the compiled core uses a band solver.
 
     Args:
-        columns: whether a row depends on a velocity, (ng, nv).
+        constraints: the rows.
     """
-    given = np.arange(len(columns))
-    if len(columns) <= MANY_ROWS:
+    given = np.arange(constraints.ng)
+    if constraints.ng <= MANY_ROWS:
         return given
-    pattern = csr_array(columns.astype(int)) @ csr_array(columns.T.astype(int))
+    used = constraints.columns.astype(int)
+    pattern = used @ used.T.tocsr()
     i, j = pattern.nonzero()
     reordered = reverse_cuthill_mckee(pattern.tocsr(), symmetric_mode=True).argsort()
     return min(given, reordered, key=lambda position: np.abs(position[i] - position[j]).max())

@@ -8,7 +8,7 @@ import pinocchio as pin
 from ...errors import InputError, UnknownNameError
 from ..closures.closure import Axis, Z
 from ..model_settings import coordinates
-from ..tree.frames import find_joint, joint_names
+from ..tree.frames import find_joint
 from ..tree.joints import PER_COORDINATE, PER_VELOCITY, is_depth_first, joint_transform, subspace
 
 JOINT_MODELS: dict[str, Callable[[], pin.JointModel]] = {
@@ -84,7 +84,7 @@ class Tree:
         return self
 
     def _add_joint(self, new_parent: int, joint: pin.JointModel, placement: pin.SE3, name: str) -> int:
-        if name in joint_names(self.model):
+        if name != "universe" and self.model.existJointName(name):
             raise InputError(f"two joints are called {name!r}: give one source a prefix")
         return int(self.model.addJoint(new_parent, joint, placement, name))
 

@@ -39,7 +39,7 @@ class Index2System(PinocchioData, RunVariables, System):
 
     def __init__(self, mechanism: "Mechanism") -> None:
         self.workspace = mechanism.make_workspace()
-        self._M, self._last = self.workspace.M, (np.empty(0), np.empty(0))  # live view; U and G at the last point
+        self._last = np.empty(0), np.empty(0)  # U and G at the last point
         self.nq, self.nv, self.ng, self.nz = mechanism.nq, mechanism.nv, mechanism.ng, mechanism.ng
         self.mode: Mode = (0,) * len(mechanism.switches)
         self.sticks, self.driven = False, bool(mechanism.drivers)  # whether joints stick in the mode
@@ -55,7 +55,7 @@ class Index2System(PinocchioData, RunVariables, System):
             tree.update_flexible(self.model, self.workspace)
             self.constraints = Constraints(self.model, self.workspace, mechanism.constraints)
             self.constraints.inactive = inactive_rows(mechanism.switches, self.mode)
-            self.elimination_order = independent_rows.elimination_order(self.constraints.columns)
+            self.elimination_order = independent_rows.elimination_order(self.constraints)
         self.closure_friction = ClosureFriction(mechanism.forces, mechanism.closures, self.constraints)
         self.ns, self.ny = self.laws.ns, 2 * self.nv + self.laws.ns + 1
         self.measured = slice(0, self.ny - (not self.driven))  # with drivers, the work, too
@@ -66,15 +66,16 @@ class Index2System(PinocchioData, RunVariables, System):
 
         Without q kinematics must be current; without t, g of driven rows is nan.
         """
-        self._kinematics(q)
+        self.update_rows(q)
         return self.constraints.value(t)
 
     def jacobian(self, q: Array | None = None) -> Array:
         """Return G (ng, nv) over all rows; without q kinematics must be current."""
-        self._kinematics(q)
+        self.update_rows(q)
         return self.constraints.jacobian()
 
-    def _kinematics(self, q: Array | None) -> None:
+    def update_rows(self, q: Array | None) -> None:
+        """Make kinematics of rows current at q."""
         self.counts.G += self.ng > 0
         if q is not None and self.ng:
             tree.update_poses(self.model, self.workspace, q)
@@ -82,11 +83,6 @@ class Index2System(PinocchioData, RunVariables, System):
     def g_t(self, t: float) -> Array:
         """Return g_t over all rows, (ng,); zero for closures, -u' for drivers."""
         return -self.constraints.motion(t)[1]
-
-    def residual(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return g(t, q) and G v + g_t over all rows, (ng,) each."""
-        g, G = self.closures(q, t)
-        return g, G @ v + self.g_t(t)
 
     def gamma(self, q: Array, v: Array, t: float | None = None) -> Array:
         """Return gamma = Gdot v + g_tt over all rows, (ng,); without t, it is nan for driven rows."""
@@ -97,10 +93,10 @@ class Index2System(PinocchioData, RunVariables, System):
         """Return the Cholesky factor U of M(q) = U^T U, (nv, nv), zero below; leaves J and poses at q."""
         self.counts.M += 1
         self.counts.factorizations += 1
-        tree.update_inertia(self.model, self.workspace, q)
-        U, info = dpotrf(self._M, lower=0, clean=1)
+        M = tree.update_inertia(self.model, self.workspace, q)
+        U, info = dpotrf(M, lower=0, clean=1)
         if info:
-            if not np.isfinite(self._M).all():
+            if not np.isfinite(M).all():
                 raise StepError("nonfinite", f"the state is not finite at t = {t:.17g}")
             joint = self.mechanism.coordinate_joint(abs(info) - 1)
             reason = tree.missing_inertia(self.model, joint)
@@ -123,8 +119,8 @@ class Index2System(PinocchioData, RunVariables, System):
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
         """Return the kinetic energy (armature included) and the potential energy of gravity and springs, in J."""
-        tree.update_inertia(self.model, self.workspace, q)
-        kinetic = float(v @ (np.triu(self._M, 1) @ v)) + 0.5 * float(v @ (np.diagonal(self._M) * v))
+        M = tree.update_inertia(self.model, self.workspace, q)
+        kinetic = float(v @ (np.triu(M, 1) @ v)) + 0.5 * float(v @ (np.diagonal(M) * v))
         return kinetic, tree.gravity_potential(self.model, self.workspace, q) + self.laws.potential(q)
 
     @property
@@ -283,7 +279,8 @@ class Index2System(PinocchioData, RunVariables, System):
     rows_of_step = row_selection.rows_of_step
     variational_step, second_order_step = variational_step, second_order_step
     multiplier_gain, pivot_ratio = row_selection.multiplier_gain, row_selection.pivot_ratio
-    residuals, others_depend = residuals.residuals, row_selection.others_depend
+    residual, residuals, sparse_closures = residuals.residual, residuals.residuals, residuals.sparse_closures
+    others_depend = row_selection.others_depend
     features = property(features.features)
     interpolant = interpolation.interpolant
 

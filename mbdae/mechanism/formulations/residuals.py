@@ -5,9 +5,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...system import Array
+from ..closures.independent_rows import MANY_ROWS
 
 if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
     from .index2 import Index2System
+
+
+def sparse_closures(system: "Index2System", q: Array, t: float) -> tuple[Array, "csr_array"]:
+    """Return g(t, q) (ng,) and G (ng, nv) without its zeros, over all rows."""
+    system.update_rows(q)
+    G = system.constraints.sparse_jacobian()
+    return system.constraints.residual(t), G
+
+
+def residual(system: "Index2System", t: float, q: Array, v: Array) -> tuple[Array, Array]:
+    """Return g(t, q) and G v + g_t over all rows, (ng,) each."""
+    g, G = system.sparse_closures(q, t) if system.ng > MANY_ROWS else system.closures(q, t)
+    return g, G @ v + system.g_t(t)
 
 
 def residuals(system: "Index2System", t: Array, y: Array) -> tuple[Array, Array, Array]:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 WORLD = "world"
 LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+KINDS = tuple(pin.FrameType.values.values())
 _NEXT, _LAST = np.array([1, 2, 0, 2, 0, 1]), np.array([2, 0, 1, 1, 2, 0])  # a_2 b_3 - a_3 b_2, ...
 
 
@@ -46,7 +47,7 @@ def frame_index(model: pin.Model, name: str) -> int:
     if name == WORLD:
         return 0
     links = [model.getFrameId(name, kind) for kind in LINKS if model.existFrame(name, kind)]
-    indices = links or [i for i, f in enumerate(model.frames) if f.name == name and i]
+    indices = links or [i for kind in KINDS if model.existFrame(name, kind) and (i := model.getFrameId(name, kind))]
     if not indices:
         raise UnknownNameError("frame", name, frame_names(model))
     return min(indices)
@@ -169,9 +170,9 @@ class Pair:
     """Two anchors bound to live Pinocchio data: poses in the world, twists, and the columns of J that move them.
 
     ``sign`` (nv,) is +1 where a joint moves only b, -1 where it moves only a and 0 elsewhere: a wrench w (6,) on b and
-    -w on a, both at the world's origin, has the generalised force sign * (J^T w). ``columns`` (nv,) is true where a
-    joint moves a or b or both. Modes that move an anchor on a node have other columns than J, ``nodes``: sign of the
-    anchor, the bound body and its node; their ``sign`` is 0.
+    -w on a, both at the world's origin, has the generalised force sign * (J^T w). ``columns`` are those of the
+    joints that move a or b or both. Modes that move an anchor on a node have other columns than J, ``nodes``: sign of
+    the anchor, the bound body and its node; their ``sign`` is 0.
     """
 
     def __init__(self, model: pin.Model, data: pin.Data, a: Anchor, b: Anchor) -> None:
@@ -180,7 +181,7 @@ class Pair:
         self._pa, self._pb = data.oMi[a.joint].translation, data.oMi[b.joint].translation
         self._data, self._J = data, data.J.reshape(6, -1)  # with nv = 1 it is a vector
         support_a, support_b = support(model, a.joint), support(model, b.joint)
-        self.sign, self.columns = support_b - support_a, (support_a + support_b) > 0
+        self.sign, self.columns = (support_b - support_a).astype(np.int8), np.flatnonzero(support_a + support_b)
         self.nodes = [
             (sign, body, node)
             for sign, x in ((-1.0, a), (1.0, b))
@@ -189,7 +190,7 @@ class Pair:
             if node.index == x.joint
         ]
         for _, body, _ in self.nodes:
-            self.sign[body.at] = 0.0
+            self.sign[body.at] = 0
 
     @cached_property
     def branches(self) -> Branches:

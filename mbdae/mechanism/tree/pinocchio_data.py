@@ -16,9 +16,10 @@ MAX_COMPLETE_NV = 50
 def make_data(model: pin.Model, *, complete: bool = False) -> pin.Data:
     """Make a workspace for the algorithms that mbdae calls.
 
-    Above `MAX_COMPLETE_NV` degrees of freedom it has memory for crba in the world's convention, rnea, nonLinearEffects,
-    forwardKinematics, computeJointJacobians and computePotentialEnergy only. Any other algorithm writes beyond it,
-    since Pinocchio does not check sizes. It is therefore private: users take ``mech.system().data``.
+    Above `MAX_COMPLETE_NV` degrees of freedom it has memory for rnea, nonLinearEffects, forwardKinematics,
+    computeJointJacobians and computePotentialEnergy only; `tree_terms.update_inertia` adds that of crba in the world's
+    convention on first use. Any other algorithm writes beyond it, since Pinocchio does not check sizes. It is therefore
+    private: users take ``mech.system().data``.
 
     Args:
         model: the joint tree.
@@ -43,7 +44,7 @@ def _lean_data(model: pin.Model) -> pin.Data:
     data.mass.extend([0.0] * n)
     data.com.extend([np.zeros(3)] * n)
     data.nvSubtree.extend(_subtrees(model))
-    data.J, data.Ag, data.M = np.zeros((6, nv)), np.zeros((6, nv)), np.zeros((nv, nv))
+    data.J, data.Ag = np.zeros((6, nv)), np.zeros((6, nv))
     data.nle, data.tau = np.zeros(nv), np.zeros(nv)
     return data
 

@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ...system import Array
+from . import pinocchio_data
 
 if TYPE_CHECKING:
     from ..flexible.attach_flexible import FlexibleBody
@@ -92,6 +93,8 @@ def update_motions(model: pin.Model, data: pin.Data, q: Array, v: Array | None =
 
 def update_inertia(model: pin.Model, data: pin.Data, q: Array) -> Array:
     """Update poses, J and the upper triangle of M (nv, nv), and return M."""
+    if model.nv > pinocchio_data.MAX_COMPLETE_NV and not data.M.size:
+        data.M = np.zeros((model.nv, model.nv))  # which runs in the compiled core do not need
     M = pin.crba(model, data, q, pin.Convention.WORLD)
     for body in bound_bodies(data):
         body.update_poses(data, q)

@@ -80,7 +80,7 @@ auto rows_of_all_modes(PyCore& c, double t, const Array& q, const Array& v) {
     Numbers at = checked_numbers(q, s.nq, "q"), u = checked_numbers(v, nv, "v");
     Numbers g(ng), G(ng * nv, 0.0), g_t(ng, 0.0), gamma(ng), g_tt(ng, 0.0);
     s.mechanics.poses(at.data()), s.mechanics.motions(at.data(), u.data());
-    s.constraints.value(s.mechanics, at.data(), s.constraints.all, G.data(), g.data());
+    s.constraints.dense_value(s.mechanics, at.data(), s.constraints.all, G, g.data());
     s.constraints.complete_g(t, g.data()), s.constraints.evaluate_g_t(t, g_t.data());
     s.constraints.bias(s.mechanics, at.data(), u.data(), s.constraints.all, gamma.data());
     s.constraints.evaluate_g_tt(t, g_tt.data());
@@ -125,10 +125,8 @@ double minimal_stage_seconds(PyCore& c, const Array& q, const Array& v, int repe
   try {
     s.point.evaluate(a.data(), false);
     Numbers G;
-    for (int k : s.rows.in_use()) {
-      const auto row = s.point.G.begin() + static_cast<size_t>(k) * s.nv;
-      G.insert(G.end(), row, row + s.nv);
-    }
+    for (int k : s.rows.in_use())
+      G.resize(G.size() + s.nv), s.constraints.expand(k, s.point.G.data(), G.data() + G.size() - s.nv);
     const int r = static_cast<int>(s.rows.in_use().size());
     return bare_stage_seconds(model_pointer(c.model.ptr()), a.data(), b.data(), r, G.data(), repetitions);
   } catch (const FallBackToPython&) {

@@ -127,11 +127,9 @@ void reflect(int m, int r, const double* A, const double* head, double* y, bool 
 
 }  // namespace
 
-void pivoted_qr(int m, int n, const double* B, std::vector<int>& order, std::vector<double>& diagonal,
-                std::vector<double>& work) {
-  work.resize(static_cast<size_t>(m) * n + std::min(m, n));
-  std::copy(B, B + static_cast<size_t>(m) * n, work.begin());
-  qr(m, n, work.data(), order, diagonal, work.data() + static_cast<size_t>(m) * n);
+void pivoted_qr(int m, int n, Numbers& B, std::vector<int>& order, Numbers& diagonal) {
+  B.resize(static_cast<size_t>(m) * n + std::min(m, n));
+  qr(m, n, B.data(), order, diagonal, B.data() + static_cast<size_t>(m) * n);
 }
 
 void minimum_norm(int m, int n, const double* B, const double* r, double truncation, double* z) {

@@ -26,9 +26,9 @@ class BandLU {
   std::vector<int> swap_;
 };
 
-// Householder QR with column pivoting of B (m, n), by columns: the order of the columns and |diag R|, decreasing.
-void pivoted_qr(int m, int n, const double* B, std::vector<int>& order, std::vector<double>& diagonal,
-                std::vector<double>& work);
+// Householder QR with column pivoting of B (m, n), by columns, in place: the order of the columns and |diag R|,
+// decreasing. B grows by min(m, n) numbers.
+void pivoted_qr(int m, int n, Numbers& B, std::vector<int>& order, Numbers& diagonal);
 
 // The z (m,) of least norm that minimises |B^T z - r|, B (m, n) by columns, of numerical rank at a truncation.
 void minimum_norm(int m, int n, const double* B, const double* r, double truncation, double* z);

@@ -12,7 +12,7 @@ namespace mbdae {
 
 Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
                          const std::vector<std::pair<Anchor, Anchor>>& anchors, std::vector<Driver> drivers_)
-    : rows(std::move(rows_)), all(rows.size()), drivers(std::move(drivers_)) {
+    : rows(std::move(rows_)), all(rows.size()), nv(m.nv), start{0}, drivers(std::move(drivers_)) {
   std::iota(all.begin(), all.end(), 0);
   const auto supports = m.supports();
   for (const auto& x : anchors) {
@@ -27,6 +27,8 @@ Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
       for (const RowJoint& j : r.joints) velocities.push_back(j.iv);
       for (int i : velocities) columns.insert(i), columns.insert(m.ancestors[i].begin(), m.ancestors[i].end());
       r.columns.assign(columns.begin(), columns.end());
+      for (int i : velocities)
+        r.entries.push_back(std::lower_bound(r.columns.begin(), r.columns.end(), i) - r.columns.begin());
       continue;
     }
     of_pair[r.pair].push_back(static_cast<int>(&r - rows.data()));
@@ -39,6 +41,7 @@ Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
   }
   for (const Driver& d : drivers)
     if (d.speed) rows[d.row].positional = false;
+  for (const Row& r : rows) start.push_back(start.back() + r.columns.size());
 }
 
 bool Constraints::has_structure_of(const Constraints& x) const {
@@ -60,47 +63,97 @@ void Constraints::write(Constraints x) {
   drivers = std::move(x.drivers);
 }
 
+void Constraints::evaluate(const Mechanics& m, const double* q, int r, int& located, double* out, double* g) {
+  const Row& row = rows[r];
+  if ((!off.empty() && off[r]) || row.between_joints()) std::fill_n(out, row.columns.size(), 0.0);
+  if (!off.empty() && off[r]) {
+    if (g) g[r] = 0;
+    return;
+  }
+  if (row.python) {
+    Numbers known(1 + row.python->iv.size());
+    row.python->value(q, known);
+    if (g) g[r] = row.positional ? known[0] : 0;
+    for (size_t k = 1; k < known.size(); ++k) out[row.entries[k - 1]] = known[k];
+    return;
+  }
+  if (row.between_joints()) {
+    double first;
+    const double x = row.coordinate_value(q, &first);
+    if (g) g[r] = row.positional ? x : 0;
+    out[row.entries[0]] = 1;
+    for (size_t k = 1; k < row.joints.size(); ++k)
+      if (row.kind == Row::sum || k == 1) out[row.entries[k]] = row.kind == Row::sum ? -row.c[k] : -first;
+    return;
+  }
+  Pair& pair = pairs[row.pair];
+  if (row.pair != located) pair.update_poses(m), located = row.pair;
+  double w[6];
+  const double x = row.wrench(pair, w);
+  if (g) g[r] = row.positional ? x : 0;
+  const double* J = m.J();
+  --out;
+  for (size_t k = 0; k < pair.columns.size(); ++k) {
+    const double* j = J + 6 * pair.sources[k];
+    if (!k || pair.columns[k - 1] != pair.columns[k]) *++out = 0;
+    if (pair.sign[k] != 0) *out += pair.sign[k] * dot6(w, j);
+  }
+}
+
 void Constraints::value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g) {
   int located = -1;
-  const double* J = m.J();
+  for (int r : which) evaluate(m, q, r, located, G + start[r], g);
+}
+
+void Constraints::dense_value(const Mechanics& m, const double* q, const std::vector<int>& which, Numbers& G,
+                              double* g) {
+  G.resize(rows.size() * nv);
+  int located = -1;
   for (int r : which) {
-    const Row& row = rows[r];
-    double* out = G + static_cast<size_t>(r) * m.nv;
-    if (!off.empty() && off[r]) {
-      for (int c : row.columns) out[c] = 0;
-      if (g) g[r] = 0;
-      continue;
-    }
-    if (row.python) {
-      Numbers known(1 + row.python->iv.size());
-      row.python->value(q, known);
-      if (g) g[r] = row.positional ? known[0] : 0;
-      for (int c : row.columns) out[c] = 0;
-      for (size_t k = 1; k < known.size(); ++k) out[row.python->iv[k - 1]] = known[k];
-      continue;
-    }
-    if (row.between_joints()) {
-      double first;
-      const double x = row.coordinate_value(q, &first);
-      if (g) g[r] = row.positional ? x : 0;
-      for (int c : row.columns) out[c] = 0;
-      out[row.joints[0].iv] = 1;
-      for (size_t k = 1; k < row.joints.size(); ++k)
-        if (row.kind == Row::sum || k == 1) out[row.joints[k].iv] = row.kind == Row::sum ? -row.c[k] : -first;
-      continue;
-    }
-    Pair& pair = pairs[row.pair];
-    if (row.pair != located) pair.update_poses(m), located = row.pair;
-    double w[6];
-    const double x = row.wrench(pair, w);
-    if (g) g[r] = row.positional ? x : 0;
-    for (size_t k = 0; k < pair.columns.size(); ++k) {
-      const double* j = J + 6 * pair.sources[k];
-      double& entry = out[pair.columns[k]];
-      if (!k || pair.columns[k - 1] != pair.columns[k]) entry = 0;
-      if (pair.sign[k] != 0) entry += pair.sign[k] * (dot(w, j) + dot(w + 3, j + 3));
-    }
+    entries_.resize(rows[r].columns.size());
+    evaluate(m, q, r, located, entries_.data(), g);
+    const double* entry = entries_.data();
+    for (int c : rows[r].columns) G[r * nv + c] = *entry++;
   }
+}
+
+Numbers Constraints::dense(const Numbers& entries) const {
+  Numbers out;
+  return dense(all, entries, out), out;
+}
+
+void Constraints::dense(const std::vector<int>& which, const Numbers& entries, Numbers& out) const {
+  out.assign(which.size() * nv, 0.0);
+  for (size_t i = 0; i < which.size(); ++i) expand(which[i], entries.data(), &out[i * nv]);
+}
+
+std::vector<Constraints::Common> Constraints::common(int k, int l) const {
+  const std::vector<int>&a = rows[k].columns, &b = rows[l].columns;
+  std::vector<Common> out;
+  for (size_t i = 0, j = 0; i < a.size() && j < b.size();) {
+    if (a[i] == b[j]) {
+      const Common* last = out.empty() ? nullptr : &out.back();
+      if (!last || last->k + last->n != static_cast<int>(i) || last->l + last->n != static_cast<int>(j))
+        out.push_back({static_cast<int>(i), static_cast<int>(j), 0});
+      ++out.back().n;
+    }
+    const bool next_a = a[i] <= b[j], next_b = b[j] <= a[i];
+    i += next_a, j += next_b;
+  }
+  return out;
+}
+
+double Constraints::product(int k, int l, const double* entries) const {
+  const std::vector<int>&a = rows[k].columns, &b = rows[l].columns;
+  const double *x = entries + start[k], *y = entries + start[l];
+  if (rows[k].pair >= 0 && rows[k].pair == rows[l].pair) return dot(x, y, static_cast<int>(a.size()));
+  double sum = 0;
+  for (size_t i = 0, j = 0; i < a.size() && j < b.size();) {
+    if (a[i] == b[j]) sum += x[i] * y[j];
+    const bool next_a = a[i] <= b[j], next_b = b[j] <= a[i];
+    i += next_a, j += next_b;
+  }
+  return sum;
 }
 
 void Constraints::complete_g(double t, double* g) const {

@@ -93,6 +93,7 @@ struct Row {
   double fold[3] = {0, 0, 0};                 // start, length and rise of the law's period; length 0 without one
   double period = 0;                          // of g
   std::vector<int> columns;  // where G can be nonzero, with all their ancestors, in increasing order
+  std::vector<int> entries;  // of the velocities of a row between joints: their positions in `columns`
 
   double wrench(const Pair& pair, double* w) const;                // g, and the wrench on b, (6,)
   double rate(const Pair& pair) const;                             // Gdot v
@@ -153,13 +154,37 @@ class Constraints {
   std::vector<Pair> pairs;
   std::vector<Row> rows;  // (ng,)
   std::vector<int> all;   // (ng,) 0, 1, ...
+  size_t nv;
+  std::vector<size_t> start;  // (ng + 1,) where the entries of each row begin in G, which has those in `columns` alone
   std::vector<std::vector<int>> of_pair;  // rows of each pair
   std::vector<Driver> drivers;
   std::vector<bool> off;  // (ng,) rows that are inactive in the mode: zero, with all their terms; empty: none
   bool sticks = false;    // joints stick in the mode
 
-  // Entries of G for some rows, into G + row * nv (zero outside row.columns), and g if requested.
+  // Entries of G for some rows, into G + start[row], and g if requested.
   void value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g = nullptr);
+  // The same into G (ng, nv), which is zero outside the columns of rows; an empty one is allocated.
+  void dense_value(const Mechanics& m, const double* q, const std::vector<int>& which, Numbers& G, double* g = nullptr);
+  void expand(int row, const double* entries, double* out) const {  // entries of G or Z, into their columns of (nv,)
+    const double* entry = entries + start[row];
+    for (int c : rows[row].columns) out[c] = *entry++;
+  }
+  Numbers dense(const Numbers& entries) const;                     // (ng, nv)
+  void dense(const std::vector<int>& which, const Numbers& entries, Numbers& out) const;  // some rows, (n, nv)
+  double times(int row, const Numbers& entries, const double* x, double s = 0) const {  // s + row times x (nv,)
+    const double* entry = entries.data() + start[row];
+    for (int c : rows[row].columns) s += *entry++ * x[c];
+    return s;
+  }
+  void add(int row, const Numbers& entries, double factor, double* out) const {  // out (nv,) += factor row
+    const double* entry = entries.data() + start[row];
+    for (int c : rows[row].columns) out[c] += *entry++ * factor;
+  }
+  struct Common {  // n entries of two rows in columns that follow each other in both, from these on
+    int k, l, n;
+  };
+  std::vector<Common> common(int k, int l) const;              // all of two rows
+  double product(int k, int l, const double* entries) const;  // of two rows
   void complete_g(double t, double* g) const;  // g -= u, reduced by periods
   // Gdot v of some rows, at the current motions; minus_gravity: those of `Mechanics::bias`.
   void bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which, double* out,
@@ -169,6 +194,9 @@ class Constraints {
 
  private:
   void motion(double t, const Driver& d, double* u) const;
+  void evaluate(const Mechanics& m, const double* q, int row, int& located, double* out, double* g);
+
+  Numbers entries_;  // scratch
 };
 
 // While it exists, no row is inactive in the mode.

@@ -9,8 +9,7 @@ namespace mbdae {
 
 ModeTransition::ModeTransition(Index2System& s, const Modes& modes)
     : s_(s), modes_(modes), limits_(s.mechanics.limits), mode_(modes.mode) {
-  const size_t size = static_cast<size_t>(s.ng) * s.nv;
-  G_.assign(size, 0.0), Z_ = G_, g_.assign(s.ng, 0.0), g_t_ = rate_ = gamma_ = g_;
+  g_.assign(s.ng, 0.0), g_t_ = rate_ = gamma_ = g_;
 }
 
 void ModeTransition::evaluate(double t, const double* y) {
@@ -18,10 +17,12 @@ void ModeTransition::evaluate(double t, const double* y) {
   if (!s_.point.is_current(y)) s_.point.evaluate(y, false);
   const AllRowsActive all(s_.constraints);
   s_.mechanics.poses(y);
-  s_.constraints.value(s_.mechanics, y, s_.constraints.all, G_.data(), g_.data());
+  Numbers G(s_.constraints.start.back()), Z(G.size());
+  s_.constraints.value(s_.mechanics, y, s_.constraints.all, G.data(), g_.data());
   s_.constraints.complete_g(t, g_.data());
   s_.constraints.evaluate_g_t(t, g_t_.data());
-  for (int k : s_.constraints.all) s_.point.scale_row(k, G_, Z_);
+  for (int k : s_.constraints.all) s_.point.scale_row(k, G, Z);
+  G_ = s_.constraints.dense(G), Z_ = s_.constraints.dense(Z);
   update_rates();
 }
 

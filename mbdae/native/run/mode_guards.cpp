@@ -49,8 +49,7 @@ double largest_force(Index2System& s, const double* y, const double* F, const do
     inertial[k] += M[k] * a[k];
     for (int i : s.mechanics.ancestors[k]) inertial[k] += M[i] * a[i], inertial[i] += M[i] * a[k];
   }
-  for (int k = 0; k < s.ng; ++k)
-    for (int c : s.constraints.rows[k].columns) reaction[c] += s.point.G[static_cast<size_t>(k) * nv + c] * lam[k];
+  for (int k = 0; k < s.ng; ++k) s.constraints.add(k, s.point.G, lam[k], reaction.data());
   return largest(inertial.data(), nv) + largest(reaction.data(), nv);
 }
 
@@ -66,14 +65,15 @@ double stiction_load(const Index2System& s, const std::vector<Switch>& switches,
   std::vector<int> rows;
   for (int k : s.constraints.all)
     if (others[k] && (s.constraints.off.empty() || !s.constraints.off[k])) rows.push_back(k);
-  const RowSpace space(s, s.point.Z, rows);
+  const Numbers Z = s.constraints.dense(s.point.Z);
+  const RowSpace space(s, Z, rows);
   for (const Switch* x : sticking) rows.push_back(x->rows[0]);
-  if (RowSpace(s, s.point.Z, rows).rank() == space.rank() + sticking.size())
+  if (RowSpace(s, Z, rows).rank() == space.rank() + sticking.size())
     return lam[switches[element].rows[0]] / switches[element].limit;
   Numbers first;
   double work = 0, limit = 0, size = 0;
   for (const Switch* x : sticking) {
-    const double* row = &s.point.Z[static_cast<size_t>(x->rows[0]) * nv];
+    const double* row = &Z[static_cast<size_t>(x->rows[0]) * nv];
     Numbers motion(row, row + nv);
     const double whole = norm(row, nv);
     space.project_out(motion);
@@ -96,7 +96,6 @@ double GuardMonitor::speed(const Point& p) const {
 }
 
 void GuardMonitor::evaluate(Point& p) {
-  const int nv = s_.nv;
   const double *q = p.y.data(), *v = q + s_.nq;
   p.g.assign(s_.ng, 0.0), p.rate = p.acceleration = p.g;
   const bool dynamic = dynamic_ || !p.F.empty();
@@ -119,12 +118,10 @@ void GuardMonitor::evaluate(Point& p) {
     s_.constraints.bias(s_.mechanics, q, v, rows_, gamma.data());
     for (int k : rows_) p.acceleration[k] += gamma[k];
   }
-  for (int k : rows_)
-    for (int c : s_.constraints.rows[k].columns) {
-      const double x = G_[static_cast<size_t>(k) * nv + c];
-      p.rate[k] += x * v[c];
-      if (dynamic) p.acceleration[k] += x * p.F[nv + c];
-    }
+  for (int k : rows_) {
+    p.rate[k] = s_.constraints.times(k, G_, v, p.rate[k]);
+    if (dynamic) p.acceleration[k] = s_.constraints.times(k, G_, p.F.data() + s_.nv, p.acceleration[k]);
+  }
 }
 
 const GuardMonitor::Point& GuardMonitor::point(double theta) {
@@ -200,7 +197,7 @@ void GuardMonitor::prepare() {
   for (const Guard& x : modes_.guards)
     for (int k : of(x).rows)
       if (std::find(rows_.begin(), rows_.end(), k) == rows_.end()) rows_.push_back(k);
-  G_.assign(static_cast<size_t>(s_.ng) * s_.nv, 0.0);
+  G_.resize(s_.constraints.start.back());
 }
 
 void GuardMonitor::set_references(const Point& p) {

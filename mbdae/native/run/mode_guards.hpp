@@ -166,7 +166,7 @@ class GuardMonitor {
   bool referenced_ = false;    // are references set?
   int intervals_ = 4;          // between samples of a step
   std::vector<int> rows_;      // of switches
-  Numbers G_;                  // (ng, nv)
+  Numbers G_;                  // entries by rows
   const AcceptedStep* step_ = nullptr;
   const PartialStep* shorter_ = nullptr;
   std::list<Point> known_;

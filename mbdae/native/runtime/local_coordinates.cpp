@@ -96,7 +96,7 @@ LocalCoordinates::LocalCoordinates(Index2System& s, const CoordinateLimits& limi
 void LocalCoordinates::evaluate_rows(double t, const double* q) {
   std::fill(G_.begin(), G_.end(), 0.0);
   s_.point.invalidate(), s_.mechanics.poses(q);
-  s_.constraints.value(s_.mechanics, q, s_.constraints.all, G_.data(), g_.data());
+  s_.constraints.dense_value(s_.mechanics, q, s_.constraints.all, G_, g_.data());
   s_.constraints.complete_g(t, g_.data());
 }
 

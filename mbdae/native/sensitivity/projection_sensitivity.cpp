@@ -26,13 +26,13 @@ void ProjectionSensitivity::take(double t, double* y, bool positions) {
     s_.point.evaluate(y, true);
   factors_.exchange(s_.point);
   s_.point.invalidate();
-  Numbers G(static_cast<size_t>(ng) * nv, 0.0), r(ng, 0.0);
+  Numbers r(ng, 0.0);
   auto next = [&](const double* q, bool of_v) -> Correction& {
     if (count_ == corrections_.size()) corrections_.emplace_back(new Correction);
     Correction& c = *corrections_[count_++];
     c.of_v = of_v;
     s_.mechanics.poses(q);
-    c.G.assign(G.size(), 0.0), c.Z.assign(G.size(), 0.0), r.assign(ng, 0.0);
+    c.G.resize(s_.constraints.start.back()), c.Z.resize(c.G.size()), r.assign(ng, 0.0);
     s_.constraints.value(s_.mechanics, q, s_.constraints.all, c.G.data(), r.data());
     return c;
   };
@@ -46,7 +46,7 @@ void ProjectionSensitivity::take(double t, double* y, bool positions) {
   Correction& c = next(y, true);
   std::fill(r.begin(), r.end(), 0.0);
   s_.constraints.evaluate_g_t(t, r.data());
-  for (int k = 0; k < ng; ++k) r[k] += dot(&c.G[static_cast<size_t>(k) * nv], v.data(), nv);
+  for (int k = 0; k < ng; ++k) r[k] += s_.constraints.times(k, c.G, v.data());
   c.by_t.assign(ng, 0.0), s_.constraints.evaluate_g_tt(t, c.by_t.data());
   correct(c, t, y, v.data(), r);
   for (int e = 0; e < nv && !positions; ++e) y[nq + e] -= c.x[e];
@@ -61,8 +61,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   for (int k : c.rows) factors_.scale_row(k, c.G, c.Z);
   c.lu.resize(n, n);
   for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j)
-      c.lu.at(i, j) = dot(&c.Z[static_cast<size_t>(c.rows[i]) * nv], &c.Z[static_cast<size_t>(c.rows[j]) * nv], nv);
+    for (int j = 0; j < n; ++j) c.lu.at(i, j) = s_.constraints.product(c.rows[i], c.rows[j], c.Z.data());
   if (n && !c.lu.factorize()) throw FallBackToPython();
   Numbers x(nv, 0.0), eta(r);
   solve(c, x.data(), eta.data());
@@ -106,32 +105,23 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
 }
 
 void ProjectionSensitivity::solve(const Correction& c, double* above, double* below) const {
-  const int nv = s_.nv;
   Numbers l(c.rows.size());
   factors_.solve_root(above);
-  for (size_t i = 0; i < l.size(); ++i)
-    l[i] = below[c.rows[i]] - dot(&c.Z[static_cast<size_t>(c.rows[i]) * nv], above, nv);
+  for (size_t i = 0; i < l.size(); ++i) l[i] = below[c.rows[i]] - s_.constraints.times(c.rows[i], c.Z, above);
   c.lu.solve(l.data());
-  for (size_t i = 0; i < l.size(); ++i) {
-    const double* z = &c.Z[static_cast<size_t>(c.rows[i]) * nv];
-    below[c.rows[i]] = l[i];
-    for (int k = 0; k < nv; ++k) above[k] += z[k] * l[i];
-  }
+  for (size_t i = 0; i < l.size(); ++i)
+    below[c.rows[i]] = l[i], s_.constraints.add(c.rows[i], c.Z, l[i], above);
   factors_.solve_root_transposed(above);
 }
 
 void ProjectionSensitivity::solve_transposed(const Correction& c, double* above, double* below) const {
-  const int nv = s_.nv;
   const std::vector<int>& position = s_.rows.position();
   Numbers l(c.rows.size());
   factors_.solve_root(above);
-  for (size_t j = 0; j < l.size(); ++j) l[j] = dot(&c.Z[static_cast<size_t>(c.rows[j]) * nv], above, nv);
+  for (size_t j = 0; j < l.size(); ++j) l[j] = s_.constraints.times(c.rows[j], c.Z, above);
   c.lu.solve_transposed(l.data());
-  for (size_t j = 0; j < l.size(); ++j) {
-    const double* z = &c.Z[static_cast<size_t>(c.rows[j]) * nv];
-    below[position[c.rows[j]]] = l[j];
-    for (int e = 0; e < nv; ++e) above[e] -= z[e] * l[j];
-  }
+  for (size_t j = 0; j < l.size(); ++j)
+    below[position[c.rows[j]]] = l[j], s_.constraints.add(c.rows[j], c.Z, -l[j], above);
   factors_.solve_root_transposed(above);
 }
 
@@ -155,7 +145,7 @@ void ProjectionSensitivity::forward(int directions, double* moved, size_t width,
       }
       for (int row : c.rows) {
         const size_t at = static_cast<size_t>(position[row]) * nv;
-        double s = dot(&c.G[static_cast<size_t>(row) * nv], c.of_v ? dv : dq.data(), nv);
+        double s = s_.constraints.times(row, c.G, c.of_v ? dv : dq.data());
         if (c.of_v) s += dot(&c.Bv[at], dq.data(), nv);
         if (c.moved) s -= dot(&c.B[at], dq.data(), nv);
         below[row] = dt ? s + dt[d] * c.by_t[row] : s;
@@ -200,10 +190,10 @@ void ProjectionSensitivity::reverse(int costs, double* bars, size_t width) {
       solve_transposed(c, mu, nu);
       for (int row : c.rows) {
         const double w = nu[position[row]];
-        const double *g = &c.G[static_cast<size_t>(row) * nv], *b = c.moved ? &c.B[static_cast<size_t>(position[row]) * nv] : nullptr;
+        s_.constraints.add(row, c.G, w, c.of_v ? v : q);
+        const double* b = c.moved ? &c.B[static_cast<size_t>(position[row]) * nv] : nullptr;
         const double* bv = c.of_v ? &c.Bv[static_cast<size_t>(position[row]) * nv] : nullptr;
         for (int e = 0; e < nv; ++e) {
-          (c.of_v ? v : q)[e] += w * g[e];
           if (bv) q[e] += w * bv[e];
           if (b) q[e] -= w * b[e];
         }

@@ -31,7 +31,7 @@ class ProjectionSensitivity {
     bool of_v = false, moved = false;  // moved: x is nonzero
     std::vector<int> rows;             // (r,) that it satisfies
     BandLU lu;                         // of G M^-1 G^T
-    Numbers G, Z, x;                   // (ng, nv) twice, (nv,)
+    Numbers G, Z, x;                   // entries by rows twice, (nv,)
     Numbers K, B, T, Bv;               // (nv, nv), (r, nv), (nv, nv), (r, nv); see correct()
     std::vector<IntegratePartialsBlock> integrate_partials;
     Numbers P, Q;                      // (k, n) where moved, and (k, r); for tangents

@@ -62,7 +62,7 @@ void StageEquations::constraints(const double* y0, const StageValues& at) {
   s_.manifold.integrate_partials(at.xhat.data(), constrained.v.data(), integrate_partials_hat_);
   s_.mechanics.poses(constrained.q.data());
   G_.assign(static_cast<size_t>(s_.ng) * nv, 0.0);
-  s_.constraints.value(s_.mechanics, constrained.q.data(), s_.constraints.all, G_.data());
+  s_.constraints.dense_value(s_.mechanics, constrained.q.data(), s_.constraints.all, G_);
   s_.closure_partials(constrained.q.data(), constrained.v.data(), nullptr, nullptr, &Bhat_, nullptr,
                       requested ? &constrained.wrench_partials : nullptr);
   time_.assign(s_.ng, 0.0);
@@ -107,7 +107,7 @@ void StageEquations::motion(const double* y0, const StageValues& at) {
   s_.force_partials(at.t, o.q.data(), o.u.data(), o.vdot.data(), o.lam.data(), at_, nullptr,
                     parameters_.moving() ? &o.wrenches : nullptr);
   std::fill(G_.begin(), G_.end(), 0.0);
-  s_.constraints.value(s_.mechanics, o.q.data(), s_.constraints.all, G_.data());
+  s_.constraints.dense_value(s_.mechanics, o.q.data(), s_.constraints.all, G_);
   by_unknowns.topLeftCorner(ny, ny).setIdentity();
   by_unknowns.block(nv, nv, nv, nv) = RowsIn(s_.mechanics.M(), nv, nv);
   x.block(0, nv, nv, nv) = -Rows<double>::Identity(nv, nv);

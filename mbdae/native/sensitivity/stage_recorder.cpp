@@ -137,8 +137,7 @@ class RecordingCollocation final : public Step, public StageRecorder {
       Numbers slip(v.F.begin(), v.F.begin() + nv), along(s.ng, 0.0);
       s.manifold.velocity(v.x.data(), slip.data());
       for (int i = 0; i < nv; ++i) slip[i] -= this->u_[i];
-      for (int k : this->positions_.in_use())
-        for (int c : s.constraints.rows[k].columns) along[k] += s.point.G[static_cast<size_t>(k) * nv + c] * slip[c];
+      for (int k : this->positions_.in_use()) along[k] = s.constraints.times(k, s.point.G, slip.data());
       v.mu.assign(s.ng, 0.0), v.slip.assign(nv, 0.0);
       if (this->positions_.in_use().empty()) return;
       this->positions_.saddle().factorize_symmetric();

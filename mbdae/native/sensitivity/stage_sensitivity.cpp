@@ -42,21 +42,16 @@ void StageSensitivity::satisfy_rows(const Numbers& seen, bool transposed, const 
   const std::vector<int>& position = s_.rows.position();
   nu.assign(target_.size(), 0.0), residual_.resize(target_.size());
   for (int pass = 0; pass < 2; ++pass) {
-    for (int k : s_.rows.in_use()) {
-      const double* Z = &seen[static_cast<size_t>(k) * s_.nv];
-      double& miss = residual_[position[k]] = target_[position[k]];
-      for (int c : s_.constraints.rows[k].columns) miss -= Z[c] * above[c];
-    }
+    for (int k : s_.rows.in_use())
+      residual_[position[k]] = target_[position[k]] - s_.constraints.times(k, seen, above.data());
     if (transposed) {
       lu.solve_transposed(residual_.data());
     } else {
       lu.solve(residual_.data());
     }
     for (int k : s_.rows.in_use()) {
-      const double* Z = &moved[static_cast<size_t>(k) * s_.nv];
-      const double by = residual_[position[k]];
-      for (int c : s_.constraints.rows[k].columns) above[c] += Z[c] * by;
-      nu[position[k]] += by;
+      s_.constraints.add(k, moved, residual_[position[k]], above.data());
+      nu[position[k]] += residual_[position[k]];
     }
   }
 }
@@ -87,10 +82,8 @@ void StageSensitivity::forward(const double* dx, const double* dxhat, const doub
     if (Q) std::copy(Q, Q + r, target_.begin());
     add_times(Bhat, r, nv, dq_.data(), target_.data());
     for (int k : rows) {
-      const double* G = &Ghat[static_cast<size_t>(k) * nv];
       double& constrained = target_[position[k]];
-      for (int c : s_.constraints.rows[k].columns) constrained += G[c] * more_[c];
-      constrained /= -factor;
+      constrained = s_.constraints.times(k, Ghat, more_.data(), constrained) / -factor;
     }
     satisfy_rows(Zhat, false, point.Z);
     above[n - 1] -= dot(at.g_t.data(), nu.data(), static_cast<int>(r));
@@ -118,9 +111,7 @@ void StageSensitivity::reverse(const double* F, double* x, double* xhat, double*
     apply(integrate_partials_hat, &IntegratePartialsBlock::A, true, true, nv, dq_.data(), more_.data());
     for (int i = 0; i < nv; ++i) y[i] += more_[i];
     for (int k : rows) {
-      const size_t row = static_cast<size_t>(k) * nv;
-      const double w = nu[position[k]];
-      for (int c : s_.constraints.rows[k].columns) xhat[nv + c] += Ghat[row + c] * w, y[nv + c] += Ghat[row + c] * w;
+      s_.constraints.add(k, Ghat, nu[position[k]], xhat + nv), s_.constraints.add(k, Ghat, nu[position[k]], y + nv);
     }
     std::fill(dq_.begin(), dq_.end(), 0.0);
   }

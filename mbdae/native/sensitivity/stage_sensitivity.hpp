@@ -38,7 +38,7 @@ class StageSensitivity : public LinearisationPoint {
   double factor = 0;
   EquationPartials at;
   Numbers Bhat;                         // (r, nv)
-  Numbers Ghat, Zhat;                   // (ng, nv), at the constraint point of the stage
+  Numbers Ghat, Zhat;                   // entries by rows, at the constraint point of the stage
   std::vector<IntegratePartialsBlock> integrate_partials, integrate_partials_hat;
   BandLU lu;                            // of Zhat Z^T
   Configuration point;                          // M and its factors, Z

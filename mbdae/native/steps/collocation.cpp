@@ -73,7 +73,6 @@ CollocationStep::CollocationStep(Index2System& s)
       u_(s.ny - s.nv),
       f_(s.nv),
       inertial_(s.nv),
-      G_(static_cast<size_t>(s.ng) * s.nv),
       gt_(s.ng),
       lam_(s.ng),
       rates_(s.ng),

@@ -75,14 +75,20 @@ void GGLStep::compute_correction(const Numbers& G) {
 
 void GGLStep::transfer() {
   Gmoved_ = Ghat_;
-  for (int r : positions_.in_use())
-    for (const TangentBlock& b : transfer_)
+  for (int r : positions_.in_use()) {
+    const std::vector<int>& columns = s_.constraints.rows[r].columns;
+    const size_t start = s_.constraints.start[r];
+    for (const TangentBlock& b : transfer_) {
+      const auto first = std::lower_bound(columns.begin(), columns.end(), b.at);
+      if (first == columns.end() || *first != b.at) continue;  // a row has all columns of a joint, or none
+      const size_t at = start + (first - columns.begin());
       for (int j = 0; j < b.n; ++j) {
-        const double* row = &Ghat_[static_cast<size_t>(r) * nv_ + b.at];
         double s = 0;
-        for (int i = 0; i < b.n; ++i) s += row[i] * b.J[i * b.n + j];
-        Gmoved_[static_cast<size_t>(r) * nv_ + b.at + j] = s;
+        for (int i = 0; i < b.n; ++i) s += Ghat_[at + i] * b.J[i * b.n + j];
+        Gmoved_[at + j] = s;
       }
+    }
+  }
 }
 
 void GGLStep::check_other_rows(double that) {
@@ -101,10 +107,7 @@ void GGLStep::project(double* e) {
   move_.assign(e, e + nv_);
   s_.manifold.velocity(at_.data(), move_.data());
   if (!positions_.same_as_velocity_rows) positions_.saddle().factorize_symmetric();
-  for (int k : positions_.in_use()) {
-    work_[k] = 0;
-    for (int c : s_.constraints.rows[k].columns) work_[k] += s_.point.G[static_cast<size_t>(k) * nv_ + c] * move_[c];
-  }
+  for (int k : positions_.in_use()) work_[k] = s_.constraints.times(k, s_.point.G, move_.data());
   positions_.saddle().minimum_norm_motion(work_.data(), move_.data());
   s_.manifold.tangent(at_.data(), move_.data());
   for (int i = 0; i < nv_; ++i) e[i] -= move_[i];

@@ -29,7 +29,7 @@ class GGLStep : public HalfExplicitStep {
 
   Numbers gap_, dmu_;                     // (ng,) by row
   Numbers dslip_, move_, at_;             // (nv,) change of slip as velocity and in coordinates; x of a stage
-  Numbers Gmoved_;                        // (ng, nv) Ghat J(xhat)^-1 J(x), where coordinates are curved
+  Numbers Gmoved_;                        // Ghat J(xhat)^-1 J(x), where coordinates are curved
   std::vector<TangentBlock> transfer_;
 };
 

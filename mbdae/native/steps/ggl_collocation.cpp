@@ -20,7 +20,7 @@ std::shared_ptr<const LinearizedStages> GGLCollocation::linearize(double t, cons
                                                                   const double* z) {
   auto out = std::make_shared<LinearizedStages>(*CollocationStep::linearize(t, x, dx, z));
   s_.mechanics.poses(q_.data());
-  s_.constraints.value(s_.mechanics, q_.data(), positions_.in_use(), G_.data());
+  s_.constraints.dense_value(s_.mechanics, q_.data(), positions_.in_use(), G_);
   for (int k : positions_.in_use()) {
     const double* row = &G_[static_cast<size_t>(k) * nv_];
     out->P.insert(out->P.end(), row, row + nv_);
@@ -41,7 +41,7 @@ void GGLCollocation::residual(double t, const double* x, const double* dx, const
   s_.counts.M += 1, s_.counts.factorizations += 1, s_.counts.G += s_.ng > 0;
   s_.point.inertia(q_.data());
   std::fill(gap_.begin(), gap_.end(), 0.0), std::fill(slip_.begin(), slip_.end(), 0.0);
-  s_.constraints.value(s_.mechanics, q_.data(), rows, G_.data(), gap_.data());
+  s_.constraints.dense_value(s_.mechanics, q_.data(), rows, G_, gap_.data());
   s_.constraints.complete_g(t, gap_.data());
   for (size_t i = 0; i < rows.size(); ++i) {
     C[r + i] = -gap_[rows[i]];

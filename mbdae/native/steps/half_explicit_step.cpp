@@ -64,8 +64,8 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
     satisfy_constraint(that, factor, F);
     for (int k : rows) {
       double rate = gthat_[k];
-      for (int c : constraints.rows[k].columns)
-        rate += Ghat_[static_cast<size_t>(k) * nv_ + c] * (v0_[c] + xhat_[nv_ + c]);
+      const double* G = Ghat_.data() + constraints.start[k];
+      for (int c : constraints.rows[k].columns) rate += *G++ * (v0_[c] + xhat_[nv_ + c]);
       lam_[k] = -rate / factor;
     }
   } else if (s_.ng) {
@@ -120,10 +120,7 @@ void HalfExplicitStep::combine(const double* weights, int count, double h, Numbe
 
 void HalfExplicitStep::project(double* e) {
   s_.counts.projections += 1;
-  for (int k : s_.rows.in_use()) {
-    work_[k] = 0;
-    for (int c : s_.constraints.rows[k].columns) work_[k] += s_.point.G[static_cast<size_t>(k) * nv_ + c] * e[nv_ + c];
-  }
+  for (int k : s_.rows.in_use()) work_[k] = s_.constraints.times(k, s_.point.G, e + nv_);
   s_.saddle.minimum_norm_motion(work_.data(), f_.data());
   for (int i = 0; i < nv_; ++i) e[nv_ + i] -= f_[i];
 }

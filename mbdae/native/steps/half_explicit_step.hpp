@@ -52,7 +52,7 @@ class HalfExplicitStep {
   Numbers q_, v_, qhat_, s_in_;       // (nq,), (nv,), (nq,), (ns,) at a stage
   Numbers f_;                         // (nv,)
   Numbers lam_, gt_, gthat_, work_;   // (ng,)
-  Numbers Ghat_, Zhat_;               // (ng, nv) by rows, at the constraint point of the stage
+  Numbers Ghat_, Zhat_;               // entries by rows, at the constraint point of the stage
   bool with_partials_ = false;               // partials of stages are needed next
 };
 

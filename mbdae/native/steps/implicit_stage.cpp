@@ -16,7 +16,7 @@ void CollocationStep::residual(double t, const double* x, const double* dx, cons
   s_.mechanics.inverse(q, v, dx + nv_, inertial_.data());
   s_.counts.G += s_.ng > 0;
   const bool has_friction = static_cast<bool>(s_.friction);
-  constraints.value(s_.mechanics, q, has_friction ? constraints.all : rows, G_.data());
+  constraints.dense_value(s_.mechanics, q, has_friction ? constraints.all : rows, G_);
   double* rates = R + 2 * nv_;
   s_.torque(t, q, v, v + nv_, R + nv_, rates);
   if (has_friction) {

@@ -42,7 +42,7 @@ void SecondOrderStep::correct(const GeneralizedAlpha& a, double t, Numbers& dx) 
   for (int k = 0; k < r; ++k) lam[rows[k]] = x_[n_ + k];
   s_.manifold.check_rotations(full_.data());
   residual(t, full_.data(), rates.data(), &x_[n_], R1_.data(), C1_.data());
-  s_.constraints.value(s_.mechanics, q_.data(), rows, G_.data(), g_.data());
+  s_.constraints.dense_value(s_.mechanics, q_.data(), rows, G_, g_.data());
   s_.constraints.complete_g(t, g_.data());
   for (int i = 0; i < n_; ++i) u_[i] = y0_[nq_ + i] + full_[nv_ + i];
   s_.partials(t, q_.data(), u_.data(), x_.data(), lam.data(), at_);
@@ -117,10 +117,10 @@ void SecondOrderStep::take(const GeneralizedAlpha& a, double t, double h, const 
   }
   const std::vector<int>& rows = s_.rows.in_use();
   const int r = static_cast<int>(rows.size()), m = a.stabilised ? r : 0;
-  normal_.resize(static_cast<size_t>(m) * nv_);
+  normal_.assign(static_cast<size_t>(m) * nv_, 0.0);
   for (int k = 0; k < m; ++k) {
     double* row = &normal_[static_cast<size_t>(k) * nv_];
-    std::copy_n(&s_.point.Z[static_cast<size_t>(rows[k]) * nv_], nv_, row), s_.point.solve_root_transposed(row);
+    s_.constraints.expand(rows[k], s_.point.Z.data(), row), s_.point.solve_root_transposed(row);
   }
 
   const double weight = (1 - a.alpha_f) / (1 - a.alpha_m), ratio = h / before[2 * n_];

@@ -23,9 +23,7 @@ VariationalStep::VariationalStep(Index2System& s)
       q1_(s.nq),
       w_(s.nv),
       zero_(s.nv, 0.0),
-      G_(static_cast<size_t>(s.ng) * s.nv),
       g_(s.ng),
-      matrix_(static_cast<size_t>(s.nv) * s.nv),
       mean_(s.nv),
       p_(s.nv) {}
 
@@ -86,12 +84,13 @@ void VariationalStep::correct(Numbers& dx) {
   s_.manifold.integrate(q0_.data(), x, q1_.data());
   momentum_partials(q1_.data(), end_);
   s_.counts.G += s_.ng > 0;
-  s_.constraints.value(s_.mechanics, q1_.data(), rows, G_.data(), g_.data());
+  s_.constraints.dense_value(s_.mechanics, q1_.data(), rows, G_, g_.data());
   s_.constraints.complete_g(t_ + h_, g_.data());
   if (s_.manifold.curved()) {
     s_.manifold.transfer(zero_.data(), x, J_inverse_);
     s_.manifold.partials(minus.data(), zero_.data(), J_minus_);
   }
+  matrix_.resize(static_cast<size_t>(n) * n);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) {
       const size_t at = static_cast<size_t>(i) * n + j;
@@ -149,8 +148,8 @@ void VariationalStep::rattle(const NewtonIteration& iteration, double t, double 
   s_.select_rows_of_step(y);
   const std::vector<int>& rows = s_.rows.in_use();
   const int n = nv_, r = static_cast<int>(rows.size());
-  G0_.resize(static_cast<size_t>(r) * n);
-  for (int k = 0; k < r; ++k) std::copy_n(&s_.point.G[static_cast<size_t>(rows[k]) * n], n, &G0_[static_cast<size_t>(k) * n]);
+  G0_.assign(static_cast<size_t>(r) * n, 0.0);
+  for (int k = 0; k < r; ++k) s_.constraints.expand(rows[k], s_.point.G.data(), &G0_[static_cast<size_t>(k) * n]);
   momentum_partials(y, start_);
   multiply(start_.M, v0_.data(), n, p_.data());
   x_.assign(n + r, 0.0);

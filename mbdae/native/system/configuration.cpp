@@ -8,7 +8,7 @@
 namespace mbdae {
 
 Configuration::Configuration(Mechanics& m, Constraints& constraints, Counts& counts)
-    : G(constraints.rows.size() * m.nv),
+    : G(constraints.start.back()),
       Z(G.size()),
       g(constraints.rows.size()),
       scratch_G(G.size()),
@@ -16,8 +16,12 @@ Configuration::Configuration(Mechanics& m, Constraints& constraints, Counts& cou
       constraints_(constraints),
       counts_(counts),
       q_(m.nq, NAN),
-      U_(static_cast<size_t>(m.nv) * m.nv),
-      root_(m.nv) {}
+      root_(m.nv),
+      x_(m.nv) {
+  size_t size = 0;
+  for (const auto& ancestors : m.ancestors) first_.push_back(size), size += 1 + ancestors.size();
+  U_.resize(size);
+}
 
 void Configuration::inertia(const double* q) { m_.inertia(q), factorize(); }
 
@@ -26,46 +30,38 @@ void Configuration::dynamics(const double* q, const double* v, bool with_partial
   factorize();
 }
 
+// The ancestors of an ancestor of k are the last ones of k.
 void Configuration::factorize() {
   invalidate();
   const int nv = m_.nv;
   const double* M = m_.M();
   for (int k = 0; k < nv; ++k) {
-    double* c = &U_[static_cast<size_t>(k) * nv];
+    double* c = &U_[first_[k]];
     const double* from = M + static_cast<size_t>(k) * nv;
-    c[k] = from[k];
-    for (int i : m_.ancestors[k]) c[i] = from[i];
+    *c = from[k];
+    for (int i : m_.ancestors[k]) *++c = from[i];
   }
   for (int k = nv - 1; k >= 0; --k) {
-    double* c = &U_[static_cast<size_t>(k) * nv];
-    const double d = c[k];
+    double* c = &U_[first_[k]];
+    const double d = *c;
     if (!(d > 0) || !std::isfinite(d)) throw FallBackToPython();
     root_[k] = 1 / std::sqrt(d);
     const double over = 1 / d;
+    const double* end = c + 1 + m_.ancestors[k].size();
     for (int i : m_.ancestors[k]) {
-      const double a = c[i] * over;
-      double* ci = &U_[static_cast<size_t>(i) * nv];
-      ci[i] -= a * c[i];
-      for (int j : m_.ancestors[i]) ci[j] -= a * c[j];
-      c[i] = a;
+      double *x = ++c, *ci = &U_[first_[i]];
+      const double a = *x * over;
+      *ci -= a * *x;
+      for (const double* y = end - m_.ancestors[i].size(); y != end; ++y) *++ci -= a * *y;
+      *x = a;
     }
   }
 }
 
 void Configuration::solve_root(double* x) const {
-  const int nv = m_.nv;
-  for (int k = nv - 1; k >= 0; --k) {
-    const double* c = &U_[static_cast<size_t>(k) * nv];
-    for (int i : m_.ancestors[k]) x[i] -= c[i] * x[k];
-    x[k] *= root_[k];
-  }
-}
-
-void Configuration::solve_root(double* x, const std::vector<int>& columns) const {
-  for (size_t j = columns.size(); j-- > 0;) {
-    const int k = columns[j];
-    const double* c = &U_[static_cast<size_t>(k) * m_.nv];
-    for (int i : m_.ancestors[k]) x[i] -= c[i] * x[k];
+  for (int k = m_.nv - 1; k >= 0; --k) {
+    const double* c = column(k);
+    for (int i : m_.ancestors[k]) x[i] -= *++c * x[k];
     x[k] *= root_[k];
   }
 }
@@ -73,18 +69,24 @@ void Configuration::solve_root(double* x, const std::vector<int>& columns) const
 void Configuration::solve_root_transposed(double* x) const {
   const int nv = m_.nv;
   for (int k = 0; k < nv; ++k) {
-    const double* c = &U_[static_cast<size_t>(k) * nv];
+    const double* c = column(k);
     double s = x[k] * root_[k];
-    for (int i : m_.ancestors[k]) s -= c[i] * x[i];
+    for (int i : m_.ancestors[k]) s -= *++c * x[i];
     x[k] = s;
   }
 }
 
 void Configuration::scale_row(int row, const Numbers& G, Numbers& Z) const {
-  const size_t at = static_cast<size_t>(row) * m_.nv;
   const std::vector<int>& columns = constraints_.rows[row].columns;
-  for (int c : columns) Z[at + c] = G[at + c];
-  solve_root(&Z[at], columns);
+  const size_t at = constraints_.start[row];
+  double* x = x_.data();
+  constraints_.expand(row, G.data(), x);
+  for (size_t j = columns.size(); j-- > 0;) {
+    const int k = columns[j];
+    const double* c = column(k);
+    for (int i : m_.ancestors[k]) x[i] -= *++c * x[k];
+    Z[at + j] = x[k] *= root_[k];
+  }
 }
 
 void Configuration::evaluate(const double* q, bool counted) {

@@ -19,9 +19,8 @@ class Configuration {
   void dynamics(const double* q, const double* v, bool with_partials);  // and nle; or the first terms of partials
   void evaluate(const double* q, bool counted);                 // all of it, over all rows
   void scale_row(int row) { scale_row(row, G, Z); }             // Z of a row, from G
-  void scale_row(int row, const Numbers& G, Numbers& Z) const;  // the same of other rows (ng, nv)
+  void scale_row(int row, const Numbers& G, Numbers& Z) const;  // the same of other rows
   void solve_root(double* x) const;                             // x := R^-1 x
-  void solve_root(double* x, const std::vector<int>& columns) const;  // the same where x is zero elsewhere
   void solve_root_transposed(double* x) const;                        // x := R^-T x
 
   void mark_current(const double* q);  // all of it is current at q from now on
@@ -31,12 +30,13 @@ class Configuration {
   bool is_exactly_current(const double* q) const;  // is it current at exactly q?
   void exchange(Configuration& other);          // with another configuration of the same mechanism
 
-  Numbers G, Z;  // (ng, nv) by rows
+  Numbers G, Z;  // entries by rows, see `Constraints::start`
   Numbers g;     // (ng,) over all rows, without the motion of drivers
-  Numbers scratch_G;  // (ng, nv) scratch, zero outside the columns of rows
+  Numbers scratch_G;  // scratch of the same size
 
  private:
   void factorize();  // M
+  const double* column(int k) const { return &U_[first_[k]]; }
 
   Mechanics& m_;
   Constraints& constraints_;
@@ -44,8 +44,10 @@ class Configuration {
   bool current_ = false;
   long stamp_ = 0;
   Numbers q_;     // (nq,) where it is current
-  Numbers U_;     // (nv, nv) by columns: above the diagonal, U
+  std::vector<size_t> first_;  // (nv,) of each column of U
+  Numbers U_;     // by columns: pivot, and the entries of U of the ancestors, nearest first
   Numbers root_;  // (nv,) D^-1/2
+  mutable Numbers x_;  // (nv,) scratch
 };
 
 }  // namespace mbdae

@@ -14,7 +14,7 @@ int above(const Numbers& pivots, double ratio) {
 
 }  // namespace
 
-void IndependentRows::determine(const double* G, const double* Z, long stamp, const FirstRank& first,
+void IndependentRows::determine(const Numbers& G, const Numbers& Z, long stamp, const FirstRank& first,
                                 const Numbers& probe) {
   const int ng = static_cast<int>(position_.size()), most = std::min(nv_, ng);
   if (has_many()) {
@@ -51,12 +51,12 @@ bool IndependentRows::has_tie() const {
   return false;
 }
 
-int IndependentRows::dense_rank(const double* G, const FirstRank& first) {
+int IndependentRows::dense_rank(const Numbers& entries, const FirstRank& first) {
   const int ng = static_cast<int>(position_.size()), most = std::min(nv_, ng);
   const int r = above(pivots_, limits_.pivot_rank);
   if (!r || (r == most && pivots_[r - 1] >= first.ambiguous * pivots_[0])) return r;
   // In G M^-1/2, light bodies next to heavy ones hide rows: those of G, of length 1, show them.
-  Numbers sizes(ng), units, pivots_of_G;
+  Numbers G(constraints_.dense(entries)), sizes(ng), units, pivots_of_G;
   for (int k = 0; k < ng; ++k) {
     double s = 0;
     for (int c : constraints_.rows[k].columns) s += std::pow(G[static_cast<size_t>(k) * nv_ + c], 2);
@@ -66,46 +66,43 @@ int IndependentRows::dense_rank(const double* G, const FirstRank& first) {
   int kept = 0;
   for (int k = 0; k < ng; ++k) {
     if (!(sizes[k] > limits_.pivot_rank * largest)) continue;
-    const double* row = G + static_cast<size_t>(k) * nv_;
+    const double* row = &G[static_cast<size_t>(k) * nv_];
     for (int c = 0; c < nv_; ++c) units.push_back(row[c] / sizes[k]);
     ++kept;
   }
   std::vector<int> order;
-  pivoted_qr(nv_, kept, units.data(), order, pivots_of_G, work_);
+  pivoted_qr(nv_, kept, units, order, pivots_of_G);
   const int geometric = std::max(r, above(pivots_of_G, limits_.pivot_rank));
-  pivoted_qr(nv_, ng, G, order, pivots_of_G, work_);
+  pivoted_qr(nv_, ng, G, order, pivots_of_G);
   const double ratio = std::max(pivots_of_G[geometric - 1] / pivots_of_G[0], pivots_[geometric - 1] / pivots_[0]);
   return ratio < first.ambiguous ? -1 : geometric;
 }
 
-bool IndependentRows::others_depend(const double* B, double tolerance, const Numbers& probe) const {
+bool IndependentRows::others_depend(const Numbers& B, double tolerance, const Numbers& probe) const {
   if (!dependent()) return others_.empty();
-  const auto row = [&](int k) { return B + static_cast<size_t>(k) * nv_; };
-  const auto product = [&](int k, const double* x) {
-    double s = 0;
-    for (int c : constraints_.rows[k].columns) s += row(k)[c] * x[c];
-    return s;
-  };
   const int r = static_cast<int>(rows_.size());
   BandLU S;
   S.resize(r, half_bandwidth_);
   Numbers size(position_.size());
-  for (int k : constraints_.all) size[k] = std::sqrt(product(k, row(k)));
+  for (int k : constraints_.all) size[k] = std::sqrt(constraints_.product(k, k, B.data()));
   for (int i = 0; i < r; ++i)
-    for (int j : coupled_[i]) S.at(i, j) = S.at(j, i) = product(rows_[i], row(rows_[j])) / (size[rows_[i]] * size[rows_[j]]);
+    for (int j : coupled_[i]) S.at(i, j) = S.at(j, i) =
+          constraints_.product(rows_[i], rows_[j], B.data()) / (size[rows_[i]] * size[rows_[j]]);
   if (!S.factorize()) return false;
   const double least = limits_.pivot_rank * *std::max_element(size.begin(), size.end());
   for (bool reverse : {false, true}) {
     Numbers w(probe), x(r);
     if (reverse) std::reverse(w.begin(), w.end());
     for (int repeat = 0; repeat < 2; ++repeat) {  // the second time removes rounding
-      for (int i = 0; i < r; ++i) x[i] = product(rows_[i], w.data()) / size[rows_[i]];
+      for (int i = 0; i < r; ++i) x[i] = constraints_.times(rows_[i], B, w.data()) / size[rows_[i]];
       S.solve(x.data());
-      for (int i = 0; i < r; ++i)
-        for (int c : constraints_.rows[rows_[i]].columns) w[c] -= row(rows_[i])[c] * x[i] / size[rows_[i]];
+      for (int i = 0; i < r; ++i) {
+        const double* entry = B.data() + constraints_.start[rows_[i]];
+        for (int c : constraints_.rows[rows_[i]].columns) w[c] -= *entry++ * x[i] / size[rows_[i]];
+      }
     }
     for (int k : others_)
-      if (size[k] > least && !(std::fabs(product(k, w.data())) <= tolerance * size[k])) return false;
+      if (size[k] > least && !(std::fabs(constraints_.times(k, B, w.data())) <= tolerance * size[k])) return false;
   }
   return true;
 }

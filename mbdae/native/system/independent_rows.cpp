@@ -30,7 +30,7 @@ IndependentRows::IndependentRows(const Constraints& constraints, std::vector<int
   window_ = std::max(window_, limits_.many_rows);
 }
 
-void IndependentRows::find_pivots(const double* Z, bool of_rows_in_use, int count, double smallest,
+void IndependentRows::find_pivots(const Numbers& Z, bool of_rows_in_use, int count, double smallest,
                                   std::vector<int>& order, Numbers& pivots) const {
   std::vector<SparseRow> S = products(Z, of_rows_in_use);
   std::vector<int> sequence(S.size());
@@ -70,17 +70,18 @@ void IndependentRows::set(std::vector<int> rows) {
     if (position_[k] < 0 && !excluded_[k]) others_.push_back(static_cast<int>(k));
 }
 
-void IndependentRows::update_pivots(const double* Z, long stamp) {
+void IndependentRows::update_pivots(const Numbers& Z, long stamp) {
   if (pivots_stamp_ == stamp) return;
   if (has_many()) {  // of more rows than these, rounding is left
     find_pivots(Z, false, rank + 1, std::sqrt(limits_.eps), order_, pivots_);
   } else {
-    pivoted_qr(nv_, static_cast<int>(position_.size()), Z, order_, pivots_, factors_);
+    constraints_.dense(constraints_.all, Z, factors_);
+    pivoted_qr(nv_, static_cast<int>(position_.size()), factors_, order_, pivots_);
   }
   pivots_stamp_ = stamp;
 }
 
-bool IndependentRows::factorize(const double* Z, long stamp) {
+bool IndependentRows::factorize(const Numbers& Z, long stamp) {
   if (has_many() || rows_.empty() || rows_.size() < position_.size()) return false;
   update_pivots(Z, stamp);
   return pivots_.back() * pivots_.back() > limits_.smallest_pivot * pivots_[0] * pivots_[0];
@@ -103,7 +104,7 @@ void IndependentRows::solve(double* x) const {
   }
 }
 
-bool IndependentRows::select(const double* Z, long stamp) {
+bool IndependentRows::select(const Numbers& Z, long stamp) {
   if (rank < 0) throw std::logic_error("the rows in use are not set");
   const int ng = static_cast<int>(position_.size());
   update_pivots(Z, stamp);
@@ -129,19 +130,17 @@ bool IndependentRows::use_first_pivots() {
   return true;
 }
 
-double IndependentRows::smallest_pivot_in_use(const double* Z) {
+double IndependentRows::smallest_pivot_in_use(const Numbers& Z) {
   if (has_many()) {
     find_pivots(Z, true, rank, std::sqrt(limits_.eps), order_in_use_, pivots_in_use_);
     return static_cast<int>(pivots_in_use_.size()) < rank ? 0 : pivots_in_use_[rank - 1];
   }
-  B_.resize(static_cast<size_t>(rank) * nv_);
-  for (int i = 0; i < rank; ++i)
-    std::copy_n(&Z[static_cast<size_t>(rows_[i]) * nv_], nv_, &B_[static_cast<size_t>(i) * nv_]);
-  pivoted_qr(nv_, rank, B_.data(), order_in_use_, pivots_in_use_, work_);
+  constraints_.dense(rows_, Z, work_);
+  pivoted_qr(nv_, rank, work_, order_in_use_, pivots_in_use_);
   return pivots_in_use_[rank - 1];
 }
 
-bool IndependentRows::select_if_triggered(const double* Z, long stamp) {
+bool IndependentRows::select_if_triggered(const Numbers& Z, long stamp) {
   const double now = last_ratio_;
   last_ratio_ = NAN;
   best_ratio_ = std::max(best_ratio_, now);
@@ -150,17 +149,18 @@ bool IndependentRows::select_if_triggered(const double* Z, long stamp) {
   return select(Z, stamp);
 }
 
-double IndependentRows::ratio(const double* Z, int rank) {
+double IndependentRows::ratio(const Numbers& Z, int rank) {
   pivots_stamp_ = -1;
   if (!has_many()) {
-    pivoted_qr(nv_, static_cast<int>(position_.size()), Z, order_, pivots_, work_);
+    constraints_.dense(constraints_.all, Z, work_);
+    pivoted_qr(nv_, static_cast<int>(position_.size()), work_, order_, pivots_);
     return pivots_[rank - 1] / pivots_[0];
   }
   find_pivots(Z, false, rank, std::sqrt(limits_.eps), order_, pivots_);
   return static_cast<int>(pivots_.size()) < rank ? 0 : pivots_[rank - 1] / pivots_[0];
 }
 
-std::vector<SparseRow> IndependentRows::products(const double* Z, bool of_rows_in_use) const {
+std::vector<SparseRow> IndependentRows::products(const Numbers& Z, bool of_rows_in_use) const {
   const int ng = static_cast<int>(position_.size());
   std::vector<SparseRow> S(of_rows_in_use ? rows_.size() : ng);
   for (int k = 0; k < ng; ++k) {
@@ -168,10 +168,7 @@ std::vector<SparseRow> IndependentRows::products(const double* Z, bool of_rows_i
     SparseRow& row = S[of_rows_in_use ? position_[k] : k];
     for (int l : neighbours_[k]) {
       if (of_rows_in_use && position_[l] < 0) continue;
-      double s = 0;
-      for (int c : constraints_.rows[k].columns)
-        s += Z[static_cast<size_t>(k) * nv_ + c] * Z[static_cast<size_t>(l) * nv_ + c];
-      row.emplace_back(of_rows_in_use ? position_[l] : l, s);
+      row.emplace_back(of_rows_in_use ? position_[l] : l, constraints_.product(k, l, Z.data()));
     }
     if (of_rows_in_use) std::sort(row.begin(), row.end());
   }

@@ -36,42 +36,42 @@ class IndependentRows {
   void use(const std::vector<int>& rows, int rank, double floor, bool frozen);
   void reset();  // as when new
   void record_ratio(double ratio);  // note the pivot ratio of a saddle-point system
-  // Determine rank, floor and rows at the start of a run from G and Z (ng, nv), as `initial_rank` and `select_rows` in Python;
+  // Determine rank, floor and rows at the start of a run from G and Z (entries by rows), as `initial_rank` and `select_rows` in Python;
   // where Python must decide, as next to singular configurations, `FallBackToPython`.
   struct FirstRank {
     double ambiguous;  // ratio of pivots below which no smooth interval begins
     double fallen;     // of the ratio of pivots at the start: still small below this multiple
     double dependent;  // of the largest row of many: its part outside the rows in use
   };
-  void determine(const double* G, const double* Z, long stamp, const FirstRank& first, const Numbers& probe);
+  void determine(const Numbers& G, const Numbers& Z, long stamp, const FirstRank& first, const Numbers& probe);
   // Is a vector in the null space of the rows in use, from one in general position (nv,) and its reverse, also one of all
-  // rows? To a tolerance of their length; negligible rows are ignored. B: G or Z, (ng, nv).
-  bool others_depend(const double* B, double tolerance, const Numbers& probe) const;
+  // rows? To a tolerance of their length; negligible rows are ignored. B: G or Z.
+  bool others_depend(const Numbers& B, double tolerance, const Numbers& probe) const;
   // From Z (ng, nv), the rows of G M^-1/2: select again; returns whether the rows in use changed. stamp: changes with
   // Z.
-  bool select(const double* Z, long stamp);
+  bool select(const Numbers& Z, long stamp);
   // At the beginning of a step: always for few rows, for a reason for many rows.
-  bool select_if_triggered(const double* Z, long stamp);
+  bool select_if_triggered(const Numbers& Z, long stamp);
   // Is the factor R of Z^T P = Q R of the selection also a factor of Z Z^T of the rows in use? Then it is current.
-  bool factorize(const double* Z, long stamp);
+  bool factorize(const Numbers& Z, long stamp);
   void solve(double* x) const;  // with it, (r,) by position: x := (Z Z^T)^-1 x
   // Smallest of this many pivots of all rows to the largest: many rows by sparse elimination.
-  double ratio(const double* Z, int rank);
+  double ratio(const Numbers& Z, int rank);
 
   class Freeze;  // while it exists, the rows in use are fixed, and solves are not part of the run
 
  private:
   void set(std::vector<int> rows);
-  void update_pivots(const double* Z, long stamp);  // pivots and factors of all rows, for this Z
+  void update_pivots(const Numbers& Z, long stamp);  // pivots and factors of all rows, for this Z
   // Z Z^T of all rows, or of those in use by their position.
-  std::vector<SparseRow> products(const double* Z, bool of_rows_in_use) const;
+  std::vector<SparseRow> products(const Numbers& Z, bool of_rows_in_use) const;
   // Pivots of many rows, of all or of those in use (then by position), see `sparse_pivots`.
-  void find_pivots(const double* Z, bool of_rows_in_use, int count, double smallest, std::vector<int>& order,
+  void find_pivots(const Numbers& Z, bool of_rows_in_use, int count, double smallest, std::vector<int>& order,
                    Numbers& pivots) const;
-  double smallest_pivot_in_use(const double* Z);
+  double smallest_pivot_in_use(const Numbers& Z);
   bool use_first_pivots();  // use those of the first `rank` pivots; whether they are others
   bool has_tie() const;  // has a dependent row a pivot of a row in use, up to rounding, in `factors_`?
-  int dense_rank(const double* G, const FirstRank& first);
+  int dense_rank(const Numbers& G, const FirstRank& first);
 
   const Constraints& constraints_;
   const Tolerances& limits_;
@@ -87,8 +87,8 @@ class IndependentRows {
   double best_ratio_ = 0,
          last_ratio_ = NAN;  // ratios of pivots: best since the last examination, and last; nan: no solve since
   std::vector<int> order_, order_in_use_;      // (ng,), (r,) of pivots
-  Numbers pivots_, pivots_in_use_, B_, work_;  // (min(nv, ng),), (min(nv, r),), (r, nv), scratch
-  Numbers factors_;                            // (ng, nv) and more: R by columns, as `pivoted_qr` leaves it
+  Numbers pivots_, pivots_in_use_;             // (min(nv, ng),), (min(nv, r),)
+  Numbers factors_, work_;  // (ng, nv) and more: R by columns, as `pivoted_qr` leaves it, of few rows; and scratch
   mutable Numbers x_;                          // (r,) in the order of pivots
   long pivots_stamp_ = -1;                     // the stamp of the Z whose pivots and factors are current
 };

@@ -72,7 +72,7 @@ bool Index2System::write(const void* model, const Tolerances& limits, Descriptio
 void Index2System::select_rows_of_step(const double* y) {
   if (!ng || rows.frozen) return;
   if (!point.is_current(y)) point.evaluate(y, true);
-  rows.select_if_triggered(point.Z.data(), point.stamp());
+  rows.select_if_triggered(point.Z, point.stamp());
 }
 
 void Index2System::use_rows(const std::vector<int>& in_use, int rank, double floor, bool frozen) {
@@ -131,7 +131,7 @@ void Index2System::forces(double t, const double* q, const double* v, const doub
 
 void Index2System::solve(const Numbers& Zhat, double* rhs, double* f, double* power) {
   if (friction)
-    *power += friction.solve(saddle, point.G.data(), Zhat, rhs, f);
+    *power += friction.solve(saddle, rows.dependent() ? constraints.dense(point.G).data() : nullptr, Zhat, rhs, f);
   else
     saddle.solve(Zhat, rhs, f);
 }
@@ -141,7 +141,7 @@ void Index2System::accelerate(double t, const double* q, const double* v, const 
   if (friction) friction.update_slips(v);
   forces(t, q, v, s, vdot, rates);
   if (ng) {
-    if (!rows.frozen) rows.select_if_triggered(point.Z.data(), point.stamp());
+    if (!rows.frozen) rows.select_if_triggered(point.Z, point.stamp());
     mechanics.motions(q, v);
     std::fill(gt_.begin(), gt_.end(), 0.0);
     constraints.evaluate_g_tt(t, gt_.data());
@@ -226,7 +226,7 @@ void Index2System::residual_rate(double t, const double* v, double* rate) const 
   std::fill(rate, rate + ng, 0.0);
   constraints.evaluate_g_t(t, rate);
   for (int k = 0; k < ng; ++k)
-    for (int c : constraints.rows[k].columns) rate[k] += point.G[static_cast<size_t>(k) * nv + c] * v[c];
+    rate[k] = constraints.times(k, point.G, v, rate[k]);
 }
 
 bool Index2System::update_independent_rows(double t, State& s) {
@@ -234,7 +234,7 @@ bool Index2System::update_independent_rows(double t, State& s) {
   const double* q = s.y.data();
   double* v = s.y.data() + nq;
   if (!point.is_current(q)) point.evaluate(q, true);
-  const bool changed = rows.select_if_triggered(point.Z.data(), point.stamp());
+  const bool changed = rows.select_if_triggered(point.Z, point.stamp());
   residual_rate(t, v, rate_.data());
   if (changed && formulation != Formulation::index1) {
     saddle.factorize_symmetric();
@@ -260,7 +260,7 @@ bool Index2System::update_independent_rows(double t, State& s) {
 
 double Index2System::pivot_ratio(const double* q, int rank) {
   if (!point.is_current(q)) point.evaluate(q, false);
-  return rows.ratio(point.Z.data(), rank);
+  return rows.ratio(point.Z, rank);
 }
 
 }  // namespace mbdae

@@ -15,16 +15,14 @@ void Index2System::partials(double t, const double* q, const double* u, const do
   out.M.assign(mechanics.M(), mechanics.M() + m * m);
   counts.M += 1, counts.G += ng > 0;
   out.G.assign(r * m, 0.0);
-  all_G_.resize(ng * m);
-  double* G = all_G_.data();
-  constraints.value(mechanics, q, rows.in_use(), G);
+  constraints.dense_value(mechanics, q, rows.in_use(), all_G_);
   out.friction.clear();
   if (friction) {  // its partials by q and v are left out: only the convergence of Newton's iteration suffers
-    constraints.value(mechanics, q, rows.others(), G);
-    friction.update_slips(u), friction.partials(G, lam, out.friction);
+    constraints.dense_value(mechanics, q, rows.others(), all_G_);
+    friction.update_slips(u), friction.partials(all_G_.data(), lam, out.friction);
   }
   for (int k : rows.in_use())
-    for (int c : constraints.rows[k].columns) out.G[position[k] * m + c] = G[k * m + c];
+    for (int c : constraints.rows[k].columns) out.G[position[k] * m + c] = all_G_[k * m + c];
 }
 
 void Index2System::force_partials(double t, const double* q, const double* u, const double* vdot, const double* lam,

@@ -25,10 +25,8 @@ PositionRows::PositionRows(Index2System& s)
 void PositionRows::select(const double* y) {
   if (same_as_velocity_rows) return;
   if (!s_.point.is_current(y)) s_.point.evaluate(y, true);
-  const size_t nv = s_.nv;
-  Z_.resize(all_.size() * nv);
-  for (size_t i = 0; i < all_.size(); ++i) std::copy_n(&s_.point.Z[all_[i] * nv], nv, &Z_[i * nv]);
-  pivoted_qr(s_.nv, static_cast<int>(all_.size()), Z_.data(), order_, pivots_, work_);
+  s_.constraints.dense(all_, s_.point.Z, Z_);
+  pivoted_qr(s_.nv, static_cast<int>(all_.size()), Z_, order_, pivots_);
   if (position_rows_.rank < 0) {
     const double least = pivots_.empty() ? 0 : s_.mechanics.limits.pivot_rank * pivots_[0];
     position_rows_.rank =

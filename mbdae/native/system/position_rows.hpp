@@ -21,7 +21,7 @@ class PositionRows {
   IndependentRows position_rows_;
   SaddleSystem position_saddle_;
   std::vector<int> all_, order_;  // (p,) rows with a g, and pivots
-  Numbers Z_, pivots_, work_;     // (p, nv), (min(nv, p),), scratch
+  Numbers Z_, pivots_;            // (p, nv) and more, as `pivoted_qr` leaves it, and (min(nv, p),)
 };
 
 }  // namespace mbdae

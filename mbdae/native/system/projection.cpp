@@ -30,8 +30,8 @@ bool contradicts(const Index2System& s, double t, const double* v) {
   double violation = 0, terms = 0;
   for (int k = 0; k < s.ng; ++k) {
     double sum = g_t[k], size = std::fabs(g_t[k]);
-    const double* G = &s.point.G[static_cast<size_t>(k) * s.nv];
-    for (int i : s.constraints.rows[k].columns) sum += G[i] * v[i], size += std::fabs(G[i] * v[i]);
+    const double* G = s.point.G.data() + s.constraints.start[k];
+    for (int i : s.constraints.rows[k].columns) sum += *G * v[i], size += std::fabs(*G++ * v[i]);
     violation = std::max(violation, std::fabs(sum) / limits.row_scales[k]), terms = std::max(terms, size / limits.row_scales[k]);
   }
   return !(violation <= limits.visible * terms);
@@ -81,7 +81,7 @@ class MinimumNormCorrection {
   }
   void over_all(const Numbers& r, bool of_q, double* x) {
     const std::vector<double>& scales = s_.mechanics.limits.row_scales;
-    Numbers rows(s_.point.Z);
+    Numbers rows(s_.constraints.dense(s_.point.Z));
     for (int k : s_.constraints.all) {  // velocity rows do not constrain q
       const double by = of_q && !s_.constraints.rows[k].positional ? 0 : 1 / scales[k];
       for (int c : s_.constraints.rows[k].columns) rows[static_cast<size_t>(k) * s_.nv + c] *= by;

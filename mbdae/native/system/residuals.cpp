@@ -13,7 +13,7 @@ void residual(Index2System& s, double t, const double* y, double* g, double* rat
   std::fill(rate, rate + s.ng, 0.0);
   s.constraints.evaluate_g_t(t, rate);
   for (int k = 0; k < s.ng; ++k)
-    for (int c : s.constraints.rows[k].columns) rate[k] += s.point.G[static_cast<size_t>(k) * s.nv + c] * v[c];
+    rate[k] = s.constraints.times(k, s.point.G, v, rate[k]);
 }
 
 Energy energy(Index2System& s, const double* y) {

@@ -11,40 +11,57 @@ SaddleSystem::SaddleSystem(const Configuration& point, const Constraints& constr
                            const Tolerances& limits, Counts& counts, int nv)
     : point_(point), constraints_(constraints), rows_(rows), limits_(limits), counts_(counts), nv_(nv) {}
 
-// Four independent partial sums.
-void SaddleSystem::assemble(const Numbers& Zhat) {
+void SaddleSystem::couple() {
   const std::vector<int>& rows = rows_.in_use();
-  const int r = static_cast<int>(rows.size());
+  blocks_.clear(), common_.clear();
+  for (int i = 0; i < static_cast<int>(rows.size()); ++i) {
+    const std::vector<int>* columns = nullptr;
+    for (int j : rows_.coupled(i)) {
+      const std::vector<int>& others = constraints_.rows[rows[j]].columns;
+      const bool same = columns && *columns == others;
+      const size_t first = same ? blocks_.back().first : common_.size();
+      if (!same)
+        for (const Constraints::Common& x : constraints_.common(rows[i], rows[j])) common_.push_back(x);
+      if (!same || blocks_.back().n == 4)
+        blocks_.push_back({i, 0, {}, constraints_.start[rows[i]], {}, first, common_.size()});
+      Block& x = blocks_.back();
+      x.j[x.n] = j, x.starts[x.n++] = constraints_.start[rows[j]], columns = &others;
+    }
+  }
+}
+
+template <int n, bool mirrored>
+void SaddleSystem::multiply(const Block& x, const double* Zhat) {
+  const double *Z = point_.Z.data(), *a = Zhat + x.start, *b = Z + x.start, *z[n], *zhat[n];
+  double ij[n], ji[n];
+  for (int m = 0; m < n; ++m) z[m] = Z + x.starts[m], zhat[m] = Zhat + x.starts[m], ij[m] = ji[m] = 0;
+  for (size_t k = x.first; k < x.last; ++k) {
+    const Constraints::Common common = common_[k];
+    for (int c = 0; c < common.n; ++c)
+      for (int m = 0; m < n; ++m) {
+        ij[m] += a[common.k + c] * z[m][common.l + c];
+        if (!mirrored) ji[m] += zhat[m][common.l + c] * b[common.k + c];
+      }
+  }
+  for (int m = 0; m < n; ++m) lu_.at(x.i, x.j[m]) = ij[m], lu_.at(x.j[m], x.i) = mirrored ? ij[m] : ji[m];
+}
+
+void SaddleSystem::assemble(const Numbers& Zhat) {
+  const int r = static_cast<int>(rows_.in_use().size());
   if (version_ != rows_.version()) {
-    lu_.resize(r, rows_.half_bandwidth()), x_.resize(std::max(nv_, r));
+    lu_.resize(r, rows_.half_bandwidth()), x_.resize(std::max(nv_, r)), couple();
     version_ = rows_.version();
   } else {
     lu_.zero();
   }
-  const bool mirrored = &Zhat == &point_.Z;
-  const auto z = [&](int i) { return point_.Z.data() + static_cast<size_t>(rows[i]) * nv_; };
-  const auto zhat = [&](int i) { return Zhat.data() + static_cast<size_t>(rows[i]) * nv_; };
-  for (int i = 0; i < r; ++i) {
-    const std::vector<int>&columns = constraints_.rows[rows[i]].columns, &coupled = rows_.coupled(i);
-    const size_t last = coupled.size() - 1;  // i itself
-    const double *a = zhat(i), *b = z(i);
-    for (size_t m = 0; mirrored && m <= last; m += 4) {
-      const int j = coupled[m], k = coupled[std::min(m + 1, last)], l = coupled[std::min(m + 2, last)],
-                n = coupled[std::min(m + 3, last)];
-      const double *zj = z(j), *zk = z(k), *zl = z(l), *zn = z(n);
-      double sj = 0, sk = 0, sl = 0, sn = 0;
-      for (int c : columns) sj += a[c] * zj[c], sk += a[c] * zk[c], sl += a[c] * zl[c], sn += a[c] * zn[c];
-      lu_.at(i, j) = lu_.at(j, i) = sj, lu_.at(i, k) = lu_.at(k, i) = sk;
-      lu_.at(i, l) = lu_.at(l, i) = sl, lu_.at(i, n) = lu_.at(n, i) = sn;
-    }
-    for (size_t m = 0; !mirrored && m <= last; m += 2) {
-      const int j = coupled[m], k = coupled[std::min(m + 1, last)];
-      const double *zj = z(j), *zk = z(k), *hj = zhat(j), *hk = zhat(k);
-      double ij = 0, ji = 0, ik = 0, ki = 0;
-      for (int c : columns) ij += a[c] * zj[c], ji += hj[c] * b[c], ik += a[c] * zk[c], ki += hk[c] * b[c];
-      lu_.at(i, j) = ij, lu_.at(j, i) = ji, lu_.at(i, k) = ik, lu_.at(k, i) = ki;
-    }
-  }
+  using Multiply = void (SaddleSystem::*)(const Block&, const double*);
+  static constexpr Multiply by_size[2][4] = {
+      {&SaddleSystem::multiply<1, false>, &SaddleSystem::multiply<2, false>, &SaddleSystem::multiply<3, false>,
+       &SaddleSystem::multiply<4, false>},
+      {&SaddleSystem::multiply<1, true>, &SaddleSystem::multiply<2, true>, &SaddleSystem::multiply<3, true>,
+       &SaddleSystem::multiply<4, true>}};
+  const Multiply* choices = by_size[&Zhat == &point_.Z];
+  for (const Block& x : blocks_) (this->*choices[x.n - 1])(x, Zhat.data());
 }
 
 void SaddleSystem::factorize(const Numbers& Zhat) {
@@ -72,7 +89,7 @@ void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
 }
 
 void SaddleSystem::solve_uncounted(double* rhs, double* f) {
-  const bool by_selection = !constraints_.sticks && rows_.factorize(point_.Z.data(), point_.stamp());
+  const bool by_selection = !constraints_.sticks && rows_.factorize(point_.Z, point_.stamp());
   x_.resize(std::max(x_.size(), rows_.in_use().size()));
   if (!by_selection) factorize_symmetric();
   solve_uncounted(point_.Z, rhs, f, by_selection);
@@ -86,15 +103,15 @@ void SaddleSystem::solve_uncounted(const Numbers& Zhat, double* rhs, double* f, 
   for (int i = 0; i <= refine && !rows_.in_use().empty(); ++i) {
     for (int k : rows_.in_use()) {
       double s = i ? rhs_[k] : rhs[k];
-      for (int c : constraints_.rows[k].columns) s -= Zhat[static_cast<size_t>(k) * nv_ + c] * f[c];
+      const double* z = Zhat.data() + constraints_.start[k];
+      for (int c : constraints_.rows[k].columns) s -= *z++ * f[c];
       x_[position[k]] = s;
     }
     by_selection ? rows_.solve(x_.data()) : lu_.solve(x_.data());
     for (int k : rows_.in_use()) {
       const double l = x_[position[k]];
       rhs[k] = i ? rhs[k] + l : l;
-      const double* z = &point_.Z[static_cast<size_t>(k) * nv_];
-      for (int c : constraints_.rows[k].columns) f[c] += z[c] * l;
+      constraints_.add(k, point_.Z, l, f);
     }
   }
   point_.solve_root_transposed(f);
@@ -110,8 +127,7 @@ void SaddleSystem::minimum_norm_motion(const double* by_row, double* out, double
   for (int k : rows_.in_use()) x_[position[k]] = by_row[k];
   lu_.solve(x_.data());
   std::fill(out, out + nv_, 0.0);
-  for (int k : rows_.in_use())
-    for (int c : constraints_.rows[k].columns) out[c] += point_.Z[static_cast<size_t>(k) * nv_ + c] * x_[position[k]];
+  for (int k : rows_.in_use()) constraints_.add(k, point_.Z, x_[position[k]], out);
   if (multipliers)
     for (int k : rows_.in_use()) multipliers[k] = x_[position[k]];
   point_.solve_root_transposed(out);
@@ -120,11 +136,7 @@ void SaddleSystem::minimum_norm_motion(const double* by_row, double* out, double
 void SaddleSystem::update_multipliers(double* left, double* lam) {
   const std::vector<int>& position = rows_.position();
   point_.solve_root(left);
-  for (int k : rows_.in_use()) {
-    double s = 0;
-    for (int c : constraints_.rows[k].columns) s += point_.Z[static_cast<size_t>(k) * nv_ + c] * left[c];
-    x_[position[k]] = s;
-  }
+  for (int k : rows_.in_use()) x_[position[k]] = constraints_.times(k, point_.Z, left);
   lu_.solve(x_.data());
   for (int k : rows_.in_use()) lam[k] -= x_[position[k]];
 }
@@ -135,29 +147,17 @@ bool SaddleSystem::others_depend(const Numbers& probe) {
   Numbers w(probe);
   double scale = 0;
   for (int k : rows_.in_use()) {
-    double s = 0, size = 0;
-    for (int c : constraints_.rows[k].columns) {
-      const double zc = point_.Z[static_cast<size_t>(k) * nv_ + c];
-      s += zc * w[c], size += zc * zc;
-    }
-    x_[position[k]] = s, scale = std::max(scale, size);
+    x_[position[k]] = constraints_.times(k, point_.Z, w.data());
+    scale = std::max(scale, constraints_.product(k, k, point_.Z.data()));
   }
   lu_.solve(x_.data());
   for (int k : rows_.in_use())
-    for (int c : constraints_.rows[k].columns) w[c] -= point_.Z[static_cast<size_t>(k) * nv_ + c] * x_[position[k]];
+    constraints_.add(k, point_.Z, -x_[position[k]], w.data());
   for (int k : rows_.others()) {
-    double s = 0;
-    for (int c : constraints_.rows[k].columns) s += point_.Z[static_cast<size_t>(k) * nv_ + c] * w[c];
+    const double s = constraints_.times(k, point_.Z, w.data());
     if (s * s > limits_.probe_tolerance * limits_.probe_tolerance * scale) return false;
   }
   return true;
-}
-
-double SaddleSystem::product(int k, int l) const {
-  double s = 0;
-  for (int c : constraints_.rows[k].columns)
-    s += point_.Z[static_cast<size_t>(k) * nv_ + c] * point_.Z[static_cast<size_t>(l) * nv_ + c];
-  return s;
 }
 
 // Dependent rows G_D = C G_R give the null vectors (-C^T n, n) of G^T, and (1 + C C^T) n = C lam_R; by conjugate
@@ -173,7 +173,7 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   couplings_.clear();
   for (int i = 0; i < d; ++i)
     for (int l : rows_.neighbours(others[i]))
-      if (position[l] >= 0) couplings_.push_back({i, position[l], product(others[i], l)});
+      if (position[l] >= 0) couplings_.push_back({i, position[l], constraints_.product(others[i], l, point_.Z.data())});
   auto down = [&](Numbers& u, Numbers& out) {  // out = C u; u is overwritten
     lu_.solve(u.data());
     std::fill(out.begin(), out.end(), 0.0);

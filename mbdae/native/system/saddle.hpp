@@ -37,8 +37,15 @@ class SaddleSystem {
     int i, j;
     double s;
   };
+  struct Block {  // a row in use, and up to four with which it is coupled, that have the same columns
+    int i, n, j[4];                       // positions
+    size_t start, starts[4];              // of their entries
+    size_t first, last;                   // of `common_`
+  };
+  template <int n, bool mirrored>
+  void multiply(const Block& block, const double* Zhat);  // entries of S, as independent sums
+  void couple();                       // `blocks_`
   void assemble(const Numbers& Zhat);  // S of the rows in use
-  double product(int k, int l) const;  // of two rows of Z
 
   const Configuration& point_;
   const Constraints& constraints_;
@@ -47,6 +54,8 @@ class SaddleSystem {
   Counts& counts_;
   const int nv_;
   BandLU lu_;                          // of S, (r, r)
+  std::vector<Block> blocks_;
+  std::vector<Constraints::Common> common_;
   long symmetric_stamp_ = -1;          // the stamp of the point whose Z Z^T is factorized
   long version_ = -1;                  // of the rows that set its size
   Numbers x_;                          // (max(nv, r),) right-hand side, and solution

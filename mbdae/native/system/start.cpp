@@ -9,13 +9,13 @@ namespace mbdae {
 
 void Index2System::determine_rows(const double* q, const IndependentRows::FirstRank& first) {
   if (!point.is_current(q)) point.evaluate(q, true);
-  rows.determine(point.G.data(), point.Z.data(), point.stamp(), first, probe_);
+  rows.determine(point.G, point.Z, point.stamp(), first, probe_);
   rows.frozen = true;
 }
 
 bool Index2System::others_depend(const double* q, double tolerance) {
   if (!point.is_current(q)) point.evaluate(q, false);
-  return rows.others_depend(point.Z.data(), tolerance, probe_);
+  return rows.others_depend(point.Z, tolerance, probe_);
 }
 
 void start(Index2System& s, double t, bool project, const IndependentRows::FirstRank& first, Numbers& y, Numbers& F,
