@@ -16,6 +16,7 @@ from ...tolerances import AGREEMENT, INPUT_DIGITS, TRUNCATION
 from ..closures.closure_error import largest_error
 from ..closures.independent_rows import MANY_ROWS
 from ..closures.preconditions import require_preconditions
+from ..formulations.residuals import closures_by_size
 from ..model_settings import normalized
 from ..tree.frames import find_joint
 from ..tree.tree_terms import missing_inertia, mode_joints, update_inertia
@@ -126,11 +127,10 @@ def close_velocity(system: "Index2System", q: Array, v: Array, fixed: Array, t: 
         InputError: if a massless body makes the mass metric singular.
     """
     mech, free = system.mechanism, np.delete(np.arange(system.nv), fixed)
-    many = mech.ng > MANY_ROWS
-    G, g_t = system.sparse_closures(q, t)[1] if many else system.closures(q)[1], system.g_t(t)
+    G, g_t = closures_by_size(system, q, t)[1], system.g_t(t)
     if not (G @ v + g_t).any():
         return v
-    metric = _Metric(update_inertia(mech.model, system.workspace, q), free, many)
+    metric = _Metric(update_inertia(mech.model, system.workspace, q), free, mech.ng > MANY_ROWS)
     if (at := metric.singular()) is not None:
         joint = mech.coordinate_joint(int(free[at]))
         raise InputError(f"the mass matrix is singular at joint {joint!r}: {missing_inertia(mech.model, joint)}")
@@ -172,10 +172,10 @@ class _Metric:
     """The mass matrix of some coordinates, sparse for many rows; `M` has the upper triangle of all, (nv, nv)."""
 
     def __init__(self, M: Array, free: Array, many: bool) -> None:
-        from scipy.sparse import csc_array, triu
-
         self.many = many
         if many:
+            from scipy.sparse import csc_array, triu
+
             upper = triu(csc_array(M), format="csc")
             self.M = (upper + triu(upper, 1).T).tocsc()[:, free][free]
         else:

@@ -14,6 +14,7 @@ from ...system import Array
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING, THREE_DIGITS, TRUNCATION
 from ..closures.closure_error import ClosureError, largest_error
 from ..closures.independent_rows import MANY_ROWS
+from ..formulations.residuals import closures_by_size
 from .flipped_frames import Jacobian, Residuals, flipped_closure, residuals_with_directions, scaled_residuals
 
 if TYPE_CHECKING:
@@ -66,11 +67,11 @@ def close_position(system: "Index2System", q: Array, fixed: Array, t: float) -> 
 
 def _require_finite(system: "Index2System", q: Array, t: float) -> None:
     try:
-        g, G = system.sparse_closures(q, t)
+        g, G = closures_by_size(system, q, t)
     except StepError as e:
         raise InputError(f"the initial estimate cannot be assembled: {e}") from e
-    finite = np.isfinite(g)
-    finite[G.nonzero()[0][~np.isfinite(G.data)]] = False
+    with np.errstate(over="ignore", invalid="ignore"):
+        finite = np.isfinite(g) & np.isfinite(G @ np.ones(system.nv))
     if not finite.all():
         worst = system.mechanism.row_names[int(np.argmin(finite))]
         raise InputError(f"closure {worst!r} is not finite: numbers in the model are too large")

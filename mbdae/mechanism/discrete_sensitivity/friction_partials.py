@@ -87,7 +87,10 @@ def _relevant(s: "Index2System", rows: Array) -> Array:
         return np.ones(s.nv, bool)
     friction = s.closure_friction
     pairs = [friction.interfaces[k].pair for k in np.flatnonzero(friction.active)]
-    return np.any([pair.columns if pair.nodes else pair.sign != 0 for pair in pairs], axis=0)
+    mask = np.zeros(s.nv, bool)
+    for pair in pairs:
+        mask[pair.columns if pair.nodes else pair.sign != 0] = True
+    return mask
 
 
 class _ActiveInterface(NamedTuple):
