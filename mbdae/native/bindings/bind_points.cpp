@@ -108,9 +108,8 @@ nb::object dynamics(PyCore& c, const Array& q, const Array& v, const Array& a) {
   const size_t nv = m.nv, n = m.joints;
   Numbers at = checked_numbers(q, m.nq, "q"), u = checked_numbers(v, nv, "v"), rate = checked_numbers(a, nv, "a"), V(6 * n), A(6 * n), full(nv);
   m.dynamics(at.data(), u.data());
-  Numbers M(m.M(), m.M() + nv * nv), nle(m.bias(), m.bias() + nv), J(m.J(), m.J() + 6 * nv);
-  for (size_t i = 0; i < nv; ++i)
-    for (size_t k = i + 1; k < nv; ++k) M[i * nv + k] = M[k * nv + i];
+  Numbers M(nv * nv), nle(m.bias(), m.bias() + nv), J(m.J(), m.J() + 6 * nv);
+  m.dense_M(M.data());
   m.inverse(at.data(), u.data(), rate.data(), full.data());
   m.motions(at.data(), u.data(), rate.data());
   for (size_t j = 0; j < n; ++j) m.velocity(j, &V[6 * j]), m.acceleration(j, &A[6 * j]);

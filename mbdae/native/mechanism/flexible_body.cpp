@@ -152,7 +152,7 @@ void FlexibleBody::move_node(int number, const double* V, const double* A, const
   for (int l = 0; l < 6; ++l) V_node[l] = V[l] + W[l], A_node[l] += A[l] + dW[l];
 }
 
-void FlexibleBody::add_inertia(const Six* about, double* M, size_t nv) const {
+void FlexibleBody::add_inertia(const Six* about, const std::vector<size_t>& starts, double* M) const {
   const int k = data.modes;
   const Vec3<double>& S = now_.moment;
   std::vector<Six>& local = columns_;
@@ -160,14 +160,15 @@ void FlexibleBody::add_inertia(const Six* about, double* M, size_t nv) const {
     Six& x = local[c];
     at_.from_motion(about[base[c]].data(), x.data());
     const Vec3<double> v(x.data()), w(x.data() + 3), f = cross(w, S), m = cross(S, v) + symmetric(now_.I, w);
-    double* column = M + nv * base[c];
-    for (size_t d = 0; d <= c; ++d) column[base[d]] += dot(f.x, local[d].data()) + dot(m.x, local[d].data() + 3);
+    double* entry = M + starts[base[c]];
+    for (size_t d = c + 1; d-- > 0; ++entry) *entry += dot(f.x, local[d].data()) + dot(m.x, local[d].data() + 3);
   }
   for (int i = 0; i < k; ++i) {
-    double* column = M + nv * (data.iv + i);
-    for (size_t c = 0; c < base.size(); ++c)
-      column[base[c]] = dot(&now_.C[3 * i], local[c].data()) + dot(&now_.H[3 * i], local[c].data() + 3);
-    for (int j = 0; j <= i; ++j) column[data.iv + j] = now_.Mq[i * k + j];
+    const size_t mode = data.iv + i, coupled = starts[mode + 1] - starts[mode] - base.size();  // modes, with itself
+    double* entry = M + starts[mode];
+    for (size_t j = 0; j < coupled; ++j) *entry++ = now_.Mq[i * k + i - j];
+    for (size_t c = base.size(); c-- > 0;)
+      *entry++ = dot(&now_.C[3 * i], local[c].data()) + dot(&now_.H[3 * i], local[c].data() + 3);
   }
 }
 

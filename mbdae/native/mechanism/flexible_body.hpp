@@ -50,8 +50,8 @@ class FlexibleBody {
   // Motions of a node about the root's position, from those of the frame; u, du (k,) of the modes, du may be null.
   void move_node(int number, const double* V, const double* A, const double* u, const double* du, double* V_node,
                  double* A_node) const;
-  // M by columns, above the diagonal: adds to the block of the frame, and sets those of the modes.
-  void add_inertia(const Six* about, double* M, size_t nv) const;
+  // Entries of M, whose columns begin at `starts`: adds to those of the frame, and sets those of the modes.
+  void add_inertia(const Six* about, const std::vector<size_t>& starts, double* M) const;
   // out += the part of M a + nle; A of the frame minus gravity.
   void add_force(const Six* about, const double* V, const double* A, const double* u, const double* du,
                  double* out) const;

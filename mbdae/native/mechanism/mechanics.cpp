@@ -48,15 +48,20 @@ Mechanics::Mechanics(const void* model, const Tolerances& limits_, std::vector<M
   for (const FlexibleBody& x : w->flexible)  // zeros of M: its factors have no others
     for (int i = 0; i < x.data.modes && x.data.orthogonal(); ++i)
       ancestors[x.data.iv + i].assign(x.base.rbegin(), x.base.rend());
+  for (int k = 0; k < nv; ++k) {
+    pattern.rows.push_back(k), pattern.rows.insert(pattern.rows.end(), ancestors[k].begin(), ancestors[k].end());
+    pattern.starts.push_back(pattern.rows.size());
+  }
   begin_sweep();
 }
 
 void Mechanics::begin_sweep() {
   const TreeModel& m = w->model;
+  w->M.resize(pattern.rows.size());
   if (!m.tree.empty() && w->flexible.empty())
-    w->sweep = planar_sweep(m.tree, ancestors, m.gravity, m.armature, limits.sum_rounding);
+    w->sweep = planar_sweep(m.tree, pattern, m.gravity, m.armature, limits.sum_rounding);
   if (!m.tree.empty() && !w->sweep)
-    w->sweep.reset(new TreeSweep(m.tree, ancestors, m.gravity, m.armature, &w->flexible));
+    w->sweep.reset(new TreeSweep(m.tree, pattern, m.gravity, m.armature, &w->flexible));
   if (!w->sweep && w->flexible.empty()) w->other = tree_algorithms(w->source);
   if (!w->sweep && !w->other)
     throw std::invalid_argument("flexible bodies need joints with fixed axes");
@@ -124,7 +129,7 @@ const FlexibleBody::Node* Mechanics::node(int frame, const FlexibleBody*& body, 
 void Mechanics::inertia(const double* q) {
   ++pose_stamp_;
   w->sweep ? w->sweep->inertia(q, w->poses.data(), w->J.data(), w->M.data())
-           : w->other->inertia(q, w->poses.data(), w->J.data(), w->M.data());
+           : set_M(w->other->inertia(q, w->poses.data(), w->J.data()));
 }
 
 void Mechanics::dynamics(const double* q, const double* v) {
@@ -183,6 +188,39 @@ double Mechanics::potential() const {
 }
 
 const double* Mechanics::M() const { return w->M.data(); }
+
+void Mechanics::set_M(const double* dense) {
+  for (size_t k = 0; k + 1 < pattern.starts.size(); ++k)
+    for (size_t i = pattern.starts[k]; i < pattern.starts[k + 1]; ++i) w->M[i] = dense[k * nv + pattern.rows[i]];
+}
+
+void Mechanics::dense_M(double* out) const {
+  const size_t n = nv;
+  std::fill_n(out, n * n, 0.0);
+  for (size_t k = 0; k < n; ++k)
+    for (size_t i = pattern.starts[k]; i < pattern.starts[k + 1]; ++i)
+      out[n * k + pattern.rows[i]] = out[n * pattern.rows[i] + k] = w->M[i];
+}
+
+double Mechanics::kinetic_energy(const double* v) const {
+  double sum = 0;
+  const double* entry = w->M.data();
+  for (int k = 0; k < nv; ++k) {
+    double momentum = 0.5 * *entry++ * v[k];
+    for (int i : ancestors[k]) momentum += *entry++ * v[i];
+    sum += momentum * v[k];
+  }
+  return sum;
+}
+
+void Mechanics::add_inertial_force(const double* a, double* out) const {
+  const double* entry = w->M.data();
+  for (int k = 0; k < nv; ++k) {
+    out[k] += *entry++ * a[k];
+    for (int i : ancestors[k]) out[k] += *entry * a[i], out[i] += *entry++ * a[k];
+  }
+}
+
 const double* Mechanics::J() const { return w->J.data(); }
 const double* Mechanics::rotation(int j) const { return &w->poses[12 * j]; }
 const double* Mechanics::position(int j) const { return &w->poses[12 * j + 9]; }

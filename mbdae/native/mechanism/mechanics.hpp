@@ -5,8 +5,8 @@
 #include <memory>
 #include <vector>
 
-#include "mechanism/flexible_body.hpp"
 #include "mechanism/rnea_partials.hpp"
+#include "mechanism/tree_sweep.hpp"
 #include "math/tolerances.hpp"
 
 namespace mbdae {
@@ -26,6 +26,7 @@ class Mechanics {
   Tolerances limits;
   int nq, nv, joints, frames;               // frames: joints, and nodes of flexible bodies, which follow them
   std::vector<std::vector<int>> ancestors;  // of each degree of freedom, nearest first
+  InertiaPattern pattern;
   std::vector<int> tangent;                 // (nq,) the degree of freedom of a joint's first coordinate
   std::vector<int> parents;                 // (joints,)
   std::vector<int> expanded_joints;         // (nv,) of each degree of freedom: its joint in the expanded tree
@@ -68,7 +69,10 @@ class Mechanics {
   void tangent_map(const double* q, const double* v, double* dq);  // dq/dt of raw coordinates
 
   double potential() const;                 // of gravity in J, at the current poses
-  const double* M() const;                  // upper triangle by columns, (nv, nv); all of it after `partials`
+  const double* M() const;                  // its entries, see `InertiaPattern`
+  void dense_M(double* out) const;          // (nv, nv)
+  double kinetic_energy(const double* v) const;                     // in J, of the current M
+  void add_inertial_force(const double* a, double* out) const;      // out += M a
   const double* J() const;                  // at the world's origin by columns, (6, nv), then the columns of nodes
   const double* rotation(int joint) const;  // by columns
   const double* position(int joint) const;
@@ -85,6 +89,7 @@ class Mechanics {
  private:
   struct Workspace;
   void begin_sweep();
+  void set_M(const double* dense);  // from (nv, nv) by columns, above the diagonal
   bool has_partial_terms(const double* q, const double* v) const;  // are they known at (q, v)?
 
   std::unique_ptr<Workspace> w;

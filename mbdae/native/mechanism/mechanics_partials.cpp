@@ -38,16 +38,15 @@ void Mechanics::inertia(const double* q, const double* v) {
   }
   terms.J = terms.about = w->J, terms.poses = w->poses;
   for (int k = 0; k < nv; ++k) add_cross(&terms.J[6 * k + 3], centroid.data(), &terms.about[6 * k]);
-  terms.q.assign(q, q + nq), terms.v.assign(v, v + nv), terms.M.resize(w->M.size());
-  w->partials->begin(terms.about.data(), w->model.gravity, v, terms.M.data(), w->nle.data());
-  for (size_t k = 0, n = nv; k < n; ++k) terms.M[(n + 1) * k] += w->model.armature[k];
-  if (!w->flexible.empty()) {
+  terms.q.assign(q, q + nq), terms.v.assign(v, v + nv), terms.dense.resize(static_cast<size_t>(nv) * nv);
+  w->partials->begin(terms.about.data(), w->model.gravity, v, terms.dense.data(), w->nle.data());
+  if (w->flexible.empty()) {
+    set_M(terms.dense.data());
+    for (int k = 0; k < nv; ++k) w->M[pattern.starts[k]] += w->model.armature[k];
+  } else {
     w->sweep->dynamics(q, v, w->poses.data(), w->J.data(), w->M.data(), w->nle.data());
-    terms.M = w->M;
-    for (size_t k = 0, n = nv; k < n; ++k)
-      for (size_t i = 0; i < k; ++i) terms.M[n * i + k] = terms.M[n * k + i];
   }
-  w->M = terms.M;
+  terms.M = w->M;
 }
 
 const double* Mechanics::bias() const { return w->nle.data(); }

@@ -23,7 +23,7 @@ struct Mechanics::Workspace {
     for (size_t i = 0; i < frames; ++i)
       for (int k = 0; k < 12; ++k) poses.push_back(k == 0 || k == 4 || k == 8 ? 1 : 0);
     saved_poses = poses, J.assign(6 * columns, 0.0);
-    M.assign(static_cast<size_t>(model.nv) * model.nv, 0.0), nle.assign(model.nv, 0.0);
+    nle.assign(model.nv, 0.0);
     zero = nle;
   }
 
@@ -36,9 +36,10 @@ struct Mechanics::Workspace {
   std::unique_ptr<Sweep> sweep;
   std::unique_ptr<TreeAlgorithms> other;  // where there is no sweep
   Numbers poses, saved_poses;             // (frames, 12) R by columns, and p
-  Numbers J, M, nle, zero;                // (6, nv and nodes), (nv, nv) by columns, (nv,), (nv,)
+  Numbers J, M, nle, zero;                // (6, nv and nodes), see `Mechanics::M`, (nv,), (nv,)
   struct PartialTerms {                // at (q, v), the same for all accelerations
     Numbers q, v, J, about, M, poses;  // J about the world's origin, and about the reference point of the partials
+    Numbers dense;                     // (nv, nv) M
   } terms;
   std::unique_ptr<RneaPartials> partials;
 };

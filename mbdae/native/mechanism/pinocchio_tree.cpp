@@ -44,9 +44,9 @@ class PinocchioTree final : public TreeAlgorithms {
   explicit PinocchioTree(const pinocchio::Model& model)
       : m_(model), data_(minimal_data(model)), q_(m_.nq), end_(m_.nq), zero_(VectorXd::Zero(m_.nv)) {}
 
-  void inertia(const double* q, double* poses, double* J, double* M) override {
-    pinocchio::crba(m_, data_, configuration(q), pinocchio::Convention::WORLD);
-    write(poses, J), std::copy_n(data_.M.data(), data_.M.size(), M);
+  const double* inertia(const double* q, double* poses, double* J) override {
+    pinocchio::crba(m_, data_, configuration(q), pinocchio::Convention::WORLD), write(poses, J);
+    return data_.M.data();
   }
   void poses(const double* q, double* poses, double* J) override {
     pinocchio::computeJointJacobians(m_, data_, configuration(q)), write(poses, J);

@@ -23,16 +23,16 @@ inline void add(Twist& to, const Twist& column, double factor) {
 
 class PlanarSweep final : public Sweep {
  public:
-  PlanarSweep(std::vector<TreeJoint> joints, const std::vector<std::vector<int>>& ancestors, const double* gravity,
-              const double* armature, double tolerance)
+  PlanarSweep(std::vector<TreeJoint> joints, const InertiaPattern& pattern, const double* gravity, const double* armature,
+              double tolerance)
       : model_(std::move(joints)),
-        ancestors_(ancestors),
+        pattern_(pattern),
         gravity_(gravity),
         armature_(armature),
         tolerance_(tolerance),
         joints_(model_.size()),
         bodies_(model_.size()),
-        columns_(ancestors.size()),
+        columns_(pattern.starts.size() - 1),
         zero_(model_.size(), {1, 0, 0, 0, 1, 0, 0, 0, 1}) {
     for (size_t i = 0; i < model_.size(); ++i)
       if (model_[i].joint >= 0) carrier_.push_back(static_cast<int>(i));
@@ -109,7 +109,7 @@ class PlanarSweep final : public Sweep {
   void add_body(const Joint& x, Body& here);
 
   const std::vector<TreeJoint> model_;
-  const std::vector<std::vector<int>> ancestors_;
+  const InertiaPattern& pattern_;
   const double *gravity_, *armature_;
   const double tolerance_;
   double first_[3] = {}, second_[3] = {}, normal_[3] = {};  // the basis of the plane, and first x second
@@ -265,7 +265,6 @@ void PlanarSweep::outward(const double* q, const double* v, const double* a, dou
 
 template <bool with_inertia, bool with_wrench>
 void PlanarSweep::inward(double* M, double* nle) {
-  const size_t nv = columns_.size();
   for (size_t j = joints_.size(); --j > 0;) {
     const TreeJoint& m = model_[j];
     const Body& own = bodies_[j];
@@ -275,9 +274,8 @@ void PlanarSweep::inward(double* M, double* nle) {
       if (!with_inertia) continue;
       const Twist F{own.mass * J.x - J.turn * own.moment.y, own.mass * J.y + J.turn * own.moment.x,
                     own.inertia * J.turn + own.moment.x * J.y - own.moment.y * J.x};
-      double* column = M + nv * k;
-      column[k] = dot(F, J) + armature_[k];
-      for (int i : ancestors_[k]) column[i] = dot(F, columns_[i]);
+      for (size_t i = pattern_.starts[k]; i < pattern_.starts[k + 1]; ++i) M[i] = dot(F, columns_[pattern_.rows[i]]);
+      M[pattern_.starts[k]] += armature_[k];
     }
     if (!m.parent) continue;
     Body& to = bodies_[m.parent];
@@ -291,9 +289,9 @@ void PlanarSweep::inward(double* M, double* nle) {
 }  // namespace
 
 std::unique_ptr<Sweep> planar_sweep(const std::vector<TreeJoint>& joints,
-                                    const std::vector<std::vector<int>>& ancestors, const double* gravity,
+                                    const InertiaPattern& pattern, const double* gravity,
                                     const double* armature, double tolerance) {
-  auto out = std::make_unique<PlanarSweep>(joints, ancestors, gravity, armature, tolerance);
+  auto out = std::make_unique<PlanarSweep>(joints, pattern, gravity, armature, tolerance);
   return out->refresh() ? std::move(out) : nullptr;
 }
 

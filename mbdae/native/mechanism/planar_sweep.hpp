@@ -12,7 +12,7 @@ namespace mbdae {
 // For joints that rotate about one direction and translate across it, to this tolerance of their axes; otherwise null.
 // The numbers of the model are read by `Sweep::refresh`.
 std::unique_ptr<Sweep> planar_sweep(const std::vector<TreeJoint>& joints,
-                                    const std::vector<std::vector<int>>& ancestors, const double* gravity,
+                                    const InertiaPattern& pattern, const double* gravity,
                                     const double* armature, double tolerance);
 
 }  // namespace mbdae

@@ -26,7 +26,8 @@ class TreeAlgorithms {
  public:
   virtual ~TreeAlgorithms() = default;
 
-  virtual void inertia(const double* q, double* poses, double* J, double* M) = 0;
+  // M (nv, nv) by columns, above the diagonal
+  virtual const double* inertia(const double* q, double* poses, double* J) = 0;
   virtual void poses(const double* q, double* poses, double* J) = 0;
   virtual void motions(const double* q, const double* v, const double* a, double* poses) = 0;  // a = nullptr: 0
   virtual void bias(const double* q, const double* v, double* nle) = 0;

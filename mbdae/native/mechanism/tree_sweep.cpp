@@ -33,18 +33,14 @@ inline void rotate_symmetric(const double* R, const double* S, double* __restric
 
 }  // namespace
 
-TreeSweep::TreeSweep(std::vector<TreeJoint> joints, const std::vector<std::vector<int>>& ancestors,
-                     const double* gravity, const double* armature, std::vector<FlexibleBody>* flexible)
+TreeSweep::TreeSweep(std::vector<TreeJoint> joints, const InertiaPattern& pattern, const double* gravity,
+                     const double* armature, std::vector<FlexibleBody>* flexible)
     : joints_(std::move(joints)),
       flexible_(flexible),
+      pattern_(pattern),
       gravity_(gravity),
       armature_(armature),
-      about_(ancestors.size()) {
-  for (const auto& x : ancestors) {
-    first_.push_back(static_cast<int>(ancestors_.size()));
-    ancestors_.insert(ancestors_.end(), x.begin(), x.end());
-  }
-  first_.push_back(static_cast<int>(ancestors_.size()));
+      about_(pattern.starts.size() - 1) {
   for (size_t i = 0; i < joints_.size(); ++i)
     if (joints_[i].joint >= 0) carrier_.push_back(static_cast<int>(i));
   links_.resize(12 * joints_.size());
@@ -200,9 +196,9 @@ void TreeSweep::outward(const double* q, const double* v, const double* a, doubl
 void TreeSweep::add_flexible(std::vector<FlexibleBody>& bodies, const double* v, const double* a, double* M, double* nle) {
   for (FlexibleBody& body : bodies) {
     const int j = carrier_[body.data.joint];
-    const size_t nv = about_.size(), first = body.data.iv, end = first + body.data.modes;
-    if (M) body.add_inertia(about_.data(), M, nv);
-    for (size_t k = first; M && k < end; ++k) M[(nv + 1) * k] += armature_[k];
+    const int first = body.data.iv, end = first + body.data.modes;
+    if (M) body.add_inertia(about_.data(), pattern_.starts, M);
+    for (int k = first; M && k < end; ++k) M[pattern_.starts[k]] += armature_[k];
     if (nle) body.add_force(about_.data(), V_[j].data(), A_[j].data(), v + first, a ? a + first : nullptr, nle);
   }
 }
@@ -217,7 +213,6 @@ void TreeSweep::add_partials(const int* expanded_joints, const double* q, const 
 
 template <bool with_inertia, bool with_wrench>
 void TreeSweep::inward(double* M, double* nle) {
-  const size_t nv = about_.size();
   for (const FlexibleBody& body : *flexible_)
     if (with_wrench) std::fill_n(nle + body.data.iv, body.data.modes, 0.0);
   for (size_t number = swept_.size(); number-- > 0;) {
@@ -228,11 +223,11 @@ void TreeSweep::inward(double* M, double* nle) {
       const double* J = about_[k].data();
       if (with_wrench) nle[k] = dot6(own.f.data(), J);
       if (!with_inertia) continue;
-      double F[6], *column = M + nv * k;
+      double F[6];
       for (int i = 0; i < 3; ++i) F[i] = own.mass * J[i];
       add_cross(J + 3, own.moment, F), symmetric(own.I, J + 3, F + 3), add_cross(own.moment, J, F + 3);
-      column[k] = dot6(F, J) + armature_[k];
-      for (int i = first_[k]; i < first_[k + 1]; ++i) column[ancestors_[i]] = dot6(F, about_[ancestors_[i]].data());
+      for (size_t i = pattern_.starts[k]; i < pattern_.starts[k + 1]; ++i) M[i] = dot6(F, about_[pattern_.rows[i]].data());
+      M[pattern_.starts[k]] += armature_[k];
     }
     if (!x.parent) continue;
     Subtree& to = subtrees_[x.parent];

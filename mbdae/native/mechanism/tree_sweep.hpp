@@ -31,6 +31,13 @@ struct TreeJoint {
   const double *mass = nullptr, *lever = nullptr, *I = nullptr;  // of the body; about its centre, xx, xy, yy, xz, yz, zz
 };
 
+// M by columns of the tree: entries and their rows, from starts[k] to starts[k + 1] the diagonal one of column k and those
+// of its ancestors, nearest first. All others above the diagonal are zero.
+struct InertiaPattern {
+  std::vector<int> rows;
+  std::vector<size_t> starts{0};
+};
+
 class Sweep {
  public:
   virtual ~Sweep() = default;
@@ -41,7 +48,7 @@ class Sweep {
   // Poses (joints and nodes, 12), R by columns and p, of which the first is that of the world, and J (6, nv and nodes) by columns at the
   // world's origin.
   virtual void poses(const double* q, double* poses, double* J) = 0;
-  // The same, and entries of M (nv, nv) by columns, above the diagonal on the branches of the tree.
+  // The same, and the entries of M, see `InertiaPattern`.
   virtual void inertia(const double* q, double* poses, double* J, double* M) = 0;
   // The same, with nle (nv,); velocities, and accelerations for v' = 0 minus gravity.
   virtual void dynamics(const double* q, const double* v, double* poses, double* J, double* M, double* nle) = 0;
@@ -62,10 +69,10 @@ class Sweep {
 
 class TreeSweep final : public Sweep {
  public:
-  // Parents first, the world before all; ancestors of each degree of freedom, nearest first; gravity (3,), armature
-  // (nv,); flexible bodies, which outlive this object.
-  TreeSweep(std::vector<TreeJoint> joints, const std::vector<std::vector<int>>& ancestors, const double* gravity,
-            const double* armature, std::vector<FlexibleBody>* flexible);
+  // Parents first, the world before all; the pattern of M, gravity (3,), armature (nv,) and flexible bodies outlive this
+  // object.
+  TreeSweep(std::vector<TreeJoint> joints, const InertiaPattern& pattern, const double* gravity, const double* armature,
+            std::vector<FlexibleBody>* flexible);
 
   void poses(const double* q, double* poses, double* J) override;
   void inertia(const double* q, double* poses, double* J, double* M) override;
@@ -106,7 +113,7 @@ class TreeSweep final : public Sweep {
   std::vector<int> carrier_;   // of each joint of the model: its index in joints_; then of nodes: in V_, A_
   std::vector<int> swept_;     // indices in joints_, outward: without the joints of modes, which move no body
   std::vector<double> links_;  // (joints, 12) poses of links without mass
-  std::vector<int> ancestors_, first_;  // of each degree of freedom, from first_[k] to first_[k + 1]
+  const InertiaPattern& pattern_;
   const double *gravity_, *armature_;
   std::vector<Six> about_;  // (nv,) columns of J about the root's position, where few digits cancel
   std::vector<Six> V_, A_;  // (joints,) about the same points

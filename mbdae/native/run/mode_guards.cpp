@@ -44,11 +44,7 @@ double largest_force(Index2System& s, const double* y, const double* F, const do
   const double* a = F + nv;
   Numbers inertial(nv, 0.0), reaction(nv, 0.0);
   s.mechanics.inertia(y);
-  for (int k = 0; k < nv; ++k) {
-    const double* M = s.mechanics.M() + static_cast<size_t>(k) * nv;
-    inertial[k] += M[k] * a[k];
-    for (int i : s.mechanics.ancestors[k]) inertial[k] += M[i] * a[i], inertial[i] += M[i] * a[k];
-  }
+  s.mechanics.add_inertial_force(a, inertial.data());
   for (int k = 0; k < s.ng; ++k) s.constraints.add(k, s.point.G, lam[k], reaction.data());
   return largest(inertial.data(), nv) + largest(reaction.data(), nv);
 }

@@ -109,7 +109,8 @@ void StageEquations::motion(const double* y0, const StageValues& at) {
   std::fill(G_.begin(), G_.end(), 0.0);
   s_.constraints.dense_value(s_.mechanics, o.q.data(), s_.constraints.all, G_);
   by_unknowns.topLeftCorner(ny, ny).setIdentity();
-  by_unknowns.block(nv, nv, nv, nv) = RowsIn(s_.mechanics.M(), nv, nv);
+  M_.resize(static_cast<size_t>(nv) * nv), s_.mechanics.dense_M(M_.data());
+  by_unknowns.block(nv, nv, nv, nv) = RowsIn(M_.data(), nv, nv);
   x.block(0, nv, nv, nv) = -Rows<double>::Identity(nv, nv);
   x.block(nv, 0, n_, nv) = -RowsIn(at_.K.data(), n_, nv), x.block(nv, nv, n_, n_) = -RowsIn(at_.D.data(), n_, n_);
   for (int k : s_.rows.in_use()) {

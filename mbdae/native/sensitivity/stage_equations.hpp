@@ -46,7 +46,7 @@ class StageEquations {
   int m_ = 0, r_ = 0, k_ = 0, n_ = 0;
   LinearisationPoint point_, slip_;  // of lam, and of mu
   EquationPartials at_;
-  Numbers Bhat_, G_, by_q_, by_v_, time_, P_, Q_, friction_columns_;
+  Numbers Bhat_, M_, G_, by_q_, by_v_, time_, P_, Q_, friction_columns_;
   std::vector<IntegratePartialsBlock> integrate_partials_, integrate_partials_hat_;
 };
 

@@ -33,7 +33,7 @@ void VariationalStep::momentum_partials(const double* q, AppliedForces& out) {
   s_.counts.M += 1;
   s_.mechanics.inertia(q, zero_.data());
   s_.mechanics.partials(q, zero_.data(), w_.data(), out.N.data(), by_v_.data(), true);
-  out.M.assign(s_.mechanics.M(), s_.mechanics.M() + n);
+  out.M.resize(n), s_.mechanics.dense_M(out.M.data());
 }
 
 void VariationalStep::apply_forces(double t, const double* q, AppliedForces& out) {

@@ -18,9 +18,7 @@ Configuration::Configuration(Mechanics& m, Constraints& constraints, Counts& cou
       q_(m.nq, NAN),
       root_(m.nv),
       x_(m.nv) {
-  size_t size = 0;
-  for (const auto& ancestors : m.ancestors) first_.push_back(size), size += 1 + ancestors.size();
-  U_.resize(size);
+  U_.resize(m.pattern.starts.back());
 }
 
 void Configuration::inertia(const double* q) { m_.inertia(q), factorize(); }
@@ -34,22 +32,16 @@ void Configuration::dynamics(const double* q, const double* v, bool with_partial
 void Configuration::factorize() {
   invalidate();
   const int nv = m_.nv;
-  const double* M = m_.M();
-  for (int k = 0; k < nv; ++k) {
-    double* c = &U_[first_[k]];
-    const double* from = M + static_cast<size_t>(k) * nv;
-    *c = from[k];
-    for (int i : m_.ancestors[k]) *++c = from[i];
-  }
+  std::copy_n(m_.M(), U_.size(), U_.begin());
   for (int k = nv - 1; k >= 0; --k) {
-    double* c = &U_[first_[k]];
+    double* c = &U_[m_.pattern.starts[k]];
     const double d = *c;
     if (!(d > 0) || !std::isfinite(d)) throw FallBackToPython();
     root_[k] = 1 / std::sqrt(d);
     const double over = 1 / d;
     const double* end = c + 1 + m_.ancestors[k].size();
     for (int i : m_.ancestors[k]) {
-      double *x = ++c, *ci = &U_[first_[i]];
+      double *x = ++c, *ci = &U_[m_.pattern.starts[i]];
       const double a = *x * over;
       *ci -= a * *x;
       for (const double* y = end - m_.ancestors[i].size(); y != end; ++y) *++ci -= a * *y;

@@ -36,7 +36,7 @@ class Configuration {
 
  private:
   void factorize();  // M
-  const double* column(int k) const { return &U_[first_[k]]; }
+  const double* column(int k) const { return &U_[m_.pattern.starts[k]]; }
 
   Mechanics& m_;
   Constraints& constraints_;
@@ -44,8 +44,7 @@ class Configuration {
   bool current_ = false;
   long stamp_ = 0;
   Numbers q_;     // (nq,) where it is current
-  std::vector<size_t> first_;  // (nv,) of each column of U
-  Numbers U_;     // by columns: pivot, and the entries of U of the ancestors, nearest first
+  Numbers U_;     // by the tree as M: pivots, and the entries of U
   Numbers root_;  // (nv,) D^-1/2
   mutable Numbers x_;  // (nv,) scratch
 };

@@ -12,7 +12,7 @@ void Index2System::partials(double t, const double* q, const double* u, const do
   const size_t m = nv, r = rows.in_use().size();
   const std::vector<int>& position = rows.position();
   force_partials(t, q, u, vdot, lam, out, &out.B);
-  out.M.assign(mechanics.M(), mechanics.M() + m * m);
+  out.M.resize(m * m), mechanics.dense_M(out.M.data());
   counts.M += 1, counts.G += ng > 0;
   out.G.assign(r * m, 0.0);
   constraints.dense_value(mechanics, q, rows.in_use(), all_G_);

@@ -17,15 +17,7 @@ void residual(Index2System& s, double t, const double* y, double* g, double* rat
 }
 
 Energy energy(Index2System& s, const double* y) {
-  const double *M = s.mechanics.M(), *v = y + s.nq;
-  double kinetic = 0;
-  for (int k = 0; k < s.nv; ++k) {
-    const double* c = M + static_cast<size_t>(k) * s.nv;
-    double sum = 0.5 * c[k] * v[k];
-    for (int i : s.mechanics.ancestors[k]) sum += c[i] * v[i];
-    kinetic += sum * v[k];
-  }
-  return {kinetic, s.potential(y)};
+  return {s.mechanics.kinetic_energy(y + s.nq), s.potential(y)};
 }
 
 double Index2System::potential(const double* q) {

@@ -31,13 +31,7 @@ void Index2System::size(const double* y, double* out) {
   for (int i = 0; i < nv + ns + 1; ++i) out[nv + i] = std::fabs(y[nq + i]);
   if (!driven()) return;
   mechanics.inertia(y);  // kinetic energy: scale for the work of drivers
-  const double *M = mechanics.M(), *v = y + nq;
-  for (int k = 0; k < nv; ++k) {
-    const double* c = M + static_cast<size_t>(k) * nv;
-    double s = 0.5 * c[k] * v[k];
-    for (int i : mechanics.ancestors[k]) s += c[i] * v[i];
-    out[ny - 1] += s * v[k];
-  }
+  out[ny - 1] += mechanics.kinetic_energy(y + nq);
 }
 
 }  // namespace mbdae
