@@ -16,7 +16,6 @@ from ...tolerances import AGREEMENT, INPUT_DIGITS, TRUNCATION
 from ..closures.closure_error import largest_error
 from ..closures.independent_rows import MANY_ROWS
 from ..closures.preconditions import require_preconditions
-from ..formulations.residuals import closures_by_size
 from ..model_settings import normalized
 from ..tree.frames import find_joint
 from ..tree.tree_terms import missing_inertia, mode_joints, update_inertia
@@ -127,7 +126,7 @@ def close_velocity(system: "Index2System", q: Array, v: Array, fixed: Array, t: 
         InputError: if a massless body makes the mass metric singular.
     """
     mech, free = system.mechanism, np.delete(np.arange(system.nv), fixed)
-    G, g_t = closures_by_size(system, q, t)[1], system.g_t(t)
+    G, g_t = system.closures_by_size(q, t)[1], system.g_t(t)
     if not (G @ v + g_t).any():
         return v
     metric = _Metric(update_inertia(mech.model, system.workspace, q), free, mech.ng > MANY_ROWS)

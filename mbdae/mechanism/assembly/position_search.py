@@ -14,7 +14,6 @@ from ...system import Array
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING, THREE_DIGITS, TRUNCATION
 from ..closures.closure_error import ClosureError, largest_error
 from ..closures.independent_rows import MANY_ROWS
-from ..formulations.residuals import closures_by_size
 from .flipped_frames import Jacobian, Residuals, flipped_closure, residuals_with_directions, scaled_residuals
 
 if TYPE_CHECKING:
@@ -67,7 +66,7 @@ def close_position(system: "Index2System", q: Array, fixed: Array, t: float) -> 
 
 def _require_finite(system: "Index2System", q: Array, t: float) -> None:
     try:
-        g, G = closures_by_size(system, q, t)
+        g, G = system.closures_by_size(q, t)
     except StepError as e:
         raise InputError(f"the initial estimate cannot be assembled: {e}") from e
     with np.errstate(over="ignore", invalid="ignore"):

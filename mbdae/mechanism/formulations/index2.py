@@ -279,7 +279,8 @@ class Index2System(PinocchioData, RunVariables, System):
     rows_of_step = row_selection.rows_of_step
     variational_step, second_order_step = variational_step, second_order_step
     multiplier_gain, pivot_ratio = row_selection.multiplier_gain, row_selection.pivot_ratio
-    residual, residuals, sparse_closures = residuals.residual, residuals.residuals, residuals.sparse_closures
+    sparse_closures, closures_by_size = residuals.sparse_closures, residuals.closures_by_size
+    residual, residuals = residuals.residual, residuals.residuals
     others_depend = row_selection.others_depend
     features = property(features.features)
     interpolant = interpolation.interpolant
