@@ -13,10 +13,7 @@ void BandLU::resize(int n, int half) {
   swap_.assign(n, 0);
 }
 
-void BandLU::zero() {
-  for (int i = 0; i < n_; ++i)
-    std::fill(&at(i, std::max(0, i - half_bandwidth_)), &at(i, std::min(n_ - 1, i + 2 * half_bandwidth_)) + 1, 0.0);
-}
+void BandLU::zero() { std::fill(a_.begin(), a_.end(), 0.0); }
 
 bool BandLU::factorize() {
   double smallest = INFINITY, largest = 0;

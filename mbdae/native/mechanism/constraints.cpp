@@ -65,8 +65,9 @@ void Constraints::write(Constraints x) {
 
 void Constraints::evaluate(const Mechanics& m, const double* q, int r, int& located, double* out, double* g) {
   const Row& row = rows[r];
-  if ((!off.empty() && off[r]) || row.between_joints()) std::fill_n(out, row.columns.size(), 0.0);
-  if (!off.empty() && off[r]) {
+  const bool inactive = !off.empty() && off[r];
+  if (inactive || row.between_joints()) std::fill_n(out, row.columns.size(), 0.0);
+  if (inactive) {
     if (g) g[r] = 0;
     return;
   }
@@ -91,12 +92,16 @@ void Constraints::evaluate(const Mechanics& m, const double* q, int r, int& loca
   double w[6];
   const double x = row.wrench(pair, w);
   if (g) g[r] = row.positional ? x : 0;
-  const double* J = m.J();
+  const double *J = m.J(), *sign = pair.sign.data();
+  const int *source = pair.sources.data(), n = static_cast<int>(pair.sources.size());
+  if (!pair.twice) {
+    for (int k = 0; k < n; ++k) out[k] = sign[k] == 0 ? 0 : sign[k] * dot6(w, J + 6 * source[k]);
+    return;
+  }
   --out;
-  for (size_t k = 0; k < pair.columns.size(); ++k) {
-    const double* j = J + 6 * pair.sources[k];
+  for (int k = 0; k < n; ++k) {
     if (!k || pair.columns[k - 1] != pair.columns[k]) *++out = 0;
-    if (pair.sign[k] != 0) *out += pair.sign[k] * dot6(w, j);
+    if (sign[k] != 0) *out += sign[k] * dot6(w, J + 6 * source[k]);
   }
 }
 

@@ -47,6 +47,7 @@ Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<Mechanics::Supp
   }
   for (const auto& [column, s] : all)
     columns.push_back(column.first), sources.push_back(column.second), sign.push_back(s);
+  twice = std::adjacent_find(columns.begin(), columns.end()) != columns.end();
   const double one[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   for (Anchor* x : {&a, &b}) x->straight = std::equal(one, one + 9, x->R);
   std::copy(a.R, a.R + 9, Ra), std::copy(a.p, a.p + 3, pa), std::copy(b.R, b.R + 9, Rb), std::copy(b.p, b.p + 3, pb);

@@ -42,6 +42,7 @@ struct Pair {
   std::vector<int> columns;
   std::vector<int> sources;  // column of J of each of them
   std::vector<double> sign;  // of each of them; 0 for common ancestors
+  bool twice;                // is a velocity among them twice?
   double Ra[9], Rb[9], pa[3], pb[3], Va[6], Vb[6], A[6];  // rotations by rows
 
   // For the rows of a pair, which share one shape; and along the motion V_b - V_a of b.

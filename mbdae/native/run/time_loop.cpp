@@ -67,10 +67,11 @@ double TimeLoop::move_norm(const Numbers& move) const {
 }
 
 bool TimeLoop::undoes_step(double h, const Numbers& y, const Numbers& move) const {
-  Numbers step(s_.ny), undone(s_.ny, 0.0), slowed(s_.ny, 0.0);
-  std::copy_n(move.begin(), s_.nv, undone.begin());
-  for (int i = 0; i < s_.nv; ++i) slowed[i] = h * move[s_.nv + i];
-  const double back = std::max(move_norm(undone), move_norm(slowed));
+  Numbers step(s_.ny, 0.0);
+  std::copy_n(move.begin(), s_.nv, step.begin());
+  double back = move_norm(step);
+  for (int i = 0; i < s_.nv; ++i) step[i] = h * move[s_.nv + i];
+  back = std::max(back, move_norm(step));
   if (!(back > 1)) return false;
   s_.difference(run_.state.y.data(), y.data(), step.data());
   std::fill(step.begin() + s_.nv, step.end(), 0.0);
@@ -82,13 +83,13 @@ void TimeLoop::project(double t) {
   restarted_ = false;
   project_state(s_, t, next_.y.data());
   next_.low.clear();
-  s_.size(next_.y.data(), size1_.data());  // of the next step's start, which must not hang on where a slice of time ends
+  s_.size(next_.y.data(), size1_.data());  // of the next step's start, wherever `advance` is interrupted
   Numbers move(s_.ny);
   s_.difference(y.data(), next_.y.data(), move.data());
   const double moved = move_norm(move);
   if (undoes_step(t - run_.interval.t, y, move)) throw FallBackToPython();
   if (!method_.carries || moved <= 1) return;
-  Numbers F(s_.ny), z(s_.ng);  // what the method carries is computed again
+  Numbers F(s_.ny), z(s_.ng);  // the carry restarts
   s_.derivative(t, next_.y.data(), F.data(), z.data());
   next_.carry = s_.carry(F), next_.memory.reset(), restarted_ = true;
 }

@@ -105,17 +105,14 @@ void HalfExplicitStep::factorize_constraints() {
 }
 
 void HalfExplicitStep::combine(const double* weights, int count, double h, Numbers& to) const {
-  double* __restrict x = to.data();
-  const int stride = stride_;
-  for (int k = 0; k < stride; ++k) x[k] = 0;
-  for (int j = 0; j < count; ++j) {
-    const double w = weights[j];
-    if (w == 0) continue;
-    const double* __restrict from = F_.data() + static_cast<size_t>(j) * stride;
-    for (int k = 0; k < stride; k += 4)
-      x[k] += w * from[k], x[k + 1] += w * from[k + 1], x[k + 2] += w * from[k + 2], x[k + 3] += w * from[k + 3];
+  for (int k = 0; k < stride_; k += 4) {
+    const double* from = F_.data() + k;
+    double sum[4] = {};
+    for (int j = 0; j < count; ++j, from += stride_)
+      if (const double w = weights[j]; w != 0)
+        for (int i = 0; i < 4; ++i) sum[i] += w * from[i];
+    for (int i = 0; i < 4; ++i) to[k + i] = h * sum[i];
   }
-  for (int k = 0; k < stride; ++k) x[k] *= h;
 }
 
 void HalfExplicitStep::project(double* e) {

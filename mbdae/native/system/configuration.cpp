@@ -90,23 +90,25 @@ void Configuration::evaluate(const double* q, bool counted) {
 }
 
 void Configuration::mark_current(const double* q) {
-  std::copy(q, q + m_.nq, q_.begin());
+  mark_rows_current(q);
   current_ = true;
 }
 
-bool Configuration::is_current(const double* q) const {
-  if (!current_) return false;
-  double size = 0, move = 0;
-  for (int i = 0; i < m_.nq; ++i) {
-    const double unit = 1 / m_.limits.q_scales[i];
-    size = std::max(size, unit * std::fabs(q[i])), move = std::max(move, unit * std::fabs(q[i] - q_[i]));
-  }
-  return move <= m_.limits.rounding * (1 + size);
+void Configuration::mark_rows_current(const double* q) {
+  std::copy(q, q + m_.nq, q_.begin());
+  rows_current_ = true;
+}
+
+bool Configuration::is_near(const double* q) const {
+  const double tolerance = m_.limits.rounding * (1 + largest_scaled(q, m_.limits.q_scales));
+  for (int i = 0; i < m_.nq; ++i)
+    if (!(std::fabs(q[i] - q_[i]) <= tolerance * m_.limits.q_scales[i])) return false;  // also where q is not finite
+  return true;
 }
 
 void Configuration::exchange(Configuration& other) {
   G.swap(other.G), Z.swap(other.Z), g.swap(other.g), q_.swap(other.q_), U_.swap(other.U_), root_.swap(other.root_);
-  std::swap(current_, other.current_);
+  std::swap(current_, other.current_), std::swap(rows_current_, other.rows_current_);
   stamp_ = other.stamp_ = std::max(stamp_, other.stamp_) + 1;
 }
 

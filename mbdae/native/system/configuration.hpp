@@ -24,9 +24,11 @@ class Configuration {
   void solve_root_transposed(double* x) const;                        // x := R^-T x
 
   void mark_current(const double* q);  // all of it is current at q from now on
-  void invalidate() { current_ = false, ++stamp_; }
+  void mark_rows_current(const double* q);  // G and g are, with Z of the factors at a configuration nearby
+  void invalidate() { current_ = rows_current_ = false, ++stamp_; }
   long stamp() const { return stamp_; }  // changes whenever Z may change
-  bool is_current(const double* q) const;          // is it current at q, to rounding?
+  bool is_current(const double* q) const { return current_ && is_near(q); }  // is it current at q, to rounding?
+  bool are_rows_current(const double* q) const { return rows_current_ && is_near(q); }
   bool is_exactly_current(const double* q) const;  // is it current at exactly q?
   void exchange(Configuration& other);          // with another configuration of the same mechanism
 
@@ -36,12 +38,13 @@ class Configuration {
 
  private:
   void factorize();  // M
+  bool is_near(const double* q) const;  // the current configuration, to rounding
   const double* column(int k) const { return &U_[m_.pattern.starts[k]]; }
 
   Mechanics& m_;
   Constraints& constraints_;
   Counts& counts_;
-  bool current_ = false;
+  bool current_ = false, rows_current_ = false;
   long stamp_ = 0;
   Numbers q_;     // (nq,) where it is current
   Numbers U_;     // by the tree as M: pivots, and the entries of U

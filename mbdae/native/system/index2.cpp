@@ -162,12 +162,11 @@ void Index2System::accelerate(double t, const double* q, const double* v, const 
 
 bool Index2System::is_known(double t, const double* q, const double* v, const double* s) const {
   auto near = [&](const double* x, const double* y, int n, const std::vector<double>* scales = nullptr) {
-    double size = 0, apart = 0;
-    for (int i = 0; i < n; ++i) {
-      const double unit = scales ? 1 / (*scales)[i] : 1;
-      size = std::max(size, unit * std::fabs(x[i])), apart = std::max(apart, unit * std::fabs(x[i] - y[i]));
-    }
-    return apart <= mechanics.limits.rounding * size;
+    double size = 0;
+    for (int i = 0; i < n; ++i) size = std::max(size, std::fabs(x[i]) / (scales ? (*scales)[i] : 1));
+    for (int i = 0; i < n; ++i)  // never near nan, the time of an invalid stage
+      if (!(std::fabs(x[i] - y[i]) <= mechanics.limits.rounding * size * (scales ? (*scales)[i] : 1))) return false;
+    return true;
   };
   if (last_stage.motion_stamp != mechanics.motion_stamp()) return false;
   return near(&t, &last_stage.t, 1) && near(q, last_stage.q.data(), nq, &mechanics.limits.q_scales) &&
@@ -233,10 +232,11 @@ bool Index2System::update_independent_rows(double t, State& s) {
   if (!ng) return false;
   const double* q = s.y.data();
   double* v = s.y.data() + nq;
-  if (!point.is_current(q)) point.evaluate(q, true);
+  if (!point.are_rows_current(q)) point.evaluate(q, true);
   const bool changed = rows.select_if_triggered(point.Z, point.stamp());
   residual_rate(t, v, rate_.data());
   if (changed && formulation != Formulation::index1) {
+    if (!point.is_current(q)) point.evaluate(q, true);
     saddle.factorize_symmetric();
     saddle.minimum_norm_motion(rate_.data(), f_.data());
     for (int i = 0; i < nv; ++i) v[i] -= f_[i];

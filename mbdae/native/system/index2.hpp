@@ -145,6 +145,9 @@ class Index2System {
 
   std::vector<SampledController> samplers;
   void apply_jumps(double t, double* y);  // to just after t, where t is a sampling instant
+  struct {
+    Numbers g, gap, next_g, rate, x, nearer;  // (ng,) four times, (nv,), (nq,)
+  } projection;  // scratch of `project_state`
   double potential(const double* q);  // of gravity and springs in J, at the current poses
 
   void add(const double* y, const double* x, double* out) const;  // y (+) x

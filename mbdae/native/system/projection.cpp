@@ -17,13 +17,19 @@ Numbers scaled(const double* x, const std::vector<double>& scales) {
 }
 
 double norm_of(const double* x, const std::vector<double>& scales) {
-  return norm(scaled(x, scales).data(), static_cast<int>(scales.size()));
+  double sum = 0;
+  for (size_t i = 0; i < scales.size(); ++i) {
+    const double component = x[i] / scales[i];
+    sum += component * component;
+  }
+  return std::sqrt(sum);
 }
 
 }  // namespace
 
 bool contradicts(const Index2System& s, double t, const double* v) {
   const Tolerances& limits = s.mechanics.limits;
+  if (s.constraints.drivers.empty()) return false;
   Numbers g_t(s.ng, 0.0);
   s.constraints.evaluate_g_t(t, g_t.data());
   if (largest(g_t.data(), s.ng) == 0) return false;
@@ -99,9 +105,11 @@ void project_positions(Index2System& s, double t, double* q, std::vector<Numbers
   const Tolerances& limits = s.mechanics.limits;
   Configuration& point = s.point;
   MinimumNormCorrection correction(s);
-  Numbers g(point.g), gap(s.ng), x(s.nv), nearer(s.nq);
+  auto& [g, gap, next_g, rate, x, nearer] = s.projection;
+  g = point.g, next_g.resize(s.ng), x.resize(s.nv), nearer.resize(s.nq);
   s.constraints.complete_g(t, g.data());
   double move = 0;
+  bool moved = false;
   for (int i = 0; i < limits.projection_iterations; ++i) {
     if (norm_of(g.data(), limits.row_scales) <= limits.sum_rounding * (1 + largest_scaled(q, limits.q_scales))) break;
     const bool by_rows_in_use = correction.find(g, true, x.data());
@@ -110,7 +118,8 @@ void project_positions(Index2System& s, double t, double* q, std::vector<Numbers
     s.manifold.integrate(q, x.data(), nearer.data());
     s.mechanics.poses(nearer.data());
     s.counts.G += 1;
-    s.constraints.value(s.mechanics, nearer.data(), s.constraints.all, point.scratch_G.data(), gap.data());
+    s.constraints.value(s.mechanics, nearer.data(), s.constraints.all, point.scratch_G.data(), next_g.data());
+    gap = next_g;
     s.constraints.complete_g(t, gap.data());
     if (!(norm_of(gap.data(), limits.row_scales) <
           limits.projection_max_remaining * norm_of(g.data(), limits.row_scales))) {
@@ -120,11 +129,12 @@ void project_positions(Index2System& s, double t, double* q, std::vector<Numbers
     }
     if (path) path->emplace_back(q, q + s.nq);
     std::copy(nearer.begin(), nearer.end(), q);
-    g = gap;
+    g = gap, moved = true;
     point.invalidate();  // M remains that of the start
-    std::swap(point.G, point.scratch_G);
+    std::swap(point.G, point.scratch_G), std::swap(point.g, next_g);
     for (int k : s.constraints.all) point.scale_row(k);
   }
+  if (moved) point.mark_rows_current(q);
   if (!(norm_of(g.data(), limits.row_scales) <= limits.projection_open) &&
       !(move <= limits.projection_stalled * (1 + largest_scaled(q, limits.q_scales))))
     throw FallBackToPython();
@@ -134,7 +144,8 @@ void project_positions(Index2System& s, double t, double* q, std::vector<Numbers
 void project_velocities(Index2System& s, double t, double* v) {
   const Tolerances& limits = s.mechanics.limits;
   MinimumNormCorrection correction(s);
-  Numbers rate(s.ng), x(s.nv);
+  Numbers &rate = s.projection.rate, &x = s.projection.x;
+  rate.resize(s.ng), x.resize(s.nv);
   const auto correct = [&]() {
     const bool by_rows_in_use = correction.find(rate, false, x.data());
     for (int i = 0; i < s.nv; ++i) v[i] -= x[i];
