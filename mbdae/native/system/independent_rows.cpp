@@ -116,10 +116,14 @@ bool IndependentRows::select(const Numbers& Z, long stamp) {
     least_pivot_ratio = std::min(least_pivot_ratio, smallest * smallest);
   }
   if (version_) {
-    if (rank == ng || !rank) return false;
+    if (rank == ng || !rank || uses_first_pivots()) return false;
     if (smallest_pivot_in_use(Z) >= limits_.worst_conditioning * pivots_[rank - 1]) return false;
   }
   return use_first_pivots();
+}
+
+bool IndependentRows::uses_first_pivots() const {
+  return std::all_of(order_.begin(), order_.begin() + rank, [&](int k) { return position_[k] >= 0; });
 }
 
 bool IndependentRows::use_first_pivots() {

@@ -69,6 +69,7 @@ class IndependentRows {
   void find_pivots(const Numbers& Z, bool of_rows_in_use, int count, double smallest, std::vector<int>& order,
                    Numbers& pivots) const;
   double smallest_pivot_in_use(const Numbers& Z);
+  bool uses_first_pivots() const;  // are those of the first `rank` pivots in use?
   bool use_first_pivots();  // use those of the first `rank` pivots; whether they are others
   bool has_tie() const;  // has a dependent row a pivot of a row in use, up to rounding, in `factors_`?
   int dense_rank(const Numbers& G, const FirstRank& first);
