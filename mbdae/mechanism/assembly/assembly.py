@@ -18,7 +18,7 @@ from ..closures.independent_rows import MANY_ROWS
 from ..closures.preconditions import require_preconditions
 from ..model_settings import normalized
 from ..tree.frames import find_joint
-from ..tree.tree_terms import missing_inertia, mode_joints, update_inertia
+from ..tree.tree_terms import missing_inertia, mode_joints, sparse_inertia, update_inertia
 from .position_search import assembly_error, close_position, sparse_least_squares
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def close_velocity(system: "Index2System", q: Array, v: Array, fixed: Array, t: 
     G, g_t = system.closures_by_size(q, t)[1], system.g_t(t)
     if not (G @ v + g_t).any():
         return v
-    metric = _Metric(update_inertia(mech.model, system.workspace, q), free, mech.ng > MANY_ROWS)
+    metric = _Metric(system, q, free)
     if (at := metric.singular()) is not None:
         joint = mech.coordinate_joint(int(free[at]))
         raise InputError(f"the mass matrix is singular at joint {joint!r}: {missing_inertia(mech.model, joint)}")
@@ -168,16 +168,14 @@ def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, toleranc
 
 
 class _Metric:
-    """The mass matrix of some coordinates, sparse for many rows; `M` has the upper triangle of all, (nv, nv)."""
+    """The mass matrix of some coordinates at q, sparse for many rows."""
 
-    def __init__(self, M: Array, free: Array, many: bool) -> None:
-        self.many = many
-        if many:
-            from scipy.sparse import csc_array, triu
-
-            upper = triu(csc_array(M), format="csc")
-            self.M = (upper + triu(upper, 1).T).tocsc()[:, free][free]
+    def __init__(self, system: "Index2System", q: Array, free: Array) -> None:
+        self.many = system.ng > MANY_ROWS
+        if self.many:
+            self.M = sparse_inertia(system.model, system.workspace, q)[:, free][free]
         else:
+            M = update_inertia(system.model, system.workspace, q)
             self.M = (np.triu(M) + np.triu(M, 1).T)[np.ix_(free, free)]
 
     def singular(self) -> int | None:

@@ -14,6 +14,8 @@ from ...system import Array
 from . import pinocchio_data
 
 if TYPE_CHECKING:
+    from scipy.sparse import csc_array
+
     from ..flexible.attach_flexible import FlexibleBody
     from ..flexible.workspace import BoundBody
 
@@ -100,6 +102,35 @@ def update_inertia(model: pin.Model, data: pin.Data, q: Array) -> Array:
         body.update_poses(data, q)
         body.add_inertia(data, q, data.M)
     return data.M if bound_bodies(data) else M
+
+
+def sparse_inertia(model: pin.Model, data: pin.Data, q: Array) -> "csc_array":
+    """Update poses and J, and return M (nv, nv) without its zeros: memory of the order of its entries.
+
+    Of rigid bodies by composite inertias (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, section 6.2); with
+    flexible bodies from the whole matrix.
+    """
+    from scipy.sparse import coo_array, csc_array
+
+    if bound_bodies(data):
+        upper = np.triu(update_inertia(model, data, q))
+        return csc_array(upper + np.triu(upper, 1).T)
+    J, F = update_poses(model, data, q).reshape(6, -1), np.zeros((6, model.nv))
+    composite = [data.oMi[j].act(model.inertias[j]) for j in range(model.njoints)]
+    rows, columns = list[int](), list[int]()
+    for j in range(model.njoints - 1, 0, -1):
+        composite[model.parents[j]] += composite[j]
+        first = model.idx_vs[j]
+        own = range(first, first + model.nvs[j])
+        F[:, own] = composite[j].matrix() @ J[:, own]
+        above = [i for a in list(model.supports[j])[1:-1] for i in range(model.idx_vs[a], model.idx_vs[a] + model.nvs[a])]
+        for k in own:
+            rows += [*above, *range(first, k)]
+            columns += [k] * (len(above) + k - first)
+    entries = np.einsum("ij,ij->j", J[:, rows], F[:, columns])
+    diagonal, at = np.einsum("ij,ij->j", J, F) + model.armature, np.arange(model.nv)
+    every = np.concatenate([entries, entries, diagonal])
+    return coo_array((every, (np.r_[rows, columns, at], np.r_[columns, rows, at])), shape=(model.nv, model.nv)).tocsc()
 
 
 def bias(model: pin.Model, data: pin.Data, q: Array, v: Array) -> Array:

@@ -13,7 +13,7 @@ from chains import JOINTS, random_q, tree
 import mbdae
 from mbdae.mechanism.tree import pinocchio_data
 from mbdae.mechanism.tree.pinocchio_data import make_data
-from mbdae.mechanism.tree.tree_terms import update_inertia
+from mbdae.mechanism.tree.tree_terms import sparse_inertia, update_inertia
 
 resource = pytest.importorskip("resource")  # Unix
 
@@ -145,3 +145,18 @@ def test_workspace_serves_the_algorithms(kinds, monkeypatch):
         found.append([*one, *(place.homogeneous for place in data.oMi)])
     for ours, theirs in zip(*found, strict=True):
         np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("kinds", [JOINTS, ["revolute"], ["free"]], ids=len)
+def test_entries_of_the_mass_matrix_are_those_of_pinocchio(kinds):
+    """By composite inertias, without the zeros between branches; with the inertia of rotors."""
+    model, rng = tree(kinds, PARENTS[: len(kinds)]), np.random.default_rng(5)
+    q = random_q(model, rng)
+    model.armature = rng.uniform(0.1, 1.0, model.nv)
+    data, above = model.createData(), list[int]()
+    for parent in list(data.parents_fromRow):
+        above.append(0 if parent < 0 else above[parent] + 1)
+    upper = np.triu(pin.crba(model, data, q))
+    found = sparse_inertia(model, make_data(model), q)
+    np.testing.assert_allclose(found.toarray(), upper + np.triu(upper, 1).T, rtol=0, atol=1e-13 * upper.max())
+    assert found.nnz == model.nv + 2 * sum(above)
