@@ -123,7 +123,8 @@ def sparse_inertia(model: pin.Model, data: pin.Data, q: Array) -> "csc_array":
         first = model.idx_vs[j]
         own = range(first, first + model.nvs[j])
         F[:, own] = composite[j].matrix() @ J[:, own]
-        above = [i for a in list(model.supports[j])[1:-1] for i in range(model.idx_vs[a], model.idx_vs[a] + model.nvs[a])]
+        ancestors = list(model.supports[j])[1:-1]
+        above = [i for a in ancestors for i in range(model.idx_vs[a], model.idx_vs[a] + model.nvs[a])]
         for k in own:
             rows += [*above, *range(first, k)]
             columns += [k] * (len(above) + k - first)
