@@ -6,13 +6,14 @@ integrated along the motion. A law may have internal states s, s' = h(t, q, v, s
 
 from collections.abc import Mapping, Sequence
 from math import inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from pydantic import AfterValidator
 
 from ...data_types import CoreData
-from ...errors import InputError, NotCompiled
+from ...errors import InputError, NotCompiled, is_number
 from ...system import Array
 from ..checked_table import Table
 from ..time_functions.input_functions import InputSetting
@@ -26,7 +27,23 @@ if TYPE_CHECKING:
 
 ArrayOrZero = np.ndarray | float
 """An array, or 0 for one of zeros."""
-Joints = str | tuple[str, ...]
+
+
+def distinct_joints(names: str | tuple[str, ...], *, of: str = "") -> str | tuple[str, ...]:
+    """Return names of joints, unchanged; messages begin with ``of``.
+
+    Raises:
+        InputError: for no name, or one that is given twice: its law would act twice, or once, on one coordinate.
+    """
+    if not names:
+        raise InputError(f"{of}at least one joint is needed")
+    if not isinstance(names, str) and (twice := [n for i, n in enumerate(names) if n in names[:i]]):
+        raise InputError(f"{of}joint {twice[0]!r} is listed twice")
+    return names
+
+
+Joints = Annotated[str | tuple[str, ...], AfterValidator(distinct_joints)]
+"""The name of a joint, or names of several."""
 
 
 class ForceElement:
@@ -244,9 +261,6 @@ def start_values(name: str, start: Mapping[str, float]) -> dict[str, float]:
     Raises:
         InputError: unless ``start`` is a table of names and finite numbers.
     """
-    valid = isinstance(start, Mapping) and all(
-        isinstance(x, int | float | np.number) and np.isfinite(x) for x in start.values()
-    )
-    if not valid:
+    if not (isinstance(start, Mapping) and all(map(is_number, start.values()))):
         raise InputError(f"the states of {name!r} start from a table of names and finite numbers, got {start!r:.80}")
     return {str(key): float(value) for key, value in start.items()}
