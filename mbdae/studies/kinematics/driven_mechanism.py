@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import qr
 
-from ...errors import InputError, UnknownNameError, as_list
+from ...errors import InputError, UnknownNameError, as_list, is_number
 from ...mechanism import Driver, Mechanism
 from ...mechanism.assembly.assembly import start_position
 from ...mechanism.forces import stiction_joints
@@ -37,7 +37,8 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
 
     Raises:
         UnknownNameError: for a joint that does not exist.
-        InputError: for a joint of several coordinates, or one that is both driven and locked.
+        InputError: for a joint of several coordinates, one that is both driven and locked, a value to lock it at that
+            is no finite number, or another driver whose table does not contain t = 0.
     """
     _check_closures(mech)
     drivers = {d.name: d for d in mech.drivers}
@@ -91,6 +92,8 @@ def _locking_driver(mech: Mechanism, name: str, value: float | None, q: Array, d
     if name in driven:
         raise InputError(f"{name!r} is driven: it cannot be locked, too")
     here = _coordinate(mech, name, q)
+    if value is not None and not is_number(value):
+        raise InputError(f"{name!r} is locked at a finite number in rad or m, got {value!r:.80}")
     return Driver(joint=name, motion=here if value is None else float(value), name=f"hold {name}")
 
 
@@ -111,6 +114,8 @@ def _target(d: Driver) -> dict[str, Any]:
 def _constant_position(mech: Mechanism, d: Driver, q: Array) -> float:
     """Return the position of a driver at t = 0; for a speed driver, which has none, that of q (nq,)."""
     if d.speed is None:
+        if message := d.outside(0.0):
+            raise InputError(f"{message}: it is locked at its value at t = 0")
         return d.follow(0.0)[0]
     alone = Mechanism(mech.model, drivers=[Driver.model_validate({**_target(d), "motion": 1.0})])
     return input_at(alone, alone.system(), q)

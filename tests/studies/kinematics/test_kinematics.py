@@ -245,6 +245,19 @@ def test_a_singular_start_and_a_start_out_of_reach_are_refused():
         kinematics(mbdae.load("four_bar"), "rocker", span=(3.0, 4.0))
 
 
+@pytest.mark.parametrize("value", ["abc", True, 1j, 10**400, float("nan")])
+def test_joints_are_locked_at_finite_numbers(value):
+    with pytest.raises(InputError, match="'slider' is locked at a finite number in rad or m, got"):
+        kinematics(mbdae.load("slider_crank"), "crank", hold={"slider": value})
+
+
+def test_a_driver_that_is_undefined_at_the_time_of_its_lock():
+    table = {"kind": "table", "points": [(1.0, 0.3), (2.0, 0.4)]}
+    mech = mbdae.load("slider_crank", drivers=[Driver(joint="slider", motion=table, name="late")])
+    with pytest.raises(InputError, match=r"'late' is known from t = 1 to 2 s only.*locked at its value at t = 0"):
+        kinematics(mech, "crank", q=mech.assemble(t=1.0)[0])
+
+
 def test_a_pose_costs_six_evaluations_of_the_closures(monkeypatch):
     """On average, 608 for a hundred; with Euler's predictor, which needs more corrections, 788."""
     evaluations, motion = [], Constraints.motion
