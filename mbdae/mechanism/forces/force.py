@@ -96,8 +96,8 @@ class ForceElement:
     tension = False  # the force acts along the line between two points
     differenced = False  # the partial derivatives are finite differences
     by_state = True  # the force depends on (t, q, v, s) only, not on multipliers and modes
-    differentiated: Sequence[TimeFunction] = ()  # those of which it depends on the rate
-    deflections: Sequence[tuple[int, str]] = ()  # of springs: a velocity index and "", or -1 and a description
+    differentiated: Sequence[TimeFunction] = ()  # those on whose rates it depends
+    deflections: Sequence[tuple[int, str]] = ()  # of springs: velocity of the joint, or -1; axis or ""
 
     def acting_components(self, nv: int) -> list[int]:
         """Return the indices of the velocity components that the force may act on; all if unknown."""
@@ -125,18 +125,18 @@ class ForceElement:
         """Set inputs of the mechanism from its states; see `Input.set`."""
 
     def attach(self, system: "Index2System") -> None:
-        """Take note of the workspace to which it is bound."""
+        """Keep the workspace to which it is bound, if it needs it."""
 
     def save(self, s: Array) -> bytes | None:
         """Return the external state that belongs to its states s; None if it cannot be saved; empty before a start."""
         return None
 
-    def take(self) -> object:
-        """Return the other program, and forget it."""
+    def detach_program(self) -> object:
+        """Return the external program, which this law does not use any more; None if it has none."""
         return None
 
-    def give(self, external: object) -> None:
-        """Continue with the other program of a law of another workspace."""
+    def attach_program(self, program: object) -> None:
+        """Use an external program that another workspace has detached, in its state; None for none."""
 
     def core_data(self) -> CoreData:
         """Return the core data: ``kind``, the name of a file in native/mechanism/laws, and its data.
