@@ -1,4 +1,4 @@
-"""Costs and constraints of controlled motions, with their derivatives by the unknowns."""
+"""Costs and constraints of controlled motions, with their derivatives with respect to the unknowns."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from ..sensitivity.cost import real
 from .controlled_motion import ControlledMotion
 
 Integrand = Callable[[Mapping[str, Array]], tuple[Array, Mapping[str, Array]]]
-Found = tuple[float, Array]  # a value, and its derivatives by the unknowns, (k,)
+Found = tuple[float, Array]  # a value, and its derivatives with respect to the unknowns, (k,)
 
 
 class SignalRequest(Mapping[str, Array]):
@@ -78,7 +78,7 @@ class Integral:
         return total + self.time_weight * length, out
 
     def _evaluated(self, signals: Mapping[str, Array], n: int) -> tuple[Array, dict[str, Array]]:
-        """Return L (n,) and its derivatives by signals, (n,) each, after checks.
+        """Return L (n,) and its derivatives with respect to signals, (n,) each, after checks.
 
         Raises:
             InputError: for an integrand that fails, is not finite, or has other shapes.
