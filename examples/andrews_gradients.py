@@ -218,7 +218,7 @@ MODEL: dict[str, dict[str, float]] = {
 
 
 def computed(names: Sequence[str] = tuple(NUMBERS), end: float = 0.03, **options: float | str) -> tuple[Array, Array]:
-    """(q, v) at the end of a run of mbdae, (14,), and their derivatives by published parameters, (14, k)."""
+    """(q, v) at the end of a run, (14,), and their derivatives with respect to published parameters, (14, k)."""
     mech = load("andrews_squeezer")
     parts = sorted({part for name in names for part in MODEL[name]})
     sol = solve(mech, (0, end), **options)

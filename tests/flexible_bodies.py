@@ -119,6 +119,6 @@ def derivative(f, x, h=2e-3):
 
 
 def by_tangent(mech, f, q):
-    """The derivatives of f by q in the tangent, (.., nv)."""
+    """The derivatives of f with respect to q in the tangent, (.., nv)."""
     unit = np.eye(mech.nv)
     return np.array([derivative(lambda s, e=e: f(mech.manifold.integrate(q, s * e)), 0.0) for e in unit]).T

@@ -245,9 +245,26 @@ def test_the_guide_has_the_tables_of_the_atlas(script, capsys):
     assert text in atlas.GUIDE.read_text()
     assert atlas.written(atlas.GUIDE.read_text(), text) == atlas.GUIDE.read_text()
     assert atlas.DATA.stat().st_size <= 300_000
-    data = {"models": {"a": {"methods": ["x", "y"], "work": {"1e-02": {"solves": [30, -20]}}}}}
-    assert list(atlas.rows(data, ["1e-02"]))[1:] == [["`y`", "1; 1; 1"], ["`x`", "0; 1.5; 1"]]
+    with pytest.raises(ValueError, match="the page has no comments"):
+        atlas.written(f"{atlas.END}{atlas.BEGIN}", text)
     assert capsys.readouterr().out
+
+
+def test_bounds_of_the_atlas_are_no_measurements(script):
+    """Of negative numbers: a method does not win by its bound, and no other does where it is the smallest."""
+    atlas = script("atlas")
+    solves = {"a": [30, 20, -40, 60], "b": [30, 20, -10, None], "c": [None, None, -10, -10], "d": [None] * 4}
+    data = {"models": {k: {"methods": list("xyzw"), "work": {"1e-02": {"solves": s}}} for k, s in solves.items()}}
+    head, *rows = atlas.rows(data, ["1e-02"])
+    assert head[1] == "1e-02, 3 models"
+    assert rows == [["`y`", "1; 1; 2 + 0"], ["`w`", "0; 3; 1 + 1"], ["`x`", "0; 1.5; 2 + 0"], ["`z`", "-; -; 0 + 3"]]
+    assert "4 of 9 at 1e-02" in atlas.bounds(data)
+    assert "2 of 3 at 1e-02" in atlas.bounds(data)
+
+
+def test_rates_of_the_energy_have_the_median_of_even_numbers(script):
+    data = {"models": {str(x): {"energy_rate": {"x": (x, False)}} for x in (1, 2, 4, None)}}
+    assert list(script("atlas").energies(data))[1] == ["`x`", "4", "3.0e+00", "-", "0", "1"]
 
 
 def test_samples_of_tolerances_agree_with_the_analysis(script):

@@ -33,7 +33,7 @@ class Branch(NamedTuple):
         mech: the mechanism; all its joints have one coordinate.
         start: parameters at the start, (k,).
         jet: parameters (k,) -> q (nq,), T = dq/ds (nq,), T' (nq,).
-        flow: parameters (k,) -> their derivatives by s, (k,).
+        flow: parameters (k,) -> their derivatives with respect to s, (k,).
         project: q (nq,) -> parameters of a point of the branch close to q, (k,).
         angular: mask of the coordinates that are angles, (nq,).
     """

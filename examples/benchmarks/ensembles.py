@@ -6,9 +6,9 @@ of the times of the same executor with one worker, and of all to one thread. Tab
 
 Four-bars from rest at other angles of the crank take 10 s, by mbdae.ensemble, by Dopri8 of diffrax (JAX, compiled,
 vectorised over all runs) on equations that were written by hand, without stabilisation (index1.py), and by RK4 in
-MuJoCo's rollout, a batch of runs in C, with the settings of peers.py: milliseconds of CPU per run over all threads,
-which do not depend on what else the machine does as much as the time of the call, and the largest error of the joint
-angles at the end, with respect to mbdae at rtol 1e-12.
+MuJoCo's rollout, a batch of runs in C, with the settings of peers.py. The table has milliseconds of CPU per run, summed
+over all threads (medians; other load of the machine affects them less than the time of the call), and the largest error
+of the joint angles at the end, against mbdae at rtol 1e-12: for mbdae the difference from tighter runs of one method.
 
 Run: python examples/benchmarks/ensembles.py [--brief]
 """
@@ -95,8 +95,8 @@ def four_bars(n: int, end: float, repeats: int) -> list[list[str]]:
         run()
         return (process_time() - started) / n * 1e3
 
-    least = medians({key: partial(milliseconds, run) for key, run in programs.items()}, repeats)
-    return [[name, f"{rtol:.0e}", digits(least[name, rtol]), f"{errors[name, rtol]:.1e}"] for name, rtol in programs]
+    costs = medians({key: partial(milliseconds, run) for key, run in programs.items()}, repeats)
+    return [[name, f"{rtol:.0e}", digits(costs[name, rtol]), f"{errors[name, rtol]:.1e}"] for name, rtol in programs]
 
 
 def vectorised(q: np.ndarray, end: float) -> Callable[[float], np.ndarray] | None:

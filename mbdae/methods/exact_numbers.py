@@ -79,6 +79,8 @@ def exact(text: str) -> Number:
     try:
         value = _evaluate(ast.parse(text.strip(), mode="eval").body, text.strip())
         rounded = float(value)
+    except (SyntaxError, ZeroDivisionError):
+        raise ValueError(f"not an exact number: {text!r:.60}") from None
     except (OverflowError, RecursionError, MemoryError):  # nested brackets exhaust the parser
         raise ValueError(f"not an exact number in double precision: {text!r:.60}") from None
     if not rounded and value:

@@ -38,7 +38,7 @@ class ImplicitTableau(CoupledMethod):
         order_own: claimed order of the z of the method; 0: it does not converge.
 
     Raises:
-        InputError: for a singular A, or rows of different lengths.
+        InputError: for a singular or empty A, rows of different lengths, or entries that are not exact numbers.
     """
 
     name: str
@@ -59,13 +59,15 @@ class ImplicitTableau(CoupledMethod):
 
     def __post_init__(self) -> None:
         s = len(self.b)
-        if len(self.A) != s or any(len(row) != s for row in self.A):
-            raise InputError(f"tableau {self.name!r}: A has {s} rows of {s} numbers, as many as b")
+        if not s or len(self.A) != s or any(len(row) != s for row in self.A):
+            raise InputError(f"tableau {self.name!r}: A has {s} rows of {s} numbers, as many as b, at least one")
         try:
-            regular_inverse(self._square)
+            _ = self.R_infinity
         except ZeroDivisionError:
             reason = "A is singular: its inverse determines z from the stages"
             raise InputError(f"tableau {self.name!r}: {reason}") from None
+        except ValueError as e:
+            raise InputError(f"tableau {self.name!r}: {e}") from None
 
     @property
     def stages(self) -> int:  # type: ignore[override]
@@ -106,7 +108,7 @@ class ImplicitTableau(CoupledMethod):
         return stage_arrays(np.array(c), A, np.array(b), float(self.R_infinity))
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Fail: there is no error estimate.
+        """Reject a step whose size is controlled: the method has no error estimate.
 
         Raises:
             InputError: always.

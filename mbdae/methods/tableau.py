@@ -251,7 +251,7 @@ def _texts(name: str, key: str, table: Any) -> tuple[Text, ...]:
         for entry in entries:
             try:
                 exact(entry)
-            except (ValueError, SyntaxError, ZeroDivisionError):
+            except ValueError:
                 text = f"tableau {name!r}, {key}: expected exact numbers, 1/2, 0.25 or 1/6 - sqrt(3)/108"
                 raise InputError(f"{text}, got {entry!r:.60}") from None
         out.append(tuple(entries))

@@ -47,7 +47,7 @@ def energy_balance(mech: "Mechanism", v: Array, kinetic: Array, potential: Array
 
     Args:
         mech: the mechanism, whose characteristic lengths and rate define when velocities are zero.
-        v: velocities, (n, nv).
+        v: velocities at all nodes of the run, (k, nv): at some of them it may be at rest.
         kinetic: kinetic energy in J, (n,).
         potential: potential energy in J, (n,).
         work: work of non-conservative forces in J, (n,).
@@ -68,15 +68,24 @@ def energy_error(kinetic: Array, potential: Array, work: Array) -> tuple[Array, 
     return total - total[..., :1] - done, np.maximum(np.maximum(worked, moving), high + low)
 
 
+def require_times(sol: "Solution") -> None:
+    """Require times of a solution.
+
+    Raises:
+        InputError: if the run ended before the first of ``t_eval``.
+    """
+    if not len(sol.t):
+        title = sol.problem.title
+        raise InputError(f"the solution of {title!r} has no times: the run ended before the first of t_eval")
+
+
 def residuals(sol: "Solution") -> Residuals:
     """Evaluate the closures and the energies of a mechanism's solution at its times.
 
     Raises:
-        InputError: for a solution of a textbook problem, or one without times.
+        InputError: for a solution without times.
     """
-    mech = sol.mechanism
-    if not len(sol.t):
-        raise InputError(f"the solution of {mech.title!r} has no times: the run ended before the first of t_eval")
+    require_times(sol)
     with np.errstate(over="ignore", invalid="ignore"):  # of a diverging run
         g, Gv, energies = residuals_and_energies(sol)
     return Residuals(g, Gv, *energies.T)

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from ..data_types import JsonObject
-from ..errors import InputError
 from ..system import Array
 from ..tabular import Tabular, rounded_zero
 from ..tolerances import COINCIDENT, INTERPOLATION, VISIBLE
 from ..units import displayed, unit_name
+from .columns import require_times
 from .signals import find, signals, units
 
 if TYPE_CHECKING:
@@ -228,9 +228,7 @@ class _Steps:
 
 def _at_nodes(sol: "Solution", names: Collection[str]) -> tuple[dict[str, Array], Array]:
     """Return signals at the ends of all steps, and their times."""
-    if not len(sol.t):
-        title = sol.mechanism.title
-        raise InputError(f"the solution of {title!r} has no times: the run ended before the first of t_eval")
+    require_times(sol)
     full = sol.at_nodes()
     return signals(full, names), np.asarray(full.t)
 

@@ -10,6 +10,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from ..errors import InputError, UnknownNameError, as_list
 from ..integrate.options.options import projects_positions
 from ..integrate.options.settings import complete_settings
@@ -17,7 +19,8 @@ from ..integrate.steppers.library_solver import LibrarySolver
 from ..integrate.steppers.solvers import SOLVERS, find_method
 from ..mechanism import Mechanism
 from ..methods import EXPLICIT, METHODS, Tableau, method_from_settings
-from ..solution.solution import Problem
+from ..solution.solution import Problem, Solution
+from ..units import quantity
 
 PLACEHOLDER = "pherk6"  # replaced by a custom tableau
 FORMULATIONS = ("index2", "project", "ggl", "index1", "baumgarte=ALPHA,BETA")
@@ -152,6 +155,22 @@ def variant_from_settings(settings: dict[str, Any]) -> Variant:
     rest = (settings.get("formulation", "index2"), bool(settings.get("project")))
     method = method_from_settings(settings) if "tableau" in settings else settings["method"]
     return Variant(method, *rest, tuple(pair) if pair else None)
+
+
+def format_tolerance(x: float) -> str:
+    """Return a tolerance as text with all its digits: 1e-04, 2.5e-04."""
+    return np.format_float_scientific(x, trim="-", exp_digits=2)
+
+
+def run_labels(sol: Solution) -> tuple[str, str]:
+    """Return the method of a run as a `Variant`, also with its step size or rtol."""
+    method, settings = str(variant_from_settings(sol.settings)), sol.settings
+    control = (
+        f"h = {quantity(settings['step'], 's', 'g')}"
+        if "step" in settings
+        else f"rtol {format_tolerance(settings.get('rtol', np.nan))}"
+    )
+    return method, f"{method}, {control}"
 
 
 def _pair(text: str, notation: str) -> tuple[float, float]:

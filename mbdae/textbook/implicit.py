@@ -21,13 +21,13 @@ class ProblemFunctions(Protocol):
         """Return f (ny,)."""
 
     def f_y(self, t: float, y: Array, z: Array) -> Array:
-        """Return the partial derivatives of f by y (ny, ny)."""
+        """Return the partial derivatives of f with respect to y (ny, ny)."""
 
     def f_z(self, t: float, y: Array, z: Array) -> Array:
-        """Return the partial derivatives of f by z (ny, nz)."""
+        """Return the partial derivatives of f with respect to z (ny, nz)."""
 
     def g_y(self, t: float, y: Array) -> Array:
-        """Return the partial derivatives of g by y (nz, ny)."""
+        """Return the partial derivatives of g with respect to y (nz, ny)."""
 
     def store_z(self, y: Array, z: Array) -> None:
         """Store z at y: starting values of Newton's method near y."""

@@ -204,6 +204,16 @@ def test_refusals():
         ImplicitTableau(**trapezium, b=("1/2", "1/2"), order=2, order_own=0)
     with pytest.raises(InputError, match="A has 1 rows of 1 numbers, as many as b"):
         ImplicitTableau(**trapezium, b=("1",), order=2, order_own=0)
+    for A, b, message in [
+        ((("x",),), ("1",), "not an exact number: 'x'"),
+        ((("1 2",),), ("1",), "not an exact number: '1 2'"),
+        ((("1/0",),), ("1",), "not an exact number: '1/0'"),
+        ((("1",),), ("one",), "not an exact number: 'one'"),
+        ((("sqrt(2)",),), ("sqrt(3)",), r"cannot mix sqrt\(3\) and sqrt\(2\)"),
+        ((), (), "A has 0 rows of 0 numbers, as many as b, at least one"),
+    ]:
+        with pytest.raises(InputError, match=f"tableau 'trapezium': {message}"):
+            ImplicitTableau(**{**trapezium, "A": A}, b=b, order=2, order_own=0)
     code, _, err = call("solve", "four_bar", "-m", "gauss2")
     assert code != 0
     assert err == "mbdae: method 'gauss2' takes fixed steps: give a step\n"

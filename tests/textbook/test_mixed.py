@@ -66,7 +66,7 @@ def test_the_check_does_not_depend_on_units(scale):
 
 
 def test_u_may_cancel_a_multiplier():
-    """f = z + u, 0 = u + z: the total derivative by z is singular, though f_z is not."""
+    """f = z + u, 0 = u + z: the total derivative with respect to z is singular, though f_z is not."""
     with pytest.raises(InputError, match=r"'mixed' does not have index 2 .* rank 1 of 2, column z\.1 and row g\.1"):
         mbdae.solve(problem(lambda t, y, z, u: np.array([u[0] + z[0], u[1] - y[0]])), (0, 1))
 

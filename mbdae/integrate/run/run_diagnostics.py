@@ -74,7 +74,7 @@ def energy_imbalance(sol: Solution, system: Index2System) -> str:
         error, scale = energy_error(kinetic, potential, some[:, -1])
         if np.abs(error).max() <= ENERGY_TOLERANCE * scale:  # whether or not the mechanism moves
             return ""
-        v = some[:, system.nq : system.nq + system.nv]
+        v = ys[:, system.nq : system.nq + system.nv]
         error, exchanged = energy_balance(system.mechanism, v, kinetic, potential, some[:, -1])
         relative = float(np.abs(error).max() / exchanged) if exchanged else 0.0
     if relative <= ENERGY_TOLERANCE:

@@ -62,7 +62,7 @@ class AdvanceParameters:
         values = dict.fromkeys([*inputs.cells, *(BEFORE + name for name in self.linear)], UNIT)
         if names:
             if not inputs.original.source:
-                raise InputError("derivatives by parameters need a mechanism that was read from a file")
+                raise InputError("derivatives with respect to parameters need a mechanism that was read from a file")
             self.template = LoadedModel(inputs.original)
             values |= {name: parameter_value(self.template, name) for name in names}
         self.columns = list(values)
@@ -149,7 +149,7 @@ class AdvanceSensitivity:
     def _scaled_inputs(self, t: float, dt: Array) -> Array:
         """Return variations (k, m) that keep the inputs of a step from t on, while its time scales with the advance.
 
-        Its derivative by its size takes t as constant; the rest is -u' (t' - t) dt/length at t'.
+        Its derivative with respect to its size takes t as constant; the rest is -u' (t' - t) dt/length at t'.
         """
         p, span = self.parameters, self.parameters.span
         out = np.zeros((len(p.columns), len(dt)))
@@ -176,7 +176,7 @@ class AdvanceSensitivity:
         """
         m, trace, cells = self.sol.mechanism, self.trace, list(self.parameters.inputs.cells.values())
         if samplers_of(trace.system.laws) or any(trace.jumped[1:]):
-            raise InputError("the advance has instants that do not scale with its length: no derivative by dt")
+            raise InputError("instants of the advance do not scale with its length: no derivative with respect to dt")
         settings = [cell.setting for cell in cells]
         try:
             for cell in cells:
@@ -186,7 +186,7 @@ class AdvanceSensitivity:
                 at = m.at(float(trace.ts[i]), q, v, s, mode=self.sol.mode(i) or trace.system.mode)
                 by_time = at.g_t, *(getattr(at.partials(), name) for name in ("r_t", "h_t", "Gv_t", "gamma_t"))
                 if any(x.any() for x in by_time):
-                    raise InputError("forces or drivers depend on time: the advance has no derivative by dt")
+                    raise InputError("forces or drivers depend on time: no derivative with respect to dt")
         finally:
             for cell, setting in zip(cells, settings, strict=True):
                 cell.set(setting)

@@ -111,11 +111,11 @@ def prepare_again(run: RunState, options: RunOptions, state: SimulatorState) -> 
     """Return a run that can begin at a state, in place of a run of the same mechanism, whose FMUs it takes over."""
     kept_states.store({name: x for name, x in state.external.items() if x})
     before: Any = run.system
-    programs, t = before.laws.take(), state.run.t
+    programs, t = before.laws.detach_programs(), state.run.t
     run.release()
     out = prepare_at(run.problem, options._replace(t0=t, t1=t + 1, end=t + 1), state.run.y)
     system: Any = out.system
-    system.laws.give(programs)
+    system.laws.attach_programs(programs)
     return out
 
 

@@ -150,7 +150,7 @@ class Ida(LibraryStepper):
         out[:] = np.concatenate([r, c, self.raw.lengths(u[:n])])
 
     def _jacobian(self, t: float, u: Array, du: Array, res: Array, cj: float, out: Array) -> None:
-        """Evaluate their partial derivatives by u plus cj times those by u', (n + m, n + m)."""
+        """Evaluate their partials with respect to u plus cj times those with respect to u', (n + m, n + m)."""
         n, ny, m, counts = len(u) - self.m, self.system.ny, self.m, self.system.counts
         moved = self.raw.move(self.start, u[:n], du[:n])
         E, A, L, C = self.chart.linearize(*moved, du[n:]).matrices()
@@ -177,7 +177,7 @@ class RawCoordinates:
             self.units = system.manifold.unit_blocks
 
     def tangent_map(self, y: Array) -> Array:
-        """Return the partial derivatives of the components of y (+) x by x at x = 0, (n, ny)."""
+        """Return the partial derivatives of the components of y (+) x with respect to x at x = 0, (n, ny)."""
         if not self.units:
             return np.eye(len(y))
         return block_diag(self.manifold.coordinate_partials(y[: self.nq]), np.eye(len(y) - self.nq))
@@ -204,7 +204,7 @@ class RawCoordinates:
         return np.array([(y[block] @ y[block] - 1) / 2 for block in self.units])
 
     def partials(self, x: Array, y: Array, dy: Array) -> tuple[Array, Array]:
-        """Return the partial derivatives of x and of x' by y, at constant y', (ny, n) each."""
+        """Return the partial derivatives of x and of x' with respect to y, at constant y', (ny, n) each."""
         n = len(y)
         if not self.units:
             return np.eye(n), np.zeros((n, n))

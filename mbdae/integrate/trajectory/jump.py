@@ -113,7 +113,10 @@ class ModeJumps:
         return jump._replace(matrix=matrix)
 
     def at_start(self, t: float, y: Array) -> tuple[Array, Array]:
-        """Return the point after an impact at the start, in the idle mode, and its partials by (y, p), (ny, ny + k)."""
+        """Return the point after an impact at the start, in the idle mode, and its partials.
+
+        They are with respect to (y, p), (ny, ny + k).
+        """
         self.enter_idle()
         found, R = self.impact(t, y, np.eye(self.sensitivity.ny, self.sensitivity.ny + self.sensitivity.k + 1))
         self.trace.enter_node(0)
@@ -124,11 +127,11 @@ class ModeJumps:
         self.system.enter((0,) * len(self.system.mode))
 
     def impact(self, t: float, y: Array, jumped: Array) -> tuple[Array, Array]:
-        """Return the point after an impact at a point, and its partials by (y, p, t), from those of the point."""
+        """Return the point after an impact, and its partials with respect to (y, p, t), from those before."""
         return self._map(ModePoint(self.system, self.all_rows, t, y), jumped)
 
     def _map(self, point: ModePoint, jumped: Array) -> tuple[Array, Array]:
-        """Return the point after the impact, and its partials by (y, p, t), (ny, ny + k + 1)."""
+        """Return the point after the impact, and its partials with respect to (y, p, t), (ny, ny + k + 1)."""
         impacts = row_impacts(point, self.unswitched, self._recent(point.t))
         if not impacts:
             return point.y, jumped

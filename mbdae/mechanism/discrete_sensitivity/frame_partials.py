@@ -11,7 +11,7 @@ from .parameter_partials import Parameters
 
 
 def frame_partials(parameters: Parameters, q: Array, names: Sequence[str]) -> tuple[Array, Array]:
-    """Return the partials of the origins of m frames in the world by q, in the tangent, and by k parameters.
+    """Return partials of the origins of m frames in the world with respect to q, in the tangent, and to k parameters.
 
     Parameters change placements of joints and frames by motions xi in local axes; with the motion (v, w) = T xi in the
     world, an attached point p moves by v + w x p.

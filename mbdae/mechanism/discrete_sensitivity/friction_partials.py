@@ -7,10 +7,10 @@ tanh(x/w)/x, c = -mu r, is with psi = phi'/x, at constant lam of the rows in use
 
 Exact friction along one no-slip row has phi s = +-1 instead.
 
-Partials of S and |F| by q are sixth-order differences of these terms alone, by the coordinates that move the frames of
-an interface against each other: to move both together turns S, but not the friction. |F| depends on q if rows are
-redundant: it is that of the minimum-norm multipliers, and then all coordinates matter. The partials by lam are included
-in L of `mbdae.mechanism.formulations.equation_partials`.
+Partials of S and |F| with respect to q are sixth-order differences of these terms alone, in the coordinates that move
+the frames of an interface against each other: to move both together turns S, but not the friction. |F| depends on q if
+rows are redundant: it is that of the minimum-norm multipliers, and then all coordinates matter. The partials with
+respect to lam are included in L of `mbdae.mechanism.formulations.equation_partials`.
 """
 
 from math import tanh
@@ -30,9 +30,9 @@ SMALL = 0.03  # of the width: below, series
 
 
 def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> tuple[Array, Array]:
-    """Return the partials of closure friction and its power by q, (n, nv), and by (v, s, w), (n, n), n = nv + ns + 1.
+    """Return the partials of closure friction and its power with respect to q, (n, nv), and to (v, s, w), (n, n).
 
-    lam (r,) are the multipliers of the rows in use.
+    n = nv + ns + 1; lam (r,) are the multipliers of the rows in use.
     """
     jacobians, size = _terms(s, q, lam, rows)
     ends = np.cumsum([len(S) for S in jacobians]) * s.nv
@@ -107,7 +107,7 @@ class _ActiveInterface(NamedTuple):
     sense: Array
 
     def direction(self, slip: Array) -> tuple[Array, Array]:
-        """Return phi s (m,) and its partial derivatives by the slip s, (m, m)."""
+        """Return phi s (m,) and its partial derivatives with respect to the slip s, (m, m)."""
         if not self.width:
             return self.sense, np.zeros((1, 1))
         phi, psi = regularisation_factors(float(np.linalg.norm(slip)), self.width)

@@ -1,4 +1,4 @@
-"""Partial derivatives of guards by y, parameters and time.
+"""Partial derivatives of guards with respect to y, parameters and time.
 
 A guard is a small function of g, G v + g_t, q, v and lam of a point. These have exact derivatives; the guard itself is
 differentiated along them by sixth-order differences, which are exact for the linear guards of contacts, loads and
@@ -72,7 +72,7 @@ class GuardPartials:
         return out
 
     def _of_constants(self, guard: "Guard") -> Array:
-        """Return the derivatives by parameters that a guard contains: limits, teeth, ranges, directions of rows."""
+        """Return the derivatives with respect to parameters in a guard: limits, teeth, ranges, directions of rows."""
         parameters, out = self.sensitivity.parameters, np.zeros(len(self.sensitivity.parameters))
         state = self.point.system.mode[guard.switch]
         kinds = [g.kind for g in self.point.system.mechanism.switches[guard.switch].guards(state)]

@@ -90,6 +90,6 @@ def _after(parameters: Parameters, t: float, q: Array, impact: "RowImpact", dv: 
 
 
 def _coefficient_partials(parameters: Parameters, switch: int, name: str) -> Array:
-    """Return the partial derivatives of a coefficient of a switch by the parameters, (k,)."""
+    """Return the partial derivatives of a coefficient of a switch with respect to the parameters, (k,)."""
     values = ({k: getattr(m.switches[switch], name) for k, m in p.perturbed.items()} for p in parameters.all)
     return np.array([p.quotient(x) for p, x in zip(parameters.all, values, strict=True)], float)

@@ -1,4 +1,4 @@
-"""Exact derivatives of a mechanism's equations by its parameters: masses, placements, lengths, stiffnesses, ...
+"""Exact derivatives of a mechanism's equations with respect to its parameters: masses, placements, stiffnesses, ...
 
 A parameter is a direction in the components of a mechanism: ten inertial parameters dpi of a body, a motion xi of a
 joint placement or of a frame, gravity, armature, parameters of closures, drivers and forces. The directions are
@@ -54,7 +54,7 @@ class Parameters:
         make: creates a mechanism with these values, for instance
             `mbdae.mechanism.formats.mechanism_file.template.Template.make`.
         values: names and values of the parameters.
-        native: the compiled core, for partials by placements and frames.
+        native: the compiled core, for partials with respect to placements and frames.
         own: whether the values are the defaults of ``make``.
         along: points where differences of laws and rows must be accurate, each with the mode of the mechanism.
         system: a workspace of the mechanism with these values; a new one if omitted.

@@ -98,7 +98,7 @@ class PointSensitivity(AccelerationSensitivity):
         return at, out
 
     def start(self, t: float, given: Array) -> Array:
-        """Return the partials of q and v of the mechanism's start by the parameters, (ny, k).
+        """Return the partials of q and v of the mechanism's start with respect to the parameters, (ny, k).
 
         Sixth-order differences of assembly; the components that closures determine are then made exact.
         """
@@ -150,7 +150,7 @@ class PointSensitivity(AccelerationSensitivity):
         return found.derivative
 
     def start_states(self) -> Array:
-        """Return the partials of the start values of states by the parameters, (ns, k)."""
+        """Return the partials of the start values of states with respect to the parameters, (ns, k)."""
         out = np.zeros((self.system.ns, self.k))
         for i, p in enumerate(self.parameters.all):
             if not p.keeps_states:

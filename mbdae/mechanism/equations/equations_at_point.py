@@ -28,7 +28,7 @@ Result = TypeVar("Result")
 
 
 class PointPartials(NamedTuple):
-    """Partial derivatives of the equations; those by q are in the tangent at q.
+    """Partial derivatives of the equations; those with respect to q are in the tangent at q.
 
     With r = f + G^T lam - M v' at constant v', lam:
 
@@ -227,7 +227,7 @@ class EquationsAtPoint:
 
     @cached_property
     def _dependence(self) -> Array:
-        """Derivative by (q, v), (k, 2 nv), of what vanishes where constraints are dependent.
+        """Derivative with respect to (q, v), (k, 2 nv), of what vanishes where constraints are dependent.
 
         With w^T G = 0, G N = 0: w^T G(q) N, which keeps the rank of G, and w^T gamma.
         """
@@ -256,7 +256,7 @@ class EquationsAtPoint:
 
     @cached_property
     def _derivative(self) -> Array:
-        """Derivative of (v', lam, s') by (q, v, s, t), (nv + ng + ns, 2 nv + ns + 1)."""
+        """Derivative of (v', lam, s') with respect to (q, v, s, t), (nv + ng + ns, 2 nv + ns + 1)."""
         m, n = self.mechanism, 2 * self.mechanism.nv + len(self.s)
         found = np.vstack([self._rates.rate[m.nv : 2 * m.nv], self._rates.lam, self._rates.rate[2 * m.nv : n]])
         return found[:, [*range(n), -1]]
@@ -284,7 +284,7 @@ class EquationsAtPoint:
     def vjp(
         self, vdot: Array, lam: Array | None = None, sdot: Array | None = None
     ) -> tuple[Array, Array, Array, float]:
-        """Return the derivatives of <vdot, v'> + <lam, lam'> + <sdot, s'> by q (in the tangent), v, s, t: adjoint."""
+        """Return derivatives of <vdot, v'> + <lam, lam'> + <sdot, s'> with respect to q (tangent), v, s, t: adjoint."""
         m, ns = self.mechanism, len(self.s)
         lam = np.zeros(m.ng) if lam is None else m.vector("lam", lam, m.ng)
         sdot = np.zeros(ns) if sdot is None else m.vector("sdot", sdot, ns)

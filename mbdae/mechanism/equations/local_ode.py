@@ -34,7 +34,7 @@ UNIT = 1.0 / WIDTH  # of an input: differences have a width of 1 in its unit, si
 
 
 class OdeJacobian(NamedTuple):
-    """Partial derivatives of x' by x, (n, n), by t, (n,), and by the inputs, (n, m)."""
+    """Partial derivatives of x' with respect to x, (n, n), t, (n,), and the inputs, (n, m)."""
 
     x: Array
     t: Array
@@ -118,7 +118,7 @@ class LocalODE(LocalCoordinates):
         )
 
     def jacobian(self, t: float, x: Array, u: Array | None = None) -> OdeJacobian:
-        """Return the exact partial derivatives of x' by x, t and u.
+        """Return the exact partial derivatives of x' with respect to x, t and u.
 
         A directional derivative is ``J.x @ dx + J.u @ du``, an adjoint one ``bar @ J.x, bar @ J.u``.
 

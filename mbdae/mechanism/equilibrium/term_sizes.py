@@ -53,7 +53,7 @@ class TermSizes:
         return out
 
     def partials(self, t: float, q: Array, s: Array) -> tuple[Array, Array]:
-        """Return the sums of the sizes of the laws' derivatives by q and v, (nv, nv) each, at current kinematics."""
+        """Return sums of sizes of the laws' partials with respect to q and v, (nv, nv) each, at current kinematics."""
         nv = len(self.v)
         out = np.zeros((nv, 2 * nv))
         for (law, at), error in zip(self.system.laws.acting, self.errors, strict=True):

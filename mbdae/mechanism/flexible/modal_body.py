@@ -45,7 +45,7 @@ class Deformation(NamedTuple):
 
     Attributes:
         C, H, Mq: (3, k), (3, k), (k, k).
-        I_q, H_q, Mq_q: derivatives of I, H and Mq by q, (k, 3, 3), (k, 3, k), (k, k, k).
+        I_q, H_q, Mq_q: derivatives of I, H and Mq with respect to q, (k, 3, 3), (k, 3, k), (k, k, k).
     """
 
     C: Array

@@ -1,4 +1,4 @@
-"""Exact derivatives of the forces of inertia of flexible bodies, M v' + nle, by q in the tangent and by v.
+"""Exact derivatives of the forces of inertia of flexible bodies, M v' + nle, with respect to q in the tangent and to v.
 
 With F(q, nu, A) the force on frame and modes in the axes of the frame (`modal_body`), J_k the columns that move the
 frame, V its velocity, V_m that behind joint m, V_< and A_< velocity and acceleration, minus gravity, of the parent of
@@ -22,7 +22,9 @@ from .workspace import BoundBody
 def inertial_partials(
     body: BoundBody, data: pin.Data, parts: Array, q: Array, v: Array, vdot: Array, base_acceleration: Array
 ) -> tuple[Array, Array]:
-    """Return the derivatives of the terms of a body by q and v, (nv, nv) each; J and the pose of its frame are current.
+    """Return the derivatives of the terms of a body with respect to q and v, (nv, nv) each.
+
+    J and the pose of its frame must be current.
 
     Args:
         body: the body, bound to the workspace ``data``.

@@ -24,7 +24,7 @@ class Node:
     modulus: float = 0.0
 
     def displaced(self, q: Array) -> tuple[Array, Array]:
-        """Return the position (3,) in the body, and its derivatives by q, (3, k)."""
+        """Return the position (3,) in the body, and its derivatives with respect to q, (3, k)."""
         by_q = self.Phi if self.Phi2 is None else self.Phi + self.Phi2 @ q
         return self.r + (self.Phi + by_q) @ q / 2, by_q
 

@@ -137,14 +137,14 @@ class ForceElements:
             if law.external:
                 law.set_inputs(s[at], notify)
 
-    def take(self) -> list[object]:
-        """Return the other programs of laws that have one, and forget them."""
-        return [law.take() for law, _ in self.bound]
+    def detach_programs(self) -> list[object]:
+        """Return the external programs of all laws, which they do not use any more; None for laws without one."""
+        return [law.detach_program() for law, _ in self.bound]
 
-    def give(self, programs: Sequence[object]) -> None:
-        """Continue with the other programs of laws of another workspace."""
+    def attach_programs(self, programs: Sequence[object]) -> None:
+        """Use the external programs that the laws of another workspace have detached."""
         for (law, _), program in zip(self.bound, programs, strict=True):
-            law.give(program)
+            law.attach_program(program)
 
     def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
         """Return s after a jump at time t, (ns,), and set inputs; each law receives the states before the jump."""

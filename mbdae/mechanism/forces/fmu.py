@@ -276,9 +276,9 @@ class FmuElement(SampledElement):
             return b""
         return self._session.save(number) if self._session else kept_states.find(number)
 
-    def take(self) -> FmuSession | None:
+    def detach_program(self) -> FmuSession | None:
         found, self._session = self._session, None
         return found
 
-    def give(self, external: object) -> None:
-        self._session = external if isinstance(external, FmuSession) else None
+    def attach_program(self, program: object) -> None:
+        self._session = program if isinstance(program, FmuSession) else None

@@ -6,13 +6,14 @@ integrated along the motion. A law may have internal states s, s' = h(t, q, v, s
 
 from collections.abc import Mapping, Sequence
 from math import inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from pydantic import AfterValidator
 
 from ...data_types import CoreData
-from ...errors import InputError, NotCompiled
+from ...errors import InputError, NotCompiled, is_number
 from ...system import Array
 from ..checked_table import Table
 from ..time_functions.input_functions import InputSetting
@@ -26,7 +27,23 @@ if TYPE_CHECKING:
 
 ArrayOrZero = np.ndarray | float
 """An array, or 0 for one of zeros."""
-Joints = str | tuple[str, ...]
+
+
+def distinct_joints(names: str | tuple[str, ...], *, of: str = "") -> str | tuple[str, ...]:
+    """Return names of joints, unchanged; messages begin with ``of``.
+
+    Raises:
+        InputError: for no name, or one that is given twice: its law would act twice, or once, on one coordinate.
+    """
+    if not names:
+        raise InputError(f"{of}at least one joint is needed")
+    if not isinstance(names, str) and (twice := [n for i, n in enumerate(names) if n in names[:i]]):
+        raise InputError(f"{of}joint {twice[0]!r} is listed twice")
+    return names
+
+
+Joints = Annotated[str | tuple[str, ...], AfterValidator(distinct_joints)]
+"""The name of a joint, or names of several."""
 
 
 class ForceElement:
@@ -79,8 +96,8 @@ class ForceElement:
     tension = False  # the force acts along the line between two points
     differenced = False  # the partial derivatives are finite differences
     by_state = True  # the force depends on (t, q, v, s) only, not on multipliers and modes
-    differentiated: Sequence[TimeFunction] = ()  # those of which it depends on the rate
-    deflections: Sequence[tuple[int, str]] = ()  # of springs: a velocity index and "", or -1 and a description
+    differentiated: Sequence[TimeFunction] = ()  # those on whose rates it depends
+    deflections: Sequence[tuple[int, str]] = ()  # of springs: velocity of the joint, or -1; axis or ""
 
     def acting_components(self, nv: int) -> list[int]:
         """Return the indices of the velocity components that the force may act on; all if unknown."""
@@ -108,18 +125,18 @@ class ForceElement:
         """Set inputs of the mechanism from its states; see `Input.set`."""
 
     def attach(self, system: "Index2System") -> None:
-        """Take note of the workspace to which it is bound."""
+        """Keep the workspace to which it is bound, if it needs it."""
 
     def save(self, s: Array) -> bytes | None:
         """Return the external state that belongs to its states s; None if it cannot be saved; empty before a start."""
         return None
 
-    def take(self) -> object:
-        """Return the other program, and forget it."""
+    def detach_program(self) -> object:
+        """Return the external program, which this law does not use any more; None if it has none."""
         return None
 
-    def give(self, external: object) -> None:
-        """Continue with the other program of a law of another workspace."""
+    def attach_program(self, program: object) -> None:
+        """Use an external program that another workspace has detached, in its state; None for none."""
 
     def core_data(self) -> CoreData:
         """Return the core data: ``kind``, the name of a file in native/mechanism/laws, and its data.
@@ -244,9 +261,6 @@ def start_values(name: str, start: Mapping[str, float]) -> dict[str, float]:
     Raises:
         InputError: unless ``start`` is a table of names and finite numbers.
     """
-    valid = isinstance(start, Mapping) and all(
-        isinstance(x, int | float | np.number) and np.isfinite(x) for x in start.values()
-    )
-    if not valid:
+    if not (isinstance(start, Mapping) and all(map(is_number, start.values()))):
         raise InputError(f"the states of {name!r} start from a table of names and finite numbers, got {start!r:.80}")
     return {str(key): float(value) for key, value in start.items()}

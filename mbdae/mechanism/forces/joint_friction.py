@@ -57,7 +57,7 @@ class JointFriction(Force):
     """
 
     kind: Literal["joint_friction"] = "joint_friction"
-    joint: Joints = ()
+    joint: Joints | None = None
     friction: Annotated[float | None, Unit("e")] = Field(default=None, ge=0)
     velocity: Annotated[float | None, Unit("q/s")] = Field(default=None, gt=0)
     static: Annotated[float | None, Unit("e")] = Field(default=None, ge=0)
@@ -84,8 +84,8 @@ class JointFriction(Force):
         """
         if not self.sticks:
             return
-        source, names = self._kinetic_limits(model), [self.joint] if isinstance(self.joint, str) else self.joint
-        for name in names or joint_names(model):
+        source, names = self._kinetic_limits(model), self.joint or joint_names(model)
+        for name in [names] if isinstance(names, str) else names:
             (j,) = find_joints(model, name)
             if self.joint and j.nv != 1:
                 raise InputError(f"friction that sticks needs a joint with one velocity; {name!r} has {j.nv}")

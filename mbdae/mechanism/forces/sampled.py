@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ...errors import InputError, StepError
+from ...errors import InputError, StepError, as_list
 from ...tolerances import INPUT_DIGITS
 from ..callbacks import call_with_views, checked_value, function_name
 from ..time_functions.time_functions import TimeFunction
 from ..tree.frames import find_joints, joint_names
-from .force import Array, CoreData, Joints, PythonForce, start_values
+from .force import Array, CoreData, PythonForce, distinct_joints, start_values
 from .linear import LinearElement, Term
 
 Sample = Callable[[float, Array, Array, Array], tuple[Array, Array]]
@@ -41,7 +41,7 @@ class Sampled(PythonForce):
         name: the name of the function if omitted.
 
     Raises:
-        InputError: for a rate that is not positive.
+        InputError: for a rate that is not positive, no joint, or one that is listed twice.
 
     Example:
         >>> hold = Sampled(lambda t, q, v: -5 * v, rate=100, name="brake")   # doctest: +SKIP
@@ -49,7 +49,7 @@ class Sampled(PythonForce):
 
     function: Callable[..., Any]
     rate: float
-    joints: Joints = ()
+    joints: str | Sequence[str] | None = None
     memory: Mapping[str, float] = field(default_factory=dict)
     offset: float = 0.0
     name: str = ""
@@ -58,12 +58,15 @@ class Sampled(PythonForce):
         if not self.name:
             object.__setattr__(self, "name", function_name(self.function))
         object.__setattr__(self, "memory", start_values(self.name, self.memory))
+        if self.joints is not None:
+            names = tuple(as_list(self.joints, f"joints of controller {self.name!r} are names"))
+            object.__setattr__(self, "joints", distinct_joints(names, of=f"controller {self.name!r}: "))
         if not (0 < self.rate < np.inf and np.isfinite(self.offset)):
             raise InputError(f"controller {self.name!r} needs a rate > 0 in Hz, got {self.rate}, offset {self.offset}")
 
     def bind(self, model: pin.Model, data: pin.Data) -> "SampledElement":
         """Return the law bound to a workspace."""
-        names = [self.joints] if isinstance(self.joints, str) else list(self.joints) or joint_names(model)
+        names = joint_names(model) if self.joints is None else list(self.joints)
         torque_names: dict[int, str] = {}
         for j, name in zip(find_joints(model, names), names, strict=True):
             for i in range(j.nv):

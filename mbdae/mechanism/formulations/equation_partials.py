@@ -57,7 +57,7 @@ def equation_partials(
     E[:nv, :nv], D[:, :-1] = M, laws[:, nv:]
     K[:nv] += rows_by_q - by_q
     D[:nv, :nv] -= by_v
-    if s.closure_friction:  # its partial derivatives by q and v are neglected: Newton's iteration corrects for them
+    if s.closure_friction:  # its partials with respect to q and v are neglected: Newton's iteration corrects
         e, speed, factor = s.closure_friction.slip_terms(v)
         to_all = s.closure_friction.minimum_norm_map(rows)
         by_lam = factor[:, None] * (s.closure_friction.normal_forces(to_all @ lam)[1] @ to_all)

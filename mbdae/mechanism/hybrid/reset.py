@@ -82,8 +82,8 @@ class Reset(Table):
             function: returns q (nq,) and v (nv,); closures are satisfied afterwards, by the impact law.
             signal: signal and level whose crossing is the event.
             when: signal and level as a condition.
-            partials: derivatives of (q, v) after the event by (q, v) before, (2 nv, 2 nv), those of q in the tangents
-                at both; differences when left out.
+            partials: derivatives of (q, v) after the event with respect to (q, v) before, (2 nv, 2 nv), q in the
+                tangents at both; differences when left out.
             name: the function's name when left out.
 
         Raises:

@@ -114,7 +114,7 @@ class Expression:
         return found.real
 
     def partials(self, t: float, y: Array, ny: int) -> Array:
-        """Return the derivatives by y in its tangent and by t, (ny + 1,)."""
+        """Return the derivatives with respect to y in its tangent and to t, (ny + 1,)."""
         out, values = np.zeros(ny + 1), {name: complex(y[self.columns[name][0]]) for name in self.names}
         for name, x in values.items():
             out[self.columns[name][1]] = self._evaluated(t, {**values, name: x + 1j * TINY}).imag / TINY

@@ -1,4 +1,4 @@
-"""Flexible bodies in a scene: rods that bend with them."""
+"""Flexible bodies in a scene: chains of straight rigid rods between their nodes."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -8,11 +8,11 @@ import pinocchio as pin
 
 from ..tree.tree_terms import flexible_bodies
 from .bent_models import rod_nodes
-from .scene import Mark
+from .scene import Rod
 
 
-def flexible_links(model: pin.Model) -> Iterator[Mark]:
-    """Yield the rods of flexible bodies, of their lengths in the straight body, for a scene with `with_rods`."""
+def flexible_links(model: pin.Model) -> Iterator[Rod]:
+    """Yield the rods of flexible bodies, as long as in the undeformed body, for a scene with `with_rods`."""
     bodies = flexible_bodies(model)
     one, first = pin.SE3.Identity(), model.njoints + sum(len(body.node_frames) for body in bodies)
     for body in bodies:
@@ -20,12 +20,15 @@ def flexible_links(model: pin.Model) -> Iterator[Mark]:
         lengths = [float(np.linalg.norm(b.r - a.r)) for a, b in pairwise(nodes)]
         for i, length in enumerate(lengths):
             if length > 0:
-                yield Mark(f"{body.name} {i + 1}", (first + i, one), (first + i + 1, one), length)
+                yield Rod(f"{body.name} {i + 1}", (first + i, one), (first + i + 1, one), length)
         first += len(nodes)
 
 
-def hidden_joints(model: pin.Model) -> tuple[set[int], set[int]]:
-    """Return the joints of modes, which are not drawn, and those whose bodies are flexible: rods draw these."""
-    bodies = flexible_bodies(model)
-    modes = {model.getJointId(name) for body in bodies for name in body.mode_joints}
-    return modes, {body.base(model)[0] for body in bodies if model.existJointName(body.name)}
+def mode_joints(model: pin.Model) -> set[int]:
+    """Return the joints of modes, which are not drawn."""
+    return {model.getJointId(name) for body in flexible_bodies(model) for name in body.mode_joints}
+
+
+def flexible_joints(model: pin.Model) -> set[int]:
+    """Return the joints whose bodies are flexible: these are drawn as rods."""
+    return {body.base(model)[0] for body in flexible_bodies(model) if model.existJointName(body.name)}

@@ -11,11 +11,11 @@ import pinocchio as pin
 
 from . import stick_figure
 from .bent_models import with_rods
-from .flexible_links import flexible_links, hidden_joints
+from .flexible_links import flexible_joints, flexible_links, mode_joints
 from .meshes import FILE_FORMATS, Mesh, read_mesh, triangles
 from .outlines import Outline, draw_outlines
 from .rolling_bodies import RollingBody, draw
-from .scene import Anchor, Mark, Scene, Shape, Strut
+from .scene import Anchor, Mark, Rod, Scene, Shape, Strut
 from .shapes import ground_level
 
 
@@ -52,18 +52,18 @@ def make_scene(
     rolling_shown = [body for body in rolling if body.joint not in seen]
     points = _points(model, closures)
     size = stick_figure.proportions(model, points, _lengths(closures, rolling_shown), corners)
-    modes, bent = hidden_joints(model)
+    drawn = {body.joint for body in rolling_shown} | flexible_joints(model)
     parts = [
-        *stick_figure.generate(model, points, size, seen, {body.joint for body in rolling_shown} | bent, modes),
+        *stick_figure.generate(model, points, size, seen, drawn, mode_joints(model)),
         *draw(rolling_shown),
         *draw_outlines((curve for curve in outlines if curve.joint not in seen), 1.5 * size.width),
         *_marked(closures, seen, size.width),
     ]
-    rods = [*(mark for mark in closures if mark.rod > 0), *flexible_links(model)]
+    rods = [Rod(c.name, c.first, c.second, c.rod) for c in closures if c.rod > 0] + list(flexible_links(model))
     shapes += [_shape(role, g, meshes) for role, g in parts]
-    shapes += [_shape("link", stick_figure.rod(mark.name, mark.rod, size.width), meshes) for mark in rods]
+    shapes += [_shape("link", stick_figure.rod(rod.name, rod.length, size.width), meshes) for rod in rods]
     anchors: list[tuple[Anchor, ...]] = [_fixed(g) for g in (*visuals, *(g for _, g in parts))]
-    anchors += [(mark.first, mark.second) for mark in rods]
+    anchors += [(rod.first, rod.second) for rod in rods]
     named, rails = tuple(_uniquely_named(shapes)), _rails(model, shapes)
     return Scene(named, with_rods(model), tuple(anchors), size.width, closures, tuple(springs), ground, rails)
 
@@ -88,7 +88,7 @@ def _corners(visuals: Iterable[pin.GeometryObject], shapes: Iterable[Shape]) -> 
 def _points(model: pin.Model, closures: Iterable[Mark]) -> list[stick_figure.Point]:
     """Return the end points of links: anchors of closures, and named frames (feet, tools, tips)."""
     anchors = [(int(j), p.translation) for mark in closures for j, p in (mark.first, mark.second)]
-    modes, _ = hidden_joints(model)
+    modes = mode_joints(model)
     links = (f for f in model.frames if f.parentJoint not in modes)
     named = [f for f in links if f.type == pin.FrameType.OP_FRAME and f.parentJoint]
     return anchors + [(int(f.parentJoint), f.placement.translation) for f in named]

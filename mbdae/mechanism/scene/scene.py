@@ -40,6 +40,22 @@ class Mark(NamedTuple):
     coincide: bool = True
 
 
+class Rod(NamedTuple):
+    """A straight rigid rod between two anchors.
+
+    Attributes:
+        name: name of its closure, or of the flexible body that it is part of.
+        first: joint and placement of the first anchor.
+        second: joint and placement of the second anchor.
+        length: in m.
+    """
+
+    name: str
+    first: Anchor
+    second: Anchor
+    length: float
+
+
 class Strut(NamedTuple):
     """A force element between two points.
 

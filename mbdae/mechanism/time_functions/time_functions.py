@@ -5,11 +5,10 @@ from functools import cached_property
 from math import isfinite, nan, pi, sin
 from typing import Annotated, Any, Literal, TypeVar, Union
 
-import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_serializer, model_validator
 
 from ...data_types import CoreData
-from ...errors import InputError
+from ...errors import InputError, is_number
 from ..callbacks import call_with_views, checked_value, function_name
 from ..key_units import Unit
 from . import piecewise_polynomial as piecewise
@@ -210,7 +209,7 @@ TIME_FUNCTIONS: tuple[type[BaseTimeFunction], ...] = (
 
 
 def _coerce(value: object) -> Any:
-    if isinstance(value, int | float | np.number) and not isinstance(value, bool):
+    if is_number(value) or isinstance(value, float):  # the constant rejects inf and nan
         return Constant(value=float(value))
     return Function(function=value) if callable(value) and not isinstance(value, BaseTimeFunction) else value
 

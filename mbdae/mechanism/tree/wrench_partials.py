@@ -95,11 +95,11 @@ class PairPartials:
         return self._matrix(self.sign[:, None] * self.J.T.dot(C).dot(self.J) * self.sign)
 
     def power(self, w: Array, Da: Array, Db: Array) -> Array:
-        """Return the partials (m, c) of w . (V_b - V_a) by q, for wrenches w (6, m) with partials Da, Db (m, 6, 6)."""
+        """Return partials (m, c) of w . (V_b - V_a) with respect to q, of wrenches w (6, m) with Da, Db (m, 6, 6)."""
         return self._rows(self.along_columns(self.V.dot(Da), self.V.dot(Db)) + w.T.dot(self.sign * self.dV))
 
     def bias(self, rate: Rate, w: Array, Da: Array, Db: Array) -> tuple[Array, Array]:
-        """Return the partials (m, c) of w' . (V_b - V_a) + w . (A_b - A_a) by q and v; w' = rate(pair)."""
+        """Return the partials (m, c) of w' . (V_b - V_a) + w . (A_b - A_a) with respect to q and v; w' = rate(pair)."""
         require_rigid(self.pair.model if self.pair.nodes else None, "derivatives of accelerations at nodes")
         J, sign, b = self.J, self.sign, self.moves_b
         strictly_before = self.before * (1 - self.before.T)

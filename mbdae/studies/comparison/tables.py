@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from ...tabular import align_columns
 from ...units import displayed, quantity, unit_name
-from ..drift.drift import format_tolerance
+from ..method_variant import format_tolerance
 from .run_result import COUNTS
 
 if TYPE_CHECKING:

@@ -9,12 +9,13 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import require
 from ...mechanism.tree.coordinate_units import quantity_units
-from ...solution.columns import energy_balance, residuals
+from ...solution.columns import Residuals, energy_balance, energy_error, require_times, residuals
 from ...solution.solution import Solution
+from ...system import Array
 from ...tabular import Columns, Tabular
 from ...textbook.hessenberg import Hessenberg
 from ...units import displayed, quantity
-from ..method_variant import variant_from_settings
+from ..method_variant import run_labels
 from .long_time import momentum_changes, reject_textbook, reversal_error
 from .trend import linear_trend
 
@@ -67,7 +68,8 @@ class Drift(Tabular):
         Gv_max: max |G v| over rows and times (m/s, rad/s); of a textbook problem max |g_t + g_y f|.
         Gv_end: max |G v| at the end.
         energy_error: max |E - E_0 - W| in J; W is the work of non-conservative forces, integrated with the motion.
-        energy_scale: max(|W|, kinetic energy, range of the potential energy) in J.
+        energy_scale: max(|W|, kinetic energy, range of the potential energy) over all steps in J; 0 of a mechanism at
+            rest, whose relative error is 0.
         work_end: W at the end in J.
         energy_trend: trend of E - E_0 - W in J/s, see `mbdae.studies.drift.trend.linear_trend`; None for a run of
             fewer than 100 nodes.
@@ -127,8 +129,8 @@ class Drift(Tabular):
         """Return largest and last residuals, and the energy balance."""
         rows = [
             ["", "max", "at the end"],
-            ["|g|", self.shown("g_max"), self.shown("g_end")],
-            [self._rate, self.shown("Gv_max"), self.shown("Gv_end")],
+            ["|g|", self.formatted("g_max"), self.formatted("g_end")],
+            [self._velocity_label, self.formatted("Gv_max"), self.formatted("Gv_end")],
         ]
         if self.energy_error is None:
             return rows
@@ -138,12 +140,12 @@ class Drift(Tabular):
             ["energy balance, relative", f"{self.energy_relative:.2e}", "-"],
         ]
 
-    def shown(self, name: str) -> str:
+    def formatted(self, name: str) -> str:
         """Return a residual, ``"g_max"``, as text with its unit."""
         return quantity(getattr(self, name), self.units.get(name, ""), ".2e")
 
     @property
-    def _rate(self) -> str:
+    def _velocity_label(self) -> str:
         return "|g_t + g_y f|" if self.energy_error is None else "|G v|"
 
     def plot(self, path: str | Path | None = None) -> "Figure":
@@ -164,11 +166,11 @@ class Drift(Tabular):
             if positional < rows
             else ""
         )
-        wide = len(self._rate)
+        wide = len(self._velocity_label)
         lines = [
             f"drift of {self.title}, {self.label}, t = {quantity(self.t_end, 's', 'g')}",
-            f"  {'|g|':{wide}}  max {self.shown('g_max')}{worst}, at the end {self.shown('g_end')}{free}",
-            f"  {self._rate}  max {self.shown('Gv_max')}, at the end {self.shown('Gv_end')}",
+            f"  {'|g|':{wide}}  max {self.formatted('g_max')}{worst}, at the end {self.formatted('g_end')}{free}",
+            f"  {self._velocity_label}  max {self.formatted('Gv_max')}, at the end {self.formatted('Gv_end')}",
         ]
         if self.energy_error is not None:
             relative = f"{self.energy_relative:.2e} (work {quantity(self.work_end or 0.0, 'J', '.4g')})"
@@ -198,22 +200,6 @@ def _textbook_drift(sol: Solution, problem: Hessenberg) -> Drift:
     )  # fmt: skip
 
 
-def format_tolerance(x: float) -> str:
-    """Return a tolerance as text with all its digits: 1e-04, 2.5e-04."""
-    return np.format_float_scientific(x, trim="-", exp_digits=2)
-
-
-def run_labels(sol: Solution) -> tuple[str, str]:
-    """Return the method of a run as a `mbdae.studies.method_variant.Variant`, also with its step size or rtol."""
-    method, settings = str(variant_from_settings(sol.settings)), sol.settings
-    control = (
-        f"h = {quantity(settings['step'], 's', 'g')}"
-        if "step" in settings
-        else f"rtol {format_tolerance(settings.get('rtol', np.nan))}"
-    )
-    return method, f"{method}, {control}"
-
-
 def drift(sol: Solution, *, long: bool = False) -> Drift:
     """Measure the drift of a solution at its times.
 
@@ -234,19 +220,20 @@ def drift(sol: Solution, *, long: bool = False) -> Drift:
         InputError: for a solution without times, or another argument; for a textbook problem with ``long``.
     """
     require(sol, Solution, "drift takes a Solution (see mbdae.solve)")
+    require_times(sol)
     if isinstance(sol.problem, Hessenberg):
         if long:
             reject_textbook(sol.problem.title)
         return _textbook_drift(sol, sol.problem)
     mech, r = sol.mechanism, residuals(sol)
     gaps, rates = np.abs(r.g), np.abs(r.Gv)
-    error, scale = energy_balance(mech, sol.v, r.kinetic, r.potential, sol.work)
+    error, scale, relative = _energy_balance(sol, r)
     trend, trend_error = linear_trend(sol.t, error) or (None, None)
     error = np.abs(error)
     method, label = run_labels(sol)
     history = History(
         mech.title, method, label, sol.t, gaps.max(axis=1, initial=0.0), rates.max(axis=1, initial=0.0),
-        error / (scale if 0 < scale < np.inf else 1.0),
+        np.abs(relative),
         quantity_units(mech)["g"], quantity_units(mech)["Gv"],
     )  # fmt: skip
     where = mech.row_names[_largest_row(gaps)] if mech.positional.any() else ""
@@ -277,6 +264,20 @@ def drift(sol: Solution, *, long: bool = False) -> Drift:
         reversal=reversal_error(sol) if long else None,
         units=units,
     )
+
+
+def _energy_balance(sol: Solution, r: Residuals) -> tuple[Array, float, Array]:
+    """Return E - E_0 - W at the times of a solution in J, (n,), the reference energy in J of all its nodes, the ratio.
+
+    At the times that ``t_eval`` requested, the mechanism may be at rest although it moved.
+    """
+    t, y, _ = sol.nodes
+    v = y[:, sol.mechanism.nq : sol.mechanism.nq + sol.mechanism.nv]
+    with np.errstate(over="ignore", invalid="ignore"):  # of a diverging run
+        kinetic, potential = sol.system.residuals(t, y)[2].T if sol.steps else (r.kinetic, r.potential)
+        error, _ = energy_error(r.kinetic, r.potential, sol.work)
+        _, scale = energy_balance(sol.mechanism, v, kinetic, potential, y[:, -1])
+        return error, scale, error / scale if scale else np.zeros(len(error))
 
 
 def _largest_row(values: np.ndarray) -> int:

@@ -14,6 +14,7 @@ from ...data_types import JsonObject
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import AGREEMENT, EVALUATION_ROUNDING, RANK, SOLUTION_ROUNDING, VISIBLE
+from .driven_mechanism import constraint_hessian
 
 if TYPE_CHECKING:
     from .pose_curve import CurvePoint, PoseCurve
@@ -60,7 +61,7 @@ def branch_point(curve: "PoseCurve", i: int) -> BranchPoint | None:
         if r > 1 and sizes[r - 2] < VISIBLE * sizes[0]:
             return None
         N, left_null = right[r - 1 :].T, _additional_null_vector(left[:, r - 1 :], curve.nodes[i].left_null)
-        K = curve.constraint_hessian(np.append(left_null, 0.0))
+        K = constraint_hessian(curve.system, left_null)
         rows = np.vstack([right[: r - 1], N.T @ K])
         rest = np.concatenate([left[:, : r - 1].T @ g[:-1] / sizes[: r - 1], N.T @ (G[:-1].T @ left_null)])
         x = -np.linalg.lstsq(rows, rest, rcond=AGREEMENT)[0]

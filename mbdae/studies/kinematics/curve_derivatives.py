@@ -138,7 +138,7 @@ class CurveSignals(Mapping[str, Array]):
         )
 
     def partials(self, name: str) -> tuple[Array, Array, Array]:
-        """Return the partial derivatives of a signal by q in the tangent and v, (n, nv) each, and parameters (n, k)."""
+        """Return partials of a signal with respect to q in the tangent and v, (n, nv) each, and parameters (n, k)."""
         n, nq, nv, k = len(self.found.u), self.system.nq, self.system.nv, len(self.parameters)
         by_q, by_v, by_p = np.zeros((n, nv)), np.zeros((n, nv)), np.zeros((n, k))
         if name == HOLDING:

@@ -1,4 +1,4 @@
-"""A mechanism whose time is the input u of a driven coordinate.
+"""A mechanism with a rheonomic driver c(q) = t, whose time is the input u of kinematics.
 
 Its rows are those of the closures, one for each locked coordinate and, last, 0 = c(q) - u of the drive.
 """
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import qr
 
-from ...errors import InputError, UnknownNameError, as_list
+from ...errors import InputError, UnknownNameError, as_list, is_number
 from ...mechanism import Driver, Mechanism
 from ...mechanism.assembly.assembly import start_position
 from ...mechanism.forces import stiction_joints
@@ -37,12 +37,13 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
 
     Raises:
         UnknownNameError: for a joint that does not exist.
-        InputError: for a joint of several coordinates, or one that is both driven and locked.
+        InputError: for a joint of several coordinates, one that is both driven and locked, a value to lock it at that
+            is no finite number, or another driver whose table does not contain t = 0.
     """
     _check_closures(mech)
     drivers = {d.name: d for d in mech.drivers}
     if drive not in drivers and drive not in mech.joint_names:
-        raise UnknownNameError("drive", drive, [*drivers, *single_coordinate_joints(mech)])
+        raise UnknownNameError("drive", drive, [*drivers, *single_velocity_joints(mech)])
     values = dict(hold) if isinstance(hold, Mapping) else dict.fromkeys(as_list(hold, "hold is a list of joints"))
     if drive in drivers:
         target, driven = _target(drivers[drive]), drivers[drive].between
@@ -91,6 +92,8 @@ def _locking_driver(mech: Mechanism, name: str, value: float | None, q: Array, d
     if name in driven:
         raise InputError(f"{name!r} is driven: it cannot be locked, too")
     here = _coordinate(mech, name, q)
+    if value is not None and not is_number(value):
+        raise InputError(f"{name!r} is locked at a finite number in rad or m, got {value!r:.80}")
     return Driver(joint=name, motion=here if value is None else float(value), name=f"hold {name}")
 
 
@@ -111,6 +114,8 @@ def _target(d: Driver) -> dict[str, Any]:
 def _constant_position(mech: Mechanism, d: Driver, q: Array) -> float:
     """Return the position of a driver at t = 0; for a speed driver, which has none, that of q (nq,)."""
     if d.speed is None:
+        if message := d.outside(0.0):
+            raise InputError(f"{message}: it is locked at its value at t = 0")
         return d.follow(0.0)[0]
     alone = Mechanism(mech.model, drivers=[Driver.model_validate({**_target(d), "motion": 1.0})])
     return input_at(alone, alone.system(), q)
@@ -132,8 +137,8 @@ def input_at(driven: Mechanism, system: "Index2System", q: Array) -> float:
     return given + float(system.closures(q, any_value)[0][-1])
 
 
-def single_coordinate_joints(mech: Mechanism) -> list[str]:
-    """Return the names of the joints of one coordinate."""
+def single_velocity_joints(mech: Mechanism) -> list[str]:
+    """Return the names of the joints with one velocity, continuous ones included."""
     return [name for name in mech.joint_names if find_joint(mech.model, name).nv == 1]
 
 
@@ -170,7 +175,7 @@ def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: st
     if Z.shape[1] > 1:
         n = Z.shape[1] - 1
         names = joints_to_lock(mech, Z, e, n)
-        which = f"hold {n} of them besides {drive!r}" + (f", for instance {','.join(names)}" if names else "")
+        which = f"hold {n} joints besides {drive!r}" + (f", for instance {','.join(names)}" if names else "")
         inactive = f" (inactive: {', '.join(opens)})" if opens else ""
         raise InputError(f"{n + 1} degrees of freedom are left{inactive}: {which}")
     tau = Z[:, 0]
@@ -183,12 +188,22 @@ def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: st
 
 def _is_singular(system: "Index2System", G: Array, left: Array, Z: Array) -> bool:
     """Return whether rows depend on each other in this pose only: their second derivative along Z (nv, k) is not 0."""
-    columns, rows = system.mechanism.coordinate_scales, system.mechanism.row_scales
     for u in left.T:
-        K = columns[:, None] * system.constraints.partials(np.zeros(system.nv), np.append(u, 0.0) / rows)[0] * columns
-        if np.abs(Z.T @ K @ Z).max() > VISIBLE * np.abs(G).max(initial=1.0):
+        if np.abs(Z.T @ constraint_hessian(system, u) @ Z).max() > VISIBLE * np.abs(G).max(initial=1.0):
             return True
     return False
+
+
+def constraint_hessian(system: "Index2System", left: Array) -> Array:
+    """Return d(G^T left)/dq, (nv, nv), at the last evaluated configuration, in characteristic lengths.
+
+    Args:
+        system: a workspace of a driven mechanism.
+        left: factors of all rows except the driver's, (ng - 1,).
+    """
+    columns, rows = system.mechanism.coordinate_scales, system.mechanism.row_scales
+    K = system.constraints.partials(np.zeros(system.nv), np.append(left, 0.0) / rows)[0]
+    return np.asarray(columns[:, None] * K * columns)
 
 
 def joints_to_lock(mech: Mechanism, Z: Array, e: Array, n: int) -> list[str]:
@@ -197,7 +212,7 @@ def joints_to_lock(mech: Mechanism, Z: Array, e: Array, n: int) -> list[str]:
     if not np.abs(along).max() > RANK:
         return []
     Q = np.linalg.svd(along[None])[2][1:] @ Z.T  # motions while the drive is fixed
-    names = single_coordinate_joints(mech)
+    names = single_velocity_joints(mech)
     actuated = {str(getattr(f, "joint", "")) for f in mech.forces}
     preference = [1.0 + (mech.joint_kind(j).startswith("P") or j in actuated) for j in names]
     columns = Q[:, [find_joint(mech.model, j).idx_v for j in names]] * np.array(preference)

@@ -32,7 +32,7 @@ MIN_COSINE = 0.9  # smallest cosine between tangents, and between left null spac
 PREDICTOR_ERROR = 0.02  # of a step: target for the error of the predictor
 ITERATIONS = 12
 CONVERGED = tol.COINCIDENT  # of a correction: by quadratic convergence the next one would be rounding
-MAX_TRAVEL = 100.0  # rad or characteristic lengths: of the input and of prismatic coordinates
+MAX_TRAVEL = 100.0  # rad or characteristic lengths: of the coordinates that are not periodic angles
 MAX_NODES = 5000  # nodes of a curve
 
 
@@ -77,7 +77,7 @@ class PoseCurve:
         unit: scale of the input, in rad or m.
         columns: scale of each tangent component, in rad or m, (nv,).
         nodes: points in the order of the arclength.
-        branch_points: by the node before them; None where more than two branches intersect.
+        branch_points: by the node before them; None where more than two branches intersect, or location failed.
         ended: ``"range"``, ``"closed"`` (the start pose recurs), ``"stuck"``, or ``"long"`` (too long).
     """
 
@@ -94,11 +94,6 @@ class PoseCurve:
         """Return g (ng,) and G (ng, nv) at the input u, lengths in characteristic lengths except in the last row."""
         g, G = self.system.closures(q, u)
         return g / self.rows, G * self.columns / self.rows[:, None]
-
-    def constraint_hessian(self, left: Array) -> Array:
-        """Return d(G^T left)/dq, (nv, nv), for left (ng,) at the configuration of the last call of `closures`."""
-        K = self.system.constraints.partials(np.zeros(self.system.nv), left / self.rows)[0]
-        return np.asarray(self.columns[:, None] * K * self.columns)
 
     def integrate(self, q: Array, x: Array) -> Array:
         """Return q (+) x, (nq,)."""
@@ -139,6 +134,7 @@ class PoseCurve:
             self.nodes.append(new)
             if here.sigma * new.sigma < 0 and not self._find_branch_point() and h > JUMP:
                 del self.nodes[-1]
+                del self.branch_points[len(self.nodes) - 1]
                 h /= 4
                 continue
             change = (PREDICTOR_ERROR * h / max(missed, tol.SOLUTION_ROUNDING)) ** (1 / 3)

@@ -58,7 +58,7 @@ class Grid(NamedTuple):
 
 @dataclass(frozen=True)
 class ControlledMotion:
-    """A motion, with signals at the nodes and their derivatives by the unknowns.
+    """A motion, with signals at the nodes and their derivatives with respect to the unknowns.
 
     Attributes:
         shooting: how it was computed.

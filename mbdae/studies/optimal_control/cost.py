@@ -1,4 +1,4 @@
-"""Costs and constraints of controlled motions, with their derivatives by the unknowns."""
+"""Costs and constraints of controlled motions, with their derivatives with respect to the unknowns."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from ..sensitivity.cost import real
 from .controlled_motion import ControlledMotion
 
 Integrand = Callable[[Mapping[str, Array]], tuple[Array, Mapping[str, Array]]]
-Found = tuple[float, Array]  # a value, and its derivatives by the unknowns, (k,)
+Found = tuple[float, Array]  # a value, and its derivatives with respect to the unknowns, (k,)
 
 
 class SignalRequest(Mapping[str, Array]):
@@ -53,7 +53,7 @@ def integrand(cost: object) -> tuple[Integrand, list[str], str]:
             f"a cost is a signal, {{signal: weight of its square}} or a function of signals, got {cost!r:.60}"
         )
     name, request = f"cost {function_name(cost)!r}", SignalRequest()
-    call_and_report(name, lambda: cost(request))
+    call_and_report(name, lambda: cost(request), lambda: "one node, n = 1, with which it is called first")
     return cost, list(request), name
 
 
@@ -78,7 +78,7 @@ class Integral:
         return total + self.time_weight * length, out
 
     def _evaluated(self, signals: Mapping[str, Array], n: int) -> tuple[Array, dict[str, Array]]:
-        """Return L (n,) and its derivatives by signals, (n,) each, after checks.
+        """Return L (n,) and its derivatives with respect to signals, (n,) each, after checks.
 
         Raises:
             InputError: for an integrand that fails, is not finite, or has other shapes.
@@ -89,11 +89,11 @@ class Integral:
             L, partials = real(given), {name: real(x) for name, x in table.items()}
         except (TypeError, ValueError, AttributeError):
             raise InputError(f"{self.name} returns (L, {{signal: dL}}), arrays (n,) each, got {found!r:.60}") from None
-        for name, x in {"L": L, **partials}.items():
+        if unused := [name for name in partials if name not in signals]:
+            raise InputError(f"{self.name} has a derivative with respect to {unused[0]!r}, which it does not use")
+        for what, x in (("L", L), *((f"the derivative with respect to {name!r}", x) for name, x in partials.items())):
             if x.shape != (n,) or not np.isfinite(x).all():
-                raise InputError(f"{self.name}: {name!r} must be {n} finite numbers, one for each node")
-            if name != "L" and name not in signals:
-                raise InputError(f"{self.name} has a derivative by {name!r}, which it does not use")
+                raise InputError(f"{self.name}: {what} must be {n} finite numbers, one for each node")
         return L, partials
 
 

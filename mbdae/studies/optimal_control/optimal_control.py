@@ -58,7 +58,8 @@ def optimal_control(
     Args:
         model: a mechanism with inputs, or the name or path of one.
         cost: L: a signal, ``{signal: weight}`` for weighted sums of squares, or signals -> (L (n,), {signal: dL (n,)})
-            at the nodes. Signals are those of `mbdae.Solution.signals` with a derivative, and the inputs by name.
+            at n nodes, each from the signals there; the first call has n = 1. Signals are those of
+            `mbdae.Solution.signals` with a derivative, and the inputs by name.
         inputs: names of the inputs to find, or name = (low, high), None for no limit; others keep their values.
         end: signals at the end: a number, or (low, high).
         path: (low, high) of signals at all points of the grid.

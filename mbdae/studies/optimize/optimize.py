@@ -189,7 +189,7 @@ class Problem:
         return self.evaluate(z)[name].value / self.sizes[name]
 
     def derivatives(self, z: Array, name: str = "") -> Array:
-        """Return their derivatives by z, (k,)."""
+        """Return their derivatives with respect to z, (k,)."""
         return self.evaluate(z)[name].derivatives() * self.scale / self.sizes[name]
 
     def solve(

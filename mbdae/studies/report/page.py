@@ -10,8 +10,8 @@ from ...units import displayed, quantity, unit_name
 from .. import figures
 from ..comparison.figure import work_precision
 from ..comparison.tables import comparison_rows
-from ..drift.drift import run_labels
 from ..drift.figure import drifts
+from ..method_variant import run_labels
 from ..order.figure import convergence
 from ..replay.figure import posture
 from ..replay.html_page import frame
@@ -70,7 +70,7 @@ def _drift(report: "Report") -> str:
     heads = ["method", "max |g|", "|g| at the end", "max |G v|", f"energy error ({unit_name('J')})", "relative",
              f"work ({unit_name('J')})"]  # fmt: skip
     rows = [
-        [h.label, *map(d.shown, ("g_max", "g_end", "Gv_max")), f"{displayed(d.energy_error, 'J')[0]:.1e}"]
+        [h.label, *map(d.formatted, ("g_max", "g_end", "Gv_max")), f"{displayed(d.energy_error, 'J')[0]:.1e}"]
         + [f"{d.energy_relative:.1e}", f"{displayed(d.work_end, 'J')[0]:.4g}"]
         for h, d in zip([d.history for d in report.drifts], report.drifts, strict=True)
     ]

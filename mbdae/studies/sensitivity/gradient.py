@@ -116,7 +116,7 @@ def adjoint_gradients(
     start: bool = False,
     event: Event | Callable[..., float] | str | None = None,
 ) -> list[dict[str, float]]:
-    """Return the derivatives of costs by the parameters, and by the start if requested: one sweep backward."""
+    """Return derivatives of costs with respect to parameters, and to the start if requested: one sweep backward."""
     k, ny, end = trace.sensitivity.k, trace.sensitivity.ny, terminal_event(trace, event)
     cotangents = NodeCotangents(trace, trace.sol.t, costs[0].points, [cost.weights for cost in costs])
     bars, p = adjoint_sweep(trace, cotangents, end)

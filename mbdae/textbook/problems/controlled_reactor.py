@@ -31,7 +31,7 @@ def f(t: float, y: Array, z: Array) -> Array:
 
 
 def f_y(t: float, y: Array, z: Array) -> Array:
-    """Return the partial derivatives of f by y, (2, 2)."""
+    """Return the partial derivatives of f with respect to y, (2, 2)."""
     c, T = y
     k, dk = speed(T)
     return np.array([[-1 - k, -dk * c], [HEAT * k, -1 + HEAT * dk * c - TRANSFER * np.exp(z[0])]])

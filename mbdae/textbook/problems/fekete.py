@@ -70,7 +70,7 @@ def g_y(t: float, y: Array) -> Array:
 
 
 def f_z(t: float, y: Array, z: Array) -> Array:
-    """Return the partial derivatives of f by z, (120, 40)."""
+    """Return the partial derivatives of f with respect to z, (120, 40)."""
     out = np.zeros((6 * N, 2 * N))
     out[AT, N + OWNER] = out[3 * N + AT, OWNER] = 2 * y[: 3 * N]
     return out

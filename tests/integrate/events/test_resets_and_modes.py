@@ -96,7 +96,7 @@ def test_values_that_contradict_a_driver_end_the_run():
 
 
 def tangents(mech, T, q, v):
-    """Tangent of the end by the start, and quotients of order six of whole runs."""
+    """Tangent of the end with respect to the start, and quotients of order six of whole runs."""
     q, v = np.array(q, float), np.array(v, float)
     sol = mbdae.solve(mech, (0, T), q, v, rtol=1e-12)
     found = mbdae.sensitivity(sol, start=True).dy[-1][: 2 * mech.nv]

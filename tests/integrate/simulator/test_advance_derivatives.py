@@ -239,7 +239,7 @@ def test_an_advance_through_impacts():
     expected = mbdae.sensitivity(sol, start=True).dy[-1, :2, 0]
     assert stacked(simulator.tangent(dq=[1.0]))[:2] == pytest.approx(expected, rel=1e-9)
     assert simulator.adjoint(v=[1.0]).q == pytest.approx(expected[1:], rel=1e-9)
-    refused("instants that do not scale", lambda: simulator.tangent(dt=1.0))
+    refused("instants .* do not scale", lambda: simulator.tangent(dt=1.0))
     simulator.advance(6.0)
     refused("'rod stop' comes to rest by an accumulation of bounces", simulator.tangent)
 

@@ -98,6 +98,9 @@ def test_a_body_from_a_file_is_damped_and_takes_its_first_modes(tmp_path):
             np.testing.assert_allclose(getattr(again, name), value, rtol=1e-9, atol=1e-9)
 
 
+BEAM = "length = 1.0\nyoung = 7e10\ndensity = 2700.0\narea = 1e-4\nsecond_moment = 1e-9"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -110,6 +113,7 @@ def test_a_body_from_a_file_is_damped_and_takes_its_first_modes(tmp_path):
             "flexible body 'rod': damping needs one ratio that .*, or 4, of all",
         ),
         ('file = "rod.npz"\nlength = 1.0', "flexible.rod: length belongs to a beam, not to a body from a file"),
+        (f"{BEAM}\nloads = ['gravty y']", "unknown load of flexible body 'rod': 'gravty y' .did you mean 'gravity y'"),
         ("length = 1.0", "flexible.rod: a beam needs young, density, area, second_moment; another body has a file"),
     ],
 )

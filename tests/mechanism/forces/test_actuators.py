@@ -188,7 +188,11 @@ WRONG = [
     (lambda: Actuator(print, print, {}), "has no states"),
     (lambda: Actuator(print, print, {"x": np.nan}, "a"), "states of 'a' start from"),
     (lambda: Actuator(print, print, [0.0], "a"), "states of 'a' start from"),
+    *((lambda x=x: Actuator(print, print, {"x": x}, "a"), "states of 'a' start from") for x in (True, 1j, 10**400)),
     (lambda: Sampled(print, rate=0), "needs a rate > 0"),
+    (lambda: Sampled(print, rate=1, joints=["a", "b", "a"], name="c"), "controller 'c': joint 'a' is listed twice"),
+    (lambda: Sampled(print, rate=1, joints=[], name="c"), "controller 'c': at least one joint is needed"),
+    (lambda: Sampled(print, rate=1, joints=3, name="c"), "joints of controller 'c' are names, got 3"),
     (lambda: Sampled(print, rate=10, memory={"x": "y"}), "start from"),
 ]
 

@@ -1,8 +1,14 @@
-"""MJCF files: equalities between fixed bodies are dropped, and all omissions are named."""
+"""MJCF files: equalities between fixed bodies are dropped, all omissions are named, and names are distinct."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 import mbdae
+from mbdae.mechanism.formats.mjcf.compiled_model import MjcfModel
+from mbdae.mechanism.formats.mjcf.file_checks import XmlFiles
+from mbdae.mechanism.formats.mjcf.unread_contents import unread
 from mbdae.studies.info.info import info
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
@@ -68,3 +74,42 @@ def test_an_actuator_with_a_plugin_is_no_motor(tmp_path):
     assert not mech.motors
     what = "actuators that are no motors, positions or velocities of a hinge or slide"
     assert mech.left_out == (f"{what} p (plugin)", "plugins pid")
+
+
+@pytest.mark.parametrize("flags", ['frictionloss="disable" limit="disable"', 'constraint="disable"'])
+def test_friction_and_limits_that_the_file_disables_are_not_there(tmp_path, flags):
+    joint = f'<body><joint name="k" range="-1 1" limited="true" frictionloss="0.3"/>{GEOM}</body>'
+    (tmp_path / "x.xml").write_text(
+        f"<mujoco><option><flag {flags}/></option><worldbody>{PENDULUM}{joint}</worldbody></mujoco>"
+    )
+    mech = mbdae.load(tmp_path / "x.xml")
+    assert mech.left_out == ()
+    assert not mech.model.upperDryFrictionLimit.any()
+    assert not mech.model.lowerDryFrictionLimit.any()
+    assert (mech.model.upperPositionLimit > np.finfo(float).max / 2).all()
+
+
+def test_a_flag_of_older_versions_is_read():
+    """MuJoCo 4 does not compile it; 3.3 has it for springs and dampers together."""
+    text = b'<mujoco><option><flag passive="disable" warmstart="disable"/></option></mujoco>'
+    assert unread(XmlFiles(Path("x.xml"), {Path("x.xml"): text}, {})) == ["option/flag/@warmstart"]
+
+
+def test_an_unknown_flag_is_an_error():
+    c = MjcfModel(mujoco, mujoco.MjModel.from_xml_string("<mujoco/>"), "empty")
+    with pytest.raises(AttributeError, match="mjDSBL_GRAVTIY"):
+        c.disables("GRAVTIY")
+
+
+def test_names_of_the_file_are_kept_beside_objects_without_one(tmp_path):
+    """An object without a name has a word and its number, which another one may have as its name."""
+    bodies = f'<body><joint axis="0 1 0"/>{GEOM}<body><joint name="joint0"/>{GEOM}</body></body>'
+    motors = '<motor joint="joint0"/><motor name="actuator0" joint="joint0"/>'
+    keys = '<key qpos="0.1 0"/><key name="key0" qpos="0.2 0"/>'
+    rest = f"<actuator>{motors}</actuator><keyframe>{keys}</keyframe>"
+    (tmp_path / "x.xml").write_text(f"<mujoco><worldbody>{bodies}</worldbody>{rest}</mujoco>")
+    mech = mbdae.load(tmp_path / "x.xml", key="key0")
+    assert mech.joint_names == ["joint0_2", "joint0"]
+    assert [(m.name, m.joint) for m in mech.motors] == [("actuator0_2", "joint0"), ("actuator0", "joint0")]
+    assert mech.start[0].tolist() == [0.2, 0.0]
+    assert mbdae.load(tmp_path / "x.xml", key="key0_2").start[0].tolist() == [0.1, 0.0]

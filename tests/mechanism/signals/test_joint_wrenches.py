@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import tree
+from chains import random_q, tree
 from linkages import bar, four_bar, point
 
 import mbdae
@@ -36,8 +36,16 @@ def momenta(model, q, v):
     return np.array(out)
 
 
-def balance(mech, system, state, wrenches):
-    """Rates of momenta, by differences of order six along the motion, minus all forces on each body."""
+def about_origin(p, wrench):
+    """A force and a torque at p, as a force and a torque about the world's origin."""
+    return np.concatenate([wrench[:3], wrench[3:] + np.cross(p, wrench[:3])])
+
+
+def balance(mech, state, wrenches, loads=()):
+    """Rates of momenta, by differences of order six along the motion, and the sums of all forces on each body.
+
+    Loads are (a, b, wrench): it acts on the body of frame b at its origin, in axes of the world, its opposite on a.
+    """
     t, q, v, vdot, lam = state
     model, h, weights = mech.model, 1e-3, {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 
@@ -50,18 +58,17 @@ def balance(mech, system, state, wrenches):
     acting = np.zeros((model.njoints, 6))
     for j in range(1, model.njoints):
         place, body = data.oMi[j], model.inertias[j]
-        weight = body.mass * model.gravity.linear
-        acting[j] += np.concatenate([weight, np.cross(place.act(body.lever), weight)])
-        f, m = place.rotation @ wrenches[j - 1, :3], place.rotation @ wrenches[j - 1, 3:]
-        whole = np.concatenate([f, m + np.cross(place.translation, f)])
+        acting[j] += about_origin(place.act(body.lever), np.append(body.mass * model.gravity.linear, np.zeros(3)))
+        whole = about_origin(place.translation, (wrenches[j - 1].reshape(2, 3) @ place.rotation.T).ravel())
         acting[j] += whole
         acting[model.parents[j]] -= whole
+    loads = list(loads)
     for closure in mech.closures:
         found = mbdae.mechanism.reaction(mech, closure.name, np.array([t]), q[None], lam[None])
-        a, b = (mbdae.mechanism.tree.frames.anchor(model, n) for n in closure.frames)
-        at = data.oMi[b.joint].act(b.p)
-        f, m = found.force_world[0], found.torque_world[0]
-        whole = np.concatenate([f, m + np.cross(at, f)])
+        loads.append((*closure.frames, np.concatenate([found.force_world[0], found.torque_world[0]])))
+    for name_a, name_b, wrench in loads:
+        a, b = (mbdae.mechanism.tree.frames.anchor(model, n) for n in (name_a, name_b))
+        whole = about_origin(data.oMi[b.joint].act(b.p), wrench)
         acting[b.joint] += whole
         acting[a.joint] -= whole
     return rate, acting[1:]
@@ -70,39 +77,44 @@ def balance(mech, system, state, wrenches):
 @pytest.mark.parametrize("model", ["four_bar", "slider_crank", "panda_handle", "delta_robot", "bricard"])
 def test_newton_and_euler_body_by_body(model):
     mech = mbdae.load(model)
-    system, state, wrenches = at_end(mech)
-    rate, acting = balance(mech, system, state, wrenches)
+    _, state, wrenches = at_end(mech)
+    rate, acting = balance(mech, state, wrenches)
     np.testing.assert_allclose(rate, acting, rtol=0, atol=1e-10 * np.abs(wrenches).max())
 
 
 def test_forces_between_frames_and_every_kind_of_joint():
+    """All six components of each joint, with the forces of the laws by hand."""
     kinds = ["free", "universal", "composite", "spherical", "prismatic", "planar", "continuous"]
-    model = tree(kinds, [0, 1, 2, 1, 4, 0, 6])
+    model, rng = tree(kinds, [0, 1, 2, 1, 4, 0, 6]), np.random.default_rng(1)
+    q, v, vdot = random_q(model, rng), rng.standard_normal(model.nv), rng.standard_normal(model.nv)
+    data = model.createData()
+    pin.forwardKinematics(model, data, q, v)
+    pin.updateFramePlacements(model, data)
+    at = {f.name: data.oMf[model.getFrameId(f.name)] for f in model.frames}
+    rate = {n: pin.getFrameVelocity(model, data, model.getFrameId(n), pin.LOCAL_WORLD_ALIGNED) for n in at}
+    gap, opening = (x["tip_4"] - x["tip_2"] for x in ({n: m.translation for n, m in at.items()},
+                                                      {n: V.linear for n, V in rate.items()}))  # fmt: skip
+    n = gap / np.linalg.norm(gap)
+    spring = -(50.0 * (np.linalg.norm(gap) - 0.2) + 3.0 * opening @ n) * n
+    R, K, D = at["ground"].rotation, np.array([50, 60, 70, 2, 3, 4]), np.array([1, 2, 3, 0.1, 0.2, 0.3])
+    shift, turn = R.T @ (at["tip_6"].translation - at["ground"].translation), pin.log3(R.T @ at["tip_6"].rotation)
+    assert np.linalg.norm(turn) < 3.0, "within the range of a bushing"
+    push = -K[:3] * shift - D[:3] * (R.T @ rate["tip_6"].linear)
+    moment = -pin.Jlog3(pin.exp3(turn)) @ (K[3:] * turn) - D[3:] * (R.T @ rate["tip_6"].angular)
+    loads = [
+        ("tip_2", "tip_4", np.append(spring, np.zeros(3))),
+        ("ground", "tip_6", np.append(R @ push, R @ moment)),
+        ("ground", "tip_3", np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])),
+    ]
     forces = [
         SpringDamper(frames=("tip_2", "tip_4"), stiffness=50.0, damping=3.0, length=0.2),
-        Bushing(frames=("ground", "tip_6"), stiffness=(50, 60, 70, 2, 3, 4), damping=(1, 2, 3, 0.1, 0.2, 0.3)),
+        Bushing(frames=("ground", "tip_6"), stiffness=tuple(K), damping=tuple(D)),
         Wrench(frame="tip_3", force=(1.0, 2.0, 3.0), torque=(0.1, 0.2, 0.3)),
     ]
     mech = Mechanism(model, forces=forces)
-    rng = np.random.default_rng(1)
-    q, v, vdot = pin.randomConfiguration(_bounded(model)), rng.standard_normal(model.nv), rng.standard_normal(model.nv)
-    system = mech.system()
-    system.inertia(0.0, q)
-    tau = system.torque(0.0, q, v, np.empty(0))[0]
-    wrenches = joint_wrenches(system, 0.0, q, v, vdot, np.empty(0))
-    data = model.createData()
-    pin.rnea(model, data, q, v, vdot)
-    missing = data.tau - tau  # required joint forces
-    pin.computeJointJacobians(model, data, q)
-    for j in range(1, model.njoints):
-        s = slice(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])
-        J = pin.getJointJacobian(model, data, j, pin.LOCAL)[:, s]
-        np.testing.assert_allclose(J.T @ wrenches[j - 1], missing[s], atol=1e-11 * np.abs(wrenches).max())
-
-
-def _bounded(model):
-    model.lowerPositionLimit, model.upperPositionLimit = -np.ones(model.nq), np.ones(model.nq)
-    return model
+    wrenches = joint_wrenches(mech.system(), 0.0, q, v, vdot, np.empty(0))
+    found, acting = balance(mech, (0.0, q, v, vdot, np.empty(0)), wrenches, loads)
+    np.testing.assert_allclose(found, acting, rtol=0, atol=1e-9 * np.abs(wrenches).max())
 
 
 def test_another_cut_of_the_loop():
@@ -135,7 +147,10 @@ def test_another_cut_of_the_loop():
 
 
 def test_signals_and_reactions_agree():
-    """Columns of forces by name: those of `joint_wrenches`, in balance, and of closures; magnitudes and both axes."""
+    """Columns by name: magnitudes and both axes of `joint_wrenches`, which they are computed by, and of closures.
+
+    This tests names and axes; the values are tested by the balances above.
+    """
     mech = mbdae.load("panda_handle")
     sol = mbdae.solve(mech, (0, 0.2), rtol=1e-8)
     system, _, wrenches = at_end(mech)

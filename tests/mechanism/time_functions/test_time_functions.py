@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from mbdae import Function, Input, finite_differences
+from mbdae import Driver, Function, Input, finite_differences
+from mbdae.errors import InputError
 from mbdae.mechanism.time_functions.input_functions import InputHistory
 from mbdae.mechanism.time_functions.time_functions import (
     TIME_FUNCTIONS,
@@ -45,3 +46,9 @@ def test_tables_and_steps_hold_their_ends():
 
 def test_every_function_of_time_is_tested():
     assert {type(s) for s in FUNCTIONS.values()} | {Steps} >= set(TIME_FUNCTIONS) - {Constant}
+
+
+@pytest.mark.parametrize("value", [True, 1j, np.complex128(1), 10**400, np.nan])
+def test_a_constant_is_a_finite_number(value):
+    with pytest.raises(InputError, match="motion"):
+        Driver(joint="a", motion=value)

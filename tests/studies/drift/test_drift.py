@@ -6,6 +6,7 @@ from links import arm
 
 import mbdae
 from mbdae import JointDamping
+from mbdae.errors import InputError
 
 
 def test_energies_are_compared_with_their_range():
@@ -30,3 +31,27 @@ def test_residuals_at_the_end_are_those_of_the_last_state():
     assert found.g_end == pytest.approx(np.abs(g).max(), rel=1e-6)
     assert found.Gv_end == pytest.approx(np.abs(Gv).max(), rel=1e-6)
     assert min(found.g_end, found.Gv_end) > 1e3 * np.abs(start).max()
+
+
+def test_energies_are_compared_with_those_of_all_steps():
+    """At rest at both requested times, the slider moves between them."""
+    ends, every = (mbdae.drift(mbdae.solve("stick_slip_slider", (0, 1), t_eval=at)) for at in ([0, 1], None))
+    assert ends.energy_scale == every.energy_scale > 0
+    assert ends.energy_relative == ends.energy_error / ends.energy_scale > 0
+    assert ends.history.energy.max() == ends.energy_relative
+
+
+def test_at_rest_the_relative_error_is_zero_in_the_history_too():
+    """Energies of rest are rounding: in J, they are no ratio."""
+    mech = arm(JointDamping(joint="arm", damping=0.01))
+    sol = mbdae.solve(mech, (0, 1), mbdae.equilibrium(mech).q, np.zeros(1))
+    found = mbdae.drift(sol)
+    assert found.energy_scale == found.energy_relative == found.history.energy.max() == 0.0
+
+
+@pytest.mark.parametrize("model", ["circle", "four_bar"])
+def test_a_run_that_ended_before_its_first_time(model):
+    sol = mbdae.solve(model, (0, 1), max_steps=1, t_eval=[0.9])
+    assert f"t = {sol.nodes[0][-1]:g} s" in str(sol)
+    with pytest.raises(InputError, match="has no times: the run ended before the first of t_eval"):
+        mbdae.drift(sol)

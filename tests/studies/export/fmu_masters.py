@@ -108,7 +108,7 @@ class Master:
         return np.array(out)
 
     def jacobian(self):
-        """Partials of derivatives and outputs by states and inputs, from directional derivatives."""
+        """Partials of derivatives and outputs with respect to states and inputs, from directional derivatives."""
         rows, columns = len(self.unknowns()), len(self.knowns())
         of = self.fmu.fmi3GetDirectionalDerivative
         return np.array([self._product(of, e, rows) for e in np.eye(columns)]).T

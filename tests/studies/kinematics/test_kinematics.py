@@ -101,8 +101,13 @@ def test_parallelogram_has_two_branches_through_pi():
 
 
 @pytest.mark.parametrize("longer", [1e-2, 1e-3, 1e-5, 1e-8])
-def test_where_branches_pass_each_other_the_curve_turns_back(longer):
-    """A parallelogram with a slightly longer ground: its crank stops short of pi, cos u = (d^2 + 1 - 9) / 2 d."""
+def test_where_branches_pass_each_other_the_curve_turns_back(longer, monkeypatch):
+    """A parallelogram with a slightly longer ground: its crank stops short of pi, cos u = (d^2 + 1 - 9) / 2 d.
+
+    Steps that jump to the other branch are repeated, and leave no branch points.
+    """
+    curves, follow = [], PoseCurve.follow
+    monkeypatch.setattr(PoseCurve, "follow", lambda self, *span: curves.append(self) or follow(self, *span))
     d = 2.0 + longer
     mech = four_bar((1.0, 2.0, 1.0, d), {"q": {"crank": 1.0}, "guess": {"coupler": -1.0, "rocker": 1.0}})
     found = kinematics(mech, "crank")
@@ -110,6 +115,7 @@ def test_where_branches_pass_each_other_the_curve_turns_back(longer):
     np.testing.assert_allclose(np.sort([u for u, _ in found.dead_points]), [-limit, limit], rtol=0, atol=1e-9)
     assert not found.branch_points
     assert found.stretches[0].ended == "closed"
+    assert all(c.nodes[i].sigma * c.nodes[i + 1].sigma < 0 for c in curves for i in c.branch_points)
 
 
 def test_a_dead_point_where_the_curve_begins():
@@ -208,7 +214,7 @@ def test_a_table_is_written(tmp_path):
     ("model", "arguments", "words"),
     [
         ("four_bar", {"drive": "crank", "hold": "rocker"}, "no degree of freedom is left for 'crank'"),
-        ("stewart_platform", {"drive": "piston_1"}, "hold 5 of them besides 'piston_1', for instance piston_2"),
+        ("stewart_platform", {"drive": "piston_1"}, "hold 5 joints besides 'piston_1', for instance piston_2"),
         ("stewart_platform", {"drive": "platform"}, "'platform' has 6 coordinates"),
         ("four_bar", {"drive": "crank", "hold": "crank"}, "'crank' is driven: it cannot be locked, too"),
         ("four_bar", {"drive": "crank", "span": (1, 1)}, "two different numbers"),
@@ -243,6 +249,19 @@ def test_a_singular_start_and_a_start_out_of_reach_are_refused():
         kinematics(parallelogram(), "crank", q=np.zeros(3))
     with pytest.raises(AssemblyError, match="cannot start at 3"):
         kinematics(mbdae.load("four_bar"), "rocker", span=(3.0, 4.0))
+
+
+@pytest.mark.parametrize("value", ["abc", True, 1j, 10**400, float("nan")])
+def test_joints_are_locked_at_finite_numbers(value):
+    with pytest.raises(InputError, match="'slider' is locked at a finite number in rad or m, got"):
+        kinematics(mbdae.load("slider_crank"), "crank", hold={"slider": value})
+
+
+def test_a_driver_that_is_undefined_at_the_time_of_its_lock():
+    table = {"kind": "table", "points": [(1.0, 0.3), (2.0, 0.4)]}
+    mech = mbdae.load("slider_crank", drivers=[Driver(joint="slider", motion=table, name="late")])
+    with pytest.raises(InputError, match=r"'late' is known from t = 1 to 2 s only.*locked at its value at t = 0"):
+        kinematics(mech, "crank", q=mech.assemble(t=1.0)[0])
 
 
 def test_a_pose_costs_six_evaluations_of_the_closures(monkeypatch):

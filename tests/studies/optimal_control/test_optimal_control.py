@@ -14,13 +14,13 @@ MASS = 2.0
 COLLOCATION = 167.076509  # of the four-bar's Lagrangian in one coordinate, degree 4, by another program
 
 
-def slider(hold="first"):
+def slider(hold="first", name="push"):
     """A mass on a rail, pushed by an input: MASS x'' = u."""
     model = pin.Model()
     model.gravity.linear[:] = 0.0
     j = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "rail")
     model.appendBodyToJoint(j, pin.Inertia(MASS, np.zeros(3), np.eye(3)), pin.SE3.Identity())
-    return Mechanism(model, forces=[JointTorque(joint="rail", torque=Input(name="push", unit="N", hold=hold))])
+    return Mechanism(model, forces=[JointTorque(joint="rail", torque=Input(name=name, unit="N", hold=hold))])
 
 
 def four_bar(hold="first"):
@@ -151,6 +151,9 @@ def test_an_end_out_of_reach_is_said():
         ({"cost": "g"}, "no gradient"),
         ({"cost": lambda x: x["push"]}, "returns"),
         ({"cost": lambda x: (x["push"] * np.nan, {})}, "finite"),
+        ({"cost": lambda x: (x["push"] ** 2, {"push": x["push"][:1]})}, "respect to 'push' must be 24 finite numbers"),
+        ({"cost": lambda x: (x["push"], {"L": x["push"]})}, "respect to 'L', which it does not use"),
+        ({"cost": lambda x: (x["push"][1], {})}, "failed at one node, n = 1"),
         ({"end": {"q.rial": 1.0}}, "q.rail"),
         ({"end": {"q.rail": "far"}}, "low, high"),
         ({"path": {"q.rail": 1.0}}, "low, high"),
@@ -177,3 +180,9 @@ def test_a_model_without_inputs():
     rod(model, 0, pin.SE3.Identity(), 1.0, "arm")
     with pytest.raises(mbdae.MbdaeError, match="motor"):
         mbdae.optimal_control(Mechanism(model), "q.arm", ["motor"], duration=1.0)
+
+
+def test_an_input_may_have_the_name_of_the_integrand():
+    """Its derivative is checked, and so is L."""
+    with pytest.raises(mbdae.MbdaeError, match="L must be 24 finite numbers"):
+        mbdae.optimal_control(slider(name="L"), lambda x: (np.nan * x["L"], {"L": x["L"]}), ["L"], duration=1, points=9)

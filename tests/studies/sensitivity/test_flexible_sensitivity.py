@@ -1,4 +1,4 @@
-"""Derivatives of runs by modulus, density, section and damping of a flexible body, against difference quotients."""
+"""Derivatives of runs with respect to numbers of a flexible body (modulus, section, ...), against quotients."""
 
 import flexible_bodies
 import numpy as np

@@ -1,4 +1,4 @@
-"""Derivatives of gaps, open and closed, by parameters and the start, against quotients of order six of runs."""
+"""Derivatives of gaps, open and closed, with respect to parameters and the start, against quotients of order six."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Derivatives by parameters that are differenced: frequencies late in a run, starts that jump, small bodies."""
+"""Derivatives with respect to parameters that are differenced: high frequencies, starts that jump, small bodies."""
 
 from functools import cache
 

@@ -134,7 +134,7 @@ def test_a_branch_of_equilibria_needs_a_free_joint():
 @pytest.mark.parametrize(("name", "drive", "reason"), [
     ("jansen_walker", "crank", "a driver prescribes 'crank'"),
     ("cam_follower", "cam", "a driver prescribes 'cam'"),
-    ("delta_robot", "arm_1", "2 of them besides 'arm_1'"),
+    ("delta_robot", "arm_1", "2 joints besides 'arm_1'"),
 ])  # fmt: skip
 def test_what_is_driven_is_refused_before_any_pose_is_followed(name, drive, reason, monkeypatch):
     monkeypatch.setattr("mbdae.studies.statics.equilibria.kinematics", None)

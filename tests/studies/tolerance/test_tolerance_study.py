@@ -135,7 +135,7 @@ def test_bands_contain_all_vertices_of_the_tolerances(bars):
 
 
 def differences(model, signals, names, q):
-    """Derivatives of signals by parameters, from sixth-order differences of assembled poses, (m, k)."""
+    """Derivatives of signals with respect to parameters, from sixth-order differences of assembled poses, (m, k)."""
     template = Template(model)
 
     def pose(name, x):

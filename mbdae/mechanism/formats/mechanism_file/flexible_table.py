@@ -13,7 +13,9 @@ from ..body_tables import BEAM, Flexible
 
 
 def with_data(tables: Sequence[Flexible], path: Path) -> tuple[Flexible, ...]:
-    """Return tables with the numbers of their files, which archives keep; ``path`` is that of the mechanism file.
+    """Return tables, each with the numbers of its file, if it names one.
+
+    Archives of runs store the numbers and not the files; ``path`` is that of the mechanism file.
 
     Raises:
         InputError: for a missing or invalid file.
@@ -29,6 +31,7 @@ def modal_body_of(table: Flexible) -> ModalBody:
     """Return the body of a table.
 
     Raises:
+        UnknownNameError: for other ends, another plane or load.
         InputError: for invalid numbers.
     """
     if table.data is not None:
@@ -38,8 +41,8 @@ def modal_body_of(table: Flexible) -> ModalBody:
         given["polar_moment"] = float(np.broadcast_to(given["second_moment"], 2).sum())
     try:
         return beam(**given, nodes=table.nodes or None)
-    except UnknownNameError:
-        raise
+    except UnknownNameError as e:
+        raise UnknownNameError(f"{e.kind} of flexible body {table.name!r}:", e.name, e.valid) from None
     except InputError as e:
         text = str(e).removeprefix("flexible body: ").removeprefix("beam: ")
         raise InputError(f"flexible body {table.name!r}: {text}") from None

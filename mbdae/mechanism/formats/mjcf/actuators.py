@@ -39,7 +39,7 @@ def actuators_of(c: "MjcfModel") -> MjcfActuators:
     motors: dict[int, Motor] = {}
     others, limited = [], []
     for i in range(len(m.actuator_trntype)):
-        name, joint = actuator_name(c, i), _scalar_joint(c, i)
+        name, joint = c.actuators[i], _scalar_joint(c, i)
         bias = lib.mjtBias(m.actuator_biastype[i])
         plain = (
             lib.mjtGain(m.actuator_gaintype[i]) in (lib.mjtGain.mjGAIN_FIXED, lib.mjtGain.mjGAIN_AFFINE)
@@ -63,11 +63,6 @@ def actuators_of(c: "MjcfModel") -> MjcfActuators:
         else:
             others.append(name if m.actuator_plugin[i] < 0 else f"{name} (plugin)")
     return MjcfActuators(motors, others, limited)
-
-
-def actuator_name(c: "MjcfModel", i: int) -> str:
-    """Return the name of an actuator, or its index if it has none."""
-    return c.name("ACTUATOR", i) or f"actuator{i}"
 
 
 def _active(c: "MjcfModel", i: int) -> bool:

@@ -1,5 +1,6 @@
 """A compiled MuJoCo model, and the Pinocchio model of its tree."""
 
+from collections.abc import Iterable
 from types import ModuleType
 from typing import Any
 
@@ -7,6 +8,9 @@ import numpy as np
 import pinocchio as pin
 
 from .states import pose
+
+RESERVED = ("world", "universe")  # names of the ground
+LIMIT_FLAGS, FRICTION_FLAGS = ("LIMIT", "CONSTRAINT"), ("FRICTIONLOSS", "CONSTRAINT")  # each disables these terms
 
 
 class MjcfModel:
@@ -20,6 +24,7 @@ class MjcfModel:
         joint_parents: parent joint of each MuJoCo joint, and its placement in it.
         joints: name of each MuJoCo joint in Pinocchio.
         sites: name of the frame of each MuJoCo site.
+        actuators: name of each MuJoCo actuator.
     """
 
     def __init__(self, lib: ModuleType, m: Any, name: str) -> None:
@@ -28,13 +33,12 @@ class MjcfModel:
         self.model.name = name
         self.carriers: list[tuple[int, pin.SE3]] = [(0, pin.SE3.Identity())]
         self.joint_parents: list[tuple[int, pin.SE3]] = []
-        self._taken = {"world", "universe"}
-        self.joints = [self._name("JOINT", j, "joint") for j in range(m.njnt)]
-        self._taken = {"world", "universe"}  # joints and frames may share names
-        bodies = [self._name("BODY", b, "body") for b in range(1, m.nbody)]
-        for b, body in enumerate(bodies, 1):
+        self.joints = self.names("JOINT", "joint", range(m.njnt), set(RESERVED))
+        self._taken = set(RESERVED)  # of frames, which may share names with joints
+        for b, body in enumerate(self.names("BODY", "body", range(1, m.nbody), self._taken), 1):
             self._add_body(b, body)
-        self.sites = [self._name("SITE", s, "site") for s in range(m.nsite)]
+        self.sites = self.names("SITE", "site", range(m.nsite), self._taken)
+        self.actuators = self.names("ACTUATOR", "actuator", range(len(m.actuator_trntype)), set())
         for s, site in enumerate(self.sites):
             self.add_frame(site, m.site_bodyid[s], m.site_pos[s], m.site_quat[s])
 
@@ -42,11 +46,25 @@ class MjcfModel:
         """Return the name from the file, or an empty one."""
         return self.lib.mj_id2name(self.m, getattr(self.lib.mjtObj, f"mjOBJ_{kind}"), i) or ""
 
-    def disables(self, flag: str) -> bool:
-        """Return whether an option of the file disables a term of the dynamics."""
+    def names(self, kind: str, word: str, numbers: Iterable[int], taken: set[str]) -> list[str]:
+        """Return distinct names of objects: those of the file, and else the word and the number.
+
+        Args:
+            kind: of the objects, in MuJoCo.
+            word: for objects without a name.
+            numbers: of the objects.
+            taken: names that are not used; the returned ones are added.
+        """
+        given = {i: self.name(kind, i) for i in numbers}
+        found = {i: _distinct(name, taken) for i, name in given.items() if name}  # the file refers to these
+        return [found[i] if i in found else _distinct(f"{word}{i}", taken) for i in given]
+
+    def disables(self, *flags: str) -> bool:
+        """Return whether the options of the file disable a term of the dynamics, by one of several flags."""
         bits = self.lib.mjtDisableBit
-        bit = getattr(bits, f"mjDSBL_{flag}", None) or bits.mjDSBL_PASSIVE
-        return bool(self.m.opt.disableflags & bit)
+        if not hasattr(bits, "mjDSBL_SPRING"):  # MuJoCo 3.3 has one flag for springs and dampers
+            flags = tuple("PASSIVE" if flag in ("SPRING", "DAMPER") else flag for flag in flags)
+        return any(self.m.opt.disableflags & getattr(bits, f"mjDSBL_{flag}") for flag in flags)
 
     def is_scalar(self, j: int) -> bool:
         """Return whether a MuJoCo joint is a hinge or a slide."""
@@ -55,14 +73,7 @@ class MjcfModel:
 
     def unique(self, name: str) -> str:
         """Return a frame name that is not used yet."""
-        new, k = name, 2
-        while new in self._taken:
-            new, k = f"{name}_{k}", k + 1
-        self._taken.add(new)
-        return new
-
-    def _name(self, kind: str, i: int, word: str) -> str:
-        return self.unique(self.name(kind, i) or f"{word}{i}")
+        return _distinct(name, self._taken)
 
     def add_frame(self, name: str, body: int, position: np.ndarray, quaternion: np.ndarray | None = None) -> str:
         """Add a frame on a MuJoCo body; return its name."""
@@ -107,10 +118,20 @@ class MjcfModel:
             self.model.armature[pin_rows.start : pin_rows.start + 3] = 0
             origin = pin.Inertia(m.dof_armature[mujoco_rows.start], np.zeros(3), np.zeros((3, 3)))
             self.model.appendBodyToJoint(number, origin, pin.SE3.Identity())
-        if m.jnt_limited[j] and new.nq == 1:
+        if m.jnt_limited[j] and new.nq == 1 and not self.disables(*LIMIT_FLAGS):
             (self.model.lowerPositionLimit[new.idx_q], self.model.upperPositionLimit[new.idx_q]) = m.jnt_range[j]
-        self.model.upperDryFrictionLimit[pin_rows] = m.dof_frictionloss[mujoco_rows]
-        self.model.lowerDryFrictionLimit[pin_rows] = -m.dof_frictionloss[mujoco_rows]
+        if not self.disables(*FRICTION_FLAGS):
+            self.model.upperDryFrictionLimit[pin_rows] = m.dof_frictionloss[mujoco_rows]
+            self.model.lowerDryFrictionLimit[pin_rows] = -m.dof_frictionloss[mujoco_rows]
         if not self.disables("DAMPER"):
             self.model.damping[pin_rows] = m.dof_damping[mujoco_rows]
         return number, after
+
+
+def _distinct(name: str, taken: set[str]) -> str:
+    """Return a name, with a number if it is taken, and add it to those that are."""
+    new, k = name, 2
+    while new in taken:
+        new, k = f"{name}_{k}", k + 1
+    taken.add(new)
+    return new

@@ -16,31 +16,25 @@ def closures_of(c: "MjcfModel") -> tuple[list[Closure], list[Driver], list[str]]
 
     A joint that is fixed at a value becomes a constant driver.
     """
-    m, kinds, flags = c.m, c.lib.mjtEq, c.lib.mjtDisableBit
-    off = bool(m.opt.disableflags & (flags.mjDSBL_EQUALITY | flags.mjDSBL_CONSTRAINT))
+    m, kinds, off = c.m, c.lib.mjtEq, c.disables("EQUALITY", "CONSTRAINT")
     out: list[Closure] = []
     drivers: list[Driver] = []
-    unread: list[str] = []
-    names: set[str] = set()
-    for i in range(m.neq):
-        name, k = c.name("EQUALITY", i) or f"equality{i}", 2
-        while name in names:
-            name, k = f"{name}_{k}", k + 1
-        names.add(name)
+    unsupported: list[str] = []
+    for i, name in enumerate(c.names("EQUALITY", "equality", range(m.neq), set())):
         kind = kinds(m.eq_type[i])
         if off or not m.eq_active0[i]:
-            unread.append(f"{name} (not active)")
+            unsupported.append(f"{name} (not active)")
         elif kind == kinds.mjEQ_JOINT and m.eq_obj2id[i] < 0:
             drivers.append(Driver(name=name, joint=c.joints[m.eq_obj1id[i]], motion=_constant_value(c, i)))
         elif kind == kinds.mjEQ_JOINT:
             out.append(_coupling(c, i, name))
         elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and _same_carrier(c, i):
-            unread.append(f"{name} (no relative motion of its bodies)")
+            unsupported.append(f"{name} (no relative motion of its bodies)")
         elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
             out.append(_closure(c, i, name))
         else:
-            unread.append(f"{name} ({kind.name.removeprefix('mjEQ_').lower()})")
-    return out, drivers, unread
+            unsupported.append(f"{name} ({kind.name.removeprefix('mjEQ_').lower()})")
+    return out, drivers, unsupported
 
 
 def _same_carrier(c: "MjcfModel", i: int) -> bool:

@@ -1,7 +1,7 @@
 """Visuals of an MJCF file, and features that are not supported."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import coal
 import numpy as np
@@ -10,16 +10,13 @@ import pinocchio as pin
 from ....tolerances import COARSE
 from ...imported_model import FRICTION, LIMITS, name_list
 from ...scene.shapes import HORIZONTAL, ground, mesh
-from .actuators import actuator_name
+from .compiled_model import FRICTION_FLAGS, LIMIT_FLAGS, MjcfModel
 from .states import pose
-
-if TYPE_CHECKING:
-    from .compiled_model import MjcfModel
 
 SHOWN_GROUPS = 3  # MuJoCo's viewer shows groups 0, 1 and 2
 
 
-def visuals(c: "MjcfModel") -> tuple[pin.GeometryModel, list[str]]:
+def visuals(c: MjcfModel) -> tuple[pin.GeometryModel, list[str]]:
     """Return the geoms that MuJoCo's viewer shows, and the names of those without a supported shape."""
     out, missing = pin.GeometryModel(), []
     meshes: dict[int, coal.BVHModelOBBRSS] = {}
@@ -37,7 +34,7 @@ def visuals(c: "MjcfModel") -> tuple[pin.GeometryModel, list[str]]:
     return out, missing
 
 
-def _shape(c: "MjcfModel", g: int, meshes: dict[int, coal.BVHModelOBBRSS], level: bool) -> Any:
+def _shape(c: MjcfModel, g: int, meshes: dict[int, coal.BVHModelOBBRSS], level: bool) -> Any:
     m, kinds = c.m, c.lib.mjtGeom
     a, b, h = (float(x) for x in m.geom_size[g])
     match kinds(m.geom_type[g]):
@@ -66,7 +63,7 @@ def _shape(c: "MjcfModel", g: int, meshes: dict[int, coal.BVHModelOBBRSS], level
 
 
 def left_out(
-    c: "MjcfModel", equalities: Iterable[str], actuators: Iterable[str], limited: Iterable[str], shapes: Iterable[str]
+    c: MjcfModel, equalities: Iterable[str], actuators: Iterable[str], limited: Iterable[str], shapes: Iterable[str]
 ) -> list[str]:
     """Return all features with an effect on motion or appearance that are not carried over, with their names."""
     found: list[tuple[str, Iterable[str]]] = [
@@ -75,7 +72,7 @@ def left_out(
         ("equalities", equalities),
         ("actuators that are no motors, positions or velocities of a hinge or slide", actuators),
         ("limits and delays of motors", limited),
-        ("nonlinear damping of actuators", (actuator_name(c, i) for i in _rows(c.m, "actuator_dampingpoly"))),
+        ("nonlinear damping of actuators", (c.actuators[i] for i in _rows(c.m, "actuator_dampingpoly"))),
         *_objects(c),
         ("sleep of bodies", _sleeping_bodies(c)),
         ("forces of a fluid", [""] if c.m.opt.density or c.m.opt.viscosity else []),
@@ -84,18 +81,18 @@ def left_out(
     return [name_list(what, names) for what, values in found if (names := list(values))]
 
 
-def _of_joints(c: "MjcfModel") -> list[tuple[str, list[str]]]:
+def _of_joints(c: MjcfModel) -> list[tuple[str, list[str]]]:
     m = c.m
     return [
-        (LIMITS, [c.joints[j] for j in np.flatnonzero(m.jnt_limited)]),
-        (FRICTION, _joints(c, m.dof_frictionloss)),
+        (LIMITS, [] if c.disables(*LIMIT_FLAGS) else [c.joints[j] for j in np.flatnonzero(m.jnt_limited)]),
+        (FRICTION, [] if c.disables(*FRICTION_FLAGS) else _joints(c, m.dof_frictionloss)),
         ("nonlinear stiffness of joints", [c.joints[j] for j in _rows(m, "jnt_stiffnesspoly")]),
         ("plastic stiffness of joints", [c.joints[j] for j in _rows(m, "jnt_springyield")]),
         ("nonlinear damping of joints", _joints(c, _array(m, "dof_dampingpoly", m.nv))),
     ]
 
 
-def _objects(c: "MjcfModel") -> list[tuple[str, list[str]]]:
+def _objects(c: MjcfModel) -> list[tuple[str, list[str]]]:
     """Return unsupported objects by their kind in MuJoCo; nameless ones are called by the word and their number."""
     m = c.m
     found: list[tuple[str, str, str, Iterable[int]]] = [
@@ -121,12 +118,12 @@ def _rows(m: Any, name: str) -> list[int]:
     return [int(i) for i in np.flatnonzero(values.reshape(len(values), -1).any(axis=1))] if len(values) else []
 
 
-def _joints(c: "MjcfModel", per_dof: np.ndarray) -> list[str]:
+def _joints(c: MjcfModel, per_dof: np.ndarray) -> list[str]:
     dofs = np.flatnonzero(per_dof.reshape(c.m.nv, -1).any(axis=1)).tolist() if c.m.nv else []
     return list(dict.fromkeys(c.joints[c.m.dof_jntid[d]] for d in dofs))
 
 
-def _sleeping_bodies(c: "MjcfModel") -> list[str]:
+def _sleeping_bodies(c: MjcfModel) -> list[str]:
     """Return the bodies whose trees have a sleep setting, or one without a name if the file only enables sleeping."""
     m, own = c.m, getattr(c.lib, "mjtSleepPolicy", None)
     if own is None:
@@ -137,10 +134,10 @@ def _sleeping_bodies(c: "MjcfModel") -> list[str]:
     return [c.name("BODY", b) or f"body{b}" for b in bodies] or ([""] if on else [])
 
 
-def _may_collide(c: "MjcfModel") -> bool:
+def _may_collide(c: MjcfModel) -> bool:
     """Return whether two geoms on bodies in relative motion may collide, according to their bit masks."""
     m = c.m
-    if c.m.opt.disableflags & (c.lib.mjtDisableBit.mjDSBL_CONTACT | c.lib.mjtDisableBit.mjDSBL_CONSTRAINT):
+    if c.disables("CONTACT", "CONSTRAINT"):
         return False
     masks = zip(m.geom_contype, m.geom_conaffinity, m.body_weldid[m.geom_bodyid], strict=True)
     groups = {(int(t), int(a), int(body)) for t, a, body in masks}

@@ -37,8 +37,9 @@ CHECKED_ARRAYS = (
     "body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat", "jnt_pos", "jnt_axis", "jnt_range",
     "jnt_stiffness", "dof_armature", "dof_damping", "dof_frictionloss", "qpos0", "qpos_spring", "key_qpos", "key_qvel",
     "key_ctrl", "eq_data", "site_pos", "site_quat", "geom_pos", "geom_quat", "geom_size", "mesh_vert", "actuator_gear",
-    "actuator_gainprm", "actuator_biasprm", "actuator_armature", "actuator_damping",
+    "actuator_gainprm", "actuator_biasprm",
 )  # fmt: skip
+NEW_ARRAYS = ("actuator_armature", "actuator_damping")  # of MuJoCo 4
 
 
 def read_mjcf(path: Path, allowed: AllowedPaths, source: Source) -> ImportedModel:
@@ -105,15 +106,15 @@ def _compile(lib: ModuleType, path: Path) -> Any:
 
 def _require_finite(m: Any, name: str) -> None:
     """Require numbers of at most `HUGE`, whose products do not overflow; comparisons with NaN are false."""
-    for array in CHECKED_ARRAYS:
-        if not float(np.abs(getattr(m, array, ())).max(initial=0)) <= HUGE:  # those of actuators are new in MuJoCo 4
+    for array in (*CHECKED_ARRAYS, *(x for x in NEW_ARRAYS if hasattr(m, x))):
+        if not float(np.abs(getattr(m, array)).max(initial=0)) <= HUGE:
             raise InputError(f"{name}: {array} is not finite, or beyond {HUGE:g}")
     if not np.abs(m.opt.gravity).max() <= HUGE:
         raise InputError(f"{name}: gravity is not finite, or beyond {HUGE:g}")
 
 
 def _keyframe_index(c: MjcfModel, name: str) -> int | None:
-    names = [c.name("KEY", k) or f"key{k}" for k in range(c.m.nkey)]
+    names = c.names("KEY", "key", range(c.m.nkey), set())
     if name in names:
         return names.index(name)
     if name not in ("", REFERENCE):

@@ -22,7 +22,7 @@ OTHER = 2 * ALL  # actuators that are reported as a whole
 READ = {
     "compiler": ALL,
     "option": "gravity density viscosity actuatorgroupdisable",
-    "flag": "actuation clampctrl constraint contact damper equality gravity spring sleep",
+    "flag": "actuation clampctrl constraint contact damper equality frictionloss gravity limit passive spring sleep",
     "default": "class",
     "asset": "",
     "mesh": """class file content_type vertex face params builtin refpos refquat scale inertia""",

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class AppliedForces(NamedTuple):
-    """M (nv, nv), N (nv, nv), D (nv,) and its partials by w, (nv, nv), and the power, at an end of a step."""
+    """M (nv, nv), N (nv, nv), D (nv,), its partials with respect to w, (nv, nv), and the power at an end of a step."""
 
     M: Array
     N: Array
