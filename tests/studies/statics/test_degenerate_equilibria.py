@@ -18,7 +18,7 @@ def sliders(n, damping=0.0):
     add_body(model, 0, pin.JointModelRY(), "arm", 1.0, (0, 0, -0.5), (0.1, 0.1, 0.1))
     for k, name in enumerate(names):
         add_body(model, 0, pin.JointModelPX(), name, 1.0 + k)
-    damped = [JointDamping(joint=tuple(names), damping=damping)] if damping else []
+    damped = [JointDamping(joint=tuple(names), damping=damping)] if damping and n else []
     return Mechanism(model, [], [JointPID(joint="arm", kp=1.0, ki=1.0, kd=0.5, reference=0.0), *damped])
 
 
