@@ -128,6 +128,7 @@ void use_rows(PyCore& c, const std::vector<int>& rows, int rank, double floor, b
 
 NB_MODULE(_native, m) {
   m.doc() = "The compiled core of mbdae.";
+  nb::set_leak_warnings(false);  // workers of a pool end while mechanisms are kept for their next task
   m.def("version", [] { return MBDAE_PINOCCHIO_VERSION; }, "Version of Pinocchio that the core was built for.");
   m.def("sweeps", [](nb::handle model) { return model_sweeps(model_pointer(model.ptr())); }, nb::arg("model"),
         "Return whether the core computes M, nle and J of a model itself; otherwise Pinocchio does.");
