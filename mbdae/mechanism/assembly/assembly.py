@@ -19,6 +19,7 @@ from ..closures.preconditions import require_preconditions
 from ..model_settings import normalized
 from ..tree.frames import find_joint
 from ..tree.tree_terms import missing_inertia, mode_joints, sparse_inertia, update_inertia
+from .flipped_frames import divide_rows
 from .position_search import assembly_error, close_position, sparse_least_squares
 
 if TYPE_CHECKING:
@@ -199,7 +200,7 @@ class _Metric:
         """Return the least x in this metric with G x = rows * rate, in the least-squares sense; rows (ng,) scale G."""
         if self.many:
             scaled = G.copy()
-            scaled.data /= rows.repeat(np.diff(scaled.indptr))
+            divide_rows(scaled, rows)
             return sparse_least_squares(scaled, rate, 0.0, self.M)
         root = np.linalg.solve(self.U.T, (G / rows[:, None]).T).T  # G M^{-1/2}
         return np.linalg.solve(self.U, np.linalg.lstsq(root, rate, rcond=TRUNCATION)[0])

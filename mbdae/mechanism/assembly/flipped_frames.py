@@ -18,6 +18,11 @@ Jacobian = Union[Array, "csr_array"]  # of many rows: without its zeros
 Residuals = Callable[["Index2System", Array, float], tuple[Array, Jacobian]]
 
 
+def divide_rows(G: "csr_array", by: Array) -> None:
+    """Divide the rows of a sparse matrix by numbers (ng,), in place."""
+    G.data /= by.repeat(np.diff(G.indptr))
+
+
 def scaled_residuals(system: "Index2System", q: Array, t: float) -> tuple[Array, Jacobian]:
     """Return g and G of the position rows; lengths of rows and coordinates are in characteristic lengths."""
     rows, columns = system.mechanism.row_scales, system.mechanism.coordinate_scales
@@ -25,7 +30,7 @@ def scaled_residuals(system: "Index2System", q: Array, t: float) -> tuple[Array,
     if np.count_nonzero(positional) > MANY_ROWS:
         g, scaled = system.sparse_closures(q, t)
         scaled.data *= columns[scaled.indices]
-        scaled.data /= rows.repeat(np.diff(scaled.indptr))
+        divide_rows(scaled, rows)
         return (g / rows)[positional], scaled[positional]
     g, G = system.closures(q, t)
     return (g / rows)[positional], (G * columns / rows[:, None])[positional]

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 
-from ..tree.tree_terms import flexible_bodies
+from ..tree.tree_terms import flexible_bodies, mode_joints
 from .bent_models import rod_nodes
 from .scene import Rod
 
@@ -24,9 +24,9 @@ def flexible_links(model: pin.Model) -> Iterator[Rod]:
         first += len(nodes)
 
 
-def mode_joints(model: pin.Model) -> set[int]:
+def hidden_joints(model: pin.Model) -> set[int]:
     """Return the joints of modes, which are not drawn."""
-    return {model.getJointId(name) for body in flexible_bodies(model) for name in body.mode_joints}
+    return {model.getJointId(name) for name in mode_joints(model)}
 
 
 def flexible_joints(model: pin.Model) -> set[int]:

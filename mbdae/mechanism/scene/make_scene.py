@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from . import stick_figure
 from .bent_models import with_rods
-from .flexible_links import flexible_joints, flexible_links, mode_joints
+from .flexible_links import flexible_joints, flexible_links, hidden_joints
 from .meshes import FILE_FORMATS, Mesh, read_mesh, triangles
 from .outlines import Outline, draw_outlines
 from .rolling_bodies import RollingBody, draw
@@ -54,7 +54,7 @@ def make_scene(
     size = stick_figure.proportions(model, points, _lengths(closures, rolling_shown), corners)
     drawn = {body.joint for body in rolling_shown} | flexible_joints(model)
     parts = [
-        *stick_figure.generate(model, points, size, seen, drawn, mode_joints(model)),
+        *stick_figure.generate(model, points, size, seen, drawn, hidden_joints(model)),
         *draw(rolling_shown),
         *draw_outlines((curve for curve in outlines if curve.joint not in seen), 1.5 * size.width),
         *_marked(closures, seen, size.width),
@@ -88,7 +88,7 @@ def _corners(visuals: Iterable[pin.GeometryObject], shapes: Iterable[Shape]) -> 
 def _points(model: pin.Model, closures: Iterable[Mark]) -> list[stick_figure.Point]:
     """Return the end points of links: anchors of closures, and named frames (feet, tools, tips)."""
     anchors = [(int(j), p.translation) for mark in closures for j, p in (mark.first, mark.second)]
-    modes = mode_joints(model)
+    modes = hidden_joints(model)
     links = (f for f in model.frames if f.parentJoint not in modes)
     named = [f for f in links if f.type == pin.FrameType.OP_FRAME and f.parentJoint]
     return anchors + [(int(f.parentJoint), f.placement.translation) for f in named]
