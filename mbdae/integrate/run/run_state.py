@@ -254,6 +254,11 @@ class RunState:
                 source.release()
             self.mechanical.mechanism.workspaces.release(self.mechanical)
 
+    def nodes(self) -> tuple[Array, Array, Array]:
+        """Return t (n,), y (n, ...) and z (n, nz) of the nodes so far, even after an interrupt."""
+        n = len(self.ts)
+        return np.array(self.ts), self.ys[:n].copy(), self.zs[:n].copy()
+
     def record(self) -> Solution:
         """Return the run so far as a solution that shares its lists; its dense output is used by event detection."""
         if self._record is None:
