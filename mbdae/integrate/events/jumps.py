@@ -89,13 +89,13 @@ class Jumps(EventSource):
             StepError: if more than `MAX_CLUSTER` jumps differ only by rounding.
         """
         s, margin = self.sign, MARGIN * ulp(max(abs(t), abs(self.t1)))
-        first = self._next(self._last_of_cluster(t, 4 * margin))
+        _, first = self._cluster(t, 4 * margin)
         if s * (first - self.t1) > 4 * margin:
             return SmoothInterval(self.t1, self.t1, None)
         stop = first - s * margin
         if s * (self.t1 - first) <= 4 * margin:
             return SmoothInterval(stop, self.t1, None)
-        last = self._last_of_cluster(first, 4 * margin)
+        last, _ = self._cluster(first, 4 * margin)
         return SmoothInterval(stop, stop, last if s > 0 else last - margin)
 
     def first_event(self, step: "StepMap") -> Occurrence | None:
@@ -119,12 +119,12 @@ class Jumps(EventSource):
         self._following = s * t, following
         return s * following
 
-    def _last_of_cluster(self, t: float, tolerance: float) -> float:
-        """Return the last jump of a cluster after t with distances up to a tolerance; t if there is none."""
+    def _cluster(self, t: float, tolerance: float) -> tuple[float, float]:
+        """Return the last of the jumps after t with distances up to a tolerance, t if there is none; and the next."""
         for _ in range(MAX_CLUSTER):
             following = self._next(t)
             if self.sign * (following - t) > tolerance:
-                return t
+                return t, following
             t = following
         raise StepError("step_size", f"jumps follow one another too closely at t = {t:.17g}: a sampling rate too high?")
 

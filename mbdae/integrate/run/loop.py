@@ -61,13 +61,10 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
     while run.time_left() > 0:
         before = len(run.ts)
         start = _advance(run, max_steps)
-        if len(run.ts) == before:
+        acting = _detect_events(run, start, before) if len(run.ts) > before else None
+        if acting is None:  # no step was taken, or the last one was rejected
             continue
-        step = StepMap(run, start)
-        if start and any(source.rejects(step) for source in run.sources):  # too long to detect its events
-            run.reject_step(start)
-            continue
-        if _stopped_by_event(run, step, before):
+        if any(source.act(run) for source in acting):
             return True
         if progress:
             progress(1 - run.time_left() / total)
@@ -90,9 +87,12 @@ def _advance(run: RunState, max_steps: int | None) -> State | None:
     return start
 
 
-def _stopped_by_event(run: RunState, step: StepMap, before: int) -> bool:
-    """Let the source of the earliest event in the last step act; return whether that ends the run."""
-    acting = list[EventSource]()
+def _detect_events(run: RunState, start: State | None, before: int) -> list[EventSource] | None:
+    """Return the sources of the earliest event in the last step; None if the step was rejected."""
+    step, acting = StepMap(run, start), list[EventSource]()
+    if start and any(source.rejects(step) for source in run.sources):  # too long to detect its events
+        run.reject_step(start)
+        return None
     for source in run.sources:
         event = source.first_event(step)
         if event is None:
@@ -104,4 +104,4 @@ def _stopped_by_event(run: RunState, step: StepMap, before: int) -> bool:
         if len(run.ts) == before:  # at the start of the step
             break
         step = step.ended_by_event()
-    return any(source.act(run) for source in acting)
+    return acting
