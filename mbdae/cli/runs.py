@@ -35,7 +35,7 @@ def simulate(
     Raises:
         InputError: for tolerances together with a fixed step, and as for `mbdae.solve`.
     """
-    from ..integrate.options.settings import complete_settings
+    from ..integrate.options.options import complete_settings
     from ..integrate.solve import solve
 
     if step is not None and (rtol is not None or options.get("atol") is not None):

@@ -43,6 +43,7 @@ class Inputs:
         self.followed = {name: as_input(found[name]).cell(len(self.cells) + i) for i, name in enumerate(self._fmus)}
         cells = self.cells | self.followed
         self.mechanism = self.replaced(cells) if cells else mechanism
+        self._laws = self.mechanism.bind_forces(self.mechanism.make_workspace())
         self.by_rate = self._names_by_rate()
 
     def _settable(self, found: Mapping[str, object]) -> dict[str, Input]:
@@ -52,9 +53,9 @@ class Inputs:
         return {name: x for name, x in found.items() if isinstance(x, Input) and name not in self._fmus}
 
     def _names_by_rate(self) -> set[str]:
-        bound = self.mechanism.bind_forces(self.mechanism.make_workspace()).bound
         paths = [d.path for d in self.mechanism.drivers]
-        return {u.name for u in [*paths, *(u for law, _ in bound for u in law.differentiated)] if isinstance(u, Input)}
+        of_laws = [u for law, _ in self._laws.bound for u in law.differentiated]
+        return {u.name for u in [*paths, *of_laws] if isinstance(u, Input)}
 
     @classmethod
     def of_run(cls, problem: object) -> "Inputs | None":
@@ -95,17 +96,27 @@ class Inputs:
         m = self.mechanism
         if self.followed:
             values = np.array([*m.states.values()]) if s is None else m.vector("s", s, len(m.states))
-            m.bind_forces(m.make_workspace()).set_inputs(values)
+            self._laws.set_inputs(values)
         return m
 
-    def history(self, t: Array, y: Array) -> dict[str, list[InputSetting]]:
+    def recorded(self, t: Array, y: Array, by_user: Mapping[str, Iterable[InputSetting]] | None = None) -> "Mechanism":
+        """Return the mechanism with inputs as functions of time.
+
+        Args:
+            t: nodes of a run in s, (n,).
+            y: their points (n, ...), which contain the settings by FMUs.
+            by_user: the settings by the user, by name of the input.
+        """
+        cells, history = self.cells | self.followed, {**(by_user or {}), **self._history_by_fmus(t, y)}
+        pieces = {name: tuple(map(tuple, settings)) for name, settings in history.items()}
+        new = {name: InputHistory(name=name, pieces=x, hold=cells[name].hold) for name, x in pieces.items()}
+        return self.replaced(new) if new else self.original
+
+    def _history_by_fmus(self, t: Array, y: Array) -> dict[str, list[InputSetting]]:
         """Return the settings of inputs that follow FMUs, from the nodes of a run, t (n,) and points y (n, ...)."""
-        m = self.mechanism
         history: dict[str, list[InputSetting]] = {name: [] for name in self.followed}
-        if not history:
-            return history
-        laws, states = m.bind_forces(m.make_workspace()), y[:, m.nq + m.nv : -1]
-        for law, at in laws.bound:
+        states = y[:, self.mechanism.nq + self.mechanism.nv : -1]
+        for law, at in self._laws.bound if history else ():
             s = states[:, at]
             changed = np.flatnonzero((s[1:] != s[:-1]).any(axis=1)) + 1
             for i in (0, *changed.tolist()) if law.external else ():
@@ -114,10 +125,3 @@ class Inputs:
                     if not history[name] or history[name][-1][1:] != setting[1:]:
                         history[name].append(setting)
         return history
-
-    def recorded(self, history: Mapping[str, Iterable[InputSetting]]) -> "Mechanism":
-        """Return the mechanism with inputs as functions of time."""
-        holds = {name: x.hold for name, x in (self.cells | self.followed).items()}
-        pieces = {name: tuple(map(tuple, settings)) for name, settings in history.items()}
-        new = {name: InputHistory(name=name, pieces=x, hold=holds[name]) for name, x in pieces.items()}
-        return self.replaced(new) if new else self.original

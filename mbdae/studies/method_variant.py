@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, UnknownNameError, as_list
-from ..integrate.options.options import projects_positions
-from ..integrate.options.settings import complete_settings
+from ..integrate.options.options import complete_settings
 from ..integrate.steppers.library_solver import LibrarySolver
-from ..integrate.steppers.solvers import SOLVERS, find_method
+from ..integrate.steppers.solvers import SOLVERS, find_method, projects_positions
 from ..mechanism import Mechanism
 from ..methods import EXPLICIT, METHODS, Tableau, method_from_settings
 from ..solution.solution import Problem, Solution
@@ -133,10 +132,9 @@ def default_variant(problem: Problem, **given: Any) -> Variant:
         InputError, UnknownNameError: as for `mbdae.solve`.
     """
     c = complete_settings(problem, given)
-    tableau = find_method(c["formulation"], c["method"])
-    return variant_from_settings(
-        {**c, "project": projects_positions(problem, c["project"], c["formulation"], tableau, c["step"])}
-    )
+    found = find_method(c["formulation"], c["method"])
+    project = projects_positions(problem, c["project"], c["formulation"], found, c["step"])
+    return variant_from_settings({**c, "project": project})
 
 
 def default_variants(problem: Problem, names: Iterable[str], **given: Any) -> list[Variant]:

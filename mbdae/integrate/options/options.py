@@ -1,4 +1,4 @@
-"""Validated options of a run."""
+"""Validated options of a run: its arguments, else settings of the mechanism file, else the defaults."""
 
 from collections.abc import Mapping, Sequence
 from numbers import Real
@@ -6,15 +6,15 @@ from typing import Any, NamedTuple
 
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
-from ...methods import EXPLICIT, METHODS, ExplicitMethod, Tableau
+from ...methods import METHODS, Tableau
 from ...solution.solution import Problem
 from ...system import Array
 from ..events.event import Event, Events, as_events
-from ..steppers.library_solver import LibrarySolver
-from ..steppers.solvers import find_method
+from ..steppers.solvers import find_method, projects_positions
 from .defaults import DEFAULTS
-from .settings import complete_settings
 from .span import checked_span, checked_times, end_of_tables
+
+METHOD_SETTINGS, CONTROL_SETTINGS = ("formulation", "project", "baumgarte"), ("rtol", "atol")
 
 
 class RunOptions(NamedTuple):
@@ -80,11 +80,8 @@ class RunOptions(NamedTuple):
                 raise UnknownNameError("option", name, DEFAULTS)
         require_positive(**{name: given.get(name) for name in ("step", "first_step", "max_step", "max_steps")})
         c = complete_settings(problem, given)
-        method = find_method(c["formulation"], c["method"])
-        c |= {
-            "method": method,
-            "project": projects_positions(problem, c["project"], c["formulation"], method, c["step"]),
-        }
+        c["method"] = find_method(c["formulation"], c["method"])
+        c["project"] = projects_positions(problem, c["project"], c["formulation"], c["method"], c["step"])
         t0, t1 = checked_span((0.0, problem.duration) if t_span is None else t_span, pair=True)
         end = end_of_tables(problem.drivers, t0, t1)
         times = None if t_eval is None else checked_times(t_eval, t0, end)
@@ -121,19 +118,23 @@ def require_positive(**values: float | None) -> None:
             raise InputError(f"{name} must be a positive number, got {value!r}")
 
 
-def projects_positions(
-    problem: Problem, project: bool | str, formulation: str, method: Any, step: float | None
-) -> bool:
-    """Return whether positions are projected after each step."""
-    if project not in (True, False, "auto"):
-        raise InputError(f"project is True, False or 'auto', got {project!r}")
-    one_step = formulation == "index2" and not isinstance(method, LibrarySolver)
-    if project == "auto":
-        return isinstance(problem, Mechanism) and one_step and step is None and problem.ng > 0
-    if project and not isinstance(problem, Mechanism):
-        raise InputError("project=True is for mechanisms: the method itself satisfies 0 = g of a textbook problem")
-    if project and not one_step and not isinstance(method, ExplicitMethod):
-        others = f"{', '.join(EXPLICIT)} of 'index1'"
-        valid = f"project=True is for one-step methods of formulation 'index2', and for {others}"
-        raise InputError(f"{valid}; got {method.name!r} of {formulation!r}")
-    return bool(project)
+def complete_settings(problem: Problem, given: Mapping[str, object]) -> dict[str, Any]:
+    """Return the settings of a run, where None means not given.
+
+    Raises:
+        UnknownNameError, InputError: for an invalid method in the mechanism file.
+    """
+    arguments = {name: x for name, x in given.items() if x is not None}
+    from_file = problem.settings.given if isinstance(problem, Mechanism) else {}
+    if not from_file:
+        return DEFAULTS | arguments
+    overridden = set(METHOD_SETTINGS if "method" in arguments or "formulation" in arguments else ())
+    overridden |= set(CONTROL_SETTINGS if "step" in arguments else ())
+    overridden |= {"step"} if any(name in arguments for name in CONTROL_SETTINGS) else set()
+    settings = {**DEFAULTS, **{name: x for name, x in from_file.items() if name not in overridden}, **arguments}
+    if "method" in from_file and "method" not in arguments:
+        try:
+            find_method(settings["formulation"], settings["method"])
+        except UnknownNameError as e:
+            raise UnknownNameError(f"solve.{e.kind}", e.name, e.valid) from None
+    return settings

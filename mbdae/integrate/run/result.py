@@ -9,9 +9,8 @@ import numpy as np
 
 from ...errors import StepError
 from ...mechanism.flexible.linear_range import beyond_linear
-from ...mechanism.inputs import Inputs
 from ...mechanism.tree.tree_terms import flexible_bodies
-from ...solution.solution import Solution
+from ...solution.solution import Problem, Solution
 from ...system import Array
 from .elastic_resolution import elastic_resolution
 from .run_diagnostics import accuracy_warnings
@@ -20,26 +19,21 @@ from .run_state import RunState
 log = logging.getLogger("mbdae")
 
 
-def make_solution(
-    run: RunState, status: str, message: str, seconds: float, inputs: Inputs | None = None
-) -> Solution:
+def make_solution(run: RunState, problem: Problem, status: str, message: str, seconds: float) -> Solution:
     """Return the solution of a run at the requested times; the accuracy of a finished run is checked.
 
     Args:
         run: the run.
+        problem: its problem, in which inputs that FMUs have set are functions of time.
         status: of `mbdae.errors.STATUS`.
         message: the same in words.
         seconds: computing time in s.
-        inputs: those that FMUs have set, which become functions of time.
     """
     stats = _statistics(run, seconds)
     message = "; ".join([message, *(words for source in run.sources if (words := source.warning()))])
     settings = {**run.settings, **run.stepper.settings(), "dense_order": run.dense_order}
-    n = len(run.ts)
-    t, y, z = np.array(run.ts), run.ys[:n].copy(), run.zs[:n].copy()
     found = _results(run)
-    problem = inputs.recorded(inputs.history(t, y)) if inputs else run.problem
-    full = Solution(problem, t, y, z, status, message, stats, settings, **found)
+    full = Solution(problem, *run.nodes(), status, message, stats, settings, **found)
     out = full if run.options.t_eval is None else _at_times(full, run.options.t_eval, run.sign, found)
     if out.success and (system := run.mechanical):
         warnings = [accuracy_warnings(full, system)]
@@ -51,7 +45,7 @@ def make_solution(
             out.status, out.message = "doubtful", words
     log.info(
         "%s: %s, %s steps by %s (%s back end), %.3g s: %s",
-        run.problem.title, out.status, stats["steps"], settings["method"], stats["backend"], seconds, out.message,
+        problem.title, out.status, stats["steps"], settings["method"], stats["backend"], seconds, out.message,
     )  # fmt: skip
     return out
 

@@ -289,10 +289,9 @@ class Simulator(DifferentiableAdvance):
 
     def _made(self) -> Solution:
         status = "finished" if self.status in ("running", "event") else self.status
-        return make_solution(self._run, status, self.message, self.seconds)
+        return make_solution(self._run, self.mechanism, status, self.message, self.seconds)
 
     def solution(self) -> Solution:
         """Return the recorded steps as a solution of `mbdae.solve`; inputs are functions of time with their history."""
         out = joined([*self._earlier, self._made()])
-        history = self._settings.history | self.inputs.history(out.t, out.y)
-        return replace(out, problem=self.inputs.recorded(history))
+        return replace(out, problem=self.inputs.recorded(out.t, out.y, self._settings.history))

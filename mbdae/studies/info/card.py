@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...data_types import JsonObject
-from ...integrate.options.settings import complete_settings
+from ...integrate.options.options import complete_settings
 from ...mechanism import Closure, Mechanism, redundant
 from ...mechanism.equilibrium.elastic_modes import elastic_modes
 from ...mechanism.signals.reactions import mass_scaled_jacobian, rank
