@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from ...errors import StepError
+from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
 from ...solution.solution import Problem, Solution
 from ...system import Array, State, Step, System
@@ -55,7 +56,7 @@ class RunState:
         self.t, self.t1, self.sign, self.discontinuities = options.t0, options.end, options.sign, 0
         self.continues = False  # beyond its end, see `continue_to`
         self.system, self.stepper, self.state = system, stepper, State(start)
-        self.mechanical = system if isinstance(system, Index2System) else None  # the workspace, of a mechanism
+        self.mechanical = cast(Index2System, system) if isinstance(problem, Mechanism) else None  # the workspace
         # the step-size control; None for the index-1 baseline
         self.control: Adaptive | None = None if options.formulation == "index1" else stepper.control
         self.rejected: int | None = 0

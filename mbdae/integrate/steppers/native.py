@@ -1,7 +1,7 @@
 """Steps of a run in the compiled core, many per call; Python handles events, mode changes and Ctrl-C in between."""
 
 from math import nan
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from ...data_types import JsonObject
 from ...system import Array, State, Step
@@ -38,8 +38,8 @@ class NativeStepper(Stepper):
     def __init__(self, inner: PythonStepper, system: Any, tableau: Any, project: bool) -> None:
         self.inner, self.system, self.tableau = inner, system, tableau
         self.controls = inner.controls
-        self.adaptive = inner if isinstance(inner, Adaptive) else None
-        self.fixed = inner if isinstance(inner, Fixed) else None
+        self.adaptive = inner.control
+        self.fixed = cast(Fixed, inner) if self.adaptive is None else None
         self.run = new_run(system.native, project, self.adaptive, tableau)
         self.run.seconds = CHECK_INTERVAL
         self.passed_events: UserEvents | None = None

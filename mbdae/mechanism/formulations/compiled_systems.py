@@ -158,8 +158,8 @@ class CompiledSystem(CoreStart):
 
     def residuals(self, t: Array, y: Array) -> tuple[Array, Array, Array]:
         """See `Index2System.residuals`."""
-        g, rates, energies = self.core.residuals(np.ascontiguousarray(t), np.ascontiguousarray(y))
-        if np.isnan(energies).any() and (failed := np.isnan(energies).any(axis=1) & np.isfinite(y).all(axis=1)).any():
+        g, rates, energies, unknown = self.core.residuals(np.ascontiguousarray(t), np.ascontiguousarray(y))
+        if unknown and (failed := np.isnan(energies).any(axis=1) & np.isfinite(y).all(axis=1)).any():
             g[failed], rates[failed], energies[failed] = super().residuals(t[failed], y[failed])
         return g, rates, energies
 
@@ -207,7 +207,7 @@ class CompiledSystem(CoreStart):
         """Use the core's rows in use in Python."""
         if self._rank_known and not self.rows_frozen:
             self.rows = np.array(self.core.rows, int)
-        self._last_q = np.full(self.nq, np.nan)
+        self._last_q = None
 
     def rows_to_core(self) -> None:
         """Use Python's rows in use in the core."""

@@ -133,7 +133,7 @@ class Index2System(PinocchioData, RunVariables, System):
 
     def point(self, t: float, q: Array) -> tuple[Array, Array]:
         """Return U and G at q, and make kinematics current; reuses those of the last stage at the same q."""
-        if self.manifold.is_same_point(q, self._last_q, self.mechanism.q_scales):
+        if self._last_q is not None and self.manifold.is_same_point(q, self._last_q, self.mechanism.q_scales):
             tree.update_poses(self.model, self.workspace, q)
             return self._last
         U = self.inertia(t, q)
@@ -166,7 +166,7 @@ class Index2System(PinocchioData, RunVariables, System):
             switch.enter(self, state)
         self.rank, self.rows, self.rows_frozen = None, None, False
         self.selection_trigger = independent_rows.SelectionTrigger(self.ng)
-        self.least_pivot_ratio, self._last_q = 1.0, np.full(self.nq, np.nan)
+        self.least_pivot_ratio, self._last_q = 1.0, None
 
     def order_of(self, tableau: Any) -> int:
         return tableau.order if self.closure_friction.interfaces else tableau.order_linear

@@ -6,8 +6,6 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ...system import Array, Counts
 from ...tolerances import AMBIGUOUS_PIVOT, ZERO_SPEED
 from ..closures import independent_rows
@@ -43,7 +41,7 @@ class RunVariables:
         # |g| and |G v + g_t| over all rows, and |v|, at ends of steps; lengths in characteristic lengths
         self.largest_g = self.largest_rate = self.largest_speed = 0.0
         self.accuracy = 0.0
-        self._last_q = np.full(self.nq, np.nan)  # configuration of the last stage
+        self._last_q: Array | None = None  # configuration of the last stage
 
 
     def enter(self, mode: tuple[int, ...]) -> None:

@@ -59,17 +59,18 @@ auto residuals(PyCore& c, const Array& t, const Array& y) {
   Index2System& s = c.core->system;
   const size_t n = t.size(), length = s.length, ng = s.ng;
   Numbers ts(t.data(), t.data() + n), at = checked_numbers(y, n * length, "y"), g(n * ng), rate(n * ng), energies(2 * n);
+  bool unknown = false;
   run_unlocked(c, [&] {
     for (size_t i = 0; i < n; ++i) try {
         residual(s, ts[i], &at[i * length], g.data() + i * ng, rate.data() + i * ng);
         const Energy e = energy(s, &at[i * length]);
         energies[2 * i] = e.kinetic, energies[2 * i + 1] = e.potential;
       } catch (const FallBackToPython&) {
-        energies[2 * i] = energies[2 * i + 1] = NAN;
+        energies[2 * i] = energies[2 * i + 1] = NAN, unknown = true;
         if (c.callbacks->interrupted) break;
       }
   });
-  return std::make_tuple(array(g, {n, ng}), array(rate, {n, ng}), array(energies, {n, 2}));
+  return std::make_tuple(array(g, {n, ng}), array(rate, {n, ng}), array(energies, {n, 2}), unknown);
 }
 
 // g, G, g_t and gamma, including rows inactive in the mode.
@@ -146,7 +147,8 @@ void bind_points(nb::class_<PyCore>& core) {
       .def("derivatives", derivatives, arg("t"), arg("y"),
            "Return y' (n, ny) and lam (n, ng) at many points; nan where they cannot be computed.")
       .def("residuals", residuals, arg("t"), arg("y"),
-           "Return g (n, ng), G v + g_t (n, ng), and kinetic and potential energy (n, 2) at many points.")
+           "Return g (n, ng), G v + g_t (n, ng), kinetic and potential energy (n, 2) at many points, and whether some "
+           "are unknown.")
       .def("rows_of_all_modes", rows_of_all_modes, arg("t"), arg("q"), arg("v"),
            "Return g (ng,), G (ng, nv), g_t and Gdot v + g_tt (ng,) over all rows whatever the mode, or None.")
       .def("pivot_ratio", ratio_of_pivots, arg("q"), arg("rank"),
