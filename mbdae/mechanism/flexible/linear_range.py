@@ -5,7 +5,6 @@ from collections.abc import Iterator
 import pinocchio as pin
 
 from ...system import Array
-from ..tree.frames import find_joint
 from ..tree.tree_terms import flexible_bodies
 
 MAX_DEFLECTION = 0.1  # of the size of a body: its square is the relative error of a linear deformation
@@ -40,5 +39,5 @@ def bends_by_its_size(model: pin.Model, q: Array) -> bool:
 def _motions(model: pin.Model, q: Array) -> Iterator[tuple[str, float, float, float]]:
     """Yield name, largest deflection, largest rotation and size of each flexible body."""
     for body in flexible_bodies(model):
-        modal, first = body.modal, find_joint(model, body.mode_joints[0]).idx_q
+        modal, first = body.modal, body.first_mode(model).idx_q
         yield body.name, *modal.largest_motion(q[:, first : first + modal.modes]), modal.size

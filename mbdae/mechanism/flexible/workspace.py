@@ -9,7 +9,6 @@ with nu = (v, w, q') of the body in its axes:
     u = v + w x d + Phi q',   s = Psi q',   wr = Jr s
 """
 
-from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -64,16 +63,10 @@ class BoundBody:
     """
 
     def __init__(
-        self,
-        model: pin.Model,
-        data: pin.Data,
-        base: tuple[int, pin.SE3],
-        mode_joints: Sequence[str],
-        modal: ModalBody,
+        self, model: pin.Model, data: pin.Data, base: tuple[int, pin.SE3], first: pin.JointModel, modal: ModalBody
     ) -> None:
-        self.modal = modal
+        self.modal, k = modal, modal.modes
         self.joint, self.placement = base
-        first, k = model.joints[model.getJointId(mode_joints[0])], modal.modes
         self.at, self.iq = slice(first.idx_v, first.idx_v + k), slice(first.idx_q, first.idx_q + k)
         joints = list(model.supports[self.joint])[1:]
         self.base = np.array([i for j in joints for i in range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])], int)
