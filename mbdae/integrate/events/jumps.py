@@ -41,6 +41,8 @@ class SmoothInterval(NamedTuple):
 class Jumps(EventSource):
     """Upcoming jumps of a run: breakpoints of the system, and times given by the user.
 
+    The present smooth interval, up to the next jump, is found when it begins, and when the end of the span moves.
+
     Args:
         system: the system, which provides breakpoints.
         times: times given by the user.
@@ -57,6 +59,7 @@ class Jumps(EventSource):
     ) -> None:
         self.system, self.given, self.t1, self.sign = system, _checked(times), t1, sign
         self.times = sorted({*self.given, *knots})
+        self.present = SmoothInterval(t1, t1, None)
         self._following = inf, -inf  # times, in their direction: the next jump after the first one is the last one
 
     @classmethod
@@ -70,17 +73,20 @@ class Jumps(EventSource):
         if run.mode_changes:
             self._following = inf, -inf
             self.times = sorted({*self.given, *_knots(run, run.t, t1)})
+        self.present = self.interval(run.t)
 
     def is_idle(self, run: "RunState", t1: float) -> bool:
         """Return whether no jump lies before t1, or within rounding after it."""
         first, last = self._following
         margin = 8 * MARGIN * max(ulp(run.t), ulp(t1))
-        known = first <= self.sign * run.t and run.interval.stop == run.interval.end
+        known = first <= self.sign * run.t and self.present.stop == self.present.end
         return known and self.sign * t1 + margin < last
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
-        """Return y after jumps of the states of sampled controllers."""
-        return self.system.jump(run.t, y)
+        """Find the smooth interval, and return y after jumps of the states of sampled controllers."""
+        y = self.system.jump(run.t, y)
+        self.present = self.interval(run.t)
+        return y
 
     def interval(self, t: float) -> SmoothInterval:
         """Return the smooth interval that starts at t. Jumps that differ only by rounding count as one.
@@ -100,13 +106,13 @@ class Jumps(EventSource):
 
     def first_event(self, step: "StepMap") -> Occurrence | None:
         """Return the end of a step at which a smooth interval ends, unless it is the end of the span."""
-        run = step.run
-        return Occurrence(run.t) if run.t == run.interval.end and run.interval.restart is not None else None
+        t, (_, end, restart) = step.run.t, self.present
+        return Occurrence(t) if t == end and restart is not None else None
 
     def act(self, run: "RunState") -> bool:
         """Restart after the jump."""
-        assert run.interval.restart is not None
-        run.restart_after_jump(run.interval.restart)
+        assert self.present.restart is not None
+        run.restart_after_jump(self.present.restart)
         return False
 
     def _next(self, t: float) -> float:
