@@ -99,7 +99,7 @@ def solve(
     inputs = Inputs.of_run(problem)
     run = prepare(inputs.begin(s) if inputs else problem, options, (q, v, s))
     started = perf_counter()
-    status, message = run_to_end(run, options.max_steps, progress)
+    status, message = run_to_end(run, progress)
     seconds = perf_counter() - started
     recorded = inputs.recorded(*run.nodes()[:2]) if inputs else problem
     out = make_solution(run, recorded, status, message, seconds)

@@ -55,11 +55,12 @@ class BackwardStepper:
         for t in times.tolist():
             control = Adaptive(tableau.error_power, self.rtol, None, None, np.inf)
             stepper = NativeStepper(control, system, tableau, True) if system.native else control
-            options = {"method": tableau, "project": True, "t0": ts[-1], "t1": t, "end": t, "jumps": (), "events": ()}
-            backward = RunState(run.problem, run.options._replace(**options), system, stepper, ys[-1], SOURCES)
+            options = run.options._replace(t0=ts[-1], t1=t, end=t, method=tableau, project=True, max_steps=MAX_STEPS)
+            options = options._replace(jumps=(), events=())
+            backward = RunState(run.problem, options, system, stepper, ys[-1], SOURCES)
             backward.begin()
             rates.append(backward.F)
-            time_loop(backward, MAX_STEPS)
+            time_loop(backward)
             ts.append(t)
             ys.append(backward.ys[-1])
         rates.append(system.derivative(ts[-1], ys[-1])[0])

@@ -26,7 +26,7 @@ from .step_map import StepMap
 Progress = Callable[[float], None]
 
 
-def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) -> tuple[str, str]:
+def run_to_end(run: RunState, progress: Progress | None) -> tuple[str, str]:
     """Run to the end of the span or as far as possible; return status and message.
 
     Raises:
@@ -35,7 +35,7 @@ def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) 
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # a diverging run is reported by its status
             run.begin(ahead=True)
-            stopped = time_loop(run, max_steps, progress)
+            stopped = time_loop(run, progress)
             for source in run.sources:
                 source.finish(run)
     except StepError as e:
@@ -55,12 +55,12 @@ def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) 
     return ("driver", undefined) if undefined else ("finished", STATUS["finished"])
 
 
-def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | None = None) -> bool:
+def time_loop(run: RunState, progress: Progress | None = None) -> bool:
     """Step to the end of the span; return True if an event stopped the run before."""
     total = run.time_left()
     while run.time_left() > 0:
         before = len(run.ts)
-        start = _advance(run, max_steps)
+        start = _advance(run)
         acting = _detect_events(run, start, before) if len(run.ts) > before else None
         if acting is None:  # no step was taken, or the last one was rejected
             continue
@@ -71,12 +71,13 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
     return False
 
 
-def _advance(run: RunState, max_steps: int | None) -> State | None:
+def _advance(run: RunState) -> State | None:
     """Try one or several steps; return the state at the start of the last one, None if a source replaced the step.
 
     Raises:
         StepError: if the largest number of steps is reached.
     """
+    max_steps = run.options.max_steps
     left = None if max_steps is None else max_steps - run.steps - (run.rejected or 0)
     if left is not None and left <= 0:
         raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
