@@ -14,11 +14,13 @@ import numpy as np
 from ...errors import StepError
 from ...mechanism.equilibrium.elastic_modes import ElasticModes, elastic_modes
 from ...mechanism.formulations.index2 import Index2System
-from ...methods import RungeKutta
+from ...mechanism.tree.tree_terms import flexible_bodies
+from ...methods import RungeKutta, method_from_settings
 from ...methods.explicit import ExplicitMethod
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COARSE, NEGLIGIBLE, TINY, VISIBLE
+from ..steppers.solvers import find_method
 
 SAMPLES = 9  # nodes at which the vibrations are computed, the first one among them
 SIZES = 48  # of steps, at which R is evaluated; interpolated between them
@@ -33,52 +35,62 @@ class Vibrations(NamedTuple):
 
     Attributes:
         modes: at the first node.
+        names: with their frequencies there, (m,).
         nodes: their indices, (n,).
         rates: of the oscillation, (n, m), in m sqrt(kg)/s.
+        largest: rates of the oscillation or of the deflection, (m,).
+        tolerance: of these rates.
     """
 
     modes: ElasticModes
+    names: Array
     nodes: Array
     rates: Array
+    largest: Array
+    tolerance: float
 
 
-def elastic_resolution(sol: Solution, method: Any) -> tuple[str, str]:
-    """Return which vibrations of flexible bodies a run does not resolve, and which one limits its steps; or empty.
+def unresolved_vibrations(sol: Solution, _: Index2System) -> str:
+    """Return which vibrations of flexible bodies a run does not resolve; empty if there are none."""
+    if (found := _vibrations(sol)) is None:
+        return ""
+    s, ts = sol.settings, sol.nodes[0]
+    method = method_from_settings(s) if "tableau" in s else find_method(s["formulation"], s["method"])
+    errors = np.array([_error(found, k, ts, np.abs(np.diff(ts)), method) for k in range(len(found.names))])
+    which = ", ".join(found.names[(errors > found.tolerance) & (errors > MAX_ERROR * found.largest)])
+    smaller = f"take a smaller {'step' if 'step' in s else 'rtol'}, damp it or drop it"
+    return f"not resolved: {which}, whose vibration {s['method']} damps or delays: {smaller}" if which else ""
 
-    Args:
-        sol: a run of a mechanism with flexible bodies that reached its end.
-        method: its method.
-    """
-    found = _vibrations(sol) if len(sol.nodes[0]) > 1 else None
-    if found is None:
-        return "", ""
-    (ts, ys, _), modes, fixed = sol.nodes, found.modes, "step" in sol.settings
-    h, w, rates = np.abs(np.diff(ts)), modes.frequencies, found.rates.max(axis=0)
-    of_v = sol.mechanism.nq + modes.at
-    deflections, speeds = (np.abs(ys[:, at] @ modes.rows.T).max(axis=0) for at in (modes.iq, of_v))
-    largest = np.maximum(rates, speeds)  # at rest the deflections have the tolerance
-    tolerance = (VISIBLE if fixed else min(sol.settings["rtol"], COARSE)) * np.maximum(largest, w * deflections).max()
-    errors = np.array([_error(found, k, ts, h, method) for k in range(len(w))])
-    names = [f"{label} ({float(f'{x:.3g}'):g} rad/s)" for label, x in zip(modes.labels, w, strict=True)]
-    if (unresolved := (errors > tolerance) & (errors > MAX_ERROR * largest)).any():
-        which = ", ".join(name for name, bad in zip(names, unresolved, strict=True) if bad)
-        smaller = f"take a smaller {'step' if fixed else 'rtol'}, damp it or drop it"
-        return f"not resolved: {which}, whose vibration {sol.settings['method']} damps or delays: {smaller}", ""
-    limits = np.flatnonzero((rates > tolerance) & (h.mean() * w > LIMITING) & (modes.ratios < OSCILLATING))
-    return "", "" if fixed or not len(limits) else f"steps limited by {names[limits[-1]]}; damp or drop it"
+
+def limiting_vibration(sol: Solution) -> str:
+    """Return which vibration of a flexible body limits the steps of a run; empty if none does."""
+    if "step" in sol.settings or (found := _vibrations(sol)) is None:
+        return ""
+    w, ratios, h = found.modes.frequencies, found.modes.ratios, np.abs(np.diff(sol.nodes[0]))
+    limits = (found.rates.max(axis=0) > found.tolerance) & (h.mean() * w > LIMITING) & (ratios < OSCILLATING)
+    return f"steps limited by {found.names[limits][-1]}; damp or drop it" if limits.any() else ""
 
 
 def _vibrations(sol: Solution) -> Vibrations | None:
-    """Return the vibrations at some nodes; None where the equations cannot be evaluated."""
+    """Return the vibrations of flexible bodies; None without any, or where the equations cannot be evaluated."""
     ts, ys, _ = sol.nodes
+    if len(ts) < 2 or not flexible_bodies(sol.mechanism.model):
+        return None
     system, nodes = sol.system, np.unique(np.linspace(0, len(ts) - 1, SAMPLES).astype(int))
     try:
         modes = elastic_modes(system, ts[0], ys[0, : system.nq])
-        if not len(modes.frequencies):
+        if not len(w := modes.frequencies):
             return None
-        return Vibrations(modes, nodes, np.array([_oscillation(system, modes, ts[i], ys[i]) for i in nodes]))
+        rates = np.array([_oscillation(system, modes, ts[i], ys[i]) for i in nodes])
     except StepError:
         return None
+    of_v = system.nq + modes.at
+    deflections, speeds = (np.abs(ys[:, at] @ modes.rows.T).max(axis=0) for at in (modes.iq, of_v))
+    largest = np.maximum(rates.max(axis=0), speeds)  # at rest the deflections have the tolerance
+    relative = VISIBLE if "step" in sol.settings else min(sol.settings["rtol"], COARSE)
+    tolerance = relative * np.maximum(largest, w * deflections).max()
+    names = [f"{label} ({float(f'{x:.3g}'):g} rad/s)" for label, x in zip(modes.labels, w, strict=True)]
+    return Vibrations(modes, np.array(names), nodes, rates, largest, tolerance)
 
 
 def _oscillation(system: Index2System, modes: ElasticModes, t: float, y: Array) -> Array:
@@ -102,7 +114,7 @@ def _error(found: Vibrations, k: int, ts: Array, h: Array, method: Any) -> float
     w, ratio = found.modes.frequencies[k], min(found.modes.ratios[k], 1.0)
     z = w * complex(-ratio, np.sqrt(1 - ratio**2))
     sizes = np.geomspace(max(h.min(), TINY), h.max() * (1 + NEGLIGIBLE), SIZES)
-    errors = np.interp(h, sizes, [step_error(method, z * size) for size in sizes])
+    errors = np.interp(h, sizes, step_error(method, z * sizes))
     total, worst = np.concatenate([[0.0], np.cumsum(errors)]), 0.0
     for i, rate in zip(found.nodes[:-1], found.rates[:-1, k], strict=True):
         decay = np.exp(-ratio * w * np.abs(ts[i + 1 :] - ts[i]))
@@ -110,10 +122,10 @@ def _error(found: Vibrations, k: int, ts: Array, h: Array, method: Any) -> float
     return worst
 
 
-def step_error(method: Any, z: complex) -> float:
-    """Return |R(z) exp(-z) - 1| of a step of a method."""
+def step_error(method: Any, z: Array) -> Array:
+    """Return |R(z) exp(-z) - 1| of steps of a method, (n,)."""
     if not isinstance(method, RungeKutta | ExplicitMethod):
-        return float(abs(z) ** (method.order + 1) / 12)
+        return np.abs(z) ** (method.order + 1) / 12
     A, b = method.arrays.A, method.arrays.b
-    R = 1 + z * (b @ np.linalg.solve(np.eye(len(b)) - z * A, np.ones(len(b))))
-    return float(abs(R - np.exp(z)) / max(abs(np.exp(z)), TINY))
+    stages = np.linalg.solve(np.eye(len(b)) - np.multiply.outer(z, A), np.ones((len(b), 1)))[..., 0]
+    return np.abs(1 + z * (stages @ b) - np.exp(z)) / np.maximum(np.abs(np.exp(z)), TINY)

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 
 from ...errors import StepError
-from ...mechanism.flexible.linear_range import beyond_linear
-from ...mechanism.tree.tree_terms import flexible_bodies
 from ...solution.solution import Problem, Solution
 from ...system import Array
-from .elastic_resolution import elastic_resolution
+from .elastic_resolution import limiting_vibration
 from .run_diagnostics import accuracy_warnings
 from .run_state import RunState
 
@@ -36,13 +34,10 @@ def make_solution(run: RunState, problem: Problem, status: str, message: str, se
     full = Solution(problem, *run.nodes(), status, message, stats, settings, **found)
     out = full if run.options.t_eval is None else _at_times(full, run.options.t_eval, run.sign, found)
     if out.success and (system := run.mechanical):
-        warnings = [accuracy_warnings(full, system)]
-        if flexible_bodies(system.model):
-            unresolved, limit = elastic_resolution(full, run.tableau)
-            warnings += [unresolved, beyond_linear(system.model, full.nodes[1][:, : system.nq])]
-            out.message = "; ".join(filter(None, (out.message, limit)))
-        if words := "; ".join(filter(None, warnings)):
-            out.status, out.message = "doubtful", words
+        if warnings := accuracy_warnings(full, system):
+            out.status, out.message = "doubtful", warnings
+        elif limit := limiting_vibration(full):
+            out.message = f"{out.message}; {limit}"
     log.info(
         "%s: %s, %s steps by %s (%s back end), %.3g s: %s",
         problem.title, out.status, stats["steps"], settings["method"], stats["backend"], seconds, out.message,

@@ -4,6 +4,7 @@ import numpy as np
 
 from ...mechanism.closures.closure_error import largest_error
 from ...mechanism.closures.preconditions import closures_with_preconditions, lost_precondition
+from ...mechanism.flexible.linear_range import beyond_linear
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.formulations.steps.projection import contradicting_rows
 from ...mechanism.signals.contacts import first_negative, rolling_closures
@@ -13,6 +14,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import AMBIGUOUS_PIVOT, VISIBLE
 from ..steppers.solvers import SOLVERS
+from .elastic_resolution import unresolved_vibrations
 
 POSITION_TOLERANCE = 0.01  # rad or characteristic lengths
 ENERGY_TOLERANCE = 0.1  # of the energy that is exchanged
@@ -144,6 +146,11 @@ def lift_off(sol: Solution, system: Index2System) -> str:
     return "; ".join(found)
 
 
+def large_deflections(sol: Solution, system: Index2System) -> str:
+    """Return which flexible body bends beyond the range of linear modes; empty if none does."""
+    return beyond_linear(system.model, sol.nodes[1][:, : system.nq])
+
+
 def are_accurate(system: Index2System, extremes: Array, t: Array, y: Array) -> Array:
     """Return whether runs pass the first three `CHECKS`, (k,); where they hardly move, some may count as inaccurate.
 
@@ -168,5 +175,5 @@ def _spread(n: int, most: int) -> Array | slice:
 
 CHECKS = (
     (violated_closures, violated_velocity_rows, energy_imbalance),  # a higher accuracy is the remedy
-    (dependent_rows_changed, lift_off, lost_preconditions),
+    (dependent_rows_changed, lift_off, lost_preconditions, unresolved_vibrations, large_deflections),
 )

@@ -63,12 +63,7 @@ class BoundBody:
     """
 
     def __init__(
-        self,
-        model: pin.Model,
-        data: pin.Data,
-        base: tuple[int, pin.SE3],
-        first: pin.JointModel,
-        modal: ModalBody,
+        self, model: pin.Model, data: pin.Data, base: tuple[int, pin.SE3], first: pin.JointModel, modal: ModalBody
     ) -> None:
         self.modal, k = modal, modal.modes
         self.joint, self.placement = base
