@@ -1,4 +1,4 @@
-"""Atomic writing of files, and reading of UTF-8 text."""
+"""Atomic writing of files, reading of UTF-8 text, the suffixes of results, and LaTeX for figures."""
 
 import os
 import tempfile
@@ -26,7 +26,7 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}", suffix=path.suffix)
         os.close(handle)
     except OSError as e:
-        raise InputError(f"cannot write {path}: {e.strerror}") from None
+        raise InputError(f"cannot write {path}: {e.strerror or e}") from None
     temporary = Path(name)
     try:
         yield temporary
@@ -35,13 +35,13 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
         temporary.chmod(0o666 & ~umask)
         temporary.replace(path)
     except OSError as e:
-        raise InputError(f"cannot write {path}: {e.strerror}") from None
+        raise InputError(f"cannot write {path}: {e.strerror or e}") from None
     finally:
         temporary.unlink(missing_ok=True)
 
 
 def find_latex() -> str:
-    """Return the name of an installed LaTeX, without which no figure is saved as .pgf.
+    """Return the name of an installed LaTeX engine, without which no figure is saved as .pgf.
 
     Raises:
         InputError: if there is none.
@@ -49,7 +49,7 @@ def find_latex() -> str:
     known = "xelatex", "lualatex", "pdflatex"
     if not (found := next(filter(which, known), None)):
         missing = f"none of {', '.join(known)} is installed: install one, or save as .pdf or .svg"
-        raise InputError(f"a .pgf figure needs LaTeX, which measures its texts, and {missing}")
+        raise InputError(f"a .pgf figure needs LaTeX to typeset its labels, and {missing}")
     return found
 
 

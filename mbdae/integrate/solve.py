@@ -83,8 +83,8 @@ def solve(
 
     Returns:
         The solution; after a failure, up to the last node: see `status` and `message`. Runs with status ``"finished"``
-        or ``"event"`` are successful; a ``"doubtful"`` run reached its end, but checks of closures, velocities or
-        energy failed; runs with any other status of `mbdae.errors.STATUS` stopped before the end.
+        or ``"event"`` are successful; a ``"doubtful"`` run reached its end, but a check of its accuracy or of its
+        assumptions failed; runs with any other status of `mbdae.errors.STATUS` stopped before the end.
 
     Raises:
         InputError: for invalid arguments, or an inconsistent start.

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, UnknownNameError, as_list
-from ..integrate.options.options import complete_settings
+from ..integrate.options.options import complete_settings, projects_positions
 from ..integrate.steppers.library_solver import LibrarySolver
-from ..integrate.steppers.solvers import SOLVERS, find_method, projects_positions
+from ..integrate.steppers.solvers import SOLVERS, find_method
 from ..mechanism import Mechanism
 from ..methods import EXPLICIT, METHODS, Tableau, method_from_settings
 from ..solution.solution import Problem, Solution

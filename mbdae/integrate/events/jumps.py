@@ -41,7 +41,7 @@ class SmoothInterval(NamedTuple):
 class Jumps(EventSource):
     """Upcoming jumps of a run: breakpoints of the system, and times given by the user.
 
-    The present smooth interval, up to the next jump, is found when it begins, and when the end of the span moves.
+    ``current`` is the current smooth interval, up to the next jump; runs of the core and restored runs set it.
 
     Args:
         system: the system, which provides breakpoints.
@@ -59,7 +59,7 @@ class Jumps(EventSource):
     ) -> None:
         self.system, self.given, self.t1, self.sign = system, _checked(times), t1, sign
         self.times = sorted({*self.given, *knots})
-        self.present = SmoothInterval(t1, t1, None)
+        self.current = SmoothInterval(t1, t1, None)
         self._following = inf, -inf  # times, in their direction: the next jump after the first one is the last one
 
     @classmethod
@@ -73,19 +73,19 @@ class Jumps(EventSource):
         if run.mode_changes:
             self._following = inf, -inf
             self.times = sorted({*self.given, *_knots(run, run.t, t1)})
-        self.present = self.interval(run.t)
+        self.current = self.interval(run.t)
 
     def is_idle(self, run: "RunState", t1: float) -> bool:
         """Return whether no jump lies before t1, or within rounding after it."""
         first, last = self._following
         margin = 8 * MARGIN * max(ulp(run.t), ulp(t1))
-        known = first <= self.sign * run.t and self.present.stop == self.present.end
+        known = first <= self.sign * run.t and self.current.stop == self.current.end
         return known and self.sign * t1 + margin < last
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
         """Find the smooth interval, and return y after jumps of the states of sampled controllers."""
         y = self.system.jump(run.t, y)
-        self.present = self.interval(run.t)
+        self.current = self.interval(run.t)
         return y
 
     def interval(self, t: float) -> SmoothInterval:
@@ -106,13 +106,13 @@ class Jumps(EventSource):
 
     def first_event(self, step: "StepMap") -> Occurrence | None:
         """Return the end of a step at which a smooth interval ends, unless it is the end of the span."""
-        t, (_, end, restart) = step.run.t, self.present
-        return Occurrence(t) if t == end and restart is not None else None
+        t, current = step.run.t, self.current
+        return Occurrence(t) if t == current.end and current.restart is not None else None
 
     def act(self, run: "RunState") -> bool:
         """Restart after the jump."""
-        assert self.present.restart is not None
-        run.restart_after_jump(self.present.restart)
+        assert self.current.restart is not None
+        run.restart_after_jump(self.current.restart)
         return False
 
     def _next(self, t: float) -> float:
@@ -126,7 +126,7 @@ class Jumps(EventSource):
         return s * following
 
     def _cluster(self, t: float, tolerance: float) -> tuple[float, float]:
-        """Return the last of the jumps after t with distances up to a tolerance, t if there is none; and the next."""
+        """Return the last jump of the cluster that starts at t, t if there is none, and the jump after it."""
         for _ in range(MAX_CLUSTER):
             following = self._next(t)
             if self.sign * (following - t) > tolerance:

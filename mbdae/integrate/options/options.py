@@ -6,11 +6,12 @@ from typing import Any, NamedTuple
 
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
-from ...methods import METHODS, Tableau
+from ...methods import EXPLICIT, METHODS, ExplicitMethod, Tableau
 from ...solution.solution import Problem
 from ...system import Array
 from ..events.event import Event, Events, as_events
-from ..steppers.solvers import find_method, projects_positions
+from ..steppers.library_solver import LibrarySolver
+from ..steppers.solvers import find_method
 from .defaults import DEFAULTS
 from .span import checked_span, checked_times, end_of_tables
 
@@ -116,6 +117,28 @@ def require_positive(**values: float | None) -> None:
             continue
         if isinstance(value, bool) or not isinstance(value, Real) or not float(value) > 0:
             raise InputError(f"{name} must be a positive number, got {value!r}")
+
+
+def projects_positions(
+    problem: Problem, project: bool | str, formulation: str, method: Any, step: float | None
+) -> bool:
+    """Return whether positions are projected after each step.
+
+    Raises:
+        InputError: for an invalid value, or a problem, formulation or method without projection.
+    """
+    if project not in (True, False, "auto"):
+        raise InputError(f"project is True, False or 'auto', got {project!r}")
+    one_step = formulation == "index2" and not isinstance(method, LibrarySolver)
+    if project == "auto":
+        return isinstance(problem, Mechanism) and one_step and step is None and problem.ng > 0
+    if project and not isinstance(problem, Mechanism):
+        raise InputError("project=True is for mechanisms: the method itself satisfies 0 = g of a textbook problem")
+    if project and not one_step and not isinstance(method, ExplicitMethod):
+        others = f"{', '.join(EXPLICIT)} of 'index1'"
+        valid = f"project=True is for one-step methods of formulation 'index2', and for {others}"
+        raise InputError(f"{valid}; got {method.name!r} of {formulation!r}")
+    return bool(project)
 
 
 def complete_settings(problem: Problem, given: Mapping[str, object]) -> dict[str, Any]:

@@ -35,10 +35,10 @@ class Vibrations(NamedTuple):
 
     Attributes:
         modes: at the first node.
-        names: with their frequencies there, (m,).
+        names: labels with the frequencies at the first node, (m,).
         nodes: their indices, (n,).
         rates: of the oscillation, (n, m), in m sqrt(kg)/s.
-        largest: rates of the oscillation or of the deflection, (m,).
+        largest: largest rate of the oscillation or modal velocity over the nodes, (m,).
         tolerance: of these rates.
     """
 
@@ -50,28 +50,27 @@ class Vibrations(NamedTuple):
     tolerance: float
 
 
-def unresolved_vibrations(sol: Solution, _: Index2System) -> str:
+def unresolved_vibrations(sol: Solution, found: Vibrations) -> str:
     """Return which vibrations of flexible bodies a run does not resolve; empty if there are none."""
-    if (found := _vibrations(sol)) is None:
-        return ""
     s, ts = sol.settings, sol.nodes[0]
     method = method_from_settings(s) if "tableau" in s else find_method(s["formulation"], s["method"])
-    errors = np.array([_error(found, k, ts, np.abs(np.diff(ts)), method) for k in range(len(found.names))])
+    sizes = np.abs(np.diff(ts))
+    errors = np.array([_error(found, k, ts, sizes, method) for k in range(len(found.names))])
     which = ", ".join(found.names[(errors > found.tolerance) & (errors > MAX_ERROR * found.largest)])
     smaller = f"take a smaller {'step' if 'step' in s else 'rtol'}, damp it or drop it"
     return f"not resolved: {which}, whose vibration {s['method']} damps or delays: {smaller}" if which else ""
 
 
-def limiting_vibration(sol: Solution) -> str:
+def limiting_vibration(sol: Solution, found: Vibrations) -> str:
     """Return which vibration of a flexible body limits the steps of a run; empty if none does."""
-    if "step" in sol.settings or (found := _vibrations(sol)) is None:
+    if "step" in sol.settings:
         return ""
     w, ratios, h = found.modes.frequencies, found.modes.ratios, np.abs(np.diff(sol.nodes[0]))
     limits = (found.rates.max(axis=0) > found.tolerance) & (h.mean() * w > LIMITING) & (ratios < OSCILLATING)
     return f"steps limited by {found.names[limits][-1]}; damp or drop it" if limits.any() else ""
 
 
-def _vibrations(sol: Solution) -> Vibrations | None:
+def find_vibrations(sol: Solution) -> Vibrations | None:
     """Return the vibrations of flexible bodies; None without any, or where the equations cannot be evaluated."""
     ts, ys, _ = sol.nodes
     if len(ts) < 2 or not flexible_bodies(sol.mechanism.model):
@@ -123,7 +122,7 @@ def _error(found: Vibrations, k: int, ts: Array, h: Array, method: Any) -> float
 
 
 def step_error(method: Any, z: Array) -> Array:
-    """Return |R(z) exp(-z) - 1| of steps of a method, (n,)."""
+    """Return |R(z) exp(-z) - 1| of steps of a method, (n,); |z|^(p + 1)/12 of one without stages, of order p."""
     if not isinstance(method, RungeKutta | ExplicitMethod):
         return np.abs(z) ** (method.order + 1) / 12
     A, b = method.arrays.A, method.arrays.b

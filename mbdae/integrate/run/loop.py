@@ -89,7 +89,7 @@ def _advance(run: RunState) -> State | None:
 
 
 def _detect_events(run: RunState, start: State | None, before: int) -> list[EventSource] | None:
-    """Return the sources of the earliest event in the last step; None if the step was rejected."""
+    """Truncate the last step at its earliest event, and return the sources of it; None if the step was rejected."""
     step, acting = StepMap(run, start), list[EventSource]()
     if start and any(source.rejects(step) for source in run.sources):  # too long to detect its events
         run.reject_step(start)

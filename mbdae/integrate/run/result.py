@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import StepError
 from ...solution.solution import Problem, Solution
 from ...system import Array
-from .elastic_resolution import limiting_vibration
+from .elastic_resolution import find_vibrations, limiting_vibration
 from .run_diagnostics import accuracy_warnings
 from .run_state import RunState
 
@@ -22,7 +22,7 @@ def make_solution(run: RunState, problem: Problem, status: str, message: str, se
 
     Args:
         run: the run.
-        problem: its problem, in which inputs that FMUs have set are functions of time.
+        problem: the problem that is recorded with the solution.
         status: of `mbdae.errors.STATUS`.
         message: the same in words.
         seconds: computing time in s.
@@ -34,9 +34,10 @@ def make_solution(run: RunState, problem: Problem, status: str, message: str, se
     full = Solution(problem, *run.nodes(), status, message, stats, settings, **found)
     out = full if run.options.t_eval is None else _at_times(full, run.options.t_eval, run.sign, found)
     if out.success and (system := run.mechanical):
-        if warnings := accuracy_warnings(full, system):
+        vibrations = find_vibrations(full)
+        if warnings := accuracy_warnings(full, system, vibrations):
             out.status, out.message = "doubtful", warnings
-        elif limit := limiting_vibration(full):
+        elif vibrations and (limit := limiting_vibration(full, vibrations)):
             out.message = f"{out.message}; {limit}"
     log.info(
         "%s: %s, %s steps by %s (%s back end), %.3g s: %s",

@@ -147,8 +147,8 @@ class RunState:
 
     @property
     def interval(self) -> SmoothInterval:
-        """The present smooth interval."""
-        return self.jumps.present
+        """The current smooth interval."""
+        return self.jumps.current
 
     @property
     def dense_order(self) -> int:

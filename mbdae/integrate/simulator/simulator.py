@@ -92,7 +92,8 @@ class Simulator(DifferentiableAdvance):
         self.inputs = Inputs(problem)
         self.mechanism = self.inputs.mechanism
         span = t, np.nextafter(t, np.inf) + 1.0
-        self.options = RunOptions.from_arguments(self.mechanism, span, None, jumps, events, backend, **options)
+        of_run = RunOptions.from_arguments(self.mechanism, span, None, jumps, events, backend, **options)
+        self.options = of_run._replace(max_steps=None)  # that of the mechanism file is for runs
         self.recorded, self.restart, self.start, self.seconds = record, restart, float(t), 0.0
         self.status, self.message = "running", STATUS["finished"]
         self._settings = InputSettings(self.inputs)
@@ -186,10 +187,10 @@ class Simulator(DifferentiableAdvance):
         self._require_running()
         if not (is_number(dt) and dt > 0):
             raise InputError(f"dt must be a positive number in s, got {dt!r:.60}")
-        if not self.recorded and self._current.stepper.nodes(self._current) > MAX_NODES:
+        if not self.recorded and self._current.stepper.node_count(self._current) > MAX_NODES:
             self._restarted()
         self._last = self._differentiated = None
-        started, begin, node = perf_counter(), self.t, self._current.stepper.nodes(self._current) - 1
+        started, begin, node = perf_counter(), self.t, self._current.stepper.node_count(self._current) - 1
         target = self._on_grid(begin + dt)
         end = end_of_tables(self.mechanism.drivers, begin, target)
         try:

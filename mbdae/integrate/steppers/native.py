@@ -99,7 +99,7 @@ class NativeStepper(Stepper):
 
     def core_run_before_start(self, run: "RunState") -> "Run":
         """Return the core's run before this one begins; its first step is 0 where it must be estimated."""
-        run.jumps.present = run.jumps.interval(run.t)
+        run.jumps.current = run.jumps.interval(run.t)
         self._to_native(run, MAX_UNRECORDED)
         self.run.max_carries = 0
         return self.run
@@ -116,7 +116,7 @@ class NativeStepper(Stepper):
     def point(self, run: "RunState") -> Array:
         return self.run.state()[0] if self.unrecorded else run.ys[-1]
 
-    def nodes(self, run: "RunState") -> int:
+    def node_count(self, run: "RunState") -> int:
         return len(run.ts) + self.unrecorded * self.run.taken
 
     def take(self, run: "RunState", h: float) -> Step:

@@ -62,7 +62,7 @@ class Stepper(ABC):
         """Return the point (n,) after the last step, recorded or not."""
         return run.ys[-1]
 
-    def nodes(self, run: "RunState") -> int:
+    def node_count(self, run: "RunState") -> int:
         """Return the number of nodes, recorded or not."""
         return len(run.ts)
 

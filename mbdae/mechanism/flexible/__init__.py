@@ -4,18 +4,18 @@ A flexible body is a leaf of the tree. `attach_flexible` adds to a Pinocchio mod
 
 * the joint of its frame, which carries the rigid body (m, s0, I0): Pinocchio computes its terms; a frame that is fixed
   to its parent adds no joint, and the rigid body is part of that of the parent;
-* below it a chain of k massless prismatic joints, one a mode: Pinocchio knows q, v, names and manifold. Their motions
-  mean nothing; as ancestors of each other and descendants of the frame they have the sparsity of M;
+* below it a chain of k massless prismatic joints, one per mode: Pinocchio knows q, v, names and manifold. Their motions
+  have no physical meaning; as ancestors of each other and descendants of the frame they have the sparsity of M;
 * a frame for each node, on the last of these joints.
 
 Two additions make the body flexible, in Python (`workspace`) and in the core (`native/mechanism/flexible_body.hpp`):
 
 * M and nle get the part of the modal body that Pinocchio lacks, polynomials of degree 2 in q (`modal_body`);
-* each node is one more entry of `data.oMi`, `data.v`, `data.a`, behind those of the joints, with columns of J for its
+* each node is one more entry of `data.oMi`, `data.v`, `data.a`, after those of the joints, with columns of J for its
   modes. An `Anchor` on a node names this entry as its joint, so closures, forces and contacts see no difference.
 
 The elastic force -K q - D q' is a linear force law. `mbdae.mechanism.tree.tree_terms` calls Pinocchio and then these
-additions; code that calls Pinocchio elsewhere refuses flexible bodies by name (`require_rigid`).
+additions; code that calls Pinocchio elsewhere rejects flexible bodies by name (`require_rigid`).
 
 Source: A. A. Shabana, Dynamics of Multibody Systems, chapter 5; R. Schwertassek, O. Wallrapp, Dynamik flexibler
 Mehrkoerpersysteme (1999).

@@ -43,7 +43,7 @@ class FlexibleBody:
         """Return the index of the last joint: frames of nodes are on it."""
         return int(model.getJointId(self.mode_joints[-1]))
 
-    def first_mode(self, model: pin.Model) -> pin.JointModel:
+    def first_mode_joint(self, model: pin.Model) -> pin.JointModel:
         """Return the joint of the first mode; coordinates and velocities of the others follow."""
         return model.joints[model.getJointId(self.mode_joints[0])]
 
@@ -53,14 +53,14 @@ class FlexibleBody:
 
     def core_data(self, model: pin.Model) -> CoreData:
         """Return the body for the core."""
-        first, (joint, placement) = self.first_mode(model), self.base(model)
+        first, (joint, placement) = self.first_mode_joint(model), self.base(model)
         place = np.vstack([placement.rotation.T, placement.translation]).ravel().tolist()
         at = {"joint": joint, "placement": place, "iq": first.idx_q, "iv": first.idx_v}
         return at | self.modal.core_data()
 
     def bind(self, model: pin.Model, data: pin.Data) -> BoundBody:
         """Bind the body to a workspace, whose motions get an entry for each node."""
-        return BoundBody(model, data, self.base(model), self.first_mode(model), self.modal)
+        return BoundBody(model, data, self.base(model), self.first_mode_joint(model), self.modal)
 
 
 def attach_flexible(

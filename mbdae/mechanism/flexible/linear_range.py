@@ -39,5 +39,5 @@ def bends_by_its_size(model: pin.Model, q: Array) -> bool:
 def _motions(model: pin.Model, q: Array) -> Iterator[tuple[str, float, float, float]]:
     """Yield name, largest deflection, largest rotation and size of each flexible body."""
     for body in flexible_bodies(model):
-        modal, first = body.modal, body.first_mode(model).idx_q
+        modal, first = body.modal, body.first_mode_joint(model).idx_q
         yield body.name, *modal.largest_motion(q[:, first : first + modal.modes]), modal.size

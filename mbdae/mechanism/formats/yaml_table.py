@@ -1,6 +1,7 @@
-"""YAML with bounded size: tables of names, lists and numbers."""
+"""YAML with bounded size: mappings, lists and numbers."""
 
 import math
+from collections import Counter
 from typing import Any
 
 import yaml
@@ -19,7 +20,7 @@ def yaml_table(text: str, name: str) -> Any:
     try:
         node = yaml.compose(text, yaml.SafeLoader)
         if (size := _expanded_size(node, {})) > MAX_ENTRIES:
-            raise InputError(f"{name}: its aliases expand to {size:.3g} entries, more than {MAX_ENTRIES}")
+            raise InputError(f"{name}: it has {size:.3g} entries with its aliases expanded, more than {MAX_ENTRIES}")
         if duplicate := _duplicate_key(node):
             raise InputError(f"{name}: the key {duplicate!r} occurs more than once")
         return yaml.safe_load(text)
@@ -34,22 +35,22 @@ def _expanded_size(node: yaml.Node | None, sizes: dict[int, float]) -> float:
     if not isinstance(node, yaml.CollectionNode):
         return 1
     if id(node) not in sizes:
-        sizes[id(node)] = math.inf  # while it is open
+        sizes[id(node)] = math.inf  # while it is being visited
         inner = (x for entry in node.value for x in (entry if isinstance(entry, tuple) else (entry,)))
         sizes[id(node)] = 1 + sum(_expanded_size(x, sizes) for x in inner)
     return sizes[id(node)]
 
 
 def _duplicate_key(node: yaml.Node | None) -> str:
-    """Return a duplicate key of a table, of which YAML uses the last value; empty if there is none."""
-    waiting = [node]
-    while waiting:
-        node = waiting.pop()
+    """Return a duplicate key of a mapping, of which YAML uses the last value; empty if there is none."""
+    stack = [node]
+    while stack:
+        node = stack.pop()
         if isinstance(node, yaml.MappingNode):
-            keys = [str(key.value) for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
-            if duplicate := next((key for key in keys if keys.count(key) > 1), ""):
-                return duplicate
-            waiting += [value for _, value in node.value]
+            keys = Counter((key.tag, key.value) for key, _ in node.value if isinstance(key, yaml.ScalarNode))
+            if duplicate := next((key for (_, key), n in keys.items() if n > 1), ""):
+                return str(duplicate)
+            stack += [value for _, value in node.value]
         elif isinstance(node, yaml.SequenceNode):
-            waiting += node.value
+            stack += node.value
     return ""

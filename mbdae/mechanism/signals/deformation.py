@@ -26,7 +26,7 @@ def deformation_units(model: pin.Model) -> dict[str, str]:
 def nodes_of(model: pin.Model) -> Iterator[tuple[str, "Node", slice]]:
     """Yield name, node and the coordinates of the modes of each node of the flexible bodies."""
     for body in flexible_bodies(model):
-        first = body.first_mode(model).idx_q
+        first = body.first_mode_joint(model).idx_q
         for name, node in zip(body.node_frames, body.modal.nodes.values(), strict=True):
             yield name, node, slice(first, first + body.modal.modes)
 

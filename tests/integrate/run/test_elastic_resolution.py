@@ -7,7 +7,7 @@ from flexible_bodies import FOUR_BAR
 from flexible_slider_crank import slider_crank
 
 import mbdae
-from mbdae.integrate.run.elastic_resolution import _error, _vibrations, step_error
+from mbdae.integrate.run.elastic_resolution import _error, find_vibrations, step_error
 from mbdae.mechanism.equilibrium.elastic_modes import elastic_modes
 from mbdae.methods import method
 
@@ -63,7 +63,7 @@ def test_the_error_of_a_vibration_is_estimated():
     modes = elastic_modes(mech.system(), 0.0, q)
     rates = [x.v[:, modes.at] @ modes.rows[-1] for x in (sol, fine)]
     error = np.abs(rates[0] - rates[1]).max()
-    estimated = _error(_vibrations(sol), 3, sol.nodes[0], np.diff(sol.nodes[0]), method("pherk6"))
+    estimated = _error(find_vibrations(sol), 3, sol.nodes[0], np.diff(sol.nodes[0]), method("pherk6"))
     assert 0.7 < estimated / error < 1.5
 
 
@@ -98,7 +98,7 @@ def test_info_lists_frequencies():
 
 
 @pytest.mark.parametrize("options", [{"method": "radau9"}, {"method": "alpha", "step": 1e-3}])
-def test_a_body_at_rest_in_its_equilibrium_has_no_vibrations(options):
+def test_a_body_at_rest_in_its_equilibrium_has_nofind_vibrations(options):
     """Steps are as long as tolerances of the deflection allow: only rounding oscillates."""
     model = pin.Model()
     beam = mbdae.beam(1.0, 2.1e11, 7850.0, 1e-4, 8.3e-10, modes=3, loads=["gravity y"])

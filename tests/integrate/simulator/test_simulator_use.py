@@ -153,3 +153,13 @@ def test_reading_the_state_between_advances_changes_nothing(options):
     assert np.array_equal(one.y, other.y)
     assert one.stats["steps"] == other.stats["steps"]
     assert one.stats["rejected"] == other.stats["rejected"]
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+def test_the_largest_number_of_steps_of_a_file_is_for_runs(backend, tmp_path):
+    path = tmp_path / "pendulum.toml"
+    path.write_text('source = "pendulum"\n[solve]\nmax_steps = 2\nstep = 0.01\n')
+    assert mbdae.solve(path, (0, 0.1), backend=backend).status == "max_steps"
+    simulator = mbdae.Simulator(path, backend=backend)
+    simulator.advance(0.1)
+    assert simulator.t == pytest.approx(0.1)

@@ -276,7 +276,7 @@ def test_older_tables_of_parallel_robots(tmp_path):
         ("- a\n- b", "is not a table of keys"),
         ("{", "is not YAML"),
         ("", "is not a table of keys"),
-        ("closed_loop: &a [*a]", "its aliases expand to inf entries"),
+        ("closed_loop: &a [*a]", "it has inf entries with its aliases expanded"),
         ("name_mot: motor\nname_mot: []", "the key 'name_mot' occurs more than once"),
     ],
 )
