@@ -56,7 +56,7 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
     last_stage.motion_stamp = m.motion_stamp();
     last_stage.rates.assign(rates, rates + ns_ + 1);
   }
-  for (int k : which) point.scale_row(k);
+  point.scale_rows(which);
   std::copy(v_.begin(), v_.end(), F);
   s_.manifold.tangent(x_.data(), F);
   if (!rows.empty()) {
@@ -100,7 +100,7 @@ void HalfExplicitStep::satisfy_constraint(double, double factor, double* dx) {
 void HalfExplicitStep::factorize_constraints() {
   const std::vector<int>& rows = s_.rows.in_use();
   s_.constraints.value(s_.mechanics, qhat_.data(), rows, Ghat_.data());
-  for (int k : rows) s_.point.scale_row(k, Ghat_, Zhat_);
+  s_.point.scale_rows(rows, Ghat_, Zhat_);
   s_.saddle.factorize(Zhat_);
 }
 
