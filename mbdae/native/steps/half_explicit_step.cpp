@@ -7,13 +7,19 @@
 
 namespace mbdae {
 
+namespace {
+
+constexpr int CHUNK = 8;  // numbers that are combined together, in registers
+
+}  // namespace
+
 HalfExplicitStep::HalfExplicitStep(Index2System& s)
     : s_(s),
       nq_(s.nq),
       nv_(s.nv),
       ns_(s.ns),
       ny_(s.ny),
-      stride_((s.ny + 3) / 4 * 4),
+      stride_((s.ny + CHUNK - 1) / CHUNK * CHUNK),
       x_(stride_),
       xhat_(stride_),
       dx_(nv_),
@@ -105,13 +111,13 @@ void HalfExplicitStep::factorize_constraints() {
 }
 
 void HalfExplicitStep::combine(const double* weights, int count, double h, Numbers& to) const {
-  for (int k = 0; k < stride_; k += 4) {
+  for (int k = 0; k < stride_; k += CHUNK) {
     const double* from = F_.data() + k;
-    double sum[4] = {};
+    double sum[CHUNK] = {};
     for (int j = 0; j < count; ++j, from += stride_)
       if (const double w = weights[j]; w != 0)
-        for (int i = 0; i < 4; ++i) sum[i] += w * from[i];
-    for (int i = 0; i < 4; ++i) to[k + i] = h * sum[i];
+        for (int i = 0; i < CHUNK; ++i) sum[i] += w * from[i];
+    for (int i = 0; i < CHUNK; ++i) to[k + i] = h * sum[i];
   }
 }
 
