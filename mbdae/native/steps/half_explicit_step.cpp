@@ -55,7 +55,8 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   if (has_friction) s_.friction.update_slips(v_.data());
   double* rates = F + 2 * nv_;
   s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates, true);
-  if (!rows.empty()) constraints.evaluate_g_t(that, gthat_.data()), constraints.evaluate_g_t(t, gt_.data());
+  if (!rows.empty() && s_.driven())
+    constraints.evaluate_g_t(that, gthat_.data()), constraints.evaluate_g_t(t, gt_.data());
   if (last) {
     Index2System::LastStage& last_stage = s_.last_stage;
     last_stage.t = t, last_stage.q = q_, last_stage.v = v_, last_stage.s = s_in_, last_stage.f = f_,
