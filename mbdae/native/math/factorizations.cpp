@@ -16,42 +16,46 @@ void BandLU::resize(int n, int half) {
 void BandLU::zero() { std::fill(a_.begin(), a_.end(), 0.0); }
 
 bool BandLU::factorize() {
+  const int down = width_ - 1;  // from an entry to that of the next row, in the same column
   double smallest = INFINITY, largest = 0;
   for (int k = 0; k < n_; ++k) {
-    const int below = std::min(k + half_bandwidth_, n_ - 1), right = std::min(k + 2 * half_bandwidth_, n_ - 1);
-    int p = k;
-    for (int i = k + 1; i <= below; ++i)
-      if (std::fabs(at(i, k)) > std::fabs(at(p, k))) p = i;
-    swap_[k] = p;
-    if (p != k)
-      for (int j = k; j <= right; ++j) std::swap(at(k, j), at(p, j));
-    const double pivot = std::fabs(at(k, k));
+    const int left = n_ - 1 - k, below = std::min(half_bandwidth_, left), right = std::min(2 * half_bandwidth_, left);
+    double* __restrict top = &a_[k * width_ + half_bandwidth_];
+    double pivot = std::fabs(*top);
+    int p = 0;
+    for (int i = 1; i <= below; ++i)
+      if (const double size = std::fabs(top[i * down]); size > pivot) pivot = size, p = i;
+    swap_[k] = k + p;
+    if (p)
+      for (int j = 0; j <= right; ++j) std::swap(top[j], top[p * down + j]);
     if (!(pivot > 0) || !std::isfinite(pivot)) return ratio_ = 0, false;
     smallest = std::min(smallest, pivot), largest = std::max(largest, pivot);
-    const double* __restrict top = &at(k, k);
-    for (int i = k + 1; i <= below; ++i) {
-      double* __restrict row = &at(i, k);
-      const double f = row[0] / top[0];
-      multiplier_[k * half_bandwidth_ + i - k - 1] = f;
+    double *row = top, *multiplier = &multiplier_[k * half_bandwidth_];
+    for (int i = 1; i <= below; ++i) {
+      row += down;
+      const double f = *multiplier++ = row[0] / top[0];
       if (f != 0)
-        for (int j = 1; j <= right - k; ++j) row[j] -= f * top[j];
+        for (int j = 1; j <= right; ++j) row[j] -= f * top[j];
     }
   }
   ratio_ = n_ ? smallest / largest : 1;
   return true;
 }
 
-void BandLU::solve(double* b) const {
-  for (int k = 0; k < n_; ++k) {
+void BandLU::solve(double* __restrict b) const {
+  const double* multiplier = multiplier_.data();
+  for (int k = 0; k < n_; ++k, multiplier += half_bandwidth_) {
     if (swap_[k] != k) std::swap(b[k], b[swap_[k]]);
-    const int below = std::min(k + half_bandwidth_, n_ - 1);
-    for (int i = k + 1; i <= below; ++i) b[i] -= multiplier_[k * half_bandwidth_ + i - k - 1] * b[k];
+    const int below = std::min(half_bandwidth_, n_ - 1 - k);
+    const double f = b[k];
+    for (int i = 1; i <= below; ++i) b[k + i] -= multiplier[i - 1] * f;
   }
   for (int k = n_ - 1; k >= 0; --k) {
     const double* row = &a_[k * width_ + half_bandwidth_];
-    const int right = std::min(k + 2 * half_bandwidth_, n_ - 1);
-    for (int j = k + 1; j <= right; ++j) b[k] -= row[j - k] * b[j];
-    b[k] /= row[0];
+    const int right = std::min(2 * half_bandwidth_, n_ - 1 - k);
+    double s = b[k];
+    for (int j = 1; j <= right; ++j) s -= row[j] * b[k + j];
+    b[k] = s / row[0];
   }
 }
 

@@ -63,63 +63,38 @@ void Constraints::write(Constraints x) {
   drivers = std::move(x.drivers);
 }
 
-void Constraints::evaluate(const Mechanics& m, const double* q, int r, int& located, double* out, double* g) {
-  const Row& row = rows[r];
-  const bool inactive = !off.empty() && off[r];
-  if (inactive || row.between_joints()) std::fill_n(out, row.columns.size(), 0.0);
-  if (inactive) {
-    if (g) g[r] = 0;
-    return;
-  }
-  if (row.python) {
-    Numbers known(1 + row.python->iv.size());
-    row.python->value(q, known);
-    if (g) g[r] = row.positional ? known[0] : 0;
-    for (size_t k = 1; k < known.size(); ++k) out[row.entries[k - 1]] = known[k];
-    return;
-  }
-  if (row.between_joints()) {
-    double first;
-    const double x = row.coordinate_value(q, &first);
-    if (g) g[r] = row.positional ? x : 0;
-    out[row.entries[0]] = 1;
-    for (size_t k = 1; k < row.joints.size(); ++k)
-      if (row.kind == Row::sum || k == 1) out[row.entries[k]] = row.kind == Row::sum ? -row.c[k] : -first;
-    return;
-  }
-  Pair& pair = pairs[row.pair];
-  if (row.pair != located) pair.update_poses(m), located = row.pair;
-  double w[6];
-  const double x = row.wrench(pair, w);
-  if (g) g[r] = row.positional ? x : 0;
-  const double *J = m.J(), *sign = pair.sign.data();
-  const int *source = pair.sources.data(), n = static_cast<int>(pair.sources.size());
-  if (!pair.twice) {
-    for (int k = 0; k < n; ++k) out[k] = sign[k] == 0 ? 0 : sign[k] * dot6(w, J + 6 * source[k]);
-    return;
-  }
-  --out;
-  for (int k = 0; k < n; ++k) {
-    if (!k || pair.columns[k - 1] != pair.columns[k]) *++out = 0;
-    if (sign[k] != 0) *out += sign[k] * dot6(w, J + 6 * source[k]);
-  }
-}
-
 void Constraints::value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g) {
-  int located = -1;
-  for (int r : which) evaluate(m, q, r, located, G + start[r], g);
+  const double* J = m.J();
+  for (int r : which) {
+    const Row& row = rows[r];
+    double *out = G + start[r], gap = 0;
+    if (!off.empty() && off[r]) {
+      std::fill_n(out, row.columns.size(), 0.0);
+    } else if (row.between_joints()) {
+      gap = row.coordinate_entries(q, out);
+    } else {
+      Pair& pair = pairs[row.pair];
+      pair.update_poses(m);
+      double w[6];
+      gap = row.wrench(pair, w);
+      const double* sign = pair.sign.data();
+      const int *source = pair.sources.data(), n = static_cast<int>(pair.sources.size());
+      const auto entry = [&](int k) { return sign[k] == 0 ? 0 : sign[k] * dot6(w, J + 6 * source[k]); };
+      for (int k = 0; k < n && !pair.twice; ++k) out[k] = entry(k);
+      for (int k = 0; k < n && pair.twice; ++k) {
+        const bool again = k && pair.columns[k - 1] == pair.columns[k];
+        again ? out[-1] += entry(k) : *out++ = entry(k);
+      }
+    }
+    if (g) g[r] = row.positional ? gap : 0;
+  }
 }
 
 void Constraints::dense_value(const Mechanics& m, const double* q, const std::vector<int>& which, Numbers& G,
                               double* g) {
-  G.resize(rows.size() * nv);
-  int located = -1;
-  for (int r : which) {
-    entries_.resize(rows[r].columns.size());
-    evaluate(m, q, r, located, entries_.data(), g);
-    const double* entry = entries_.data();
-    for (int c : rows[r].columns) G[r * nv + c] = *entry++;
-  }
+  G.resize(rows.size() * nv), entries_.resize(start.back());
+  value(m, q, which, entries_.data(), g);
+  for (int r : which) expand(r, entries_.data(), &G[r * nv]);
 }
 
 Numbers Constraints::dense(const Numbers& entries) const {

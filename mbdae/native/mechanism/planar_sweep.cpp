@@ -40,7 +40,6 @@ class PlanarSweep final : public Sweep {
 
   bool refresh() override;
   bool planar() const override { return true; }
-
   void poses(const double* q, double* poses, double* J) override {
     outward<false, false, false>(q, nullptr, nullptr, poses, J);
   }
@@ -85,6 +84,11 @@ class PlanarSweep final : public Sweep {
   static Plane rotated(const Body& body, const Plane& x) {
     return {body.c * x.x - body.s * x.y, body.s * x.x + body.c * x.y};
   }
+  // Apart from the sweep, so that the compiler knows that no array overlaps.
+  static void turn(const double* fixed, const double* cosine, const double* sine, double c, double s,
+                   double* __restrict R) {
+    for (int i = 0; i < 9; ++i) R[i] = fixed[i] + c * cosine[i] + s * sine[i];
+  }
   Plane in_plane(const double* x) const { return {mbdae::dot(first_, x), mbdae::dot(second_, x)}; }
   void to_world(double x, double y, double* out) const {
     for (int i = 0; i < 3; ++i) out[i] = x * first_[i] + y * second_[i];
@@ -104,7 +108,7 @@ class PlanarSweep final : public Sweep {
   template <bool with_inertia, bool with_wrench>
   void inward(double* M, double* nle);
   void update_pose(const TreeJoint& m, const Joint& x, const double* q, const Body& before, Body& here);
-  void update_columns(const TreeJoint& m, const Joint& x, const Body& here, double* J);
+  void update_columns(const TreeJoint& m, const Joint& x, const Body& here, bool rooted, double* J);
   template <bool with_inertia, bool with_wrench>
   void add_body(const Joint& x, Body& here);
 
@@ -208,16 +212,16 @@ inline void PlanarSweep::update_pose(const TreeJoint& m, const Joint& x, const d
   here.c = before.c * c - before.s * s, here.s = before.s * c + before.c * s;
 }
 
-// Columns of translation come first, then that of rotation.
-inline void PlanarSweep::update_columns(const TreeJoint& m, const Joint& x, const Body& here, double* J) {
+// Columns of translation come first, then that of rotation; `columns_` if `rooted`.
+inline void PlanarSweep::update_columns(const TreeJoint& m, const Joint& x, const Body& here, bool rooted, double* J) {
   int k = m.v;
   for (int i = 0; i < m.translations; ++i, ++k) {
     const Plane slide = rotated(here, x.slides[i]);
-    columns_[k] = {slide.x, slide.y, 0};
+    if (rooted) columns_[k] = {slide.x, slide.y, 0};
     to_world(slide.x, slide.y, J + 6 * k), std::fill_n(J + 6 * k + 3, 3, 0.0);
   }
   if (m.rotation == TreeJoint::none) return;
-  columns_[k] = {x.sense * here.arm.y, -x.sense * here.arm.x, x.sense};
+  if (rooted) columns_[k] = {x.sense * here.arm.y, -x.sense * here.arm.x, x.sense};
   to_world(x.sense * here.position.y, -x.sense * here.position.x, J + 6 * k);
   for (int i = 0; i < 3; ++i) J[6 * k + 3 + i] = x.sense * normal_[i];
 }
@@ -244,10 +248,10 @@ void PlanarSweep::outward(const double* q, const double* v, const double* a, dou
     const Joint& x = joints_[j];
     const Body& before = bodies_[m.parent];
     Body& here = bodies_[j];
-    update_pose(m, x, q, before, here), update_columns(m, x, here, J);
+    update_pose(m, x, q, before, here), update_columns(m, x, here, with_motion || with_inertia || with_wrench, J);
     if (m.joint >= 0) {
       double* pose = poses + 12 * m.joint;
-      for (int i = 0; i < 9; ++i) pose[i] = x.fixed[i] + here.c * x.cosine[i] + here.s * x.sine[i];
+      turn(x.fixed, x.cosine, x.sine, here.c, here.s, pose);
       to_world(here.position.x, here.position.y, pose + 9);
       for (int i = 0; i < 3; ++i) pose[9 + i] += x.across[i];
     }
@@ -281,16 +285,14 @@ void PlanarSweep::inward(double* M, double* nle) {
     Body& to = bodies_[m.parent];
     if (with_wrench) add(to.f, own.f, 1);
     if (!with_inertia) continue;
-    to.mass += own.mass, to.inertia += own.inertia;
-    to.moment.x += own.moment.x, to.moment.y += own.moment.y;
+    to.mass += own.mass, to.inertia += own.inertia, to.moment.x += own.moment.x, to.moment.y += own.moment.y;
   }
 }
 
 }  // namespace
 
-std::unique_ptr<Sweep> planar_sweep(const std::vector<TreeJoint>& joints,
-                                    const InertiaPattern& pattern, const double* gravity,
-                                    const double* armature, double tolerance) {
+std::unique_ptr<Sweep> planar_sweep(const std::vector<TreeJoint>& joints, const InertiaPattern& pattern,
+                                    const double* gravity, const double* armature, double tolerance) {
   auto out = std::make_unique<PlanarSweep>(joints, pattern, gravity, armature, tolerance);
   return out->refresh() ? std::move(out) : nullptr;
 }

@@ -53,8 +53,7 @@ Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<Mechanics::Supp
   std::copy(a.R, a.R + 9, Ra), std::copy(a.p, a.p + 3, pa), std::copy(b.R, b.R + 9, Rb), std::copy(b.p, b.p + 3, pb);
 }
 
-void Pair::update_poses(const Mechanics& m) {
-  if (poses_of_ == m.pose_stamp()) return;
+void Pair::update_frames(const Mechanics& m) {
   frame_pose(m, a, needs_Ra, Ra, pa), frame_pose(m, b, needs_Rb, Rb, pb);
   contact_current_ = moving_contact_current_ = false, poses_of_ = m.pose_stamp();
 }
@@ -106,14 +105,15 @@ double unit_gap(const Pair& pair, double* n) {
   return d;
 }
 
+double Row::wrench_along_line(const Pair& pair, double* w) const {
+  Wrench<double> line;
+  const double g = line_wrench(*this, frames_of(pair), has_contact(*this) ? &pair.contact(shape) : nullptr, line);
+  return read(line, w, nullptr), g;
+}
+
 double Row::wrench(const Pair& pair, double* w) const {
+  if (along_line()) return wrench_along_line(pair, w);
   double g = 0;
-  if (along_line()) {
-    Wrench<double> line;
-    g = line_wrench(*this, frames_of(pair), has_contact(*this) ? &pair.contact(shape) : nullptr, line);
-    read(line, w, nullptr);
-    return g;
-  }
   if (kind == dot_product_1) {
     double x[3], y[3];
     rotate(pair.Ra, a, x), rotate(pair.Rb, b, y);
@@ -222,6 +222,22 @@ double Row::coordinate_value(const double* q, double* first) const {
   }
   horner(c, angle(q, joints[1]), p, *first, curve);
   return x - p;
+}
+
+double Row::coordinate_entries(const double* q, double* out) const {
+  std::fill_n(out, columns.size(), 0.0);
+  if (python) {
+    Numbers known(1 + python->iv.size());
+    python->value(q, known);
+    for (size_t k = 1; k < known.size(); ++k) out[entries[k - 1]] = known[k];
+    return known[0];
+  }
+  double first;
+  const double g = coordinate_value(q, &first);
+  out[entries[0]] = 1;
+  for (size_t k = 1; k < joints.size(); ++k)
+    if (kind == sum || k == 1) out[entries[k]] = kind == sum ? -c[k] : -first;
+  return g;
 }
 
 double Row::coordinate_bias(const double* q, const double* v) const {

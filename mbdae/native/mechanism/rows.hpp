@@ -28,7 +28,9 @@ struct Anchor {
 struct Pair {
   Pair(const Anchor& a, const Anchor& b, const std::vector<Mechanics::Support>& supports);
 
-  void update_poses(const Mechanics& m);  // Ra, pa, Rb, pb in the world, at the current poses
+  void update_poses(const Mechanics& m) {  // Ra, pa, Rb, pb in the world, at the current poses
+    if (poses_of_ != m.pose_stamp()) update_frames(m);
+  }
   // Va, Vb, and A, the relative acceleration for v' = 0; minus_gravity: from `Mechanics::bias_minus_gravity`, where
   // gravity cancels.
   void update_velocities(const Mechanics& m, bool minus_gravity);
@@ -50,6 +52,8 @@ struct Pair {
   const Contact<Dual<1>>& moving_contact(const Shape& s) const;
 
  private:
+  void update_frames(const Mechanics& m);
+
   long poses_of_ = -1;  // Mechanics::pose_stamp of the last update
   mutable bool contact_current_ = false, moving_contact_current_ = false;
   mutable Contact<double> contact_;
@@ -101,7 +105,7 @@ struct Row {
   void partials(const Pair& pair, WrenchPartials& t) const;                 // the wrench, Da and Db
   bool along_line() const { return kind >= height; }
   bool between_joints() const { return kind >= coordinate && kind <= ratio; }
-  double coordinate_value(const double* q, double* first) const;   // g, and the factor of v_j
+  double coordinate_entries(const double* q, double* out) const;   // g, and entries of G in `columns`
   double coordinate_bias(const double* q, const double* v) const;  // Gdot v
   // Adds lam d(G^T)/dq to K (nv, nv) and d(G v)/dq to B (nv,), unless they are null.
   void coordinate_partials(const double* q, const double* v, double lam, double* K, double* B, size_t width) const;
@@ -109,6 +113,8 @@ struct Row {
   FIELDS(kind, positional, pair, a, b, length, other_length, shape, profile, direction, joints, c, law, fold, period)
 
  private:
+  double wrench_along_line(const Pair& pair, double* w) const;
+  double coordinate_value(const double* q, double* first) const;   // g, and the factor of v_j
   double folded(const double* q, double* rise) const;  // x_j within a period of the law
   double curvature(const double* q) const;             // p''(x_j), or r'(x_k)
 };
@@ -195,7 +201,6 @@ class Constraints {
 
  private:
   void motion(double t, const Driver& d, double* u) const;
-  void evaluate(const Mechanics& m, const double* q, int row, int& located, double* out, double* g);
 
   Numbers entries_;  // scratch
 };

@@ -21,7 +21,7 @@ void ModeTransition::evaluate(double t, const double* y) {
   s_.constraints.value(s_.mechanics, y, s_.constraints.all, G.data(), g_.data());
   s_.constraints.complete_g(t, g_.data());
   s_.constraints.evaluate_g_t(t, g_t_.data());
-  for (int k : s_.constraints.all) s_.point.scale_row(k, G, Z);
+  s_.point.scale_rows(s_.constraints.all, G, Z);
   G_ = s_.constraints.dense(G), Z_ = s_.constraints.dense(Z);
   update_rates();
 }

@@ -66,28 +66,29 @@ double TimeLoop::move_norm(const Numbers& move) const {
   return largest_move(move, magnitude, s_.controlled_components(), run_.tolerated_move, run_.tiny);
 }
 
-bool TimeLoop::undoes_step(double h, const Numbers& y, const Numbers& move) const {
-  Numbers step(s_.ny, 0.0);
-  std::copy_n(move.begin(), s_.nv, step.begin());
-  double back = move_norm(step);
-  for (int i = 0; i < s_.nv; ++i) step[i] = h * move[s_.nv + i];
-  back = std::max(back, move_norm(step));
+bool TimeLoop::undoes_step(double h, double moved) {
+  partial_move_.assign(s_.ny, 0.0);
+  for (int i = 0; i < s_.nv; ++i) partial_move_[i] = h * move_[s_.nv + i];
+  double back = move_norm(partial_move_);
+  if (moved > 1) {  // only then can that of the coordinates alone be
+    std::copy_n(move_.begin(), s_.nv, partial_move_.begin());
+    back = std::max(back, move_norm(partial_move_));
+  }
   if (!(back > 1)) return false;
-  s_.difference(run_.state.y.data(), y.data(), step.data());
-  std::fill(step.begin() + s_.nv, step.end(), 0.0);
-  return back > run_.max_undone * move_norm(step);
+  s_.difference(run_.state.y.data(), unprojected_.data(), partial_move_.data());
+  std::fill(partial_move_.begin() + s_.nv, partial_move_.end(), 0.0);
+  return back > run_.max_undone * move_norm(partial_move_);
 }
 
 void TimeLoop::project(double t) {
-  const Numbers y = next_.y;
+  unprojected_ = next_.y, move_.resize(s_.ny);
   restarted_ = false;
   project_state(s_, t, next_.y.data());
   next_.low.clear();
   s_.size(next_.y.data(), size1_.data());  // of the next step's start, wherever `advance` is interrupted
-  Numbers move(s_.ny);
-  s_.difference(y.data(), next_.y.data(), move.data());
-  const double moved = move_norm(move);
-  if (undoes_step(t - run_.interval.t, y, move)) throw FallBackToPython();
+  s_.difference(unprojected_.data(), next_.y.data(), move_.data());
+  const double moved = move_norm(move_);
+  if (undoes_step(t - run_.interval.t, moved)) throw FallBackToPython();
   if (!method_.carries || moved <= 1) return;
   Numbers F(s_.ny), z(s_.ng);  // the carry restarts
   s_.derivative(t, next_.y.data(), F.data(), z.data());

@@ -133,7 +133,7 @@ class TimeLoop {
   bool shorten(double h);  // after a step that was too long; false where a shorter one is too short
   void project(double t);  // its end
   double move_norm(const Numbers& move) const;  // of the projected end of a step, in tolerances
-  bool undoes_step(double h, const Numbers& y, const Numbers& move) const;  // did it undo the step, which led to y?
+  bool undoes_step(double h, double moved);  // did the projection, by this norm, undo the step?
   class ShorterSteps;
   void detect_events(Proposal& p);  // on the step just taken, which is cut where an event ends the run
   // The guards that end the mode in it, where it is cut. False if the step does not resolve its loads.
@@ -153,6 +153,7 @@ class TimeLoop {
   Index2System& s_;
   Run& run_;
   State next_;
+  Numbers unprojected_, move_, partial_move_;  // (length,) next_.y before its projection; (ny,) twice
   bool restarted_ = false;  // its carry was recomputed
   EventScan scan_;          // on the accepted step
   GuardMonitor guards_;

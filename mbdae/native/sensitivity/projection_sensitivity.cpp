@@ -58,7 +58,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   for (int k : s_.rows.in_use())
     if (c.of_v || s_.constraints.rows[k].positional) c.rows.push_back(k);
   const int n = static_cast<int>(c.rows.size());
-  for (int k : c.rows) factors_.scale_row(k, c.G, c.Z);
+  factors_.scale_rows(c.rows, c.G, c.Z);
   c.lu.resize(n, n);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) c.lu.at(i, j) = s_.constraints.product(c.rows[i], c.rows[j], c.Z.data());

@@ -66,7 +66,7 @@ void GGLStep::satisfy_constraint(double that, double factor, double* dx) {
 }
 
 void GGLStep::compute_correction(const Numbers& G) {
-  for (int r : positions_.in_use()) s_.point.scale_row(r, G, Zhat_);
+  s_.point.scale_rows(positions_.in_use(), G, Zhat_);
   positions_.saddle().factorize(Zhat_);
   positions_.saddle().minimum_norm_motion(gap_.data(), dslip_.data(), dmu_.data());
   move_ = dslip_;

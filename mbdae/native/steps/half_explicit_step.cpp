@@ -7,13 +7,19 @@
 
 namespace mbdae {
 
+namespace {
+
+constexpr int CHUNK = 8;  // numbers that are combined together, in registers
+
+}  // namespace
+
 HalfExplicitStep::HalfExplicitStep(Index2System& s)
     : s_(s),
       nq_(s.nq),
       nv_(s.nv),
       ns_(s.ns),
       ny_(s.ny),
-      stride_((s.ny + 3) / 4 * 4),
+      stride_((s.ny + CHUNK - 1) / CHUNK * CHUNK),
       x_(stride_),
       xhat_(stride_),
       dx_(nv_),
@@ -49,14 +55,15 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   if (has_friction) s_.friction.update_slips(v_.data());
   double* rates = F + 2 * nv_;
   s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates, true);
-  if (!rows.empty()) constraints.evaluate_g_t(that, gthat_.data()), constraints.evaluate_g_t(t, gt_.data());
+  if (!rows.empty() && s_.driven())
+    constraints.evaluate_g_t(that, gthat_.data()), constraints.evaluate_g_t(t, gt_.data());
   if (last) {
     Index2System::LastStage& last_stage = s_.last_stage;
     last_stage.t = t, last_stage.q = q_, last_stage.v = v_, last_stage.s = s_in_, last_stage.f = f_,
     last_stage.motion_stamp = m.motion_stamp();
     last_stage.rates.assign(rates, rates + ns_ + 1);
   }
-  for (int k : which) point.scale_row(k);
+  point.scale_rows(which);
   std::copy(v_.begin(), v_.end(), F);
   s_.manifold.tangent(x_.data(), F);
   if (!rows.empty()) {
@@ -100,18 +107,18 @@ void HalfExplicitStep::satisfy_constraint(double, double factor, double* dx) {
 void HalfExplicitStep::factorize_constraints() {
   const std::vector<int>& rows = s_.rows.in_use();
   s_.constraints.value(s_.mechanics, qhat_.data(), rows, Ghat_.data());
-  for (int k : rows) s_.point.scale_row(k, Ghat_, Zhat_);
+  s_.point.scale_rows(rows, Ghat_, Zhat_);
   s_.saddle.factorize(Zhat_);
 }
 
 void HalfExplicitStep::combine(const double* weights, int count, double h, Numbers& to) const {
-  for (int k = 0; k < stride_; k += 4) {
+  for (int k = 0; k < stride_; k += CHUNK) {
     const double* from = F_.data() + k;
-    double sum[4] = {};
+    double sum[CHUNK] = {};
     for (int j = 0; j < count; ++j, from += stride_)
       if (const double w = weights[j]; w != 0)
-        for (int i = 0; i < 4; ++i) sum[i] += w * from[i];
-    for (int i = 0; i < 4; ++i) to[k + i] = h * sum[i];
+        for (int i = 0; i < CHUNK; ++i) sum[i] += w * from[i];
+    for (int i = 0; i < CHUNK; ++i) to[k + i] = h * sum[i];
   }
 }
 

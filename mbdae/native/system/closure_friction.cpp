@@ -22,10 +22,6 @@ void ClosureFriction::use(std::vector<FrictionInterface> interfaces, std::uint8_
       constraints_.pairs[p.pair].needs_Ra = true;
 }
 
-ClosureFriction::operator bool() const {
-  return std::any_of(active_, active_ + interfaces_.size(), [](std::uint8_t x) { return x != 0; });
-}
-
 void ClosureFriction::update_slips(const double* v) {
   for (size_t k = 0; k < interfaces_.size(); ++k) {
     const FrictionInterface& interface = interfaces_[k];

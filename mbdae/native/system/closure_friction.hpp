@@ -2,6 +2,7 @@
 // along e_k, for each friction interface k.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -31,7 +32,9 @@ class ClosureFriction {
   // active (k,): which interfaces slide, directions (k, 2): slip directions of rolling contacts; arrays of Python that
   // outlive this object.
   void use(std::vector<FrictionInterface> interfaces, std::uint8_t* active, double* directions);
-  explicit operator bool() const;  // does any interface slide?
+  explicit operator bool() const {  // does any interface slide?
+    return std::any_of(active_, active_ + interfaces_.size(), [](std::uint8_t x) { return x != 0; });
+  }
   double smallest_slip;            // m/s: a slower slip has no direction
   size_t size() const { return interfaces_.size(); }
   void set_active(int k, bool on) { active_[k] = on; }

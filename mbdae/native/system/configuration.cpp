@@ -28,63 +28,71 @@ void Configuration::dynamics(const double* q, const double* v, bool with_partial
   factorize();
 }
 
-// The ancestors of an ancestor of k are the last ones of k.
+// The ancestors of an ancestor of k are those that follow it among the ancestors of k.
 void Configuration::factorize() {
   invalidate();
-  const int nv = m_.nv;
-  std::copy_n(m_.M(), U_.size(), U_.begin());
-  for (int k = nv - 1; k >= 0; --k) {
-    double* c = &U_[m_.pattern.starts[k]];
-    const double d = *c;
+  const size_t* starts = m_.pattern.starts.data();
+  const int* rows = m_.pattern.rows.data();
+  double* U = U_.data();
+  std::copy_n(m_.M(), U_.size(), U);
+  for (int k = m_.nv - 1; k >= 0; --k) {
+    const double d = U[starts[k]];
     if (!(d > 0) || !std::isfinite(d)) throw FallBackToPython();
     root_[k] = 1 / std::sqrt(d);
     const double over = 1 / d;
-    const double* end = c + 1 + m_.ancestors[k].size();
-    for (int i : m_.ancestors[k]) {
-      double *x = ++c, *ci = &U_[m_.pattern.starts[i]];
-      const double a = *x * over;
-      *ci -= a * *x;
-      for (const double* y = end - m_.ancestors[i].size(); y != end; ++y) *++ci -= a * *y;
-      *x = a;
+    const size_t end = starts[k + 1];
+    for (size_t i = starts[k] + 1; i < end; ++i) {
+      const double u = U[i], a = u * over;
+      double* to = U + starts[rows[i]];
+      *to -= a * u;
+      for (size_t j = i + 1; j < end; ++j) *++to -= a * U[j];
+      U[i] = a;
     }
   }
 }
 
 void Configuration::solve_root(double* x) const {
+  const size_t* starts = m_.pattern.starts.data();
+  const int* rows = m_.pattern.rows.data();
   for (int k = m_.nv - 1; k >= 0; --k) {
-    const double* c = column(k);
-    for (int i : m_.ancestors[k]) x[i] -= *++c * x[k];
-    x[k] *= root_[k];
+    const double xk = x[k];
+    for (size_t i = starts[k] + 1; i < starts[k + 1]; ++i) x[rows[i]] -= U_[i] * xk;
+    x[k] = xk * root_[k];
   }
 }
 
 void Configuration::solve_root_transposed(double* x) const {
-  const int nv = m_.nv;
+  const size_t* starts = m_.pattern.starts.data();
+  const int *rows = m_.pattern.rows.data(), nv = m_.nv;
   for (int k = 0; k < nv; ++k) {
-    const double* c = column(k);
     double s = x[k] * root_[k];
-    for (int i : m_.ancestors[k]) s -= *++c * x[i];
+    for (size_t i = starts[k] + 1; i < starts[k + 1]; ++i) s -= U_[i] * x[rows[i]];
     x[k] = s;
   }
 }
 
-void Configuration::scale_row(int row, const Numbers& G, Numbers& Z) const {
-  const std::vector<int>& columns = constraints_.rows[row].columns;
-  const size_t at = constraints_.start[row];
+void Configuration::scale_rows(const std::vector<int>& which, const Numbers& G, Numbers& Z) const {
+  const size_t* starts = m_.pattern.starts.data();
+  const int* rows = m_.pattern.rows.data();
+  const double *U = U_.data(), *root = root_.data();
   double* x = x_.data();
-  constraints_.expand(row, G.data(), x);
-  for (size_t j = columns.size(); j-- > 0;) {
-    const int k = columns[j];
-    const double* c = column(k);
-    for (int i : m_.ancestors[k]) x[i] -= *++c * x[k];
-    Z[at + j] = x[k] *= root_[k];
+  for (int row : which) {
+    const std::vector<int>& columns = constraints_.rows[row].columns;
+    double* z = Z.data() + constraints_.start[row];
+    constraints_.expand(row, G.data(), x);
+    for (size_t j = columns.size(); j-- > 0;) {
+      const int k = columns[j];
+      const double xk = x[k];
+      for (size_t i = starts[k] + 1; i < starts[k + 1]; ++i) x[rows[i]] -= U[i] * xk;
+      z[j] = xk * root[k];
+    }
   }
 }
 
 void Configuration::evaluate(const double* q, bool counted) {
   inertia(q);
   constraints_.value(m_, q, constraints_.all, G.data(), g.data());
-  for (int k : constraints_.all) scale_row(k);
+  scale_rows(constraints_.all);
   if (counted) counts_.M += 1, counts_.factorizations += 1, counts_.G += !g.empty();
   mark_current(q);
 }

@@ -18,8 +18,8 @@ class Configuration {
   void inertia(const double* q);                                // M, its factors; G, Z invalid
   void dynamics(const double* q, const double* v, bool with_partials);  // and nle; or the first terms of partials
   void evaluate(const double* q, bool counted);                 // all of it, over all rows
-  void scale_row(int row) { scale_row(row, G, Z); }             // Z of a row, from G
-  void scale_row(int row, const Numbers& G, Numbers& Z) const;  // the same of other rows
+  void scale_rows(const std::vector<int>& which) { scale_rows(which, G, Z); }  // Z of these rows, from G
+  void scale_rows(const std::vector<int>& which, const Numbers& G, Numbers& Z) const;  // the same of other G
   void solve_root(double* x) const;                             // x := R^-1 x
   void solve_root_transposed(double* x) const;                        // x := R^-T x
 
@@ -39,7 +39,6 @@ class Configuration {
  private:
   void factorize();  // M
   bool is_near(const double* q) const;  // the current configuration, to rounding
-  const double* column(int k) const { return &U_[m_.pattern.starts[k]]; }
 
   Mechanics& m_;
   Constraints& constraints_;

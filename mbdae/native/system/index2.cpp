@@ -27,7 +27,6 @@ Index2System::Index2System(const void* model, const Tolerances& limits, Descript
       probe_(std::move(d.probe)),
       alpha_(d.alpha),
       beta_(d.beta),
-      conservative_(nv),
       other_(nv),
       f_(nv),
       lam_(ng),
@@ -112,12 +111,13 @@ void Index2System::probe_other_rows() {
 
 void Index2System::torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates) {
   counts.f += 1;
-  std::fill(conservative_.begin(), conservative_.end(), 0.0);
+  std::fill_n(tau, nv, 0.0), rates[ns] = 0;
+  if (laws_.empty()) return;
   std::fill(other_.begin(), other_.end(), 0.0);
   for (const Law& law : laws_)
-    law.add(mechanics, t, q, v, s + law.state, conservative_.data(), other_.data(), rates + law.state);
+    law.add(mechanics, t, q, v, s + law.state, tau, other_.data(), rates + law.state);
   rates[ns] = dot(other_.data(), v, nv);
-  for (int i = 0; i < nv; ++i) tau[i] = conservative_[i] + other_[i];
+  for (int i = 0; i < nv; ++i) tau[i] += other_[i];
 }
 
 void Index2System::forces(double t, const double* q, const double* v, const double* s, double* f, double* rates,

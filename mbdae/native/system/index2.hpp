@@ -170,7 +170,7 @@ class Index2System {
   std::vector<Law> laws_;
   const Numbers probe_;               // (nv,)
   const double alpha_, beta_;         // 1/s
-  Numbers conservative_, other_, f_;  // (nv,)
+  Numbers other_, f_;                 // (nv,)
   Numbers lam_, gt_, gap_, rate_;     // (ng,)
   Numbers all_G_;                     // (ng, nv)
   Numbers law_partials_, by_q_, by_v_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice

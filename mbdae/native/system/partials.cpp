@@ -76,13 +76,12 @@ const double* Index2System::law_partials(double t, const double* q, const double
 
 void Index2System::time_partials(double t, const double* q, const double* u, const double* lam, double* out) {
   const double *v = u, *s = u + nv;
-  std::fill(conservative_.begin(), conservative_.end(), 0.0), std::fill(other_.begin(), other_.end(), 0.0);
+  std::fill(other_.begin(), other_.end(), 0.0);
   std::fill(out, out + nv + ns + 1, 0.0), std::fill(gt_.begin(), gt_.end(), 0.0);
   for (const Law& law : laws_)
     if (law.kind->time_rate)
-      law.kind->time_rate(law, {mechanics, t, q, v, s + law.state},
-                          {conservative_.data(), other_.data(), out + nv + law.state});
-  for (int i = 0; i < nv; ++i) out[i] = conservative_[i] + other_[i];
+      law.kind->time_rate(law, {mechanics, t, q, v, s + law.state}, {out, other_.data(), out + nv + law.state});
+  for (int i = 0; i < nv; ++i) out[i] += other_[i];
   constraints.evaluate_g_tt(t, gt_.data());
   out[nv + ns] = dot(other_.data(), v, nv) - dot(gt_.data(), lam, ng);
 }

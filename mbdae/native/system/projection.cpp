@@ -132,7 +132,7 @@ void project_positions(Index2System& s, double t, double* q, std::vector<Numbers
     g = gap, moved = true;
     point.invalidate();  // M remains that of the start
     std::swap(point.G, point.scratch_G), std::swap(point.g, next_g);
-    for (int k : s.constraints.all) point.scale_row(k);
+    point.scale_rows(s.constraints.all);
   }
   if (moved) point.mark_rows_current(q);
   if (!(norm_of(g.data(), limits.row_scales) <= limits.projection_open) &&

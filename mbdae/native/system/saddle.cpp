@@ -188,6 +188,7 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   down(u_, residual_);
   p_ = residual_;
   double rho = dot(residual_.data(), residual_.data(), d);
+  if (rho == 0) return;  // their rows are orthogonal to those in use, or carry nothing
   const double target = limits_.cg_tolerance * rho;
   for (int it = 0; it < d + limits_.extra_cg_iterations && rho > target && rho > 0; ++it) {
     up(p_, u_);
