@@ -1,4 +1,4 @@
-// The rows of mu: independent ones of those that have a g (mbdae/mechanism/formulations/ggl.py).
+// The rows of mu: independent ones of the holonomic rows (mbdae/mechanism/formulations/ggl.py).
 #pragma once
 
 #include "system/index2.hpp"
@@ -10,7 +10,7 @@ class PositionRows {
   explicit PositionRows(Index2System& system);
 
   void select(const double* y);  // select them at the beginning of a step
-  // If all rows have a g they are the rows in use, and S is that of lam.
+  // If all rows are holonomic they are the rows in use, and S is that of lam.
   const bool same_as_velocity_rows;
   const IndependentRows& rows() const { return same_as_velocity_rows ? s_.rows : position_rows_; }
   SaddleSystem& saddle() { return same_as_velocity_rows ? s_.saddle : position_saddle_; }
@@ -20,8 +20,8 @@ class PositionRows {
   Index2System& s_;
   IndependentRows position_rows_;
   SaddleSystem position_saddle_;
-  std::vector<int> all_, order_;  // (p,) rows with a g, and pivots
-  Numbers Z_, pivots_;            // (p, nv) and more, as `pivoted_qr` leaves it, and (min(nv, p),)
+  std::vector<int> all_, order_;  // (p,) holonomic rows, and pivots
+  Numbers Z_, pivots_;            // workspace of `pivoted_qr`, and (min(nv, p),)
 };
 
 }  // namespace mbdae

@@ -30,7 +30,7 @@ void SaddleSystem::couple() {
   }
 }
 
-template <int n, bool mirrored>
+template <int n, bool symmetric>
 void SaddleSystem::multiply(const Block& x, const double* Zhat) {
   const double *Z = point_.Z.data(), *a = Zhat + x.start, *b = Z + x.start, *z[n], *zhat[n];
   double ij[n], ji[n];
@@ -40,10 +40,10 @@ void SaddleSystem::multiply(const Block& x, const double* Zhat) {
     for (int c = 0; c < common.n; ++c)
       for (int m = 0; m < n; ++m) {
         ij[m] += a[common.k + c] * z[m][common.l + c];
-        if (!mirrored) ji[m] += zhat[m][common.l + c] * b[common.k + c];
+        if (!symmetric) ji[m] += zhat[m][common.l + c] * b[common.k + c];
       }
   }
-  for (int m = 0; m < n; ++m) lu_.at(x.i, x.j[m]) = ij[m], lu_.at(x.j[m], x.i) = mirrored ? ij[m] : ji[m];
+  for (int m = 0; m < n; ++m) lu_.at(x.i, x.j[m]) = ij[m], lu_.at(x.j[m], x.i) = symmetric ? ij[m] : ji[m];
 }
 
 void SaddleSystem::assemble(const Numbers& Zhat) {
@@ -60,8 +60,8 @@ void SaddleSystem::assemble(const Numbers& Zhat) {
        &SaddleSystem::multiply<4, false>},
       {&SaddleSystem::multiply<1, true>, &SaddleSystem::multiply<2, true>, &SaddleSystem::multiply<3, true>,
        &SaddleSystem::multiply<4, true>}};
-  const Multiply* choices = by_size[&Zhat == &point_.Z];
-  for (const Block& x : blocks_) (this->*choices[x.n - 1])(x, Zhat.data());
+  const Multiply* kernels = by_size[&Zhat == &point_.Z];
+  for (const Block& x : blocks_) (this->*kernels[x.n - 1])(x, Zhat.data());
 }
 
 void SaddleSystem::factorize(const Numbers& Zhat) {
@@ -174,25 +174,25 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   for (int i = 0; i < d; ++i)
     for (int l : rows_.neighbours(others[i]))
       if (position[l] >= 0) couplings_.push_back({i, position[l], constraints_.product(others[i], l, point_.Z.data())});
-  auto down = [&](Numbers& u, Numbers& out) {  // out = C u; u is overwritten
+  auto apply_C = [&](Numbers& u, Numbers& out) {  // out = C u; u is overwritten
     lu_.solve(u.data());
     std::fill(out.begin(), out.end(), 0.0);
     for (const Entry& e : couplings_) out[e.i] += e.s * u[e.j];
   };
-  auto up = [&](const Numbers& n, Numbers& out) {  // out = C^T n
+  auto apply_C_transposed = [&](const Numbers& n, Numbers& out) {  // out = C^T n
     std::fill(out.begin(), out.end(), 0.0);
     for (const Entry& e : couplings_) out[e.j] += e.s * n[e.i];
     lu_.solve(out.data());
   };
   for (int k : rows_.in_use()) u_[position[k]] = lam[k];
-  down(u_, residual_);
+  apply_C(u_, residual_);
   p_ = residual_;
   double rho = dot(residual_.data(), residual_.data(), d);
   if (rho == 0) return;  // their rows are orthogonal to those in use, or carry nothing
   const double target = limits_.cg_tolerance * rho;
   for (int it = 0; it < d + limits_.extra_cg_iterations && rho > target && rho > 0; ++it) {
-    up(p_, u_);
-    down(u_, Ap_);
+    apply_C_transposed(p_, u_);
+    apply_C(u_, Ap_);
     for (int i = 0; i < d; ++i) Ap_[i] += p_[i];
     const double alpha = rho / dot(p_.data(), Ap_.data(), d);
     for (int i = 0; i < d; ++i) n_[i] += alpha * p_[i], residual_[i] -= alpha * Ap_[i];
@@ -200,7 +200,7 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
     for (int i = 0; i < d; ++i) p_[i] = residual_[i] + next / rho * p_[i];
     rho = next;
   }
-  up(n_, u_);
+  apply_C_transposed(n_, u_);
   for (int k : rows_.in_use()) z[k] -= u_[position[k]];
   for (int i = 0; i < d; ++i) z[others[i]] = n_[i];
   if (!finite(z, static_cast<int>(ng)))

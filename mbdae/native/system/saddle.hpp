@@ -1,4 +1,5 @@
-// The saddle-point system M v' = f + G^T lam, Ghat v' = rhs of the rows in use, by S = Ghat M^-1 G^T = Zhat Z^T.
+// The saddle-point system M v' = f + G^T lam, Ghat v' = rhs of the rows in use, by its Schur complement
+// S = Ghat M^-1 G^T = Zhat Z^T.
 #pragma once
 
 #include <vector>
@@ -42,7 +43,7 @@ class SaddleSystem {
     size_t start, starts[4];              // of their entries
     size_t first, last;                   // of `common_`
   };
-  template <int n, bool mirrored>
+  template <int n, bool symmetric>
   void multiply(const Block& block, const double* Zhat);  // entries of S, as independent sums
   void couple();                       // `blocks_`
   void assemble(const Numbers& Zhat);  // S of the rows in use

@@ -5,7 +5,7 @@
 
 namespace mbdae {
 
-// Determine rank and rows in use at the point on the closures next to y, and move y there if `project`; y' (ny,) and lam
+// Determine rank and rows in use at y projected onto the closures, and move y there if `project`; y' (ny,) and lam
 // (ng,) at y. `FallBackToPython`, with the rank unknown, where Python must decide.
 void start(Index2System& system, double t, bool project, const IndependentRows::FirstRank& first, Numbers& y, Numbers& F,
            Numbers& z);

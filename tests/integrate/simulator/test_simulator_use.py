@@ -157,8 +157,10 @@ def test_reading_the_state_between_advances_changes_nothing(options):
 
 @pytest.mark.parametrize("backend", ["native", "python"])
 def test_the_largest_number_of_steps_of_a_file_is_for_runs(backend, tmp_path):
-    path = tmp_path / "pendulum.toml"
-    path.write_text('source = "pendulum"\n[solve]\nmax_steps = 2\nstep = 0.01\n')
+    inertia = "mass = 1.0, inertia = [1, 1, 1, 0, 0, 0]"
+    body = f'name = "disc", parent = "world", joint = "revolute", axis = [0, 0, 1], {inertia}'
+    path = tmp_path / "disc.toml"
+    path.write_text(f"body = [{{{body}}}]\n[solve]\nmax_steps = 2\nstep = 0.01\n")
     assert mbdae.solve(path, (0, 0.1), backend=backend).status == "max_steps"
     simulator = mbdae.Simulator(path, backend=backend)
     simulator.advance(0.1)

@@ -34,8 +34,8 @@ def test_ghosts_are_sampled_at_the_same_times_and_vanish_at_their_end(sol, tmp_p
     for path in paths:
         np.testing.assert_array_equal(track(data, path, ".visible", 1)[:, 0], times <= 1)
         k = next(i for i, s in enumerate(scene.shapes) if path.endswith(f"/{s.name}"))
-        turn, expected = track(data, path, ".quaternion", 4)[40], scene.placements(short(times[40]).q)[k]
-        assert abs(turn @ expected[3:]) == pytest.approx(1, abs=1e-6)
+        quaternion, expected = track(data, path, ".quaternion", 4)[40], scene.placements(short(times[40]).q)[k]
+        assert abs(quaternion @ expected[3:]) == pytest.approx(1, abs=1e-6)
     assert any(s.name.startswith("ground") for s in scene.shapes)
     assert not [path for path in paths if "/ground" in path], "fixed bodies have no ghost"
     assert ("slider", 0) in curves(data, "q.slider (m)")
@@ -77,17 +77,17 @@ def test_arrows_are_forces_in_newton(tmp_path):
     size = 0.3 * data["extent"]
     matrix = np.reshape(head["matrix"], (4, 4)).T
     np.testing.assert_allclose(matrix @ [0, 0, 0.5, 1], [0, 0, 0.1 + size, 1], atol=1e-6)  # the tip of the cone
-    hung = mbdae.load("double_pendulum")
-    still = mbdae.solve(hung, (0, 0.1), np.zeros(hung.nq), np.zeros(hung.nv))
-    (bearing,) = arrows(still, "joint2", still.t)["forces"]
-    weight = 9.81 * hung.model.inertias[2].mass
-    np.testing.assert_allclose(bearing["values"][1], [0, 0, weight], atol=1e-3)  # almost at rest
-    np.testing.assert_allclose(bearing["points"][1], hung.frame(still.q[0], "joint2")[0], atol=1e-6)
+    pendulum = mbdae.load("double_pendulum")
+    at_rest = mbdae.solve(pendulum, (0, 0.1), np.zeros(pendulum.nq), np.zeros(pendulum.nv))
+    (reaction,) = arrows(at_rest, "joint2", at_rest.t)["forces"]
+    weight = 9.81 * pendulum.model.inertias[2].mass
+    np.testing.assert_allclose(reaction["values"][1], [0, 0, weight], atol=1e-3)  # almost at rest
+    np.testing.assert_allclose(reaction["points"][1], pendulum.frame(at_rest.q[0], "joint2")[0], atol=1e-6)
     with pytest.raises(InputError, match="no closures between frames"):
         shown(mbdae.solve(mbdae.Mechanism(model), (0, 0.1)), tmp_path, arrows=True)
 
 
-def test_an_open_loop_is_measured_and_a_spring_has_its_ends(fourbar, tmp_path):
+def test_gap_of_an_open_loop_and_end_points_of_a_spring(fourbar, tmp_path):
     opened = motion(fourbar.scene, lambda t: fourbar.q(t) + [0, 0, 0.1])
     (gap,) = payload(animate(opened, tmp_path / "a.html", **PLAIN))["gaps"]
     assert (gap["name"], gap["open"]) == ("loop", pytest.approx(2 * 1.5 * np.sin(0.05)))
