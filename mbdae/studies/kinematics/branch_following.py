@@ -7,9 +7,9 @@ import numpy as np
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import SAME_POSE
-from .branch_points import BranchPoint
 from .curve_sampling import Events, events
-from .pose_curve import MIN_COSINE, CurvePoint, PoseCurve
+from .curve_tracing import follow
+from .pose_curve import MIN_COSINE, BranchPoint, CurvePoint, PoseCurve
 
 MAX_BRANCHES = 32
 BRANCH_STEP = 0.02  # rad or characteristic lengths: from a branch point onto a branch
@@ -57,7 +57,7 @@ class _BranchSearch:
             self.used_directions[k].add(sign * (i + 1))
             curve = branch_off(self.first, point, sign * point.directions[i])
             if curve is not None and low <= curve.nodes[0].u <= high:
-                curve.follow(low, high)
+                follow(curve, low, high)
                 found, end = self.trim(curve, events(curve))
                 out.append(TracedCurve(curve, found, point, end))
         return out

@@ -4,46 +4,20 @@ At a simple branch point G has two null vectors N (nv, 2), and one left null vec
 have. A vector N y is tangent to a branch if y^T N^T K_u N y = 0 with K_u = d(G^T u)/dq.
 """
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.linalg import null_space
 
-from ...data_types import JsonObject
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import AGREEMENT, EVALUATION_ROUNDING, RANK, SOLUTION_ROUNDING, VISIBLE
 from .driven_mechanism import constraint_hessian
-
-if TYPE_CHECKING:
-    from .pose_curve import CurvePoint, PoseCurve
+from .pose_curve import BranchPoint, CurvePoint, PoseCurve
 
 NEWTON_STEPS = 6  # onto a branch point
 MAX_DISTANCE = 0.05  # rad or characteristic lengths: of a branch point from the sign change of sigma
 
 
-@dataclass(frozen=True)
-class BranchPoint:
-    """A pose in which several branches intersect.
-
-    Attributes:
-        u: the input, in rad or m.
-        q: configuration, (nq,).
-        directions: tangents of the branches, (k, nv), of length 1 in rad and characteristic lengths; branches continue
-            on both sides.
-    """
-
-    u: float
-    q: Array
-    directions: Array
-
-    def to_dict(self) -> JsonObject:
-        """Return JSON data."""
-        return {"u": self.u, "q": self.q.tolist(), "directions": self.directions.tolist()}
-
-
-def branch_point(curve: "PoseCurve", i: int) -> BranchPoint | None:
+def branch_point(curve: PoseCurve, i: int) -> BranchPoint | None:
     """Return the branch point after node i, where sigma changes sign; None if it is not simple.
 
     The sign change is the start of Newton's method for 0 = N^T G^T u and the rows of g within the range of G. The
@@ -81,7 +55,7 @@ def branch_point(curve: "PoseCurve", i: int) -> BranchPoint | None:
     return BranchPoint(u, q, tangents / np.linalg.norm(tangents, axis=1)[:, None])
 
 
-def _sign_change(curve: "PoseCurve", i: int, h: float) -> "CurvePoint":
+def _sign_change(curve: PoseCurve, i: int, h: float) -> CurvePoint:
     """Return the point of a step where sigma is nearly zero, by regula falsi as far as loops can be closed."""
     low, high, at = 0.0, h, curve.nodes[i]
     a, b = curve.nodes[i].sigma, curve.nodes[i + 1].sigma

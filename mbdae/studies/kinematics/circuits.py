@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import COINCIDENT, SAME_POSE, ZERO_SPEED
+from .curve_tracing import follow
 from .pose_curve import MAX_TRAVEL, CurvePoint, PoseCurve
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def _crossings_of(curve: PoseCurve, u: float) -> list[CurvePoint]:
     reach = MAX_TRAVEL * curve.unit
     crossings = [curve.nodes[0]]
     try:
-        curve.follow(u - reach, u + reach)
+        follow(curve, u - reach, u + reach)
         for i, (a, b) in enumerate(pairwise(curve.nodes)):
             for (s0, p0), (s1, p1) in pairwise(_monotonic_points(curve, i, a, b)):
                 crossings += [_crossing_point(curve, i, (s0, s1), w) for w in _levels_between(curve, u, p0, p1)]

@@ -14,10 +14,10 @@ from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tolerances import SMALLEST_PART
 from .branch_following import TracedCurve, is_same_point, other_branches
-from .branch_points import BranchPoint
 from .curve_sampling import branch_point_on_curve, events, sample
+from .curve_tracing import follow
 from .driven_mechanism import Hold, driven_mechanism, input_at, omitted_elements, require_one_dof, start_pose
-from .pose_curve import MAX_TRAVEL, CurvePoint, PoseCurve
+from .pose_curve import MAX_TRAVEL, BranchPoint, CurvePoint, PoseCurve
 from .result import CurveSegment, Kinematics
 from .transmission_angle import default_output, transmission
 from .violations import curve_violations
@@ -84,7 +84,7 @@ def kinematics(
     low, high = _range(driven, u, span, turns)
     curve = PoseCurve(system, angle_components(mech.model))
     curve.set_start(first, u, None if span is None or span[1] > span[0] else _decreasing_tangent(curve, first, u))
-    found = [TracedCurve(curve.follow(low, high), events(curve))]
+    found = [TracedCurve(follow(curve, low, high), events(curve))]
     if branches:
         found += other_branches(found[0], low, high)
     if curve.ended in ("long", "stuck"):

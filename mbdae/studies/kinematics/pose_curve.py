@@ -12,6 +12,7 @@ Source: Allgower, Georg, Introduction to Numerical Continuation Methods (2003), 
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,21 +20,17 @@ from scipy.linalg.lapack import dgesdd
 from scipy.optimize import brentq
 
 from ... import tolerances as tol
+from ...data_types import JsonObject
 from ...errors import StepError
 from ...system import Array
-from .branch_points import BranchPoint, branch_point
 
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
 
-FIRST_STEP, MAX_STEP, MIN_STEP = 0.02, 0.4, tol.SMALLEST_PART  # of the arclength
-JUMP = tol.INTERPOLATION  # longer steps between branches that do not intersect are rejected
 MIN_COSINE = 0.9  # smallest cosine between tangents, and between left null spaces, at both ends of a step
-PREDICTOR_ERROR = 0.02  # of a step: target for the error of the predictor
 ITERATIONS = 12
 CONVERGED = tol.COINCIDENT  # of a correction: by quadratic convergence the next one would be rounding
 MAX_TRAVEL = 100.0  # rad or characteristic lengths: of the coordinates that are not periodic angles
-MAX_NODES = 5000  # nodes of a curve
 
 
 class CurvePoint(NamedTuple):
@@ -62,6 +59,26 @@ class CurvePoint(NamedTuple):
     sigma: float
     left_null: Array
     orientation: float
+
+
+@dataclass(frozen=True)
+class BranchPoint:
+    """A pose in which several branches intersect.
+
+    Attributes:
+        u: the input, in rad or m.
+        q: configuration, (nq,).
+        directions: tangents of the branches, (k, nv), of length 1 in rad and characteristic lengths; branches continue
+            on both sides.
+    """
+
+    u: float
+    q: Array
+    directions: Array
+
+    def to_dict(self) -> JsonObject:
+        """Return JSON data."""
+        return {"u": self.u, "q": self.q.tolist(), "directions": self.directions.tolist()}
 
 
 class PoseCurve:
@@ -120,35 +137,18 @@ class PoseCurve:
         self.nodes, self.branch_points = [self._point(found, first, 0.0)], {}
         return self.nodes[0]
 
-    def follow(self, low: float, high: float) -> "PoseCurve":
-        """Trace the curve until the input leaves a range, or the start pose recurs."""
-        h, start = FIRST_STEP, self.nodes[0]
-        while len(self.nodes) < MAX_NODES:
-            here = self.nodes[-1]
-            new, missed = self._step(here, h)
-            if new is None:
-                if (h := h / 2) < MIN_STEP:
-                    self.ended = "stuck"
-                    return self
-                continue
-            self.nodes.append(new)
-            if here.sigma * new.sigma < 0 and not self._find_branch_point() and h > JUMP:
-                del self.nodes[-1]
-                del self.branch_points[len(self.nodes) - 1]
-                h /= 4
-                continue
-            change = (PREDICTOR_ERROR * h / max(missed, tol.SOLUTION_ROUNDING)) ** (1 / 3)
-            h = min(MAX_STEP, h * float(np.clip(change, 0.4, 2.0)))
-            closing = self.point_at_pose(len(self.nodes) - 2, start) if len(self.nodes) > 2 else None
-            if closing is not None and self.is_full_period(closing.u - start.u):
-                self.nodes[-1], self.ended = closing, "closed"
-                return self
-            if not low <= new.u <= high:
-                return self._end_at(low if new.u < low else high)
-            if self.travel().max() > MAX_TRAVEL:
-                break
-        self.ended = "long"
-        return self
+    def step(self, p: CurvePoint, h: float) -> tuple[CurvePoint | None, float]:
+        """Return the point a step h after p, None if it fails, and the error of the predictor."""
+        predicted = self._predict(p, h)
+        found = self._correct(predicted, p.u + h * p.speed)
+        if found is None:
+            return None, 0.0
+        missed = float(np.abs(self.difference(predicted, found[0])).max())
+        if missed > 0.2 * h or abs(found[2][2][self.r] @ p.tau) < MIN_COSINE:
+            return None, missed
+        if p.left_null.shape[1] and abs(np.linalg.det(found[2][0][:, self.r :].T @ p.left_null)) < MIN_COSINE**2:
+            return None, missed
+        return self._point(found, p, p.s + h), missed
 
     def travel(self) -> Array:
         """Return |q_last - q_first| of the coordinates that are not angles, (nv,), 0 for angles."""
@@ -158,23 +158,6 @@ class PoseCurve:
         """Return whether a change of the input is zero or a multiple of its period."""
         rest = change - self.period * round(change / self.period) if self.period else change
         return abs(rest) < tol.SAME_POSE * self.unit
-
-    def _find_branch_point(self) -> bool:
-        """Locate the branch point in the last step; return False if the step jumped to another branch."""
-        i = len(self.nodes) - 2
-        self.branch_points[i] = None
-        try:
-            self.branch_points[i] = branch_point(self, i)
-        except StepError:
-            return False
-        return True
-
-    def _end_at(self, u: float) -> "PoseCurve":
-        """Move the last node to the end u of the range of the input."""
-        i = len(self.nodes) - 2
-        at = self.at(i, self.root(i, lambda p: p.u - u))
-        self.nodes[-1], self.ended = self.at_input(at, u) or at, "range"
-        return self
 
     def point_at_pose(self, i: int, pose: CurvePoint) -> CurvePoint | None:
         """Return the point between nodes i and i + 1 that has a given pose and direction; None if there is none."""
@@ -234,18 +217,6 @@ class PoseCurve:
         """Return the point with the input u near another one, by [G; e_in] x = -[g; c - u]; None if it is not found."""
         found = self._correct(near.q, u, fixed_input=True)
         return None if found is None else self._point(found, near, near.s + (u - near.u) / (near.speed or 1.0))
-
-    def _step(self, p: CurvePoint, h: float) -> tuple[CurvePoint | None, float]:
-        predicted = self._predict(p, h)
-        found = self._correct(predicted, p.u + h * p.speed)
-        if found is None:
-            return None, 0.0
-        missed = float(np.abs(self.difference(predicted, found[0])).max())
-        if missed > 0.2 * h or abs(found[2][2][self.r] @ p.tau) < MIN_COSINE:
-            return None, missed
-        if p.left_null.shape[1] and abs(np.linalg.det(found[2][0][:, self.r :].T @ p.left_null)) < MIN_COSINE**2:
-            return None, missed
-        return self._point(found, p, p.s + h), missed
 
     def _predict(self, p: CurvePoint, h: float) -> Array:
         return self.integrate(p.q, h * (p.tau + 0.5 * h * p.kappa))

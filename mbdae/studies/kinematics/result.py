@@ -20,7 +20,7 @@ from ...tabular import Columns, Tabular, align_columns
 from ...tolerances import SOLUTION_ROUNDING
 from ...units import displayed, unit_name
 from .branch_following import TracedCurve
-from .branch_points import BranchPoint
+from .pose_curve import BranchPoint
 from .toggles import Toggle, toggle_table, toggles
 from .violations import Violation, violation_lines
 

@@ -9,18 +9,17 @@ so the load may reverse there, as at a limit point.
 Source: Bjorkman, Path following and critical points for contact problems, Computational Mechanics 10 (1992).
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
-from ...errors import InputError, StepError
 from ...mechanism.equilibrium.equilibrium_equations import Statics
-from ...tolerances import THREE_DIGITS
+from .path_point import PathPoint
 
 if TYPE_CHECKING:
     from .contacts import Contacts
-    from .continuation import Continuation, PathPoint
 
-TRIAL_STEP = THREE_DIGITS  # in rad or characteristic lengths, and parts of the range: shows which way a margin grows
+Locate = Callable[[PathPoint, float, Callable[[PathPoint], float]], tuple[float, PathPoint]]
 
 
 class Change(NamedTuple):
@@ -33,7 +32,7 @@ class Change(NamedTuple):
     """
 
     h: float
-    point: "PathPoint"
+    point: PathPoint
     contact: int
 
 
@@ -53,16 +52,19 @@ class ContactMode:
         """Number of changes without progress after which a path ends."""
         return 1 + len(self.contacts.switches)
 
-    def margin(self, k: int, point: "PathPoint") -> float:
+    def margin(self, k: int, point: PathPoint) -> float:
         """Return the gap of a contact if it is open, or its normal force if it is closed."""
         return self.contacts.margin(k, self.closed, point.here)
 
-    def first_change(self, path: "Continuation", here: "PathPoint", there: "PathPoint", h: float) -> Change | None:
-        """Return the first contact that closes or opens in a step; None if there is none."""
+    def first_change(self, locate: Locate, here: PathPoint, there: PathPoint, h: float) -> Change | None:
+        """Return the first contact that closes or opens in a step; None if there is none.
+
+        ``locate(here, h, margin)`` returns the step up to the zero of a margin, and the point there.
+        """
         found = []
         for k in self.contacts.violated(self.closed, there.here):
             margin = partial(self.margin, k)
-            found.append(Change(*(path.located(here, h, margin) if margin(here) > 0 else (0.0, here)), k))
+            found.append(Change(*(locate(here, h, margin) if margin(here) > 0 else (0.0, here)), k))
         return min(found, key=lambda change: change.h, default=None)
 
     def switched(self, k: int) -> "ContactMode":
@@ -73,23 +75,3 @@ class ContactMode:
         """Return the balance of forces in this mode."""
         mode = self.contacts.mode(self.closed)
         return Statics(before.mech, before.t, before.v, before.locked, loads, mode=mode)
-
-
-def continued(path: "Continuation", at: "PathPoint", k: int) -> "PathPoint | None":
-    """Return the point of a path at which a contact changes, in the new mode, and change to it; None if it ends there.
-
-    Of the two directions of the tangent it has the one in which the margin of the contact grows, from zero by a secant.
-    """
-    path.mode = path.mode.switched(k)
-    path.statics = path.mode.statics(path.statics, path.loads)
-    try:
-        here = path.balance(path.statics.close(at.here.q, at.here.s), at.here.s, at.u)
-        forward = path.tangent(at.u, here, at)
-    except (StepError, InputError):
-        return None
-    growth = []
-    for point in (forward, forward._replace(dq=-forward.dq, du=-forward.du)):
-        there = path.step(point, TRIAL_STEP)
-        growth.append((path.mode.margin(k, there) - path.mode.margin(k, point) if there else 0.0, point))
-    grown, point = max(growth, key=lambda item: item[0])
-    return path.step(point, -TRIAL_STEP * path.mode.margin(k, point) / grown) if grown > 0 else None

@@ -13,77 +13,26 @@ Source: Keller, Numerical solution of bifurcation and nonlinear eigenvalue probl
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
-from ...data_types import JsonObject
 from ...errors import InputError, StepError
 from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
-from ...mechanism.equilibrium.spectrum import CERTAIN, Curvature, curvature, null_space, scale_of
+from ...mechanism.equilibrium.spectrum import CERTAIN, curvature, null_space, scale_of
 from ...mechanism.flexible.linear_range import bends_by_its_size
 from ...system import Array
-from ...tolerances import EPS, ITERATION_ROUNDING, ROUNDING, SAME_STATE, SMALLEST_PART, VISIBLE
+from ...tolerances import EPS, ITERATION_ROUNDING, ROUNDING, SAME_STATE, SMALLEST_PART, THREE_DIGITS, VISIBLE
 from ..path_location import locate
-from .contact_changes import Change, ContactMode, continued
+from .contact_changes import Change, ContactMode
+from .path_point import CriticalPoint, PathPoint
 from .trust_region import symmetric
 
 MAX_STEP, MIN_STEP = 0.03, SMALLEST_PART  # in rad or characteristic lengths, and the range of the factor
 MAX_CORRECTIONS, MAX_POINTS = 8, 5000
 MIN_COSINE = 0.95  # between tangents at both ends of a step
+TRIAL_STEP = THREE_DIGITS  # in rad or characteristic lengths, and parts of the range: shows which way a margin grows
 MIN_FIRST_STEP = 0.1 * MAX_STEP  # after a change of a contact
 LOWEST_FRACTION = -2.0  # of the factor range, at which a diverging path ends
-
-
-class CriticalPoint(NamedTuple):
-    """A limit point, a branch point, or a change of a contact on a path.
-
-    Attributes:
-        kind: ``"limit"``: the load has an extremum; ``"branch"``: paths intersect; ``"contact"``, ``"separation"``: a
-            contact closes or opens.
-        factor: on the load.
-        q: configuration, (nq,).
-        shapes: M-orthonormal motions dq without stiffness, (m, nv): at a branch point the buckling shapes, which span
-            the directions of the other paths. m is the multiplicity; 0 at a branch point of forces without a potential.
-        contact: name of the contact that changes.
-        reverses: whether the load reverses there.
-    """
-
-    kind: str
-    factor: float
-    q: Array
-    shapes: Array
-    contact: str = ""
-    reverses: bool = False
-
-    @property
-    def multiplicity(self) -> int:
-        """Number of zero eigenvalues of the stiffness."""
-        return max(1, len(self.shapes))
-
-    def to_dict(self) -> JsonObject:
-        """Return JSON data."""
-        out: JsonObject = {"kind": self.kind, "factor": self.factor, "q": self.q.tolist()}
-        return out | {"shapes": self.shapes.tolist(), "contact": self.contact, "reverses": self.reverses}
-
-
-class PathPoint(NamedTuple):
-    """A point of a path.
-
-    Attributes:
-        u: the fraction of the factor's range.
-        here: the force balance.
-        dq, du: the tangent.
-        bent: eigenvalues of H and their signs; None for forces without a potential.
-        sign: of the determinant of the corrector's matrix.
-    """
-
-    u: float
-    here: ForceBalance
-    dq: Array
-    du: float
-    bent: Curvature | None
-    sign: float
 
 
 class Continuation:
@@ -121,7 +70,7 @@ class Continuation:
             if ended or there.u < LOWEST_FRACTION or bends_by_its_size(self.statics.mech.model, there.here.q):
                 return points, critical, ended
             if change:
-                after = continued(self, there, change.contact)
+                after = self.continued(there, change.contact)
                 critical.append(self._change(there, after, change.contact))
                 if after is None:
                     break
@@ -132,9 +81,29 @@ class Continuation:
             here, h = there, min(MAX_STEP, 1.5 * h)
         return points, critical, False
 
+    def continued(self, at: PathPoint, k: int) -> PathPoint | None:
+        """Return the point at which a contact changes, and enter the new mode; None if the path ends there.
+
+        Of the two directions of the tangent it has the one in which the margin of the contact grows from zero, by a
+        secant.
+        """
+        self.mode = self.mode.switched(k)
+        self.statics = self.mode.statics(self.statics, self.loads)
+        try:
+            here = self.balance(self.statics.close(at.here.q, at.here.s), at.here.s, at.u)
+            forward = self.tangent(at.u, here, at)
+        except (StepError, InputError):
+            return None
+        growth = []
+        for point in (forward, forward._replace(dq=-forward.dq, du=-forward.du)):
+            there = self.step(point, TRIAL_STEP)
+            growth.append((self.mode.margin(k, there) - self.mode.margin(k, point) if there else 0.0, point))
+        grown, point = max(growth, key=lambda item: item[0])
+        return self.step(point, -TRIAL_STEP * self.mode.margin(k, point) / grown) if grown > 0 else None
+
     def shortened(self, here: PathPoint, there: PathPoint, h: float) -> tuple[float, PathPoint, Change | None]:
         """Return a step up to the first change of a contact or to u = 1, and the change."""
-        change = self.mode.first_change(self, here, there, h)
+        change = self.mode.first_change(self.located, here, there, h)
         if change:
             h, there = change.h, change.point
         return (*self.located(here, h, lambda p: p.u - 1.0), None) if there.u >= 1.0 else (h, there, change)

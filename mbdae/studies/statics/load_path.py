@@ -22,8 +22,9 @@ from ...tabular import Columns, Tabular
 from ...units import displayed
 from .contact_changes import ContactMode
 from .contacts import Contacts, balanced_on_contacts
-from .continuation import Continuation, CriticalPoint
+from .continuation import Continuation
 from .equilibrium import complete_arguments
+from .path_point import CriticalPoint
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

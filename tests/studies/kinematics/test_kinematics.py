@@ -106,8 +106,8 @@ def test_where_branches_pass_each_other_the_curve_turns_back(longer, monkeypatch
 
     Steps that jump to the other branch are repeated, and leave no branch points.
     """
-    curves, follow = [], PoseCurve.follow
-    monkeypatch.setattr(PoseCurve, "follow", lambda self, *span: curves.append(self) or follow(self, *span))
+    curves, set_start = [], PoseCurve.set_start
+    monkeypatch.setattr(PoseCurve, "set_start", lambda self, *pose: curves.append(self) or set_start(self, *pose))
     d = 2.0 + longer
     mech = four_bar((1.0, 2.0, 1.0, d), {"q": {"crank": 1.0}, "guess": {"coupler": -1.0, "rocker": 1.0}})
     found = kinematics(mech, "crank")
@@ -274,8 +274,8 @@ def test_a_pose_costs_six_evaluations_of_the_closures(monkeypatch):
 
 def test_what_slides_away_is_named(monkeypatch):
     """Upright on the axle, the left wheel goes to infinity where the road comes to the height of the axle's length."""
-    mech, seen, step = mbdae.load("car_axis"), [], PoseCurve._step
-    monkeypatch.setattr(PoseCurve, "_step", lambda *given: seen.append(given) or step(*given))
+    mech, seen, step = mbdae.load("car_axis"), [], PoseCurve.step
+    monkeypatch.setattr(PoseCurve, "step", lambda *given: seen.append(given) or step(*given))
     with pytest.raises(StepError, match=r"'left_x' slides without bound as 'road' approaches 1: give a span that ends"):
         mbdae.kinematics(mech, "road", hold=["left", "right"])
     assert len(seen) < 500, "a hundred lengths in steps of 0.4"
