@@ -12,14 +12,15 @@ from scipy.linalg.lapack import dgesv
 from ..errors import InputError, StepError
 from ..hermite import powers, refine
 from ..system import Array, Counts, System
-from ..tolerances import BELOW_ROUNDING
+from ..tolerances import BELOW_ROUNDING, EVALUATION_ROUNDING, INPUT_DIGITS
 from .implicit import HessenbergStages
 from .index_check import require_index_2
 from .newton import is_last, largest
 
 Function = Callable[..., Array]
 CACHE_SIZE = 8
-START_TOLERANCE = 1e-6  # of 1 + |y|: largest |g| at the start
+WIDTH = 1e-3  # of 1 + |u|, of difference quotients of order four
+START_TOLERANCE = INPUT_DIGITS  # of 1 + |y|: largest |g| at the start
 
 
 @dataclass(frozen=True)
@@ -218,7 +219,7 @@ class HessenbergSystem(System):
             size, rounding = largest(dz), BELOW_ROUNDING * largest(z)
             if size <= 4 * rounding or is_last(size, last, rounding):
                 return z
-            if size >= 0.5 * last and largest(r) <= 1e-13 * (1 + np.abs(rate).max() * largest(y)):
+            if size >= 0.5 * last and largest(r) <= EVALUATION_ROUNDING * (1 + np.abs(rate).max() * largest(y)):
                 return z
             last = size
         raise StepError("newton", f"Newton's method for z does not converge at t = {t:.17g} in {self.problem.title!r}")
@@ -291,7 +292,7 @@ def jacobian(function: Function, u: Array) -> Array:
     columns = []
     for i in range(len(u)):
         d = np.zeros(len(u))
-        d[i] = 1e-3 * (1 + abs(u[i]))
+        d[i] = WIDTH * (1 + abs(u[i]))
         difference = function(u + d) - function(u - d)
         columns.append((8 * difference - (function(u + 2 * d) - function(u - 2 * d))) / (12 * d[i]))
     return np.array(columns).T
