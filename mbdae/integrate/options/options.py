@@ -1,7 +1,7 @@
 """Validated options of a run: its arguments, else settings of the mechanism file, else the defaults."""
 
 from collections.abc import Mapping, Sequence
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any, NamedTuple
 
 from ...errors import InputError, UnknownNameError
@@ -80,6 +80,11 @@ class RunOptions(NamedTuple):
             if name not in DEFAULTS:
                 raise UnknownNameError("option", name, DEFAULTS)
         require_positive(**{name: given.get(name) for name in ("step", "first_step", "max_step", "max_steps")})
+        if not isinstance(most := given.get("max_steps") or 1, Integral):
+            raise InputError(f"max_steps must be an integer, got {most!r}")
+        controls = [name for name in ("rtol", "atol", "first_step", "max_step") if given.get(name) is not None]
+        if controls and given.get("step") is not None:
+            raise InputError(f"step fixes the size of all steps: give it, or {', '.join(controls)}, not both")
         c = complete_settings(problem, given)
         c["method"] = find_method(c["formulation"], c["method"])
         c["project"] = projects_positions(problem, c["project"], c["formulation"], c["method"], c["step"])

@@ -82,3 +82,17 @@ def test_all_faults_of_a_file_are_said_at_once_and_by_name(tmp_path):
     path.write_text(BOB.replace("[0, -1, 0]", "[0]"))
     with pytest.raises(InputError, match=r"wrong\.toml: body\.bob\.axis: too few entries, got \[0\]$"):
         mbdae.load(path)
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+@pytest.mark.parametrize("control", ["rtol", "atol", "first_step", "max_step"])
+def test_a_fixed_step_has_no_step_size_control(backend, control):
+    with pytest.raises(InputError, match=rf"^step fixes the size of all steps: give it, or {control}, not both$"):
+        mbdae.solve("pendulum", (0, 0.1), step=0.01, backend=backend, **{control: 1e-3})
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+@pytest.mark.parametrize("most", [1.5, 10.0, np.inf])
+def test_the_largest_number_of_steps_is_an_integer(backend, most):
+    with pytest.raises(InputError, match=rf"^max_steps must be an integer, got {most}$"):
+        mbdae.solve("pendulum", (0, 0.1), max_steps=most, backend=backend)
