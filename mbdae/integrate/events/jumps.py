@@ -41,8 +41,6 @@ class SmoothInterval(NamedTuple):
 class Jumps(EventSource):
     """Upcoming jumps of a run: breakpoints of the system, and times given by the user.
 
-    ``current`` is the current smooth interval, up to the next jump; runs of the core and restored runs set it.
-
     Args:
         system: the system, which provides breakpoints.
         times: times given by the user.
@@ -59,7 +57,6 @@ class Jumps(EventSource):
     ) -> None:
         self.system, self.given, self.t1, self.sign = system, _checked(times), t1, sign
         self.times = sorted({*self.given, *knots})
-        self.current = SmoothInterval(t1, t1, None)
         self._following = inf, -inf  # times, in their direction: the next jump after the first one is the last one
 
     @classmethod
@@ -73,20 +70,17 @@ class Jumps(EventSource):
         if run.mode_changes:
             self._following = inf, -inf
             self.times = sorted({*self.given, *_knots(run, run.t, t1)})
-        self.current = self.interval(run.t)
 
     def is_idle(self, run: "RunState", t1: float) -> bool:
         """Return whether no jump lies before t1, or within rounding after it."""
         first, last = self._following
         margin = 8 * MARGIN * max(ulp(run.t), ulp(t1))
-        known = first <= self.sign * run.t and self.current.stop == self.current.end
+        known = first <= self.sign * run.t and run.interval.stop == run.interval.end
         return known and self.sign * t1 + margin < last
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
-        """Find the smooth interval, and return y after jumps of the states of sampled controllers."""
-        y = self.system.jump(run.t, y)
-        self.current = self.interval(run.t)
-        return y
+        """Return y after jumps of the states of sampled controllers."""
+        return self.system.jump(run.t, y)
 
     def interval(self, t: float) -> SmoothInterval:
         """Return the smooth interval that starts at t. Jumps that differ only by rounding count as one.
@@ -106,13 +100,13 @@ class Jumps(EventSource):
 
     def first_event(self, step: "StepMap") -> Occurrence | None:
         """Return the end of a step at which a smooth interval ends, unless it is the end of the span."""
-        t, current = step.run.t, self.current
+        t, current = step.run.t, step.run.interval
         return Occurrence(t) if t == current.end and current.restart is not None else None
 
     def act(self, run: "RunState") -> bool:
         """Restart after the jump."""
-        assert self.current.restart is not None
-        run.restart_after_jump(self.current.restart)
+        assert run.interval.restart is not None
+        run.restart_after_jump(run.interval.restart)
         return False
 
     def _next(self, t: float) -> float:

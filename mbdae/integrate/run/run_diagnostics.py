@@ -33,8 +33,8 @@ def accuracy_warnings(sol: Solution, system: Index2System, vibrations: Vibration
     inaccurate, others = ([text for check in checks if (text := check(sol, system))] for checks in CHECKS)
     if inaccurate:
         others.insert(0, f"{'; '.join(inaccurate)}: {_remedy(sol, system)}")
-    unresolved = unresolved_vibrations(sol, vibrations) if vibrations else ""
-    others += filter(None, (unresolved, _large_deflections(sol, system)))
+    if vibrations and (unresolved := unresolved_vibrations(sol, vibrations)):
+        others.append(unresolved)
     return "; ".join(others)
 
 
@@ -149,7 +149,7 @@ def lift_off(sol: Solution, system: Index2System) -> str:
     return "; ".join(found)
 
 
-def _large_deflections(sol: Solution, system: Index2System) -> str:
+def large_deflections(sol: Solution, system: Index2System) -> str:
     """Return which flexible body bends beyond the range of linear modes; empty if none does."""
     return beyond_linear(system.model, sol.nodes[1][:, : system.nq])
 
@@ -178,5 +178,5 @@ def _spread(n: int, most: int) -> Array | slice:
 
 CHECKS = (
     (violated_closures, violated_velocity_rows, energy_imbalance),  # a higher accuracy is the remedy
-    (dependent_rows_changed, lift_off, lost_preconditions),
+    (dependent_rows_changed, lift_off, lost_preconditions, large_deflections),
 )

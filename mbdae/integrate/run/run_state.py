@@ -13,7 +13,7 @@ from ...solution.solution import Problem, Solution
 from ...system import Array, State, Step, System
 from ..events.driver_checks import DriverChecks
 from ..events.hybrid import ModeChanges
-from ..events.jumps import Jumps, SmoothInterval
+from ..events.jumps import Jumps
 from ..events.resets import Resets
 from ..events.singularity import SingularityMonitor
 from ..events.source import EventSource, Occurrence
@@ -86,6 +86,7 @@ class RunState:
         y = self.ys[-1].copy()
         for source in reversed(self.sources):  # states jump before mode selection
             y = source.adjust_point(self, y)
+        self.interval = self.jumps.interval(self.t)
         if self.in_use:
             self._start_at(y)
         else:
@@ -133,6 +134,7 @@ class RunState:
         """Move the end of the run, which has reached its former one."""
         self.t1 = t1
         self.jumps.extend(self, t1)
+        self.interval = self.jumps.interval(self.t)
 
     def end_interval(self, node: int) -> None:
         """End a smooth interval at a node."""
@@ -144,11 +146,6 @@ class RunState:
         self.discontinuities += 1
         for source in self.sources:
             source.after_discontinuity(self, node, mode_changed)
-
-    @property
-    def interval(self) -> SmoothInterval:
-        """The current smooth interval."""
-        return self.jumps.current
 
     @property
     def dense_order(self) -> int:

@@ -144,7 +144,7 @@ def resume(run: RunState, start: RunSnapshot) -> None:
     run.F, run.zs[-1] = s.derivative(t, y)
     run.state = State(y, s.carry(run.F, run.zs[-1]) if carry is None else carry, compensation)
     run.carries.store(0, run.state.carry)
-    run.jumps.current = interval or run.jumps.interval(t)
+    run.interval = interval or run.jumps.interval(t)
     run.stepper.resume(stepper)
     for source in run.sources:
         source.begin_interval(run)

@@ -60,7 +60,7 @@ class _CoreSteps:
         if monitor and self.unchecked:
             self.system.least_pivot_ratio = float(self.least_pivot_ratio[-1])
             monitor.store_ratio()
-        run.jumps.current = SmoothInterval(interval.stop, interval.end, restart)
+        run.interval = SmoothInterval(interval.stop, interval.end, restart)
 
     def _record_intervals(self, transitions: dict[int, CoreTransition]) -> int:
         """Record all smooth intervals but the last one; return its first node that is not recorded."""

@@ -99,7 +99,7 @@ class NativeStepper(Stepper):
 
     def core_run_before_start(self, run: "RunState") -> "Run":
         """Return the core's run before this one begins; its first step is 0 where it must be estimated."""
-        run.jumps.current = run.jumps.interval(run.t)
+        run.interval = run.jumps.interval(run.t)
         self._to_native(run, MAX_UNRECORDED)
         self.run.max_carries = 0
         return self.run
