@@ -52,13 +52,12 @@ def _in_notebook(label: str) -> Iterator[Report]:
     from IPython.display import HTML, display
 
     handle = display(HTML(_bar(label, None)), display_id=True)
-    text, done, updated = label, None, monotonic()
+    text, updated = label, monotonic()
 
     def report(value: Any, name: str | None = None) -> None:
-        nonlocal text, done, updated
-        new_text, new_fraction = _text_and_fraction(value, name)
+        nonlocal text, updated
+        new_text, done = _text_and_fraction(value, name)
         text = text if new_text is None else new_text
-        done = done if new_fraction is None else new_fraction
         if monotonic() - updated >= UPDATE_INTERVAL:
             updated = monotonic()
             handle.update(HTML(_bar(text, done)))
