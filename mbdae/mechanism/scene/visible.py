@@ -7,7 +7,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...system import Array
-from ...tolerances import TINY
 from .scene import Scene
 
 FRAMES = 60  # of a motion
@@ -23,7 +22,7 @@ class Visible(NamedTuple):
 
     Attributes:
         points: (n, 3) in m, relative to a followed body.
-        thin: axis normal to a planar motion; -1 for a spatial one.
+        thin: the thinnest axis of a flat scene; -1 for another.
         extent: diagonal of the box around the points in m.
         moves: whether anything moves.
     """
@@ -39,28 +38,28 @@ def sampled(q: Array, count: int = FRAMES) -> Array:
     return q[np.unique(np.linspace(0, len(q) - 1, min(len(q), count)).astype(int))]
 
 
-class Sight:
-    """Motion q (m, nq) of a scene, of which points should be visible: no rails, no marks of closures."""
+class VisiblePoints:
+    """Points that should be visible of a motion q (m, nq) of a scene: none of rails and closure markers."""
 
     def __init__(self, scene: Scene, q: Array) -> None:
-        self.track = track = scene.placements(q)
+        self.placements = placements = scene.placements(q)
         counted = [k for k, shape in enumerate(scene.shapes) if shape.role not in ("rail", "closure")]
-        moving = [k for k in counted if np.ptp(track[:, k], axis=0).any()]
+        moving = [k for k in counted if np.ptp(placements[:, k], axis=0).any()]
         ends = scene.end_points(scene.springs, q).reshape(len(q), -1, 6)
         springs = ends[:, np.ptp(ends, axis=0).any(axis=1)].reshape(len(q), -1, 3)
-        points = np.concatenate([corners(scene, moving, track), springs], axis=1)
+        points = np.concatenate([corners(scene, moving, placements), springs], axis=1)
         many = points.shape[1] > len(DIRECTIONS)  # extremes of a configuration are those of a shape too
         self.moving = np.array([here[_extreme(here)] for here in points]) if many else points
-        self.rest = corners(scene, [k for k in counted if k not in moving], track[:1])[0]
+        self.rest = corners(scene, [k for k in counted if k not in moving], placements[:1])[0]
 
-    def visible(self, leader: int | None = None) -> Visible:
-        """Return what should be visible; with a shape that the camera follows without resting shapes."""
-        origin = 0.0 if leader is None else self.track[:, leader, None, :3]
+    def visible(self, followed: int | None = None) -> Visible:
+        """Return what should be visible: without resting shapes, if the camera follows a shape, given by its index."""
+        origin = 0.0 if followed is None else self.placements[:, followed, None, :3]
         near = (self.moving - origin).reshape(-1, 3)
         points, moves = near, len(near) > 0
         if not moves:
             points = self.rest if len(self.rest) else np.array([[-0.5] * 3, [0.5] * 3])
-        elif leader is None:
+        elif followed is None:
             reach = REACH * np.linalg.norm(np.ptp(near, axis=0))
             inside = np.clip(self.rest, near.min(axis=0) - reach, near.max(axis=0) + reach)
             points = np.concatenate([near, inside])
@@ -69,29 +68,29 @@ class Sight:
         return Visible(points[np.unique(_extreme(points))], thin, float(np.linalg.norm(size)) or 1.0, moves)
 
 
-def corners(scene: Scene, shapes: Sequence[int], track: Array) -> Array:
-    """Return the corners (m, 8 n, 3) of the boxes of n shapes at their placements in a track (m, all shapes, 7)."""
-    out = np.empty((len(track), len(shapes), 8, 3))
+def corners(scene: Scene, shapes: Sequence[int], placements: Array) -> Array:
+    """Return the corners (m, 8 n, 3) of the boxes of n shapes at placements (m, all shapes, 7) of all."""
+    out = np.empty((len(placements), len(shapes), 8, 3))
     for i, k in enumerate(shapes):
         low, high = scene.shapes[k].bounds
-        turn = Rotation.from_quat(track[:, k, 3:]).as_matrix()
-        out[:, i] = (low + CORNERS * (high - low)) @ turn.swapaxes(1, 2) + track[:, k, None, :3]
-    return out.reshape(len(track), -1, 3)
+        R = Rotation.from_quat(placements[:, k, 3:]).as_matrix()
+        out[:, i] = (low + CORNERS * (high - low)) @ R.swapaxes(1, 2) + placements[:, k, None, :3]
+    return out.reshape(len(placements), -1, 3)
 
 
 def bounds(scene: Scene, q: Array) -> Array:
-    """Return the corners (2, 3) of the box around all shapes but marks of closures, at configurations q (m, nq)."""
+    """Return the corners (2, 3) of the box around all shapes but closure markers, at configurations q (m, nq)."""
     shown = [k for k, shape in enumerate(scene.shapes) if shape.role != "closure"]
     points = corners(scene, shown, scene.placements(q)).reshape(-1, 3)
     return np.array([points.min(axis=0), points.max(axis=0)]) if len(points) else np.array([[-0.5] * 3, [0.5] * 3])
 
 
 def _directions() -> Array:
-    """Return unit vectors along a spiral around the sphere and along the axes, (n, 3)."""
+    """Return unit vectors along a golden-angle spiral on the sphere and along the axes, (n, 3)."""
     k = np.arange(COUNT) + 0.5
-    up, turn = 1 - 2 * k / COUNT, np.pi * (1 + 5**0.5) * k
-    side = np.sqrt(np.maximum(1 - up * up, TINY))
-    return np.concatenate([np.column_stack([side * np.cos(turn), side * np.sin(turn), up]), np.eye(3), -np.eye(3)])
+    up, angle = 1 - 2 * k / COUNT, np.pi * (1 + 5**0.5) * k
+    side = np.sqrt(1 - up * up)
+    return np.concatenate([np.column_stack([side * np.cos(angle), side * np.sin(angle), up]), np.eye(3), -np.eye(3)])
 
 
 DIRECTIONS = _directions()

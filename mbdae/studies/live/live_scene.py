@@ -7,7 +7,7 @@ import numpy as np
 
 from ...mechanism.scene.coarse import coarse
 from ...mechanism.scene.drawables import Drawable, Track, aligned_quaternions, drawables, motions, primitive
-from ...mechanism.scene.visible import Sight, bounds
+from ...mechanism.scene.visible import VisiblePoints, bounds
 from ...system import Array
 from ..replay.stage import GROUND, SUN, levels, stage
 from ..replay.threejs import drawn, placed, set_property
@@ -38,7 +38,7 @@ class LiveScene:
     def __init__(self, scene: "Scene", q: Array, shadows: bool) -> None:
         self.scene, self.shadows, self.coarse = scene.travelled(q[None]), shadows, False
         self.drawables = drawables(self.scene)
-        self.box, self.extent = bounds(self.scene, q[None]), Sight(self.scene, q[None]).visible().extent
+        self.box, self.extent = bounds(self.scene, q[None]), VisiblePoints(self.scene, q[None]).visible().extent
         joints = self.scene.carriers
         self._resting = {d.name for d, on in zip(self.drawables, joints, strict=False) if on == (0,)}
         self._start = motions(self.scene, q[None])

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...mechanism.scene.drawables import GREY, drawables, motions
-from ...mechanism.scene.visible import Sight, sampled
+from ...mechanism.scene.visible import VisiblePoints, sampled
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import TINY
@@ -30,7 +30,7 @@ def posture(sol: Solution) -> "Figure":
 
     q = sampled(sol.q)
     scene = sol.mechanism.scene.travelled(q)
-    thin = Sight(scene, q).visible().thin
+    thin = VisiblePoints(scene, q).visible().thin
     view = _view(thin)
     found = list(_triangles(scene, sol.q[0]))
     corners, unit = displayed(np.concatenate([c for c, _ in found]) @ view.T, "m")

@@ -18,7 +18,7 @@ import umsgpack
 
 from ...errors import InputError
 from ...mechanism.scene.drawables import Motion, Solid, drawables
-from ...mechanism.scene.visible import FAR, Sight, bounds, sampled
+from ...mechanism.scene.visible import FAR, VisiblePoints, bounds, sampled
 from ...system import Array
 from . import animation_tracks as tracks
 from .animation_tracks import Moving, drawn_path, drawn_so_far
@@ -57,9 +57,9 @@ def scene_data(
         seen: configurations that should be visible, (n, nq).
         extra: other moving parts, paths and forces.
     """
-    sight, bodies = Sight(scene, sampled(seen)), tracks.bodies(scene, model)
-    whole = sight.visible()
-    near = {name: sight.visible(k) for name, k in bodies.items()}
+    motion_points, bodies = VisiblePoints(scene, sampled(seen)), tracks.bodies(scene, model)
+    whole = motion_points.visible()
+    near = {name: motion_points.visible(k) for name, k in bodies.items()}
     first = next(iter(near), "")
     far = bool(first) and whole.moves and whole.extent > FAR * near[first].extent
     solids: list[Solid] = []

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 import mbdae
-from mbdae.mechanism.scene.visible import Sight
+from mbdae.mechanism.scene.visible import VisiblePoints
 
 SPREAD = 0.03  # of the extent: between neighbouring directions in which points are kept
 
@@ -26,14 +26,14 @@ def test_no_corner_of_a_moving_shape_is_out_of_sight(name, few):
     mech = mbdae.load(name)
     q = mbdae.solve(mech, (0, 0.01), step=0.002).q
     scene = mech.scene
-    sight, track = Sight(scene, q), scene.placements(q)
+    motion_points, track = VisiblePoints(scene, q), scene.placements(q)
     every = moving_corners(scene, track)
     assert (every.shape[1] < 156) == few  # with more corners than directions, configurations are reduced one by one
     directions = np.random.default_rng(0).standard_normal((40, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     for leader in (0, len(scene.shapes) // 2, len(scene.shapes) - 1):
         points = (every - track[:, leader, None, :3]).reshape(-1, 3)
-        shown = sight.visible(leader)
+        shown = motion_points.visible(leader)
         for end in (np.min, np.max):
             np.testing.assert_allclose(end(shown.points, axis=0), end(points, axis=0), atol=1e-12)
         assert shown.extent == pytest.approx(np.linalg.norm(np.ptp(points, axis=0)), rel=1e-12)
