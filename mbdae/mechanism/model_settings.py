@@ -1,6 +1,6 @@
 """Settings of a mechanism besides its model: start values, settings of the order study, motors."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -121,7 +121,6 @@ def coordinates(model: pin.Model, table: Mapping[str, object], *, of_v: bool = F
         InputError: for a wrong number of values, or a zero quaternion or direction.
     """
     out = np.zeros(model.nv) if of_v else pin.neutral(model)
-    index: list[int] = []
     for name, value in table.items():
         j = find_joint(model, name)
         n, at = (j.nv, j.idx_v) if of_v else (j.nq, j.idx_q)
@@ -138,8 +137,13 @@ def coordinates(model: pin.Model, table: Mapping[str, object], *, of_v: bool = F
         out[at : at + n] = values
         if not of_v and normalized(model, out) is None:
             raise InputError(f"joint {name!r}: {value!r} is no rotation: its quaternion, or cosine and sine, vanish")
-        index += range(j.idx_v, j.idx_v + j.nv)
-    return out if of_v else pin.normalize(model, out), np.array(index, int)
+    return out if of_v else pin.normalize(model, out), tangent_indices(model, table)
+
+
+def tangent_indices(model: pin.Model, names: Iterable[str]) -> np.ndarray:
+    """Return the indices in v of the coordinates of joints, (n,)."""
+    joints = [find_joint(model, name) for name in names]
+    return np.array([i for j in joints for i in range(j.idx_v, j.idx_v + j.nv)], int)
 
 
 def normalized(model: pin.Model, q: np.ndarray) -> np.ndarray | None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from copy import copy
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -62,7 +62,7 @@ def _shared(mech: "Mechanism", parts: dict[str, Any]) -> "Mechanism":
     if "forces" not in parts:
         _ = mech.row_scales, mech.q_scales, mech.coordinate_scales, mech.joint_names  # once for all variants
     out = copy(mech)
-    for name in [n for n in vars(out) if isinstance(getattr(type(out), n, None), cached_property)]:
+    for name in _cached_properties(type(out)) & vars(out).keys():
         if "forces" in parts or name not in INDEPENDENT:
             del out.__dict__[name]
     vars(out).update({"start_values" if name == "start" else name: x for name, x in parts.items()})
@@ -76,6 +76,11 @@ def _shared(mech: "Mechanism", parts: dict[str, Any]) -> "Mechanism":
     if "forces" in parts:
         out.states = bind_forces(out.forces, out.model, out.make_workspace()).states()
     return out
+
+
+@cache
+def _cached_properties(kind: type) -> frozenset[str]:
+    return frozenset(name for name in dir(kind) if isinstance(getattr(kind, name), cached_property))
 
 
 def _are_same_kinds(before: Sequence[object], after: Sequence[object]) -> bool:

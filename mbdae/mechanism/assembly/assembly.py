@@ -8,19 +8,16 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf
 
 from ...errors import AssemblyError, InputError
 from ...system import Array
-from ...tolerances import AGREEMENT, INPUT_DIGITS, TRUNCATION
+from ...tolerances import INPUT_DIGITS
 from ..closures.closure_error import largest_error
-from ..closures.independent_rows import MANY_ROWS
 from ..closures.preconditions import require_preconditions
-from ..model_settings import normalized
-from ..tree.frames import find_joint
-from ..tree.tree_terms import missing_inertia, mode_joints, sparse_inertia, update_inertia
-from .flipped_frames import divide_rows
-from .position_search import assembly_error, close_position, sparse_least_squares
+from ..model_settings import normalized, tangent_indices
+from ..tree.tree_terms import mode_joints
+from .closed_velocities import ClosedVelocities
+from .position_search import close_position
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
@@ -51,34 +48,50 @@ def assemble(
     else:
         table = {**mech.start_values.guess, **mech.start_values.q, **(guess or {}), **(q or {})}
         q0 = mech.coordinates(table)[0]
-        fixed_q = mech.coordinates(q or {})[1]
+        fixed_q = tangent_indices(mech.model, q or {})
         held_q = _held_modes(mech, {**mech.start_values.guess, **(guess or {}), **(q or {})})
     if isinstance(v, np.ndarray | list | tuple):
         v0 = mech.vector("v", v, mech.nv)
     else:
         v0 = mech.coordinates({**(guess_v or {}), **(v or {})}, of_v=True)[0]
-        fixed_v = mech.coordinates(v or {}, of_v=True)[1]
+        fixed_v = tangent_indices(mech.model, v or {})
         held_v = _held_modes(mech, {**(guess_v or {}), **(v or {})})
     with mech.workspaces.borrowed() as system:
-        q1, fixed_q = _closed_position(system, q0, fixed_q, held_q, t)
-        v1, fixed_v = _with_modes_held(lambda fixed: close_velocity(system, q1, v0, fixed, t), fixed_v, held_v)
-        return Assembled(q1, v1, fixed_q, fixed_v)
+        position = _closed_position(system, q0, fixed_q, held_q, t)
+
+        def close(fixed: Array) -> Array:
+            return position.velocities(system, fixed, t).closest(system, position.q, v0)
+
+        v1, fixed_v = _with_modes_held(close, fixed_v, held_v)
+        return Assembled(position.q.copy(), v1, position.fixed, fixed_v)
 
 
-def _closed_position(system: "Index2System", q0: Array, fixed: Array, held: Array, t: float) -> tuple[Array, Array]:
-    """Return q (nq,) with closed loops, and the fixed coordinates.
+class _ClosedPosition(NamedTuple):
+    """Configuration q (nq,) with closed loops, fixed coordinates, and its velocities by their fixed coordinates."""
 
-    Variants of a mechanism share the last result, unless inputs may drive it.
-    """
+    q: Array
+    fixed: Array
+    by_fixed: dict[bytes, ClosedVelocities]
+
+    def velocities(self, system: "Index2System", fixed: Array, t: float) -> ClosedVelocities:
+        """Return the velocities that satisfy G v + g_t = 0."""
+        key = fixed.tobytes()
+        if key not in self.by_fixed:
+            self.by_fixed[key] = ClosedVelocities(system, self.q, fixed, t)
+        return self.by_fixed[key]
+
+
+def _closed_position(system: "Index2System", q0: Array, fixed: Array, held: Array, t: float) -> _ClosedPosition:
+    """Return a configuration with closed loops; variants of a mechanism share the last one, unless it is driven."""
     mech = system.mechanism
     key = q0.tobytes(), fixed.tobytes(), held.tobytes()
     found = None if mech.drivers else mech._positions.get(key)
     if found is None:
-        found = _with_modes_held(lambda fixed: close_position(system, q0, fixed, t), fixed, held)
-        require_preconditions(mech, found[0])
+        found = _ClosedPosition(*_with_modes_held(lambda fixed: close_position(system, q0, fixed, t), fixed, held), {})
+        require_preconditions(mech, found.q)
         mech._positions.clear()
         mech._positions[key] = found
-    return found[0].copy(), found[1]
+    return found
 
 
 def assemble_start(mech: "Mechanism", t: float) -> Assembled:
@@ -95,7 +108,7 @@ def start_position(mech: "Mechanism") -> Array:
         AssemblyError: if its loops cannot be closed.
     """
     values, driven = mech.start_values, {d.joint for d in mech.drivers}
-    fixed = mech.coordinates({name: x for name, x in values.q.items() if name not in driven})[1]
+    fixed = tangent_indices(mech.model, [name for name in values.q if name not in driven])
     system, held = mech.system(), _held_modes(mech, {**values.guess, **values.q})
     return _with_modes_held(lambda fixed: close_position(system, mech.given[0], fixed, 0.0), fixed, held)[0]
 
@@ -107,7 +120,7 @@ def _held_modes(mech: "Mechanism", named: Iterable[str]) -> Array:
     """
     others = {*named, *(joint for driver in mech.drivers for joint in driver.between)}
     modes = [name for name in mode_joints(mech.model) if name not in others]
-    return np.array([find_joint(mech.model, name).idx_v for name in modes], int)
+    return tangent_indices(mech.model, modes)
 
 
 def _with_modes_held(close: Callable[[Array], Array], fixed: Array, held: Array) -> tuple[Array, Array]:
@@ -117,31 +130,6 @@ def _with_modes_held(close: Callable[[Array], Array], fixed: Array, held: Array)
         with suppress(AssemblyError):
             return close(both), both
     return close(fixed), fixed
-
-
-def close_velocity(system: "Index2System", q: Array, v: Array, fixed: Array, t: float) -> Array:
-    """Return the velocity closest to v in the mass metric with G v + g_t = 0; some coordinates are fixed.
-
-    Raises:
-        AssemblyError: if the fixed velocities contradict the closures.
-        InputError: if a massless body makes the mass metric singular.
-    """
-    mech, free = system.mechanism, np.delete(np.arange(system.nv), fixed)
-    G, g_t = system.closures_by_size(q, t)[1], system.g_t(t)
-    if not (G @ v + g_t).any():
-        return v
-    metric = _Metric(system, q, free)
-    if (at := metric.singular()) is not None:
-        joint = mech.coordinate_joint(int(free[at]))
-        raise InputError(f"the mass matrix is singular at joint {joint!r}: {missing_inertia(mech.model, joint)}")
-    rows = mech.row_scales
-    speeds = np.linalg.norm(v / mech.coordinate_scales) + np.linalg.norm(g_t / rows)
-    for _ in range(2):  # the second pass removes rounding
-        v, rate = v.copy(), (G @ v + g_t) / rows
-        v[free] -= metric.least_change(G[:, free], rows, rate)
-    if not np.linalg.norm((G @ v + g_t) / rows) <= AGREEMENT * speeds:
-        raise assembly_error(mech, largest_error(mech, G @ v + g_t, "/s"), fixed, "velocity")
-    return v
 
 
 def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, tolerance: float = INPUT_DIGITS) -> None:
@@ -166,41 +154,3 @@ def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, toleranc
                 f"make it so with q, v = mechanism.assemble(q, v{f', t={t:g}' if t else ''})"
             )
     require_preconditions(mech, q)
-
-
-class _Metric:
-    """The mass matrix of some coordinates at q, sparse for many rows."""
-
-    def __init__(self, system: "Index2System", q: Array, free: Array) -> None:
-        self.many = system.ng > MANY_ROWS
-        if self.many:
-            self.M = sparse_inertia(system.model, system.workspace, q)[:, free][free]
-        else:
-            M = update_inertia(system.model, system.workspace, q)
-            self.M = (np.triu(M) + np.triu(M, 1).T)[np.ix_(free, free)]
-
-    def singular(self) -> int | None:
-        """Return the index of a coordinate where M is not positive definite; None if it is."""
-        if self.many and self._has_positive_pivots():
-            return None
-        self.U, info = dpotrf(self.M.toarray() if self.many else self.M, lower=0)
-        return abs(info) - 1 if info else None
-
-    def _has_positive_pivots(self) -> bool:
-        """Whether elimination from the leaves of the tree, without fill-in, has positive pivots."""
-        from scipy.sparse.linalg import splu
-
-        with suppress(RuntimeError):  # exactly singular
-            inward = self.M[::-1][:, ::-1].tocsc()
-            factors = splu(inward, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-            return bool((factors.U.diagonal() > 0).all())
-        return False
-
-    def least_change(self, G: Any, rows: Array, rate: Array) -> Array:
-        """Return the least x in this metric with G x = rows * rate, in the least-squares sense; rows (ng,) scale G."""
-        if self.many:
-            scaled = G.copy()
-            divide_rows(scaled, rows)
-            return sparse_least_squares(scaled, rate, 0.0, self.M)
-        root = np.linalg.solve(self.U.T, (G / rows[:, None]).T).T  # G M^{-1/2}
-        return np.linalg.solve(self.U, np.linalg.lstsq(root, rate, rcond=TRUNCATION)[0])

@@ -1,0 +1,86 @@
+"""Velocities that satisfy G v + g_t = 0 at a configuration, by the least change in the mass metric."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg.lapack import dpotrf
+
+from ...errors import InputError
+from ...system import Array
+from ...tolerances import AGREEMENT, TRUNCATION
+from ..closures.closure_error import largest_error
+from ..closures.independent_rows import MANY_ROWS
+from ..tree.tree_terms import missing_inertia, sparse_inertia, update_inertia
+from .flipped_frames import divide_rows
+from .position_search import assembly_error, sparse_least_squares
+
+if TYPE_CHECKING:
+    from ..formulations.index2 import Index2System
+
+
+class ClosedVelocities:
+    """Velocities with G v + g_t = 0 at q and t; some coordinates are fixed. Variants of a mechanism may share it."""
+
+    def __init__(self, system: "Index2System", q: Array, fixed: Array, t: float) -> None:
+        self.fixed, self.free = fixed, np.delete(np.arange(system.nv), fixed)
+        self.G, self.g_t = system.closures_by_size(q, t)[1], system.g_t(t).copy()
+        self.rows, self.scales = system.mechanism.row_scales, system.mechanism.coordinate_scales
+        self._change: Callable[[Array], Array] | None = None
+
+    def closest(self, system: "Index2System", q: Array, v: Array) -> Array:
+        """Return the velocity closest to v in the mass metric with G v + g_t = 0.
+
+        Raises:
+            AssemblyError: if the fixed velocities contradict the closures.
+            InputError: if a massless body makes the mass metric singular.
+        """
+        G, g_t, rows = self.G, self.g_t, self.rows
+        residual = G @ v + g_t
+        if not residual.any():
+            return v
+        if self._change is None:
+            self._change = self._least_change(system, q)
+        speeds = np.linalg.norm(v / self.scales) + np.linalg.norm(g_t / rows)
+        v = v.copy()
+        for _ in range(2):  # the second pass removes rounding
+            v[self.free] -= self._change(residual / rows)
+            residual = G @ v + g_t
+        if not np.linalg.norm(residual / rows) <= AGREEMENT * speeds:
+            mech = system.mechanism
+            raise assembly_error(mech, largest_error(mech, residual, "/s"), self.fixed, "velocity")
+        return v
+
+    def _least_change(self, system: "Index2System", q: Array) -> Callable[[Array], Array]:
+        """Return the function of a residual, scaled by rows, whose value removes it: the least one in the metric."""
+        G, many = self.G[:, self.free], system.ng > MANY_ROWS
+        if many:
+            M: Any = sparse_inertia(system.model, system.workspace, q)[:, self.free][self.free]
+        else:
+            M = update_inertia(system.model, system.workspace, q)
+            M = (np.triu(M) + np.triu(M, 1).T)[np.ix_(self.free, self.free)]
+        if not (many and _has_positive_pivots(M)):
+            U, info = dpotrf(M.toarray() if many else M, lower=0)
+            if info:
+                mech = system.mechanism
+                joint = mech.coordinate_joint(int(self.free[abs(info) - 1]))
+                why = missing_inertia(mech.model, joint)
+                raise InputError(f"the mass matrix is singular at joint {joint!r}: {why}")
+        if many:
+            scaled = G.copy()
+            divide_rows(scaled, self.rows)
+            return lambda residual: sparse_least_squares(scaled, residual, 0.0, M)
+        root = np.linalg.solve(U.T, (G / self.rows[:, None]).T).T  # G M^{-1/2}
+        return np.linalg.solve(U, np.linalg.pinv(root, rcond=TRUNCATION)).dot
+
+
+def _has_positive_pivots(M: Any) -> bool:
+    """Whether elimination from the leaves of the tree, without fill-in, has positive pivots."""
+    from scipy.sparse.linalg import splu
+
+    try:
+        inward = M[::-1][:, ::-1].tocsc()
+        factors = splu(inward, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError:  # exactly singular
+        return False
+    return bool((factors.U.diagonal() > 0).all())
