@@ -41,5 +41,5 @@ def simulate(
     if step is not None and (rtol is not None or options.get("atol") is not None):
         raise InputError("give --step for a fixed step size, or --rtol and --atol for step-size control, not both")
     given = {"method": method, "rtol": rtol, "step": step, **options}
-    with progress_bar(str(complete_settings(mech, given)["method"]), 1.0) as report:
+    with progress_bar(complete_settings(mech, given)["method"].name, 1.0) as report:
         return solve(mech, span(mech, t_span), progress=report, **given)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, UnknownNameError, as_list
-from ..integrate.options.options import complete_settings, projects_positions
+from ..integrate.options.options import complete_settings
 from ..integrate.steppers.library_solver import LibrarySolver
 from ..integrate.steppers.solvers import SOLVERS, find_method
 from ..mechanism import Mechanism
@@ -49,8 +49,8 @@ class Variant:
         found = find_method(self.formulation, self.method)
         if self.project and isinstance(found, LibrarySolver):
             raise InputError(f"method {found.name!r} takes several steps into account: leave out 'project'")
-        if isinstance(found, Tableau) and METHODS.get(found.name) is not found:
-            object.__setattr__(self, "method", found)  # a tableau, or the contents of its file
+        if isinstance(found, Tableau):  # given itself, or by its name or file
+            object.__setattr__(self, "method", found.name if METHODS.get(found.name) is found else found)
 
     @classmethod
     def parse(cls, text: str) -> "Variant":
@@ -132,9 +132,8 @@ def default_variant(problem: Problem, **given: Any) -> Variant:
         InputError, UnknownNameError: as for `mbdae.solve`.
     """
     c = complete_settings(problem, given)
-    found = find_method(c["formulation"], c["method"])
-    project = projects_positions(problem, c["project"], c["formulation"], found, c["step"])
-    return variant_from_settings({**c, "project": project})
+    method = c["method"]
+    return variant_from_settings({**c, "method": method if isinstance(method, Tableau) else method.name})
 
 
 def default_variants(problem: Problem, names: Iterable[str], **given: Any) -> list[Variant]:

@@ -16,6 +16,8 @@ from .defaults import DEFAULTS
 from .span import checked_span, checked_times, end_of_tables
 
 METHOD_SETTINGS, CONTROL_SETTINGS = ("formulation", "project", "baumgarte"), ("rtol", "atol")
+CONTROL_ARGUMENTS = *CONTROL_SETTINGS, "first_step", "max_step"
+POSITIVE = "step", "first_step", "max_step", "max_steps"
 
 
 class RunOptions(NamedTuple):
@@ -79,15 +81,13 @@ class RunOptions(NamedTuple):
         for name in given:
             if name not in DEFAULTS:
                 raise UnknownNameError("option", name, DEFAULTS)
-        require_positive(**{name: given.get(name) for name in ("step", "first_step", "max_step", "max_steps")})
-        if not isinstance(most := given.get("max_steps") or 1, Integral):
+        given = {name: x for name, x in given.items() if x is not None}
+        require_positive(**{name: given[name] for name in POSITIVE if name in given})
+        if not isinstance(most := given.get("max_steps", 1), Integral):
             raise InputError(f"max_steps must be an integer, got {most!r}")
-        controls = [name for name in ("rtol", "atol", "first_step", "max_step") if given.get(name) is not None]
-        if controls and given.get("step") is not None:
+        if "step" in given and (controls := [name for name in CONTROL_ARGUMENTS if name in given]):
             raise InputError(f"step fixes the size of all steps: give it, or {', '.join(controls)}, not both")
         c = complete_settings(problem, given)
-        c["method"] = find_method(c["formulation"], c["method"])
-        c["project"] = projects_positions(problem, c["project"], c["formulation"], c["method"], c["step"])
         t0, t1 = checked_span((0.0, problem.duration) if t_span is None else t_span, pair=True)
         end = end_of_tables(problem.drivers, t0, t1)
         times = None if t_eval is None else checked_times(t_eval, t0, end)
@@ -124,7 +124,30 @@ def require_positive(**values: float | None) -> None:
             raise InputError(f"{name} must be a positive number, got {value!r}")
 
 
-def projects_positions(
+def complete_settings(problem: Problem, given: Mapping[str, object]) -> dict[str, Any]:
+    """Return the settings of a run: its method, and whether it projects positions; None means not given.
+
+    Raises:
+        UnknownNameError, InputError: for an invalid method, or one that cannot project.
+    """
+    arguments = {name: x for name, x in given.items() if x is not None}
+    from_file = problem.settings.given if isinstance(problem, Mechanism) else {}
+    if from_file:
+        overridden = set(METHOD_SETTINGS if "method" in arguments or "formulation" in arguments else ())
+        overridden |= set(CONTROL_SETTINGS if "step" in arguments else ())
+        overridden |= {"step"} if any(name in arguments for name in CONTROL_SETTINGS) else set()
+        from_file = {name: x for name, x in from_file.items() if name not in overridden}
+    c = DEFAULTS | from_file | arguments
+    try:
+        c["method"] = find_method(c["formulation"], c["method"])
+    except UnknownNameError as e:
+        in_file = "method" in from_file and "method" not in arguments
+        raise UnknownNameError(f"solve.{e.kind}", e.name, e.valid) if in_file else e from None
+    c["project"] = _projects_positions(problem, c["project"], c["formulation"], c["method"], c["step"])
+    return c
+
+
+def _projects_positions(
     problem: Problem, project: bool | str, formulation: str, method: Any, step: float | None
 ) -> bool:
     """Return whether positions are projected after each step.
@@ -144,25 +167,3 @@ def projects_positions(
         valid = f"project=True is for one-step methods of formulation 'index2', and for {others}"
         raise InputError(f"{valid}; got {method.name!r} of {formulation!r}")
     return bool(project)
-
-
-def complete_settings(problem: Problem, given: Mapping[str, object]) -> dict[str, Any]:
-    """Return the settings of a run, where None means not given.
-
-    Raises:
-        UnknownNameError, InputError: for an invalid method in the mechanism file.
-    """
-    arguments = {name: x for name, x in given.items() if x is not None}
-    from_file = problem.settings.given if isinstance(problem, Mechanism) else {}
-    if not from_file:
-        return DEFAULTS | arguments
-    overridden = set(METHOD_SETTINGS if "method" in arguments or "formulation" in arguments else ())
-    overridden |= set(CONTROL_SETTINGS if "step" in arguments else ())
-    overridden |= {"step"} if any(name in arguments for name in CONTROL_SETTINGS) else set()
-    settings = {**DEFAULTS, **{name: x for name, x in from_file.items() if name not in overridden}, **arguments}
-    if "method" in from_file and "method" not in arguments:
-        try:
-            find_method(settings["formulation"], settings["method"])
-        except UnknownNameError as e:
-            raise UnknownNameError(f"solve.{e.kind}", e.name, e.valid) from None
-    return settings
