@@ -172,13 +172,13 @@ class FirstStep:
         rtol: float,
         atol: Array,
         power: float,
-        small: float,
+        small_norm: float,
         default_step: float,
         reduction: float,
         change: float,
         growth: float,
-        flat: float,
-        nothing: float,
+        zero_change: float,
+        tiny: float,
     ) -> None: ...
 
 class RunStart:

@@ -145,7 +145,7 @@ def complete_runs(run: RunState, y: Array, stop: Array) -> WholeRuns:
         stop: the flag, (1,) of type uint8, which another thread may set.
     """
     (_, system, stepper), options = _in_core(run), run.options
-    core, native, control = stepper.core_run_before_start(run), system.native, stepper.adaptive
+    core, native, control = stepper.core_run_before_start(run), system.native, stepper.control
     core.max_steps = options.max_steps or UNLIMITED
     detects_stiffness = control and isinstance(options.method, Tableau)
     start = system.run_start(smallest_step(run.t, run.t1), FIRST_CHECK - 1 if detects_stiffness else UNLIMITED)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 SMALLEST_RTOL = 100 * EPS
 # Of Hairer's algorithm: small norms, and h_0 for them; h_1 of h_0 at rest; change of y in h_0; largest h_1 / h_0.
-STARTING_STEP = {"small": 1e-5, "default_step": 1e-6, "reduction": 1e-3, "change": 0.01, "growth": 100.0}
+STARTING_STEP = {"small_norm": 1e-5, "default_step": 1e-6, "reduction": 1e-3, "change": 0.01, "growth": 100.0}
 
 
 class Adaptive(PythonStepper):
@@ -124,7 +124,7 @@ class Adaptive(PythonStepper):
         self._check_atol(run)
         return {
             "sign": run.sign, "left": run.time_to_interval_end(), "rtol": float(self.rtol), "atol": self.atol.ravel(),
-            "power": self.controller.power, "flat": ROUNDING, "nothing": TINY, **STARTING_STEP,
+            "power": self.controller.power, "zero_change": ROUNDING, "tiny": TINY, **STARTING_STEP,
         }  # fmt: skip
 
     def _estimate_first_step(self, run: "RunState") -> float:
@@ -133,7 +133,7 @@ class Adaptive(PythonStepper):
         found = s.first_step(run.t, y, F, **given)
         if found is not None:
             return found
-        small, default_step, reduction, change, growth = STARTING_STEP.values()
+        small_norm, default_step, reduction, change, growth = STARTING_STEP.values()
         left, power = given["left"], given["power"]
         scale, m = self._scale(run, y), s.measured
 
@@ -141,7 +141,7 @@ class Adaptive(PythonStepper):
             return float(np.sqrt(np.mean((x[m] / scale) ** 2)))
 
         d0, d1 = norm(s.size(y)), norm(F)
-        h0 = min(default_step if min(d0, d1) < small else change * d0 / d1, left)
+        h0 = min(default_step if min(d0, d1) < small_norm else change * d0 / d1, left)
         if not h0 > 0:  # the rates overflow: the error appears in the smallest step
             return 0.0
         F1 = s.derivative(run.t + run.sign * h0, s.add(y, run.sign * h0 * F))[0]

@@ -38,9 +38,8 @@ class NativeStepper(Stepper):
     def __init__(self, inner: PythonStepper, system: Any, tableau: Any, project: bool) -> None:
         self.inner, self.system, self.tableau = inner, system, tableau
         self.controls = inner.controls
-        self.adaptive = inner.control
-        self.fixed = cast(Fixed, inner) if self.adaptive is None else None
-        self.run = new_run(system.native, project, self.adaptive, tableau)
+        self.fixed = cast(Fixed, inner) if self.control is None else None
+        self.run = new_run(system.native, project, self.control, tableau)
         self.run.seconds = CHECK_INTERVAL
         self.passed_events: UserEvents | None = None
         self.undecided = False  # whether the guards of the next step are left to Python
@@ -50,10 +49,10 @@ class NativeStepper(Stepper):
 
     @property
     def control(self) -> Adaptive | None:
-        return self.adaptive
+        return self.inner.control
 
     def begin_run(self, run: "RunState", y: Array, ahead: bool) -> tuple[Array, Array, Array]:
-        control, system = self.adaptive, self.system
+        control, system = self.control, self.system
         in_core = ahead and system.starts_in_core and not system.core.calls_python and run.time_left() > 0
         checks_start = run.user_events.events or any(source.each_step for source in run.sources)
         if in_core and not (checks_start or (control and control.h)):
@@ -187,7 +186,7 @@ class NativeStepper(Stepper):
         interval.stop, interval.end = run.interval.stop, run.interval.end
         if monitor:
             monitor.to_core(r.monitor)
-        if adaptive := self.adaptive:
+        if adaptive := self.control:
             c, pi = r.control, adaptive.controller
             c.h, c.uncut_size = adaptive.h or 0.0, adaptive.size_before_truncation
             c.last, c.rejected = pi.last, pi.rejected
@@ -212,7 +211,7 @@ class NativeStepper(Stepper):
             e.set_nodes([signal.node for signal in events.signals.values()])
 
     def _from_native(self) -> None:
-        if adaptive := self.adaptive:
+        if adaptive := self.control:
             c, pi = self.run.control, adaptive.controller
             adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected = c.h, c.uncut_size, c.last, c.rejected
         elif fixed := self.fixed:

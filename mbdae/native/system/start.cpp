@@ -51,7 +51,7 @@ double first_step(Index2System& s, double t, const Numbers& y, const Numbers& F,
   Numbers scale(s.ny), size(s.ny), move(F), next(s.length), change(s.ny), z(s.ng);
   s.size(y.data(), size.data());
   for (int i = 0; i < n; ++i)
-    scale[i] = given.atol[given.atol.size() == 1 ? 0 : i] + given.rtol * size[i] + given.nothing;
+    scale[i] = given.atol[given.atol.size() == 1 ? 0 : i] + given.rtol * size[i] + given.tiny;
   const auto norm = [&](const Numbers& x) {
     double sum = 0;
     for (int i = 0; i < n; ++i) sum += (x[i] / scale[i]) * (x[i] / scale[i]);
@@ -59,7 +59,8 @@ double first_step(Index2System& s, double t, const Numbers& y, const Numbers& F,
   };
   const double d0 = norm(size), d1 = norm(F);
   if (!std::isfinite(d0) || !std::isfinite(d1)) throw FallBackToPython();
-  const double h0 = std::min(std::min(d0, d1) < given.small ? given.default_step : given.change * d0 / d1, given.left);
+  const double usual = std::min(d0, d1) < given.small_norm ? given.default_step : given.change * d0 / d1;
+  const double h0 = std::min(usual, given.left);
   if (!(h0 > 0)) return 0;
   for (double& x : move) x *= given.sign * h0;
   s.add(y.data(), move.data(), next.data());
@@ -67,8 +68,8 @@ double first_step(Index2System& s, double t, const Numbers& y, const Numbers& F,
   for (int i = 0; i < s.ny; ++i) change[i] -= F[i];
   const double steepest = std::max(d1, norm(change) / h0);
   if (!std::isfinite(steepest)) throw FallBackToPython();
-  const double h1 = steepest <= given.flat ? std::max(given.default_step, given.reduction * h0)
-                                           : std::pow(given.change / steepest, 1 / given.power);
+  const double h1 = steepest <= given.zero_change ? std::max(given.default_step, given.reduction * h0)
+                                                  : std::pow(given.change / steepest, 1 / given.power);
   return std::min(given.growth * h0, h1);
 }
 

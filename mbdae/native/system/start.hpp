@@ -13,13 +13,14 @@ void start(Index2System& system, double t, bool project, const IndependentRows::
 struct FirstStep {
   double sign, left;  // of time, s to the end of the smooth interval
   double rtol;
-  Numbers atol;               // (1,) or (measured,)
-  double power;               // of h in the error estimate
-  double small, default_step, reduction; // norms that are small, and h_0 in s for them; h_1 of h_0 where nothing changes
-  double change, growth;      // of y in a step of h_0; largest h_1 / h_0
-  double flat, nothing;       // norm of no change; keeps scales positive
+  Numbers atol;  // (1,) or (measured,)
+  double power;  // of h in the error estimate
+  double small_norm, default_step;  // norms below it are small, and h_0 in s for them
+  double reduction;                 // h_1 / h_0 where nothing changes
+  double change, growth;            // of y in a step of h_0; largest h_1 / h_0
+  double zero_change, tiny;         // norm of no change; keeps scales positive
 
-  FIELDS(sign, left, rtol, atol, power, small, default_step, reduction, change, growth, flat, nothing)
+  FIELDS(sign, left, rtol, atol, power, small_norm, default_step, reduction, change, growth, zero_change, tiny)
 };
 // The first step size in s, by Hairer's algorithm (Hairer, Noersett, Wanner I, II.4).
 double first_step(Index2System& system, double t, const Numbers& y, const Numbers& F, const FirstStep& given);
