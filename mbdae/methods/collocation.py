@@ -19,6 +19,7 @@ Ordinary Differential Equations II, sections IV.8 and VII.4; Butcher, BIT 16 (19
 """
 
 from contextlib import suppress
+from math import isfinite, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -186,14 +187,14 @@ class _Stages:
             K, Z = K + dK, Z + dZ
             size = self._norm(dK, scale)
             self.counts.newton += 1
-            if not np.isfinite(size):
+            if not isfinite(size):
                 break
             if last <= ITERATION_ROUNDING:
                 left -= 1
             elif not k:
                 left = FIRST_ITERATIONS
             else:
-                rate = size / last if k == 1 else float(np.sqrt(rate * size / last))
+                rate = size / last if k == 1 else sqrt(rate * size / last)
                 left = _remaining_iterations(size, rate)
             exact = size <= ITERATION_ROUNDING and (left <= 0 or k == self.max_iterations - 1)
             if exact or (_remaining_error(size, rate) if k else size) <= self.accuracy:
@@ -266,7 +267,7 @@ class _Stages:
 
     def _displacements(self, K: Array) -> Array:
         """Return the measured components of X = h A K, (s, .)."""
-        return self.h * (self.a.A @ K)[:, self.measured]
+        return self.h * self.a.A.dot(K)[:, self.measured]
 
     def _scale(self, K: Array) -> Array:
         """Return the size of y plus its change in the step, at least a thousandth of the largest component.
@@ -278,16 +279,16 @@ class _Stages:
 
     def _norm(self, dK: Array, scale: Array) -> float:
         """Return the root mean square of the change of X by dK, (s, ny), relative to the scale."""
-        X = self._displacements(dK) / (scale + TINY)
-        return float(np.sqrt(np.add.reduce(X * X, axis=None) / X.size))
+        X = (self._displacements(dK) / (scale + TINY)).ravel()
+        return sqrt(X.dot(X) / len(X))
 
     def _correction(self, K: Array, Z: Array, solvers: list[Solver]) -> tuple[Array, Array]:
-        a, h, X = self.a, self.h, self.h * (self.a.A @ K)
-        pairs = [self.chart.residual(self.t + c * h, *point) for c, *point in zip(a.c, X, K, Z, strict=True)]
-        R, C = (np.array([pair[i] for pair in pairs]) for i in (0, 1))
-        dK, dZ = np.zeros_like(K), np.zeros_like(Z)
+        a, X, times = self.a, self.h * self.a.A.dot(K), (self.t + self.a.c * self.h).tolist()
+        residuals = [self.chart.residual(*point) for point in zip(times, X, K, Z, strict=True)]
+        R, C = map(np.array, zip(*residuals, strict=True))
+        dK, dZ = np.zeros(K.shape), np.zeros(Z.shape)
         for mode, solver in zip(a.modes, solvers, strict=True):
-            dk, dz = solver(mode.row @ R, mode.row @ C)
+            dk, dz = solver(mode.row.dot(R), mode.row.dot(C))
             dK += (mode.column[:, None] * dk).real  # numpy.outer is slower on small arrays
             dZ += (mode.column[:, None] * dz).real
         return dK, dZ

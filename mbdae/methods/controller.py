@@ -1,6 +1,7 @@
 """Step-size control from error vectors and step sizes, independent of problem and method."""
 
 from dataclasses import dataclass
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -34,10 +35,15 @@ def error_norm(errors: np.ndarray, scale: np.ndarray, blend: float = 1.0) -> flo
         scale: of their components.
         blend: p.
     """
-    norms = np.sqrt(np.square(errors / scale).mean(axis=1))
-    if len(norms) == 1 or norms[0] == 0:
-        return float(norms[0])
-    return float(norms[0] ** 2 / (norms[0] ** blend + COMPANION * norms[1] ** blend) ** (1 / blend))
+    first, *companion = root_mean_squares(errors / scale)
+    if not companion or first**2 == 0:
+        return first
+    return first**2 / (first**blend + COMPANION * companion[0] ** blend) ** (1 / blend)
+
+
+def root_mean_squares(x: np.ndarray) -> list[float]:
+    """Return the root mean squares of the rows of x, (k, m)."""
+    return [sqrt(row.dot(row) / len(row)) for row in x]  # faster than `numpy.mean` on small arrays
 
 
 @dataclass

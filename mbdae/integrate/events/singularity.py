@@ -256,7 +256,7 @@ class SingularityMonitor(SingularityLocation):
         if found is None:
             self.last_attempt = time_ahead, np.inf
             return None
-        error, move = (self.control.tolerance_norm(run, found.y, x) for x in (found.error, found.move))
+        error, move = self.control.tolerance_norms(run, found.y, np.array([found.error, found.move]))
         self.stalled_attempts = self.stalled_attempts + 1 if error >= ERROR_REDUCTION * self.last_attempt[1] else 0
         accurate = error <= 1 or (self.stalled_attempts >= MAX_STALLED and error <= MAX_STEP_ERROR)
         if not accurate or move > MAX_PROJECTION * max(1.0, error):

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import InputError, StepError
-from ...methods.controller import PI, Control, Controller, error_norm
+from ...methods.controller import PI, Control, Controller, error_norm, root_mean_squares
 from ...system import Array, Step
 from ...tolerances import AGREEMENT, EPS, ROUNDING, TINY
 from .stepper import PythonStepper, StepperState, smallest_step
@@ -84,8 +84,8 @@ class Adaptive(PythonStepper):
             self.h, self.reason, self._reason = max(self.h, self.size_before_truncation), self._reason, ""
         return error <= 1
 
-    def tolerance_norm(self, run: "RunState", y: Array, move: Array) -> float:
-        return error_norm(move[None, run.system.measured], self._scale(run, y))
+    def tolerance_norms(self, run: "RunState", y: Array, moves: Array) -> list[float]:
+        return root_mean_squares(moves[:, run.system.measured] / self._scale(run, y))
 
     def ready_for_core(self, run: "RunState") -> bool:
         """Choose the first step size, if unknown; the compiled core may take the next steps."""

@@ -95,10 +95,10 @@ class Fixed(PythonStepper):
         self.i -= self.on_grid
         self.on_grid = False
 
-    def tolerance_norm(self, run: "RunState", y: Array, move: Array) -> float:
-        """Return the largest component of a displacement of the state from y, in units of `FIXED_STEP_TOLERANCE`."""
-        m = run.system.measured
-        return float((np.abs(move) / (FIXED_STEP_TOLERANCE * run.system.magnitude(y) + TINY))[m].max(initial=0.0))
+    def tolerance_norms(self, run: "RunState", y: Array, moves: Array) -> list[float]:
+        """Return the largest components of displacements of the state from y, in units of `FIXED_STEP_TOLERANCE`."""
+        scale, m = FIXED_STEP_TOLERANCE * run.system.magnitude(y) + TINY, run.system.measured
+        return (np.abs(moves) / scale)[:, m].max(axis=1, initial=0.0).tolist()
 
     def ready_for_core(self, run: "RunState") -> bool:
         """Return whether the compiled core may take the next steps: only on the grid."""

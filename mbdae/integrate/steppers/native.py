@@ -121,8 +121,8 @@ class NativeStepper(Stepper):
     def take(self, run: "RunState", h: float) -> Step:
         return self.inner.take(run, h)
 
-    def tolerance_norm(self, run: "RunState", y: Array, move: Array) -> float:
-        return self.inner.tolerance_norm(run, y, move)
+    def tolerance_norms(self, run: "RunState", y: Array, moves: Array) -> list[float]:
+        return self.inner.tolerance_norms(run, y, moves)
 
     def settings(self) -> JsonObject:
         return self.inner.settings()

@@ -32,7 +32,7 @@ def project_end(run: "RunState", t: float, state: State) -> State:
     motions = _motions(run, system, t, state.y, end.y)
     if run.undone_motion is not None:
         motions += run.undone_motion
-    motion, *undone = (run.stepper.tolerance_norm(run, state.y, x) for x in motions)
+    motion, *undone = run.stepper.tolerance_norms(run, state.y, motions)
     largest = max(undone)
     if largest > max(1.0, MAX_UNDONE * motion):
         if run.undone_motion is None:

@@ -71,12 +71,12 @@ class Stepper(ABC):
         """Take a step of size h (signed) from the current state; nothing is recorded."""
 
     @abstractmethod
-    def tolerance_norm(self, run: "RunState", y: Array, move: Array) -> float:
-        """Return the norm of a displacement of the state from y, in units of the tolerance."""
+    def tolerance_norms(self, run: "RunState", y: Array, moves: Array) -> list[float]:
+        """Return the norms of displacements of the state from y, (k, ny), in units of the tolerance."""
 
     def tolerates(self, run: "RunState", y: Array, move: Array) -> bool:
         """Return whether a displacement of the state from y is within the tolerance of a step."""
-        return self.tolerance_norm(run, y, move) <= 1
+        return self.tolerance_norms(run, y, move[None])[0] <= 1
 
     @abstractmethod
     def settings(self) -> JsonObject:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import AssemblyError, InputError, StepError
 from ...system import Array
-from ...tolerances import AGREEMENT, SOLUTION_ROUNDING, THREE_DIGITS, TRUNCATION
+from ...tolerances import AGREEMENT, SOLUTION_ROUNDING, THREE_DIGITS, TRUNCATION, VISIBLE
 from ..closures.closure_error import ClosureError, largest_error
 from ..closures.independent_rows import MANY_ROWS
 from .flipped_frames import Jacobian, Residuals, flipped_closure, residuals_with_directions, scaled_residuals
@@ -23,11 +23,13 @@ if TYPE_CHECKING:
 ITERATIONS = 100
 WIDTHS = (0.1, 0.4, 1.5, 3.0)  # of random displacements of the initial estimate
 STARTS = 6  # for each width
+FRACTIONS = [0.5**k for k in range(12)]  # of a step, in its line search
 NEAR = 0.05  # change of a coordinate: a configuration this close to the estimate is always accepted
 APPROACHES = 10  # steps along the null space towards the estimate
 DAMPING = 0.1  # of |g|, at the start
 SLOW = 0.5  # of |g|: a step shorter than NEAR that leaves more of it is damped too much
 DAMPING_REDUCTION = 0.1  # after such a step
+STATIONARY = VISIBLE  # of |g|: a smaller predicted decrease means that |g| has a minimum
 MIN_DAMPING = SOLUTION_ROUNDING  # of the largest diagonal entry of G G^T, which dependent rows make singular
 
 
@@ -167,28 +169,30 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
     Steps are at most one radian or characteristic length long, to stay on the branch. The damping mu of `_damped_step`
     is |g|/10 at first. With many rows its ratio to |g| is reduced after each short step that does not halve |g|: in
     long chains the smallest singular value of G is far below sqrt(mu). With few rows such steps indicate a singular
-    configuration, and remain short.
+    configuration, and remain short; they end where |G x + g| is almost |g|, in a minimum in which loops remain open.
     """
     m, scales = system.manifold, system.mechanism.coordinate_scales
     g, G = rows(system, q, t)
-    closed, damping = False, DAMPING
+    size, closed, damping = np.linalg.norm(g), False, DAMPING
     for _ in range(ITERATIONS):
         if closed or not np.isfinite(G if isinstance(G, np.ndarray) else G.data).all():
             break
-        closed = bool(np.linalg.norm(g) <= SOLUTION_ROUNDING)  # one more step reduces g to rounding
+        closed = bool(size <= SOLUTION_ROUNDING)  # one more step reduces g to rounding
         x = _damped_step(G, g, free, damping)
+        if not closed and len(g) <= MANY_ROWS and np.linalg.norm(G @ x + g) > (1 - STATIONARY) * size:
+            break
         x /= max(1.0, np.abs(x).max())
-        for fraction in 0.5 ** np.arange(12):
+        for fraction in FRACTIONS:
             q_new = m.integrate(q, scales * fraction * x)
             g_new, G_new = rows(system, q_new, t)
-            if np.linalg.norm(g_new) < np.linalg.norm(g):
+            if (size_new := np.linalg.norm(g_new)) < size:
                 break
         else:
             break
-        slow = np.abs(fraction * x).max() < NEAR and np.linalg.norm(g_new) > SLOW * np.linalg.norm(g)
+        slow = np.abs(fraction * x).max() < NEAR and size_new > SLOW * size
         if slow and len(g) > MANY_ROWS:
             damping *= DAMPING_REDUCTION
-        q, g, G = q_new, g_new, G_new
+        q, g, G, size = q_new, g_new, G_new, size_new
     return q
 
 

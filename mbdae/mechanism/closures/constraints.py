@@ -155,7 +155,8 @@ class Constraints:
             G[span, body.at] += sign * self.W[:, span].T.dot(node.columns)
         for row in self.joint_rows:
             G[row.at, row.columns] = row.value()[1]
-        G[self.inactive] = 0.0
+        if len(self.inactive):
+            G[self.inactive] = 0.0
         return G
 
     def sparse_jacobian(self) -> "csr_array":

@@ -128,13 +128,14 @@ class ConvexBody:
         """Return a tangent and its rate: forwards for a wheel; else x of a on a plane, or around the z axis of a."""
         if self.axle:
             s = self.axis(pair)
-            _require_inclined(ahead := cross(s, n))
-            return unit(ahead, cross(rotated(pair.Vb, s), n) + cross(s, dn))
+            ahead, rate = product(s, rotated(pair.Vb, s), n, dn)
+            _require_inclined(ahead)
+            return unit(ahead, rate)
         x, z = pair.Ra[:, :1], pair.Ra[:, 2:]
         if self.surface == "plane":
             return x, rotated(pair.Va, x)
         d = x if self.surface == "sphere" and abs((n * z).sum().real) > POLAR else z
-        return unit(cross(d, n), cross(rotated(pair.Va, d), n) + cross(d, dn))
+        return unit(*product(d, rotated(pair.Va, d), n, dn))
 
 
 class ContactHeightRow(LineRows):
@@ -172,8 +173,14 @@ class NoSlipRows(LineRows):
         n, p, dn, dp = self.shape.contact_kinematics(pair)
         t, dt = self.shape.heading(pair, n, dn)
         ahead, left = self.directions[:1], self.directions[1:]
-        e = t.dot(ahead) + cross(n, t).dot(left)
-        return Lines(e, p, dt.dot(ahead) + (cross(dn, t) + cross(n, dt)).dot(left), dp)
+        s, ds = product(n, dn, t, dt)
+        return Lines(t.dot(ahead) + s.dot(left), p, dt.dot(ahead) + ds.dot(left), dp)
+
+
+def product(a: Array, da: Array, b: Array, db: Array) -> tuple[Array, Array]:
+    """Return a x b and its rate a' x b + a x b', for columns (3, 1)."""
+    x = cross(np.concatenate((a, da, a), axis=1), np.concatenate((b, b, db), axis=1))
+    return x[:, :1], x[:, 1:2] + x[:, 2:]
 
 
 def _offset(pair: Pair) -> tuple[Array, Array]:

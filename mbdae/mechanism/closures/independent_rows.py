@@ -219,9 +219,9 @@ def all_multipliers(U: np.ndarray, G: np.ndarray, rows: np.ndarray, lam: np.ndar
         U: the Cholesky factor of M = U^T U, (nv, nv).
         G: all rows, (ng, nv).
         rows: the rows in use, (r,).
-        lam: their multipliers, (r,).
+        lam: their multipliers, (r,) or several, (k, r).
     """
-    out = np.zeros(len(G))
+    out = np.zeros((*lam.shape[:-1], len(G)))
     if not len(rows):
         return out
     B, others = dgesv(U.T, G.T)[2], np.ones(len(G), bool)
@@ -233,17 +233,19 @@ def all_multipliers(U: np.ndarray, G: np.ndarray, rows: np.ndarray, lam: np.ndar
         return minimum_norm(G, len(rows), lam.dot(G.take(rows, 0)))
     S = C.T.dot(C)
     S.ravel()[:: len(S) + 1] += 1
-    n = dgesv(S, lam.dot(C))[2]
-    out[rows], out[others] = lam - C.dot(n), n
+    n = dgesv(S, lam.dot(C).T)[2].T
+    out[..., rows], out[..., others] = lam - n.dot(C.T), n
     return out
 
 
 def minimum_norm(G: np.ndarray, rank: int, force: np.ndarray) -> np.ndarray:
     """Return the minimum-norm multipliers, (ng,), with G^T lam = force (nv,) for rows of G (ng, nv) of a given rank.
 
+    Several forces, (k, nv), have multipliers (k, ng).
+
     The rank is not determined here: rows that are dependent where 0 = g are only nearly dependent close to it. In a
     singular configuration, combinations of rows that vanish up to rounding are omitted.
     """
     left, sizes, right, _ = dgesdd(G, full_matrices=0)
     rank = min(rank, int(np.count_nonzero(sizes > SUM_ROUNDING * sizes[:1])))
-    return left[:, :rank].dot(right[:rank].dot(force) / sizes[:rank])
+    return (force.dot(right[:rank].T) / sizes[:rank]).dot(left[:, :rank].T)

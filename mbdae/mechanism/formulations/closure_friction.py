@@ -106,7 +106,7 @@ class ClosureFriction:
         if r == ng - len(self.constraints.inactive):
             return np.eye(ng)[:, rows]
         G = self.constraints.jacobian()
-        return np.array([minimum_norm(G, r, g) for g in G[rows]]).T
+        return minimum_norm(G, r, G[rows]).T
 
     def regularised_interfaces(self, name: str) -> list[int]:
         """Return the indices of a closure's interfaces with regularised friction, which is not a multiplier."""
@@ -229,8 +229,8 @@ def solve_with_friction(
     """
     e, speed, factor = slips
     vdot, lam = s.solve_saddle_point(t, U, G[rows], Ghat, np.vstack([f, e]), rhs)
-    all_lam = [s.all_multipliers(U, G, rows, x) for x in lam]
-    T = s.closure_friction.solve(t, factor, all_lam[0], np.array(all_lam[1:]))
+    all_lam = s.all_multipliers(U, G, rows, lam)
+    T = s.closure_friction.solve(t, factor, all_lam[0], all_lam[1:])
     return vdot[0] + T @ vdot[1:], lam[0] + T @ lam[1:], float(T @ speed)
 
 

@@ -232,13 +232,12 @@ class LinearizedGGL(Linearized):
         G, P, (J, _) = self.partials.G, self.G_p, self.tangent_map
         n, nv, r = len(upper), len(J), len(G)
         PS, JN = P @ S, J @ np.linalg.solve(self.partials.E[:nv, :nv], P.T)
-        back = self.block_solver(
-            [
-                [upper, -self.partials.L, -KS @ JN],
-                [padded(G + mu * (BS @ J), n), np.zeros((r, r)), BS @ JN],
-                [padded(mu * (PS @ J), n), np.zeros((len(P), r)), PS @ JN],
-            ]
-        )
+        blocks = [
+            [upper, -self.partials.L, -KS @ JN],
+            [padded(G + mu * (BS @ J), n), np.zeros((r, r)), BS @ JN],
+            [padded(mu * (PS @ J), n), np.zeros((len(P), r)), PS @ JN],
+        ]
+        back = self.solver(np.block(blocks))
 
         def solve(rhs: Array, c: Array) -> tuple[Array, Array]:
             self.counts.solves += 1

@@ -4,7 +4,7 @@ q' = v,   M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = G(q) v + g_t(t),   s' = h(
 non-conservative forces and, -lam . g_t, of the drivers; s are the states of actuators and controllers
 """
 
-from math import inf
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -107,8 +107,8 @@ class Index2System(PinocchioData, RunVariables, System):
         """Return f (nv,) and the rates (s', power in W), (ns + 1,); kinematics must be current at q."""
         tau, rates = self.torque(t, q, v, s)
         f = tau - tree.bias(self.model, self.workspace, q, v)
-        if not (finite := np.isfinite(f)).all():
-            joint = self.mechanism.coordinate_joint(int(np.flatnonzero(~finite)[0]))
+        if not all(map(isfinite, f.tolist())):  # faster than `numpy.isfinite` on small arrays
+            joint = self.mechanism.coordinate_joint(int(np.flatnonzero(~np.isfinite(f))[0]))
             raise StepError("nonfinite", f"the force on joint {joint!r} is not finite at t = {t:.17g}")
         return f, rates
 
@@ -140,9 +140,9 @@ class Index2System(PinocchioData, RunVariables, System):
         return U, self.jacobian()
 
     def all_multipliers(self, U: Array, G: Array, rows: Array, lam: Array) -> Array:
-        """Return the minimum-norm multipliers of all rows, (ng,), from those of the rows in use, (r,)."""
+        """Return the minimum-norm multipliers of all rows, (.., ng), from those of the rows in use, (.., r)."""
         if len(rows) == self.ng:
-            return lam[rows.argsort()]
+            return lam[..., rows.argsort()]
         return independent_rows.all_multipliers(U, G, rows, lam)
 
     def new_workspace(self) -> "Index2System":

@@ -176,10 +176,10 @@ class Pair:
     """
 
     def __init__(self, model: pin.Model, data: pin.Data, a: Anchor, b: Anchor) -> None:
-        self.model, self.a, self.b = model, a, b
+        self.model, self.a, self.b, self._data, self._J = model, a, b, data, data.J.reshape(6, -1)  # (6,) if nv = 1
         self._Ra, self._Rb = data.oMi[a.joint].rotation, data.oMi[b.joint].rotation  # live views
         self._pa, self._pb = data.oMi[a.joint].translation, data.oMi[b.joint].translation
-        self._data, self._J = data, data.J.reshape(6, -1)  # with nv = 1 it is a vector
+        self._in_a, self._in_b = (np.column_stack([x.R, x.p]) for x in (a, b))
         support_a, support_b = support(model, a.joint), support(model, b.joint)
         self.sign, self.columns = (support_b - support_a).astype(np.int8), np.flatnonzero(support_a + support_b)
         self.nodes = [
@@ -217,8 +217,8 @@ class Pair:
 
     def locate(self) -> None:
         """Update rotations Ra, Rb (3, 3) and positions pa, pb (3,) of both anchors in the world."""
-        self.Ra, self.pa = self._Ra.dot(self.a.R), self._Ra.dot(self.a.p) + self._pa
-        self.Rb, self.pb = self._Rb.dot(self.b.R), self._Rb.dot(self.b.p) + self._pb
+        a, b = self._Ra.dot(self._in_a), self._Rb.dot(self._in_b)
+        self.Ra, self.Rb, self.pa, self.pb = a[:, :3], b[:, :3], a[:, 3] + self._pa, b[:, 3] + self._pb
 
     def twist(self) -> None:
         """Update the spatial velocities Va, Vb (6,) at the world's origin, linear part first."""

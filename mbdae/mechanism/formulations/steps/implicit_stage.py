@@ -62,20 +62,22 @@ class ImplicitStages:
         s, nv = self.system, self.system.nv
         q, v = s.manifold.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
         update_poses(s.model, s.workspace, q)
-        G = s.jacobian()[self.rows]
+        G = s.jacobian().take(self.rows, 0)
         tau, rates = s.torque(t, q, v, self.s + x[2 * nv : -1])
         if s.closure_friction:
             e, speed, factor = s.closure_friction.slip_terms(v)
             T = factor * s.closure_friction.normal_forces(s.closure_friction.minimum_norm_map(self.rows) @ z)[0]
             tau, rates[-1] = tau + T @ e, rates[-1] + T @ speed
         inertial = inverse(s.model, s.workspace, q, v, dx[nv : 2 * nv])
-        rate = s.manifold.tangent(x[:nv], v)
-        g_t = s.g_t(t)[self.rows]
-        rates[-1] -= z @ g_t
-        r = np.concatenate([rate, tau + z @ G - inertial, rates])
+        constraint = G.dot(v)
+        if s.driven:
+            g_t = s.g_t(t)[self.rows]
+            rates[-1] -= z.dot(g_t)
+            constraint += g_t
+        r = np.concatenate((s.manifold.tangent(x[:nv], v), tau + z.dot(G) - inertial, rates))
         r[:nv] -= dx[:nv]
         r[2 * nv :] -= dx[2 * nv :]
-        return r, -(G @ v + g_t)
+        return r, -constraint
 
     def linearize(self, x: Array, dx: Array, z: Array) -> "Linearized":
         """Return the partial derivatives at (x, x', z)."""
@@ -111,6 +113,8 @@ class ImplicitStages:
 def _tangent_map(manifold: Manifold, x: Array, v: Array) -> tuple[Array, Array]:
     """Return J(x) and d(J(x) v)/dx, (nv, nv) each."""
     unit = np.eye(len(v))
+    if not manifold.group_joints:
+        return unit, np.zeros(unit.shape)
     return manifold.tangent(x, unit), np.array([manifold.tangent_rate(x, e, v) for e in unit]).T
 
 
@@ -145,31 +149,33 @@ class Linearized(NamedTuple):
         L = np.vstack([np.zeros((nv, r)), p.L])
         return E, A, L, np.hstack([p.B @ back, padded(p.G, n)])
 
-    def block_solver(self, blocks: list[list[Array]]) -> Callable[[Array], Array]:
-        """Factorize a block matrix, count it, and return b -> matrix^-1 b."""
+    def solver(self, matrix: Array) -> Callable[[Array], Array]:
+        """Factorize a matrix, count it, and return b -> matrix^-1 b."""
         self.counts.factorizations += 1
-        return factorized(np.block(blocks), f"the linear system of an implicit step at t = {self.t:.17g}")
+        return factorized(matrix, f"the linear system of an implicit step at t = {self.t:.17g}")
 
     def stage_blocks(self, mu: complex) -> tuple[Array, Array, Array, Array]:
         """Return S, mu K S, B S and the upper left block of the module's matrix."""
         J, dJv = self.tangent_map
-        S = np.linalg.inv((np.eye(len(J)) - mu * dJv) @ J)
-        KS = mu * (self.partials.K @ S)
+        S = np.linalg.inv((np.eye(len(J)) - mu * dJv).dot(J))
+        KS = mu * self.partials.K.dot(S)
         upper = self.partials.E - mu * self.partials.D
-        upper[:, : len(J)] -= mu * (KS @ J)
-        return S, KS, self.partials.B @ S, upper
+        upper[:, : len(J)] -= mu * KS.dot(J)
+        return S, KS, self.partials.B.dot(S), upper
 
     def factorize(self, mu: complex) -> Solver:
         """Factorize the module's matrix, real or complex."""
         S, KS, BS, upper = self.stage_blocks(mu)
-        G, L, (J, _) = self.partials.G, self.partials.L, self.tangent_map
+        G, (J, _) = self.partials.G, self.tangent_map
         n, nv = len(upper), len(J)
-        back = self.block_solver([[upper, -L], [padded(G + mu * (BS @ J), n), np.zeros((len(G), len(G)))]])
+        matrix = np.zeros((n + len(G), n + len(G)), upper.dtype)
+        matrix[:n, :n], matrix[:n, n:], matrix[n:, :nv] = upper, -self.partials.L, G + mu * BS.dot(J)
+        back = self.solver(matrix)
 
         def solve(r: Array, c: Array) -> tuple[Array, Array]:
             self.counts.solves += 1
-            u = back(np.concatenate([r[nv:] + KS @ r[:nv], c / mu - BS @ r[:nv]]))
-            return np.concatenate([J @ (S @ (r[:nv] + mu * (J @ u[:nv]))), u[:n]]), u[n:]
+            u = back(np.concatenate((r[nv:] + KS.dot(r[:nv]), c / mu - BS.dot(r[:nv]))))
+            return np.concatenate((J.dot(S.dot(r[:nv] + mu * J.dot(u[:nv]))), u[:n])), u[n:]
 
         return solve
 

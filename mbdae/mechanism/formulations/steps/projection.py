@@ -75,17 +75,19 @@ def project_positions(
     g, G = system.closures(None, t)
     path, size, positional, mech = [q], 0.0, system.constraints.positional, system.mechanism
     scales = mech.row_scales
+    gap = np.linalg.norm(g / scales)
     for _ in range(ITERATIONS):
-        if not tight and not np.linalg.norm(g / scales) > SUM_ROUNDING * (1 + np.abs(path[-1] / mech.q_scales).max()):
+        if not tight and not gap > SUM_ROUNDING * (1 + np.abs(path[-1] / mech.q_scales).max()):
             break
         x = _smallest(U, G[positional], g[positional], scales[positional])
         size = float(np.abs(x / mech.coordinate_scales).max())
         new_q = system.manifold.integrate(path[-1], -x)
         new = system.closures(new_q, t)
-        if not np.linalg.norm(new[0] / scales) < MAX_REMAINING * np.linalg.norm(g / scales):
+        new_gap = np.linalg.norm(new[0] / scales)
+        if not new_gap < MAX_REMAINING * gap:
             break
         path.append(new_q)
-        g, G = new
+        (g, G), gap = new, new_gap
     return path, g, G, size
 
 
