@@ -121,8 +121,7 @@ def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeyp
         results = []
         for more in ([], ["--json"]):
             with monkeypatch.context() as patch:
-                if more:  # pictures of the page were drawn without --json
-                    without_pictures(patch)
+                without_pictures(patch)
                 keep_studies(patch, results, bool(more))
                 code, out, err = call(*shlex.split(arguments), *more, cwd=tmp_path)
             assert (code, err) == (0, ""), arguments
