@@ -85,13 +85,13 @@ def replay(name: str, end: float, share: float) -> Image.Image:
     return video.still(page(sol, plots=(), fps=30 * min(1.0, end)), share, (400, 260))
 
 
-def replay_page(folder: Path) -> None:
+def replay_page(folder: Path, end: float = 5.0, size: tuple[int, int] = (1200, 675)) -> None:
     """A whole replay page: two solutions, the path of a point, the force in a joint, and signals."""
     mech = mbdae.load("slider_crank")
-    sol = mbdae.solve(mech, (0, 5), rtol=1e-8)
-    coarse = mbdae.solve(mech, (0, 5), method="herk1", step=0.01)
+    sol = mbdae.solve(mech, (0, end), rtol=1e-8)
+    coarse = mbdae.solve(mech, (0, end), method="herk1", step=0.01)
     text = page(sol, traces=["rod_tip"], ghosts={"herk1, h = 0.01 s": coarse}, arrows=["wrist pin"])
-    write(video.still(text, 0.74, (1200, 675)), folder / "replay_page.png")
+    write(video.still(text, 0.74, size), folder / "replay_page.png")
 
 
 def work_precision(

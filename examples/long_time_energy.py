@@ -18,8 +18,10 @@ STEPS = {"four_bar": 0.025, "heavy_top": 0.002}  # s
 SPANS = {"four_bar": 1000.0, "heavy_top": 100.0}  # s
 
 
-def main(share: float = 1.0, plot: str | Path | None = "long_time_energy.png") -> dict[tuple[str, str], Drift]:
-    """Print trends of the energy, changes of momenta and errors of the way back over a share of the spans."""
+def main(
+    spans: dict[str, float] = SPANS, plot: str | Path | None = "long_time_energy.png"
+) -> dict[tuple[str, str], Drift]:
+    """Print trends of the energy, changes of momenta and errors of the way back."""
     out = {}
     print(
         f"{'model':10s} {'method':8s} {'max |E - E_0| / scale':>22s} {'trend (J/s)':>12s} {'standard error':>15s} "
@@ -28,7 +30,7 @@ def main(share: float = 1.0, plot: str | Path | None = "long_time_energy.png") -
     for model, step in STEPS.items():
         mech = mbdae.load(model)
         for method in METHODS:
-            sol = mbdae.solve(mech, (0, share * SPANS[model]), method=method, step=step)
+            sol = mbdae.solve(mech, (0, spans[model]), method=method, step=step)
             d = out[model, method] = mbdae.drift(sol, long=True)
             changes = f"{max(d.momenta.values()):9.1e}" if d.momenta else f"{'-':>9s}"
             back = f"{d.reversal[0]:10.1e}" if d.reversal else f"{'-':>10s}"

@@ -3,6 +3,7 @@
 import importlib
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -195,10 +196,14 @@ def test_friction_beside_other_programs(script):
 
 
 def test_growth_of_default_runs(script, capsys):
-    measured = script("growth").main(["--brief"])
+    growth = script("growth")
+    measured = growth.main(["--brief"])
     assert [list(m) for m in measured.values()] == [[10, 30], [10, 30]]
     assert min(x["start"] for m in measured.values() for x in m.values()) > 0
     assert "| exponent from 10 |" in capsys.readouterr().out
+    times, memory = growth.in_process(partial(growth.seconds, "unequal", 2, 1, 0.0))
+    assert times["start"] > 0
+    assert memory >= 0
 
 
 def test_simulator_is_measured(script, capsys):

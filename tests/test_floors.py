@@ -47,15 +47,15 @@ def tree_of(path):
 @cache
 def imported(path):
     """Full names of everything a file imports, wherever in it, except for type checkers."""
-    tree, names = tree_of(path), []
+    nodes, names = list(ast.walk(tree_of(path))), []
     package = ["mbdae", *path.relative_to(PACKAGE).parts[:-1]]
     skipped = {
         id(inner)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for node in nodes
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
         for inner in ast.walk(node)
     }
-    for node in ast.walk(tree):
+    for node in nodes:
         if id(node) in skipped:
             continue
         if isinstance(node, ast.Import):
@@ -67,6 +67,7 @@ def imported(path):
     return names
 
 
+@cache
 def room(name, folder=PACKAGE):
     """The folder entry of a module given by its dotted name: the first file or folder in it, or the folder itself."""
     depth = len(folder.relative_to(ROOT).parts)

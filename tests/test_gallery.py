@@ -16,7 +16,7 @@ def test_the_gallery_is_drawn(tmp_path):
     gallery, folder = example("gallery"), tmp_path / "pictures"
     folder.mkdir()
     gallery.replays(folder, ["four_bar"])
-    gallery.replay_page(folder)
+    gallery.replay_page(folder, 1.0, (600, 340))
     gallery.work_precision(folder, 0.3, ("herk3", "pherk5"), (1e-3, 1e-4))
     gallery.drift(folder, 0.5, ("pherk5",))
     drawn = {path.name for path in folder.iterdir()}

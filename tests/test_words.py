@@ -6,6 +6,7 @@
 import ast
 import re
 import subprocess
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,7 @@ PAGE_ON_ORDERS = "check.md"
 OF_TESTS = re.compile("slopes?|doubtful|freedoms?")  # of fitted lines, a status, degrees of freedom
 
 
+@cache
 def words(name):
     return [x.lower() for x in re.findall(r"[A-Z]?[a-z0-9]+|[A-Z]+(?![a-z])", name)]
 
@@ -54,24 +56,33 @@ def package():
     return [p for p in sources(".py") if "mbdae" in p.relative_to(ROOT).parts[:1]]
 
 
+@cache
+def nodes(path):
+    """The nodes of a file that are read here: definitions, arguments, variables, texts and expressions of one text."""
+    kinds = (ast.FunctionDef, ast.ClassDef, ast.arg, ast.Name, ast.Constant, ast.Expr)
+    return [node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, kinds)]
+
+
+@cache
 def defined(path):
     """Names that a module defines: of functions, classes, arguments, variables."""
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    found = []
+    for node in nodes(path):
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            yield node.name
+            found.append(node.name)
         elif isinstance(node, ast.arg):
-            yield node.arg
+            found.append(node.arg)
         elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            yield node.id
+            found.append(node.id)
+    return found
 
 
 def comments_and_docstrings(path):
     """Prose of a file, each docstring (of attributes, too) and each line of a comment as one line."""
-    text = path.read_text("utf-8")
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes(path):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             yield " ".join(node.value.value.split())
-    yield from re.findall(r"#\s+(.*)$", text, re.M)
+    yield from re.findall(r"#\s+(.*)$", path.read_text("utf-8"), re.M)
 
 
 def stays(path, name):
@@ -98,7 +109,7 @@ def found_members():
     return [
         f"{p.name}: {n.name}"
         for p in package()
-        for n in ast.walk(ast.parse(p.read_text("utf-8")))
+        for n in nodes(p)
         if isinstance(n, ast.FunctionDef | ast.ClassDef) and WHOLE.fullmatch(n.name)
     ] + [p.name for p in package() if WHOLE.fullmatch(p.stem)]
 
@@ -113,9 +124,8 @@ def found_messages():
     """Old words in texts that users see: all but docstrings."""
     found = []
     for p in package():
-        nodes = list(ast.walk(ast.parse(p.read_text("utf-8"))))
-        docs = {id(n.value) for n in nodes if isinstance(n, ast.Expr)}
-        texts = [n.value for n in nodes if isinstance(n, ast.Constant) and id(n) not in docs]
+        docs = {id(n.value) for n in nodes(p) if isinstance(n, ast.Expr)}
+        texts = [n.value for n in nodes(p) if isinstance(n, ast.Constant) and id(n) not in docs]
         found += [(p, w) for x in texts if isinstance(x, str) for w in PROSE.findall(x)]
     return [f"{p.name}: {w}" for p, w in found if not (w.startswith("slope") and p.parent.name in FITTED)]
 

@@ -67,8 +67,8 @@ def assembled(mech: mbdae.Mechanism, N: int) -> tuple[Array, Array]:
     return mech.assemble(q={"crank_0": pi / 2}, v={"crank_0": -1.0}, guess=guess)
 
 
-def seconds(row: str, N: int) -> dict[str, float]:
-    """Seconds of the processor for the model, its assembly, start and step."""
+def seconds(row: str, N: int, repeats: int, least: float) -> dict[str, float]:
+    """Seconds of the processor for the model, its assembly, start and step: of at least so many runs and seconds."""
     begun = process_time()
     mech = ROWS[row](N)
     found = {"model": process_time() - begun}
@@ -77,7 +77,7 @@ def seconds(row: str, N: int) -> dict[str, float]:
     found["assembly"] = process_time() - begun
     for name, end in (("start", 1e-7), ("run", END)):
         times: list[float] = []
-        while len(times) < REPEATS or sum(times) < LEAST:
+        while len(times) < repeats or sum(times) < least:
             begun = process_time()
             sol = mbdae.solve(mech, (0, end), q, v)
             times.append(process_time() - begun)
@@ -128,9 +128,9 @@ def one_run(name: str, N: int, end: float, value: float) -> Run | None:
     return run and run(value)
 
 
-def beside(N: int, end: float, short: bool) -> list[list[str]]:
+def beside(N: int, end: float, short: bool, measured: Callable[[Callable[[], R]], tuple[R, float]]) -> list[list[str]]:
     """Rows of the second table: seconds, largest error in rad, |g| in m, and peak memory in MB."""
-    measured, out = with_memory if short else in_process, []
+    out = []
     # Also in a new process: each begins with the peak of its parent.
     reference, _ = measured(partial(one_run, "mbdae", N, end, REFERENCE))
     assert reference is not None
@@ -149,11 +149,12 @@ def beside(N: int, end: float, short: bool) -> list[list[str]]:
 def main(argv: Sequence[str] | None = None) -> dict[str, dict[int, dict[str, float]]]:
     """Print the tables and return seconds and bytes by row, N and part."""
     short = brief(argv, __doc__)
-    sizes = SIZES[:2] if short else SIZES
+    sizes, effort = (SIZES[:2], (1, 0.0)) if short else (SIZES, (REPEATS, LEAST))
+    measure = with_memory if short else in_process
     measured: dict[str, dict[int, dict[str, float]]] = {name: {} for name in ROWS}
     for name in ROWS:
         for N in sizes:
-            times, memory = in_process(partial(seconds, name, N))
+            times, memory = measure(partial(seconds, name, N, *effort))
             measured[name][N] = times | {"memory": memory}
     print(machine("mujoco", "exudyn") + "\n")
     for name, found in measured.items():
@@ -165,7 +166,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, dict[int, dict[str, flo
         print(table(header, lines) + "\n")
     N, end = sizes[-1], 0.1 if short else LENGTH
     header = [f"N = {N}, {end:g} s", "seconds", "error, rad", "largest \\|g\\|, m", "memory, MB"]
-    print(table(header, beside(N, end, short)))
+    print(table(header, beside(N, end, short, measure)))
     return measured
 
 

@@ -166,7 +166,8 @@ class Equations:
         bent = dde[:, 0] * v * v
         rhs = self.force(e, de)[:, 0] - (de[:, 0].conj() * (self.C @ bent)).real
         hidden = -(self.B @ bent)
-        K = np.block([[M, -G.T], [G, np.zeros((2 * self.nc, 2 * self.nc))]])
+        K = np.zeros((self.n + 2 * self.nc, self.n + 2 * self.nc))
+        K[: self.n, : self.n], K[: self.n, self.n :], K[self.n :, : self.n] = M, -G.T, G
         x = np.linalg.solve(K, np.concatenate([rhs, hidden.real, hidden.imag]))
         return x[: self.n], x[self.n :]
 

@@ -189,7 +189,7 @@ def draw(measured: dict[str, dict[str, list[Point]]], path: Path) -> None:
 def main(argv: Sequence[str] | None = None, picture: Path | None = None) -> dict[str, dict[str, list[Point]]]:
     """Print a table for each problem, draw the figure, and return the points."""
     short = brief(argv, __doc__)
-    targets, effort = ((1e-2, 1e-4), Effort(0.02, 1, 4)) if short else (TARGETS, Effort(CAP, 5, 1))
+    targets, effort = ((1e-2, 1e-4), Effort(0.02, 1, 8)) if short else (TARGETS, Effort(CAP, 5, 1))
     print(machine("solve_dae", "mujoco", "exudyn", "casadi", "diffrax"))
     print(f"back end of mbdae: {backends()[-1]}, but for rows that say Python")
     measured = {}

@@ -6,6 +6,7 @@ import shlex
 import signal
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -115,12 +116,12 @@ def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeyp
     assert {arguments.split()[0] for arguments in every} == set(cli.commands)
     (tmp_path / "sweep.toml").write_text('model = "pendulum"\nend = 0.1\n[grid]\nsolve.rtol = [1e-3, 1e-6]\n')
     monkeypatch.setenv("FORCE_COLOR", "1")  # as on machines that run tests
+    monkeypatch.setattr("mbdae.mechanism.load", cache(mbdae.load))  # of `models`, with and without --json
     for arguments in every:
         results = []
         for more in ([], ["--json"]):
             with monkeypatch.context() as patch:
-                if more:  # pictures of the page were drawn without --json
-                    without_pictures(patch)
+                without_pictures(patch)
                 keep_studies(patch, results, bool(more))
                 code, out, err = call(*shlex.split(arguments), *more, cwd=tmp_path)
             assert (code, err) == (0, ""), arguments

@@ -13,6 +13,7 @@ from unit_systems import SI, UNIT_SYSTEMS
 import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism.formats.mechanism_file.template import Template
+from mbdae.studies.statics import continuation
 
 NAMES = ("four_bar", "slider_crank", "flyball_governor", "stewart_platform", "bicycle")
 OTHERS = [units for units in UNIT_SYSTEMS if units is not SI]
@@ -97,8 +98,9 @@ def test_linearizations(name, units):
     ("snap_toggle", "press", (0.0, 0.5)), ("four_bar", "gravity", (1.0, 1.2)), ("spring_four_bar", "gravity", (1, 1.1)),
     ("flyball_governor", "gravity", (1.0, 1.1)), ("slider_crank", "gravity", (1.0, 0.9)),
 ])  # fmt: skip
-def test_load_paths(name, load, span, units):
+def test_load_paths(name, load, span, units, monkeypatch):
     """The same points, since steps are measured in rad and characteristic lengths, and the same critical points."""
+    monkeypatch.setattr(continuation, "MAX_STEP", 0.3)  # on all points of a coarse path
     mech = made(name, SI)
     expected, found = path_of(name, load, span, SI), path_of(name, load, span, units)
     np.testing.assert_allclose(found.factor, expected.factor, atol=EXACT)

@@ -42,7 +42,7 @@ def test_dc_motor_without_inductance_is_the_limit():
     ends = []
     for inductance in (0.0, 1e-5, 2e-5):  # stiff: the current follows within 5 microseconds
         motor = DCMotor(joint="arm", voltage=5.0, resistance=R, inductance=inductance, constant=K, gear=N)
-        sol = mbdae.solve(arm(motor), (0, 0.5), rtol=1e-11, method="radau5")
+        sol = mbdae.solve(arm(motor), (0, 0.2), rtol=1e-11, method="radau5")
         assert sol.stats["steps"] < 1000
         ends.append(sol.q[-1, 0])
     assert abs(ends[1] - ends[0]) < 1e-5
@@ -132,7 +132,7 @@ def test_full_order_in_the_states(method, n, exact):
 @pytest.mark.usefixtures("back_end")
 def test_all_formulations_agree():
     mech = drive()
-    ref = mbdae.solve(mech, (0, 0.5), method="pherk6", rtol=1e-12)
+    ref = mbdae.solve(mech, (0, 0.2), method="pherk6", rtol=1e-12)
     for settings in (
         {"formulation": "ggl"},
         {"project": True},
@@ -141,21 +141,21 @@ def test_all_formulations_agree():
         {"method": "radau5"},
         {"method": "radau5", "formulation": "ggl"},
     ):
-        sol = mbdae.solve(mech, (0, 0.5), rtol=1e-9, **settings)
+        sol = mbdae.solve(mech, (0, 0.2), rtol=1e-9, **settings)
         np.testing.assert_allclose(sol.y[-1], ref.y[-1], atol=1e-6, err_msg=str(settings))
 
 
 @pytest.mark.usefixtures("back_end")
 def test_states_between_steps():
     """Dense output is continuous in s and of the order of v."""
-    mech, t = drive(), np.linspace(0.05, 0.95, 37)
-    ref = mbdae.solve(mech, (0, 1), method="pherk6", rtol=1e-12)
+    mech, t = drive(), np.linspace(0.05, 0.45, 37)
+    ref = mbdae.solve(mech, (0, 0.5), method="pherk6", rtol=1e-12)
     exact = np.array([ref.point(x) for x in t])
     errors = []
     for n in (50, 100, 200):
-        sol = mbdae.solve(mech, (0, 1), step=1 / n)
+        sol = mbdae.solve(mech, (0, 0.5), step=1 / n)
         errors.append(np.abs(np.array([sol.point(x) for x in t]) - exact)[:, 6:9].max())
-        i = n // 3
+        i = n // 6
         np.testing.assert_allclose(sol.dense(i)(1.0), sol.y[i + 1], rtol=1e-12, atol=1e-14)
     assert np.log2(errors[0] / errors[-1]) / 2 > 3.8
 

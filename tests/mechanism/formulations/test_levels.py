@@ -62,12 +62,11 @@ def test_mu_is_carried_from_step_to_step():
     np.testing.assert_allclose(step.state.carry[: mech.nv], G.T @ mu, atol=1e-15)  # a unit mass: M = 1
 
 
-@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize(
     "options", [{"formulation": "ggl"}, {"formulation": "ggl", "method": "radau5"}, {"project": True}]
 )
-def test_dependent_rows_are_all_kept(options):
-    T = 1.0 if "method" in options else 5.0
+def test_dependent_rows_are_all_kept(options, back_end):
+    T = 5.0 if back_end == "native" and "method" not in options else 1.0
     mech = bricard(3, [0.0, 0.0, -9.81])
     sol = mbdae.solve(mech, (0.0, T), np.zeros(5), np.zeros(5), rtol=1e-9, **options)
     assert sol.success, sol.message
@@ -102,13 +101,13 @@ def two_four_bars():
     return Mechanism(model, closures=[Closure.point(f"bar{k}_tip", f"crank{k + 1}_tip") for k in range(2)])
 
 
-@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("options", [{}, {"project": False}, {"project": True}, {"formulation": "ggl"}])
-def test_branch_at_a_singular_position(options):
-    mech = two_four_bars()
+def test_branch_at_a_singular_position(options, back_end):
+    """The cranks are flat at 0.71, 1.23, 2.65, ... s."""
+    mech, T = two_four_bars(), 5.0 if back_end == "native" else 2.0
     cranks = [i for i, n in enumerate(mech.joint_names) if n.startswith("crank")]
     sign = np.where(np.isin(np.arange(mech.nq), cranks), 1.0, -1.0)
-    sol = mbdae.solve(mech, (0.0, 5.0), *mech.assemble(sign * np.pi / 2, sign), rtol=1e-9, **options)
+    sol = mbdae.solve(mech, (0.0, T), *mech.assemble(sign * np.pi / 2, sign), rtol=1e-9, **options)
     spread = np.ptp(sol.q[:, cranks], axis=1).max()
     assert sol.success, sol.message
     assert spread < 1e-7
@@ -122,7 +121,7 @@ def test_branch_at_a_singular_position(options):
 @pytest.mark.parametrize("method", ["pherk5", "herk3", "radau5"])
 def test_projection_stops_the_drift(method, options):
     mech = mbdae.load("four_bar")
-    plain, projected = (run(mech, 3.0, method=method, project=p, **options) for p in (False, True))
+    plain, projected = (run(mech, 1.0, method=method, project=p, **options) for p in (False, True))
     assert levels(plain)[0] > 1e-9
     assert max(levels(projected)) <= 1e-12
     assert plain.stats["state_projections"] == 0
@@ -132,7 +131,7 @@ def test_projection_stops_the_drift(method, options):
 
 @pytest.mark.usefixtures("back_end")
 def test_projection_keeps_the_order_without_new_solves():
-    mech, steps = mbdae.load("pendulum"), (20, 40, 80, 160, 320)
+    mech, steps = mbdae.load("pendulum"), (20, 40, 80, 160)
     assert min(slopes(mech, 2.0, steps, method="pherk5", project=True)) >= 4.8
     solves = [run(mech, 2.0, method="pherk5", rtol=1e-8, project=p).stats["solves"] for p in (False, True)]
     assert abs(solves[0] - solves[1]) <= 20  # the carry is kept

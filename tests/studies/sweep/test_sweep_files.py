@@ -46,7 +46,7 @@ def test_threads_processes_and_dask_give_the_same_bits(tmp_path):
     one = content("threads", workers=1)
     assert content("two", workers=2) == one
     assert content("processes", executor="processes", workers=2) == one
-    cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=None)
     with cluster, distributed.Client(cluster) as client:
         assert content("dask", executor=client.get_executor()) == one
     loaded = mbdae.Sweep.load(tmp_path / "dask.parquet")
@@ -132,7 +132,7 @@ def test_files_of_other_sweeps_are_refused(tmp_path):
 
 SWEEP = """
 model = "slider_crank"
-end = 0.5
+end = 0.25
 times = 21
 outputs = ["peak force.wrist pin", "q.slider"]
 workers = 1
@@ -140,7 +140,7 @@ executor = "threads"
 [settings]
 rtol = 1e-8
 [random]
-n = 120
+n = 60
 parameters.frame.rod_tip.xyz.0 = { distribution = "normal", loc = 0.35, scale = 1e-3 }
 """
 
@@ -167,27 +167,27 @@ def test_a_sweep_that_is_stopped_or_killed_goes_on(tmp_path):
     path = tmp_path / "runs.parquet"
     code, out, err = begun(tmp_path, signal.SIGINT, "--executor", "processes")
     stopped = mbdae.Sweep.load(path)
-    assert 0 < len(stopped) < 120
+    assert 0 < len(stopped) < 60
     assert code == 1
     assert "Traceback" not in err
     assert "leaked" not in err  # by the core, when workers end
     assert err.endswith(
-        f"mbdae: stopped by the user after {len(stopped)} of 120 runs; runs.parquet.part has the finished runs, "
+        f"mbdae: stopped by the user after {len(stopped)} of 60 runs; runs.parquet.part has the finished runs, "
         "the same command resumes from them\n"
     )
     assert "remain" in out
     code, out, err = begun(tmp_path, signal.SIGKILL)
     assert code == -signal.SIGKILL
     killed = mbdae.Sweep.load(path)
-    assert len(stopped) < len(killed) < 120
+    assert len(stopped) < len(killed) < 60
     assert set(stopped["run"]) <= set(killed["run"])
     part = tmp_path / ("runs.parquet" + PART)
     part.write_bytes(part.read_bytes()[:-10])  # as if the last row had been half written
     rest = mbdae.Sweep.load(path)
     assert len(rest) == len(killed) - 1
     result = mbdae.sweep(**read_sweep(tmp_path / "sweep.toml"), path=path)
-    assert set(result.seconds) == set(range(120)) - set(rest["run"])
-    assert list(result["run"]) == list(range(120))
+    assert set(result.seconds) == set(range(60)) - set(rest["run"])
+    assert list(result["run"]) == list(range(60))
     whole = mbdae.sweep(**read_sweep(tmp_path / "sweep.toml"), path=tmp_path / "whole.parquet")
     assert whole.complete
     assert path.read_bytes() == (tmp_path / "whole.parquet").read_bytes()
@@ -273,9 +273,9 @@ def test_files_of_sweeps_say_the_same_as_python(tmp_path):
     assert read_sweep(path)["parameters"] == [{"start.v.crank": 1.0, "solve.method": "herk5"}, {}]
     path.write_text(SWEEP)
     read = read_sweep(path)
-    assert read["parameters"].n == 120
+    assert read["parameters"].n == 60
     assert list(read["parameters"].parameters) == ["frame.rod_tip.xyz.0"]
-    assert (read["t_span"], read["rtol"], read["workers"]) == ((0.0, 0.5), 1e-8, 1)
+    assert (read["t_span"], read["rtol"], read["workers"]) == ((0.0, 0.25), 1e-8, 1)
 
 
 def test_unknown_columns():
