@@ -59,6 +59,18 @@ void subtract_panel(double* __restrict a, const double* __restrict b, const Scal
   }
 }
 
+// b[k] - sum_i a[i] b[i] over from..to
+template <int components>
+Scalar<components> reduced(const double* b, const double* a, int k, int from, int to, int n) {
+  Scalar<components> x(b, k, n);
+  for (int i = from; i < to; ++i) {
+    Scalar<components> term(b, i, n);
+    term.times(Scalar<components>(a, i, n));
+    x.re -= term.re, x.im -= term.im;
+  }
+  return x;
+}
+
 template <int components>
 void swap(double* b, int i, int j, int n) {
   if (i == j) return;
@@ -142,6 +154,23 @@ void DenseLU<components>::solve(double* b) const {
     f.write(b, k, n);
     subtract<components>(b, a, f, 0, k, n);
   }
+}
+
+template <int components>
+void DenseLU<components>::solve_transposed(double* b) const {
+  using S = Scalar<components>;
+  const int n = n_;
+  const double* a = a_.data();
+  for (int k = 0; k < n; ++k, a += components * n) {
+    S x = reduced<components>(b, a, k, 0, k, n);
+    x.times(S(a, k, n));
+    x.write(b, k, n);
+  }
+  for (int k = n - 1; k >= 0; --k) {
+    a -= components * n;
+    reduced<components>(b, a, k, k + 1, n, n).write(b, k, n);
+  }
+  for (int k = n - 1; k >= 0; --k) swap<components>(b, k, swap_[k], n);
 }
 
 template <int components>

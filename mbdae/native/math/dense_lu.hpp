@@ -17,6 +17,7 @@ class DenseLU {
   int size() const { return n_; }
   bool factorize();  // false where a pivot is zero or not finite
   void solve(double* b) const;
+  void solve_transposed(double* b) const;
   bool positive_determinant() const;  // of a real matrix
 
  private:

@@ -1,4 +1,5 @@
-// Eigen matrices stored by rows, and views of arrays as such.
+// Eigen matrices stored by rows, and views of arrays as such. Their products are lazy: blocked ones, for matrices much
+// larger than those of a stage, take long to compile.
 #pragma once
 
 #include <Eigen/Core>

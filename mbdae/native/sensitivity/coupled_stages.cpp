@@ -19,24 +19,40 @@ StepCoefficients::StepCoefficients(const Radau& a)
 
 void CoupledStages::System::factorize(Matrix a) {
   A = std::move(a);
-  lu.compute(A);
-  const auto& pivots = lu.matrixLU().diagonal();
-  if (A.size() && !(pivots.cwiseAbs().minCoeff() > 0 && pivots.allFinite())) throw FallBackToPython();
+  const int n = static_cast<int>(A.rows());
+  lu.resize(n);
+  for (int j = 0; j < n; ++j) std::copy_n(A.data() + j * n, n, lu.column(j));
+  if (!lu.factorize()) throw FallBackToPython();
 }
 
 CoupledStages::Matrix CoupledStages::System::solve(const Matrix& b) const {
-  Matrix x = lu.solve(b);
-  const Matrix left = b - A * x;
-  x += lu.solve(left);
+  const int n = lu.size();
+  Matrix x = b;
+  Vector<double> left(n);
+  for (int j = 0; j < b.cols(); ++j) {
+    lu.solve(x.col(j).data());
+    left = b.col(j);
+    int k = 0;
+    for (; k + 4 <= n; k += 4)
+      left -= x(k, j) * A.col(k) + x(k + 1, j) * A.col(k + 1) + x(k + 2, j) * A.col(k + 2) + x(k + 3, j) * A.col(k + 3);
+    for (; k < n; ++k) left -= x(k, j) * A.col(k);
+    lu.solve(left.data());
+    x.col(j) += left;
+  }
   return x;
 }
 
 CoupledStages::Matrix CoupledStages::System::solve_transposed(const Matrix& b) const {
-  Matrix x, more;
-  x = lu.transpose().solve(b);
-  const Matrix left = b - A.transpose() * x;
-  more = lu.transpose().solve(left);
-  return x + more;
+  const int n = lu.size();
+  Matrix x = b;
+  Vector<double> left(n);
+  for (int j = 0; j < b.cols(); ++j) {
+    lu.solve_transposed(x.col(j).data());
+    for (int k = 0; k < n; ++k) left[k] = b(k, j) - A.col(k).dot(x.col(j));
+    lu.solve_transposed(left.data());
+    x.col(j) += left;
+  }
+  return x;
 }
 
 CoupledStages::CoupledStages(Index2System& s, Parameters& parameters, bool forward, StepCoefficients a,
@@ -136,8 +152,8 @@ void CoupledStages::forward(int directions, double* moved, const double* dp, con
   Matrix right(a_.coupled ? m * (n - first) : 0, directions);
   for (int i = first; i < n; ++i) {
     const StageEquations& e = *stages_[i - first];
-    Matrix b = -(e.y * dy);
-    if (k) b -= e.p * p;
+    Matrix b = -(e.y.lazyProduct(dy));
+    if (k) b -= e.p.lazyProduct(p);
     Matrix dx = Matrix::Zero(ny, directions), dxhat = dx;
     for (int j = 0; j < n; ++j) {
       const double a = a_.A[i * n + j], ahat = a_.Ahat[i * n + j];
@@ -145,7 +161,7 @@ void CoupledStages::forward(int directions, double* moved, const double* dp, con
       if (dh) dx += a * steps_->F.row(j).transpose() * rate.transpose();
       if (dh) dxhat += ahat * steps_->F.row(j).transpose() * rate.transpose();
     }
-    b -= e.x * dx + e.xhat * dxhat.topRows(2 * nv);
+    b -= e.x.lazyProduct(dx) + e.xhat.lazyProduct(dxhat.topRows(2 * nv));
     if (dh) b -= (a_.c[i] * e.t + a_.chat[i] * e.that) * rate.transpose();
     if (dt) b -= (e.t + e.that) * Eigen::Map<const Vector<double>>(dt, directions).transpose();
     if (a_.coupled) {
@@ -167,7 +183,7 @@ void CoupledStages::forward(int directions, double* moved, const double* dp, con
   }
   all.topRows(ny) = dy + dx;
   for (const IntegratePartialsBlock& b : end_)
-    all.middleRows(b.at, b.n) = RowsIn(b.A, b.n, b.n) * dy.middleRows(b.at, b.n) + RowsIn(b.R, b.n, b.n) * dx.middleRows(b.at, b.n);
+    all.middleRows(b.at, b.n) = RowsIn(b.A, b.n, b.n).lazyProduct(dy.middleRows(b.at, b.n)) + RowsIn(b.R, b.n, b.n).lazyProduct(dx.middleRows(b.at, b.n));
   if (!first) return;
   if (lead) all.middleRows(ny, nv) = carried;
   all.bottomRows(tail) = dF[n - 1].bottomRows(tail);
@@ -179,8 +195,8 @@ void CoupledStages::reverse(int costs, double* bars) {
   Eigen::Map<Matrix> all(bars, width, costs);
   Matrix out = all.topRows(ny), x = out;
   for (const IntegratePartialsBlock& b : end_) {
-    out.middleRows(b.at, b.n) = RowsIn(b.A, b.n, b.n).transpose() * all.middleRows(b.at, b.n);
-    x.middleRows(b.at, b.n) = RowsIn(b.R, b.n, b.n).transpose() * all.middleRows(b.at, b.n);
+    out.middleRows(b.at, b.n) = RowsIn(b.A, b.n, b.n).transpose().lazyProduct(all.middleRows(b.at, b.n));
+    x.middleRows(b.at, b.n) = RowsIn(b.R, b.n, b.n).transpose().lazyProduct(all.middleRows(b.at, b.n));
   }
   std::vector<Matrix> F(n);
   for (int i = 0; i < n; ++i) F[i] = h_ * a_.b[i] * x;
@@ -188,10 +204,10 @@ void CoupledStages::reverse(int costs, double* bars) {
   const Matrix carried = all.middleRows(first ? ny : 0, first ? lead : 0);
   const auto back = [&](int i, const Matrix& mu) {  // of the equations of a stage, to what they depend on
     const StageEquations& e = *stages_[i - first];
-    out -= e.y.transpose() * mu;
+    out -= e.y.transpose().lazyProduct(mu);
     stages_[i - first]->add_parameters(mu);
     if (a_.coupled) return;
-    const Matrix X = e.x.transpose() * mu, Xhat = e.xhat.transpose() * mu;
+    const Matrix X = e.x.transpose().lazyProduct(mu), Xhat = e.xhat.transpose().lazyProduct(mu);
     for (int j = 0; j < i; ++j)
       F[j] -= h_ * a_.A[i * n + j] * X, F[j].topRows(2 * nv) -= h_ * a_.Ahat[i * n + j] * Xhat;
   };

@@ -8,9 +8,9 @@
 // effect. Source: Hager, Numer. Math. 87 (2000), for explicit methods.
 #pragma once
 
-#include <Eigen/LU>
 #include <memory>
 
+#include "math/dense_lu.hpp"
 #include "sensitivity/stage_equations.hpp"
 #include "sensitivity/step_map.hpp"
 #include "steps/collocation.hpp"
@@ -61,7 +61,7 @@ class CoupledStages final : public StepMap {
   // A factorized matrix; rows differ by powers of h, so solutions are refined once.
   struct System {
     Matrix A;
-    Eigen::PartialPivLU<Matrix> lu;
+    DenseLU<1> lu;
     void factorize(Matrix a);
     Matrix solve(const Matrix& b) const;
     Matrix solve_transposed(const Matrix& b) const;

@@ -13,7 +13,7 @@ template <class A>
 void times(A&& a, const Blocks& blocks, double (IntegratePartialsBlock::*B)[36]) {
   for (const IntegratePartialsBlock& b : blocks) {
     const RowsIn m(b.*B, b.n, b.n);
-    a.middleCols(b.at, b.n) = (a.middleCols(b.at, b.n) * m).eval();
+    a.middleCols(b.at, b.n) = a.middleCols(b.at, b.n).lazyProduct(m).eval();
   }
 }
 

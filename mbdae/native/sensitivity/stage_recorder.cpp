@@ -112,7 +112,7 @@ class RecordingCollocation final : public Step, public StageRecorder {
   void record() {
     const StageMemory& m = *memory_;
     F = RowsIn(m.K.data(), a_.s, this->ny_);
-    const Rows<double> X = m.h * (RowsIn(a_.A.data(), a_.s, a_.s) * F);
+    const Rows<double> X = m.h * RowsIn(a_.A.data(), a_.s, a_.s).lazyProduct(F);
     if constexpr (is_ggl) positions = &this->positions_.rows();
     stages.clear();
     for (int i = 0; i < a_.s; ++i) {

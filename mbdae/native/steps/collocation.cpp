@@ -56,8 +56,8 @@ std::shared_ptr<StageMemory> resampled(const Radau& a, const StageMemory& m, dou
   const int r = static_cast<int>(m.unknowns.size()), ny = static_cast<int>(m.K.size()) / a.s;
   out->unknowns = m.unknowns, out->h = h, out->rate = INFINITY;
   out->K.resize(m.K.size()), out->Z.resize(m.Z.size());
-  RowsOut(out->K.data(), a.s, ny) = at * RowsIn(m.K.data(), a.s, ny);
-  RowsOut(out->Z.data(), a.s, r) = at * RowsIn(m.Z.data(), a.s, r);
+  RowsOut(out->K.data(), a.s, ny) = at.lazyProduct(RowsIn(m.K.data(), a.s, ny));
+  RowsOut(out->Z.data(), a.s, r) = at.lazyProduct(RowsIn(m.Z.data(), a.s, r));
   return out;
 }
 
@@ -193,7 +193,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     Numbers x(a.c);
     for (double& c : x) c = 1 + c * h / before->h;
     const Rows<double> onward = lagrange(a.c, x);
-    K = onward * K0, Z = onward * Z0;
+    K = onward.lazyProduct(K0), Z = onward.lazyProduct(Z0);
   } else {
     Numbers lam(s_.ng);
     s_.derivative(t, y, F.data(), lam.data());
@@ -216,13 +216,13 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   }
   if (!found) {
     RowsOut K2(m->K.data(), s, ny_), Z2(m->Z.data(), s, r);
-    const Vector<double> middle = h * (A.row(a.middle) * K2).transpose();
+    const Vector<double> middle = h * A.row(a.middle).lazyProduct(K2).transpose();
     m->partials = linearize(t, middle.data(), K2.row(a.middle).data(), Z2.row(a.middle).data());
     m->solvers = factorize(a, m->partials, h);
     if (!solve(a, max_iterations, accuracy, t, *m)) throw StepTooLong();
   }
   const RowsIn K3(m->K.data(), s, ny_), Z3(m->Z.data(), s, r);
-  Vector<double> x = h * (A.row(s - 1) * K3).transpose();
+  Vector<double> x = h * A.row(s - 1).lazyProduct(K3).transpose();
   out.carry.clear(), out.memory = m;
   s_.move(in, x.data(), out);
   s_.point.evaluate(out.y.data(), true);
@@ -251,8 +251,8 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
       filtered = m->solvers[a.real];
     const RowsIn M(m->partials->partials.M.data(), nv_, nv_), start(a.start.data(), a.errors, s);
     for (int i = 0; i < a.errors; ++i) {
-      Vector<double> miss = h * a.gamma * (F - (start.row(i) * K3).transpose());
-      miss.segment(nv_, nv_) = (M * miss.segment(nv_, nv_)).eval();
+      Vector<double> miss = h * a.gamma * (F - start.row(i).lazyProduct(K3).transpose());
+      miss.segment(nv_, nv_) = M.lazyProduct(miss.segment(nv_, nv_)).eval();
       std::fill(dz_.begin(), dz_.end(), 0.0);
       s_.counts.solves += 1;
       filtered->solve(miss.data(), dz_.data(), work_);
