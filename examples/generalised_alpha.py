@@ -22,22 +22,22 @@ def step(mech, t, h, q, v, a, vdot):
     """Return q, v, a and v' at t + h."""
     am, af = (2 * RHO - 1) / (RHO + 1), RHO / (RHO + 1)
     gamma = 0.5 + af - am
-    beta, share = 0.25 * (gamma + 0.5) ** 2, (1 - af) / (1 - am)
+    beta, ratio = 0.25 * (gamma + 0.5) ** 2, (1 - af) / (1 - am)
     new, lam = vdot.copy(), np.zeros(mech.ng)
     for _ in range(ITERATIONS):
         a1 = ((1 - af) * new + af * vdot - am * a) / (1 - am)
         q1 = mech.manifold.integrate(q, h * v + h**2 * ((0.5 - beta) * a + beta * a1))
         v1 = v + h * ((1 - gamma) * a + gamma * a1)
         point = mech.at(t + h, q1, v1)
-        by, size = point.partials(new, lam), beta * h**2 * share
-        top = point.M - gamma * h * share * by.r_v - size * by.r_q
+        partials, dq = point.partials(new, lam), beta * h**2 * ratio
+        top = point.M - gamma * h * ratio * partials.r_v - dq * partials.r_q
         matrix = np.block([[top, -point.G.T], [point.G, np.zeros((mech.ng, mech.ng))]])
-        residual = np.concatenate([point.f + point.G.T @ lam - point.M @ new, -point.g / size])
+        residual = np.concatenate([point.f + point.G.T @ lam - point.M @ new, -point.g / dq])
         change = np.linalg.lstsq(matrix, residual, rcond=1e-12)[0]
         new, lam = new + change[: mech.nv], lam + change[mech.nv :]
         if np.abs(change[: mech.nv]).max() < TOLERANCE * (1 + np.abs(new).max()):
-            break
-    return q1, v1, a1, new
+            return q1, v1, a1, new
+    raise RuntimeError(f"Newton's iteration does not converge at t = {t:g}")
 
 
 def run(mech, end, n):

@@ -1,7 +1,8 @@
 """Solves that herk5 and pherk5 need on Andrews' mechanism, compared with the Fortran codes HEM5 and PHEM56.
 
-Compared at equal error of q at t = 0.03 s, against the quadruple-precision reference, by logarithmic interpolation in
-the error. The Fortran rows were measured with their authors' codes and full linear algebra.
+Compared at equal error of q at t = 0.03 s, against the quadruple-precision reference, by a straight line through
+log(error) and log(solves), fitted to all runs. The Fortran rows were measured with their authors' codes and full
+linear algebra.
 
 Run: python examples/benchmarks/andrews.py
 """

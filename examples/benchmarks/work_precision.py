@@ -17,8 +17,8 @@ tolerance 1e-14; its C loop is entered only 20 times. Exudyn: generalized alpha 
 modified Newton to 1e-10, bodies in absolute coordinates. diffrax (Dopri8, compiled by JAX before it is timed) and
 casadi (CVODES with Adams' methods and functional iteration; IDAS with accelerations and lam as algebraic unknowns; both
 compiled to C if there is a compiler) solve equations with index 1 written by hand, with alpha = 10 1/s and 20 output
-points. The double pendulum is a tree for mbdae, Pinocchio and MuJoCo; solve_dae keeps the elbow by a constraint, as
-"elbow cut" does in mbdae, and Exudyn all hinges. The stiff problems (stiff.py) are solved by mbdae, by IDAS as above
+points. The double pendulum is a tree for mbdae, Pinocchio and MuJoCo; solve_dae closes the elbow by a constraint, as
+"elbow cut" of mbdae does, and Exudyn all joints. The stiff problems (stiff.py) are solved by mbdae, by IDAS as above
 but not compiled and with a and lam left out of its error test, by solve_dae's Radau on equations with index 1, with a
 finite-difference Jacobian, and by Exudyn as above, the governor as a kinematic tree (exudyn_stiff.py). Largest |g| in
 m: over all steps; for MuJoCo and Exudyn over 20 times, and there without the hinges.
@@ -70,7 +70,7 @@ class Effort(NamedTuple):
 
 
 def values(problem: Problem | Stiff, stepped: bool, stride: int) -> Iterable[float]:
-    """Every n-th of the tolerances, or steps from 500 in the whole span on."""
+    """Every n-th of the tolerances; or step sizes, from a 500th of the span, halved repeatedly."""
     return (problem.end / (500 * 2**k) for k in range(16)) if stepped else TOLERANCES[::stride]
 
 
@@ -147,7 +147,7 @@ def report(problem: Problem, points: dict[str, list[Point]], targets: Sequence[f
         rows.append([name, ms(times), g, ms(cells(found, targets, DRIFT)), *ratios])
     errors = " / ".join(power(e) for e in targets)
     header = [f"{problem.title}, {problem.end:g} s", f"ms to {errors} rad", "largest \\|g\\|, m"]
-    kept = f"ms to these with \\|g\\| <= {power(DRIFT)} m"
+    kept = f"ms to the same with \\|g\\| <= {power(DRIFT)} m"
     return table([*header, kept, "time over pherk5, projected", "over mbdae's best with this \\|g\\|"], rows)
 
 
@@ -191,7 +191,7 @@ def main(argv: Sequence[str] | None = None, picture: Path | None = None) -> dict
     short = brief(argv, __doc__)
     targets, effort = ((1e-2, 1e-4), Effort(0.02, 1, 8)) if short else (TARGETS, Effort(CAP, 5, 1))
     print(machine("solve_dae", "mujoco", "exudyn", "casadi", "diffrax"))
-    print(f"back end of mbdae: {backends()[-1]}, but for rows that say Python")
+    print(f"back end of mbdae: {backends()[-1]}, except in rows marked Python")
     measured = {}
     for title, problem in PROBLEMS.items():
         measured[title] = measure(problem, solvers(problem), targets, effort)

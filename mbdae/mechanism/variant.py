@@ -62,7 +62,7 @@ def _shared(mech: "Mechanism", parts: dict[str, Any]) -> "Mechanism":
     if "forces" not in parts:
         _ = mech.row_scales, mech.q_scales, mech.coordinate_scales, mech.joint_names  # once for all variants
     out = copy(mech)
-    for name in _cached_properties(type(out)) & vars(out).keys():
+    for name in _cached_properties(type(out)).intersection(vars(out)):
         if "forces" in parts or name not in INDEPENDENT:
             del out.__dict__[name]
     vars(out).update({"start_values" if name == "start" else name: x for name, x in parts.items()})
@@ -79,7 +79,7 @@ def _shared(mech: "Mechanism", parts: dict[str, Any]) -> "Mechanism":
 
 
 @cache
-def _cached_properties(kind: type) -> frozenset[str]:
+def _cached_properties(kind: Any) -> frozenset[str]:
     return frozenset(name for name in dir(kind) if isinstance(getattr(kind, name), cached_property))
 
 

@@ -89,7 +89,7 @@ def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
     if not positional.all():
         Zp = constraint_null_space(here.free.U, G[positional], units[positional], statics.sizes.l).Z
     B = np.vstack([partials.B, np.zeros((len(statics.rows), nv))])
-    W = -free.smallest(B @ Zp) if len(G) else np.zeros((nv, Zp.shape[1]))
+    W = -free.minimum_norm_solution(B @ Zp) if len(G) else np.zeros((nv, Zp.shape[1]))
     ad = np.zeros((nv, nv))
     for _, at, ad_of, _ in system.manifold.group_joints:
         ad[at, at] = ad_of(v[at])
@@ -130,7 +130,7 @@ def require_steady(statics: "Statics", here: "ForceBalance") -> None:
         if (np.abs(G @ v + g_t) > VISIBLE * (np.abs(G) @ np.abs(v) + np.abs(g_t) + units * sizes.speed)).any():
             raise InputError("these velocities do not satisfy the closures: give those of a steady motion")
         loops = constraint_null_space(here.free.U, G, units, sizes.l)
-        residual = residual - loops.smallest(system.gamma(here.q, v, statics.t))
+        residual = residual - loops.minimum_norm_solution(system.gamma(here.q, v, statics.t))
     terms = z @ (z.T @ (here.terms @ sizes.l)) + sizes.l * sizes.speed**2
     if (np.abs(residual) > VISIBLE * terms).any():
         worst = int((np.abs(residual) / sizes.l).argmax())

@@ -49,8 +49,8 @@ class NullSpace(NamedTuple):
     scale: Array
 
     @property
-    def pivot(self) -> float:
-        """Ratio of the smallest singular value to the largest: 0 in a singular configuration."""
+    def rcond(self) -> float:
+        """Smallest over largest of the singular values that are not zero, whose number is the rank; 1 without rows."""
         return float(self.S[-1] / self.S[0]) if len(self.S) else 1.0
 
     def multipliers(self, f: Array) -> Array:
@@ -58,7 +58,7 @@ class NullSpace(NamedTuple):
         lam = -(self.P @ ((self.V.T @ dgesv(self.U.T, f)[2]) / self.S)) / self.scale
         return lam - self.dependent @ (self.dependent.T @ lam)
 
-    def smallest(self, r: Array) -> Array:
+    def minimum_norm_solution(self, r: Array) -> Array:
         """Return the x (nv, ...) of smallest |U x| with G x = r (m, ...), in the least-squares sense of R^-1 r."""
         return dgesv(self.U, self.V @ ((self.P.T @ (r.T / self.scale).T).T / self.S).T)[2]
 
@@ -88,8 +88,8 @@ def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) 
 def close_loops(system: "Index2System", t: float, q: Array, more: ResidualFunction | None = None) -> Array:
     """Return the configuration (nq,) near q that closes all loops and satisfies further rows, to rounding.
 
-    Gauss-Newton steps have the smallest norm in rad and characteristic lengths, and stop when a step does not halve the
-    residual.
+    Gauss-Newton steps have the smallest norm in rad and characteristic lengths; a step shortened by a factor is taken
+    if it reduces the residual by at least half of that factor.
 
     Raises:
         StepError: if rows remain violated.
@@ -112,7 +112,7 @@ def close_loops(system: "Index2System", t: float, q: Array, more: ResidualFuncti
         size = np.linalg.norm(g)
         if not size or not np.isfinite(size):
             break
-        x = constraint_null_space(one, G, np.ones(len(G)), length).smallest(-g)
+        x = constraint_null_space(one, G, np.ones(len(G)), length).minimum_norm_solution(-g)
         for factor in STEP_FACTORS if size > CLOSED else STEP_FACTORS[:1]:
             new_q = system.manifold.integrate(q, factor * x)
             new = residual(new_q)

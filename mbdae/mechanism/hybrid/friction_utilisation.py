@@ -53,9 +53,9 @@ def least_utilisation(load: Array, N: Array) -> float:
     """
     left, sizes, _ = np.linalg.svd(N)
     k, ones = int(np.count_nonzero(sizes > UNINVOLVED * sizes[:1])), np.ones((len(load), 1))
-    basis, motions = left[:, :k], left[:, k:]
-    if motions.shape[1] == 1:
-        return float(abs(motions[:, 0] @ load) / np.abs(motions).sum())
+    basis, left_null = left[:, :k], left[:, k:]
+    if left_null.shape[1] == 1:
+        return float(abs(left_null[:, 0] @ load) / np.abs(left_null).sum())
     A, b = np.block([[basis, -ones], [-basis, -ones]]), np.concatenate([-load, load])
     found = linprog(np.append(np.zeros(k), 1.0), A, b, bounds=(None, None), method="highs")
     active = b - A @ found.x < ACTIVE_TOLERANCE * (1 + abs(found.x[-1]))

@@ -21,7 +21,7 @@ class Recording(NamedTuple):
 
     Attributes:
         name: file or index, for messages.
-        t: times in s, ascending, (n,).
+        t: times in s, strictly increasing, (n,).
         columns: signals at these times, (n,) each, nan for missing values.
     """
 
@@ -40,10 +40,10 @@ def records(data: object, signals: Sequence[str] = ()) -> list[Recording]:
     Raises:
         InputError: for an invalid table; names the file and the error.
     """
-    several = data if isinstance(data, Sequence) and not isinstance(data, str) else [data]
-    if not several:
+    tables = data if isinstance(data, Sequence) and not isinstance(data, str) else [data]
+    if not tables:
         raise InputError("a fit needs data: a table of t and signals, or a CSV or Parquet file")
-    return [_record(x, f"data {i + 1}", signals) for i, x in enumerate(several)]
+    return [_record(x, f"data {i + 1}", signals) for i, x in enumerate(tables)]
 
 
 def _record(data: object, name: str, signals: Sequence[str]) -> Recording:
@@ -75,7 +75,7 @@ def _check_times(found: Recording) -> None:
     name, t = found.name, found.t
     if t.ndim != 1 or any(x.shape != t.shape for x in found.columns.values()) or not found.columns:
         raise InputError(f"{name}: expected a column t and signals of its length")
-    increasing = np.append(np.diff(t) > 0, np.isfinite(t[-1:]))
+    increasing = np.append(np.diff(t) > 0, True) & np.isfinite(t)
     if not increasing.all():
         pair = t[(i := int(increasing.argmin())) : i + 2]
         impact = ", as at an impact" if len(pair) == 2 and pair[0] == pair[1] else ""

@@ -29,7 +29,7 @@ from ...methods import method as find_method
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
-from ...tolerances import COINCIDENT, EPS, NEGLIGIBLE
+from ...tolerances import COINCIDENT, EPS, NEGLIGIBLE, THREE_DIGITS
 from ...units import common_unit, quantity, substituted
 from ..sensitivity.run_parameters import mechanism_factory
 from ..sensitivity.sensitivity import sensitivity
@@ -50,9 +50,9 @@ class GradientStudy(OrderStudy):
 
     Attributes:
         of: name of the parameter.
-        differences: between tangent and quotients, relative to the largest derivative, by method; nan if no run
-            finishes.
-        uncertainties: of the quotients, by method.
+        differences: between tangent and difference quotients, relative to the largest derivative, or to a thousandth
+            of the largest |q| or |v| per value of the parameter if that is larger; by method, nan if no run finishes.
+        uncertainties: differences of the two best difference quotients, by method, relative to the same.
     """
 
     of: str = ""
@@ -60,12 +60,12 @@ class GradientStudy(OrderStudy):
     uncertainties: dict[str, float] = field(default_factory=dict)
 
     def wrong(self, name: str) -> bool:
-        """Return whether quotients refute a method's tangent."""
+        """Return whether difference quotients refute a method's tangent."""
         return self.differences[name] > max(COINCIDENT, SIGNIFICANT * self.uncertainties[name])
 
     @property
     def holds(self) -> bool:
-        """Whether every tangent is exact, and every slope was judged and reaches its claim."""
+        """Whether every tangent is exact, and every observed order was judged and reaches its claim."""
         return super().holds and all(x <= COINCIDENT for x in self.differences.values())
 
     @property
@@ -190,7 +190,7 @@ class GradientMeasurement(Measurement):
         return self.completed(method, sol)
 
     def compare_quotients(self, method: Method) -> tuple[float, float]:
-        """Return the difference of tangent and quotients, and that of the best two quotients; nan without a run."""
+        """Return `GradientStudy.differences` and `GradientStudy.uncertainties` of a method; nan without a run."""
         n = self.steps
         while (sol := self.run(method, n)) is None:
             if (n := 2 * n) > MAX_REFINEMENT * self.steps:
@@ -198,7 +198,8 @@ class GradientMeasurement(Measurement):
         if self.parameter is not None:
             self.value = next(iter(sensitivity(sol, [self.parameter], model=self.model).parameters.values()))
         found = self.derivative(sol)
-        size = max(1.0, np.abs(found).max())
+        sizes = np.abs(np.hstack([sol.q, sol.v])).max() / (abs(self.value) or 1.0)
+        size = max(THREE_DIGITS * sizes, np.abs(found).max())
         quotients = [x for width in WIDTHS if (x := self._quotient(method, n, width, sol)) is not None]
         errors = sorted((float(np.abs(found - q).max() / size), i) for i, q in enumerate(quotients))
         if len(errors) < 2:
@@ -207,7 +208,7 @@ class GradientMeasurement(Measurement):
         return smallest, float(np.abs(quotients[a] - quotients[b]).max() / size)
 
     def _quotient(self, method: Method, n: int, width: float, sol: Solution) -> Array | None:
-        """Return the sixth-order derivative from runs with perturbed values, (n, 2 nv)."""
+        """Return the derivative by central differences of order six, (n, 2 nv); None if a run takes other steps."""
         h, nq = width * (abs(self.value) or 1.0), self.mech.nq
         stencil: tuple[int, ...] = STENCIL
         if (name := self.parameter) is not None:

@@ -104,7 +104,7 @@ def loses_rank(statics: Statics, here: ForceBalance) -> bool:
         return True
     U = system.inertia(statics.t, q)
     neighbour = statics.free(U, q, here.s)[0]
-    return len(neighbour.S) > len(here.free.S) or here.free.pivot < RANK_DROP * neighbour.pivot
+    return len(neighbour.S) > len(here.free.S) or here.free.rcond < RANK_DROP * neighbour.rcond
 
 
 def _classified(unstable: int, neutral: int, w: Array, by: str) -> Verdict:

@@ -190,8 +190,9 @@ def test_a_model_with_a_loop_moves_as_mujoco_moves_it():
     mech, (m, d) = load("open_four_bar"), compiled("open_four_bar")
     m.eq_solref[:], m.eq_solimp[:] = [-1e6, -1e3], [0.999999, 0.999999, 0.001, 0.5, 2]
     m.opt.tolerance, m.opt.iterations = 0, 200
-    q, v = mech.assemble(v={"crank": 0.0})
-    d.qpos[:], d.qvel[:] = to_mujoco(mech.model, q, v)
-    mujoco.mj_forward(m, d)
-    F, _ = mech.system().derivative(0.0, mech.point(q, v))
-    np.testing.assert_allclose(F[mech.nv : 2 * mech.nv], d.qacc, rtol=1e-4)
+    for speed in (0.0, 3.0):
+        q, v = mech.assemble(v={"crank": speed})
+        d.qpos[:], d.qvel[:] = to_mujoco(mech.model, q, v)
+        mujoco.mj_forward(m, d)
+        F, _ = mech.system().derivative(0.0, mech.point(q, v))
+        np.testing.assert_allclose(F[mech.nv : 2 * mech.nv], d.qacc, rtol=1e-4)

@@ -53,6 +53,7 @@ TABLES = [
     ({"t": [], "q.crank": []}, "no signal has a value"),
     ({"t": [0.1, 0.1], "q.crank": [1, 1]}, "times must increase"),
     ({"t": [0.1, np.nan], "q.crank": [1, 1]}, "times must increase"),
+    ({"t": [-np.inf, 0.1], "q.crank": [1, 1]}, "times must increase"),
     ({"t": [0.1], "q.crank": [np.nan]}, "no signal has a value"),
     ({"t": [0.1], "q.crank": [1j]}, "not a table of numbers: expected real numbers, got complex128"),
     ({"t": np.array(["2020-01-01"], "M8[D]"), "q.crank": [1]}, r"expected real numbers, got datetime64\[D\]"),

@@ -70,7 +70,7 @@ def test_periods_of_a_spring(pendulum):
     np.testing.assert_allclose(result["t"], quarter, rtol=1e-9)
 
 
-def test_the_string_of_a_pendulum_carries_three_weights():
+def test_the_tension_of_the_string_of_a_pendulum_is_three_weights():
     # from horizontal rest, whatever its length; one sixth of that on the moon
     grid = {"gravity.2": [-9.81, -9.81 / 6], "body.ball.mass": [1.0, 3.0]}
     result = mbdae.sweep("pendulum", grid, 1.6, outputs=["peak force.string"], executor="threads", max_step=4e-3)
