@@ -15,9 +15,7 @@ import numpy as np
 
 from ...system import Array
 from ..tree.frames import Pair, cross, wrench_matrix
-from .rows import FrameRows
-
-AT_REST = np.zeros(6)
+from .rows import AT_REST, FrameRows
 
 
 class Lines(NamedTuple):

@@ -21,6 +21,7 @@ from ..tree.frames import Pair, cross, skew, unit_gap
 from ..tree.wrench_partials import line_wrench_partials, moved_line_partials, skews
 
 Vector = tuple[float, float, float]
+AT_REST = np.zeros(6)  # the motion of frames whose rates are not needed
 
 
 class FrameRows:
@@ -160,12 +161,12 @@ class Distance(FrameRows):
 
 def rotated(V: np.ndarray, n: np.ndarray) -> np.ndarray:
     """Return the rates omega x n of axes n (3, m) that rotate with the motion V (6,)."""
-    return cross(V[3:, None], n)
+    return np.zeros_like(n) if V is AT_REST else cross(V[3:, None], n)
 
 
 def displaced(V: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Return the velocity (3, 1) of a point p (3,) that moves with the motion V (6,)."""
-    return V[:3, None] + cross(V[3:, None], p[:, None])
+    return AT_REST[:3, None] if V is AT_REST else V[:3, None] + cross(V[3:, None], p[:, None])
 
 
 def unit_axis(axis: Vector) -> np.ndarray:
