@@ -34,7 +34,7 @@ def shared_reference(self, name):
 
 
 IN_PYTHON = 1500  # solves of a run with which orders are judged, except for those
-LONGER = {("four_bar", "herk5"): 6000, ("four_bar", "pherk6"): 6000}
+LONGER = {("four_bar", "herk5"): 3000, ("four_bar", "pherk6"): 3000}
 HALF = {"heavy_top": {"T": 0.5, "steps": 5}, "pendulum": {"T": 1.0, "steps": 5}}  # of their spans
 
 
