@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from copy import copy
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -61,8 +61,8 @@ def _shared(mech: "Mechanism", parts: dict[str, Any]) -> "Mechanism":
     """Return a copy with other forces of the same kinds, start, duration or source."""
     if "forces" not in parts:
         _ = mech.row_scales, mech.q_scales, mech.coordinate_scales, mech.joint_names  # once for all variants
-    out = copy(mech)
-    for name in _cached_properties(type(out)).intersection(vars(out)):
+    out, kind = copy(mech), cast(Any, type(mech))
+    for name in _cached_properties(kind).intersection(vars(out)):
         if "forces" in parts or name not in INDEPENDENT:
             del out.__dict__[name]
     vars(out).update({"start_values" if name == "start" else name: x for name, x in parts.items()})

@@ -55,10 +55,10 @@ def close_position(system: "Index2System", q: Array, fixed: Array, t: float) -> 
     search.start_from((q,))
     if search.closed and search.largest_change(search.closed[0]) < NEAR:
         return search.closed[0]
-    damping = DAMPING * float(np.abs(g).max() / (np.linalg.norm(g) or 1.0))  # independent of the number of loops
+    mu = DAMPING * float(np.abs(g).max())  # independent of the number of loops
     if len(g) > MANY_ROWS:
-        damping *= DAMPING_REDUCTION**3  # as `gauss_newton` does: a damped step in a long chain would be too short
-    search.widen(reach=1.2 * float(np.abs(_damped_step(G, g, free, damping)).max()) + NEAR)
+        mu *= DAMPING_REDUCTION**3  # as `gauss_newton` does: a damped step in a long chain would be too short
+    search.widen(reach=1.2 * float(np.abs(_damped_step(G, g, free, mu)).max()) + NEAR)
     if not search.closed:
         search.flip_back()
     if search.closed:
@@ -173,32 +173,32 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
     """
     m, scales = system.manifold, system.mechanism.coordinate_scales
     g, G = rows(system, q, t)
-    size, closed, damping = np.linalg.norm(g), False, DAMPING
+    size, closed, damping = float(np.linalg.norm(g)), False, DAMPING
     for _ in range(ITERATIONS):
         if closed or not np.isfinite(G if isinstance(G, np.ndarray) else G.data).all():
             break
-        closed = bool(size <= SOLUTION_ROUNDING)  # one more step reduces g to rounding
-        x = _damped_step(G, g, free, damping)
+        closed = size <= SOLUTION_ROUNDING  # one more step reduces g to rounding
+        x = _damped_step(G, g, free, damping * size)
         if not closed and len(g) <= MANY_ROWS and np.linalg.norm(G @ x + g) > (1 - STATIONARY) * size:
             break
         x /= max(1.0, np.abs(x).max())
         for fraction in FRACTIONS:
             q_new = m.integrate(q, scales * fraction * x)
             g_new, G_new = rows(system, q_new, t)
-            if (size_new := np.linalg.norm(g_new)) < size:
+            if (new_size := float(np.linalg.norm(g_new))) < size:
                 break
         else:
             break
-        slow = np.abs(fraction * x).max() < NEAR and size_new > SLOW * size
+        slow = np.abs(fraction * x).max() < NEAR and new_size > SLOW * size
         if slow and len(g) > MANY_ROWS:
             damping *= DAMPING_REDUCTION
-        q, g, G, size = q_new, g_new, G_new, size_new
+        q, g, G, size = q_new, g_new, G_new, new_size
     return q
 
 
-def _damped_step(G: Jacobian, g: Array, free: Array, damping: float) -> Array:
-    """Return the x that minimises |G x + g|^2 + mu |x|^2, mu = damping |g|: it is short where G is nearly singular."""
-    x, mu = np.zeros(G.shape[1]), damping * float(np.linalg.norm(g))
+def _damped_step(G: Jacobian, g: Array, free: Array, mu: float) -> Array:
+    """Return the x that minimises |G x + g|^2 + mu |x|^2: it is short where G is nearly singular."""
+    x = np.zeros(G.shape[1])
     if len(g) > MANY_ROWS:
         x[free] = -sparse_least_squares(G[:, free], g, mu)
         return x

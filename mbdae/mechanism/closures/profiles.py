@@ -53,8 +53,10 @@ class PlaneCurve:
     def __init__(self, starts: Array, coefficients: Array, *, closed: bool) -> None:
         self.starts, self.coefficients, self.closed = starts, coefficients, closed
         self.harmonic = coefficients.ndim == 2
-        self.orders = np.repeat(np.arange(1, len(coefficients) // 2 + 1), 2)  # k of a_k, b_k
-        self.signs = np.resize([1.0, -1.0], len(self.orders))
+        if self.harmonic:
+            k, (a, b) = np.arange(1, len(coefficients) // 2 + 1)[:, None], (coefficients[1::2], coefficients[2::2])
+            rates = np.hstack([a, k * b, -k * k * a]), np.hstack([b, -k * a, -k * k * b])
+            self.orders, self.waves = k[:, 0], np.vstack(rates)  # (cos k s, sin k s) @ waves: c - a_0, c', c''
         self.first, self.length = float(starts[0]), float(starts[-1] - starts[0])
         n = max(MIN_SAMPLES, SAMPLES * len(coefficients))
         self.samples = self.first + self.length * np.arange(n + (not closed)) / n
@@ -71,11 +73,9 @@ class PlaneCurve:
         if self.closed:
             s = s - self.length * np.floor((np.real(s) - self.first) / self.length)
         if self.harmonic:
-            k, sign, a = self.orders, self.signs, self.coefficients[1:]
-            cos, sin = np.cos(k * s), np.sin(k * s)
-            wave, other = np.where(sign > 0, (cos, sin), (sin, cos))
-            c = self.coefficients[0] + wave.dot(a)
-            return ProfilePoint(s, c, (-sign * k * other).dot(a), (-k * k * wave).dot(a))
+            angles = self.orders * s
+            x = np.concatenate([np.cos(angles), np.sin(angles)]).dot(self.waves)
+            return ProfilePoint(s, self.coefficients[0] + x[:2], x[2:4], x[4:])
         i = min(max(int(np.searchsorted(self.starts, np.real(s), "right")) - 1, 0), len(self.coefficients) - 1)
         x, c, d, dd = s - self.starts[i], 0.0, 0.0, 0.0
         for row in self.coefficients[i]:

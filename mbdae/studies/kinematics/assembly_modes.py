@@ -149,7 +149,7 @@ def _labelled(search: ModeSearch) -> tuple[AssemblyMode, ...]:
     modes = []
     for number, members in groupby(search.modes, key=lambda m: m.circuit):
         for letter, m in zip(_letters(), members, strict=False):
-            modes.append(AssemblyMode(f"{number}{letter}", number, m.q, m.rising, search.margin(m.q), m.hits))
+            modes.append(AssemblyMode(f"{number}{letter}", number, m.q, m.rising, m.margin, m.hits))
     return tuple(modes)
 
 

@@ -34,12 +34,14 @@ class FoundMode:
         q: configuration, (nq,).
         circuit: the number of its circuit, from 1.
         rising: whether the input increases along the circuit.
+        margin: see `ModeSearch.margin`.
         hits: number of random starts that led to it.
     """
 
     q: Array
     circuit: int
     rising: bool
+    margin: float
     hits: int = 0
 
 
@@ -95,7 +97,7 @@ class ModeSearch:
         return self
 
     def _is_continuum(self) -> bool:
-        return sum(self.margin(m.q) < RANK for m in self.modes[: 2 * MAX_SINGULAR]) >= MAX_SINGULAR
+        return sum(m.margin < RANK for m in self.modes[: 2 * MAX_SINGULAR]) >= MAX_SINGULAR
 
     def margin(self, q: Array) -> float:
         """Return the smallest over the largest singular value of all rows: 0 where two modes coincide."""
@@ -146,19 +148,20 @@ class ModeSearch:
         if found is not None:
             return found
         number = 1 + max((m.circuit for m in self.modes), default=0)
-        if self.margin(q) < RANK:
+        margin = self.margin(q)
+        if margin < RANK:
             self.warnings.append(f"circuit {number}: its first pose is singular")
-            self.modes.append(FoundMode(q, number, True))
+            self.modes.append(FoundMode(q, number, True, margin))
             return self.modes[-1]
         crossings, warning = circuit(self.system, self.curve.angular, self.period, q, self.u)
         if warning:
             self.warnings.append(f"circuit {number}: {warning}")
-        new = FoundMode(q, number, crossings[0][1])
+        new = FoundMode(q, number, crossings[0][1], margin)
         self.modes.append(new)
         for other, rising in crossings[1:]:
             pose = self._unwrapped(other)
             if pose is not None and self._find(pose) is None:
-                self.modes.append(FoundMode(pose, number, rising))
+                self.modes.append(FoundMode(pose, number, rising, self.margin(pose)))
         return new
 
     def _unwrapped(self, q: Array) -> Array | None:

@@ -14,6 +14,7 @@ from ...integrate.events.event import Event
 from ...integrate.trajectory.signal_jacobian import SignalJacobian
 from ...integrate.trajectory.trajectory import Trajectory
 from ...mechanism.tree.coordinate_units import coordinate_units
+from ...mechanism.tree.frames import find_joint
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
@@ -283,6 +284,6 @@ def start_columns(trace: Trajectory) -> list[str]:
     mech, out = trace.system.mechanism, []
     for letter in "qv":
         for name in mech.joint_names:
-            n = sum(mech.coordinate_joint(i) == name for i in range(mech.nv))
+            n = find_joint(mech.model, name).nv
             out += [f"{letter}0.{name}" + (f".{j + 1}" if n > 1 else "") for j in range(n)]
     return [*out, *(f"s0.{name}" for name in mech.states)]

@@ -35,7 +35,7 @@ def test_a_motion_without_events_ends_where_it_grazes_the_level():
 
 
 def test_a_motion_with_an_event_ends_where_it_only_touches_its_level():
-    exact = impact_motion(0.05)
+    exact = impact_motion(0.02)
     (x, v), phase = exact.start, exact.phase + np.pi
     found = mbdae.periodic_branch(thrown, "force", exact.force, 3.8, q=[x], v=[v], rtol=1e-9, start={"phase": phase})
     at = found.bifurcations[-1]

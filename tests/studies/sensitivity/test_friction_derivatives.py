@@ -66,7 +66,7 @@ def test_every_kind_of_friction_interface(kind):
     @cache
     def run(faster=0.0, **changed):
         mech, q, v = MADE[kind](**(values | changed))
-        return mbdae.solve(mech, (0, 0.3), q, v * (1 + faster), step=0.03, method="pherk5")
+        return mbdae.solve(mech, (0, 0.15), q, v * (1 + faster), step=0.03, method="pherk5")
 
     sol, v = run(), MADE[kind]()[2]
     nv = len(v)
@@ -98,7 +98,7 @@ def test_other_methods_and_the_ggl_form(kind, options):
     @cache
     def run(x):
         mech, q, v = MADE[kind](coefficient=x)
-        return mbdae.solve(mech, (0, 0.3), q, v, step=0.03, **options)
+        return mbdae.solve(mech, (0, 0.15), q, v, step=0.03, **options)
 
     model = {"model": lambda **x: MADE[kind](**x)[0]}
     found = mbdae.sensitivity(run(0.3), {"coefficient": 0.3}, **model)
@@ -119,9 +119,9 @@ def test_closures_that_depend_on_each_other(name):
     @cache
     def run(x):
         made = mechanism_factory(own, None).make({name: x})
-        return mbdae.solve(made, (0.0, 0.4), step=0.04, method="pherk5", project=True)
+        return mbdae.solve(made, (0.0, 0.2), step=0.04, method="pherk5", project=True)
 
-    sol = mbdae.solve(own, (0.0, 0.4), step=0.04, method="pherk5", project=True)
+    sol = mbdae.solve(own, (0.0, 0.2), step=0.04, method="pherk5", project=True)
     found = mbdae.sensitivity(sol, [name])
     value = found.parameters[name]
     assert_derivative(found.dy[..., 0], lambda x: run(x).y, value, 1e-10, mech=own)

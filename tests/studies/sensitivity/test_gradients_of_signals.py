@@ -14,7 +14,7 @@ from mbdae.solution.signals import signals as columns
 
 ALL_SORTS = str(Path(__file__).parents[2] / "data" / "all_sorts.toml")
 WITHOUT = ("g", "Gv")  # a largest magnitude has no derivative
-WIDTHS = (1e-3, 1e-2)
+WIDTHS = (1e-2, 1e-3)
 
 
 def with_derivatives(mech):
@@ -39,11 +39,13 @@ def wrong(model, name, T, **options):
     derivatives = SignalJacobian(moves.trace, known)
     variations = np.hstack([moves.dy[..., 0], np.ones((len(sol.t), 1)), moves.dt])
     moved = np.array([derivatives.rows(i, sol.t[i], y) @ variations[i] for i, y in enumerate(sol.y)]).T
-    errors = []
-    for width in WIDTHS:
+    least = np.full(len(known), np.inf)
+    for width in WIDTHS:  # the narrower one only where the first is too wide
         expected = quotient(at, value, width)
-        errors.append(np.abs(moved - expected).max(axis=1) / np.maximum(size, np.abs(expected).max(axis=1)))
-    least = np.min(errors, axis=0)
+        errors = np.abs(moved - expected).max(axis=1) / np.maximum(size, np.abs(expected).max(axis=1))
+        least = np.minimum(least, errors)
+        if (least < 1e-9).all():
+            break
     assert np.abs(moved).max() > 0
     return {key: e for key, e in zip(known, least, strict=True) if not e < 1e-9}, len(known)
 

@@ -185,6 +185,7 @@ def test_a_sampled_controller():
     assert np.abs(found.s).max() > 0.1
 
 
+@cache  # the same values for every run and back end
 def _controlled(ki, integral=0.2):
     sampled = mbdae.JointPID(name="sampled", joint="crank", reference=0.5, kp=3.0, ki=ki, kd=0.5, rate=20.0,
                              integral=integral)  # fmt: skip
