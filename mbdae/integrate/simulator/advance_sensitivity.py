@@ -14,7 +14,7 @@ from ...mechanism.equations.local_ode import UNIT
 from ...mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
 from ...mechanism.formulations.core_description import samplers_of
 from ...mechanism.inputs import Inputs
-from ...mechanism.time_functions.input_variation import AdvanceSpan, VariedInput
+from ...mechanism.time_functions.perturbed_input import AdvanceSpan, PerturbedInput
 from ...solution.solution import Solution
 from ...system import Array
 from ..run.run_state import RunState
@@ -76,7 +76,7 @@ class AdvanceParameters:
             return self.inputs.replaced(self.inputs.cells, self.template.make(changed))
         offsets = {name: x - UNIT for name, x in values.items()}
         varied = {
-            name: VariedInput.of(cell, self.span, offsets.get(BEFORE + name, 0.0), offsets.get(name, 0.0))
+            name: PerturbedInput.of(cell, self.span, offsets.get(BEFORE + name, 0.0), offsets.get(name, 0.0))
             for name, cell in self.inputs.cells.items()
         }
         return self.inputs.replaced(varied)

@@ -56,7 +56,7 @@ class PlaneCurve:
         if self.harmonic:
             k, (a, b) = np.arange(1, len(coefficients) // 2 + 1)[:, None], (coefficients[1::2], coefficients[2::2])
             rates = np.hstack([a, k * b, -k * k * a]), np.hstack([b, -k * a, -k * k * b])
-            self.orders, self.waves = k[:, 0], np.vstack(rates)  # (cos k s, sin k s) @ waves: c - a_0, c', c''
+            self.orders, self.amplitudes = k[:, 0], np.vstack(rates)  # of c - a_0, c' and c''
         self.first, self.length = float(starts[0]), float(starts[-1] - starts[0])
         n = max(MIN_SAMPLES, SAMPLES * len(coefficients))
         self.samples = self.first + self.length * np.arange(n + (not closed)) / n
@@ -74,7 +74,7 @@ class PlaneCurve:
             s = s - self.length * np.floor((np.real(s) - self.first) / self.length)
         if self.harmonic:
             angles = self.orders * s
-            x = np.concatenate([np.cos(angles), np.sin(angles)]).dot(self.waves)
+            x = np.concatenate([np.cos(angles), np.sin(angles)]).dot(self.amplitudes)
             return ProfilePoint(s, self.coefficients[0] + x[:2], x[2:4], x[4:])
         i = min(max(int(np.searchsorted(self.starts, np.real(s), "right")) - 1, 0), len(self.coefficients) - 1)
         x, c, d, dd = s - self.starts[i], 0.0, 0.0, 0.0

@@ -24,7 +24,7 @@ from ..formulations.core_description import samplers_of
 from ..formulations.index2 import Index2System
 from ..inputs import Inputs
 from ..time_functions.input_functions import InputSetting
-from ..time_functions.input_variation import AdvanceSpan, VariedInput
+from ..time_functions.perturbed_input import AdvanceSpan, PerturbedInput
 from .local_coordinates import LocalCoordinates
 
 if TYPE_CHECKING:
@@ -113,9 +113,8 @@ class LocalODE(LocalCoordinates):
         if not values:
             return self.mechanism
         by = {name: values.get(name, UNIT) - UNIT for name in self.input_names}
-        return self.inputs.replaced(
-            {name: VariedInput.of(cell, AdvanceSpan(), by[name], by[name]) for name, cell in self.inputs.cells.items()}
-        )
+        cells, span = self.inputs.cells, AdvanceSpan()
+        return self.inputs.replaced({n: PerturbedInput.of(u, span, by[n], by[n]) for n, u in cells.items()})
 
     def jacobian(self, t: float, x: Array, u: Array | None = None) -> OdeJacobian:
         """Return the exact partial derivatives of x' with respect to x, t and u.

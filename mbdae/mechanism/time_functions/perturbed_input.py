@@ -1,4 +1,4 @@
-"""Inputs that follow a simulator, plus variations: for the derivatives of an advance."""
+"""Inputs of a simulator with perturbations, for the derivatives of an advance."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ class AdvanceSpan:
     length: float = 1.0
 
 
-class VariedInput(BaseTimeFunction):
-    """The input of a simulator over its last advance, varied.
+class PerturbedInput(BaseTimeFunction):
+    """The input of a simulator over its last advance, perturbed.
 
         u(t) = u + end                                                            hold = "zero"
         u(t) = u_0 + begin + (u_1 + end - u_0 - begin) (t - t_0)/dt               hold = "first"
 
     Attributes:
-        begin: change of the value at the start of the advance.
-        end: change of the value that was set for it.
+        begin: perturbation at the start of the advance; unused for hold = "zero".
+        end: perturbation of the value that was set for the advance: of all of it, or with hold = "first" at its end.
     """
 
     begin: float = 0.0
@@ -34,15 +34,15 @@ class VariedInput(BaseTimeFunction):
     _at: Callable[..., float] = PrivateAttr()
 
     @classmethod
-    def of(cls, cell: Input, span: AdvanceSpan, begin: float, end: float) -> "VariedInput":
-        """Return the varied input of a simulator."""
-        out, follow, linear = cls(begin=begin, end=end), cell.at, cell.hold == "first"
+    def of(cls, cell: Input, span: AdvanceSpan, begin: float, end: float) -> "PerturbedInput":
+        """Return the perturbed input of a simulator."""
+        out, nominal, linear = cls(begin=begin, end=end), cell.at, cell.hold == "first"
 
         def at(t: float, k: int = 0) -> float:
             if not linear:
-                return follow(t, k) + (0.0 if k else end)
+                return nominal(t, k) + (0.0 if k else end)
             rate = (end - begin) / span.length
-            return follow(t, k) + (begin + rate * (t - span.start), rate, 0.0)[k]
+            return nominal(t, k) + (begin + rate * (t - span.start), rate, 0.0)[k]
 
         out._at = at
         return out
