@@ -15,7 +15,7 @@ import numpy as np
 import mbdae
 
 RHO = 0.8  # spectral radius at infinite frequency
-ITERATIONS, TOLERANCE = 10, 1e-11
+ITERATIONS, TOLERANCE, ROUNDING = 10, 1e-11, 1e-15  # Newton steps; change of v', relative; rounding of g
 
 
 def step(mech, t, h, q, v, a, vdot):
@@ -35,7 +35,7 @@ def step(mech, t, h, q, v, a, vdot):
         residual = np.concatenate([point.f + point.G.T @ lam - point.M @ new, -point.g / dq])
         change = np.linalg.lstsq(matrix, residual, rcond=1e-12)[0]
         new, lam = new + change[: mech.nv], lam + change[mech.nv :]
-        if np.abs(change[: mech.nv]).max() < TOLERANCE * (1 + np.abs(new).max()):
+        if np.abs(change[: mech.nv]).max() < TOLERANCE * (1 + np.abs(new).max()) + ROUNDING / dq:
             return q1, v1, a1, new
     raise RuntimeError(f"Newton's iteration does not converge at t = {t:g}")
 
