@@ -1,6 +1,7 @@
 """Velocities that satisfy G v + g_t = 0 at a configuration, by the least change in the mass metric."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,7 +70,7 @@ class ClosedVelocities:
         if many:
             scaled = G.copy()
             divide_rows(scaled, self.rows)
-            return lambda residual: sparse_least_squares(scaled, residual, 0.0, M)
+            return partial(sparse_least_squares, scaled, mu=0.0, M=M)  # which can be pickled
         root = np.linalg.solve(U.T, (G / self.rows[:, None]).T).T  # G M^{-1/2}
         return np.linalg.solve(U, np.linalg.pinv(root, rcond=TRUNCATION)).dot
 

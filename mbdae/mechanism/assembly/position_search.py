@@ -218,6 +218,8 @@ def sparse_least_squares(G: Jacobian, g: Array, mu: float, M: Jacobian | None = 
 
     rows, metric = csc_array(G), eye_array(G.shape[1]) if M is None else csc_array(M)
     mu = max(mu, MIN_DAMPING * float((rows.power(2) @ (1 / metric.diagonal())).max()))
+    if not mu:  # G vanishes
+        return np.zeros(G.shape[1])
     system = splu(block_array([[metric, rows.T], [rows, -mu * eye_array(len(g))]], format="csc"))
     return system.solve(np.concatenate([np.zeros(G.shape[1]), g]))[: G.shape[1]]
 

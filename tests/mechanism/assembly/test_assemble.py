@@ -1,5 +1,7 @@
 """Assembly: from poor initial estimates, near the estimate, with held coordinates, and its error messages."""
 
+import pickle
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -11,6 +13,7 @@ import mbdae
 from mbdae.errors import AssemblyError, InputError
 from mbdae.mechanism.assembly import position_search
 from mbdae.mechanism.closures.closure_error import largest_error
+from mbdae.mechanism.variant import variant
 from mbdae.studies.info.info import info
 
 CLOSED = 1e-10
@@ -264,3 +267,19 @@ def test_many_velocities_are_the_nearest_ones_in_the_mass_metric():
     null = scipy.linalg.null_space(G, rcond=1e-8)
     nearest = null @ np.linalg.solve(null.T @ M @ null, null.T @ M @ wanted)
     assert mech.assemble(q, wanted)[1] == pytest.approx(nearest, abs=1e-10)
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "n_four_bar?N=12"])
+def test_a_start_is_that_of_a_pickled_mechanism_and_of_a_variant(name):
+    """Variants share the closed position, and what closes velocities there, also with sparse rows."""
+    mech = mbdae.load(name)
+    joint = mech.joint_names[0]
+    first = mech.assemble(v={joint: 1.5})
+    for other in (pickle.loads(pickle.dumps(mech)), variant(mech, duration=2.0)):
+        for speed in (1.5, -3.0):
+            q, v = other.assemble(v={joint: speed})
+            np.testing.assert_array_equal(q, first[0])
+            np.testing.assert_allclose(v, first[1] * speed / 1.5, rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(v, mbdae.load(name).assemble(v={joint: speed})[1], rtol=1e-12, atol=1e-12)
+    with pytest.raises(AssemblyError):
+        mech.assemble(v=dict.fromkeys(mech.joint_names, 1.0))
