@@ -60,7 +60,7 @@ def assemble(
         position = _closed_position(system, q0, fixed_q, held_q, t)
 
         def close(fixed: Array) -> Array:
-            return position.velocities(system, fixed, t).closest(system, position.q, v0)
+            return position.velocities(system, fixed, t).closest(system, v0)
 
         v1, fixed_v = _with_modes_held(close, fixed_v, held_v)
         return Assembled(position.q.copy(), v1, position.fixed, fixed_v)

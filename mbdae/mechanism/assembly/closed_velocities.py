@@ -24,12 +24,12 @@ class ClosedVelocities:
     """Velocities with G v + g_t = 0 at q and t; some coordinates are fixed. Variants of a mechanism may share it."""
 
     def __init__(self, system: "Index2System", q: Array, fixed: Array, t: float) -> None:
-        self.fixed, self.free = fixed, np.delete(np.arange(system.nv), fixed)
+        self.q, self.fixed, self.free = q, fixed, np.delete(np.arange(system.nv), fixed)
         self.G, self.g_t = system.closures_by_size(q, t)[1], system.g_t(t).copy()
         self.rows, self.scales = system.mechanism.row_scales, system.mechanism.coordinate_scales
         self._change: Callable[[Array], Array] | None = None
 
-    def closest(self, system: "Index2System", q: Array, v: Array) -> Array:
+    def closest(self, system: "Index2System", v: Array) -> Array:
         """Return the velocity closest to v in the mass metric with G v + g_t = 0.
 
         Raises:
@@ -41,7 +41,7 @@ class ClosedVelocities:
         if not residual.any():
             return v
         if self._change is None:
-            self._change = self._least_change(system, q)
+            self._change = self._least_change(system)
         speeds = np.linalg.norm(v / self.scales) + np.linalg.norm(g_t / rows)
         v = v.copy()
         for _ in range(2):  # the second pass removes rounding
@@ -52,13 +52,13 @@ class ClosedVelocities:
             raise assembly_error(mech, largest_error(mech, residual, "/s"), self.fixed, "velocity")
         return v
 
-    def _least_change(self, system: "Index2System", q: Array) -> Callable[[Array], Array]:
+    def _least_change(self, system: "Index2System") -> Callable[[Array], Array]:
         """Return the function of a residual, scaled by rows, whose value removes it: the least one in the metric."""
         G, many = self.G[:, self.free], system.ng > MANY_ROWS
         if many:
-            M: Any = sparse_inertia(system.model, system.workspace, q)[:, self.free][self.free]
+            M: Any = sparse_inertia(system.model, system.workspace, self.q)[:, self.free][self.free]
         else:
-            M = update_inertia(system.model, system.workspace, q)
+            M = update_inertia(system.model, system.workspace, self.q)
             M = (np.triu(M) + np.triu(M, 1).T)[np.ix_(self.free, self.free)]
         if not (many and _has_positive_pivots(M)):
             U, info = dpotrf(M.toarray() if many else M, lower=0)

@@ -128,14 +128,14 @@ class ConvexBody:
         """Return a tangent and its rate: forwards for a wheel; else x of a on a plane, or around the z axis of a."""
         if self.axle:
             s = self.axis(pair)
-            ahead, rate = product(s, rotated(pair.Vb, s), n, dn)
+            ahead, rate = cross_with_rate(s, rotated(pair.Vb, s), n, dn)
             _require_inclined(ahead)
             return unit(ahead, rate)
         x, z = pair.Ra[:, :1], pair.Ra[:, 2:]
         if self.surface == "plane":
             return x, rotated(pair.Va, x)
         d = x if self.surface == "sphere" and abs((n * z).sum().real) > POLAR else z
-        return unit(*product(d, rotated(pair.Va, d), n, dn))
+        return unit(*cross_with_rate(d, rotated(pair.Va, d), n, dn))
 
 
 class ContactHeightRow(LineRows):
@@ -173,11 +173,11 @@ class NoSlipRows(LineRows):
         n, p, dn, dp = self.shape.contact_kinematics(pair)
         t, dt = self.shape.heading(pair, n, dn)
         ahead, left = self.directions[:1], self.directions[1:]
-        s, ds = product(n, dn, t, dt)
+        s, ds = cross_with_rate(n, dn, t, dt)
         return Lines(t.dot(ahead) + s.dot(left), p, dt.dot(ahead) + ds.dot(left), dp)
 
 
-def product(a: Array, da: Array, b: Array, db: Array) -> tuple[Array, Array]:
+def cross_with_rate(a: Array, da: Array, b: Array, db: Array) -> tuple[Array, Array]:
     """Return a x b and its rate a' x b + a x b', for columns (3, 1)."""
     x = cross(np.concatenate((a, da, a), axis=1), np.concatenate((b, b, db), axis=1))
     return x[:, :1], x[:, 1:2] + x[:, 2:]

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 
 import mbdae
 from mbdae.errors import MbdaeError
-from mbdae.mechanism.assembly import position_search
 from mbdae.mechanism.formats.model_library import models_directory
 
 DATA = Path(__file__).parents[2] / "data"
@@ -118,12 +117,6 @@ def toml(value):
     if isinstance(value, str):
         return '"' + "".join(c if c.isalnum() or c in " _-." else f"\\U{ord(c):08x}" for c in value) + '"'
     return repr(value)
-
-
-@pytest.fixture(autouse=True)
-def brief_search(monkeypatch):
-    """Loops that do not close are sought from one start of each width: their error is the same."""
-    monkeypatch.setattr(position_search, "STARTS", 1)
 
 
 def try_it(path):
