@@ -25,7 +25,7 @@ STATUS = {
     "newton": "Newton's method did not converge",
     "singular": "a linear system was singular",
     "rank": "the rank of the closures changed",
-    "driver": "a driver is undefined there, or its derivatives are wrong",
+    "driver": "a driver cannot be followed there, is undefined, or its derivatives are wrong",
     "force": "a force law or an event function failed",
     "impact": "an impact has no solution",
     "switching": "chattering: modes switched without end",

@@ -1,14 +1,17 @@
-"""Checks of drivers: derivatives that contradict their functions, motions incompatible with closures or each other."""
+"""Checks of drivers: derivatives that contradict their functions, motions that closures or other drivers exclude."""
 
 from typing import TYPE_CHECKING
 
 from ...errors import StepError
+from ...mechanism.formulations.dead_point import require_no_dead_point
 from ...mechanism.formulations.steps.projection import require_compatible_accelerations
+from ..steppers.stepper import smallest_step
 from .source import EventSource
 
 if TYPE_CHECKING:
     from ..run.run_state import RunState
 
+STATUSES = ("step_size", "max_steps", "newton", "singular")  # failures that drivers may cause
 BEYOND = 1 / 16  # of the time span: after a failure, enough times to recognise an inconsistent derivative
 
 
@@ -26,14 +29,18 @@ class DriverChecks(EventSource):
         self._check(run, run.t)
 
     def explain(self, run: "RunState", reason: StepError) -> StepError:
-        if reason.status not in ("step_size", "max_steps"):  # no step size reduces an error of a derivative
+        if reason.status not in STATUSES:
             return reason
         start, end = run.options.t0, run.t1
         reached = (run.t - start) / (end - start)
         try:
-            self._check(run, start + min(1.0, reached + BEYOND) * (end - start))
             if run.mechanical:
-                require_compatible_accelerations(run.mechanical, run.t, run.ys[-1])
+                h = run.options.step or smallest_step(run.t, run.t1)
+                require_no_dead_point(run.mechanical, run.t, run.ys[-1], run.sign * h)
+            if reason.status in ("step_size", "max_steps"):  # no step size reduces an error of a derivative
+                self._check(run, start + min(1.0, reached + BEYOND) * (end - start))
+                if run.mechanical:
+                    require_compatible_accelerations(run.mechanical, run.t, run.ys[-1])
         except StepError as cause:
             return cause
         return reason

@@ -1,0 +1,63 @@
+"""Dead points of driven mechanisms: configurations beyond which closures admit no motion of a driver."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg.lapack import dgesv
+
+from ...errors import StepError
+from ...system import Array
+from ...tolerances import AMBIGUOUS_PIVOT, NEGLIGIBLE, THREE_DIGITS
+
+if TYPE_CHECKING:
+    from .index2 import Index2System
+
+REMAINING = 0.5  # of the smallest singular value: at a dead point it is zero, to first order of the motion there
+
+
+def require_no_dead_point(system: "Index2System", t: float, y: Array, h: float) -> None:
+    """Require that drivers prescribe no motion beyond a dead point in the next step, or within `THREE_DIGITS` of y.
+
+    Where the rows of closures and drivers lose rank, with w^T G = 0 and w^T g_t != 0, no velocity satisfies
+    G v + g_t = 0. With the singular value decomposition of the rows in use, G M^-1/2 = sum sigma w n^T, the component
+    of the smallest sigma is x = -w^T g_t / sigma, its rate a = -w^T gamma / sigma. Before the dead point at t*,
+    x = c (t* - t)^-1/2, so that t* - t = x / (2 a), and the remaining motion along n is x^2 / a.
+
+    Args:
+        system: a workspace, with drivers.
+        t: time in s.
+        y: the point.
+        h: the next step in s, negative backwards in time.
+
+    Raises:
+        StepError: names the drivers, and the time of the dead point.
+    """
+    rows = list(system.in_use)
+    if not system.driven or not rows:
+        return
+    mech, (q, v) = system.mechanism, system.split(y)
+    scales, g_t, gamma = mech.row_scales[rows], system.g_t(t)[rows], system.gamma(q, v, t)[rows]
+    U, W, sigma, N = _decomposition(system, t, q, rows)
+    shares = W[-1] * g_t / scales
+    x, a = -shares.sum() / sigma[-1], -(W[-1] @ (gamma / scales)) / sigma[-1]
+    if not h * x * a > 0:  # speeds do not grow
+        return
+    ahead, motion = x / (2 * a), dgesv(U, N[:, -1])[2] * x**2 / a
+    if abs(ahead) > abs(h) and not np.abs(motion / mech.coordinate_scales).max() <= THREE_DIGITS:
+        return
+    there = _decomposition(system, t, system.manifold.integrate(q, motion), rows)[2][-1]
+    if there > max(REMAINING * sigma[-1], AMBIGUOUS_PIVOT * sigma[0]):  # the motion of a driver itself is unbounded
+        return
+    driven = [rows[i] for i in np.flatnonzero(np.abs(shares) > NEGLIGIBLE * np.abs(shares).max())]
+    names = " and ".join(dict.fromkeys(repr(mech.row_names[i]) for i in driven))
+    raise StepError(
+        "driver",
+        f"{names} cannot be followed beyond a dead point at t = {t + ahead:.6g}, where velocities are infinite",
+    )
+
+
+def _decomposition(system: "Index2System", t: float, q: Array, rows: list[int]) -> tuple[Array, Array, Array, Array]:
+    """Return U of M = U^T U, and the singular value decomposition of scaled rows: w in rows, sigma, n in columns."""
+    U, G = system.inertia(t, q), system.jacobian()[rows]
+    N, sigma, W = np.linalg.svd(dgesv(U.T, (G / system.mechanism.row_scales[rows, None]).T)[2], full_matrices=False)
+    return U, W, sigma, N
