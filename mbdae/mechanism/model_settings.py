@@ -124,10 +124,7 @@ def coordinates(model: pin.Model, table: Mapping[str, object], *, of_v: bool = F
     for name, value in table.items():
         j = find_joint(model, name)
         n, at = (j.nv, j.idx_v) if of_v else (j.nq, j.idx_q)
-        try:
-            values = np.atleast_1d(np.asarray(value, float))
-        except (TypeError, ValueError):
-            values = np.empty(0)
+        values = np.atleast_1d(as_numbers(value))
         if not of_v and (j.nq, j.nv) == (2, 1) and len(values) == 1:
             values = np.array([np.cos(values[0]), np.sin(values[0])])
         if values.shape != (n,) or not np.isfinite(values).all():
@@ -152,16 +149,21 @@ def normalized(model: pin.Model, q: np.ndarray) -> np.ndarray | None:
     return q if pin.isNormalized(model, q, HALF_DIGITS) else None
 
 
+def as_numbers(value: object) -> Array:
+    """Return an argument as an array of numbers; nan for any other, which checks of finite numbers reject."""
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError):
+        return np.array(np.nan)
+
+
 def number(name: str, value: object) -> float:
     """Return a value as a finite number.
 
     Raises:
         InputError: for any other value.
     """
-    try:
-        x = np.asarray(value, float)
-    except (TypeError, ValueError):
-        x = np.empty(0)
+    x = as_numbers(value)
     if x.shape or not np.isfinite(x):
         raise InputError(f"{name} is a finite number, got {value!r}")
     return float(x)

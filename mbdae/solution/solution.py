@@ -13,6 +13,7 @@ from .. import backend
 from ..discovery import lazy_import
 from ..errors import InputError
 from ..mechanism import Contact, Effort, Impact, Mechanism, NotCompiled, Reaction, Singular, contact, effort, redundant
+from ..mechanism.model_settings import as_numbers
 from ..system import Array
 from ..tabular import Columns, Tabular
 from ..textbook.hessenberg import Hessenberg
@@ -203,7 +204,7 @@ class Solution(DenseOutput, Tabular):
         Raises:
             InputError: for a time outside, or a textbook problem, which has `point`.
         """
-        m, times = self.mechanism, np.asarray(t, float)
+        m, times = self.mechanism, as_numbers(t)
         y = np.array(list(self.points(times.ravel()))).reshape(*times.shape, self.y.shape[1])
         return Sample(y[..., : m.nq], y[..., m.nq : m.nq + m.nv])
 

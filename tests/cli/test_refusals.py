@@ -48,6 +48,7 @@ SOLVE = [
     ({"atol": -1.0}, ["atol", "-1.0"]),
     ({"atol": np.nan}, ["atol"]),
     ({"atol": np.ones(5)}, ["atol", "(5,)"]),
+    ({"atol": np.ones(5), "first_step": 1e-3}, ["atol", "(5,)"]),
     ({"t_eval": [0.5, 0.2]}, ["t_eval must run from 0.0 to 1.0"]),
     ({"t_eval": [0.5, 1.2]}, ["t_eval"]),
     ({"t_eval": []}, ["t_eval"]),
@@ -209,11 +210,33 @@ def test_drift_takes_runs_and_no_names_of_models():
     refused(InputError, lambda: mbdae.drift("four_bar"), "takes a Solution", "'four_bar'")
 
 
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda mech: mech.assemble(guess=np.zeros(3)), ["guess must be a table of values by joint", "array"]),
+        (lambda mech: mech.assemble(q=3), ["q must be a table of values by joint, or all of them", "got 3"]),
+        (lambda mech: mbdae.load("four_bar", forces=3), ["forces are a list", "got 3"]),
+        (lambda mech: mbdae.solve(mech, (0, 0.01))("soon"), ["t = nan is outside"]),
+        (lambda mech: mbdae.assembly_modes(mech, "crank", at="far"), ["must be a number", "'far'"]),
+        (lambda mech: mbdae.assembly_modes(mech, "crank", most=0), ["most must be a positive number", "got 0"]),
+        (lambda mech: mbdae.check_gradients(mech, steps="many"), ["steps must be a number", "'many'"]),
+        (lambda mech: mbdae.load_path(mech, "weight", -1), ["from one factor to another", "got -1"]),
+        (lambda mech: mbdae.load_path(mech, "weight", (0, "a")), ["from one factor to another", "'a'"]),
+        (lambda mech: mbdae.inverse_dynamics(mech, ("now", *[np.zeros(3)] * 3), "crank"), ["t of a motion", "'now'"]),
+    ],
+)
+def test_other_calls_say_what_they_take(four_bar, call, words):
+    refused(InputError, lambda: call(four_bar), *words)
+
+
 def test_a_replay_says_what_it_takes(tmp_path):
     refused(InputError, lambda: mbdae.animate("run", tmp_path / "run.html"), "takes a Solution", "'run'")
     sol, path = mbdae.solve(mbdae.load("four_bar"), (0, 0.01)), tmp_path / "run.html"
     refused(InputError, lambda: mbdae.animate(sol, path, ghosts=sol), "ghosts are solutions by name")  # type: ignore[arg-type]
     refused(InputError, lambda: mbdae.animate(sol, path, ghosts={"other": 3}), "ghost 'other'", "got 3")  # type: ignore[dict-item]
+    refused(InputError, lambda: mbdae.animate(sol, path, choices={"other": 3}), "choice 'other'", "got 3")  # type: ignore[dict-item]
+    refused(InputError, lambda: mbdae.animate(sol, path, signals="q.crank"), "signals are", "'q.crank'")  # type: ignore[arg-type]
+    refused(InputError, lambda: mbdae.animate(sol, path, fps="fast"), "fps must be", "'fast'")  # type: ignore[arg-type]
     for name in ("plots", "traces", "arrows"):
         refused(InputError, lambda name=name: mbdae.animate(sol, path, **{name: 3}), f"{name} is", "got 3")
     mbdae.animate(sol, path, plots="q.crank", traces="rocker_tip", arrows="pin")

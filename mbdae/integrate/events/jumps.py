@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...errors import InputError, StepError
+from ...mechanism.model_settings import as_numbers
 from ...system import Array, System
 from .source import EventSource, Occurrence
 
@@ -142,10 +143,7 @@ def _knots(run: "RunState", t0: float, t1: float) -> Sequence[float]:
 def _checked(times: Sequence[float]) -> list[float]:
     if isinstance(times, tuple) and not times:
         return []
-    try:
-        out = np.asarray(times, float)
-    except (TypeError, ValueError):
-        out = np.full(1, np.nan)
+    out = as_numbers(times)
     if out.ndim != 1 or not np.isfinite(out).all():
         raise InputError(f"jumps is a list of times, got {times!r:.80}")
     return [float(x) for x in out]

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...mechanism import Driver
+from ...mechanism.model_settings import as_numbers
 from ...system import Array
 
 
@@ -57,13 +58,10 @@ def checked_times(t_eval: Array, t0: float, t1: float) -> Array:
     Raises:
         InputError: unless the times are ordered, in the direction of the span, and lie between t0 and t1.
     """
-    try:
-        times = np.asarray(t_eval, float)
-    except (TypeError, ValueError):
-        raise InputError(f"t_eval is an array of times, got {t_eval!r}") from None
+    times = as_numbers(t_eval)
     sign = 1.0 if t1 >= t0 else -1.0
     inside = times.ndim == 1 and len(times) and np.isfinite(times).all()
     inside = inside and sign * times[0] >= sign * t0 and sign * times[-1] <= sign * t1
     if not inside or (np.diff(times) * sign <= 0).any():
-        raise InputError(f"t_eval must run from {t0} to {t1} in the span's order")
+        raise InputError(f"t_eval must run from {t0} to {t1} in the span's order, got {t_eval!r:.60}")
     return times

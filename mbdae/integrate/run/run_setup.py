@@ -43,6 +43,8 @@ def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
     if reason := obstacle(options.method, system):
         raise InputError(reason)
     stepper = _stepper(system, options)
+    if stepper.control:
+        stepper.control.check_atol(system)
     if stepper.control and options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
         rtol = float(stepper.control.rtol)
         system.accuracy = min(NEWTON_TOLERANCE, rtol**0.5) * rtol

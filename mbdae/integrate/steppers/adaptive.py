@@ -8,8 +8,9 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import InputError, StepError
+from ...mechanism.model_settings import as_numbers
 from ...methods.controller import PI, Control, Controller, error_norm, root_mean_squares
-from ...system import Array, Step
+from ...system import Array, Step, System
 from ...tolerances import AGREEMENT, EPS, ROUNDING, TINY
 from .stepper import PythonStepper, StepperState, smallest_step
 
@@ -90,7 +91,6 @@ class Adaptive(PythonStepper):
     def ready_for_core(self, run: "RunState") -> bool:
         """Choose the first step size, if unknown; the compiled core may take the next steps."""
         if self.h is None:
-            self._check_atol(run)
             self.h = max(self._estimate_first_step(run), smallest_step(run.t, run.t1))
         return True
 
@@ -108,20 +108,23 @@ class Adaptive(PythonStepper):
         """Return the settings that are recorded with the solution."""
         return {"rtol": float(self.rtol), "atol": self.atol.tolist()}
 
-    def _check_atol(self, run: "RunState") -> None:
-        n = len(range(run.system.ny)[run.system.measured])
+    def check_atol(self, system: System) -> None:
+        """Require that atol is one number, or one for each measured component of the tangent.
+
+        Raises:
+            InputError: for another number of components.
+        """
+        n = len(range(system.ny)[system.measured])
         if self.atol.shape not in ((), (n,)):
             raise InputError(f"atol is one number or one for each of {n} components, got shape {self.atol.shape}")
 
     def _scale(self, run: "RunState", y: Array) -> Array:
-        self._check_atol(run)
         m = run.system.measured
         size = np.maximum(run.system.size(run.state.y)[m], run.system.size(y)[m])
         return self.atol + self.rtol * size + TINY
 
     def first_step_numbers(self, run: "RunState") -> dict[str, Any]:
         """Return the numbers of the first step, see `mbdae.system.System.first_step`; if it is not given."""
-        self._check_atol(run)
         return {
             "sign": run.sign, "left": run.time_to_interval_end(), "rtol": float(self.rtol), "atol": self.atol.ravel(),
             "power": self.controller.power, "zero_change": ROUNDING, "tiny": TINY, **STARTING_STEP,
@@ -159,10 +162,7 @@ def _not_negative(name: str, value: object) -> Array:
     """
     if type(value) is float and 0 <= value < inf:
         return np.array(value)
-    try:
-        out = np.asarray(value, float)
-    except (TypeError, ValueError):
-        out = np.full(1, np.nan)
+    out = as_numbers(value)
     if not (np.isfinite(out).all() and (out >= 0).all()):
         raise InputError(f"{name} must be finite and not negative, one number or several, got {value!r}")
     return out

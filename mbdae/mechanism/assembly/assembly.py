@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...errors import AssemblyError, InputError
+from ...errors import AssemblyError, InputError, require
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
 from ..closures.closure_error import largest_error
@@ -22,6 +22,9 @@ from .position_search import close_position
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
     from ..mechanism import Mechanism
+
+ARRAYS = np.ndarray | list | tuple
+VALUES = ARRAYS | Mapping | None
 
 
 class Assembled(NamedTuple):
@@ -39,9 +42,12 @@ def assemble(
     """See `mbdae.Mechanism.assemble`; ``guess_v`` are initial estimates of velocities that are not fixed."""
     fixed_q, fixed_v = (np.array([], int),) * 2
     held_q, held_v = fixed_q, fixed_v
+    for name, values in (("q", q), ("v", v)):
+        require(values, VALUES, f"{name} must be a table of values by joint, or all of them as an array")
+    require(guess, Mapping | None, "guess must be a table of values by joint")
     for driver in mech.drivers:
         driver.check(t)
-    if isinstance(q, np.ndarray | list | tuple):
+    if isinstance(q, ARRAYS):
         q0 = normalized(mech.model, mech.vector("q", q, mech.nq))
         if q0 is None:
             raise InputError("q is not on the manifold: a quaternion, or cosine and sine of an angle, vanish")
@@ -50,7 +56,7 @@ def assemble(
         q0 = mech.coordinates(table)[0]
         fixed_q = tangent_indices(mech.model, q or {})
         held_q = _held_modes(mech, {**mech.start_values.guess, **(guess or {}), **(q or {})})
-    if isinstance(v, np.ndarray | list | tuple):
+    if isinstance(v, ARRAYS):
         v0 = mech.vector("v", v, mech.nv)
     else:
         v0 = mech.coordinates({**(guess_v or {}), **(v or {})}, of_v=True)[0]

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...errors import InputError, MbdaeError, as_list, require
 from ...mechanism import Mechanism
+from ...mechanism.model_settings import as_numbers
 from ...solution.signals import find, units
 from ...system import Array
 from ..sweep.sweep_run import NOT_SETTINGS, Maker, check_settings, maker_of
@@ -112,10 +113,7 @@ def _columns(parameters: Mapping[str, Any] | None) -> dict[str, Array]:
     require(parameters, Mapping, "parameters are a table of arrays, name = values")
     out = {}
     for name, values in parameters.items():
-        try:
-            out[name] = np.asarray(values, float)
-        except (TypeError, ValueError):
-            out[name] = np.empty(())
+        out[name] = as_numbers(values)
         if out[name].ndim != 1 or not np.isfinite(out[name]).all():
             raise InputError(f"parameter {name!r} takes one number for each run, got {values!r:.60}")
     return out
@@ -159,10 +157,7 @@ def _starts(mech: Mechanism, q: object, v: object, lengths: dict[str, int]) -> S
     """
     arrays: list[Array | None] = []
     for name, given, width in (("q", q, mech.nq), ("v", v, mech.nv)):
-        try:
-            x = None if given is None else np.asarray(given, float)
-        except (TypeError, ValueError):
-            x = np.empty(())
+        x = None if given is None else as_numbers(given)
         if x is not None and (x.ndim not in (1, 2) or x.shape[-1] != width):
             raise InputError(f"{name} has shape {x.shape}, expected (n, {width}) or ({width},) for {mech.title!r}")
         arrays.append(x)

@@ -12,6 +12,7 @@ from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.assembly.position_search import close_position
 from ...mechanism.closures.closure_error import largest_error
+from ...mechanism.model_settings import as_numbers
 from ...mechanism.tree.frames import find_joint
 from ...mechanism.tree.tree_terms import mode_joints
 from ...solution.solution import Solution
@@ -113,8 +114,10 @@ def _require_same_joints(mech: Mechanism, other: Mechanism) -> None:
 
 
 def _from_arrays(mech: Mechanism, motion: Sequence[object]) -> Prescribed:
-    t = np.atleast_1d(np.asarray(motion[0], float))
-    q, v, a = (np.atleast_2d(np.asarray(x, float)) for x in motion[1:])
+    t = np.atleast_1d(as_numbers(motion[0]))
+    q, v, a = (np.atleast_2d(as_numbers(x)) for x in motion[1:])
+    if t.ndim != 1 or not np.isfinite(t).all():
+        raise InputError(f"t of a motion is finite and has shape (n,), got {motion[0]!r:.60}")
     for name, x, width in (("q", q, mech.nq), ("v", v, mech.nv), ("a", a, mech.nv)):
         if x.shape != (len(t), width) or not np.isfinite(x).all():
             raise InputError(f"{name} of a motion is finite and has shape ({len(t)}, {width}), got {x.shape}")
@@ -186,7 +189,7 @@ def _joint_columns(columns: Mapping[str, object], single: Mapping[str, object]) 
         UnknownNameError: for a column that is not a joint of one coordinate.
         InputError: for missing times or joints.
     """
-    known = {n: np.asarray(x, float) for n, x in columns.items()}
+    known = {n: as_numbers(x) for n, x in columns.items()}
     if "t" not in known:
         raise InputError(f"a table of a motion has a column t, got {', '.join(known) or 'none'}")
     t = known.pop("t")

@@ -7,12 +7,13 @@ They are searched from random starts. Modes between which the mechanism can move
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from numbers import Integral
 from pathlib import Path
 
 import numpy as np
 
 from ...data_types import JsonObject
-from ...errors import InputError, as_list
+from ...errors import InputError, as_list, is_number
 from ...mechanism import Mechanism
 from ...mechanism.tree.coordinate_units import COORDINATE_NAMES, coordinate_units
 from ...mechanism.tree.frames import find_joints
@@ -131,8 +132,10 @@ def assembly_modes(
     system = driven.system()
     require_one_dof(driven, system, q0, drive, [d.joint or d.name for d in driven.drivers[:-1]], omitted_elements(mech))
     u_start = input_at(driven, system, q0)
-    if at is not None and not np.isfinite(at):
-        raise InputError(f"the input must be a number, got {at!r}")
+    if at is not None and not is_number(at):
+        raise InputError(f"the input must be a number, got {at!r:.60}")
+    if not (isinstance(most, Integral) and most > 0):
+        raise InputError(f"most must be a positive number of starts, got {most!r:.60}")
     u = u_start if at is None else float(at)
     names = as_list(apart, "apart is a list of joints") or mech.joint_names
     distinguishing = np.zeros(mech.nv, bool)

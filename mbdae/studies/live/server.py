@@ -69,7 +69,7 @@ class Server:
         ], log_function=lambda handler: None)  # fmt: skip
         try:
             bound = _bound(port)
-        except (OSError, OverflowError) as e:
+        except (OSError, OverflowError, TypeError) as e:
             reason = getattr(e, "strerror", None) or e
             self._failed = "no free port is found" if port is None else f"port {port} cannot be used: {reason}"
             self._loop.close()

@@ -14,6 +14,7 @@ from ...errors import InputError, MbdaeError
 from ...mechanism import Mechanism
 from ...mechanism.equilibrium.spectrum import CERTAIN, Spectrum
 from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
+from ...mechanism.model_settings import as_numbers
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...system import Array
 from ...tabular import Columns, Tabular
@@ -127,7 +128,7 @@ def root_locus(
     Raises:
         UnknownNameError, InputError: for an unknown model or parameter, or if no value has modes.
     """
-    numbers = np.asarray(values, float)
+    numbers = as_numbers(values)
     if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
         raise InputError(f"a root locus takes a list of numbers, got {values!r:.60}")
     roots = _roots(model, name, float(numbers[0]), v or {}, dict(start or {}), options)

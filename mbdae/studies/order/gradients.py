@@ -8,6 +8,7 @@ order of the method, by the rules of `mbdae.studies.order.measurement`.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -122,8 +123,8 @@ def check_gradients(
     chosen = {m.name: m for m in map(find_method, differentiable if names == ["all"] else names)}
     _, T = checked_span(T if T is not None else mech.order.T, end=True)
     steps = steps if steps is not None else mech.order.steps
-    if steps < MIN_OUTPUTS:
-        raise InputError(f"steps must be at least {MIN_OUTPUTS}, got {steps = }")
+    if not (isinstance(steps, Integral) and steps >= MIN_OUTPUTS):
+        raise InputError(f"steps must be a number of at least {MIN_OUTPUTS}, got {steps!r:.60}")
     backend, because = common_backend(mech, [("index2", None)], "auto")
     measure = GradientMeasurement(mech, T, steps, progress or (lambda name: None), backend, parameter, model)
     found, missing = finished(chosen, lambda m: (measure.judge(m), measure.compare_quotients(m)))

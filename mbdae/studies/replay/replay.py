@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError, require
+from ...errors import InputError, UnknownNameError, is_number, require
 from ...file_io import atomic_write, write_page
 from ...mechanism.scene.drawables import drawables, motions
 from ...mechanism.scene.visible import sampled
@@ -139,7 +139,9 @@ def page(
     """
     _checked(sol, fps, speed, deformation)
     mechanism, ghosts, choices = sol.mechanism, ghosts or {}, choices or {}
-    _check_ghosts(ghosts)
+    _check_solutions("ghost", ghosts)
+    _check_solutions("choice", choices)
+    require(signals or {}, Mapping, "signals are functions or arrays by name")
     speed = pace(sol) if speed is None else speed
     if camera is not None:
         _check_known("camera", camera, CAMERAS)
@@ -199,17 +201,17 @@ def _checked(sol: object, fps: float | None, speed: float | None, deformation: f
     if not hasattr(sol, "mechanism"):
         raise InputError(f"animate takes a Solution (see mbdae.solve), got {sol!r:.60}")
     for name, value in (("fps", fps), ("speed", speed)):
-        if value is not None and not (np.isfinite(value) and value > 0):
-            raise InputError(f"{name} must be a positive number, not {value!r}")
-    if deformation is not None and not (isinstance(deformation, float | int) and np.isfinite(deformation)):
+        if value is not None and not (is_number(value) and value > 0):
+            raise InputError(f"{name} must be a positive number, not {value!r:.60}")
+    if deformation is not None and not is_number(deformation):
         raise InputError(f"deformation is a factor, a finite number, not {deformation!r:.60}")
 
 
-def _check_ghosts(ghosts: Mapping[str, object]) -> None:
-    require(ghosts, Mapping, "ghosts are solutions by name")
-    for name, ghost in ghosts.items():
-        if not hasattr(ghost, "mechanism"):
-            raise InputError(f"ghost {name!r} is a Solution (see mbdae.solve), got {ghost!r:.60}")
+def _check_solutions(what: str, table: Mapping[str, object]) -> None:
+    require(table, Mapping, f"{what}s are solutions by name")
+    for name, sol in table.items():
+        if not hasattr(sol, "mechanism"):
+            raise InputError(f"{what} {name!r} is a Solution (see mbdae.solve), got {sol!r:.60}")
 
 
 def _check_known(what: str, name: str, known: Sequence[str]) -> None:

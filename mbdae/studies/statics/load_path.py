@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...data_types import JsonObject
-from ...errors import InputError
+from ...errors import InputError, is_number, require
 from ...mechanism import Mechanism
 from ...mechanism.equilibrium.spectrum import curvature
 from ...mechanism.flexible.linear_range import beyond_linear
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from ...mechanism.mechanism import Coordinates
 
 __all__ = ["load_path"]
+
+SPAN = "a path leads from one factor to another, as (0, 1)"
 
 
 @dataclass(frozen=True)
@@ -187,9 +189,10 @@ def load_path(
         InputError: for an invalid span, or a mechanism without degrees of freedom.
     """
     mech = mechanism_of(mech, "load_path")
+    require(span, Sequence | np.ndarray, SPAN)
+    if len(span) != 2 or not all(map(is_number, span)) or span[0] == span[1]:
+        raise InputError(f"{SPAN}, got {span!r:.60}")
     first, last = (float(x) for x in span)
-    if not np.isfinite([first, last]).all() or first == last:
-        raise InputError(f"a path leads from one factor to another, got {first:g} to {last:g}")
     q0, speeds, held, _ = complete_arguments(mech, q, t, v, hold)
     rest = balanced_on_contacts(mech, t, speeds, held, q0, "stable", [load], first)
     contacts = Contacts(mech, t)

@@ -1,7 +1,7 @@
 """Load mechanisms from files."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import pinocchio as pin
 
 from ....discovery import is_model_name
-from ....errors import InputError, UnknownNameError
+from ....errors import InputError, UnknownNameError, require
 from ....file_io import read_text
 from ....tolerances import INPUT_DIGITS
 from ...closures.closure import Closure
@@ -75,6 +75,7 @@ def load(
         UnknownNameError: for an unknown model, parameter, frame, joint, motor or keyframe; lists the valid names.
         InputError: for an invalid file; the message names the key and the expected value.
     """
+    require(forces, Iterable, "forces are a list")
     more: dict[str, Any] = {"closure": closures, "driver": drivers, "stop": stops, "clutch": clutches, "event": resets}
     more |= {"force": [f for f in forces if isinstance(f, FORCES)], "motor": motors or {}}
     recipe = read(path, parameters, key=key, assemble=assemble, free_flyer=free_flyer, more=more)
