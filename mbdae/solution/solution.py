@@ -291,11 +291,7 @@ Problem = Mechanism | Hessenberg
 
 
 def uninterrupted(sol: Solution) -> Solution:
-    """Return a run of a study, unchanged.
-
-    Raises:
-        KeyboardInterrupt: if the user interrupted the run, which interrupts the study.
-    """
+    """Return a run of a study, unchanged; one that the user interrupted interrupts the study, KeyboardInterrupt."""
     if sol.status == "interrupted":
         raise KeyboardInterrupt
     return sol

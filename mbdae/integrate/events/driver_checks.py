@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from ...errors import StepError
 from ...mechanism.formulations.dead_point import require_no_dead_point
 from ...mechanism.formulations.steps.projection import require_compatible_accelerations
-from ..steppers.stepper import smallest_step
 from .source import EventSource
 
 if TYPE_CHECKING:
@@ -35,8 +34,7 @@ class DriverChecks(EventSource):
         reached = (run.t - start) / (end - start)
         try:
             if run.mechanical:
-                h = run.options.step or smallest_step(run.t, run.t1)
-                require_no_dead_point(run.mechanical, run.t, run.ys[-1], run.sign * h)
+                require_no_dead_point(run.mechanical, run.t, run.ys[-1], run.sign, run.options.step or 0.0)
             if reason.status in ("step_size", "max_steps"):  # no step size reduces an error of a derivative
                 self._check(run, start + min(1.0, reached + BEYOND) * (end - start))
                 if run.mechanical:

@@ -42,8 +42,8 @@ def assemble(
     """See `mbdae.Mechanism.assemble`; ``guess_v`` are initial estimates of velocities that are not fixed."""
     fixed_q, fixed_v = (np.array([], int),) * 2
     held_q, held_v = fixed_q, fixed_v
-    for name, values in (("q", q), ("v", v)):
-        require(values, VALUES, f"{name} must be a table of values by joint, or all of them as an array")
+    require(q, VALUES, "q must be a table of values by joint, or all of them as an array")
+    require(v, VALUES, "v must be a table of values by joint, or all of them as an array")
     require(guess, Mapping | None, "guess must be a table of values by joint")
     for driver in mech.drivers:
         driver.check(t)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 REMAINING = 0.5  # of the smallest singular value: at a dead point it is zero, to first order of the motion there
 
 
-def require_no_dead_point(system: "Index2System", t: float, y: Array, h: float) -> None:
+def require_no_dead_point(system: "Index2System", t: float, y: Array, sign: float, step: float) -> None:
     """Require that drivers prescribe no motion beyond a dead point in the next step, or within `THREE_DIGITS` of y.
 
     Where the rows of closures and drivers lose rank, with w^T G = 0 and w^T g_t != 0, no velocity satisfies
@@ -27,7 +27,8 @@ def require_no_dead_point(system: "Index2System", t: float, y: Array, h: float) 
         system: a workspace, with drivers.
         t: time in s.
         y: the point.
-        h: the next step in s, negative backwards in time.
+        sign: -1.0 for a run backwards in time, else 1.0.
+        step: size of the next step in s, 0.0 under step-size control.
 
     Raises:
         StepError: names the drivers, and the time of the dead point.
@@ -40,10 +41,10 @@ def require_no_dead_point(system: "Index2System", t: float, y: Array, h: float) 
     U, W, sigma, N = _decomposition(system, t, q, rows)
     shares = W[-1] * g_t / scales
     x, a = -shares.sum() / sigma[-1], -(W[-1] @ (gamma / scales)) / sigma[-1]
-    if not h * x * a > 0:  # speeds do not grow
+    if not sign * x * a > 0:  # speeds do not grow
         return
     ahead, motion = x / (2 * a), dgesv(U, N[:, -1])[2] * x**2 / a
-    if abs(ahead) > abs(h) and not np.abs(motion / mech.coordinate_scales).max() <= THREE_DIGITS:
+    if abs(ahead) > step and not np.abs(motion / mech.coordinate_scales).max() <= THREE_DIGITS:
         return
     there = _decomposition(system, t, system.manifold.integrate(q, motion), rows)[2][-1]
     if there > max(REMAINING * sigma[-1], AMBIGUOUS_PIVOT * sigma[0]):  # the motion of a driver itself is unbounded
