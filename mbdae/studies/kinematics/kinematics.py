@@ -13,6 +13,7 @@ from ...mechanism.tree.joints import angle_components
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tolerances import SMALLEST_PART
+from ...units import quantity
 from .branch_following import TracedCurve, is_same_point, other_branches
 from .curve_sampling import branch_point_on_curve, events, sample
 from .curve_tracing import follow
@@ -113,7 +114,8 @@ def _start_on_curve(driven: Mechanism, q: Array, span: tuple[float, float] | Non
         try:
             q = close_position(system, q, no_joints, float(u))
         except (AssemblyError, InputError) as e:
-            text = f"the input cannot start at {first:.6g}: it only reaches about {u:.4g}; {e}"
+            at, reached = (quantity(x, driven.row_units[-1], form) for x, form in ((first, ".6g"), (u, ".4g")))
+            text = f"the input cannot start at {at}: it only reaches about {reached}; {e}"
             known = (e.closure, e.gap) if isinstance(e, AssemblyError) else ("", np.nan)
             raise AssemblyError(text, *known) from None
     return q, first
