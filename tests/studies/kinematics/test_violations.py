@@ -150,7 +150,8 @@ def test_a_rope_is_passed_where_it_is_too_short():
 
 def test_an_input_that_cannot_begin_there_is_said():
     """A rod of Bricard's mechanism can turn from -pi/6 on; loops closed with flipped frames before do not count."""
-    with pytest.raises(AssemblyError, match=r"the input cannot start at -1 rad: it only reaches about -0\.[4-6]\d* rad"):
+    words = r"the input cannot start at -1 rad: it only reaches about -0\.[4-6]\d* rad"
+    with pytest.raises(AssemblyError, match=words):
         kinematics(mbdae.load("bricard"), "rod_1", span=(-1.0, 1.0))
 
 
