@@ -1,4 +1,4 @@
-"""Appearance of a mechanism: its visuals, and shapes derived from closures and springs."""
+"""Appearance of a mechanism: its visuals, and shapes derived from closures, springs and drivers."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -31,15 +31,24 @@ def appearance(mech: "Mechanism") -> Scene:
     """Return the shapes of a mechanism, and their placements."""
     closures = mech.closure_anchors
     marks, bodies, outlines = _marks(closures), _rolling_bodies(closures), _outlines(closures)
-    return make_scene(mech.model, mech.visuals, marks, _springs(mech), bodies, outlines)
+    return make_scene(mech.model, mech.visuals, marks, _struts(mech), bodies, outlines)
 
 
-def _springs(mech: "Mechanism") -> Iterator[Strut]:
+def _struts(mech: "Mechanism") -> Iterator[Strut]:
+    """Yield springs and dampers, and drivers of distances: hydraulic cylinders, linear actuators."""
     for force in mech.forces:
         if isinstance(force, SpringDamper):
-            first, second = ((a.joint, pin.SE3(a.R, a.p)) for a in (anchor(mech.model, n) for n in force.frames))
+            first, second = _placed(mech, force.frames)
             coil = force.stiffness != 0
             yield Strut(force.name, first, second, force.length, coil, tube=force.damping > 0 or not coil)
+    for driver in mech.drivers:
+        if driver.frames:
+            first, second = _placed(mech, driver.frames)
+            yield Strut(driver.name, first, second, coil=False, tube=True)
+
+
+def _placed(mech: "Mechanism", frames: Iterable[str]) -> Iterator[tuple[int, pin.SE3]]:
+    return ((a.joint, pin.SE3(a.R, a.p)) for a in (anchor(mech.model, name) for name in frames))
 
 
 def _marks(closures: AnchoredClosures) -> Iterator[Mark]:

@@ -131,6 +131,18 @@ def test_a_spring_goes_from_point_to_point():
     assert not mbdae.load("slider_crank").scene.springs
 
 
+def test_a_driven_distance_is_a_cylinder_between_its_frames():
+    plain = mbdae.load("four_bar")
+    cylinder = mbdae.Driver.polynomial(("ground", "coupler_tip"), [2.0, 0.1], name="lift")
+    mech = mbdae.Mechanism(plain.model, plain.closures, drivers=[cylinder])
+    (strut,) = mech.scene.springs
+    assert (strut.name, strut.coil, strut.tube) == ("lift", False, True)
+    q = plain.start[0]
+    begin, end = mech.scene.end_points([strut], q[None])[0, 0]
+    np.testing.assert_allclose(begin, 0)
+    np.testing.assert_allclose(end @ end, 1 + 4 + 4 * np.cos(q[1]), err_msg="bars of 1 and 2 m")
+
+
 def test_an_unlimited_slide_on_a_body_has_a_rail_as_long_as_the_body():
     scene = mbdae.load("flyball_governor").scene
     (rail,) = [s for s in scene.shapes if s.name == "slider rail"]
