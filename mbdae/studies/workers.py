@@ -149,10 +149,10 @@ def pool(
     if not isinstance(kind, Executor):
         raise InputError(f"executor is one of {', '.join(KINDS)}, or one of concurrent.futures, got {kind!r:.60}")
     given: Executor = kind
-    yield Pool(lambda task: given.submit(function, job, task), lambda: workers or _workers_of(given))
+    yield Pool(lambda task: given.submit(function, job, task), lambda: workers or _number_of_workers(given))
 
 
-def _workers_of(executor: Any) -> int:
+def _number_of_workers(executor: Any) -> int:
     """Return the present number of workers of a user's executor."""
     threads = getattr(getattr(executor, "_client", None), "nthreads", None)  # of Dask, whose clusters grow
     known = sum(threads().values()) if threads else getattr(executor, "_max_workers", None)

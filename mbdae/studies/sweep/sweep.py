@@ -87,8 +87,9 @@ def sweep(
         path: file of the table, ``.parquet``; needs pyarrow.
         seed: the seed of a run follows from this one and its number; a model with a parameter ``seed`` gets it.
         executor: threads when left out, with the core; else processes. ``"threads"``, ``"processes"`` or any executor
-            of concurrent.futures: that of a Dask client (``client.get_executor()``) or of ``mpi4py.futures``.
-        workers: threads or processes; one per processor when left out.
+            of concurrent.futures: that of a Dask client (``client.get_executor()``) or of ``mpi4py.futures``. It gets
+            batches of runs of about `mbdae.studies.sweep.sweep_batch.BATCH_SECONDS`, or of one run.
+        workers: threads or processes; one per processor when left out, those that an executor reports.
         fresh: do not resume from the file, but replace it.
         progress: called with the fraction done and a text.
         settings: arguments of `mbdae.solve`.

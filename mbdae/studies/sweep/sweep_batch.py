@@ -1,4 +1,7 @@
-"""Batches of runs of a sweep: those with outputs at the end alone are completed in the compiled core, if possible."""
+"""Batches of runs of a sweep, for threads, processes and clusters.
+
+Runs with outputs at the end alone are completed in the compiled core, if possible.
+"""
 
 import json
 from collections.abc import Iterator, Sequence
