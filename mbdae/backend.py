@@ -12,6 +12,7 @@ import warnings
 from functools import cache
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
+from threading import Lock
 from types import ModuleType
 
 from .errors import InputError, UnknownNameError
@@ -21,6 +22,7 @@ BACKENDS = ("auto", "native", "python")
 SLOW_WARNING = "mbdae computes in Python"  # beginning of the warning
 CORE = "mbdae._native"
 BUILT_FOR = "_native_pinocchio.txt"  # written next to the core when it is built
+IMPORTING = Lock()  # a worker's first runs may begin in several threads
 
 
 def load() -> ModuleType | None:
@@ -102,18 +104,19 @@ def _core() -> tuple[ModuleType | None, str]:
 
 def _imported(path: Path) -> ModuleType:
     """Import the core from a file in any folder, under its usual module name; once per process, like any import."""
-    if CORE in sys.modules:
-        return sys.modules[CORE]
-    spec = spec_from_file_location(CORE, path)
-    if spec is None or spec.loader is None:
-        raise ImportError(f"{path} is not a module")
-    sys.modules[CORE] = module = module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except BaseException:
-        del sys.modules[CORE]
-        raise
-    return module
+    with IMPORTING:
+        if CORE in sys.modules:
+            return sys.modules[CORE]
+        spec = spec_from_file_location(CORE, path)
+        if spec is None or spec.loader is None:
+            raise ImportError(f"{path} is not a module")
+        sys.modules[CORE] = module = module_from_spec(spec)
+        try:
+            spec.loader.exec_module(module)
+        except BaseException:
+            del sys.modules[CORE]
+            raise
+        return module
 
 
 def _not_built(package: Path) -> str:

@@ -28,14 +28,17 @@ _worker: dict[str, Any] = {}  # in a worker process: the function, the shared jo
 
 
 class StopFlag:
-    """A flag that threads, also those of the compiled core, check while they compute.
+    """A flag that workers, also threads of the compiled core, check while they compute.
+
+    Args:
+        shared: one byte, which processes may share.
 
     Attributes:
         memory: 1 after `set`, of type uint8, (1,).
     """
 
-    def __init__(self) -> None:
-        self.memory = np.zeros(1, np.uint8)
+    def __init__(self, shared: Any = None) -> None:
+        self.memory = np.frombuffer(bytearray(1) if shared is None else shared, np.uint8)
 
     def set(self) -> None:
         """Request all runs to stop."""
@@ -51,11 +54,16 @@ class Pool(NamedTuple):
 
     Attributes:
         submit: submits a run, and returns its future.
-        max_pending: largest number of submitted runs that have not finished.
+        workers: returns the present number of workers.
     """
 
     submit: Callable[[Any], Future]
-    max_pending: int
+    workers: Callable[[], int]
+
+    @property
+    def max_pending(self) -> int:
+        """Largest number of submitted runs that have not finished."""
+        return QUEUED_PER_WORKER * self.workers()
 
     def run(self, tasks: Iterable[object], store: Callable[[Any, Any], None]) -> None:
         """Submit runs, a bounded number at a time, and call ``store(task, result)`` as they finish.
@@ -104,8 +112,7 @@ def pool(
     Args:
         executor: ``"threads"``, ``"processes"``, or an executor; None for threads with the compiled core, which
             releases the GIL, and processes without it.
-        workers: number of workers; one per processor when left out. For a user's executor: half the number of runs
-            submitted at a time.
+        workers: number of workers; one per processor when left out, those that it reports for a user's executor.
         function: makes a run, ``function(job, task, stop)``; stops when ``stop()`` is true.
         job: data shared by all runs; sent to each process once.
         alternative: arguments that avoid processes, for the error message.
@@ -118,12 +125,13 @@ def pool(
         isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MAX_WORKERS
     ):
         raise InputError(f"workers is a number of at least 1 and at most {MAX_WORKERS}, got {workers!r}")
-    kind = default_executor() if executor is None else executor
+    default = "processes" if backend.load() is None else "threads"
+    kind = default if executor is None else executor
     count = workers or _processors()
     if kind == "threads":
         flag = StopFlag()
         with _shut_down_after(ThreadPoolExecutor(count), flag) as threads:
-            yield Pool(lambda task: threads.submit(function, job, task, flag), QUEUED_PER_WORKER * count)
+            yield Pool(lambda task: threads.submit(function, job, task, flag), lambda: count)
         return
     if isinstance(kind, str) and kind != "processes":
         raise UnknownNameError("executor", kind, (*KINDS, "an executor of concurrent.futures"))
@@ -133,26 +141,26 @@ def pool(
         raise InputError(f"the runs cannot be sent to another process, use {alternative}: {e}") from None
     if kind == "processes":
         context = get_context("spawn")
-        event = context.Event()
-        with _shut_down_after(
-            ProcessPoolExecutor(count, context, _initialise_worker, (sent, event)), event
-        ) as processes:
-            yield Pool(lambda task: _submit_ignoring_sigint(processes, task), QUEUED_PER_WORKER * count)
+        shared = context.RawArray("B", 1)
+        executor = ProcessPoolExecutor(count, context, _initialise_worker, (sent, shared))
+        with _shut_down_after(executor, StopFlag(shared)) as processes:
+            yield Pool(lambda task: _submit_ignoring_sigint(processes, task), lambda: count)
         return
     if not isinstance(kind, Executor):
         raise InputError(f"executor is one of {', '.join(KINDS)}, or one of concurrent.futures, got {kind!r:.60}")
     given: Executor = kind
-    count = workers or getattr(given, "_max_workers", None) or UNKNOWN_EXECUTOR_WORKERS
-    yield Pool(lambda task: given.submit(function, job, task), QUEUED_PER_WORKER * count)
+    yield Pool(lambda task: given.submit(function, job, task), lambda: workers or _number_of_workers(given))
 
 
-def default_executor() -> str:
-    """Return threads with the compiled core, processes without it."""
-    return "threads" if backend.load() is not None else "processes"
+def _number_of_workers(executor: Any) -> int:
+    """Return the present number of workers of a user's executor."""
+    threads = getattr(getattr(executor, "_client", None), "nthreads", None)  # of Dask, whose clusters grow
+    known = sum(threads().values()) if threads else getattr(executor, "_max_workers", None)
+    return known or UNKNOWN_EXECUTOR_WORKERS
 
 
 @contextmanager
-def _shut_down_after(executor: Any, flag: Any) -> Iterator[Any]:
+def _shut_down_after(executor: Any, flag: StopFlag) -> Iterator[Any]:
     """Yield an executor and shut it down; if the block raises, stop its runs first."""
     try:
         yield executor
@@ -176,12 +184,12 @@ def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _initialise_worker(sent: bytes, event: Any) -> None:
+def _initialise_worker(sent: bytes, shared: Any) -> None:
     """Initialise a worker process: imports happen after the exit handling is set up."""
     _exit_with_parent()
     warnings.filterwarnings("ignore", backend.SLOW_WARNING)  # issued once, by the parent
     function, job = pickle.loads(sent)
-    _worker.update(function=function, job=job, stop=event.is_set)
+    _worker.update(function=function, job=job, stop=StopFlag(shared))
 
 
 def _exit_with_parent() -> None:

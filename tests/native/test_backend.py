@@ -4,6 +4,7 @@ import json
 import sys
 import tomllib
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
 
@@ -95,6 +96,12 @@ def test_a_core_is_imported_once(core):
     first = backend.load()
     backend._core.cache_clear()
     assert backend.load() is first
+
+
+def test_threads_wait_for_the_import_of_the_core(core):
+    core(code="import time; time.sleep(0.2); answer = 42")
+    with ThreadPoolExecutor(2) as threads:
+        assert list(threads.map(lambda _: backend.load().answer, range(2))) == [42, 42]
 
 
 def test_a_core_that_cannot_be_imported_is_named(core):

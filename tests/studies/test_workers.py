@@ -5,13 +5,13 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import Future
+from concurrent.futures import Executor, Future
 from contextlib import suppress
 
 import pytest
 
 from mbdae.errors import InputError, MbdaeError
-from mbdae.studies.workers import QUEUED_PER_WORKER, Pool, pool
+from mbdae.studies.workers import QUEUED_PER_WORKER, UNKNOWN_EXECUTOR_WORKERS, Pool, pool
 
 POLLS = 3000  # of a run that nobody stops
 STUDY = """
@@ -100,6 +100,22 @@ def test_results_come_with_their_tasks(kind):
     assert found == {i: ["shared", 2 * i] for i in range(9)}
 
 
+def test_clusters_grow():
+    class Cluster(Executor):
+        _client = property(lambda self: self)  # as Dask's
+
+        def nthreads(self):
+            return threads
+
+    threads = {}
+    with pool(Cluster(), None, double, None, "less") as shop:
+        assert shop.max_pending == UNKNOWN_EXECUTOR_WORKERS * QUEUED_PER_WORKER
+        threads |= {"one": 1, "two": 2}
+        assert shop.max_pending == 3 * QUEUED_PER_WORKER
+    with pool(Cluster(), 5, double, None, "less") as shop:
+        assert shop.max_pending == 5 * QUEUED_PER_WORKER
+
+
 def test_a_lost_worker_is_reported_and_errors_are_passed_on():
     for task, words in (("gone", "gone failed in its worker"), ("wrong", "wrong")):
         with pytest.raises(MbdaeError, match=words) as e, pool("processes", 1, double, None, "less") as shop:
@@ -136,7 +152,7 @@ def test_what_is_finished_is_kept_at_ctrl_c():
 
     given, kept = [], {}
     with pytest.raises(KeyboardInterrupt):
-        Pool(submit, 4).run(range(9), keep)
+        Pool(submit, lambda: 2).run(range(9), keep)
     assert given == [0, 1, 2, 3]
     assert kept == {0: 0, 1: -1}
 

@@ -165,7 +165,7 @@ def are_accurate(system: Index2System, extremes: Array, t: Array, y: Array) -> A
     """
     g, slip, speed = extremes.T
     with np.errstate(over="ignore", invalid="ignore"):
-        energies = system.residuals(t.ravel(), y.reshape(t.size, -1))[2].reshape(*t.shape, 2)
+        energies = system.residuals(t.ravel(), y.reshape(t.size, y.shape[-1]))[2].reshape(*t.shape, 2)
         error, scale = energy_error(energies[..., 0], energies[..., 1], y[..., -1])
         balanced = np.abs(error).max(-1) <= ENERGY_TOLERANCE * scale
     return (g <= POSITION_TOLERANCE) & (slip <= VISIBLE * speed) & balanced

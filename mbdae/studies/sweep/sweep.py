@@ -25,13 +25,13 @@ from ...mechanism.formats.mechanism_file.parametric import split as split_name
 from ...mechanism.imported_model import not_carried_over
 from ...solution.provenance import versions
 from ...solution.signals import units
-from ..workers import default_executor, pool
+from ..workers import pool
 from .fingerprint import fingerprint
 from .outputs import Output, check, label, parse
 from .plan import Parameters, Task, names, tasks
 from .results_file import SweepFile
-from .sweep_batch import batches_of, run_batch, takes_batches
-from .sweep_run import SOLVE, Job, Maker, check_settings, run, split
+from .sweep_batch import Batch, batches_of, run_batch
+from .sweep_run import SOLVE, Job, Maker, check_settings, split
 from .table import Sweep, column_kinds, completed
 
 __all__ = ["sweep"]
@@ -87,8 +87,9 @@ def sweep(
         path: file of the table, ``.parquet``; needs pyarrow.
         seed: the seed of a run follows from this one and its number; a model with a parameter ``seed`` gets it.
         executor: threads when left out, with the core; else processes. ``"threads"``, ``"processes"`` or any executor
-            of concurrent.futures: that of a Dask client (``client.get_executor()``) or of ``mpi4py.futures``.
-        workers: threads or processes; one per processor when left out.
+            of concurrent.futures: that of a Dask client (``client.get_executor()``) or of ``mpi4py.futures``. It gets
+            batches of runs of about `mbdae.studies.sweep.sweep_batch.BATCH_SECONDS`, or of one run.
+        workers: threads or processes; one per processor when left out, those that an executor reports.
         fresh: do not resume from the file, but replace it.
         progress: called with the fraction done and a text.
         settings: arguments of `mbdae.solve`.
@@ -119,15 +120,12 @@ def sweep(
 def _run(
     job: Job, plan: list[Task], executor: str | Executor | None, workers: int | None, collector: "_Collector"
 ) -> None:
-    """Make runs until Ctrl-C: by threads in batches, if they may be completed in the core."""
+    """Make runs in batches until Ctrl-C."""
     if not plan:
         return
-    kind = default_executor() if executor is None else executor
-    in_batches = kind == "threads" and takes_batches(job)
-    function = run_batch if in_batches else run
-    with suppress(KeyboardInterrupt), pool(kind, workers, function, job, "executor='threads'") as threads:
-        planned = batches_of(plan, threads.max_pending) if in_batches else plan
-        threads.run(planned, collector.record_all if in_batches else collector.record)
+    with suppress(KeyboardInterrupt), pool(executor, workers, run_batch, job, "executor='threads'") as workers_pool:
+        batches = batches_of(plan, workers_pool.max_pending, collector.result.seconds)
+        workers_pool.run(batches, collector.record)
 
 
 class _Collector:
@@ -138,22 +136,18 @@ class _Collector:
         self.result, self.progress = Sweep([], meta, path=path), progress
         self.rows = dict(self.file.rows) if self.file else {}
 
-    def record(self, task: Task, found: dict[str, Any]) -> None:
-        """Record the row of a completed or failed run."""
-        if found["status"] == "interrupted":  # by a signal to the worker: the run is still pending
-            return
-        row = completed(found, task, self.result.kinds)
-        if self.file:
-            self.file.append(row)
-        self.rows[row["run"]], self.result.seconds[row["run"]] = row, found["seconds"]
+    def record(self, batch: Batch, found: Sequence[dict[str, Any]]) -> None:
+        """Record the rows of a batch of completed or failed runs, and report the progress."""
+        for task, result in zip(batch.tasks, found, strict=True):
+            if result["status"] == "interrupted":  # by a signal to the worker: the run is still pending
+                continue
+            row = completed(result, task, self.result.kinds)
+            if self.file:
+                self.file.append(row)
+            self.rows[row["run"]], self.result.seconds[row["run"]] = row, result["seconds"]
         if self.progress:
             n, total = len(self.rows), self.result.total
             self.progress(n / total, f"{n} of {total} runs")
-
-    def record_all(self, batch: Sequence[Task], rows: Sequence[dict[str, Any]]) -> None:
-        """Record the rows of a batch."""
-        for task, row in zip(batch, rows, strict=True):
-            self.record(task, row)
 
     def finish(self) -> Sweep:
         """Return the table of finished runs; write the file if all are finished."""

@@ -1,8 +1,11 @@
-"""Batches of runs of a sweep: those with outputs at the end alone are completed in the compiled core, if possible."""
+"""Batches of runs of a sweep, for threads, processes and clusters.
+
+Runs with outputs at the end alone are completed in the compiled core, if possible.
+"""
 
 import json
-from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import islice
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -11,6 +14,7 @@ import numpy as np
 from ...errors import STATUS, MbdaeError
 from ...integrate.options.options import RunOptions
 from ...integrate.run.run_setup import prepare_at
+from ...integrate.run.run_state import RunState
 from ...integrate.run.whole_runs import COUNTS, complete_runs
 from ...mechanism import Mechanism
 from ...system import Array
@@ -21,6 +25,8 @@ from .plan import Task
 from .sweep_run import Job, maker_of_job, run, split
 
 MAX_BATCH = 32  # runs
+BATCH_SECONDS = 0.2  # of several runs in a batch: at least ten times what sending them to a cluster takes
+LAST_RUNS = 8  # whose mean time determines the next batch
 FINAL = "final"
 Row = dict[str, Any]
 
@@ -33,70 +39,110 @@ class _Start(NamedTuple):
     y: Array
 
 
-def takes_batches(job: Job) -> bool:
+class Batch(NamedTuple):
+    """Tasks that one worker makes together."""
+
+    tasks: Sequence[Task]
+
+    def __str__(self) -> str:
+        first, *others = self.tasks
+        return f"batch of runs {first.run} to {others[-1].run}" if others else str(first)
+
+
+def batches_of(plan: Sequence[Task], pending: int, seconds: dict[int, float]) -> Iterator[Batch]:
+    """Yield the tasks in batches, so short that all workers are busy to the end and a stop loses little.
+
+    Args:
+        plan: the tasks.
+        pending: number of batches that are submitted at a time.
+        seconds: wall times of finished runs by number, the latest last; batches have one run until there are any.
+    """
+    largest, i = max(1, min(MAX_BATCH, len(plan) // (2 * pending))), 0
+    while i < len(plan):
+        last = list(islice(reversed(seconds.values()), LAST_RUNS))
+        size = min(largest, max(1, int(BATCH_SECONDS * len(last) / sum(last)))) if last else 1
+        yield Batch(plan[i : i + size])
+        i += size
+
+
+def run_batch(job: Job, batch: Batch, stop: StopFlag | None = None) -> list[Row]:
+    """Return the rows of several tasks; those that the core cannot complete are run one by one."""
+    started, rows, flag = perf_counter(), dict[int, Row](), stop or StopFlag()
+    if _ends_suffice(job):
+        for settings, starts in _groups(job, batch.tasks):
+            rows |= _completed(job, settings, batch.tasks, starts, flag)
+    seconds = {"seconds": (perf_counter() - started) / max(1, len(rows))}
+    return [rows[i] | seconds if i in rows else run(job, task, flag) for i, task in enumerate(batch.tasks)]
+
+
+def _ends_suffice(job: Job) -> bool:
     """Return whether the core may complete the runs of a sweep: signals at their ends are all that is wanted."""
     final = all(isinstance(x, str) and parse(x).reduction == FINAL for x in job.outputs)
     return final and job.times is None and not job.settings.get("events")
 
 
-def batches_of(plan: Sequence[Task], pending: int) -> list[Sequence[Task]]:
-    """Split the tasks into batches for threads, with so many pending ones."""
-    size = max(1, min(MAX_BATCH, len(plan) // (2 * pending)))
-    return [plan[i : i + size] for i in range(0, len(plan), size)]
+def _groups(job: Job, tasks: Sequence[Task]) -> list[tuple[dict[str, Any], list[_Start]]]:
+    """Return settings and starts of tasks whose mechanisms differ in their starts alone.
 
-
-def run_batch(job: Job, batch: Sequence[Task], stop: StopFlag) -> list[Row]:
-    """Return the rows of several tasks; those that the core cannot complete are run one by one."""
-    rows: dict[int, Row] = {}
-    for settings, starts in _groups(job, batch):
-        rows |= _completed(job, json.loads(settings), batch, starts, stop)
-    return [rows[i] if i in rows else run(job, task, stop) for i, task in enumerate(batch)]
-
-
-def _groups(job: Job, batch: Sequence[Task]) -> list[tuple[str, list[_Start]]]:
-    """Return the starts of tasks whose mechanisms differ in their starts alone, with the same settings."""
-    maker, found = maker_of_job(job), defaultdict[tuple, list[_Start]](list)
-    for i, task in enumerate(batch):
+    They end at the first task that needs Python, since those after it most likely do, too.
+    """
+    maker, found = maker_of_job(job), dict[tuple, tuple[dict[str, Any], list[_Start]]]()
+    for i, task in enumerate(tasks):
         values, settings = split(task.values, maker, task.seed)
         try:
             mech = maker.make(values)
-            y = mech.point(t=job.span(mech)[0])
+            start = _Start(i, mech, mech.point(t=job.span(mech)[0]))
+            parts = map(id, (mech.model, mech.constraints, mech.forces, mech.settings))
+            key = (json.dumps(settings), mech.duration, *parts)
+            if key not in found and _needs_python(job, settings, start):
+                break
         except Exception:  # `run` has the message
             continue
-        parts = tuple(map(id, (mech.model, mech.constraints, mech.forces, mech.settings)))
-        found[json.dumps(settings), mech.duration, parts].append(_Start(i, mech, y))
-    return [(key[0], starts) for key, starts in found.items()]
+        found.setdefault(key, (settings, []))[1].append(start)
+    return list(found.values())
+
+
+def _needs_python(job: Job, settings: dict[str, Any], start: _Start) -> bool:
+    one = _prepared(job, settings, start)
+    reason = why_not_in_core(one, _signals(job))
+    one.release()
+    return bool(reason)
+
+
+def _prepared(job: Job, settings: dict[str, Any], start: _Start) -> RunState:
+    """Return a run before its beginning.
+
+    Raises:
+        MbdaeError: for invalid settings.
+    """
+    given = {name: x for name, x in {**job.settings, **settings}.items() if name != "events"}
+    return prepare_at(start.mech, RunOptions.from_settings(start.mech, job.span(start.mech), given), start.y)
+
+
+def _signals(job: Job) -> list[str]:
+    return [parse(x).signal for x in job.outputs if isinstance(x, str)]
 
 
 def _completed(
-    job: Job, settings: dict[str, Any], batch: Sequence[Task], starts: Sequence[_Start], stop: StopFlag
+    job: Job, settings: dict[str, Any], tasks: Sequence[Task], starts: Sequence[_Start], stop: StopFlag
 ) -> dict[int, Row]:
     """Return the rows of the tasks that the core completed, by their indices in the batch."""
-    started, mech = perf_counter(), starts[0].mech
-    names = [parse(x).signal for x in job.outputs if isinstance(x, str)]
-    given = {name: x for name, x in {**job.settings, **settings}.items() if name != "events"}
-    y = np.array([start.y for start in starts])
+    one = _prepared(job, settings, starts[0])
     try:
-        options = RunOptions.from_settings(mech, job.span(mech), given)
-        one = prepare_at(mech, options, y[0])
-        if why_not_in_core(one, names):
-            one.release()
-            return {}
-        runs = complete_runs(one, y, stop.memory)
-        values = signals_at_end(one, runs, names)
-        one.release()
+        runs = complete_runs(one, np.array([start.y for start in starts]), stop.memory)
+        values = signals_at_end(one, runs, _signals(job))
     except MbdaeError:  # `run` has the message
         return {}
-    done = np.flatnonzero(runs.finished).tolist()
-    seconds = (perf_counter() - started) / max(1, len(done))
-    common = {"status": "finished", "message": STATUS["finished"], "t": options.t1, "backend": one.stepper.backend}
-    common |= {"samples": {}, "more": {}, "seconds": seconds}
+    finally:
+        one.release()
+    common = {"status": "finished", "message": STATUS["finished"], "t": one.options.t1, "backend": one.stepper.backend}
+    common |= {"samples": {}, "more": {}}
     return {
         starts[k].i: {
-            "run": batch[starts[k].i].run,
+            "run": tasks[starts[k].i].run,
             **common,
             **dict(zip(COUNTS, runs.counts[k].tolist(), strict=True)),
             "numbers": dict(zip(job.outputs, x.tolist(), strict=True)),
         }
-        for k, x in zip(done, values, strict=True)
+        for k, x in zip(np.flatnonzero(runs.finished).tolist(), values, strict=True)
     }

@@ -149,7 +149,7 @@ def _maker(model: Any, key: str) -> Maker:
     return Job(model).maker()
 
 
-def run(job: Job, task: Task, stop: Stop | None = None) -> dict[str, Any]:
+def run(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
     """Run one task and return its row; any failure is a status and a message in it.
 
     Returns:
@@ -170,13 +170,12 @@ def run(job: Job, task: Task, stop: Stop | None = None) -> dict[str, Any]:
     return {**row, "seconds": perf_counter() - started}
 
 
-def _solved(job: Job, task: Task, stop: Stop | None) -> dict[str, Any]:
+def _solved(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
     maker = maker_of_job(job)
     values, settings = split(task.values, maker, task.seed)
     mech = maker.make(values)
     times = job.sample_times(mech)
-    progress = _stop_check(stop) if stop else None
-    sol = solve(mech, job.span(mech), t_eval=times, progress=progress, **{**job.settings, **settings})
+    sol = solve(mech, job.span(mech), t_eval=times, progress=_stop_check(stop), **{**job.settings, **settings})
     row = {"status": sol.status, "message": sol.message, "t": float(sol.nodes[0][-1])}
     row |= {name: sol.stats.get(name) for name in (*COUNTS, "backend")}
     if not sol.success:

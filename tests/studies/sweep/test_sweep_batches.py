@@ -1,12 +1,16 @@
 """Batches of runs in the compiled core: the tables are those of single runs, bit for bit, and Ctrl-C keeps rows."""
 
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
 import mbdae
 from mbdae import backend
-from mbdae.studies.sweep import sweep as module
 from mbdae.studies.sweep import sweep_batch
+from mbdae.studies.sweep.plan import tasks
+from mbdae.studies.workers import StopFlag
 
 pytestmark = pytest.mark.skipif(backend.load() is None, reason="batches are made in the compiled core")
 OUTPUTS = ["final q.slider", "final force.wrist pin"]
@@ -24,19 +28,66 @@ CASES = {
 }  # fmt: skip
 
 
+class Cluster(ThreadPoolExecutor):
+    """Its workers get copies, as on other machines."""
+
+    def submit(self, function, *args):
+        def remote():
+            called, given = pickle.loads(sent)
+            return called(*given)
+
+        sent = pickle.dumps((function, args))
+        return super().submit(remote)
+
+
 @pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("workers", [1, 2])
-def test_tables_have_the_bits_of_single_runs(case, workers, monkeypatch):
+@pytest.mark.parametrize(("executor", "workers"), [("threads", 1), ("threads", 2), ("cluster", 2)])
+def test_tables_have_the_bits_of_single_runs(case, workers, executor, monkeypatch):
     model, parameters, outputs = CASES[case]
-    settings = {"outputs": outputs, "executor": "threads", "workers": workers}
-    made = []
-    monkeypatch.setattr(sweep_batch, "run", lambda job, task, stop: made.append(task) or module.run(job, task, stop))
-    found = mbdae.sweep(model, parameters, 0.8, **settings)
-    monkeypatch.setattr(module, "takes_batches", lambda job: False)
-    single = mbdae.sweep(model, parameters, 0.8, **settings)
+    made, run = [], sweep_batch.run
+    monkeypatch.setattr(sweep_batch, "run", lambda job, task, stop: made.append(task) or run(job, task, stop))
+    with Cluster(workers) as cluster:
+        settings = {"outputs": outputs, "executor": cluster if executor == "cluster" else "threads", "workers": workers}
+        found = mbdae.sweep(model, parameters, 0.8, **settings)
+    monkeypatch.setattr(sweep_batch, "_ends_suffice", lambda job: False)
+    single = mbdae.sweep(model, parameters, 0.8, outputs=outputs, executor="threads", workers=workers)
     assert found.rows == single.rows
     expected = {"a rod that is too short": 1, "an invalid value": 1, "modes": 2, "an unwrapped angle": 1}
+    made = made[: -len(single)]
     assert case == "singular configurations" or len(made) == expected.get(case, 0)
+
+
+def test_batches_take_a_fifth_of_a_second():
+    plan, seconds = tasks([{}] * 1000, 0), {}
+    batches = sweep_batch.batches_of(plan, 4, seconds)
+    made = []
+    for run_seconds, size in ((None, 1), (9.0, 1), (0.05, 4), (1e-9, 32)):
+        if run_seconds:
+            seconds |= dict.fromkeys(range(len(seconds), len(seconds) + sweep_batch.LAST_RUNS), run_seconds)
+        made.append(next(batches))
+        assert len(made[-1].tasks) == size
+    assert list(map(str, made)) == ["run 0", "run 1", "batch of runs 2 to 5", "batch of runs 6 to 37"]
+    assert [task for batch in (*made, *batches) for task in batch.tasks] == plan
+    assert [len(batch.tasks) for batch in sweep_batch.batches_of(plan[:20], 4, seconds)] == [2] * 10  # for each worker
+
+
+def test_a_stopped_batch_leaves_its_runs():
+    job = sweep_batch.Job("slider_crank", (0.0, 0.5), None, ("final q.slider",))
+    batch, shared = sweep_batch.Batch(tasks([{}, {"start.v.crank": 5.0}], 0)), bytearray(1)
+    for status in ("finished", "interrupted"):
+        assert [row["status"] for row in sweep_batch.run_batch(job, batch, StopFlag(shared))] == [status] * 2
+        StopFlag(shared).set()  # by another process
+
+
+def test_runs_that_need_python_are_made_one_by_one():
+    def model(speed):
+        made.append(speed)
+        return mbdae.load("pendulum_on_stop")
+
+    made, speeds = [], list(range(40))
+    found = mbdae.sweep(model, {"speed": speeds}, 0.01, outputs=["final energy"], executor="threads", workers=1)
+    assert len(found) == 40
+    assert len(made) < 1.5 * 40  # and once for the check, and once for each batch
 
 
 def test_slider_cranks_keep_their_energy():
@@ -47,13 +98,16 @@ def test_slider_cranks_keep_their_energy():
         np.testing.assert_allclose(energy, sum(mech.system().energy(q, v)), rtol=1e-6)
 
 
-def test_an_interrupt_returns_the_finished_batches():
+def test_an_interrupt_returns_the_finished_batches(monkeypatch):
     def progress(done, text):
-        raise KeyboardInterrupt
+        if done > 2 / 40:
+            raise KeyboardInterrupt
 
+    monkeypatch.setattr(sweep_batch, "BATCH_SECONDS", 1e9)
     speeds = {"start.v.crank": np.linspace(4.0, 8.0, 40).tolist()}
     found = mbdae.sweep("slider_crank", speeds, 0.5, outputs=OUTPUTS, executor="threads", workers=1, progress=progress)
     assert 0 < len(found) < 40
+    assert len(found) % 10 == 2  # two batches of one run, then of ten
     assert set(found["status"]) == {"finished"}
     assert np.isfinite(found["final q.slider"]).all()
 

@@ -13,10 +13,11 @@ import pytest
 from commands import call
 
 import mbdae
+from mbdae import backend
 from mbdae.errors import InputError, MbdaeError, UnknownNameError
 from mbdae.studies.sweep.results_file import PART
 from mbdae.studies.sweep.toml_file import read_sweep
-from mbdae.studies.workers import QUEUED_PER_WORKER
+from mbdae.studies.workers import QUEUED_PER_WORKER, pool
 
 LINKS = {"frame.rod_tip.xyz.0": [0.34, 0.36], "start.v.crank": [5.0, 6.0, 7.0]}
 QUICK = {"outputs": ["peak force.wrist pin", "q.slider"], "times": 11, "rtol": 1e-6, "executor": "threads"}
@@ -43,12 +44,24 @@ def test_threads_processes_and_dask_give_the_same_bits(tmp_path):
         assert not path.with_name(path.name + PART).exists()
         return path.read_bytes()
 
-    one = content("threads", workers=1)
+    def ends(**more):
+        speeds = {"start.v.crank": np.linspace(4.0, 8.0, 40).tolist()}
+        result = mbdae.sweep("slider_crank", speeds, 0.2, outputs=["final q.slider"], **more)
+        in_batches = len(set(result.seconds.values())) < len(result)  # in the core, they share their time
+        assert in_batches is (backend.load() is not None)
+        return result.rows
+
+    one, last = content("threads", workers=1), ends(executor="threads", workers=1)
     assert content("two", workers=2) == one
     assert content("processes", executor="processes", workers=2) == one
+    assert ends(executor="processes", workers=1) == last
     cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=None)
     with cluster, distributed.Client(cluster) as client:
-        assert content("dask", executor=client.get_executor()) == one
+        executor = client.get_executor()
+        assert content("dask", executor=executor) == one
+        assert ends(executor=executor) == last
+        with pool(executor, None, print, None, "") as shop:
+            assert shop.max_pending == 2 * QUEUED_PER_WORKER
     loaded = mbdae.Sweep.load(tmp_path / "dask.parquet")
     assert {"finished", "input"} == set(loaded["status"])
     assert loaded["q.slider"].shape == (12, 11)
