@@ -137,7 +137,7 @@ def test_plots_are_figures(results, name, tmp_path):
     assert figure._repr_svg_().startswith("<?xml")
     if name == "solution":
         drawn = results[name].plot(["force.crank.x", "force.rocker.x"], path=tmp_path / "a.svg")
-        assert [ax.get_ylabel() for ax in drawn.axes] == ["forces (N)"]
+        assert [ax.get_ylabel() for ax in drawn.axes] == ["forces\n(N)"]
         assert (tmp_path / "a.svg").exists()
 
 

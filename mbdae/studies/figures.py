@@ -109,8 +109,7 @@ def fixed_layout(draw: Callable[P, "Figure"]) -> Callable[P, "Figure"]:
     @wraps(draw)
     def inner(*args: P.args, **kwargs: P.kwargs) -> "Figure":
         figure = draw(*args, **kwargs)
-        for _ in range(2):
-            figure.get_layout_engine().execute(figure)  # type: ignore[union-attr]  # set by `empty_figure`
+        figure.get_layout_engine().execute(figure)  # type: ignore[union-attr]  # set by `empty_figure`
         figure.set_layout_engine(None)  # with a placeholder, each save would draw the figure twice
         return figure
 

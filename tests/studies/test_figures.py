@@ -212,7 +212,7 @@ def test_panels_by_unit():
     assert (unit["q.crank"], unit["v.crank"], unit["q.slider"], unit["v.slider"]) == ("rad", "rad/s", "m", "m/s")
     figure = motion(mbdae.solve(mech, (0, 0.5)))
     labels = [ax.get_ylabel() for ax in figure.axes]
-    assert labels[:4] == ["angles (rad)", "positions (m)", "angular velocities (rad/s)", "speeds (m/s)"]
+    assert labels[:4] == ["angles\n(rad)", "positions\n(m)", "angular velocities\n(rad/s)", "speeds\n(m/s)"]
 
 
 def test_dollars_in_names_are_dollars(tmp_path, four_bar):

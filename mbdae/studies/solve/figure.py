@@ -55,7 +55,7 @@ def motion(sol: Solution, names: str | Sequence[str] = ()) -> "Figure":
     for ax, (u, group) in zip(axes, groups.items(), strict=False):
         for i, name in enumerate(group):
             ax.plot(t, displayed(columns[name], u)[0], label=escaped(name), **curve_style(i))
-        ax.set_ylabel(f"{QUANTITY_NAMES.get(u, u)} ({unit_name(u)})" if u not in ("1", "") else QUANTITY_NAMES[u])
+        ax.set_ylabel(f"{QUANTITY_NAMES.get(u, u)}\n({unit_name(u)})" if u not in ("1", "") else QUANTITY_NAMES[u])
         legend_right(ax, labelspacing=0.3)
     if not names:
         _balance(axes[-2:], t, columns)
