@@ -211,7 +211,7 @@ def test_of_many_coordinates_those_that_move_the_most_are_plotted(tmp_path):
     [
         ({"plots": ["crank.q"]}, "unknown signal 'crank.q'.*valid: q, v, lam, lam.wrist pin, .*in all"),
         ({"traces": ["tip"]}, "unknown frame 'tip'.*rod_tip"),
-        ({"arrows": ["pin"]}, "unknown closure or driver 'pin'.*wrist pin"),
+        ({"arrows": ["pin"]}, "unknown closure, driver or joint 'pin'.*wrist pin, crank, "),
         ({"signals": {"a": [1.0, 2.0]}}, r"signal 'a' has shape \(2,\), expected \(\d+,\)"),
         ({"signals": {"a": lambda t, q, v: "x"}}, "signal 'a' must give numbers"),
         ({"signals": {"energy": lambda t, q, v: 0.0}}, "'energy' is a column"),
