@@ -80,7 +80,8 @@ class Hessenberg:
         """Return the start y0 at time t, (ny,); ``gap`` applies to closures of mechanisms only.
 
         Raises:
-            InputError: if q, v or s is given, or 0 = g(t, y0) does not hold.
+            InputError: if q, v or s is given, if f or g returns a wrong shape, if 0 = g(t, y0) does not hold, or if
+                g_y f_z is singular.
         """
         if not (q is v is s is None):
             raise InputError("a textbook problem starts at y0: q, v and s are arguments for mechanisms")
@@ -88,6 +89,7 @@ class Hessenberg:
         gap = float(np.abs(self.g(t, y)).max(initial=0.0))
         if not gap <= START_TOLERANCE * (1 + np.abs(y).max()):
             raise InputError(f"y0 of {self.title!r} is not consistent: |g| = {gap:.3g} at t = {t:g}")
+        self.bound().require_start(t)
         return y
 
 
@@ -99,17 +101,29 @@ class HessenbergSystem(System):
         self.ny, self.nz = len(problem.y0), len(problem.z0)
         self.counts = Counts()
         self.measured = slice(None)
-        y, z = np.array(problem.y0, float), np.array(problem.z0, float)
+        y, z = self._given
         self._roots: dict[bytes, Array] = {y.tobytes(): z}  # z at the last points, where Newton's method starts
-        F, g = self.evaluate(0.0, y, z), problem.g(0.0, y)
+
+    @property
+    def _given(self) -> tuple[Array, Array]:
+        """The start (y0, z0)."""
+        return np.array(self.problem.y0, float), np.array(self.problem.z0, float)
+
+    def require_start(self, t: float) -> None:
+        """Require functions that return the right shapes, and index 2, at the start of a run.
+
+        Raises:
+            InputError: as `Hessenberg.point`.
+        """
+        problem, (y, z) = self.problem, self._given
+        F, g = self.evaluate(t, y, z), problem.g(t, y)
         if np.shape(F) != (self.ny,) or np.shape(g) != (self.nz,):
             raise InputError(
                 f"f and g of {problem.title!r} return shapes {np.shape(F)} and {np.shape(g)}, "
                 f"expected ({self.ny},) and ({self.nz},)"
             )
         if self.nz:
-            require_index_2(problem.title, self.g_y(0.0, y), self.f_z(0.0, y, z))
-            self.counts = Counts()
+            require_index_2(problem.title, self.g_y(t, y), self.f_z(t, y, z))
 
     @property
     def features(self) -> dict[str, str]:

@@ -90,6 +90,13 @@ def test_samples_are_not_interpolated(four_bar):
     assert error[1] > 1e-8
 
 
+def test_a_span_that_begins_later_has_its_own_start():
+    """The driver of the cam prescribes its angle at each time."""
+    found = mbdae.compare("cam_follower", (0.3, 0.4), methods=["pherk5"], rtol=[1e-6])
+    assert found.points[0].success
+    assert found.points[0].errors["q"] < 1e-6
+
+
 @pytest.mark.parametrize("model", ["slider_crank_with_stop", "stick_slip_slider"])
 def test_every_sample_has_the_mode_of_its_step(model):
     mech = mbdae.load(model)
@@ -167,6 +174,7 @@ def test_work_is_interpolated_in_logarithms():
     assert work_at(runs, 1e-6)[0] == pytest.approx(10**1.5)
     assert work_at(runs, 1e-3) == (10.0, True), "the coarsest run is better: a bound"
     assert work_at(runs, 1e-13) == (None, False)
+    assert work_at([(1e-2, 10.0), (0.0, 20.0)], 1e-6) == (20.0, False), "no logarithm of zero"
     bumpy = [(1e-2, 1.0), (1e-7, 2.0), (1e-5, 3.0), (1e-9, 4.0)]
     assert 3 < work_at(bumpy, 1e-6)[0] < 4, "a lucky run before a worse one does not count"
 
