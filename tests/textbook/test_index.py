@@ -74,6 +74,12 @@ def test_the_index_is_that_at_the_start_of_the_run():
         mbdae.solve(replace(late, f=lambda t, y, z: np.array([t * z[0], -1.0])), (0, 1))
 
 
+def test_a_problem_without_constraints_is_rejected():
+    ode = Hessenberg(f=lambda t, y, z: -y, g=lambda t, y: np.zeros(0), y0=(1.0,), z0=(), title="decay")
+    with pytest.raises(InputError, match="'decay' has no z: a problem of index 2 has at least one constraint"):
+        mbdae.solve(ode, (0, 1))
+
+
 def test_values_that_are_not_finite_are_rejected():
     problem = Hessenberg(
         f=lambda t, y, z: z, g=lambda t, y: y, y0=(0.0,), z0=(0.0,), f_z=lambda t, y, z: np.array([[np.nan]])

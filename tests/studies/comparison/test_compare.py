@@ -90,13 +90,6 @@ def test_samples_are_not_interpolated(four_bar):
     assert error[1] > 1e-8
 
 
-def test_a_span_that_begins_later_has_its_own_start():
-    """The driver of the cam prescribes its angle at each time."""
-    found = mbdae.compare("cam_follower", (0.3, 0.4), methods=["pherk5"], rtol=[1e-6])
-    assert found.points[0].success
-    assert found.points[0].errors["q"] < 1e-6
-
-
 @pytest.mark.parametrize("model", ["slider_crank_with_stop", "stick_slip_slider"])
 def test_every_sample_has_the_mode_of_its_step(model):
     mech = mbdae.load(model)

@@ -10,7 +10,7 @@ from scipy import signal
 import mbdae
 from mbdae import DCMotor, JointDamping, JointPID, JointTorque, Mechanism
 from mbdae.__main__ import cli
-from mbdae.errors import UnknownNameError
+from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.mechanism.time_functions.time_functions import Harmonic
 
@@ -96,3 +96,10 @@ def test_a_response_on_the_command_line(tmp_path):
     assert data["written"] == [written]
     said = CliRunner().invoke(cli, call[:6], catch_exceptions=False)
     assert "q.left / left: gain" in said.stdout
+
+
+@pytest.mark.parametrize("study", [mbdae.modes, mbdae.linearize, mbdae.equilibrium])
+def test_a_time_is_a_finite_number(study):
+    for t in (np.inf, np.nan, None, "now"):
+        with pytest.raises(InputError, match="t is a time in s, got"):
+            study("pendulum", t=t)

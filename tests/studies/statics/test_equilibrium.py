@@ -267,13 +267,6 @@ def test_wrong_arguments_are_named(named, error, text):
         mbdae.equilibrium(mbdae.load("four_bar"), **named)
 
 
-@pytest.mark.parametrize("study", [mbdae.modes, mbdae.linearize, mbdae.equilibrium])
-def test_a_time_is_a_finite_number(study):
-    for t in (np.inf, np.nan, None, "now"):
-        with pytest.raises(InputError, match="t is a time in s, got"):
-            study("pendulum", t=t)
-
-
 def test_sampled_controllers_are_refused():
     mech = mbdae.load("double_pendulum")
     force = Sampled(lambda t, q, v: -q, rate=10, name="computer")
