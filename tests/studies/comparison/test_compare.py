@@ -137,7 +137,7 @@ def test_loops_that_have_drifted_open_keep_the_rank_of_the_run(backend):
         ({"t_span": "long"}, "t_span is an end, or a start and an end"),
     ],
 )
-def test_wrong_arguments_are_refused(four_bar, options, words):
+def test_wrong_arguments_are_rejected(four_bar, options, words):
     with pytest.raises(InputError, match=words):
         mbdae.compare(four_bar, **{"t_span": (0, 1), **options})
     with pytest.raises(UnknownNameError):
@@ -152,7 +152,7 @@ def line(constant, order, works):
     return [(constant * w**-order, w) for w in works]
 
 
-def test_methods_that_know_no_stops_are_refused_by_name_before_any_run():
+def test_methods_that_know_no_stops_are_rejected_by_name_before_any_run():
     def reported(done, name):
         raise AssertionError(f"{name} is computed")
 

@@ -70,7 +70,7 @@ def test_a_joint_and_a_force_of_one_name_are_two_inputs():
     np.testing.assert_allclose(B[:, 1], 40.0 * B[:, 0], rtol=1e-14)
 
 
-def test_names_that_do_not_exist_are_refused():
+def test_names_that_do_not_exist_are_rejected():
     mech = mbdae.load("snap_toggle")
     with pytest.raises(UnknownNameError, match=r"unknown input 'knee'.*valid: pin, pin\.x"):
         mbdae.linearize(mech, inputs="knee")

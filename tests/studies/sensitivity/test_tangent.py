@@ -237,7 +237,7 @@ def test_times_between_nodes():
     np.testing.assert_allclose(found.dy[-1], dense.dy[-1], rtol=1e-13)
 
 
-def test_what_has_no_derivative_is_refused_by_name():
+def test_what_has_no_derivative_is_rejected_by_name():
     mech = mbdae.load("four_bar")
     sol = mbdae.solve(mech, (0.0, 0.1), step=0.05)
     with pytest.raises(InputError, match=r"'joint\.rocker\.rpy\.0' opens closures that depend on each other"):
