@@ -14,7 +14,7 @@ Transition ModeTransition::resolve(double t, double* y, const std::vector<int>& 
   evaluate(t, y);
   resolve_impact(y, resting, out);
   select(y, separated);
-  if (entered_ || mode_ != modes_.mode) enter_mode(s_, modes_.switches, mode_, y, modes_.first_rank(limits_));
+  if (entered_ || mode_ != modes_.mode) enter_mode(s_, modes_.switches, mode_, y, modes_.initial_rank(limits_));
   out.mode = mode_;
   return out;
 }
@@ -194,7 +194,7 @@ void ModeTransition::solve(const double* y, const Candidates& found) {
   Mode base(mode_);
   for (const auto& [i, c] : found) base[i] = released;
   Numbers F(s_.ny), lam(s_.ng);
-  if (entered_ || base != modes_.mode) enter_mode(s_, modes_.switches, base, y, modes_.first_rank(limits_)), entered_ = true;
+  if (entered_ || base != modes_.mode) enter_mode(s_, modes_.switches, base, y, modes_.initial_rank(limits_)), entered_ = true;
   s_.derivative(t_, y, F.data(), lam.data());
   acceleration_.resize(s_.ng), lam_.assign(s_.ng, 0.0);
   for (int k : s_.constraints.all) acceleration_[k] = dot(row(k), F.data() + nv, nv) + gamma_[k];

@@ -1,4 +1,4 @@
-"""Entries of checked tables by dotted paths: the tables with other values at their ends."""
+"""Entries of checked tables by dotted paths, and copies of tables with other values there."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -46,9 +46,9 @@ def with_entries(part: Any, entries: Mapping[str, tuple[str, Any]]) -> Any:
         key, rest = _first_key(part, path, whole, keys)
         groups.setdefault(key, {})[whole] = rest, value
     if isinstance(part, Table):
-        said = {k: getattr(part, k) for k in part.model_fields_set if k in type(part).model_fields}
+        given = {k: getattr(part, k) for k in part.model_fields_set if k in type(part).model_fields}
         try:
-            return type(part)(**said | {key: with_entries(getattr(part, key), group) for key, group in groups.items()})
+            return type(part)(**given | {key: with_entries(getattr(part, key), group) for key, group in groups.items()})
         except UnknownNameError:
             raise
         except InputError as e:
