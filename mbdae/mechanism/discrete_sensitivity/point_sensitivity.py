@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..formulations.compiled_systems import CompiledSystem
 
 START_REDUCTIONS = 3  # of the difference width of starts: the assembly tolerance must not dominate
-JUMP_WIDTH = 1e-2  # of differences of sampled controllers, which are user functions, in units of q, v, or of states
+JUMP_WIDTH = 1e-3  # of differences of sampled controllers, which are user functions, in units of q, v, or of states
 
 
 class PointSensitivity(AccelerationSensitivity):
