@@ -1,7 +1,7 @@
 """A custom mechanism: a tree from a URDF text, its loop closed in Python.
 
 A parallelogram lifts a platform: two equal arms on the ground carry a bar, which stays level. A URDF is a tree, so the
-bar is attached to the left arm, and a closure pins it to the right one. A spring carries most of the weight.
+bar is attached to the left arm, and a closure pins it to the right one. A spring carries the weight.
 
 Run: python examples/custom_mechanism.py
 """

@@ -57,7 +57,7 @@ def errors(method: str, steps: tuple[int, ...] = STEPS) -> np.ndarray:
 
 def main(steps: tuple[int, ...] = STEPS) -> dict[str, np.ndarray]:
     """Print the tables and return the errors by method."""
-    result = {}
+    result, refinements = {}, np.divide(steps[1:], steps[:-1])[:, None]
     print(f"{'':10s} claimed   error of y and its order" + " " * (17 * len(steps) - 21) + "own z")
     print(f"{'steps':10s} y  own z " + "".join(f"{n:>12d}     " for n in steps) + f"{steps[-1]:>12d}")
     for family, names in FAMILIES.items():
@@ -65,7 +65,7 @@ def main(steps: tuple[int, ...] = STEPS) -> dict[str, np.ndarray]:
         for name in names:
             e = result[name] = errors(name, steps)
             with np.errstate(divide="ignore", invalid="ignore"):
-                orders = np.log2(e[:-1] / e[1:])
+                orders = np.log(e[:-1] / e[1:]) / np.log(refinements)
             cells = [f"{e[0, 0]:12.2e}     "] + [
                 f"{x:12.2e} {o:4.1f}" for x, o in zip(e[1:, 0], orders[:, 0], strict=True)
             ]

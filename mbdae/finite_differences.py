@@ -51,9 +51,10 @@ def numerical_derivative(value: Callable[[float], Any], h: float) -> Any:
     return central_difference({k: value(k * h) for k in STENCIL}, h)
 
 
-def numerical_jacobian(value: Callable[[Array], float | Array], n: int, h: float) -> Array:
-    """Return the partial derivatives of value: x (n,) -> (...) at x = 0 along each coordinate, (..., n)."""
-    return np.stack([numerical_derivative(lambda x, e=e: value(x * e), h) for e in np.eye(n)], axis=-1)  # type: ignore[misc]
+def numerical_jacobian(value: Callable[[Array], float | Array], n: int, h: float | Array) -> Array:
+    """Return the partial derivatives of value: x (n,) -> (...) at x = 0, (..., n), by widths h, one or (n,)."""
+    along = zip(np.eye(n), np.broadcast_to(h, n).tolist(), strict=True)
+    return np.stack([numerical_derivative(lambda x, e=e: value(x * e), w) for e, w in along], axis=-1)  # type: ignore[misc]
 
 
 class ConvergedDifference(NamedTuple):

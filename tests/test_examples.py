@@ -20,6 +20,11 @@ def example(name):
     return module
 
 
+def test_thesis_tables_of_any_numbers_of_steps(capsys):
+    example("thesis_tables").main(steps=(40, 120))
+    assert " 3.0 " in next(line for line in capsys.readouterr().out.splitlines() if line.startswith("  radau3 "))
+
+
 def test_thesis_tables(capsys):
     errors = example("thesis_tables").main(steps=(80, 160))
     order = {name: np.log2(e[-2, 0] / e[-1, 0]) for name, e in errors.items()}

@@ -44,7 +44,7 @@ def test_a_name_is_the_same_each_time():
 
 
 @pytest.mark.parametrize("name", ["laod", "Springs", "_repr_html_"])
-def test_a_name_that_does_not_exist_is_refused(name):
+def test_a_name_that_does_not_exist_is_rejected(name):
     with pytest.raises(AttributeError, match=f"'mbdae' has no attribute '{name}'"):
         getattr(mbdae, name)
 

@@ -60,15 +60,16 @@ SHARED: dict[str, Decorator] = {
         help="Show text, tables, .csv and figures in mm, deg, kN, ...; options and JSON remain in SI.",
     ),
     "method": click.option(
-        "-m", "--method", help=f"A name of `mbdae methods`; the model's own, or {DEFAULTS['method']}.",
+        "-m", "--method", help=f"A name of `mbdae methods`; that of the model, or {DEFAULTS['method']}.",
         shell_complete=completed(methods),
     ),
     "methods": methods_option(),
     "t_span": click.option(
-        "-t", "--t-span", type=TimeSpan(), help="End time in s, or start,end; from 0 to the model's own when left out."
+        "-t", "--t-span", type=TimeSpan(),
+        help="End time in s, or start,end; from 0 to that of the model when left out.",
     ),
     "rtol": click.option(
-        "--rtol", type=float, help=f"Relative tolerance; the model's own, or {DEFAULTS['rtol']:g}."
+        "--rtol", type=float, help=f"Relative tolerance; that of the model, or {DEFAULTS['rtol']:g}."
     ),
     "atol": click.option("--atol", type=float, help="Absolute tolerance; 0.01 rtol when left out."),
     "step": click.option("--step", type=float, help="Fixed step in s, instead of tolerances."),
@@ -97,7 +98,7 @@ SHARED: dict[str, Decorator] = {
     "closures": click.option("--closures", is_flag=True, help="Mark the closures, also those that are closed."),
     "deformation": click.option("--deformation", type=float, help="Factor on deflections of flexible bodies."),
     "follow": click.option("--follow", help="A joint whose body the camera follows."),
-    "camera": click.option("--camera", help="front, top, side or 3d.  [default: as the motion wants]"),
+    "camera": click.option("--camera", help="front, top, side or 3d.  [default: normal to a planar motion, else 3d]"),
     "arrows": click.option("--arrows", "every", is_flag=True, help="Draw the forces of all closures."),
     "arrow": click.option("--arrow", "arrows", multiple=True, help="A closure or joint whose force is drawn."),
     "trace": click.option("--trace", "traces", multiple=True, help="A frame whose path is drawn."),

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, UnknownNameError
 from ..mechanism import Reaction, joint_reaction, reaction, reaction_names, reaction_wrenches
 from ..mechanism.equations.characteristic_rate import gravity_rate
 from ..mechanism.forces.coulomb_friction import CoulombFriction
@@ -166,6 +166,9 @@ def reaction_of(sol: "Solution", name: str) -> Reaction:
     mech = sol.mechanism
     if name in mech.joint_names and name not in mech.row_names:
         return joint_reaction(mech, name, sol.t, sol.q, sol.v, sol.vdot, sol.lam)
+    known = [c.name for c in mech.constraints]
+    if name not in known:
+        raise UnknownNameError("closure, driver or joint", name, [*known, *mech.joint_names])
     return reaction(mech, name, sol.t, sol.q, sol.lam, sol.v)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from ..errors import InputError, StepError
+from ..finite_differences import numerical_jacobian
 from ..hermite import powers, refine
 from ..system import Array, Counts, System
 from ..tolerances import BELOW_ROUNDING, EVALUATION_ROUNDING, INPUT_DIGITS
@@ -19,7 +20,7 @@ from .newton import is_last, largest
 
 Function = Callable[..., Array]
 CACHE_SIZE = 8
-WIDTH = 1e-3  # of 1 + |u|, of difference quotients of order four
+WIDTH = 1e-3  # of 1 + |u|, of difference quotients
 START_TOLERANCE = INPUT_DIGITS  # of 1 + |y|: largest |g| at the start
 
 
@@ -80,7 +81,7 @@ class Hessenberg:
         """Return the start y0 at time t, (ny,); ``gap`` applies to closures of mechanisms only.
 
         Raises:
-            InputError: if q, v or s is given, or 0 = g(t, y0) does not hold.
+            InputError: if q, v or s is given, f or g returns a wrong shape, or 0 = g(t, y0) or index 2 does not hold.
         """
         if not (q is v is s is None):
             raise InputError("a textbook problem starts at y0: q, v and s are arguments for mechanisms")
@@ -88,6 +89,7 @@ class Hessenberg:
         gap = float(np.abs(self.g(t, y)).max(initial=0.0))
         if not gap <= START_TOLERANCE * (1 + np.abs(y).max()):
             raise InputError(f"y0 of {self.title!r} is not consistent: |g| = {gap:.3g} at t = {t:g}")
+        self.bound().require_start(t, y, np.array(self.z0, float))
         return y
 
 
@@ -101,15 +103,20 @@ class HessenbergSystem(System):
         self.measured = slice(None)
         y, z = np.array(problem.y0, float), np.array(problem.z0, float)
         self._roots: dict[bytes, Array] = {y.tobytes(): z}  # z at the last points, where Newton's method starts
-        F, g = self.evaluate(0.0, y, z), problem.g(0.0, y)
-        if np.shape(F) != (self.ny,) or np.shape(g) != (self.nz,):
-            raise InputError(
-                f"f and g of {problem.title!r} return shapes {np.shape(F)} and {np.shape(g)}, "
-                f"expected ({self.ny},) and ({self.nz},)"
-            )
-        if self.nz:
-            require_index_2(problem.title, self.g_y(0.0, y), self.f_z(0.0, y, z))
-            self.counts = Counts()
+
+    def require_start(self, t: float, y: Array, z: Array) -> None:
+        """Require functions that return the right shapes, and index 2, at the start of a run.
+
+        Raises:
+            InputError: as `Hessenberg.point`.
+        """
+        title, found = self.problem.title, [np.shape(x) for x in (self.evaluate(t, y, z), self.problem.g(t, y))]
+        if not self.nz:
+            raise InputError(f"{title!r} has no z: a problem of index 2 has at least one constraint 0 = g")
+        if found != [(self.ny,), (self.nz,)]:
+            shapes = f"{found[0]} and {found[1]}, expected {(self.ny,)} and {(self.nz,)}"
+            raise InputError(f"f and g of {title!r} return shapes {shapes}")
+        require_index_2(title, self.g_y(t, y), self.f_z(t, y, z))
 
     @property
     def features(self) -> dict[str, str]:
@@ -287,12 +294,6 @@ class HessenbergChart(HessenbergStages):
         return e - f_z @ np.linalg.solve(g_y @ f_z, g_y @ e)
 
 
-def jacobian(function: Function, u: Array) -> Array:
-    """Return central differences of order four, (m, n)."""
-    columns = []
-    for i in range(len(u)):
-        d = np.zeros(len(u))
-        d[i] = WIDTH * (1 + abs(u[i]))
-        difference = function(u + d) - function(u - d)
-        columns.append((8 * difference - (function(u + 2 * d) - function(u - 2 * d))) / (12 * d[i]))
-    return np.array(columns).T
+def jacobian(function: Callable[[Array], Array], u: Array) -> Array:
+    """Return partial derivatives by differences of order six, (m, n)."""
+    return numerical_jacobian(lambda x: function(u + x), len(u), WIDTH * (1 + np.abs(u)))

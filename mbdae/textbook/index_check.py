@@ -9,7 +9,7 @@ from ..tolerances import PIVOT_RANK
 
 
 def require_index_2(title: str, g_y: Array, f_z: Array) -> None:
-    """Require a regular g_y f_z, scaled by the rows of g_y and the columns of f_z: the rank is independent of units.
+    """Require a regular g_y f_z, scaled by rows and columns of |g_y| |f_z|: the rank does not depend on units.
 
     Args:
         title: of the problem.
@@ -21,9 +21,8 @@ def require_index_2(title: str, g_y: Array, f_z: Array) -> None:
     """
     if not (np.isfinite(g_y).all() and np.isfinite(f_z).all()):
         raise InputError(f"f_z or g_y of {title!r} is not finite at the start")
-    sizes = np.linalg.norm(g_y, axis=1)[:, None] * np.linalg.norm(f_z, axis=0)
     what = f"{title!r} does not have index 2 at the start: g_y f_z"
-    _require_regular(what, g_y @ f_z / np.where(sizes, sizes, 1.0), "z", "g")
+    _require_regular(what, g_y @ f_z, np.abs(g_y) @ np.abs(f_z), "z", "g")
 
 
 def require_index_1(title: str, k_u: Array) -> None:
@@ -38,15 +37,23 @@ def require_index_1(title: str, k_u: Array) -> None:
     """
     if not np.isfinite(k_u).all():
         raise InputError(f"k_u of {title!r} is not finite at the start")
-    rows = np.linalg.norm(k_u, axis=1)[:, None]
-    scaled = k_u / np.where(rows, rows, 1.0)
-    columns = np.linalg.norm(scaled, axis=0)
-    what = f"0 = k of {title!r} does not determine u at the start: k_u"
-    _require_regular(what, scaled / np.where(columns, columns, 1.0), "u", "k")
+    _require_regular(f"0 = k of {title!r} does not determine u at the start: k_u", k_u, np.abs(k_u), "u", "k")
 
 
-def _require_regular(what: str, matrix: Array, column: str, row: str) -> None:
-    """Require a regular scaled matrix (n, n), by pivoting; names are those of its columns and rows."""
+def _require_regular(what: str, matrix: Array, sizes: Array, column: str, row: str) -> None:
+    """Require a regular matrix (n, n), by pivoting.
+
+    Args:
+        what: the matrix, in words.
+        matrix: rows and columns are divided by the largest of their sizes.
+        sizes: of the entries, of the terms that may cancel in them, (n, n).
+        column: letter of the columns.
+        row: letter of the rows.
+    """
+    for axis in (1, 0):
+        largest = sizes.max(axis, keepdims=True, initial=0.0)
+        largest[largest == 0] = 1.0
+        matrix, sizes = matrix / largest, sizes / largest
     names = []
     for a, name in ((matrix, column), (matrix.T, row)):  # dependent columns, and rows
         R, order = qr(a, mode="r", pivoting=True)

@@ -65,14 +65,17 @@ class MixedSystem(HessenbergSystem):
     problem: MixedHessenberg
 
     def __init__(self, problem: MixedHessenberg) -> None:
-        self._u, self._at = np.array(problem.u0, float), (np.nan, b"", b"")
-        self.problem = problem
-        y, z, u = (np.array(x, float) for x in (problem.y0, problem.z0, problem.u0))
-        k = problem.k(0.0, y, z, u)
-        if np.shape(k) != u.shape:
-            raise InputError(f"k of {problem.title!r} returns the shape {np.shape(k)}, expected {u.shape}")
-        require_index_1(problem.title, self._partials("k", 3, (0.0, y, z, u)))
         super().__init__(problem)
+        self._u, self._at = np.array(problem.u0, float), (np.nan, b"", b"")
+
+    def require_start(self, t: float, y: Array, z: Array) -> None:
+        """Require functions that return the right shapes, and indices 1 and 2, at the start of a run."""
+        at, title = (t, y, z, self._u), self.problem.title
+        k = self.problem.k(*at)
+        if np.shape(k) != self._u.shape:
+            raise InputError(f"k of {title!r} returns the shape {np.shape(k)}, expected {self._u.shape}")
+        require_index_1(title, self._partials("k", 3, at))
+        super().require_start(t, y, z)
 
     def _partials(self, function: str, argument: int, at: tuple[float, Array, Array, Array]) -> Array:
         """Return the partial derivatives of f or k by argument 1, 2 or 3: y, z or u."""

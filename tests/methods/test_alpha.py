@@ -1,4 +1,4 @@
-"""Generalised alpha and HHT: orders, constraints, agreement with an independent implementation, refusals by name."""
+"""Generalised alpha and HHT: orders, constraints, agreement with an independent implementation, rejections by name."""
 
 from dataclasses import replace
 from fractions import Fraction

@@ -1,4 +1,4 @@
-"""Implicit tableaus: the table of index-2 theory on a known solution, exact proofs, mechanisms, refusals."""
+"""Implicit tableaus: the table of index-2 theory on a known solution, exact proofs, mechanisms, rejections."""
 
 from dataclasses import replace
 from functools import cache
@@ -198,7 +198,7 @@ def test_a_claim_that_fails_is_refuted():
     assert study.orders["bold"][1].verdict == "misses"
 
 
-def test_refusals():
+def test_rejections():
     trapezium = {"name": "trapezium", "title": "", "reference": "", "A": (("0", "0"), ("1/2", "1/2"))}
     with pytest.raises(InputError, match="'trapezium': A is singular: its inverse determines z"):
         ImplicitTableau(**trapezium, b=("1/2", "1/2"), order=2, order_own=0)

@@ -65,7 +65,7 @@ def test_studies_take_it(ralston, tmp_path):
     one.plot(tmp_path / "a.svg")
 
 
-def test_wrong_ones_are_refused(tmp_path):
+def test_wrong_ones_are_rejected(tmp_path):
     with pytest.raises(InputError, match=r"tableau 'a', b: expected exact numbers.*got 'pi'"):
         Tableau("a", A=((),), b=("pi",))
     with pytest.raises(InputError, match="tableau 'a': its weights b must add up to 1"):

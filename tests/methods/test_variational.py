@@ -1,4 +1,4 @@
-"""RATTLE and its compositions: orders, symmetry, constraints to rounding, long-time energy, refusals by name."""
+"""RATTLE and its compositions: orders, symmetry, constraints to rounding, long-time energy, rejections by name."""
 
 from functools import cache
 
@@ -148,7 +148,7 @@ def test_refusals_name_the_reason(model, options, named):
         mbdae.solve(model, (0, 0.1), method="rattle4", **options)
 
 
-def test_states_of_controllers_are_refused():
+def test_states_of_controllers_are_rejected():
     mech = mbdae.load("four_bar", forces=[mbdae.JointPID(joint="crank", kp=1.0, ki=1.0, name="servo")])
     with pytest.raises(InputError, match="'rattle2' does not take 'servo"):
         mbdae.solve(mech, (0, 0.1), method="rattle2", step=0.01)

@@ -122,7 +122,7 @@ def test_without_the_core_one_warning_says_so(fresh):
         backend.select_core("native")
 
 
-def test_an_unknown_backend_is_refused():
+def test_an_unknown_backend_is_rejected():
     with pytest.raises(UnknownNameError, match=r"unknown backend 'natve'.*'native'.*auto, native, python"):
         backend.select_core("natve")
 

@@ -126,14 +126,14 @@ def test_invalid_interfaces_are_rejected():
         "coefficient": [-1.0, np.nan, np.inf],
         "width": [0.0, -1.0, np.nan],
     }
-    refused = (ValueError, TypeError, RuntimeError, IndexError)
+    rejected = (ValueError, TypeError, RuntimeError, IndexError)
     for key, values in wrong.items():
         for value in values:
-            with pytest.raises(refused):
+            with pytest.raises(rejected):
                 core.set_friction_interfaces([{**right, key: value}], acts, headings)
     for place in ({}, {**right, "kind": "rolling"}, {**right, "kind": "rolling", "no_slip_rows": [0, 0, 0]}):
-        with pytest.raises(refused):
+        with pytest.raises(rejected):
             core.set_friction_interfaces([place], acts, headings)
     for numbers in ((acts[:0], headings), (acts, headings[:0]), (acts.astype(float), headings)):
-        with pytest.raises(refused):
+        with pytest.raises(rejected):
             core.set_friction_interfaces([right], *numbers)

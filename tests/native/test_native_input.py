@@ -54,7 +54,7 @@ def changed(x, index, value):
     return x
 
 
-def test_wrong_tableaus_are_refused():
+def test_wrong_tableaus_are_rejected():
     make, right = backend.load().Tableau, tableau_arrays()
     make(**right)
     A, Ahat, b, c, chat, e, *_ = right.values()
@@ -91,7 +91,7 @@ def test_wrong_tableaus_are_refused():
         make(**right, order=4)
 
 
-def test_arrays_of_other_kinds_are_read_or_refused(system):
+def test_arrays_of_other_kinds_are_read_or_rejected(system):
     right = tableau_arrays()
     expected = system.core.derivative(0.0, system.mechanism.point())[0]
     y = system.mechanism.point()
@@ -107,7 +107,7 @@ def test_arrays_of_other_kinds_are_read_or_refused(system):
     np.testing.assert_array_equal(step(transposed), step(backend.load().Tableau(**right)))
 
 
-def test_wrong_states_are_refused(system):
+def test_wrong_states_are_rejected(system):
     core, tableau, y = system.core, system.method(METHODS["pherk5"]), system.mechanism.point()
     carry = core.derivative(0.0, y)[0][3:]
     step = lambda y=y, carry=carry, low=None, t=0.0, h=0.01: core.step(tableau, t, h, y, carry, low)  # noqa: E731
@@ -136,7 +136,7 @@ def test_wrong_states_are_refused(system):
     np.testing.assert_array_equal(core.derivative(0.0, y)[0][3:], carry)
 
 
-def test_wrong_limits_are_refused():
+def test_wrong_limits_are_rejected():
     """Missing ones, unknown ones, and invalid numbers: a core never computes with undefined thresholds."""
     make = backend.load().Tolerances
     seen = {}
@@ -147,7 +147,7 @@ def test_wrong_limits_are_refused():
             make(**wrong)
 
 
-def test_wrong_runs_are_refused_or_end(system):
+def test_wrong_runs_are_rejected_or_end(system):
     run, tableau = backend.load().Run(), system.method(METHODS["pherk5"])
     y = system.mechanism.point()
     carry = system.core.derivative(0.0, y)[0][3:]
@@ -250,7 +250,7 @@ RIGHT = arguments(forces=FORCES, drivers=DRIVERS)
 
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(wild(RIGHT))
-def test_wrong_mechanisms_are_refused_or_computed(given):
+def test_wrong_mechanisms_are_rejected_or_computed(given):
     """Indices out of range, missing keys, wrong kinds, numbers of any size: an exception, or a core that computes."""
     try:
         core = make_core(*given)
@@ -261,7 +261,7 @@ def test_wrong_mechanisms_are_refused_or_computed(given):
     assert found is None or found[0].shape == (len(y),)
 
 
-def test_indices_that_overflow_are_refused():
+def test_indices_that_overflow_are_rejected():
     for change in ({"state": 2**31 - 1, "states": 1}, {"state": 1, "states": 2**31 - 1}):
         with pytest.raises(ValueError, match="out of range"):
             make_core(RIGHT[0], RIGHT[1] | {"laws": [{**law, **change} for law in RIGHT[1]["laws"]]})
@@ -278,7 +278,7 @@ def test_indices_that_overflow_are_refused():
 
 
 @pytest.mark.parametrize("model", [None, 3, "four_bar", object(), pin.Data(pin.Model()), pin.Model])
-def test_what_is_no_model_is_refused(model):
+def test_what_is_no_model_is_rejected(model):
     with pytest.raises(REFUSED):
         make_core(model, RIGHT[1])
 

@@ -85,7 +85,7 @@ def test_a_step_that_does_not_converge_is_named():
         assert "shorter steps" in sol.message or "singular" in sol.message or "rad in one step" in sol.message
 
 
-def test_malformed_numbers_are_refused():
+def test_malformed_numbers_are_rejected():
     native = mbdae.backend.load()
     iteration = METHODS["alpha"].iteration(native)
     with pytest.raises(ValueError, match="a node more than weights"):

@@ -57,7 +57,7 @@ def test_drift_is_computed_in_the_core(monkeypatch):
     assert native.energy_scale == pytest.approx(python.energy_scale, rel=1e-12)
 
 
-def test_wrong_signals_are_refused():
+def test_wrong_signals_are_rejected():
     native, mech = backend.load(), mbdae.load("four_bar")
     system = mech.system(native=native)
     events = native.Run().events
@@ -88,7 +88,7 @@ def test_wrong_signals_are_refused():
             system.core.advance(method, run)
 
 
-def test_wrong_samplers_are_refused():
+def test_wrong_samplers_are_rejected():
     pid = mbdae.JointPID(joint="crank", kp=1.0, ki=2.0, rate=10.0)
     own = mbdae.Sampled(lambda t, q, v: -v, rate=10.0)
     system = mbdae.load("four_bar", forces=[pid, own]).system(native=backend.load())

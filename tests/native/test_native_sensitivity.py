@@ -29,7 +29,7 @@ def given(system, m=2, d=3):
     return [parameters, method, False, True, 1e-3 * np.arange(m + 1.0), y, carries], (d, system.ny + carries.shape[1])
 
 
-def test_what_does_not_fit_is_refused(system):
+def test_what_does_not_fit_is_rejected(system):
     nodes, shape = given(system)
     first, extra = np.ones(shape), np.zeros((3, 1, shape[1]))
     assert system.core.tangent(*nodes, first, np.empty((3, 0))).shape == (3, *shape)
@@ -84,7 +84,7 @@ def changed(at, laws=(), rows=()):
         (1, [], [], [changed([0], rows=[{key: x for key, x in NONE.items() if key != "weight"}])]),
     ],
 )
-def test_wrong_parameters_are_refused(system, wrong):
+def test_wrong_parameters_are_rejected(system, wrong):
     with pytest.raises(REFUSED):
         system.core.bind_parameters(*wrong)
 

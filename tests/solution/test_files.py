@@ -142,7 +142,7 @@ def test_files_of_earlier_versions_open():
     assert mbdae.drift(back).g_max < 1e-10
 
 
-def test_files_of_formats_that_are_not_read_are_refused_by_name(sol, tmp_path):
+def test_files_of_formats_that_are_not_read_are_rejected_by_name(sol, tmp_path):
     sol.save(tmp_path / "run.npz")
     old = rewritten(tmp_path / "run.npz", tmp_path / "old.npz", versions={"mbdae": "0.0.1"}, format=1)
     with pytest.raises(

@@ -21,7 +21,7 @@ def arrays(tmp_path_factory):
         return dict(file)
 
 
-def refused(path, words):
+def rejected(path, words):
     tracemalloc.start()
     try:
         with pytest.raises(InputError, match=words):
@@ -54,24 +54,24 @@ def unannounced(arrays):
 MANY = 10_000_000
 
 
-def test_an_unknown_array_is_refused(arrays, tmp_path):
-    refused(zeros(tmp_path / "a.npz", unannounced(arrays), more=(MANY,)), "unknown array 'more'")
+def test_an_unknown_array_is_rejected(arrays, tmp_path):
+    rejected(zeros(tmp_path / "a.npz", unannounced(arrays), more=(MANY,)), "unknown array 'more'")
 
 
 def test_arrays_that_do_not_fit_each_other_are_not_read(arrays, tmp_path):
-    refused(zeros(tmp_path / "a.npz", unannounced(arrays), y=(MANY, 1)), r"arrays have shapes .*\(10000000, 1\)")
+    rejected(zeros(tmp_path / "a.npz", unannounced(arrays), y=(MANY, 1)), r"arrays have shapes .*\(10000000, 1\)")
 
 
 def test_more_than_is_announced_is_not_read(arrays, tmp_path):
     width, ng = arrays["y"].shape[1], arrays["z_own"].shape[1]
     wrong = zeros(tmp_path / "a.npz", arrays, t=(MANY // 20,), y=(MANY // 20, width), z_own=(MANY // 20, ng))
-    refused(wrong, "its arrays do not have the announced shapes")
+    rejected(wrong, "its arrays do not have the announced shapes")
 
 
 def test_what_unfolds_to_hundreds_of_times_its_size_is_not_read(arrays, tmp_path):
     width, n = arrays["y"].shape[1], 4 * MANY // arrays["y"].shape[1]
     more = {"t": (n,), "y": (n, width), "z_own": (n, arrays["z_own"].shape[1])}
-    refused(zeros(tmp_path / "a.npz", unannounced(arrays), **more), r"MB unpack to \d+ MB, too much for a run")
+    rejected(zeros(tmp_path / "a.npz", unannounced(arrays), **more), r"MB unpack to \d+ MB, too much for a run")
 
 
 def test_a_long_text_is_not_read(arrays, tmp_path):
@@ -79,17 +79,17 @@ def test_a_long_text_is_not_read(arrays, tmp_path):
     with zipfile.ZipFile(tmp_path / "a.npz", "a", zipfile.ZIP_DEFLATED) as file, file.open("meta.npy", "w") as stream:
         head = {"descr": "<U100000000", "fortran_order": False, "shape": ()}
         np.lib.format.write_array_header_1_0(stream, head)
-    refused(tmp_path / "a.npz", "not a text of at most 33554432 characters")
+    rejected(tmp_path / "a.npz", "not a text of at most 33554432 characters")
 
 
-def test_other_packings_and_kinds_are_refused(arrays, tmp_path):
+def test_other_packings_and_kinds_are_rejected(arrays, tmp_path):
     np.savez(tmp_path / "a.npz", **arrays)
     with zipfile.ZipFile(tmp_path / "a.npz") as old, zipfile.ZipFile(tmp_path / "b.npz", "w", zipfile.ZIP_LZMA) as new:
         for name in old.namelist():
             new.writestr(name, old.read(name))
-    refused(tmp_path / "b.npz", "its compression is not that of numpy")
+    rejected(tmp_path / "b.npz", "its compression is not that of numpy")
     np.savez(tmp_path / "c.npz", **{**arrays, "t": np.array([{}], object)}, allow_pickle=True)
-    refused(tmp_path / "c.npz", "expected arrays of real numbers")
+    rejected(tmp_path / "c.npz", "expected arrays of real numbers")
 
 
 def test_a_run_announces_its_arrays(arrays, tmp_path):

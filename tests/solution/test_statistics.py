@@ -117,7 +117,7 @@ def test_they_are_a_table(found):
     assert found.to_dict()["v.mass"]["max"] == found.maximum["v.mass"].value
 
 
-def test_wrong_names_and_empty_solutions_are_refused(oscillator):
+def test_wrong_names_and_empty_solutions_are_rejected(oscillator):
     sol = mbdae.solve(oscillator, (0, 0.1), t_eval=[0.05])
     with pytest.raises(UnknownNameError, match=r"did you mean 'v\.mass'"):
         sol.statistics("v.mas")

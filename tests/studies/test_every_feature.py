@@ -211,7 +211,7 @@ def test_each_study_gives_a_result_or_a_true_reason(feature, tmp_path, monkeypat
     path = tmp_path / f"{feature}.toml"
     text = BASE.format(FEATURES[feature])
     path.write_text(singular(text) if feature == "singular start" else text)
-    refused, warned, wrong = REFUSED.get(feature, {}), WARNED.get(feature, ()), []
+    rejected, warned, wrong = REFUSED.get(feature, {}), WARNED.get(feature, ()), []
     for study, call in studies(path).items():
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
@@ -221,8 +221,8 @@ def test_each_study_gives_a_result_or_a_true_reason(feature, tmp_path, monkeypat
             except MbdaeError as e:
                 text = str(e)
         assert "\n" not in text
-        if not (re.search(refused[study], text) if study in refused else not text):
-            wrong.append(f"{study}: {text!r}, expected {refused.get(study, 'an answer')!r}")
+        if not (re.search(rejected[study], text) if study in rejected else not text):
+            wrong.append(f"{study}: {text!r}, expected {rejected.get(study, 'an answer')!r}")
         reported = {str(w.message) for w in said}
         if study in warned and not text and not (reported and all(x.startswith(LEFT_OUT) for x in reported)):
             wrong.append(f"{study} should say what it leaves out, and said {reported or 'nothing'}")

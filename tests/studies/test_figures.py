@@ -109,7 +109,7 @@ def test_every_format_is_written_and_the_same_twice(drawn, kind, suffix, tmp_pat
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
-def test_other_formats_are_refused(drawn, tmp_path):
+def test_other_formats_are_rejected(drawn, tmp_path):
     with pytest.raises(InputError, match=r"\.png, \.svg, \.pdf, \.pgf, got"):
         figures.save(drawn["motion"], tmp_path / "a.jpg")
     with pytest.raises(InputError, match=r"\.png"):

@@ -51,7 +51,7 @@ def test_formulations_belong_to_names_without_one():
         ("baumgarte=20:RK45", ["baumgarte=20,20:RK45"]),
     ],
 )
-def test_wrong_variants_are_refused_by_name(text, words):
-    with pytest.raises(InputError) as refusal:
+def test_wrong_variants_are_rejected_by_name(text, words):
+    with pytest.raises(InputError) as rejection:
         Variant.parse(text)
-    assert all(word in str(refusal.value) for word in words)
+    assert all(word in str(rejection.value) for word in words)

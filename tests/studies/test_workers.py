@@ -157,7 +157,7 @@ def test_what_is_finished_is_kept_at_ctrl_c():
     assert kept == {0: 0, 1: -1}
 
 
-def test_numbers_of_workers_that_are_none_are_refused():
+def test_numbers_of_workers_that_are_none_are_rejected():
     for workers in (0, 10_001, 1.5, True):
         with pytest.raises(InputError, match="workers is a number"), pool("threads", workers, double, None, "less"):
             pass

@@ -1,5 +1,7 @@
 """The index of a problem is checked at the start: rank of g_y f_z, with the names of what is not determined."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -51,6 +53,31 @@ def test_the_pendulum_with_positions_alone_has_index_3():
 def test_the_check_does_not_depend_on_units(scale):
     regular = linear([[1, 1], [0, 1], [0, 0]], [[1, 0, 0], [0, 1, 0]], scale)
     assert mbdae.solve(regular, (0, 1), method="herk3", step=0.1).ended
+    of_y = np.array([1.0, scale, 1.0])[:, None]
+    regular = linear(of_y * [[1, 1], [0.5, 1], [0, 1]], [[1, 1, 0], [1, 0, 1]] / of_y.T)
+    assert mbdae.solve(regular, (0, 1), method="herk3", step=0.1).ended
+
+
+def test_the_index_is_that_at_the_start_of_the_run():
+    """y1' = t z, y2' = -1/t, y1 + y2 = 1 from t = 1: z = 1/t^2; at t = 0 there is no f, and index 2 is lost."""
+    late = Hessenberg(
+        f=lambda t, y, z: np.array([t * z[0], -1.0 / t]),
+        g=lambda t, y: np.array([y[0] + y[1] - 1]),
+        y0=(1.0, 0.0),
+        z0=(1.0,),
+        exact=lambda t: (np.array([1 + np.log(t), -np.log(t)]), np.array([t**-2.0])),
+        title="late",
+    )
+    np.testing.assert_allclose(mbdae.solve(late, (1, 2), rtol=1e-10).y[-1], late.exact(2)[0], rtol=1e-9)
+    assert mbdae.compare(late, (1, 2), methods=["herk3"], rtol=[1e-6]).points[0].errors["y"] < 1e-4
+    with pytest.raises(InputError, match="'late' does not have index 2 at the start"):
+        mbdae.solve(replace(late, f=lambda t, y, z: np.array([t * z[0], -1.0])), (0, 1))
+
+
+def test_a_problem_without_constraints_is_rejected():
+    ode = Hessenberg(f=lambda t, y, z: -y, g=lambda t, y: np.zeros(0), y0=(1.0,), z0=(), title="decay")
+    with pytest.raises(InputError, match="'decay' has no z: a problem of index 2 has at least one constraint"):
+        mbdae.solve(ode, (0, 1))
 
 
 def test_values_that_are_not_finite_are_rejected():
@@ -58,4 +85,4 @@ def test_values_that_are_not_finite_are_rejected():
         f=lambda t, y, z: z, g=lambda t, y: y, y0=(0.0,), z0=(0.0,), f_z=lambda t, y, z: np.array([[np.nan]])
     )
     with pytest.raises(InputError, match="not finite at the start"):
-        problem.system()
+        problem.point()

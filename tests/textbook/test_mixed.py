@@ -73,7 +73,7 @@ def test_u_may_cancel_a_multiplier():
 
 def test_shapes_and_equations_without_a_solution_are_named():
     with pytest.raises(InputError, match=r"k of 'mixed' returns the shape \(1,\), expected \(2,\)"):
-        problem(lambda t, y, z, u: u[:1]).system()
+        problem(lambda t, y, z, u: u[:1]).point()
     none = problem(lambda t, y, z, u: np.array([u[0] ** 2 + 1, u[1]]), u0=(1.0, 0.0))
     with pytest.raises(StepError, match="Newton's method for u does not converge at t = 0 in 0 = k of 'mixed'"):
-        none.system()
+        none.point()

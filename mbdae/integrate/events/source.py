@@ -9,7 +9,7 @@ run, or continues it from another point or in another mode. In order, the source
 3. `singularity`: singular configurations, which are crossed by extrapolation in place of a step;
 4. `mbdae.integrate.run.stiffness_detection`, which warns only;
 5. `user_events`: signals and functions; terminal events end the run;
-6. `resets`: events of the user's at which the state jumps;
+6. `resets`: user-defined events at which the state jumps;
 7. `jumps`: controllers, functions of time and times given by the user.
 
 Sources read the run, and change it by its methods only. Hooks of a source: `adjust_point` and `begin_interval` at the

@@ -142,7 +142,7 @@ def lift_off(sol: Solution, system: Index2System) -> str:
                 normal[i - 1] = sol.multipliers(ts[i - 1])[row]
                 break
         start = first_negative(ts, normal)
-        if start is not None and normal.min() < -VISIBLE * np.abs(normal).max():
+        if start is not None:
             found.append(
                 f"{closure.name!r} is held on its surface from t = {start:.6g} s on, where N < 0: it would separate"
             )

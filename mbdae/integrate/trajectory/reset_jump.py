@@ -1,4 +1,4 @@
-"""Jumps of tangents and adjoints at events of the user's: h and R of an event in `mbdae.integrate.trajectory.jump`."""
+"""Jumps of tangents and adjoints at user-defined events: h and R of an event in `mbdae.integrate.trajectory.jump`."""
 
 from typing import TYPE_CHECKING
 
@@ -20,13 +20,13 @@ class ResetJumps:
     """Jumps of the events of a trajectory.
 
     Args:
-        trace: the trajectory.
+        trajectory: of a run.
     """
 
-    def __init__(self, trace: "Trajectory") -> None:
-        self.trace = trace
-        self.resets = {reset.name: reset for reset in trace.system.mechanism.resets}
-        self.names = {i - 1: name for i, name in trace.sol.resets}  # by the last node before each jump
+    def __init__(self, trajectory: "Trajectory") -> None:
+        self.trajectory = trajectory
+        self.resets = {reset.name: reset for reset in trajectory.system.mechanism.resets}
+        self.names = {i - 1: name for i, name in trajectory.sol.resets}  # by the last node before each jump
 
     def __contains__(self, i: int) -> bool:
         """Return whether an event leads from node i to node i + 1."""
@@ -38,33 +38,34 @@ class ResetJumps:
         Raises:
             InputError: for grazing, and for signals without derivatives; names the event and the time.
         """
-        trace, reset, sensitivity = self.trace, self.resets[self.names[i]], self.trace.sensitivity
-        t, y, ny = float(trace.ts[i]), trace.ys[i], sensitivity.ny
-        if i and trace.jumped[i - 1]:
+        trajectory, reset, sensitivity = self.trajectory, self.resets[self.names[i]], self.trajectory.sensitivity
+        t, y, ny = float(trajectory.ts[i]), trajectory.ys[i], sensitivity.ny
+        if i and trajectory.jumped[i - 1]:
             raise InputError(f"event {reset.name!r} follows another one at t = {t:.9g} s: no derivative of the run")
-        trace.enter_node(i)
-        before = trace.system.derivative(t, y)[0]
-        gradient = SignalJacobian(trace, [parse_level_crossing(reset.signal).signal]).rows(i, t, y)[0]
+        trajectory.enter_node(i)
+        before = trajectory.system.derivative(t, y)[0]
+        gradient = SignalJacobian(trajectory, [parse_level_crossing(reset.signal).signal]).rows(i, t, y)[0]
         total = float(gradient[:ny] @ before + gradient[-1])
         if abs(total) <= VISIBLE * float(np.abs(gradient[:ny] * before).sum() + abs(gradient[-1])):
             raise InputError(f"event {reset.name!r} only grazes its level at t = {t:.9g} s: no derivative of the run")
-        state_reset = StateReset(trace.system, reset)
+        state_reset = StateReset(trajectory.system, reset)
         for k, (p, others) in enumerate(
             zip(sensitivity.parameters.all, state_reset.of_parameters(sensitivity), strict=True)
         ):
             gradient[ny + k] -= p.quotient({j: np.array(_level(other)) for j, other in others.items()})
-        R = self._map(state_reset, t, y) if trace.system.mechanism.switches else state_reset.partials(sensitivity, t, y)
-        trace.enter_node(i + 1)
-        after = trace.system.derivative(float(trace.ts[i + 1]), trace.ys[i + 1])[0]
+        switched = bool(trajectory.system.mechanism.switches)
+        R = self._map(state_reset, t, y) if switched else state_reset.partials(sensitivity, t, y)
+        trajectory.enter_node(i + 1)
+        after = trajectory.system.derivative(float(trajectory.ts[i + 1]), trajectory.ys[i + 1])[0]
         time = -gradient[:-1] / total
         jump = Jump(R[:, :-1] + np.outer(R[:, :ny] @ before + R[:, -1] - after, time), time)
-        return trace.jumps.projected(i, jump) if trace.system.mechanism.switches else jump
+        return trajectory.jumps.projected(i, jump) if switched else jump
 
     def _map(self, reset: StateReset, t: float, y: Array) -> Array:
         """Return the derivatives of y after the event and its impacts by (y, p, t), (ny, ny + k + 1)."""
-        trace, sensitivity = self.trace, self.trace.sensitivity
-        trace.jumps.enter_idle()
-        after, R = trace.jumps.impact(t, reset.closed(t, y), reset.closed_partials(sensitivity, t, y))
+        trajectory, sensitivity = self.trajectory, self.trajectory.sensitivity
+        trajectory.jumps.enter_idle()
+        after, R = trajectory.jumps.impact(t, reset.closed(t, y), reset.closed_partials(sensitivity, t, y))
         return reset.with_work_partials(sensitivity, y, after, R)
 
 

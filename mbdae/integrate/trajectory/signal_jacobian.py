@@ -56,7 +56,7 @@ class SignalJacobian:
     """Rows of derivatives of signals of `mbdae.Solution.signals`.
 
     Args:
-        trace: a run.
+        trajectory: of a run.
         names: of the signals.
 
     Raises:
@@ -64,22 +64,22 @@ class SignalJacobian:
         InputError: for a signal that has no gradient.
     """
 
-    def __init__(self, trace: "Trajectory", names: Sequence[str]) -> None:
-        self.trace, self.names = trace, list(names)
-        mech = trace.system.mechanism
+    def __init__(self, trajectory: "Trajectory", names: Sequence[str]) -> None:
+        self.trajectory, self.names = trajectory, list(names)
+        mech = trajectory.system.mechanism
         known = signal_values(mech)
         self.signals = [differentiable(mech, name, known) for name in names]
         found = zip(names, self.signals, strict=True)
         self.columns = {name: column_of(mech, name) for name, signal in found if signal.kind not in KNOWN}
         self.families = {id(family): family for family, _ in self.columns.values()}
-        self.motion = MotionTangent(trace.sensitivity.parameters) if self.families else None
+        self.motion = MotionTangent(trajectory.sensitivity.parameters) if self.families else None
         self.kinds = {signal.kind for signal in self.signals}
         self.rated = bool(self.kinds & {"lam", "force", "rate"}) or any(f.rated for f in self.families.values())
         self._fixed: Array | None = None
-        ny, ng, m = trace.system.ny, trace.system.ng, trace.sensitivity.ny + trace.sensitivity.k + 1
+        ny, ng, m = trajectory.system.ny, trajectory.system.ng, trajectory.sensitivity.ny + trajectory.sensitivity.k + 1
         self._zeros = np.zeros(ny), np.zeros(ng), np.zeros((ny, m)), np.zeros((ng, m))
         self.uses_positions = any(signal.kind == "y" and signal.i < mech.nq for signal in self.signals)
-        varying = self.uses_positions and not trace.system.manifold.flat
+        varying = self.uses_positions and not trajectory.system.manifold.flat
         self.fixed = self.kinds <= {"t", "y", "angle"} and not varying  # constant derivatives
 
     def rows(self, i: int, t: float, y: Array) -> Array:
@@ -90,14 +90,14 @@ class SignalJacobian:
         """
         if self._fixed is not None:
             return self._fixed
-        trace, s = self.trace, self.trace.system
+        trajectory, s = self.trajectory, self.trajectory.system
         q, v = s.split(y)
         N = s.manifold.coordinate_partials(q) if self.uses_positions else np.empty(0)
-        energies = trace.sensitivity.energy(q, v) if self.kinds & set(ENERGIES) else np.empty(0)
+        energies = trajectory.sensitivity.energy(q, v) if self.kinds & set(ENERGIES) else np.empty(0)
         F, lam, rates, derivatives = self._rates(i, t, y) if self.rated else self._zeros
         columns = self._columns(t, y, F, lam, rates, derivatives)
         point = _PointDerivatives(N, energies, lam, rates, derivatives, columns)
-        out = np.zeros((len(self.signals), s.ny + trace.sensitivity.k + 1))
+        out = np.zeros((len(self.signals), s.ny + trajectory.sensitivity.k + 1))
         for row, signal, name in zip(out, self.signals, self.names, strict=True):
             self._fill(row, signal, name, point)
             if name in columns and not np.isfinite(row).all():
@@ -108,7 +108,7 @@ class SignalJacobian:
 
     def _fill(self, row: Array, signal: SignalValue, name: str, point: "_PointDerivatives") -> None:
         """Write the derivatives of a signal into a row of zeros, (ny + k + 1,)."""
-        s, kind = self.trace.system, signal.kind
+        s, kind = self.trajectory.system, signal.kind
         if name in point.columns:
             row[:] = point.columns[name]
         elif kind == "t":
@@ -128,16 +128,16 @@ class SignalJacobian:
 
     def _rates(self, i: int, t: float, y: Array) -> tuple[Array, Array, Array, Array]:
         """Return Y' and lam of all rows, and their partial derivatives."""
-        self.trace.enter_node(i)
-        F, lam = self.trace.system.derivative(t, y)
-        return F, lam[: self.trace.system.ng], *self.trace.sensitivity.rate(t, y)
+        self.trajectory.enter_node(i)
+        F, lam = self.trajectory.system.derivative(t, y)
+        return F, lam[: self.trajectory.system.ng], *self.trajectory.sensitivity.rate(t, y)
 
     def _columns(self, t: float, y: Array, F: Array, lam: Array, rates: Array, derivatives: Array) -> dict[str, Array]:
         """Return derivatives of the columns of bodies and forces."""
         if self.motion is None:
             return {}
-        s, (q, v) = self.trace.system, self.trace.system.split(y)
-        nv, k, identity = s.nv, self.trace.sensitivity.k, np.eye(rates.shape[1])
+        s, (q, v) = self.trajectory.system, self.trajectory.system.split(y)
+        nv, k, identity = s.nv, self.trajectory.sensitivity.k, np.eye(rates.shape[1])
         parts = identity[:nv], identity[nv : 2 * nv], identity[2 * nv : 2 * nv + s.ns], rates[nv : 2 * nv], derivatives
         d = TangentDirections(*parts, identity[s.ny : s.ny + k], identity[-1])
         self.motion.evaluate(t, q, v, s.element_states(y), F[nv : 2 * nv], lam, d)

@@ -99,7 +99,8 @@ class Trajectory:
         else:
             self.stepper = Fixed(settings["step"], self.ts[0], self.ts[-1])
         self.changes = {i: rows for i, rows in sol.in_use}
-        self.near = JUMP * float(np.spacing(max(abs(self.ts[0]), abs(self.ts[-1]), NEGLIGIBLE)))
+        ends = self.ts[0], self.ts[-1], *settings["t_span"]  # a run that ends early has the gaps of its span
+        self.near = JUMP * float(np.spacing(max(*np.abs(ends), NEGLIGIBLE)))
         self.jumped: list[bool] = (np.abs(np.diff(self.ts)) <= self.near).tolist()  # between nodes i and i + 1
         self.core = NativeTrajectory(self, parameters)
         self.sensitivity = PointSensitivity(self.system, parameters, self.core.parameters)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..formulations.compiled_systems import CompiledSystem
 
 START_REDUCTIONS = 3  # of the difference width of starts: the assembly tolerance must not dominate
-JUMP_WIDTH = 1e-2  # of differences of sampled controllers, which are user functions
+JUMP_WIDTH = 1e-3  # of differences of sampled controllers, which are user functions, in units of q, v, or of states
 
 
 class PointSensitivity(AccelerationSensitivity):
@@ -78,8 +78,9 @@ class PointSensitivity(AccelerationSensitivity):
         """Return the partials of `mbdae.system.System.jump` at y, (ny, ny + k), by differences of controllers alone."""
         s, out = self.system, np.eye(self.ny, self.ny + self.k)
         if s.ns:
+            widths = JUMP_WIDTH * np.append(s.mechanism.motion_scales, np.ones(s.ns))
             moved = numerical_jacobian(
-                lambda x: s.element_states(s.jump(t, s.add(y, np.append(x, 0.0)))), self.ny - 1, JUMP_WIDTH
+                lambda x: s.element_states(s.jump(t, s.add(y, np.append(x, 0.0)))), self.ny - 1, widths
             )
             out[2 * s.nv : -1, : self.ny - 1] = moved
         for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):
@@ -139,8 +140,7 @@ class PointSensitivity(AccelerationSensitivity):
             AssemblyError: if the change of the parameter is too large.
             InputError: if the start jumps.
         """
-        s, mech = self.system, self.parameters.mech
-        scales = np.concatenate([x * mech.coordinate_scales for x in (1.0, mech.characteristic_rate)])
+        s, scales = self.system, self.parameters.mech.motion_scales
         found = converged_difference(
             lambda h: {k: s.difference(base, m.point(t=t)) for k, m in p.perturbed_mechanisms(h).items()},
             p.width, np.append(ITERATION_ROUNDING * scales, np.zeros(s.ns + 1)), START_REDUCTIONS,

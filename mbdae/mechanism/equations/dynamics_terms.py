@@ -128,6 +128,11 @@ class DynamicsTerms:
         """Unit scale of each velocity component's coordinate, (nv,): the characteristic length, or 1 rad."""
         return coordinate_scales(self)
 
+    @property
+    def motion_scales(self: Self_) -> Array:
+        """Unit scale of each component of q in its tangent and of v, (2 nv,): for widths of differences."""
+        return np.append(self.coordinate_scales, self.characteristic_rate * self.coordinate_scales)
+
     def make_workspace(self: Self_) -> pin.Data:
         """Make a workspace for closures and forces; complete where forces of other packages are bound to it."""
         return make_data(self.model, complete=any(is_custom(f) for f in self.forces))

@@ -28,7 +28,7 @@ class RotationVector(NamedTuple):
     theta: Array
     functions: tuple[float, float, float, float]
 
-    def jacobian_rate(self, z: Array) -> Array:
+    def jacobian_partials(self, z: Array) -> Array:
         """Return d(Jr z)/dtheta, (3, 3), for a constant z (3,)."""
         theta, (a, b, a1, b1) = self.theta, self.functions
         c = cross(theta, z)

@@ -49,7 +49,7 @@ class BoundNode:
     def rotation_change(self, data: pin.Data, z: Array) -> Array:
         """Return the change by q_m of the rotation Jr z, beyond that of the axes of the node, as motions (6, k)."""
         pose = data.oMi[self.index]
-        change = pose.rotation @ self.turn.jacobian_rate(z) @ self.node.Psi
+        change = pose.rotation @ self.turn.jacobian_partials(z) @ self.node.Psi
         return np.concatenate([pin.skew(pose.translation) @ change, change])
 
 
@@ -113,7 +113,7 @@ class BoundBody:
             at, Ew = ET @ (V.linear + cross(w, d) + relative), ET @ w
             data.v[n.index] = pin.Motion(at, Ew + wr)
             linear = ET @ (A.linear + cross(A.angular, d) + rate + cross(w, relative)) + cross(at, wr)
-            angular = ET @ A.angular + turn.Jr @ (node.Psi @ du) + cross(Ew, wr) + turn.jacobian_rate(s) @ s
+            angular = ET @ A.angular + turn.Jr @ (node.Psi @ du) + cross(Ew, wr) + turn.jacobian_partials(s) @ s
             data.a[n.index] = pin.Motion(linear, angular)
 
     def add_inertia(self, data: pin.Data, q: Array, M: Array) -> None:

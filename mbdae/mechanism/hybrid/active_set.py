@@ -1,8 +1,9 @@
 """Mode after an event: the active set of the complementarity problem of accelerations and loads.
 
-Velocities are continuous here. Candidates are rows in contact and at rest: a row either carries a load within its
-bounds and does not accelerate, or is at a bound (open, slipping) and accelerates as the bound allows. Rows are released
-until the set is consistent; `undecided_rows` decides unilateral rows that neither carry load nor separate.
+Velocities are continuous here. Candidates are rows in contact and at rest: the multiplier of a row is either within its
+bounds and the row does not accelerate, or at a bound (separating, slipping), and it accelerates as the bound allows.
+Rows are released until the set is consistent; `undecided_rows` decides unilateral rows that are neither active nor
+separate.
 """
 
 from typing import TYPE_CHECKING
@@ -33,7 +34,7 @@ def select_mode(point: "ModePoint", unswitched: Array, separated: set[int], load
         point: the point, in the mode before.
         unswitched: indices of the rows without a switch.
         separated: indices of the switches whose contacts separate in the event.
-        loads_after_step: the loads after a short step, for rows that neither carry load nor separate.
+        loads_after_step: the loads after a short step, for rows that are neither active nor separate.
 
     Raises:
         StepError: if friction has no solution, or several (Painleve paradox).
@@ -75,15 +76,15 @@ class _ActiveSet:
             self.active = {i: c for i, c in self.remaining.items() if i not in self.separating}
             self.lam, self.rates, self.scale = self._solve()
             self.largest = max(self.largest, float(np.abs(self.lam).max(initial=0.0)))
-            changed = self._keep_loaded() or self._release_unloaded()
+            changed = self._retain_approaching() or self._release_inactive()
 
-    def _keep_loaded(self) -> bool:
-        """Keep a row that cannot separate because others load it; False if there is none."""
-        loaded = [i for i in self.separating if self._approaches(self.remaining[i][0])]
-        self.separating -= set(loaded[:1])
-        return bool(loaded)
+    def _retain_approaching(self) -> bool:
+        """Keep a row that cannot separate, as its gap would close; False if there is none."""
+        approaching = [i for i in self.separating if self._approaches(self.remaining[i][0])]
+        self.separating -= set(approaching[:1])
+        return bool(approaching)
 
-    def _release_unloaded(self) -> bool:
+    def _release_inactive(self) -> bool:
         """Release rows outside of their bounds that change the load of others; False if there are none."""
         self.is_active = {i: self._is_active(c[0]) for i, c in self.active.items()}
         released = [i for i, active in self.is_active.items() if not active and _releases(self.active[i])]
@@ -100,7 +101,7 @@ class _ActiveSet:
             self._next_state(i, (), False)
 
     def decide_undecided(self, loads_after_step: LoadsAfterStep) -> None:
-        """Decide unilateral rows that neither carry load nor separate by their loads after a short step."""
+        """Decide unilateral rows that are neither active nor separate by their multipliers after a short step."""
         alone = {i: c[0] for i, c in self.active.items() if len(c) == 1 and c[0].is_unilateral}
         undecided = {i: x for i, x in alone.items() if self._is_undecided(x)}
         if undecided:
@@ -114,7 +115,7 @@ class _ActiveSet:
         self.mode[i] = self.switches[i].next_state(self.point, lam, rates, active)
 
     def _is_undecided(self, c: LoadCandidate) -> bool:
-        """Return whether a row neither carries load nor separates, to the rounding of the forces at the point."""
+        """Return whether a row is neither active nor separates, to the rounding of the forces at the point."""
         point, row = self.point, self.point.G[c.row]
         direction = np.linalg.solve(np.triu(point.system.inertia(point.t, point.q)).T, row)
         error = point.rounding / (float(np.abs(row).max()) or 1.0) * float(direction @ direction)  # of accelerations
@@ -138,7 +139,7 @@ class _ActiveSet:
         """Solve the complementarity problem of the active candidates."""
         point, found = self.point, self.active
         base = tuple(0 if i in found else state for i, state in enumerate(self.mode))
-        rates = self._unloaded_accelerations(base)
+        rates = self._unconstrained_accelerations(base)
         lam, scale = np.zeros(point.system.ng), np.abs(rates)
         candidates = [c for cs in found.values() for c in cs]
         rows = np.array([c.row for c in candidates], int)
@@ -161,7 +162,7 @@ class _ActiveSet:
             frictional = (i for i, cs in self.active.items() if any(c.friction >= 0 for c in cs))
             raise error_with_names(reason, self.switches, self.point.t, frictional) from None
 
-    def _unloaded_accelerations(self, base: "Mode") -> Array:
+    def _unconstrained_accelerations(self, base: "Mode") -> Array:
         """Return G v' + gamma of all rows (ng,) in a mode where no candidate is active."""
         point, system, before = self.point, self.point.system, self.point.system.mode
         system.enter(base)

@@ -1,12 +1,12 @@
-"""Events of the user's at which the state jumps: legs that are exchanged, velocities after an impact.
+"""Resets, user-defined events at which the state jumps: exchanged legs of a walker, velocities after an impact.
 
-At the event the state becomes R(t, y): first the coordinates of a table or a function; then, with closures and drivers,
-the positions that are not in the table close them, and velocities satisfy them by the impact law
+At the event the state becomes R(t, y): first coordinates are assigned by a table or a function; then, with closures and
+drivers, the positions that the table does not have satisfy them, and velocities by the impact law
 
     M (v+ - v) = G^T P,   G v+ + g_t = 0
 
-With rows that switch, the state after the table is a start: a contact that the event opens is open, closed ones impact
-by their own law (`impact`), and the mode follows from loads. The energy that is lost or added counts as work.
+With switches the assigned state is that of a start: contacts that the event opens are inactive, closed ones impact by
+their law (`impact`), and an active-set selection follows. The change of energy counts as work.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 ITERATIONS = 20
-WIDTH = 1e-3  # of difference quotients of a user's function, relative to rad, characteristic lengths and speeds
+WIDTH = 1e-3  # of difference quotients of a user function, in rad, characteristic lengths, speeds and times
 StateMap = Callable[[float, Array, Array], tuple[Array, Array]]
 
 
@@ -82,8 +82,8 @@ class Reset(Table):
             function: returns q (nq,) and v (nv,); closures are satisfied afterwards, by the impact law.
             signal: signal and level whose crossing is the event.
             when: signal and level as a condition.
-            partials: derivatives of (q, v) after the event with respect to (q, v) before, (2 nv, 2 nv), q in the
-                tangents at both; differences when left out.
+            partials: of (q, v) after the event with respect to (q, v) before it, (2 nv, 2 nv), q in the tangents at
+                both; differences when left out, as for t always.
             name: the function's name when left out.
 
         Raises:
@@ -111,8 +111,8 @@ class StateReset:
     def __init__(self, system: "Index2System", reset: Reset) -> None:
         self.system, self.reset, mech = system, reset, system.mechanism
         if reset.function and reset._call is None:
-            gone = f"{reset.function!r} is a Python function and not in the file: load the mechanism with it again"
-            raise InputError(f"event {reset.name!r}: {gone}")
+            missing = f"{reset.function!r} is a Python function and not in the file: load the mechanism with it again"
+            raise InputError(f"event {reset.name!r}: {missing}")
         self.columns, self.values = state_columns(mech), assignments(mech, reset)
         listed = {self.columns[name][1] for name in self.values if name.startswith("q.")}
         self.free = np.array([i for i in range(mech.nv) if i not in listed], int)
@@ -212,9 +212,8 @@ class StateReset:
             for name, value in self.values.items():
                 out[self.columns[name][0]] = value.value(t, y)
             return out
-        q, v = s.split(y)
         what = f"event {self.reset.name!r}"
-        found = call_with_views(what, self.reset._call, t, q, v)
+        found = call_with_views(what, self.reset._call, t, *s.split(y))
         if not isinstance(found, tuple | list) or len(found) != 2:
             raise StepError("force", f"{what} returned {found!r:.60}, expected (q, v)")
         out[: s.nq] = checked_value(found[0], (s.nq,), t, f"q of {what}")
@@ -227,20 +226,25 @@ class StateReset:
         out = np.eye(ny, ny + 1)
         for name, value in self.values.items():
             out[self.columns[name][1]] = value.partials(t, y, ny)
-        if self.reset._partials is not None:
-            what = f"partials of event {self.reset.name!r}"
-            found = call_with_views(what, self.reset._partials, t, *s.split(y))
-            out[: 2 * nv, : 2 * nv] = checked_value(found, (2 * nv, 2 * nv), t, what)
-        elif self.reset._call is not None:
-            out[:, :ny] = numerical_jacobian(lambda x: s.difference(after, self._assigned(t, s.add(y, x))), ny, WIDTH)
+        if self.reset._call is not None:
+            out[: 2 * nv, : 2 * nv] = self._function_partials(t, y, after)
+            out[:, -1] = numerical_derivative(lambda x: s.difference(after, self._assigned(t + x, y)), self._width)
         return out
 
-    def _closed(self, t: float, y: Array) -> Array:
-        """Return y with closures satisfied by the positions that the table does not have.
+    def _function_partials(self, t: float, y: Array, after: Array) -> Array:
+        """Return the partials of (q, v) after the event by (q, v) before it, (2 nv, 2 nv), given or by differences."""
+        s, n = self.system, 2 * self.system.nv
+        if self.reset._partials is not None:
+            what = f"partials of event {self.reset.name!r}"
+            return checked_value(call_with_views(what, self.reset._partials, t, *s.split(y)), (n, n), t, what)
 
-        Raises:
-            StepError: if they cannot be.
-        """
+        def moved(x: Array) -> Array:
+            return s.difference(after, self._assigned(t, s.add(y, np.pad(x, (0, s.ny - n)))))[:n]
+
+        return numerical_jacobian(moved, n, WIDTH * s.mechanism.motion_scales)
+
+    def _closed(self, t: float, y: Array) -> Array:
+        """Return y with closures satisfied by the positions that the table does not have, see `closed`."""
         s, q = self.system, y[: self.system.nq]
         rows, scales = self._position_rows, s.mechanism.row_scales
         if not len(rows) or self.reset.function:

@@ -51,7 +51,7 @@ class Contact:
 
     @property
     def lifts_off(self) -> float | None:
-        """The first time in s at which N is negative: the contact would separate; None if it never is."""
+        """The first time in s at which N is negative: the contact would separate; None if it never is, to rounding."""
         return first_negative(self.t, self.normal)
 
     def __str__(self) -> str:
@@ -73,14 +73,15 @@ class Contact:
 
 
 def first_negative(t: Array, x: Array) -> float | None:
-    """Return the first time at which a sampled function (n,) is negative, by linear interpolation."""
-    negative = np.flatnonzero(x < 0)
+    """Return the first time at which a sampled function (n,) is visibly negative, by linear interpolation."""
+    negative = np.flatnonzero(x < -VISIBLE * np.fmax.reduce(np.abs(x), initial=0.0))
     if not len(negative):
         return None
     i = int(negative[0])
-    if not i or not x[i - 1] >= 0:
+    if not i or np.isnan(x[i - 1]):
         return float(t[i])
-    return float(t[i - 1] + (t[i] - t[i - 1]) * x[i - 1] / (x[i - 1] - x[i]))
+    before = max(x[i - 1], 0.0)
+    return float(t[i - 1] + (t[i] - t[i - 1]) * before / (before - x[i]))
 
 
 def rolling_closures(mech: "Mechanism") -> list[RollingClosure]:

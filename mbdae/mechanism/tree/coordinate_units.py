@@ -20,6 +20,7 @@ COORDINATE_NAMES: dict[
     "Planar": (("x", "y", "cos", "sin"), ("vx", "vy", "wz")),
     "Universal": (("1", "2"), ("1", "2")),
 }
+JointUnits = dict[str, dict[str, dict[str, str]]]  # by q or v, joint, and coordinate: base.x
 DIMENSIONLESS = ("qx", "qy", "qz", "qw", "cos", "sin")
 
 
@@ -55,16 +56,27 @@ def coordinate_units(mech: "Mechanism") -> dict[str, str]:
 
 def coordinate_units_of(model: pin.Model) -> dict[str, str]:
     """Return the units of the coordinates of a model, see `coordinate_units`."""
-    out: dict[str, dict[str, str]] = {"q": {}, "v": {}}
+    return units_by_coordinate(joint_coordinate_units(model))
+
+
+def units_by_coordinate(units: JointUnits) -> dict[str, str]:
+    """Return the units of joints by ``q.<coordinate>`` and then ``v.<coordinate>``."""
+    return {f"{k}.{x}": unit for k, joints in units.items() for of in joints.values() for x, unit in of.items()}
+
+
+def joint_coordinate_units(model: pin.Model) -> JointUnits:
+    """Return the units of the coordinates of a model by joint: a name may be that of another joint, a dot and more."""
+    out: JointUnits = {"q": {}, "v": {}}
     for name in joint_names(model):
         kind = _kind(find_joint(model, name))
         prismatic = kind.startswith("P") and kind != "Planar"
         for (letter, per), suffixes in zip((("q", ""), ("v", "/s")), model_suffixes(model, name), strict=True):
+            of = out[letter][name] = dict[str, str]()
             for suffix in suffixes:
                 length = suffix.lstrip(".v") in ("x", "y", "z") if suffix else prismatic
                 unit = "m" if length else "1" if suffix[1:] in DIMENSIONLESS else "rad"
-                out[letter][f"{letter}.{name}{suffix}"] = unit + per
-    return {**out["q"], **out["v"]}
+                of[name + suffix] = unit + per
+    return out
 
 
 def acceleration_units(mech: "Mechanism") -> dict[str, str]:

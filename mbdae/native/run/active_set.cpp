@@ -1,4 +1,4 @@
-// The mode after an event: which rows carry load, which separate or slip (mbdae/mechanism/hybrid/active_set.py).
+// The mode after an event: which unilateral rows are active, separate or slip (mbdae/mechanism/hybrid/active_set.py).
 #include <algorithm>
 #include <cmath>
 
@@ -14,7 +14,7 @@ Transition ModeTransition::resolve(double t, double* y, const std::vector<int>& 
   evaluate(t, y);
   resolve_impact(y, resting, out);
   select(y, separated);
-  if (entered_ || mode_ != modes_.mode) enter_mode(s_, modes_.switches, mode_, y, modes_.first_rank(limits_));
+  if (entered_ || mode_ != modes_.mode) enter_mode(s_, modes_.switches, mode_, y, modes_.initial_rank(limits_));
   out.mode = mode_;
   return out;
 }
@@ -99,12 +99,12 @@ std::vector<ModeTransition::Candidate> ModeTransition::candidates(int i) {
   return out;
 }
 
-int ModeTransition::next_state(int i, const std::vector<Candidate>& which, bool loaded) {
+int ModeTransition::next_state(int i, const std::vector<Candidate>& which, bool in_active_set) {
   const Switch& x = modes_.switches[i];
   const int k = x.rows[0];
   switch (x.kind) {
     case Switch::Kind::contact: {
-      if (!loaded || !x.frictional()) return loaded ? active : released;
+      if (!in_active_set || !x.frictional()) return in_active_set ? active : released;
       double& direction = s_.friction.direction(x.interface);
       if (is_sliding(x)) {
         direction = slip_direction(x);
@@ -116,7 +116,7 @@ int ModeTransition::next_state(int i, const std::vector<Candidate>& which, bool 
       return sliding;
     }
     case Switch::Kind::ratchet: {
-      if (loaded) return active;
+      if (in_active_set) return active;
       const double speed = x.sign * rate_[k];
       if (std::fabs(speed) > rest_speed(k)) return speed > 0 ? released : runs_back;
       if (!which.empty() || modes_.mode[i] == active) return released;
@@ -124,12 +124,12 @@ int ModeTransition::next_state(int i, const std::vector<Candidate>& which, bool 
       return x.sign * (dot(row(k), F_.data() + s_.nv, s_.nv) + gamma_[k]) >= 0 ? released : runs_back;
     }
     case Switch::Kind::stiction:
-      if (loaded) return active;
+      if (in_active_set) return active;
       return (which.empty() ? y_[s_.nq + x.column] : acceleration_[k]) > 0 ? slips_ahead : slips_back;
     case Switch::Kind::range:
       return inside(x) ? active : released;
     default:
-      return loaded ? active : released;
+      return in_active_set ? active : released;
   }
 }
 
@@ -163,18 +163,18 @@ void ModeTransition::select(const double* y, const std::vector<int>& separated) 
     if (remaining.count(i)) separating_.push_back(i);
   if (!remaining.empty()) evaluate_forces();
   Candidates found;
-  std::map<int, bool> loaded;
+  std::map<int, bool> in_active_set;
   for (bool changed = true; changed;) {
     found = remaining;
     for (int i : separating_) found.erase(i);
     if (found.empty() && separating_.empty()) return;
     solve(y, found);
     for (int k : s_.constraints.all) largest_ = std::max(largest_, std::fabs(lam_[k]));
-    if ((changed = keep_loaded(remaining))) continue;
+    if ((changed = retain_approaching(remaining))) continue;
     std::vector<int> others;
     for (const auto& [i, c] : found) {
-      loaded[i] = is_active(c[0]);
-      if (!loaded[i] && (c.size() > 1 || c[0].multiplier.bounded())) others.push_back(i);
+      in_active_set[i] = is_active(c[0]);
+      if (!in_active_set[i] && (c.size() > 1 || c[0].multiplier.bounded())) others.push_back(i);
     }
     for (int i : others) {
       remaining.erase(i);
@@ -184,7 +184,7 @@ void ModeTransition::select(const double* y, const std::vector<int>& separated) 
   }
   for (const auto& [i, c] : found) {
     if (c.size() == 1 && !c[0].multiplier.bounded() && is_undecided(c[0])) leave_to_python();
-    mode_[i] = next_state(i, c, loaded[i]);
+    mode_[i] = next_state(i, c, in_active_set[i]);
   }
   for (int i : separating_) mode_[i] = next_state(i, {}, false);
 }
@@ -194,7 +194,7 @@ void ModeTransition::solve(const double* y, const Candidates& found) {
   Mode base(mode_);
   for (const auto& [i, c] : found) base[i] = released;
   Numbers F(s_.ny), lam(s_.ng);
-  if (entered_ || base != modes_.mode) enter_mode(s_, modes_.switches, base, y, modes_.first_rank(limits_)), entered_ = true;
+  if (entered_ || base != modes_.mode) enter_mode(s_, modes_.switches, base, y, modes_.initial_rank(limits_)), entered_ = true;
   s_.derivative(t_, y, F.data(), lam.data());
   acceleration_.resize(s_.ng), lam_.assign(s_.ng, 0.0);
   for (int k : s_.constraints.all) acceleration_[k] = dot(row(k), F.data() + nv, nv) + gamma_[k];
@@ -215,9 +215,9 @@ void ModeTransition::solve(const double* y, const Candidates& found) {
     const int first = static_cast<int>(all.size());
     for (const Candidate& candidate : rows) {
       Numbers z = root(candidate.row);
-      const double whole = norm(z.data(), nv);
+      const double full_norm = norm(z.data(), nv);
       space.project_out(z);
-      if (!(norm(z.data(), nv) > limits_.truncation * whole)) {  // its multiplier does not change its acceleration
+      if (!(norm(z.data(), nv) > limits_.truncation * full_norm)) {  // its multiplier does not change its acceleration
         if (!candidate.multiplier.bounded()) leave_to_python();
         continue;
       }
@@ -246,7 +246,7 @@ void ModeTransition::solve(const double* y, const Candidates& found) {
   }
 }
 
-bool ModeTransition::keep_loaded(const Candidates& remaining) {
+bool ModeTransition::retain_approaching(const Candidates& remaining) {
   const auto found = std::find_if(separating_.begin(), separating_.end(),
                                   [&](int i) { return approaches(remaining.at(i)[0]); });
   if (found == separating_.end()) return false;

@@ -58,16 +58,16 @@ class Problem {
   }
   bool at_lower(size_t i) const { return state_[i] == 0 && std::isfinite(all_[i].lower); }
   bool at_upper(size_t i) const { return std::isfinite(all_[i].upper) && state_[i] == std::isfinite(all_[i].lower); }
-  bool loaded(size_t normal) const { return !at_lower(normal); }
+  bool is_active(size_t normal) const { return !at_lower(normal); }
   double ratio(size_t i) const {  // of a tangential multiplier to the normal one
     return !std::isnan(all_[i].sliding_ratio) ? all_[i].sliding_ratio : all_[i].friction * (state_[i] == 1 ? 1 : -1);
   }
   bool free(size_t i) const {
     const Multiplier& m = all_[i];
-    if (m.normal >= 0) return loaded(m.normal) && std::isnan(m.sliding_ratio) && state_[i] == 0;
+    if (m.normal >= 0) return is_active(m.normal) && std::isnan(m.sliding_ratio) && state_[i] == 0;
     return !at_lower(i) && !at_upper(i);
   }
-  bool proportional(size_t i) const { return all_[i].normal >= 0 && loaded(all_[i].normal) && !free(i); }
+  bool proportional(size_t i) const { return all_[i].normal >= 0 && is_active(all_[i].normal) && !free(i); }
 
   bool next() {
     for (size_t i = 0; i < n_; ++i) {
@@ -81,7 +81,7 @@ class Problem {
     std::vector<size_t> unknown;
     for (size_t i = 0; i < n_; ++i) {
       const Multiplier& m = all_[i];
-      if (m.normal >= 0 && !loaded(m.normal) && state_[i]) return false;  // the same again
+      if (m.normal >= 0 && !is_active(m.normal) && state_[i]) return false;  // the same again
       x_[i] = m.normal >= 0 ? 0 : at_lower(i) ? m.lower : at_upper(i) ? m.upper : 0;
       if (free(i)) unknown.push_back(i);
     }

@@ -151,19 +151,19 @@ void ModeTransition::jump(const std::vector<ImpactRow>& contacts, const std::vec
     move(closing, -1);
     std::vector<ImpactRow> acting;
     std::vector<Multiplier> multipliers;
-    std::vector<Numbers> roots, whole;
+    std::vector<Numbers> roots, full_roots;
     Numbers speeds;
     const auto add = [&](const ImpactRow& x, double sign, double speed, const Multiplier& m) {
-      whole.push_back(root(x.row));
-      for (double& z : whole.back()) z *= sign / scales[x.row];
-      roots.push_back(whole.back()), kept.project_out(roots.back());
+      full_roots.push_back(root(x.row));
+      for (double& z : full_roots.back()) z *= sign / scales[x.row];
+      roots.push_back(full_roots.back()), kept.project_out(roots.back());
       const double size = norm(roots.back().data(), nv);
-      if (size > limits_.truncation * norm(whole.back().data(), nv)) {
+      if (size > limits_.truncation * norm(full_roots.back().data(), nv)) {
         acting.push_back(x), speeds.push_back(speed), multipliers.push_back(m);
         return;
       }
       if (speed < 0 || !frictional.empty()) leave_to_python();  // dependent on bilateral rows
-      whole.pop_back(), roots.pop_back();
+      full_roots.pop_back(), roots.pop_back();
     };
     for (const ImpactRow& x : contacts) {
       const double before = x.sign * rate[x.row] / scales[x.row];
@@ -188,7 +188,7 @@ void ModeTransition::jump(const std::vector<ImpactRow>& contacts, const std::vec
       leave_to_python();
     for (size_t i = 0; i < m; ++i)
       for (int c = 0; c < nv; ++c)
-        added[c] += impulses[i] * roots[i][c], taken[c] += impulses[i] * (roots[i][c] - whole[i][c]);
+        added[c] += impulses[i] * roots[i][c], taken[c] += impulses[i] * (roots[i][c] - full_roots[i][c]);
     move(added, 1);
     for (int c = 0; c < nv; ++c) taken[c] -= closing[c];
     Numbers now = kept.multipliers(taken);

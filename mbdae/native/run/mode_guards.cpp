@@ -71,12 +71,12 @@ double stiction_load(const Index2System& s, const std::vector<Switch>& switches,
   for (const Switch* x : sticking) {
     const double* row = &Z[static_cast<size_t>(x->rows[0]) * nv];
     Numbers motion(row, row + nv);
-    const double whole = norm(row, nv);
+    const double full_norm = norm(row, nv);
     space.project_out(motion);
     if (first.empty()) first = motion, size = norm(first.data(), nv);
     const double along = dot(motion.data(), first.data(), nv) / (size * size);
     for (int c = 0; c < nv; ++c) motion[c] -= along * first[c];
-    if (!(std::fabs(along) * size > truncation * whole) || !(norm(motion.data(), nv) <= truncation * whole))
+    if (!(std::fabs(along) * size > truncation * full_norm) || !(norm(motion.data(), nv) <= truncation * full_norm))
       throw FallBackToPython();
     work += along * lam[x->rows[0]], limit += std::fabs(along) * x->limit;
   }

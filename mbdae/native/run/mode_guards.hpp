@@ -67,10 +67,10 @@ struct Modes {
   double transverse = 0;          // of the speed of rest: a slower contact does not slide
   double at_limit = 0;            // of the limit of friction: a contact slides whose load is closer to it
   double lookahead = 0;           // rad or characteristic lengths: of a joint at the boundary of a range
-  double ambiguous = 0, fallen = 0;  // ratios of pivots in a new mode, see IndependentRows::FirstRank
+  double ambiguous = 0, fallen = 0;  // ratios of pivots in a new mode, see IndependentRows::InitialRank
   int max_impacts = 0, max_states = 0;        // successive impacts at an instant; states of a complementarity problem
 
-  IndependentRows::FirstRank first_rank(const Tolerances& limits) const {
+  IndependentRows::InitialRank initial_rank(const Tolerances& limits) const {
     return {ambiguous, fallen, limits.solution_rounding};
   }
 

@@ -57,9 +57,9 @@ class ModeTransition {
   void evaluate_forces();
   void select(const double* y, const std::vector<int>& separated);
   std::vector<Candidate> candidates(int i);
-  int next_state(int i, const std::vector<Candidate>& which, bool loaded);
+  int next_state(int i, const std::vector<Candidate>& which, bool in_active_set);
   void solve(const double* y, const Candidates& found);
-  bool keep_loaded(const Candidates& remaining);
+  bool retain_approaching(const Candidates& remaining);
   bool approaches(const Candidate& c) const;
   bool is_active(const Candidate& c) const;
   bool is_undecided(const Candidate& c) const;

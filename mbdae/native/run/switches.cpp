@@ -37,7 +37,7 @@ void set_mode(Index2System& s, const std::vector<Switch>& switches, const Mode& 
 }
 
 void enter_mode(Index2System& s, const std::vector<Switch>& switches, const Mode& mode, const double* y,
-                const IndependentRows::FirstRank& first) {
+                const IndependentRows::InitialRank& first) {
   set_mode(s, switches, mode);
   s.rows.reset();
   s.determine_rows(y, first);

@@ -49,7 +49,7 @@ void set_mode(Index2System& s, const std::vector<Switch>& switches, const Mode& 
 // Enter a mode at y in a workspace: its rows, its friction; rank and rows in use are determined.
 // FallBackToPython where that is ambiguous.
 void enter_mode(Index2System& s, const std::vector<Switch>& switches, const Mode& mode, const double* y,
-                const IndependentRows::FirstRank& first);
+                const IndependentRows::InitialRank& first);
 
 // What a mode sets in a workspace, to be put back.
 class ModeSettings {

@@ -7,7 +7,7 @@
 namespace mbdae {
 
 struct RunStart {
-  double ambiguous = 0, fallen = 0, dependent = 0;  // of the rank, see `IndependentRows::FirstRank`
+  double ambiguous = 0, fallen = 0, dependent = 0;  // of the rank, see `IndependentRows::InitialRank`
   double shortest = 0;                              // s: first step, at least
   long longest = 0;                                 // steps: longer runs are Python's, which checks them for stiffness
 

@@ -38,12 +38,12 @@ class IndependentRows {
   void record_ratio(double ratio);  // note the pivot ratio of a saddle-point system
   // Determine rank, floor and rows at the start of a run from G and Z (entries by rows), as `initial_rank` and `select_rows` in Python;
   // where Python must decide, as next to singular configurations, `FallBackToPython`.
-  struct FirstRank {
+  struct InitialRank {
     double ambiguous;  // ratio of pivots below which no smooth interval begins
     double fallen;     // of the ratio of pivots at the start: still small below this multiple
     double dependent;  // of the largest row of many: its part outside the rows in use
   };
-  void determine(const Numbers& G, const Numbers& Z, long stamp, const FirstRank& first, const Numbers& probe);
+  void determine(const Numbers& G, const Numbers& Z, long stamp, const InitialRank& first, const Numbers& probe);
   // Is a vector in the null space of the rows in use, from one in general position (nv,) and its reverse, also one of all
   // rows? To a tolerance of their length; negligible rows are ignored. B: G or Z.
   bool others_depend(const Numbers& B, double tolerance, const Numbers& probe) const;
@@ -72,7 +72,7 @@ class IndependentRows {
   bool uses_first_pivots() const;  // are those of the first `rank` pivots in use?
   bool use_first_pivots();  // use those of the first `rank` pivots; whether they are others
   bool has_tie() const;  // has a dependent row a pivot of a row in use, up to rounding, in `factors_`?
-  int dense_rank(const Numbers& G, const FirstRank& first);
+  int dense_rank(const Numbers& G, const InitialRank& first);
 
   const Constraints& constraints_;
   const Tolerances& limits_;

@@ -89,7 +89,7 @@ class Index2System {
   // The numbers of a mechanism of the same structure, in place, and `reset`; false: it has another structure.
   bool write(const void* model, const Tolerances& limits, Description d);
   bool others_depend(const double* q, double tolerance);  // at q, on the rows in use; uncounted
-  void determine_rows(const double* q, const IndependentRows::FirstRank& first);  // at the start of a run
+  void determine_rows(const double* q, const IndependentRows::InitialRank& first);  // at the start of a run
   bool change_law(int k, const Numbers& a);  // other data for law k, of the same size
   void set_law_number(int k, int i, double x) { laws_[k].a[i] = x, last_stage.t = NAN; }  // one of its data
   size_t law_size(int k) const { return k < 0 || k >= static_cast<int>(laws_.size()) ? 0 : laws_[k].a.size(); }

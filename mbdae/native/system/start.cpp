@@ -7,7 +7,7 @@
 
 namespace mbdae {
 
-void Index2System::determine_rows(const double* q, const IndependentRows::FirstRank& first) {
+void Index2System::determine_rows(const double* q, const IndependentRows::InitialRank& first) {
   if (!point.is_current(q)) point.evaluate(q, true);
   rows.determine(point.G, point.Z, point.stamp(), first, probe_);
   rows.frozen = true;
@@ -18,7 +18,7 @@ bool Index2System::others_depend(const double* q, double tolerance) {
   return rows.others_depend(point.Z, tolerance, probe_);
 }
 
-void start(Index2System& s, double t, bool project, const IndependentRows::FirstRank& first, Numbers& y, Numbers& F,
+void start(Index2System& s, double t, bool project, const IndependentRows::InitialRank& first, Numbers& y, Numbers& F,
            Numbers& z) {
   try {
     State at;

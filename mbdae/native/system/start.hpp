@@ -7,7 +7,7 @@ namespace mbdae {
 
 // Determine rank and rows in use at y projected onto the closures, and move y there if `project`; y' (ny,) and lam
 // (ng,) at y. `FallBackToPython`, with the rank unknown, where Python must decide.
-void start(Index2System& system, double t, bool project, const IndependentRows::FirstRank& first, Numbers& y, Numbers& F,
+void start(Index2System& system, double t, bool project, const IndependentRows::InitialRank& first, Numbers& y, Numbers& F,
            Numbers& z);
 
 struct FirstStep {

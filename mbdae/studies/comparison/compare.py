@@ -134,7 +134,7 @@ def motion_of(
     t0, t1 = checked_span(problem.duration if t_span is None else t_span)
     if outputs < 1 or max_steps < 1:
         raise InputError(f"expected at least one output and one step, got {outputs = }, {max_steps = }")
-    y, n = problem.point(q, v), problem.nq if isinstance(problem, Mechanism) else 0
+    y, n = problem.point(q, v, t0), problem.nq if isinstance(problem, Mechanism) else 0
     start = (y[:n], y[n : n + problem.nv]) if isinstance(problem, Mechanism) else ()
     times = np.linspace(t0, t1, outputs + 1)[1:]
     return ReferenceMotion(problem, start, (t0, t1), times, max_steps)

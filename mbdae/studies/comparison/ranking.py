@@ -27,8 +27,8 @@ class RankingEntry:
 def work_at(runs: Runs, target: float) -> tuple[float | None, bool]:
     """Return the work that a method needs to reach an error, and whether it is only an upper bound.
 
-    Between its last run above the target and the next one, log work is linear in log error. None if the error of its
-    finest run is above the target.
+    Between its last run above the target and the next one, log work is linear in log error; that of the next one if its
+    error is zero. None if the error of the finest run is above the target.
     """
     above = [i for i, (error, _) in enumerate(runs) if error > target]
     if not runs or (above and above[-1] == len(runs) - 1):
@@ -36,6 +36,8 @@ def work_at(runs: Runs, target: float) -> tuple[float | None, bool]:
     if not above:
         return runs[0][1], True
     (e0, w0), (e1, w1) = runs[above[-1]], runs[above[-1] + 1]
+    if not e1:
+        return w1, False
     fraction = log(e0 / target) / log(e0 / e1)
     return w0 * (w1 / w0) ** fraction, False
 

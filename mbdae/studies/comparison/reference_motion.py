@@ -166,7 +166,7 @@ class ReferenceMotion:
         exact = None if isinstance(self.problem, Mechanism) else self.problem.exact
         if exact is None:
             return None
-        start = self.problem.point()
+        start = self.problem.point(t=self.t_span[0])
         if not np.allclose(exact(self.t_span[0])[0], start, rtol=SOLUTION_ROUNDING, atol=SOLUTION_ROUNDING):
             return None
         y, z = zip(*map(exact, self.times), strict=True)

@@ -10,7 +10,7 @@ from ...mechanism import Driver, Mechanism
 from ...mechanism.forces.dc_motor import DCMotor
 from ...mechanism.forces.joint_pid import JointPID
 from ...mechanism.forces.joint_torque import JointTorque
-from ...mechanism.tree.coordinate_units import coordinate_units, effort_unit
+from ...mechanism.tree.coordinate_units import component_suffixes, coordinate_units, effort_unit
 from ...mechanism.tree.frames import find_joint
 from ...system import Array
 
@@ -141,14 +141,11 @@ def _driver_effort(mech: Mechanism, driver: Driver, name: str) -> _Effort:
 
 
 def _joint_efforts(mech: Mechanism, joint: str, name: str) -> list[_Effort]:
-    j, units = find_joint(mech.model, joint), coordinate_units(mech)
-    columns = [n for n in units if n == f"v.{joint}" or n.startswith(f"v.{joint}.")]
-    out = []
-    for i in range(j.nv):
-        axis = columns[i][2 + len(joint) :] if j.nv > 1 else ""
-        unit = "N" if len(columns) == j.nv and units[columns[i]] == "m/s" else "N m"
-        out.append(_Effort(name + axis, unit, np.eye(mech.nv)[j.idx_v + i], -1))
-    return out
+    first, units = find_joint(mech.model, joint).idx_v, coordinate_units(mech)
+    return [
+        _Effort(name + x, "N" if units[f"v.{joint}{x}"] == "m/s" else "N m", np.eye(mech.nv)[first + i], -1)
+        for i, x in enumerate(component_suffixes(mech, joint)[1])
+    ]
 
 
 def effort_weights(names: Sequence[str], weights: Mapping[str, float] | None) -> Array:

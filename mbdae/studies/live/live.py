@@ -45,7 +45,7 @@ def live(
 
     Args:
         model: a mechanism, or the name or path of one.
-        method: name of a method; the model's own if omitted.
+        method: name of a method; that of the model if omitted.
         step: fixed step in s; controlled if omitted.
         rtol: relative tolerance of controlled steps; 1e-6 if omitted.
         speed: seconds of motion per second.

@@ -12,7 +12,7 @@ from ...mechanism.equilibrium.linearization import LinearMotion, linearize_at, r
 from ...system import Array
 from ...tolerances import CLOSED
 from ..statics.contacts import Contacts, balanced_on_contacts
-from ..statics.equilibrium import complete_arguments, velocities, velocity_labels
+from ..statics.equilibrium import complete_arguments, require_time, velocities, velocity_labels
 from ..statics.stability import loses_rank
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ def operating_point(
             rank or a force has no direction.
         EquilibriumError: if none is found.
     """
+    require_time(t)
     names = as_list(hold, "hold is a list of joints")
     locked = np.unique(np.array([i for name in names for i in velocities(mech, name)], int))
     found = None

@@ -108,7 +108,7 @@ def check_gradients(
         methods: a name or several; all half-explicit and Radau IIA methods when left out.
         parameter: derivatives with respect to this parameter; with respect to a start velocity when left out. A dotted
             name, as of `mbdae.sensitivity`; the velocity is compatible with the closures.
-        T: end time in s; the model's own when left out.
+        T: end time in s; that of the model when left out.
         steps: coarsest number of steps, at least five. From the model file when left out.
         model: factory of the mechanism with another parameter; its source files when left out.
         progress: called with the name of each run.

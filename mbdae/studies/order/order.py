@@ -37,7 +37,7 @@ def order(
     Args:
         problem: a mechanism (started from its model file's state), a textbook problem, or the name or path of one.
         methods: a name or several, or tableaus; ``"all"`` that the problem admits when left out.
-        T: end time in s; the model's own when left out.
+        T: end time in s; that of the model when left out.
         steps: coarsest number of steps, at least five. When left out that of the model file, or fewer if slopes cannot
             be judged otherwise.
         progress: called with the name of each run.

@@ -192,7 +192,7 @@ class BranchPath:
         self, here: BranchMotion, h: float, value: Callable[[BranchMotion], float]
     ) -> tuple[float, BranchMotion]:
         """Return the step length at a sign change of a value, and the point."""
-        return locate(self.step, here, h, value, "periodic motions")
+        return locate(self.across, here, h, value, "periodic motions")  # where a corner is passed, `step` rejects h
 
     def bifurcations(self, here: BranchMotion, there: BranchMotion, h: float) -> list[Bifurcation]:
         """Return the bifurcations of a step, in order."""

@@ -3,7 +3,7 @@
 Margins are the least values of guards between the events of a motion, gaps and speeds, and the impulses of its impacts.
 They are smooth along a branch up to where one becomes zero; beyond, the motion has an event more, or one less, and its
 map has a square root. So a margin is followed from its side, and the parameter at its zero is extrapolated from the
-last few points, as a polynomial in the margin. Impacts and events of the user's end a branch there; where a joint
+last few points, as a polynomial in the margin. Impacts and user-defined events end a branch there; where a joint
 begins to stick it has a corner; where a load touches its limit only a higher derivative jumps.
 Source: A. B. Nordmark, Non-periodic motion caused by grazing incidence in an impact oscillator, J. Sound Vib. 145
 (1991).
@@ -29,7 +29,7 @@ NEAR, NEAR_IMPACTS = INTERPOLATION, THREE_DIGITS  # in units of steps: distance 
 POINTS = 4  # from which the parameter at a zero is extrapolated
 KNOWN_TIMES = ("command", "speed step")  # guards that are functions of time
 SPEEDS = ("impact", "event rate")  # margins with a square root of the parameter
-OF_EVENTS = ("event", "event rate", "condition")  # margins of events of the user's
+OF_EVENTS = ("event", "event rate", "condition")  # margins of user-defined events
 
 
 class Margin(NamedTuple):

@@ -15,7 +15,7 @@ from ...solution.signal_value import value as signal_value
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
 
-WIDTH = 1e-3  # of difference quotients of the user's event functions
+WIDTH = 1e-3  # of difference quotients of event functions, in rad, characteristic lengths, speeds and times
 
 
 @dataclass(frozen=True)
@@ -96,8 +96,9 @@ def terminal_event(trace: Trajectory, event: object) -> EventTimeDerivative | No
     def value(t: float, y: Array) -> float:
         return event_value(s, Event(given), t, y)
 
-    by_t = numerical_derivative(lambda x: value(t + x, y), WIDTH)
-    by_y = numerical_jacobian(lambda x: value(t, s.add(y, x)), s.ny, WIDTH)
+    widths = WIDTH * np.append(s.mechanism.motion_scales, np.ones(s.ns + 1))
+    by_t = numerical_derivative(lambda x: value(t + x, y), WIDTH / s.mechanism.characteristic_rate)
+    by_y = numerical_jacobian(lambda x: value(t, s.add(y, x)), s.ny, widths)
     return _require_transversal(
         trace, EventTimeDerivative(parts, by_t, by_y, np.zeros(trace.sensitivity.k)), function_name(given), value(t, y)
     )

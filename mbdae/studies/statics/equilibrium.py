@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from ...data_types import JsonObject
-from ...errors import UnknownNameError, as_list
+from ...errors import InputError, UnknownNameError, as_list, is_number
 from ...mechanism import Mechanism
 from ...mechanism.flexible.linear_range import beyond_linear
 from ...mechanism.signals.deformation import deformation, deformation_units
@@ -238,6 +238,7 @@ def complete_arguments(
     Raises:
         InputError, UnknownNameError: for wrong values or names.
     """
+    require_time(t)
     start = mech.start_at(t)[0] if q is None else mech.assemble(q, t=t)[0]
     if isinstance(v, Mapping):
         speeds, moving = mech.coordinates(v, of_v=True)
@@ -247,6 +248,16 @@ def complete_arguments(
     fixed = [i for name in as_list(hold, "hold is a list of joints") for i in velocities(mech, name)]
     held = np.unique(np.array([*fixed, *moving], int))
     return start, speeds, held, velocity_labels(mech, held)
+
+
+def require_time(t: object) -> None:
+    """Require a time in s.
+
+    Raises:
+        InputError: for an argument that is not a finite number.
+    """
+    if not is_number(t):
+        raise InputError(f"t is a time in s, got {t!r:.60}")
 
 
 def velocities(mech: Mechanism, name: str) -> range:

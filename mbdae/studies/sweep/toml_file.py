@@ -43,7 +43,7 @@ class SweepTable(Table):
 
     Attributes:
         model: a name, or a path relative to the file.
-        end: end time in s; the model's own when left out.
+        end: end time in s; that of the model when left out.
         start: start time in s.
         times: number of times, or the times, at which signals are evaluated.
         outputs: results of each run.

@@ -21,7 +21,7 @@ from ...tolerances import RANK
 from ..kinematics.curve_derivatives import CurveSignals
 from ..kinematics.result import Kinematics
 
-SLIDING = ("P", "Translation", "FreeFlyer", "Helical")  # beginnings of the kinds of joints that do not lock a point
+SLIDING = ("P", "Translation", "FreeFlyer", "Helical")  # beginnings of the kinds of joints whose bodies slide
 
 
 class Displacements(NamedTuple):
@@ -92,6 +92,6 @@ def _of_joint(found: Kinematics, mech: Mechanism, name: str) -> Displacements:
     return Displacements(signals.poses.rows, signals.derivative)
 
 
-def largest_width(found: Sequence[Displacements]) -> int:
-    """Return the largest number of axes."""
+def largest_axis_count(found: Sequence[Displacements]) -> int:
+    """Return the largest number of axes; 1 without displacements."""
     return max((x.rows.shape[2] for x in found), default=1)

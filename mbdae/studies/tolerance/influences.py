@@ -17,7 +17,7 @@ import numpy as np
 from ...system import Array
 from ...tolerances import RANK, SOLUTION_ROUNDING
 from ..kinematics.curve_derivatives import CurveSignals
-from .clearances import Displacements, largest_width
+from .clearances import Displacements, largest_axis_count
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def influences(signals: CurveSignals, names: Sequence[str], clearances: Mapping[
         clearances: displacements by joint or closure.
     """
     n, shifts = len(signals.found.u), list(clearances.values())
-    found, poses, w = signals.found, signals.poses, largest_width(shifts)
+    found, poses, w = signals.found, signals.poses, largest_axis_count(shifts)
     values = np.array([signals[name] for name in names])
     derivatives = np.array([signals.derivative(name) for name in names])
     columns = found.mechanism.coordinate_scales

@@ -112,7 +112,7 @@ def test_runs_with_commands_are_saved_and_read_again(tmp_path):
     assert (again.modes, again.impacts) == (sol.modes, sol.impacts)
 
 
-def test_wrong_commands_are_refused():
+def test_wrong_commands_are_rejected():
     with pytest.raises(InputError, match="a clutch with engaged locks both ways"):
         clutch((0.0, 1), direction=-1)
     with pytest.raises(InputError, match="a clutch with engaged locks both ways"):

@@ -107,7 +107,7 @@ def test_time_does_not_run_back(four_bar):
         mbdae.solve(four_bar, (0, -1))
 
 
-def test_a_start_beyond_a_stop_is_refused(four_bar):
+def test_a_start_beyond_a_stop_is_rejected(four_bar):
     mech = mbdae.load("four_bar", stops=[Stop(joint="rocker", upper=1.0)])
     with pytest.raises(InputError, match=r"'rocker stop' is penetrated by .* rad at the start"):
         mbdae.solve(mech, (0, 1))

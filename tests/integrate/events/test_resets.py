@@ -112,6 +112,38 @@ def test_a_python_function_is_the_table(file):
     np.testing.assert_allclose(*tangents, rtol=1e-10, atol=1e-10)
 
 
+def test_a_python_function_of_time_is_the_table(tmp_path):
+    path = tmp_path / "later.toml"
+    path.write_text(PENDULUM.replace('"-0.8*v.rod"', '"-(0.8 + 0.3*t)*v.rod"'))
+    mech = mbdae.load(path)
+    by_v = [lambda t, q, v: np.diag([1.0, -0.8 - 0.3 * t]), None]
+    resets = [Reset.of_function(lambda t, q, v: (q, -(0.8 + 0.3 * t) * v), "q.rod > 0.4", "v.rod > 0.1", partials=p)
+              for p in by_v]  # fmt: skip
+    mechs = [mech, *(mbdae.Mechanism(mech.model, resets=[r], start=mech.start_values) for r in resets)]
+    table, *functions = (mbdae.sensitivity(mbdae.solve(m, (0, 2.5), rtol=1e-11), start=True).dy[-1] for m in mechs)
+    np.testing.assert_allclose(functions, [table] * 2, rtol=1e-9, atol=1e-9)
+
+
+def test_differences_of_functions_do_not_depend_on_the_size():
+    """A falling block, all lengths in radii of gyration r: a jump, a controller and the end depend on q/r."""
+
+    def derivatives(r):
+        model = pin.Model()
+        model.gravity.linear[:] = [0, 0, -9.81 * r]
+        joint = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "z")
+        model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), r**2 * np.eye(3)), pin.SE3.Identity())
+        back = Reset.of_function(lambda t, q, v: (q, -v * np.cos(q / r)), "t > 0.35")
+        hold = mbdae.Sampled(lambda t, q, v, x: (r * x, np.sin(q / r)), 10, joints="z", memory={"x": 0.0}, name="hold")
+        mech = mbdae.Mechanism(model, forces=[hold], resets=[back])
+        end = mbdae.Event(lambda t, q, v: np.sin(q[0] / r) + 0.1 * v[0] / r - 0.8, terminal=True, direction=1)
+        sol = mbdae.solve(mech, (0, 2), [r], [0.0], rtol=1e-11, atol=1e-13 * r, events=end)
+        assert (sol.status, len(sol.resets)) == ("event", 1)
+        found = mbdae.sensitivity(sol, start=True, event=end)
+        return np.vstack([found.dy[-1][:2, :2], found.dt[-1, :2] * r])
+
+    np.testing.assert_allclose(derivatives(1e-5), derivatives(1.0), rtol=1e-7)
+
+
 def test_a_saved_run_keeps_its_events(file, tmp_path):
     plain = mbdae.load(file)
     sol = mbdae.solve(plain, (0, 2.5))

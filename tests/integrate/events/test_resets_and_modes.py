@@ -156,6 +156,6 @@ def test_the_gradient_is_the_transposed_tangent():
     np.testing.assert_allclose(list(found.gradient.values())[:2], (weights @ tangent)[:2], rtol=1e-11)
 
 
-def test_a_closure_within_a_range_is_refused():
+def test_a_closure_within_a_range_is_rejected():
     with pytest.raises(InputError, match="acts in ranges, which events do not know"):
         mbdae.load("geneva_drive", resets=[Reset(name="stop", signal="t > 1", state={"v.crank": 0.0})])

@@ -48,11 +48,11 @@ def test_passed_and_reported_where_positions_are_kept(options):
 def test_a_crossing_uses_nodes_of_the_run_when_no_backward_step_succeeds(monkeypatch):
     asked = []
 
-    def refused(run, *_):
+    def rejected(run, *_):
         asked.append(run.t)
         raise StepError("step_size", "rounding forbids steps so sharp")
 
-    monkeypatch.setattr(backward_steps, "time_loop", refused)
+    monkeypatch.setattr(backward_steps, "time_loop", rejected)
     sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 2), rtol=1e-8, project=True)
     assert asked
     assert sol.success
@@ -137,7 +137,7 @@ def test_commands_and_files(tmp_path):
 
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("options", [{}, {"project": True}, {"formulation": "ggl"}])
-def test_a_start_in_a_singular_configuration_is_refused_when_the_rank_rises(options):
+def test_a_start_in_a_singular_configuration_is_rejected_when_the_rank_rises(options):
     mech = mbdae.load("n_four_bar", N=1)
     sol = mbdae.solve(mech, (0, 1), np.zeros(3), np.array([1.0, -1.0, 1.0]), **options)
     assert sol.status in ("rank", "newton")

@@ -54,7 +54,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("table", "error", "words"), WRONG)
-def test_wrong_settings_are_refused(tmp_path, table, error, words):
+def test_wrong_settings_are_rejected(tmp_path, table, error, words):
     with pytest.raises(error, match=words):
         bob(tmp_path, table)
 

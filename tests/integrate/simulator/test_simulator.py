@@ -256,7 +256,7 @@ def crank_driven(**keys):
 
 
 @pytest.mark.parametrize("keys", [{"speed": Input(name="rate")}, {"motion": Input(name="rate", hold="first")}])
-def test_an_input_that_lets_a_driver_jump_is_refused(keys):
+def test_an_input_that_lets_a_driver_jump_is_rejected(keys):
     with pytest.raises(mbdae.MbdaeError, match=r"drive.*rate.*impact.*hold = 'first'"):
         mbdae.Simulator(crank_driven(**keys))
 

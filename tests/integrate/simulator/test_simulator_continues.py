@@ -17,7 +17,7 @@ def test_after_a_terminal_event_steps_lead_to_the_grid_again(backend):
     assert np.diff(simulator.solution().t).max() <= 1e-3 * (1 + 1e-9)
 
 
-def test_a_state_of_another_simulator_is_refused_and_nothing_is_lost():
+def test_a_state_of_another_simulator_is_rejected_and_nothing_is_lost():
     simulator, other = (mbdae.Simulator(name, step=1e-3) for name in ("four_bar", "slider_crank"))
     simulator.advance(0.01)
     for state, words in (

@@ -19,7 +19,7 @@ def with_motor(forces=()):
     return Mechanism(m.model, m.closures, [torque, *forces], start=m.start_values)
 
 
-def refused(call, match=""):
+def rejected(call, match=""):
     with pytest.raises(mbdae.MbdaeError, match=rf"^[^\n]*{match}[^\n]*$"):
         call()
 
@@ -44,7 +44,7 @@ def refused(call, match=""):
     ],
 )
 def test_wrong_arguments(options, match):
-    refused(lambda: mbdae.Simulator(with_motor(), **options), match)
+    rejected(lambda: mbdae.Simulator(with_motor(), **options), match)
 
 
 def test_wrong_calls_change_nothing():
@@ -53,13 +53,13 @@ def test_wrong_calls_change_nothing():
     simulator.advance(5e-3)
     before = simulator.t, simulator.q, simulator["motor"]
     for dt in (0.0, -1e-3, np.nan, np.inf, "x", True):
-        refused(lambda dt=dt: simulator.advance(dt), "dt must be")
+        rejected(lambda dt=dt: simulator.advance(dt), "dt must be")
     for value in (np.nan, np.inf, "x", None, True, [1.0]):
-        refused(lambda value=value: simulator.__setitem__("motor", value), "motor")
-    refused(lambda: simulator["engine"], "engine.*motor")
-    refused(lambda: simulator.signals("q.krank"), "q.krank.*q.crank")
+        rejected(lambda value=value: simulator.__setitem__("motor", value), "motor")
+    rejected(lambda: simulator["engine"], "engine.*motor")
+    rejected(lambda: simulator.signals("q.krank"), "q.krank.*q.crank")
     for state in ("x", None, mbdae.Simulator("pendulum", step=1e-3).save(), mbdae.Simulator("four_bar").save()):
-        refused(lambda state=state: simulator.restore(state), "restore|another mechanism")
+        rejected(lambda state=state: simulator.restore(state), "restore|another mechanism")
     after = simulator.t, simulator.q, simulator["motor"]
     assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
     simulator.advance(5e-3)
@@ -76,11 +76,11 @@ def test_a_stopped_simulator_keeps_its_record_and_continues_from_a_save():
     simulator = mbdae.Simulator(with_motor([sensor]), step=1e-3)
     simulator.advance(0.01)
     state = simulator.save()
-    refused(lambda: simulator.advance(0.01), "broken sensor")
+    rejected(lambda: simulator.advance(0.01), "broken sensor")
     calls = simulator.save, lambda: simulator.advance(1e-3), lambda: simulator.__setitem__("motor", 1.0)
     for call in calls:
-        refused(call, "stopped at t = 0.01.*broken sensor")
-    refused(simulator.tangent, "has not advanced")
+        rejected(call, "stopped at t = 0.01.*broken sensor")
+    rejected(simulator.tangent, "has not advanced")
     sol = simulator.solution()
     assert sol.status == "force"
     assert 0.01 < sol.t[-1] <= 0.015

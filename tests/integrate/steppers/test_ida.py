@@ -1,4 +1,4 @@
-"""SUNDIALS' IDA on the index-2 forms: agreement with Radau IIA and exact solutions, its Jacobian, refusals."""
+"""SUNDIALS' IDA on the index-2 forms: agreement with Radau IIA and exact solutions, its Jacobian, rejections."""
 
 import sys
 
@@ -138,13 +138,13 @@ REFUSED = [
 
 @pytest.mark.usefixtures("sundials")
 @pytest.mark.parametrize(("name", "options", "words"), REFUSED)
-def test_refusals(name, options, words):
+def test_rejections(name, options, words):
     with pytest.raises(InputError) as caught:
         mbdae.solve(name, (0.0, 0.1), **{"method": "ida", **options})
     assert all(word in str(caught.value) for word in words)
 
 
-def test_a_projected_multistep_method_is_refused():
+def test_a_projected_multistep_method_is_rejected():
     with pytest.raises(InputError, match=r"'ida' .*'project'"):
         Variant.parse("project:ida")
 

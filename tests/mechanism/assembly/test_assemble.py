@@ -135,7 +135,7 @@ def test_a_loop_that_cannot_close_says_what_stays_open():
         mech.assemble()
 
 
-def test_velocities_that_contradict_a_loop_are_refused():
+def test_velocities_that_contradict_a_loop_are_rejected():
     mech = four_bar()
     with pytest.raises(AssemblyError, match=r"no consistent velocity: closure 'pin' stays open by .* m/s \(fixed"):
         mech.assemble(q={"crank": 1.0}, v={"crank": 1.0, "coupler": 1.0, "rocker": 0.0})

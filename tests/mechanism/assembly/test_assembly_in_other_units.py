@@ -47,10 +47,10 @@ def test_starts_are_rejected_in_all_units(name):
     for units in UNIT_SYSTEMS:
         other = units.mechanism(mech)
         at, there = q * units.configuration(mech), v * units.speeds(mech)
-        for size, refused in ((1e-8, False), (1e-3, True)):
+        for size, rejected in ((1e-8, False), (1e-3, True)):
             x = size * np.random.default_rng(0).uniform(0.5, 1, mech.nv) * other.coordinate_scales
             moved = other.manifold.integrate(at, x)
-            if not refused:
+            if not rejected:
                 other.point(moved, there)
                 continue
             with pytest.raises(MbdaeError, match="not consistent"):

@@ -188,7 +188,7 @@ def test_a_rack_on_an_unbounded_pinion_is_measured_up_to_turns():
     assert v == pytest.approx([0.1, 2.0])
 
 
-def test_undefined_couplings_are_refused_by_name():
+def test_undefined_couplings_are_rejected_by_name():
     with pytest.raises(InputError, match=r"'gears': the ratio 3.14.* of two unbounded joints is no fraction"):
         two_wheels(["continuous", "continuous"], (0.0, np.pi))
     with pytest.raises(InputError, match="'gears': powers of an unbounded joint's angle"):

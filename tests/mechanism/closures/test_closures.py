@@ -287,7 +287,7 @@ def test_kinetic_and_potential_energy():
         assert kinetic == pytest.approx(momenta + 0.5 * v @ (model.armature * v))
 
 
-def test_what_closes_nothing_or_is_numbered_wrongly_is_refused():
+def test_what_closes_nothing_or_is_numbered_wrongly_is_rejected():
     model = pin.Model(MODELS["revolute"])
     model.addFrame(pin.Frame("again", model.getJointId("revolute_6"), pin.SE3.Random(), pin.FrameType.OP_FRAME))
     with pytest.raises(MbdaeError, match="'tip_6-again' closes nothing"):

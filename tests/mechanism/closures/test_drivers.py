@@ -42,7 +42,7 @@ def test_a_table_interpolates_its_points_and_continues_linearly():
     assert (u2, bend) == pytest.approx((u1 + 0.5 * speed, 0), abs=1e-13)
 
 
-def test_refusals():
+def test_rejections():
     with pytest.raises(InputError, match="needs rate and acceleration"):
         Driver(joint="a", motion=np.sin)
     with pytest.raises(InputError, match="cannot follow steps"):
@@ -122,7 +122,7 @@ def test_the_start_is_consistent_at_its_time(name, t):
     np.testing.assert_allclose(sol.q[0], mech.start_at(t)[0], rtol=0, atol=1e-11)
 
 
-def test_inconsistent_starts_are_refused_by_name():
+def test_inconsistent_starts_are_rejected_by_name():
     mech = linkage()
     with pytest.raises(AssemblyError, match=r"'crank driver' stays open by .* \(fixed: crank\)"):
         mech.assemble(q={"crank": 0.5})

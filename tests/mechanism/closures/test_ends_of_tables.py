@@ -42,7 +42,7 @@ def test_a_run_ends_with_the_table(backend):
     assert (backward.status, backward.t[-1]) == ("driver", 0.0)
 
 
-def test_a_run_outside_of_the_table_is_refused():
+def test_a_run_outside_of_the_table_is_rejected():
     for span in ((0.9, 2.0), (-0.1, 0.5), (T, 1.0), (0.0, -1.0)):
         with pytest.raises(InputError, match=r"is known from t = 0 to 0\.8 s only"):
             mbdae.solve(slider(), span)

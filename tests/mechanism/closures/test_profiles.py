@@ -43,7 +43,7 @@ def test_a_profile_through_points_keeps_the_order(method, order, steps):
     )  # as on an exact circle at these steps; cubic splines reach 3
 
 
-def test_undercut_is_refused():
+def test_undercut_is_rejected():
     hollow = {"kind": "fourier", "x": (0, 1, 0, 0, 0, 0.2, 0), "y": (0, 0, 1, 0, 0, 0, -0.2)}
     with pytest.raises(InputError, match=r"undercut: the profile is concave at .* with a radius of 3\.2 m"):
         Closure.cam("cam", "follower", hollow, radius=4.0)
@@ -85,7 +85,7 @@ def test_a_slot_ends():
         mech.residual(np.array([0.0, 0.06]), np.zeros(2))
 
 
-def test_laws_are_refused_where_they_are_not_defined():
+def test_laws_are_rejected_where_they_are_not_defined():
     model = pin.Model()
     for name, joint in (("wheel", pin.JointModelRUBZ()), ("slide", pin.JointModelPX())):
         number = model.addJoint(0, joint, pin.SE3.Identity(), name)

@@ -13,6 +13,7 @@ from numpy import cos, pi, sin
 import mbdae
 from mbdae import Closure
 from mbdae.integrate.steppers.native import NativeStepper
+from mbdae.mechanism.signals.contacts import first_negative
 
 G = 9.81
 
@@ -40,6 +41,20 @@ def test_a_disc_circles_steadily():
     np.testing.assert_allclose(contact.normal, G, rtol=1e-11)  # 1 kg, at one height
     np.testing.assert_allclose(np.abs(contact.lateral), 0.3 * abs(n) * 4, rtol=1e-9)  # the centre's circle: R n/W
     assert contact.lifts_off is None
+
+
+@pytest.mark.parametrize(
+    ("normal", "time"),
+    [
+        ([1.0, -1e-16, 1.0, 0.5, -0.5], 3.5),
+        ([0.0, -1e-16, 2.0], None),
+        ([-1.0, 1.0], 0.0),
+        ([np.nan, -1.0], 1.0),
+        ([np.nan, np.nan], None),
+    ],
+)
+def test_normal_forces_of_rounding_do_not_lift_off(normal, time):
+    assert first_negative(np.arange(5.0)[: len(normal)], np.array(normal)) == time
 
 
 @pytest.mark.parametrize(("spin", "root"), [(5.0, 5.8172158288996j), (1.0, 4.87442304278158)])

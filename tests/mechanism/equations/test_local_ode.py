@@ -172,7 +172,7 @@ def test_wrong_inputs_are_one_line():
         mbdae.Mechanism(mech.model, mech.closures, drivers=[drive], start=mech.start_values).ode()
 
 
-def test_modes_are_refused():
+def test_modes_are_rejected():
     with pytest.raises(mbdae.MbdaeError, match=r"^[^\n]*modes[^\n]*$"):
         mbdae.load("pendulum_on_stop").ode()
     mech = mbdae.load("four_bar")

@@ -180,6 +180,6 @@ fibre = [5e-3, 0.0]
         ({"plane": "x"}, UnknownNameError, "unknown plane 'x'; valid: y, z, space"),
     ],
 )
-def test_bad_data_is_refused_in_one_line(change, error, message):
+def test_bad_data_is_rejected_in_one_line(change, error, message):
     with pytest.raises(error, match=message):
         mbdae.beam(**UNIT | change)

@@ -102,7 +102,7 @@ def test_rigid_interfaces_turn(truss):
         ),
     ],
 )
-def test_bad_data_is_refused_in_one_line(truss, change, message):
+def test_bad_data_is_rejected_in_one_line(truss, change, message):
     given = dict(zip(("points", "masses", "K"), truss, strict=True))
     given |= {"interface": {"A": [0], "B": [1], "C": [2]}, "modes": 2} | change
     with pytest.raises(InputError, match=message):

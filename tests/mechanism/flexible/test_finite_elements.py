@@ -122,7 +122,7 @@ def _without_rows(text):
         ("mas", lambda x: "\x1b" * 9999, r"^.{,200}$"),
     ],
 )
-def test_bad_jobs_are_refused_in_one_line(tmp_path, suffix, change, message):
+def test_bad_jobs_are_rejected_in_one_line(tmp_path, suffix, change, message):
     file = copytree(FOLDER, tmp_path / "bar") / f"bar.{suffix}"
     file.write_text(change(file.read_text()))
     with pytest.raises(InputError, match=message) as error:
@@ -130,7 +130,7 @@ def test_bad_jobs_are_refused_in_one_line(tmp_path, suffix, change, message):
     assert str(error.value).isprintable()
 
 
-def test_bad_files_are_refused_in_one_line(tmp_path):
+def test_bad_files_are_rejected_in_one_line(tmp_path):
     folder = copytree(FOLDER, tmp_path / "bar")
     with pytest.raises(InputError, match="finite elements: the path of a file, got None"):
         mbdae.read_finite_elements(None)

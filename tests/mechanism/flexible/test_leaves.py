@@ -41,7 +41,7 @@ def blade():
         ('[[frame]]\nname = "flag"\nparent = "bar"\n', r"'bar' cannot be a parent: 'bar' is flexible"),
     ],
 )
-def test_children_of_nodes_are_refused(tmp_path, child, text):
+def test_children_of_nodes_are_rejected(tmp_path, child, text):
     (tmp_path / "bar.toml").write_text(CLAMPED + child)
     with pytest.raises(InputError, match=text):
         mbdae.load(tmp_path / "bar.toml")
@@ -61,7 +61,7 @@ def test_a_weld_to_a_node_carries_a_beam(tmp_path):
 
 
 @pytest.mark.parametrize("child", ["joint", "mass"])
-def test_models_with_children_of_modes_are_refused(child):
+def test_models_with_children_of_modes_are_rejected(child):
     model = pin.Model()
     body = attach_flexible(model, "blade", blade(), None)
     at = body.carrier(model)

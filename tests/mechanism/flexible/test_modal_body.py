@@ -115,7 +115,7 @@ def test_the_weight_acts_on_the_deformed_body():
         ),
     ],
 )
-def test_bad_data_is_refused_in_one_line(change, message):
+def test_bad_data_is_rejected_in_one_line(change, message):
     r, m, Phi = flexible_bodies.points()
     with pytest.raises(InputError, match=message):
         ModalBody.of_points(**{"r": r, "masses": m, "Phi": Phi, "stiffness": np.ones(4), **change})

@@ -75,7 +75,7 @@ def test_a_saved_run_keeps_the_numbers(folder):
         ({"color": 1.0}, "'rod': unknown numbers 'color'; valid: mass, s0, I0"),
     ],
 )
-def test_bad_numbers_are_refused_in_one_line(change, message):
+def test_bad_numbers_are_rejected_in_one_line(change, message):
     with pytest.raises(InputError, match=message):
         modal_body_from_data(modal_data(rod((0.0,) * 4)[0]) | change, "rod")
 
@@ -117,7 +117,7 @@ BEAM = "length = 1.0\nyoung = 7e10\ndensity = 2700.0\narea = 1e-4\nsecond_moment
         ("length = 1.0", "flexible.rod: a beam needs young, density, area, second_moment; another body has a file"),
     ],
 )
-def test_bad_tables_are_refused_in_one_line(folder, text, message):
+def test_bad_tables_are_rejected_in_one_line(folder, text, message):
     (folder / "rod.toml").write_text(MODEL.replace('file = "rod.npz"', text))
     with pytest.raises(InputError, match=message):
         mbdae.load(folder / "rod.toml")

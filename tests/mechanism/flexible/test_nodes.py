@@ -24,7 +24,7 @@ def test_rotation_vectors(size):
     spin = turn.E.T @ derivative(lambda s: rotation_vector(theta + s * rate).E, 0.0)
     np.testing.assert_allclose(turn.Jr @ rate, [spin[2, 1], spin[0, 2], spin[1, 0]], atol=1e-11)
     moved = derivative(lambda s: rotation_vector(theta + s * rate).Jr @ z, 0.0)
-    np.testing.assert_allclose(turn.jacobian_rate(z) @ rate, moved, atol=1e-11)
+    np.testing.assert_allclose(turn.jacobian_partials(z) @ rate, moved, atol=1e-11)
     assert np.linalg.det(turn.Jr) == pytest.approx(2 * turn.functions[0], rel=1e-13)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from motors import motor
 from test_fmu_motion import END, FILE, MASS, STEP, cart, drive
-from test_fmu_refusals import message
+from test_fmu_rejections import message
 from valves import FREE, at_instants, cylinder, driven, exact, framed, valve
 
 import mbdae

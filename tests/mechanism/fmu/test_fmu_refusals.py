@@ -22,7 +22,7 @@ def message(action):
     ("changes", "words"),
     [
         ({"file": "none.fmu"}, ["no such file: none.fmu"]),
-        ({"file": __file__}, ["test_fmu_refusals.py is not an FMU: File is not a zip file"]),
+        ({"file": __file__}, ["test_fmu_rejections.py is not an FMU: File is not a zip file"]),
         ({"inputs": {"angel": "q.cart 0"}}, ["unknown input of FMU 'motor'", "'angle'", "valid: angle, speed"]),
         ({"inputs": {"torque": "q.cart 0"}}, ["unknown input of FMU 'motor'", "valid: angle, speed"]),
         ({"inputs": {"angle": "q.card 0"}}, ["unknown signal 'q.card 0'", "q.cart 0"]),

@@ -233,7 +233,7 @@ def test_names_of_laws_with_states_differ():
         mbdae.solve(arm(motors[0]), (0, 1), s=[1.0, 2.0])
 
 
-def test_joints_that_do_not_fit_are_refused_with_the_name_of_what_acts():
+def test_joints_that_do_not_fit_are_rejected_with_the_name_of_what_acts():
     model = pin.Model()
     j = model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "wheel")
     model.appendBodyToJoint(j, pin.Inertia.Random(), pin.SE3.Identity())

@@ -232,7 +232,7 @@ class Undeclared(PythonForce):
         return Spring(self.name, [0], [0])
 
 
-def test_a_conservative_part_without_a_potential_is_refused_by_name(monkeypatch):
+def test_a_conservative_part_without_a_potential_is_rejected_by_name(monkeypatch):
     """The run ends where this part first acts, and keeps the steps before."""
     monkeypatch.setattr(forces, "PYTHON_FORCES", (*forces.PYTHON_FORCES, Undeclared))
     mech = mbdae.load("four_bar", forces=[Undeclared()])

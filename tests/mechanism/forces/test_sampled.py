@@ -111,7 +111,7 @@ def test_events_between_and_at_jumps():
     assert ended.status == "event"
 
 
-def test_rates_beyond_rounding_are_refused():
+def test_rates_beyond_rounding_are_rejected():
     sol = mbdae.solve(arm(JointPID(joint="arm", kp=1.0, rate=1e300)), (0, 1))
     assert sol.status == "step_size"
     assert "jumps follow one another too closely" in sol.message

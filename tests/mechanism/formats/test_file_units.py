@@ -66,6 +66,40 @@ def test_every_number_says_its_unit():
     assert not missing
 
 
+DOTTED = """
+title = "A joint with the name of another one, a dot and more"
+units = {{ length = "mm", angle = "deg" }}
+{bodies}
+[[force]]
+kind = "joint_spring"
+joint = "arm"
+stiffness = 2.0
+damping = 0.1
+[start]
+q = {{ arm = 30.0, "arm.tip" = 20.0 }}
+v = {{ arm = 60.0, "arm.tip" = 5.0 }}
+"""
+BODY = """
+[[body]]
+name = "{name}"
+parent = "world"
+joint = "{joint}"
+axis = [0, 1, 0]
+mass = 1.0
+com = [0, 0, -100]
+inertia = [1e4, 1e4, 1e4, 0, 0, 0]
+"""
+
+
+def test_names_of_joints_with_dots(tmp_path):
+    bodies = BODY.format(name="arm", joint="revolute") + BODY.format(name="arm.tip", joint="prismatic")
+    mech = mechanism_of(DOTTED.format(bodies=bodies), tmp_path)
+    np.testing.assert_allclose(mech.start, [[np.pi / 6, 0.02], [np.pi / 3, 0.005]], rtol=1e-14)
+    (spring,) = mech.forces
+    assert spring.stiffness == pytest.approx(2e-3 * 180 / np.pi, rel=1e-14)  # N mm/deg
+    assert spring.damping == pytest.approx(1e-4 * 180 / np.pi, rel=1e-14)
+
+
 @pytest.mark.parametrize("name", ["four_bar", "flyball_governor", "stewart_platform", "slider_crank_with_stop"])
 def test_models_of_the_library_are_the_same_in_mm_and_t(name, tmp_path, monkeypatch):
     content, mech = tomllib.loads((models_directory() / name / "mechanism.toml").read_text()), mbdae.load(name)

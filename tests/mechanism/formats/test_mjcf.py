@@ -107,7 +107,7 @@ def test_velocities_convert_as_mujoco_integrates_them(name):
         np.testing.assert_allclose(rate, v, atol=1e-6)
 
 
-def test_wrong_lengths_are_refused():
+def test_wrong_lengths_are_rejected():
     model = load("trees").model
     with pytest.raises(InputError, match="expected shapes"):
         from_mujoco(model, np.zeros(3))

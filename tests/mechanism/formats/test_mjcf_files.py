@@ -219,7 +219,7 @@ def test_sources_of_mjcf_share_a_mechanism(tmp_path):
     assert np.abs(mech.residual(q, v)[0]).max() < 1e-10
 
 
-def test_sources_that_disagree_about_gravity_are_refused(tmp_path):
+def test_sources_that_disagree_about_gravity_are_rejected(tmp_path):
     body = '<worldbody><body><joint/><geom size="0.1"/></body></worldbody>'
     text = ""
     for name, g in (("a", "0 0 -9.81"), ("b", "0 0 -1.62")):
@@ -233,7 +233,7 @@ def test_sources_that_disagree_about_gravity_are_refused(tmp_path):
     assert mbdae.load(path).gravity.tolist() == [0, 0, -1.62]
 
 
-def test_a_loop_that_is_open_at_the_start_is_reported_and_closed_or_refused():
+def test_a_loop_that_is_open_at_the_start_is_reported_and_closed_or_rejected():
     path = DATA / "open_four_bar.xml"
     with pytest.warns(UserWarning, match=r"closure 'pin' is open by 2\.59 m as given: assembly closes it"):
         mech = mbdae.load(path, key="apart")

@@ -18,7 +18,7 @@ def worker():
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("kind", Mutants.KINDS)
-def test_files_with_mistakes_are_read_or_refused_in_one_line(kind, worker):
+def test_files_with_mistakes_are_read_or_rejected_in_one_line(kind, worker):
     if kind in ("mjcf", "replicated", "saved"):
         pytest.importorskip("mujoco", reason="mujoco is not installed")
     assert not hunt(worker, [kind], FEW)[0]

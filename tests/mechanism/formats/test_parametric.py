@@ -8,6 +8,8 @@ from click.testing import CliRunner
 
 import mbdae
 from mbdae.__main__ import cli
+from mbdae.errors import InputError
+from mbdae.mechanism.formats.mechanism_file.template import Template
 
 TOWER = """
 from typing import Annotated, Literal
@@ -133,3 +135,21 @@ def test_files_that_are_wrong(text, message, tmp_path):
 def test_models_without_parameters_take_none():
     with pytest.raises(mbdae.MbdaeError, match="unknown parameter of four_bar 'N'; valid: none"):
         mbdae.load("four_bar", N=3)
+
+
+ARM = """
+title = "Two springs"
+body = [{{ name = "arm", parent = "world", axis = [0, 1, 0], mass = 1.0, com = [0, 0, -1] }}]
+force = [
+    {{ kind = "joint_spring", name = "{0}", joint = "arm", stiffness = 1.0 }},
+    {{ kind = "joint_spring", name = "{1}", joint = "arm", stiffness = 3.0 }},
+]
+"""
+
+
+@pytest.mark.parametrize(("name", "other"), [("pull", "pull"), ("joint_spring 2", "")])
+def test_a_name_of_two_forces_is_no_parameter(tmp_path, name, other):
+    path = tmp_path / "arm.toml"
+    path.write_text(ARM.format(name, other))
+    with pytest.raises(InputError, match=f"force.{name}.stiffness: several entries are named '{name}'"):
+        Template(path).make({f"force.{name}.stiffness": 7.0})

@@ -242,7 +242,7 @@ def test_mjcf_reads_its_own_files_and_those_of_packages(model):
      '<body><composite type="cable" count="1000000000 1 1"/></body>',
      '<body><flexcomp name="f" type="grid" count="1000 1000 1000" spacing="1 1 1"/></body>'],
 )  # fmt: skip
-def test_endless_mjcf_is_refused(model, text):
+def test_endless_mjcf_is_rejected(model, text):
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     inner = BODY.removeprefix("<worldbody>").removesuffix("</worldbody>")
     (model / "x.xml").write_text(f"<mujoco><worldbody>{text.format(body=inner)}</worldbody></mujoco>")
@@ -253,7 +253,7 @@ def test_endless_mjcf_is_refused(model, text):
 # -- robot.yaml --------------------------------------------------------------------------------------------------
 
 
-def test_aliases_that_explode_are_refused(tmp_path):
+def test_aliases_that_explode_are_rejected(tmp_path):
     """600 bytes that expand to ten to the ninth entries."""
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 9)]

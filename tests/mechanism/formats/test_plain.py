@@ -103,7 +103,7 @@ def test_a_wrong_number_is_named(where, value, said):
         model_from_data(json.loads(json.dumps(data)))
 
 
-def test_runs_of_earlier_formats_are_refused_in_one_line(tmp_path):
+def test_runs_of_earlier_formats_are_rejected_in_one_line(tmp_path):
     model, _ = depth_first(tree(["revolute"], [0]))
     mbdae.solve(mbdae.Mechanism(model), (0, 1e-3), step=5e-4).save(tmp_path / "run.npz")
     with np.load(tmp_path / "run.npz") as file:

@@ -124,7 +124,7 @@ def test_joints_without_an_axis_refuse_one(tmp_path, kind):
 
 
 @pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic", "planar"])
-def test_axes_of_zero_are_refused(tmp_path, kind):
+def test_axes_of_zero_are_rejected(tmp_path, kind):
     with pytest.raises(InputError, match=r"slider.urdf: the axis of joint 'slide' is not a direction: 0.0 0.0 0.0"):
         in_urdf(tmp_path, (0.0, 0.0, 0.0), kind)
     with pytest.raises(InputError, match="the axis of body 'puck' is zero"):

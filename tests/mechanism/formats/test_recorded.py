@@ -35,6 +35,6 @@ def test_a_table_marks_what_another_program_reads():
     assert unread_phrases(robot.unread()) == ["@owner", "link/text() of b"]
 
 
-def test_a_text_that_is_no_xml_is_refused():
+def test_a_text_that_is_no_xml_is_rejected():
     with pytest.raises(InputError, match=r"^r\.xml is not XML: "):
         Recorded.parse("<robot>", "r.xml")

@@ -24,7 +24,7 @@ def test_a_python_file_that_a_sweep_names_is_said(tmp_path, model):
     assert len(said) == 1
 
 
-def test_names_with_control_characters_are_refused(tmp_path):
+def test_names_with_control_characters_are_rejected(tmp_path):
     body = '[[body]]\nname = "NAME"\nparent = "world"\nmass = 1.0\n'
     for text, said in ((f'title = "{RED}"', "title"), (body.replace("NAME", "\\u001b[2J"), r"body\.0\.name")):
         (tmp_path / "x.toml").write_text(text.replace("\x1b", "\\u001b") + "\n" + body.replace("NAME", "arm"))
@@ -35,7 +35,7 @@ def test_names_with_control_characters_are_refused(tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:x. not carried over. other contents of x.xml, which is not well-formed XML")
-def test_mjcf_names_with_control_characters_are_refused(tmp_path):
+def test_mjcf_names_with_control_characters_are_rejected(tmp_path):
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     text = f'<mujoco><worldbody><body name="{RED}"><joint/><geom size="0.1"/></body></worldbody></mujoco>'
     (tmp_path / "x.xml").write_text(text)

@@ -139,7 +139,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("options", "words"), REFUSED)
-def test_refusals(options, words):
+def test_rejections(options, words):
     with pytest.raises(mbdae.MbdaeError) as caught:
         mbdae.solve(mbdae.load("four_bar"), (0.0, 1.0), **options)
     assert isinstance(caught.value, ValueError)
@@ -149,7 +149,7 @@ def test_refusals(options, words):
 
 
 @pytest.mark.parametrize("method", ["Radau", "LSODA"])
-def test_implicit_solvers_are_refused_on_manifolds(method):
+def test_implicit_solvers_are_rejected_on_manifolds(method):
     with pytest.raises(mbdae.MbdaeError, match=f"'{method}'.*RK45, DOP853"):
         mbdae.solve(mbdae.load("heavy_top"), (0.0, 1.0), method=method, formulation="index1")
     with pytest.raises(mbdae.MbdaeError, match="one number as atol"):

@@ -99,6 +99,6 @@ def test_parameters_of_files():
         across.require_consistent(0.0, q)
 
 
-def test_what_changes_more_than_numbers_is_refused():
+def test_what_changes_more_than_numbers_is_rejected():
     with pytest.raises(InputError, match="'N' changes joints"):
         Parameters(lambda x: Mechanism(tree(["rx"] * round(100 * x["N"]), range(round(100 * x["N"])))), {"N": 1.0})

@@ -111,7 +111,7 @@ def test_friction_that_wedges_is_named():
     assert "friction jams closure 'ground'" in sol.message
 
 
-def test_wrong_friction_is_refused():
+def test_wrong_friction_is_rejected():
     slot, point = Closure.slot("world", "body", CircleProfile(radius=R), name="wire"), Closure.point("world", "body")
     with pytest.raises(UnknownNameError, match=r"unknown closure 'wore' .did you mean 'wire'"):
         Mechanism(planar_body(), [slot], [CoulombFriction(closure="wore", coefficient=0.1)])

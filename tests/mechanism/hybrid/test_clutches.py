@@ -109,7 +109,7 @@ def test_two_opposed_clutches_lock_both_ways(swapped):
     assert mbdae.drift(sol).energy_relative < 1e-10
 
 
-def test_wrong_clutches_are_refused():
+def test_wrong_clutches_are_rejected():
     with pytest.raises(InputError, match="a clutch needs one of joint and joints"):
         Clutch()
     with pytest.raises(InputError, match="a clutch joins 'a' with itself"):

@@ -142,7 +142,7 @@ def test_friction_of_the_source_is_taken_on_request():
         block(JointFriction(static=0.5), source=0.7)
 
 
-def test_wrong_friction_is_refused():
+def test_wrong_friction_is_rejected():
     with pytest.raises(InputError, match=r"static is at least friction, 2, got 1"):
         JointFriction(friction=2.0, static=1.0)
     with pytest.raises(InputError, match="velocity belongs to regularised friction"):

@@ -59,7 +59,7 @@ def test_depth_of_windows():
     assert ActiveRange(joint="a", windows=((0, 5),)).shortest == 5
 
 
-def test_wrong_windows_are_refused():
+def test_wrong_windows_are_rejected():
     with pytest.raises(InputError, match=r"a window is a pair .lower, upper., lower below upper"):
         ActiveRange(joint="a", windows=((1, 0),))
     with pytest.raises(InputError, match="a window is shorter than the period"):

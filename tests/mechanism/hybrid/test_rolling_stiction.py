@@ -74,7 +74,7 @@ def test_a_driven_wheel_slips_above_its_friction_limit():
     assert sol.v[-1, 2] == pytest.approx(before / R + turned, rel=1e-10)
 
 
-def test_wrong_grip_is_refused():
+def test_wrong_grip_is_rejected():
     with pytest.raises(InputError, match="the grip of 'floor' needs exact = true, or grip = 'none'"):
         ball()
     with pytest.raises(InputError, match="velocity belongs to regularised friction"):

@@ -28,7 +28,7 @@ REFUSED = ("", "1 +", "q", "__import__('os')", "lambda: 1", "True", "[1]", "x" *
 
 
 @pytest.mark.parametrize("text", REFUSED)
-def test_other_syntax_is_refused(text):
+def test_other_syntax_is_rejected(text):
     with pytest.raises(InputError):
         Expression(text, COLUMNS)
 
@@ -40,7 +40,7 @@ def test_unknown_names_are_listed():
         Expression("sinn(t)", COLUMNS)
 
 
-def test_values_that_are_not_real_are_refused():
+def test_values_that_are_not_real_are_rejected():
     with pytest.raises(StepError, match="sqrt"):
         Expression("sqrt(-1 - t)", COLUMNS).value(1.0, np.zeros(5))
     with pytest.raises(StepError, match="cannot be computed"):

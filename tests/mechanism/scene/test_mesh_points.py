@@ -47,7 +47,7 @@ def test_meshes_have_the_bounds_of_their_points(tmp_path, name, content, low, hi
         ("a.dae", DAE[:200]),
     ],
 )
-def test_damaged_meshes_are_refused(tmp_path, name, content):
+def test_damaged_meshes_are_rejected(tmp_path, name, content):
     (tmp_path / name).write_text(content)
     with pytest.raises(InputError, match=r"^mesh 'a\.\w+' (is damaged: |has no points)"):
         points_of(tmp_path / name)

@@ -180,7 +180,7 @@ def test_bodies_without_visuals_join_those_that_have_them(panda):
     assert roles.count("visual") == len(panda.visuals.geometryObjects)
 
 
-def test_wrong_length_of_q_is_refused(fourbar):
+def test_wrong_length_of_q_is_rejected(fourbar):
     with pytest.raises(InputError, match=r"\(3,\)"):
         fourbar.scene.placements(np.zeros(4))
 
@@ -209,7 +209,7 @@ def test_missing_texture_is_warned_of(tmp_path):
         make_scene(pin.Model(), visuals)
 
 
-def test_missing_mesh_is_refused_by_name(tmp_path):
+def test_missing_mesh_is_rejected_by_name(tmp_path):
     visuals = pin.GeometryModel()
     g = pin.GeometryObject("lost", 0, pin.SE3.Identity(), coal.BVHModelOBBRSS(), str(tmp_path / "lost.stl"))
     visuals.addGeometryObject(g)

@@ -163,7 +163,7 @@ def test_undetermined_reactions_are_reported():
 
 def test_names_and_sorts_are_checked():
     sol = mbdae.solve(DRIVEN["crane"](), (0, 0.05), rtol=1e-6)
-    with pytest.raises(UnknownNameError, match="unknown closure or driver 'rope'; valid: stay, cart driver"):
+    with pytest.raises(UnknownNameError, match="unknown closure, driver or joint 'rope'; valid: stay, cart driver, "):
         sol.reaction("rope")
     with pytest.raises(InputError, match="use its effort"):
         sol.reaction("cart driver")

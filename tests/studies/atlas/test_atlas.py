@@ -149,7 +149,7 @@ def test_other_results_are_not_mixed(small, data, change, words):
     assert data.read_bytes() == before
 
 
-def test_another_machine_and_a_changed_model_are_refused(small, data, tmp_path):
+def test_another_machine_and_a_changed_model_are_rejected(small, data, tmp_path):
     path = tmp_path / "atlas.jsonl"
     path.write_text(data.read_text().replace(small.meta["machine"], "another computer"))
     with pytest.raises(InputError, match="another machine, another computer"):

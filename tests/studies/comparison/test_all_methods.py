@@ -46,3 +46,10 @@ def test_step_sizes_that_python_chooses_are_said():
     study = mbdae.compare("four_bar", (0, 0.1), methods=["alpha", "pherk6"], rtol=[1e-3], repeats=0)
     assert "step sizes of alpha in Python" in study.computed_by
     assert study.meta["backend"] == "native"
+
+
+def test_a_span_that_begins_later_has_its_own_start():
+    """The driver of the cam prescribes its angle at each time."""
+    found = mbdae.compare("cam_follower", (0.3, 0.4), methods=["pherk5"], rtol=[1e-6])
+    assert found.points[0].success
+    assert found.points[0].errors["q"] < 1e-6

@@ -137,7 +137,7 @@ def test_loops_that_have_drifted_open_keep_the_rank_of_the_run(backend):
         ({"t_span": "long"}, "t_span is an end, or a start and an end"),
     ],
 )
-def test_wrong_arguments_are_refused(four_bar, options, words):
+def test_wrong_arguments_are_rejected(four_bar, options, words):
     with pytest.raises(InputError, match=words):
         mbdae.compare(four_bar, **{"t_span": (0, 1), **options})
     with pytest.raises(UnknownNameError):
@@ -152,7 +152,7 @@ def line(constant, order, works):
     return [(constant * w**-order, w) for w in works]
 
 
-def test_methods_that_know_no_stops_are_refused_by_name_before_any_run():
+def test_methods_that_know_no_stops_are_rejected_by_name_before_any_run():
     def reported(done, name):
         raise AssertionError(f"{name} is computed")
 
@@ -167,6 +167,7 @@ def test_work_is_interpolated_in_logarithms():
     assert work_at(runs, 1e-6)[0] == pytest.approx(10**1.5)
     assert work_at(runs, 1e-3) == (10.0, True), "the coarsest run is better: a bound"
     assert work_at(runs, 1e-13) == (None, False)
+    assert work_at([(1e-2, 10.0), (0.0, 20.0)], 1e-6) == (20.0, False), "no logarithm of zero"
     bumpy = [(1e-2, 1.0), (1e-7, 2.0), (1e-5, 3.0), (1e-9, 4.0)]
     assert 3 < work_at(bumpy, 1e-6)[0] < 4, "a lucky run before a worse one does not count"
 

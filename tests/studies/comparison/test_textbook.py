@@ -108,7 +108,7 @@ def test_a_problem_of_the_users(tmp_path):
         ({"q": [1.0]}, "a textbook problem starts at y0"),
     ],
 )
-def test_what_belongs_to_mechanisms_is_refused(options, words):
+def test_what_belongs_to_mechanisms_is_rejected(options, words):
     with pytest.raises(InputError, match=words):
         mbdae.compare(TEXTBOOK["circle"](), (0, 1), **{"methods": ["herk2"], "steps": [10], "repeats": 0, **options})
 

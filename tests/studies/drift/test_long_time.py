@@ -83,7 +83,7 @@ def test_a_run_back_that_ends_early_is_said_so():
     assert "run back to the start: ended early" in str(found)
 
 
-def test_textbook_problems_are_refused():
+def test_textbook_problems_are_rejected():
     with pytest.raises(InputError, match="'Point on a circle' is a textbook problem"):
         mbdae.drift(mbdae.solve("circle", (0, 0.1)), long=True)
 

@@ -76,6 +76,16 @@ def test_multipliers_of_drivers_are_the_efforts(model, driver):
     assert found.demands[0].energy == pytest.approx(sol.work[-1], rel=1e-3)
 
 
+def test_units_of_a_joint_whose_name_another_one_begins_with():
+    model, body = pin.Model(), pin.Inertia(1.0, np.array([0, 0, -0.1]), 0.01 * np.eye(3))
+    joints = [("slide", pin.JointModelPX()), ("slide.tip", pin.JointModelRY())]
+    for i, (name, joint) in enumerate(joints):
+        model.appendBodyToJoint(model.addJoint(i, joint, pin.SE3.Identity(), name), body, pin.SE3.Identity())
+    mech = Mechanism(model)
+    sol = mbdae.solve(mech, (0, 0.2), [0.0, 0.3], [0.0, 0.0])
+    assert inverse_dynamics(mech, sol, ["slide", "slide.tip"]).units == ("N", "N m")
+
+
 def test_power_is_the_rate_of_energy():
     mech = mbdae.load("slider_crank")
     turn = kinematics(mech, "crank", points=721)

@@ -244,7 +244,7 @@ def test_a_drive_that_cannot_move():
         kinematics(Mechanism(model, [Closure.point("peg", "pinned_tip")]), "pinned")
 
 
-def test_a_singular_start_and_a_start_out_of_reach_are_refused():
+def test_a_singular_start_and_a_start_out_of_reach_are_rejected():
     with pytest.raises(InputError, match="lose rank in this pose"):
         kinematics(parallelogram(), "crank", q=np.zeros(3))
     with pytest.raises(AssemblyError, match="cannot start at 3"):

@@ -109,7 +109,7 @@ def test_contacts_that_open_are_open():
 
 
 @pytest.mark.parametrize("name", ["rolling_disc", "bicycle"])
-def test_what_rolls_is_refused_with_its_name(name):
+def test_what_rolls_is_rejected_with_its_name(name):
     mech = mbdae.load(name)
     with pytest.raises(InputError, match="has nonholonomic rows: its position"):
         kinematics(mech, mech.joint_names[-1])

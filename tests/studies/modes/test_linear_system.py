@@ -10,7 +10,7 @@ from scipy import signal
 import mbdae
 from mbdae import DCMotor, JointDamping, JointPID, JointTorque, Mechanism
 from mbdae.__main__ import cli
-from mbdae.errors import UnknownNameError
+from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.mechanism.time_functions.time_functions import Harmonic
 
@@ -70,7 +70,7 @@ def test_a_joint_and_a_force_of_one_name_are_two_inputs():
     np.testing.assert_allclose(B[:, 1], 40.0 * B[:, 0], rtol=1e-14)
 
 
-def test_names_that_do_not_exist_are_refused():
+def test_names_that_do_not_exist_are_rejected():
     mech = mbdae.load("snap_toggle")
     with pytest.raises(UnknownNameError, match=r"unknown input 'knee'.*valid: pin, pin\.x"):
         mbdae.linearize(mech, inputs="knee")
@@ -96,3 +96,10 @@ def test_a_response_on_the_command_line(tmp_path):
     assert data["written"] == [written]
     said = CliRunner().invoke(cli, call[:6], catch_exceptions=False)
     assert "q.left / left: gain" in said.stdout
+
+
+@pytest.mark.parametrize("study", [mbdae.modes, mbdae.linearize, mbdae.equilibrium])
+def test_a_time_is_a_finite_number(study):
+    for t in (np.inf, np.nan, None, "now"):
+        with pytest.raises(InputError, match="t is a time in s, got"):
+            study("pendulum", t=t)

@@ -131,7 +131,7 @@ def test_many_loops_at_once():
     assert abs(pairs(found.eigenvalues)[0].imag - np.sqrt(hanging)) < 1e-10
 
 
-# -- the command, and refusals --------------------------------------------------------------------------------------
+# -- the command, and rejections --------------------------------------------------------------------------------------
 
 
 def test_the_command_writes_eigenvalues_as_pairs():
@@ -191,7 +191,7 @@ def test_what_has_no_modes_says_why(name, named, text):
         mbdae.modes(mbdae.load(name), **named)
 
 
-def test_a_pose_that_is_no_equilibrium_is_refused():
+def test_a_pose_that_is_no_equilibrium_is_rejected():
     mech = mbdae.load("four_bar")
     with pytest.raises(InputError, match=r"no equilibrium and no steady motion: joint 'coupler' accelerates"):
         mbdae.modes(mech, mech.start[0])
@@ -204,7 +204,7 @@ def test_passing_an_equilibrium_is_no_steady_motion():
     assert not found.motion.v.any()
 
 
-def test_a_pose_in_which_closures_lose_rank_is_refused():
+def test_a_pose_in_which_closures_lose_rank_is_rejected():
     mech = Template("n_four_bar?N=1").make({"gravity": [0.0, 0.0, 0.0]})
     with pytest.raises(InputError, match="lose rank"):
         mbdae.modes(mech, np.zeros(3))

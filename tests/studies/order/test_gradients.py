@@ -72,7 +72,7 @@ def test_no_run():
     assert not study.refuted
 
 
-def test_what_is_refused():
+def test_what_is_rejected():
     with pytest.raises(InputError, match="leave no degree of freedom: name a parameter"):
         mbdae.check_gradients(mbdae.load("cam_follower"), "herk2")
     with pytest.raises(InputError, match="at least 5"):

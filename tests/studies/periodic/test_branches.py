@@ -6,6 +6,7 @@ from test_bouncing_ball import OMEGA, E, G, T, ball_on_table, multipliers, start
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
+from mbdae.studies.periodic.branch_path import BranchPath
 
 
 @pytest.fixture(scope="session")
@@ -66,3 +67,17 @@ def test_wrong_input_is_one_line():
         mbdae.periodic_branch("simplest_walker", "incline", 0.01, 0.01)
     with pytest.raises(UnknownNameError, match="slop"):
         mbdae.periodic_branch("simplest_walker", "slop", 0.01, 0.02)
+
+
+def test_the_end_of_a_range_is_located_across_a_corner():
+    class Corner(BranchPath):
+        def __init__(self):
+            """Of a branch whose tangent turns too much for a step."""
+
+        def step(self, here, h):
+            return None
+
+        def across(self, here, h):
+            return here + h
+
+    assert Corner().located(0.0, 1.0, lambda x: x - 0.3) == pytest.approx((0.3, 0.3), abs=1e-9)

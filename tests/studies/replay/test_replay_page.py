@@ -293,7 +293,7 @@ def test_the_command(crank, tmp_path, monkeypatch):
         ("run.npz -o run.htm", r"must end in \.html"),
         ("run.npz --video run.avi", r"\.mp4 or \.gif"),
         ("run.npz -o b.html --plots nothing", "unknown signal 'nothing'.*valid: q,"),
-        ("run.npz -o b.html --arrow nothing", "unknown closure or driver"),
+        ("run.npz -o b.html --arrow nothing", "unknown closure, driver or joint"),
     ):
         with pytest.raises(InputError, match=words):
             raise call(arguments).exception

@@ -181,7 +181,7 @@ def test_names_are_escaped(result, tmp_path, monkeypatch):
     assert title not in outside(text)
 
 
-def test_wrong_input_is_refused(result, tmp_path):
+def test_wrong_input_is_rejected(result, tmp_path):
     with pytest.raises(InputError, match=r"\.html, got"):
         result.save(tmp_path / "report.pdf")
     with pytest.raises(InputError, match="unknown method"):

@@ -58,7 +58,7 @@ def test_squares():
     assert found.to_dict()["value"] == found.value
 
 
-def test_what_is_refused():
+def test_what_is_rejected():
     sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 0.1), step=0.05)
     n = len(sol.t)
 
@@ -97,7 +97,7 @@ def test_what_is_refused():
         ({}, 1.0, "takes data"),
     ],
 )
-def test_squares_that_say_nothing_are_refused(data, sigma, words):
+def test_squares_that_say_nothing_are_rejected(data, sigma, words):
     with pytest.raises(InputError, match=words):
         mbdae.Squares(data, sigma)
 

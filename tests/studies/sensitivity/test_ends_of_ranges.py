@@ -126,7 +126,7 @@ def test_a_mass_of_zero_has_a_derivative():
     np.testing.assert_allclose(found.dy[-1, :3, 0], quotient, rtol=1e-5)
 
 
-def test_what_can_be_moved_neither_way_is_refused(path):
+def test_what_can_be_moved_neither_way_is_rejected(path):
     def model(only):
         if only != 1:
             raise ValueError("one alone")

@@ -75,7 +75,7 @@ def test_derivatives_of_strain_and_stress(four_bar):
         mbdae.gradient(sol, lambda s: (s[other][-1], {other: last}), [young])
 
 
-def test_parameters_that_change_shapes_are_refused(four_bar):
+def test_parameters_that_change_shapes_are_rejected(four_bar):
     sol = mbdae.solve(four_bar, (0, 1e-3), **RUN)
     with pytest.raises(InputError, match=r"flexible.coupler.length' .*: no derivative; "):
         mbdae.sensitivity(sol, ["flexible.coupler.length"])

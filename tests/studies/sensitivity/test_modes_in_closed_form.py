@@ -1,4 +1,4 @@
-"""Derivatives through impacts and modes in closed form, and what is refused."""
+"""Derivatives through impacts and modes in closed form, and what is rejected."""
 
 import numpy as np
 import pinocchio as pin
@@ -74,13 +74,13 @@ def test_a_run_that_begins_with_an_impact():
     assert found[-1, 2:4] == pytest.approx([0.2 * (1 - 3.0) / 2, 0.2 * (3.0 - 1) / 2], abs=1e-12)  # work of the impact
 
 
-def refused(match, sol):
+def rejected(match, sol):
     with pytest.raises(InputError, match=rf"^[^\n]*{match}[^\n]*$"):
         mbdae.sensitivity(sol, start=True)
 
 
 def test_what_has_no_derivative():
-    refused(
+    rejected(
         "'z stop' comes to rest by an accumulation of bounces at t = ",
         mbdae.solve(ball(0.5), (0.0, 2.0), np.array([0.5]), np.zeros(1)),
     )
@@ -89,10 +89,10 @@ def test_what_has_no_derivative():
         add_body(model, 0, pin.JointModelPX(), name)
     stops = [Stop(joint=name, upper=1.0, restitution=0.5) for name in ("a", "b")]
     both = mbdae.solve(Mechanism(model, stops=stops), (0.0, 2.0), np.zeros(2), np.ones(2))
-    refused("'a stop' and 'b stop' switch at the same time, t = 1 s", both)
+    rejected("'a stop' and 'b stop' switch at the same time, t = 1 s", both)
     model = empty(0.0)
     add_body(model, 0, pin.JointModelPX(), "x")
     stop = Stop(joint="x", upper=0.0, restitution=0.5)
     spring = JointSpring(joint="x", stiffness=1.0)  # it moves at 1 m/s at an amplitude of 1 m
     slow = mbdae.solve(Mechanism(model, forces=[spring], stops=[stop]), (0.0, 1.0), np.array([-1e-8]), np.array([1e-7]))
-    refused("'x stop' only grazes its limit at t = 0.0996686525 s", slow)
+    rejected("'x stop' only grazes its limit at t = 0.0996686525 s", slow)

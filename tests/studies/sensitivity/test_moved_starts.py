@@ -66,7 +66,7 @@ def test_a_given_start_that_is_open(model, project, tmp_path):
     np.testing.assert_allclose(again.dy, found.dy, rtol=0, atol=1e-12)
 
 
-def test_a_start_of_another_mechanism_is_refused(tmp_path):
+def test_a_start_of_another_mechanism_is_rejected(tmp_path):
     sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 0.1), step=0.05)
     sol.settings["v"] = [1.0]
     sol.save(tmp_path / "run.npz")

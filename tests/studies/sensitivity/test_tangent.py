@@ -185,6 +185,17 @@ def test_a_sampled_controller():
     assert np.abs(found.s).max() > 0.1
 
 
+def test_jumps_of_a_run_that_ends_long_before_its_span():
+    """The two nodes of a jump are roundings of the end of the span apart."""
+    hold = mbdae.Sampled(lambda t, q, v: -5 * v[:1] - np.sin(q[0]), rate=10, joints="crank", name="hold")
+    mech, end = mbdae.load("four_bar", forces=[hold]), mbdae.Event("t > 0.35", terminal=True)
+    found = [
+        mbdae.sensitivity(mbdae.solve(mech, (0.0, span), step=0.02, method="pherk5", events=end), start=True, event=end)
+        for span in (0.4, 100.0)
+    ]
+    np.testing.assert_allclose(found[1].dy[-1], found[0].dy[-1], rtol=1e-9, atol=1e-12)
+
+
 @cache  # the same values for every run and back end
 def _controlled(ki, integral=0.2):
     sampled = mbdae.JointPID(name="sampled", joint="crank", reference=0.5, kp=3.0, ki=ki, kd=0.5, rate=20.0,
@@ -226,7 +237,7 @@ def test_times_between_nodes():
     np.testing.assert_allclose(found.dy[-1], dense.dy[-1], rtol=1e-13)
 
 
-def test_what_has_no_derivative_is_refused_by_name():
+def test_what_has_no_derivative_is_rejected_by_name():
     mech = mbdae.load("four_bar")
     sol = mbdae.solve(mech, (0.0, 0.1), step=0.05)
     with pytest.raises(InputError, match=r"'joint\.rocker\.rpy\.0' opens closures that depend on each other"):

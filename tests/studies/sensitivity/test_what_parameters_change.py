@@ -15,7 +15,7 @@ def with_pid(**more):
     return mbdae.load("four_bar", forces=[JointPID(name="pid", joint="crank", reference=0.3, kp=2.0, **more)])
 
 
-def test_a_joint_axis_is_refused():
+def test_a_joint_axis_is_rejected():
     sol = mbdae.solve(mbdae.load("spatial_slider_crank"), (0.0, 0.05), step=0.01)
     with pytest.raises(InputError, match=r"'body\.slider\.axis\.1' changes the axis of a joint"):
         mbdae.sensitivity(sol, ["body.slider.axis.1"])
@@ -24,13 +24,13 @@ def test_a_joint_axis_is_refused():
 @pytest.mark.parametrize(
     ("own", "words"), [({"ki": 0.0}, "'ki' changes which states"), ({"rate": 20.0}, "'rate' moves the instants of")]
 )
-def test_states_and_instants_are_refused(own, words):
+def test_states_and_instants_are_rejected(own, words):
     sol = mbdae.solve(with_pid(**own), (0.0, 0.1), step=0.01)
     with pytest.raises(InputError, match=words):
         mbdae.sensitivity(sol, own, model=with_pid)
 
 
-def test_values_of_another_run_are_refused():
+def test_values_of_another_run_are_rejected():
     def driven(omega):
         return mbdae.load("four_bar", forces=[mbdae.JointTorque(name="x", joint="crank", torque=wave(omega))])
 

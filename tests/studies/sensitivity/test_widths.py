@@ -90,7 +90,7 @@ def test_a_start_that_its_guess_does_not_decide(tmp_path):
     assert_derivative(found, lambda x: run(x).y, value, 1e-9, (1e-5, 1e-4, 1e-3), mech=sol.mechanism)
 
 
-def test_times_at_which_a_signal_jumps_are_refused(slides):
+def test_times_at_which_a_signal_jumps_are_rejected(slides):
     model = slides('{kind = "steps", points = [[0.0, 0.0], [0.5, 3.0]]}')
     sol = mbdae.solve(model.make({}), (0.0, 1.0), step=0.1)
     with pytest.raises(InputError, match=r"'force\.push\.torque\.points\.1\.0' moves the instants of 'push'"):
@@ -126,7 +126,7 @@ def test_inertias_of_small_bodies():
 
 @pytest.mark.parametrize(("model", "ends"), [("four_bar", ["coupler_tip"]), ("andrews_squeezer", ["P2", "P3", "P4"])])
 @pytest.mark.usefixtures("back_end")
-def test_what_opens_nothing_is_not_refused(model, ends):
+def test_what_opens_nothing_is_not_rejected(model, ends):
     """Point closures are invariant under rotations of their frames."""
     sol = mbdae.solve(mbdae.load(model), (0.0, 1e-3), step=5e-4, method="pherk5")
     names = [f"frame.{end}.rpy.{k}" for end in ends for k in range(3)]

@@ -142,7 +142,7 @@ def test_a_branch_of_equilibria_needs_a_free_joint():
     ("cam_follower", "cam", "a driver prescribes 'cam'"),
     ("delta_robot", "arm_1", "2 joints besides 'arm_1'"),
 ])  # fmt: skip
-def test_what_is_driven_is_refused_before_any_pose_is_followed(name, drive, reason, monkeypatch):
+def test_what_is_driven_is_rejected_before_any_pose_is_followed(name, drive, reason, monkeypatch):
     monkeypatch.setattr("mbdae.studies.statics.equilibria.kinematics", None)
     with pytest.raises(InputError, match=reason):
         mbdae.equilibria(mbdae.load(name), drive, span=(-0.5, 0.5))
@@ -226,7 +226,7 @@ def test_random_loads_end_in_an_equilibrium_or_a_reason():
     assert all(re.match("no (stable )?equilibrium", text) and "\n" not in text for text in reasons)
 
 
-# -- refusals --------------------------------------------------------------------------------------------------------
+# -- rejections --------------------------------------------------------------------------------------------------------
 
 
 def test_what_falls_has_no_equilibrium():
@@ -267,7 +267,7 @@ def test_wrong_arguments_are_named(named, error, text):
         mbdae.equilibrium(mbdae.load("four_bar"), **named)
 
 
-def test_sampled_controllers_are_refused():
+def test_sampled_controllers_are_rejected():
     mech = mbdae.load("double_pendulum")
     force = Sampled(lambda t, q, v: -q, rate=10, name="computer")
     with pytest.raises(InputError, match="'computer' is a sampled controller"):

@@ -265,7 +265,7 @@ def test_failed_runs_are_rows():
         ([7, LINKS], "a model is a name, a path or a function"),
     ],
 )
-def test_wrong_arguments_are_refused_before_anything_runs(arguments, words):
+def test_wrong_arguments_are_rejected_before_anything_runs(arguments, words):
     reported = []
     with pytest.raises(InputError) as e:
         mbdae.sweep(*arguments, executor="threads", progress=lambda *x: reported.append(x))
@@ -294,7 +294,7 @@ def test_wrong_arguments_are_refused_before_anything_runs(arguments, words):
         ({"outputs": [lambda sol: {}], "executor": "processes"}, "cannot be sent to another process"),
     ],
 )
-def test_wrong_options_are_refused(options, words):
+def test_wrong_options_are_rejected(options, words):
     with pytest.raises(InputError) as e:
         mbdae.sweep("slider_crank", LINKS, **options)
     assert words in str(e.value)

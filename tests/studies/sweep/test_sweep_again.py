@@ -102,7 +102,7 @@ def test_outputs_do_not_overwrite_columns(outputs, words):
         ({"solve.rtol": [1, 2**70]}, {}, "64 bits"),
     ],
 )
-def test_what_all_runs_share_is_refused_at_once(parameters, more, words):
+def test_what_all_runs_share_is_rejected_at_once(parameters, more, words):
     with pytest.raises(mbdae.MbdaeError, match=words):
         mbdae.sweep("pendulum", parameters, 0.1, **more)
 

@@ -114,7 +114,7 @@ def test_executors_of_the_user(tmp_path):
 # -- the file --------------------------------------------------------------------------------------------------------
 
 
-def test_files_of_other_sweeps_are_refused(tmp_path):
+def test_files_of_other_sweeps_are_rejected(tmp_path):
     path, part = tmp_path / "runs.parquet", tmp_path / ("runs.parquet" + PART)
     first = mbdae.sweep("slider_crank", LINKS, 0.1, path=path, **QUICK)
     bits = path.read_bytes()

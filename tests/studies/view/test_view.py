@@ -149,7 +149,7 @@ def test_where_loops_cannot_be_closed_a_slider_stops(tmp_path):
     assert log["shares"][0] != pytest.approx(least)
 
 
-def test_a_notebook_shows_it_and_wrong_input_is_refused(four_bar, tmp_path):
+def test_a_notebook_shows_it_and_wrong_input_is_rejected(four_bar, tmp_path):
     assert four_bar.mechanism.view()._repr_html_().startswith("<iframe srcdoc=")
     with pytest.raises(InputError, match=r"\.html, got"):
         four_bar.save(tmp_path / "view.png")

@@ -8,7 +8,7 @@ from ...checked_table import Table
 from ...forces.force import Force
 from ...key_units import Coordinates, Unit, UnitSymbols, function_symbols
 from ...mechanism import Mechanism
-from ...tree.coordinate_units import coordinate_units
+from ...tree.coordinate_units import joint_coordinate_units
 from .loaded_model import joint_entry
 from .table_entries import entry_at, first_key
 from .template import Template
@@ -65,7 +65,7 @@ def function_units(mech: Mechanism) -> dict[str, str]:
 
 def units_conversion(mech: Mechanism) -> Conversion:
     """Return the conversion of tables of a mechanism, which knows the units of its joints and closures."""
-    return Conversion(Units(), coordinate_units(mech), {c.name: c.friction for c in mech.closures})
+    return Conversion(Units(), joint_coordinate_units(mech.model), {c.name: c.friction for c in mech.closures})
 
 
 def symbols_of(conversion: Conversion, table: Table, unit: "Unit | Coordinates | None") -> UnitSymbols:

@@ -1,4 +1,4 @@
-"""Entries of checked tables by dotted paths: the tables with other values at their ends."""
+"""Entries of checked tables by dotted paths, and copies of tables with other values there."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -46,9 +46,9 @@ def with_entries(part: Any, entries: Mapping[str, tuple[str, Any]]) -> Any:
         key, rest = _first_key(part, path, whole, keys)
         groups.setdefault(key, {})[whole] = rest, value
     if isinstance(part, Table):
-        said = {k: getattr(part, k) for k in part.model_fields_set if k in type(part).model_fields}
+        given = {k: getattr(part, k) for k in part.model_fields_set if k in type(part).model_fields}
         try:
-            return type(part)(**said | {key: with_entries(getattr(part, key), group) for key, group in groups.items()})
+            return type(part)(**given | {key: with_entries(getattr(part, key), group) for key, group in groups.items()})
         except UnknownNameError:
             raise
         except InputError as e:
@@ -69,6 +69,7 @@ def first_key(part: object, path: str, whole: str) -> tuple[str, str]:
 
     Raises:
         UnknownNameError: for an invalid path; lists the valid keys.
+        InputError: for a name that several entries of a list have.
     """
     return _first_key(part, path, whole, entry_keys(part))
 
@@ -82,6 +83,8 @@ def _first_key(part: object, path: str, whole: str, keys: Mapping[str, str]) -> 
         if not dot:
             above = whole.removesuffix(path).rstrip(".") or "the mechanism"
             raise UnknownNameError(f"entry of {above}", path, keys)
+    if not keys[name]:
+        raise InputError(f"{whole}: several entries are named {name!r}: give them different names")
     return keys[name], path[len(name) + 1 :]
 
 
@@ -104,9 +107,10 @@ def entry_keys(part: object) -> dict[str, str]:
 
 
 def entry_names(entries: tuple[Any, ...]) -> dict[str, str]:
-    """Return the indices of the entries of a list of tables by name; unnamed ones by kind and number."""
-    out = {}
+    """Return the indices of the entries of a list of tables by name, "" of several; unnamed ones by kind and number."""
+    out: dict[str, str] = {}
     for i, entry in enumerate(entries):
         if isinstance(entry, Table) and "name" in type(entry).model_fields:
-            out[getattr(entry, "name", "") or f"{getattr(entry, 'kind', '')} {i + 1}".strip()] = str(i)
+            name = getattr(entry, "name", "") or f"{getattr(entry, 'kind', '')} {i + 1}".strip()
+            out[name] = "" if name in out else str(i)
     return out

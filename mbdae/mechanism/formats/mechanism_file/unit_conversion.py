@@ -13,7 +13,7 @@ from ....units import SYMBOL, Units
 from ...checked_table import Table
 from ...imported_model import ImportedModel
 from ...key_units import Coordinates, Unit, UnitSymbols, function_symbols
-from ...tree.coordinate_units import coordinate_units_of
+from ...tree.coordinate_units import JointUnits, joint_coordinate_units, units_by_coordinate
 from .build import build
 from .file_units import FileUnits
 from .schema import MechanismFile
@@ -38,13 +38,13 @@ def in_si(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> Mec
     """
     if not file.units.units.chosen:
         return file
-    of_bodies = Conversion(file.units.units, {}, {})
+    of_bodies = Conversion(file.units.units, {"q": {}, "v": {}}, {})
     tables = {key: tuple(of_bodies.table(x) for x in getattr(file, key)) for key in BODIES}
     model, _ = build(file.model_copy(update={**tables, "lock": {}}), parts, name)
     closures = {c.name: c.friction for part in parts for c in part.closures} | {
         c.name: c.friction for c in file.closure
     }
-    conversion = Conversion(file.units.units, coordinate_units_of(model), closures)
+    conversion = Conversion(file.units.units, joint_coordinate_units(model), closures)
     out: MechanismFile = conversion.table(file.model_copy(update={"units": FileUnits()}))
     return out
 
@@ -54,12 +54,13 @@ class Conversion:
 
     Args:
         units: of the numbers.
-        coordinates: units in SI of ``q.*`` and ``v.*``.
+        coordinates: units in SI of ``q`` and ``v`` by joint and coordinate, see `joint_coordinate_units`.
         closures: kinds of friction of closures by name.
     """
 
-    def __init__(self, units: Units, coordinates: dict[str, str], closures: dict[str, str]) -> None:
+    def __init__(self, units: Units, coordinates: JointUnits, closures: dict[str, str]) -> None:
         self.units, self.coordinates, self.closures = units, coordinates, closures
+        self.components = units_by_coordinate(coordinates)
 
     def table(self, table: Any, symbols: UnitSymbols | None = None) -> Any:
         """Return a table in SI; keys that were left out keep their defaults."""
@@ -119,8 +120,11 @@ class Conversion:
         return found.pop() if len(found) == 1 else ""
 
     def _coordinate_units(self, name: str, per_time: bool) -> list[str]:
-        prefix = f"{'v' if per_time else 'q'}.{name}"
-        return [u for key, u in self.coordinates.items() if key in (name, prefix) or key.startswith(f"{prefix}.")]
+        """Return the units of the coordinates of a joint, of one of them, or of ``q.<joint>``; names may have dots."""
+        letter = "v" if per_time else "q"
+        if name in self.coordinates[letter]:
+            return list(self.coordinates[letter][name].values())
+        return [self.components[x] for x in (f"{letter}.{name}", name) if x in self.components]
 
     def joint_symbols(self, table: Any) -> UnitSymbols:
         """Return the units of the coordinates of the joints of a table, of their effort and of a closure's slip."""
@@ -135,10 +139,10 @@ class Conversion:
 
     def _velocity_units(self, names: Sequence[str]) -> Iterator[str]:
         """Yield rad or m for each velocity of joints; of all joints without names."""
-        for key, unit in self.coordinates.items():
-            joint = key[2:]
-            if key.startswith("v.") and (not names or any(joint == n or joint.startswith(f"{n}.") for n in names)):
-                yield unit.removesuffix("/s")
+        for joint, of in self.coordinates["v"].items():
+            for name, unit in of.items():
+                if not names or joint in names or name in names:
+                    yield unit.removesuffix("/s")
 
 
 def _joint_groups(table: Any) -> list[tuple[str, ...]]:

@@ -14,7 +14,7 @@ int above(const Numbers& pivots, double ratio) {
 
 }  // namespace
 
-void IndependentRows::determine(const Numbers& G, const Numbers& Z, long stamp, const FirstRank& first,
+void IndependentRows::determine(const Numbers& G, const Numbers& Z, long stamp, const InitialRank& first,
                                 const Numbers& probe) {
   const int ng = static_cast<int>(position_.size()), most = std::min(nv_, ng);
   if (has_many()) {
@@ -51,7 +51,7 @@ bool IndependentRows::has_tie() const {
   return false;
 }
 
-int IndependentRows::dense_rank(const Numbers& entries, const FirstRank& first) {
+int IndependentRows::dense_rank(const Numbers& entries, const InitialRank& first) {
   const int ng = static_cast<int>(position_.size()), most = std::min(nv_, ng);
   const int r = above(pivots_, limits_.pivot_rank);
   if (!r || (r == most && pivots_[r - 1] >= first.ambiguous * pivots_[0])) return r;
