@@ -17,7 +17,7 @@ from .span import checked_span, checked_times, end_of_tables
 
 METHOD_SETTINGS, CONTROL_SETTINGS = ("formulation", "project", "baumgarte"), ("rtol", "atol")
 CONTROL_ARGUMENTS = *CONTROL_SETTINGS, "first_step", "max_step"
-POSITIVE = "step", "first_step", "max_step", "max_steps"
+STEP_SIZES = "step", "first_step", "max_step"
 
 
 class RunOptions(NamedTuple):
@@ -82,7 +82,8 @@ class RunOptions(NamedTuple):
             if name not in DEFAULTS:
                 raise UnknownNameError("option", name, DEFAULTS)
         given = {name: x for name, x in given.items() if x is not None}
-        require_positive(**{name: given[name] for name in POSITIVE if name in given})
+        require_positive(**{name: given[name] for name in (*STEP_SIZES, "max_steps") if name in given})
+        given |= {name: float(given[name]) for name in STEP_SIZES if name in given}  # numpy's may be of single precision
         if not isinstance(most := given.get("max_steps", 1), Integral):
             raise InputError(f"max_steps must be an integer, got {most!r}")
         if "step" in given and (controls := [name for name in CONTROL_ARGUMENTS if name in given]):
