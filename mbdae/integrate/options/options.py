@@ -83,7 +83,7 @@ class RunOptions(NamedTuple):
                 raise UnknownNameError("option", name, DEFAULTS)
         given = {name: x for name, x in given.items() if x is not None}
         require_positive(**{name: given[name] for name in (*STEP_SIZES, "max_steps") if name in given})
-        given |= {name: float(given[name]) for name in STEP_SIZES if name in given}  # numpy's may be of single precision
+        given |= {name: float(given[name]) for name in STEP_SIZES if name in given}  # not in single precision
         if not isinstance(most := given.get("max_steps", 1), Integral):
             raise InputError(f"max_steps must be an integer, got {most!r}")
         if "step" in given and (controls := [name for name in CONTROL_ARGUMENTS if name in given]):
