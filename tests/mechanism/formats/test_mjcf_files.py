@@ -95,25 +95,6 @@ def test_geoms_are_visuals():
     assert steel == pytest.approx([0.5, 0.5, 0.6, 1])
 
 
-def test_colours_are_those_of_the_viewer(tmp_path):
-    """A geom's colour, unless it is the default one, is in place of that of its material."""
-    path = tmp_path / "balls.xml"
-    path.write_text(
-        """<mujoco><asset><material name="red" rgba="1 0 0 1"/></asset><default><geom type="sphere" size="0.1"
-        contype="0" conaffinity="0" mass="1"/></default><worldbody><body><joint name="j"/><geom material="red"/>
-        <geom material="red" rgba="0 0 1 0.5"/><geom material="red" rgba="0.5 0.5 0.5 1"/><geom rgba="0 1 0 1"/>
-        <geom/></body></worldbody></mujoco>"""
-    )
-    m = mujoco.MjModel.from_xml_path(str(path))
-    d, scene = mujoco.MjData(m), mujoco.MjvScene(m, 9)
-    mujoco.mj_forward(m, d)
-    shown = mujoco.MjvOption(), None, mujoco.MjvCamera(), mujoco.mjtCatBit.mjCAT_ALL
-    mujoco.mjv_updateScene(m, d, *shown, scene)
-    known = {x.objid: x.rgba for x in scene.geoms[: scene.ngeom] if x.objtype == mujoco.mjtObj.mjOBJ_GEOM}
-    found = [x.meshColor for x in mbdae.load(path).visuals.geometryObjects]
-    np.testing.assert_allclose(found, [known[g] for g in range(m.ngeom)], atol=1e-7)
-
-
 def sizes(m, g):
     """The size of a geom as that of a shape in the replay."""
     a, b, h = m.geom_size[g]
