@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError, require
+from ...errors import InputError, UnknownNameError, is_number, require
 from ...file_io import atomic_write, write_page
 from ...mechanism.scene.drawables import drawables, motions
 from ...mechanism.scene.visible import sampled
@@ -199,9 +199,9 @@ def _checked(sol: object, fps: float | None, speed: float | None, deformation: f
     if not hasattr(sol, "mechanism"):
         raise InputError(f"animate takes a Solution (see mbdae.solve), got {sol!r:.60}")
     for name, value in (("fps", fps), ("speed", speed)):
-        if value is not None and not (np.isfinite(value) and value > 0):
+        if value is not None and not (is_number(value) and value > 0):
             raise InputError(f"{name} must be a positive number, not {value!r}")
-    if deformation is not None and not (isinstance(deformation, float | int) and np.isfinite(deformation)):
+    if deformation is not None and not is_number(deformation):
         raise InputError(f"deformation is a factor, a finite number, not {deformation!r:.60}")
 
 
