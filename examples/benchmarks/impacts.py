@@ -2,6 +2,7 @@
 
 For comparison, all transitions are located and resolved in Python, one step at a time. With the CPU times T of runs at
 two tolerances and of one of no duration, T = T_0 + steps * T_step + transitions * T_transition; rejected steps count.
+"-" where this has no positive solution: steps at both tolerances differ in their cost.
 
 Run: python examples/benchmarks/impacts.py [--brief]
 """
@@ -39,7 +40,7 @@ class Cost(NamedTuple):
         in_core: of these, resolved in the core.
         seconds: CPU time of the run.
         step: CPU time of a step.
-        transition: CPU time of a transition beyond its steps.
+        transition: CPU time of a transition beyond its steps; not positive where the two cannot be separated.
     """
 
     transitions: int
@@ -89,7 +90,10 @@ def main(argv: Sequence[str] | None = None) -> dict[tuple[str, float], tuple[Cos
             cost(mechanism, end, where, 1 if short else 9) for where in (nullcontext, in_python)
         )
         of = f"{core.in_core} of {core.transitions}"
-        times = [[f"{1e3 * x.seconds:.3g}", microseconds(x.step), microseconds(x.transition)] for x in (core, python)]
+        times = [
+            [f"{1e3 * x.seconds:.3g}", *(microseconds(t if t > 0 else None) for t in (x.step, x.transition))]
+            for x in (core, python)
+        ]
         both = [f"{a} / {b}" for a, b in zip(*times, strict=True)]
         rows.append([f"{name}, {end:g} s", of, *both, ratio(python.seconds, core.seconds)])
     print(machine() + "\n")

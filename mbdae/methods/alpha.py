@@ -3,7 +3,7 @@
     u_1 = u_0 + h ((1 - gamma) a_0 + gamma a_1),   q_1 = q_0 (+) (h v_0 + h^2 ((1/2 - beta) a_0 + beta a_1) + ...)
     (1 - alpha_m) a_1 + alpha_m a_0 = (1 - alpha_f) u_1' + alpha_f u_0'
 
-for u = (v, s, w); `mbdae.mechanism.formulations.steps.second_order` has the equations of u_1'. The auxiliary a
+for u = (v, s, w); `mbdae.mechanism.formulations.steps.newmark_step` has the equations of u_1'. The auxiliary a
 approximates u' at t + Delta h, Delta = alpha_m - alpha_f; so it starts, and it is rescaled where h changes.
 
 The errors of a step are its differences to the explicit step with a_1 = a_0, of order 1,
@@ -116,7 +116,7 @@ class GeneralizedAlpha(NewtonMethod):
         if out is not None:
             return out
         am, af, gamma, beta = map(float, (self.alpha_m, self.alpha_f, self.gamma, self.beta))
-        step = system.second_order_step(t, h, state.y, self.stabilised)
+        step = system.newmark_step(t, h, state.y, self.stabilised)
         rate, a = rescaled(self.carry_at(system, t, h, state), h)
         weight, known = (1 - af) / (1 - am), (af * rate - am * a) / (1 - am)
         u = h * ((1 - gamma) * a + gamma * known)

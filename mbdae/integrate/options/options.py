@@ -17,7 +17,7 @@ from .span import checked_span, checked_times, end_of_tables
 
 METHOD_SETTINGS, CONTROL_SETTINGS = ("formulation", "project", "baumgarte"), ("rtol", "atol")
 CONTROL_ARGUMENTS = *CONTROL_SETTINGS, "first_step", "max_step"
-POSITIVE = "step", "first_step", "max_step", "max_steps"
+STEP_SIZES = "step", "first_step", "max_step"
 
 
 class RunOptions(NamedTuple):
@@ -78,11 +78,7 @@ class RunOptions(NamedTuple):
             InputError: for invalid arguments.
             UnknownNameError: for an unknown method or option.
         """
-        for name in given:
-            if name not in DEFAULTS:
-                raise UnknownNameError("option", name, DEFAULTS)
-        given = {name: x for name, x in given.items() if x is not None}
-        require_positive(**{name: given[name] for name in POSITIVE if name in given})
+        given = _given_options(given)
         if not isinstance(most := given.get("max_steps", 1), Integral):
             raise InputError(f"max_steps must be an integer, got {most!r}")
         if "step" in given and (controls := [name for name in CONTROL_ARGUMENTS if name in given]):
@@ -109,6 +105,21 @@ class RunOptions(NamedTuple):
             "baumgarte": self.baumgarte,
             "t_span": [self.t0, self.t1],
         } | ({"tableau": self.method.to_dict()} if custom else {})
+
+
+def _given_options(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options that are given, sizes of steps in double precision.
+
+    Raises:
+        InputError: for a size or number of steps that is not positive.
+        UnknownNameError: for an unknown option.
+    """
+    for name in arguments:
+        if name not in DEFAULTS:
+            raise UnknownNameError("option", name, DEFAULTS)
+    given = {name: x for name, x in arguments.items() if x is not None}
+    require_positive(**{name: given[name] for name in (*STEP_SIZES, "max_steps") if name in given})
+    return given | {name: float(given[name]) for name in STEP_SIZES if name in given}
 
 
 def require_positive(**values: float | None) -> None:

@@ -196,10 +196,10 @@ class ModeJumps:
         gradient, point, trace = partials.of(guard), partials.point, self.trace
         terms = np.append(gradient[: self.sensitivity.ny] * rates, gradient[-1])
         total, size = float(terms.sum()), float(np.abs(terms).sum())
-        near = SAME_STATE * float(trace.ts[i] - trace.ts[i - 1]) + trace.near
-        if abs(guard.value(point)) > near * size:
+        tolerance = SAME_STATE * float(trace.ts[i] - trace.ts[i - 1]) + trace.near
+        if abs(guard.value(point)) > tolerance * size:
             return None
-        if guard.kind in LENGTHS:  # compared with a usual speed, since all speeds may be small
+        if guard.kind in LENGTHS:  # compared with a characteristic speed, since all speeds may be small
             size = max(size, guard_unit(guard, point) * self.system.mechanism.characteristic_rate)
         if abs(total) <= VISIBLE * size:
             return np.empty(0)

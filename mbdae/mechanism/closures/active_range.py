@@ -1,10 +1,12 @@
 """Joint ranges in which a closure is active."""
 
+from itertools import pairwise
 from math import inf
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from ...tolerances import INPUT_DIGITS
 from ..checked_table import Table
 from ..key_units import Unit
 
@@ -17,7 +19,7 @@ class ActiveRange(Table):
 
     Attributes:
         joint: name of a joint of one bounded coordinate.
-        windows: pairs (lower, upper) in rad or m that do not overlap.
+        windows: pairs (lower, upper) in rad or m that neither overlap nor touch.
         period: of the windows in rad or m; they do not repeat when left out.
 
     Raises:
@@ -35,6 +37,8 @@ class ActiveRange(Table):
             raise ValueError("a window is a pair (lower, upper), lower below upper")
         if self.period and any(high - low >= self.period for low, high in self.windows):
             raise ValueError("a window is shorter than the period")
+        if min(self._gaps(), default=inf) <= INPUT_DIGITS * max(high - low for low, high in self.windows):
+            raise ValueError("windows overlap or touch: join them into one")
         return self
 
     def depth(self, x: float) -> float:
@@ -51,7 +55,13 @@ class ActiveRange(Table):
     @property
     def shortest(self) -> float:
         """Length of the shortest interval inside or between windows."""
-        ordered = sorted(self.windows)
-        following = [*ordered[1:], *([(ordered[0][0] + self.period, inf)] if self.period else [])]
-        gaps = [after[0] - before[1] for before, after in zip(ordered, following, strict=False)]
-        return min([high - low for low, high in ordered] + gaps)
+        return min([high - low for low, high in self.windows] + self._gaps())
+
+    def _gaps(self) -> list[float]:
+        """Return the distances from each window to the next one, also across periods; negative if they overlap."""
+        if self.period:
+            ordered = sorted((low % self.period, low % self.period + high - low) for low, high in self.windows)
+            ordered.append((ordered[0][0] + self.period, inf))
+        else:
+            ordered = sorted(self.windows)
+        return [after[0] - before[1] for before, after in pairwise(ordered)]

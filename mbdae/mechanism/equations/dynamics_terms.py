@@ -44,7 +44,7 @@ class DynamicsTerms:
             q: configuration (nq,).
             v: velocity (nv,); zero if q is given alone.
             s: states of forces (ns,); start values if omitted.
-            mode: the state of each switch (stops, clutches, sticking joints); by default all rows of switches are open.
+            mode: the state of each switch (stops, clutches, sticking joints); by default rows of switches are inactive.
             backend: ``"auto"``, ``"native"`` or ``"python"``, for v' and lam.
 
         Raises:

@@ -1,4 +1,4 @@
-"""A mechanism as a provider: the terms of its equations at one point, and their exact derivatives.
+"""Terms of the equations of motion at one point, and their exact derivatives.
 
 M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = g(t, q),   0 = G v + g_t,   0 = G v' + gamma,   s' = h(t, q, v, s)
 """
@@ -6,6 +6,7 @@ M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = g(t, q),   0 = G v + g_t,   0 = G v'
 import warnings
 from collections.abc import Callable
 from functools import cached_property
+from operator import index
 from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
@@ -57,8 +58,8 @@ class PointPartials(NamedTuple):
 class EquationsAtPoint:
     """Terms of the equations of motion at (t, q, v, s), evaluated on access; arrays may be kept and changed.
 
-    The point need not satisfy the constraints: ``g`` and ``Gv`` tell by how much it violates them. Rows of stops,
-    clutches and sticking joints are active as ``mode`` says, see `mbdae.Solution.modes`: by default none is.
+    The point need not satisfy the constraints: ``g`` and ``Gv`` are their violations. Rows of stops, clutches and
+    sticking joints are active according to ``mode``, see `mbdae.Solution.modes`: by default none is.
 
     Args:
         mechanism: the mechanism.
@@ -89,7 +90,10 @@ class EquationsAtPoint:
         self.q = m.configuration(q)
         self.v = np.zeros(m.nv) if v is None else m.vector("v", v, m.nv)
         self.s = m.vector("s", list(m.states.values()) if s is None else s, len(m.states))
-        self.mode = tuple(mode) or (0,) * len(m.switches)
+        try:
+            self.mode = tuple(map(index, mode)) or (0,) * len(m.switches)
+        except TypeError:
+            raise InputError(f"{m.title}: a mode is the state of each switch, 0, 1, ..., got {mode!r:.60}") from None
         sizes = [len(switch.states) for switch in m.switches]
         if len(self.mode) != len(sizes) or any(x not in range(n) for x, n in zip(self.mode, sizes, strict=True)):
             raise InputError(f"{m.title}: mode {self.mode} does not fit {len(sizes)} switches with {sizes} states")
@@ -98,7 +102,7 @@ class EquationsAtPoint:
         return f"<equations of {self.mechanism.title} at t = {self.t:.9g} s>"
 
     def _with(self, evaluate: "Callable[[Index2System], Result]") -> Result:
-        """Return what a function finds in a workspace of this mode, with kinematics at q."""
+        """Return the result of a function of a workspace in this mode, with kinematics at q."""
         pool = self.mechanism.workspaces
         system = pool.acquire(native=self.native)
         system.enter(self.mode)
@@ -127,7 +131,7 @@ class EquationsAtPoint:
 
     @property
     def f(self) -> Array:
-        """All forces but those of constraints, minus Coriolis, centrifugal and gravity terms, (nv,), in N and N m.
+        """All forces except those of constraints, minus Coriolis, centrifugal and gravity terms, (nv,), in N and N m.
 
         Friction proportional to constraint forces is not in f, but in ``vdot`` and ``lam``.
         """
@@ -265,7 +269,7 @@ class EquationsAtPoint:
         """Return the changes of (v', lam, s') along one direction of (q in the tangent, v, s, t).
 
         Where constraints are dependent, derivatives exist only along directions in which they remain so, as consistent
-        motions: a warning tells of others.
+        motions: a warning reports others.
 
         Raises:
             InputError: unless all are finite numbers of the right shapes.

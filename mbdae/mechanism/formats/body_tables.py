@@ -74,8 +74,8 @@ class Flexible(Frame):
         density: kg/m^3.
         area: area of the cross-section in m^2.
         second_moment: second moment of area for bending along y, and along z if it differs, in m^4.
-        polar_moment: second moment of area about x in m^4, for inertia about the axis; without it Iy + Iz if the joint
-            turns about x or with shear, else 0.
+        polar_moment: second moment of area about x in m^4, for inertia about the axis; without it Iy + Iz if rotations
+            of the joint have a component about x, or with shear, else 0.
         shear_stiffness: shear coefficient x shear modulus x area in N; 0 is rigid against shear.
         fibre: position (y, z) in the cross-section in m whose strain and stress nodes report; without it those by
             stretching alone, of axial beams.

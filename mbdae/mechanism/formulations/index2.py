@@ -21,7 +21,7 @@ from . import equation_partials, features, residuals
 from .closure_friction import ClosureFriction, solve_with_friction
 from .inertial_forces import InertialForces
 from .steps import index2_step, interpolation, projection, row_selection
-from .steps.second_order import second_order_step
+from .steps.newmark_step import newmark_step
 from .steps.variational import variational_step
 from .workspace_pool import RunVariables
 
@@ -277,7 +277,7 @@ class Index2System(PinocchioData, RunVariables, System):
     restore, magnitude = projection.project_state, projection.magnitude
     choose_rows, update_independent_rows = row_selection.select_independent_rows, row_selection.update_independent_rows
     rows_of_step = row_selection.rows_of_step
-    variational_step, second_order_step = variational_step, second_order_step
+    variational_step, newmark_step = variational_step, newmark_step
     multiplier_gain, pivot_ratio = row_selection.multiplier_gain, row_selection.pivot_ratio
     sparse_closures, closures_by_size = residuals.sparse_closures, residuals.closures_by_size
     residual, residuals = residuals.residual, residuals.residuals

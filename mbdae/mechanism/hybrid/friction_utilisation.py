@@ -13,11 +13,13 @@ work of the loads to the work of the limits along y, and no programme is solved.
 Source: P. Loetstedt, SIAM J. Appl. Math. 42 (1982), for non-unique multipliers.
 """
 
+from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...discovery import lazy_import
+from ...errors import StepError
 from ...system import Array
 from ...tolerances import SAME_STATE, UNINVOLVED
 
@@ -50,13 +52,22 @@ def least_utilisation(load: Array, N: Array) -> float:
     Args:
         load: multipliers relative to their limits, (m,).
         N: null vectors, relative to the limits, (m, k).
+
+    Raises:
+        StepError: if the linear programme is not solved.
     """
     left, sizes, _ = np.linalg.svd(N)
     k, ones = int(np.count_nonzero(sizes > UNINVOLVED * sizes[:1])), np.ones((len(load), 1))
     basis, left_null = left[:, :k], left[:, k:]
     if left_null.shape[1] == 1:
         return float(abs(left_null[:, 0] @ load) / np.abs(left_null).sum())
-    A, b = np.block([[basis, -ones], [-basis, -ones]]), np.concatenate([-load, load])
+    size = float(np.abs(load).max(initial=0.0))
+    if size == 0 or not isfinite(size):
+        return size
+    relative = load / size  # tolerances of linprog are absolute, and from 1e20 on its numbers are infinite
+    A, b = np.block([[basis, -ones], [-basis, -ones]]), np.concatenate([-relative, relative])
     found = linprog(np.append(np.zeros(k), 1.0), A, b, bounds=(None, None), method="highs")
+    if not found.success:
+        raise StepError("friction", f"the utilisation of redundant stiction limits is unknown: {found.message}")
     active = b - A @ found.x < ACTIVE_TOLERANCE * (1 + abs(found.x[-1]))
-    return float(np.linalg.lstsq(A[active], b[active])[0][-1])  # the vertex, to rounding
+    return size * float(np.linalg.lstsq(A[active], b[active])[0][-1])  # the vertex, to rounding

@@ -1,4 +1,4 @@
-"""Tangent of a motion at a point in m directions: bodies, and frames fixed to them.
+"""Tangent of the motion of bodies, and of frames fixed to them, at a point in m directions.
 
 A direction changes (q, v, v'), the mechanism's parameters and time. It displaces body i, and frames fixed to it, by the
 motion X_i at the world's origin. With the columns J_i of its joint, w_i = J_i v_i, the parent body p, and the effect
@@ -78,18 +78,18 @@ class MotionTangent:
         firsts = {end + 1: j for j, end in enumerate(self.last_joints[:-1], 1)}
         for i in range(1, n):
             p, at = model.parents[i], slice(model.idx_vs[i], model.idx_vs[i] + model.nvs[i])
-            own = J[:, at]
-            w, a = own.dot(v[at])[:, None], own.dot(vdot[at])[:, None]
-            X[i] = X[p] + own.dot(d.q[at])
+            J_i = J[:, at]
+            w, a = J_i.dot(v[at])[:, None], J_i.dot(vdot[at])[:, None]
+            X[i] = X[p] + J_i.dot(d.q[at])
             if i in firsts:
-                before = data.oMi[p] * model.jointPlacements[i]
-                X[i] += self.placement_motion(before, [x.placements.get(firsts[i]) for x in self.parameters.all])
+                placement = data.oMi[p] * model.jointPlacements[i]
+                X[i] += self.placement_motion(placement, [x.placements.get(firsts[i]) for x in self.parameters.all])
             V[i] = V[p] + w[:, 0]
-            moved = motion_cross(X[i], w) + own.dot(d.v[at])
-            dV[i] = dV[p] + moved
+            d_i = motion_cross(X[i], w) + J_i.dot(d.v[at])
+            dV[i] = dV[p] + d_i
             A[i] = A[p] + a[:, 0] + motion_cross(V[i][:, None], w)[:, 0]
-            dA[i] = dA[p] + motion_cross(X[i], a) + own.dot(d.vdot[at])
-            dA[i] += motion_cross(dV[i], w) + motion_cross(V[i][:, None], moved)
+            dA[i] = dA[p] + motion_cross(X[i], a) + J_i.dot(d.vdot[at])
+            dA[i] += motion_cross(dV[i], w) + motion_cross(V[i][:, None], d_i)
         self.X, self.V, self.A, self.dV, self.dA = (x[self.last_joints] for x in (X, V, A, dV, dA))
         self.placements = [data.oMi[i] for i in self.last_joints]
         update_motions(self.model, self.system.workspace, q, v, np.zeros(len(v)))
@@ -131,6 +131,6 @@ class MotionTangent:
         out = []
         for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):
             if law in p.forces:
-                which = p.forces.index(law)
-                out.append((i, {k: near.bound[which][0] for k, near in laws.perturbed.items()}))
+                at = p.forces.index(law)
+                out.append((i, {k: perturbed.bound[at][0] for k, perturbed in laws.perturbed.items()}))
         return out

@@ -1,4 +1,4 @@
-// Dual numbers: a value with its derivatives in N directions. A formula that takes any scalar gives both.
+// Dual numbers: a value and its derivatives in N directions, both of which a formula over any scalar returns.
 #pragma once
 
 #include <algorithm>
@@ -13,7 +13,7 @@ struct Dual {
   Dual() = default;
   Dual(double value) : x(value) {}
 
-  // f(a), and c a + e b, where f has these derivatives
+  // f(a) and f(a, b), from the value and the partial derivatives of f
   friend Dual chain(const Dual& a, double value, double by) {
     Dual out(value);
     for (int i = 0; i < N; ++i) out.d[i] = by * a.d[i];

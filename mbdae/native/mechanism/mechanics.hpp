@@ -1,5 +1,5 @@
-// The mechanics of a tree in arrays of numbers: by the sweep through it (tree_sweep.hpp), or, where that does not know a
-// kind of joint, by other algorithms (tree_model.hpp).
+// Kinematics and dynamics of a tree of bodies: by the sweep through it (tree_sweep.hpp), or, for kinds of joints that it
+// does not support, by other algorithms (tree_model.hpp).
 #pragma once
 
 #include <memory>
@@ -17,11 +17,11 @@ class Mechanics {
   Mechanics(const void* model, const Tolerances& limits, std::vector<ModalBody> flexible);
   ~Mechanics();
 
-  bool planar() const;  // do all bodies move in parallel planes? Then `planar_sweep` computes them
-  bool has_same_structure(const std::vector<ModalBody>& flexible) const;  // have these as many modes and nodes?
-  // Another model of the same joints; all that was computed with the one before is forgotten.
+  bool planar() const;  // whether all bodies move in parallel planes, and `planar_sweep` computes them
+  bool has_same_structure(const std::vector<ModalBody>& flexible) const;  // as many modes and nodes
+  // Another model of the same joints; results of the previous one are discarded.
   void write(const void* model, const Tolerances& limits, std::vector<ModalBody> flexible);
-  void refresh();  // the numbers of the model may have changed where they are
+  void refresh();  // after changes of the model in place
 
   Tolerances limits;
   int nq, nv, joints, frames;               // frames: joints, and nodes of flexible bodies, which follow them
@@ -43,8 +43,8 @@ class Mechanics {
   void inertia(const double* q, const double* v);                 // M; J and poses; the first terms of `partials`
   const double* bias() const;                                     // (nv,) nle of the last two, or of `bias`
   void poses(const double* q);                                    // J and poses alone
-  void save_poses();                                              // the current ones; others are computed next
-  void restore_poses();                                           // those of the last `save_poses`
+  void save_poses();                                              // for `restore_poses`, before others are computed
+  void restore_poses();
   void motions(const double* q, const double* v);                 // velocities, and accelerations for v' = 0
   void motions(const double* q, const double* v, const double* a);  // and accelerations for v' = a
   void bias(const double* q, const double* v);                      // nle(q, v); velocities; for `bias_minus_gravity`
@@ -58,8 +58,8 @@ class Mechanics {
   // model: the expanded tree (mechanism/tree/expanded_tree.py).
   void expand(const void* model);
   bool expanded() const { return !expanded_joints.empty(); }
-  // Partials of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` if v = 0. M, J and poses
-  // are current afterwards.
+  // Partials of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; `alone`: of M a, for v = 0. M, J and
+  // poses are current afterwards.
   void partials(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone = false);
 
   void integrate(const double* q, const double* x, double* out);  // q (+) x
@@ -90,7 +90,7 @@ class Mechanics {
   struct Workspace;
   void begin_sweep();
   void set_M(const double* dense);  // from (nv, nv) by columns, above the diagonal
-  bool has_partial_terms(const double* q, const double* v) const;  // are they known at (q, v)?
+  bool has_partial_terms(const double* q, const double* v) const;  // whether they are current at (q, v)
 
   std::unique_ptr<Workspace> w;
   long motion_stamp_ = 0, pose_stamp_ = 0;

@@ -136,9 +136,9 @@ class Search {
 
 }  // namespace
 
-EventScan detect_events(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step,
+DetectedEvents detect_events(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step,
                         const PartialStep& shorter) {
-  EventScan out;
+  DetectedEvents out;
   out.nodes = events.nodes;
   std::vector<Crossing> crossings;
   for (size_t i = 0; i < events.events.size(); ++i)

@@ -33,7 +33,7 @@ struct Events {
   std::vector<SignalEvent> events;
   std::vector<Node> nodes;  // current node of each event
   std::vector<LocatedEvent> located;
-  bool stopped = false;                     // a terminal one ends the run
+  bool stopped = false;                     // a terminal one has ended the run
   double start = 0;                         // s: start of the run, where an event counts as located
   double agreement = 0;                     // s, or relative to t: an event so close to the start is the start
   double spacings = 0, step_tolerance = 0;  // location tolerance: spacings of t, and relative to the step
@@ -48,17 +48,17 @@ struct AcceptedStep {
   const double *y, *y1, *carry, *carry1;
 };
 
-// Result for a step: nodes and events to be taken over, and the fraction of the step where the run ends.
-struct EventScan {
+// Events of a step: current nodes after it, located events, and the fraction of the step at which the run ends.
+struct DetectedEvents {
   std::vector<Node> nodes;
   std::vector<LocatedEvent> located;
-  double stop = -1;  // none
+  double stop = -1;  // negative if it goes on
 };
 
 // y (length,) at the end of a partial step of fraction theta; throws if it cannot be taken.
 using PartialStep = std::function<Numbers(double theta)>;
 
-EventScan detect_events(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step,
+DetectedEvents detect_events(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step,
                         const PartialStep& shorter);
 
 }  // namespace mbdae

@@ -22,13 +22,13 @@ void TimeLoop::detect_events(Proposal& p) {
     return x.carry.empty() ? nullptr : x.carry.data() + (s_.carried() - (s_.ny - s_.nv));
   };
   const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), carried(run_.state), carried(next_)};
-  scan_ = mbdae::detect_events(s_, values, run_.events, taken, shorter);
-  if (scan_.stop >= 0) {
+  detected_ = mbdae::detect_events(s_, values, run_.events, taken, shorter);
+  if (detected_.stop >= 0) {
     const bool monitored =
         run_.monitored && std::sqrt(least) < run_.monitor.monitored_ratio * run_.monitor.largest_ratio;
-    if (monitored || scan_.stop * h == 0) throw FallBackToPython();
+    if (monitored || detected_.stop * h == 0) throw FallBackToPython();
     values.exchange();
-    steps.end_at(scan_.stop, p);
+    steps.end_at(detected_.stop, p);
   } else {
     steps.discard();
   }

@@ -145,8 +145,8 @@ bool TimeLoop::attempt() {
   record();
   Events& events = run_.events;
   if (events.events.empty()) return true;
-  events.nodes = std::move(scan_.nodes), events.stopped = scan_.stop >= 0;
-  events.located.insert(events.located.end(), scan_.located.begin(), scan_.located.end());
+  events.nodes = std::move(detected_.nodes), events.stopped = detected_.stop >= 0;
+  events.located.insert(events.located.end(), detected_.located.begin(), detected_.located.end());
   return true;
 }
 

@@ -107,7 +107,7 @@ class CollocationMethod final : public Method {
   const Radau& a_;
 };
 
-// A method without error estimate: VariationalStep, SecondOrderStep.
+// A method without error estimate: VariationalStep, NewmarkStep.
 template <class Step, class Coefficients>
 class FixedStepMethod final : public Method {
  public:
@@ -155,7 +155,7 @@ class TimeLoop {
   State next_;
   Numbers unprojected_, move_, partial_move_;  // (length,) next_.y before its projection; (ny,) twice
   bool restarted_ = false;  // its carry was recomputed
-  EventScan scan_;          // on the accepted step
+  DetectedEvents detected_;          // on the accepted step
   GuardMonitor guards_;
   NextMode next_mode_;         // after the event at the end of the accepted step
   bool changes_mode_ = false;  // is there one?

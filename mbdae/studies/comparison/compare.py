@@ -83,7 +83,8 @@ def compare(
             ``if __name__ == "__main__":``.
         timed_together: measure times in the processes, while others compute.
         progress: called with the fraction of runs done and the name of the next.
-        path: a .json or .csv file of the finished runs, which is read first if it exists.
+        path: a .json or .csv file of the finished runs, which is read first if it exists; wall times are measured
+            again if they are of another machine.
         fresh: do not resume from the file, but replace it once the first run is finished.
         backend: one for all runs, so that their times are comparable: ``"auto"`` takes the compiled core if it supports
             every method of the comparison, and Python otherwise.

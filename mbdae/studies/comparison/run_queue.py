@@ -23,7 +23,7 @@ from .comparison import Comparison
 from .reference_motion import ReferenceMotion, Samples, Trial
 from .run_result import RunResult, ordered
 
-LONG = 2.0  # s: longer runs are measured once
+LONG = 2.0  # s: longer runs are timed once
 Progress = Callable[[float, str], None]
 
 
@@ -56,7 +56,7 @@ class RunQueue:
         trials: the runs.
         pair: methods of the reference.
         rtol: their tolerance.
-        path: the file, if any; it is read when it exists.
+        path: the file, if any; it is read when it exists, without wall times of another machine.
         progress: see `mbdae.compare`.
         passes: number of repetitions of each run.
         fresh: do not read the file.
@@ -117,7 +117,8 @@ class RunQueue:
         if old.meta.get("key") != self.key():
             what = "another mechanism, span, reference or version of mbdae"
             raise InputError(f"{path} has a comparison of {what}: give another file, or remove this one")
-        self.points = {p.label: p for p in old.points}
+        here = old.meta.get("machine") == self.meta["machine"]  # wall times of machines are not compared
+        self.points = {p.label: p if here else replace(p, times=()) for p in old.points}
         self.reference, self.witness, self.uncertainty = old.reference, old.witness, old.uncertainty
 
     def pending(self) -> list[Trial]:

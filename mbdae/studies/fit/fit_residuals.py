@@ -19,7 +19,7 @@ from ..sensitivity.run_parameters import MechanismFactory, VaryingParameters
 from ..sensitivity.sensitivity import trajectory_sensitivity
 from .data import Recording
 
-SAMPLES_PER_PARAMETER = 3  # fewest samples of a span
+VALUES_PER_PARAMETER = 3  # fewest measured values of a span
 
 
 class FitResiduals:
@@ -57,11 +57,19 @@ class FitResiduals:
         self.rejected, self.all_rejected = list[str](), list[str]()  # reasons of trials of a search, and of all
 
     def span_fractions(self, spans: Sequence[float], k: int) -> list[float]:
-        """Return the fractions with enough samples, then 1 for all of them."""
-        n = min(sum(int(np.isfinite(x).sum()) for x in r.columns.values()) for r in self.recordings)
+        """Return the fractions within which each run has enough measured values for k parameters, then 1 for all."""
         if not isinstance(spans, Sequence) or not all(is_number(s) and 0 < s <= 1 for s in spans):
             raise InputError(f"spans are fractions of the samples between 0 and 1, got {spans!r:.60}")
-        return [*(s for s in sorted(set(spans)) if s < 1 and s * n >= SAMPLES_PER_PARAMETER * k), 1.0]
+        fewest = VALUES_PER_PARAMETER * k
+        return [*(s for s in sorted(set(spans)) if s < 1 and self._count_values(s) >= fewest), 1.0]
+
+    def _count_values(self, fraction: float) -> int:
+        """Return the smallest number of measured values of a run after its start, where few parameters matter."""
+        counts = []
+        for r in self.recordings:
+            n = _sample_count(r, fraction)
+            counts.append(sum(int(np.isfinite(x[:n][r.t[:n] > self.start]).sum()) for x in r.columns.values()))
+        return min(counts)
 
     def simulate(self, x: Array) -> list[Solution]:
         """Return a run for each recording with parameters x (k,), cached for the last x.
@@ -74,7 +82,7 @@ class FitResiduals:
             values, out = dict(zip(self.names, map(float, x), strict=True)), []
             for record, known in zip(self.recordings, self.known, strict=True):
                 mech = self.make.make({**known, **values})
-                times = record.t[: max(1, round(self.fraction * len(record.t)))]
+                times = record.t[: _sample_count(record, self.fraction)]
                 span = (self.start, float(times[-1]))
                 for name in record.columns:
                     differentiable(mech, name)
@@ -135,6 +143,10 @@ class FitResiduals:
         if not np.isfinite(J).all():
             raise InputError("derivatives of a run are not finite: it diverges; use a smaller step")
         return J
+
+
+def _sample_count(record: Recording, fraction: float) -> int:
+    return max(1, round(fraction * len(record.t)))
 
 
 class _WithFixed:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError, is_number
+from ...errors import InputError, UnknownNameError, is_count, is_number
 from ...integrate.simulator.simulator import Simulator
 from ...mechanism import Mechanism
 from ...system import Array
@@ -163,7 +163,7 @@ def _limits(
 
 def _require_numbers(points: Any, steps: Any, iterations: Any, tolerance: Any, time_weight: Any) -> None:
     for name, n, least in (("points", points, 2), ("steps", steps, 2), ("iterations", iterations, 1)):
-        if isinstance(n, bool) or not isinstance(n, int) or n < least:
+        if not is_count(n, least):
             raise InputError(f"{name} must be a whole number from {least} on, got {n!r:.60}")
     if steps % 2:
         raise InputError(f"steps must be even, for Simpson's rule, got {steps}")

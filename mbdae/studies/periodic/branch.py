@@ -187,6 +187,7 @@ def periodic_branch(
     require_positive_period(T)
     if not (is_number(first) and is_number(last) and first != last):
         raise InputError(f"the range of {name!r} is two different numbers, got {first!r:.40} and {last!r:.40}")
+    first, last = float(first), float(last)  # numpy's single precision would end the branch
     maker, rest = maker_of(model), dict(start or {})
     maker.check({n: x for n, x in {**rest, name: first}.items() if n not in maker.parameters})
     mech = maker.make({**rest, name: first})

@@ -1,4 +1,4 @@
-"""The flow over a part of a period, and its tangent."""
+"""The flow over a part of a period, an interval of multiple shooting, and its tangent."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ..sensitivity.sensitivity import run_tangents
 
-LONGEST = 20.0  # expected durations, within which a run must return to its section
+LONGEST = 20.0  # of the expected duration: a run must return to its section within it
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class FlowTangent:
     energy: Array
 
     @property
-    def moving(self) -> Array:
+    def on_section(self) -> Array:
         """Tangent of the end on the section, (ny, m)."""
         return self.fixed + np.outer(self.rate, self.dt)
 

@@ -204,7 +204,7 @@ class Linearisation:
         A = np.zeros((n * k, n * k + period + m + self.p))
         for i, end in enumerate(self.tangents):
             rows, following = slice(i * n, (i + 1) * n), (i + 1) % k
-            whole = self._into_next(i, end.moving)
+            whole = self._into_next(i, end.on_section)
             A[rows, i * n : (i + 1) * n] += whole[:, :n]
             A[rows, following * n : (following + 1) * n] -= np.eye(n)
             if period:

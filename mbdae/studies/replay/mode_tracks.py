@@ -1,4 +1,4 @@
-"""Marks of a replay of a run with modes: stuck joints, closed contacts, engaged clutches, and impacts."""
+"""Marks of switches in a replay: sticking joints, closed contacts, engaged clutches, and impacts."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 ACTIVE_COLOUR, IMPACT_COLOUR = "#6741d9", "#f59f00"
 FLASH, SUDDEN = 0.25, 0.001  # s of viewing: duration and rise time of the mark of an impact
-MANY = 3  # names in a legend
+LISTED_NAMES = 3  # at most, in a line of the legend
 IMPACT_SIZE = 2.5  # of the mark of the strongest impact, in sizes of the others
 
 
@@ -28,7 +28,7 @@ class ModeTrack(NamedTuple):
 
     Attributes:
         name: of the switch.
-        word: for its active state.
+        word: for the active states in which it was.
         positions: at each frame in m, (k, m, 3): of its joints, or of the contact point.
         active: start and end times in s of its active intervals, in order.
         impacts: times in s of impacts.
@@ -72,20 +72,26 @@ def drawn_marks(marks: Sequence[ModeTrack], times: Array, speed: float, width: f
 
 def mode_legend(marks: Sequence[ModeTrack]) -> list[dict[str, str]]:
     """Return colours and texts of marks."""
-    holding = [x for x in marks if x.active]
+    active = [x for x in marks if x.active]
     out = []
-    for word in dict.fromkeys(x.word for x in holding):
-        names = [x.name for x in holding if x.word == word]
-        listed = f"{len(names)} joints and contacts" if len(names) > MANY else ", ".join(names)
+    for word in dict.fromkeys(x.word for x in active):
+        names = [x.name for x in active if x.word == word]
+        listed = f"{len(names)} joints and contacts" if len(names) > LISTED_NAMES else ", ".join(names)
         out.append({"colour": ACTIVE_COLOUR, "text": f"{listed}: {word}"})
     return out + [{"colour": IMPACT_COLOUR, "text": "impact"}] * any(x.impacts for x in marks)
 
 
+def _elapsed(t: Sequence[float], times: Array) -> Array:
+    """Return times of a run as times since the first frame, negative before it; a run may go backwards."""
+    return (np.array(t) - times[0]) * (1.0 if times[-1] >= times[0] else -1.0)
+
+
 def _active_scales(mark: ModeTrack, times: Array) -> Track:
     """Return the sizes of a mark from the times on at which it appears or disappears."""
-    ends = np.abs(np.reshape(mark.active, (-1, 2)) - times[0])
-    at = np.unique(np.append(ends.ravel(), 0.0).astype("f4"))
-    low, high = ends.astype("f4").T
+    end = np.float32(abs(times[-1] - times[0]))
+    ends = _elapsed(mark.active, times).reshape(-1, 2).astype("f4")
+    at = np.unique(np.append(ends[(ends > 0) & (ends < end)], np.float32(0)))  # none at the end: the last frame stays
+    low, high = ends.T
     shown = ((low <= at[:, None]) & (at[:, None] < high)).any(axis=1).astype(float)
     return Track(np.tile(shown[:, None], 3), at, sudden=True)
 
@@ -94,9 +100,9 @@ def _impact_scales(mark: ModeTrack, times: Array, speed: float) -> Track:
     """Return the sizes of a mark, which jump at impacts and decay to 0."""
     if not mark.impacts:
         return Track(np.zeros((1, 3)), np.zeros(1))
-    impacts = np.abs(np.array(mark.impacts) - times[0])
-    at = np.concatenate([[0.0], impacts, impacts - SUDDEN * speed, impacts + FLASH * speed])
-    at = np.unique(at[(at >= 0) & (at <= abs(times[-1] - times[0]))].astype("f4"))
+    impacts, end = _elapsed(mark.impacts, times), abs(times[-1] - times[0])
+    at = np.concatenate([[0.0, end], impacts, impacts - SUDDEN * speed, impacts + FLASH * speed])
+    at = np.unique(at[(at >= 0) & (at <= end)].astype("f4"))
     last = np.searchsorted(impacts.astype("f4"), at, side="right") - 1
     age = (at - impacts[last]) / (FLASH * speed)
     strength = IMPACT_SIZE * np.array(mark.strength)[last] * (1 - np.maximum(age, 0))
@@ -113,7 +119,8 @@ def mode_tracks_of(sol: "Solution", q: Array) -> list[ModeTrack]:
         impacts = [(x.t, x.impulse[x.where.index(switch.name)]) for x in sol.impacts if switch.name in x.where]
         if not spans and not impacts:
             continue
-        word = next(word for state, word in enumerate(switch.states) if switch.active_rows(state))
+        visited = {mode[switch.index] for _, mode in sol.modes}
+        word = " or ".join(w for k, w in enumerate(switch.states) if k in visited and switch.active_rows(k))
         impulses = np.abs([impulse for _, impulse in impacts])
         strength = np.sqrt(impulses / (impulses.max(initial=0.0) or 1.0)).tolist()
         ends = [t for span in spans for t in span]

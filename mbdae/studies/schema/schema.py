@@ -49,7 +49,7 @@ def schema(file: str = "mechanism") -> dict[str, Any]:
     Raises:
         UnknownNameError: for an unknown kind.
     """
-    if file not in FILES:
+    if file not in list(FILES):
         raise UnknownNameError("kind of file", file, FILES)
     out = FILES[file].model_json_schema(schema_generator=FileSchema)
     tables = out.get("$defs", {})

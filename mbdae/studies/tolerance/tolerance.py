@@ -15,8 +15,8 @@ from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
 from ..sensitivity.run_parameters import MechanismFactory, mechanism_factory, named_values
 from .clearances import displacements
+from .dimension_patterns import expand_patterns
 from .influences import influences
-from .parameter_names import expanded
 from .result import Tolerance, signal_units
 from .second_order import hessians
 
@@ -58,7 +58,8 @@ def tolerance(
         signals: signals of the pose: ``position.<frame>.x``, .y, .z, ``q.<joint>``; ``v.<joint>`` per unit speed of the
             input; ``holding``, the holding effort of the driver.
         parameters: tolerances t by dotted name or pattern, ``frame.rod_tip.xyz.0=5e-5``, ``joint.*.xyz.*=5e-5``: the
-            value deviates by at most t. Matched ones that open redundant closures are left out, and reported.
+            value deviates by at most t. A name has precedence over patterns, a pattern over those before it. Matched
+            ones that open redundant closures are left out, and reported.
         clearances: clearances c in m by joint or closure, ``"wrist pin"=2e-5``.
         span: the input's range in rad or m; when left out, ``turns`` to both sides of the start pose.
         turns: number of full turns, if no span is given.
@@ -83,7 +84,7 @@ def tolerance(
     _check(sizes, gaps, sigmas)
     loaded = model if isinstance(model, Mechanism) else None
     make = mechanism_factory(loaded, None if loaded else model)
-    sizes, matched = expanded(make, sizes)
+    sizes, matched = expand_patterns(make, sizes)
     nominal = _nominal(make, sizes, values)
     mech = loaded if loaded is not None and values is None else make.make(nominal)
     found = kinematics(mech, drive, span=span, turns=turns, hold=hold, points=points, q=q)

@@ -96,3 +96,11 @@ def test_a_fixed_step_has_no_step_size_control(backend, control):
 def test_the_largest_number_of_steps_is_an_integer(backend, most):
     with pytest.raises(InputError, match=rf"^max_steps must be an integer, got {most}$"):
         mbdae.solve("pendulum", (0, 0.1), max_steps=most, backend=backend)
+
+
+@pytest.mark.parametrize("name", ["first_step", "max_step"])
+def test_step_sizes_in_single_precision_do_not_round_the_run(name):
+    size = np.float32(0.01)
+    runs = [mbdae.solve("four_bar", (0, 0.5), backend="python", **{name: x}) for x in (size, float(size))]
+    np.testing.assert_array_equal(runs[0].t, runs[1].t)
+    np.testing.assert_array_equal(runs[0].q, runs[1].q)

@@ -140,6 +140,9 @@ def test_wrong_input_is_named():
             mech.at(*wrong)
     with pytest.raises(mbdae.MbdaeError, match="mode"):
         mech.at(mode=(1,))
+    for mode in (1, None, (1.0,), "1"):
+        with pytest.raises(mbdae.MbdaeError, match="a mode is the state of each switch"):
+            mbdae.load("pendulum_on_stop").at(mode=mode)
     with pytest.raises(mbdae.MbdaeError, match="dq"):
         mech.at().jvp([1.0], np.zeros(3))
     with pytest.raises(mbdae.MbdaeError, match="dt is a finite number, got nan"):

@@ -20,7 +20,10 @@ def written(path, more=""):
     return mbdae.load(path)
 
 
-@pytest.mark.parametrize("more", ["", 'joint = "spherical"\n', 'joint = "revolute"\naxis = [-1.0, 0.0, 0.0]\n'])
+@pytest.mark.parametrize(
+    "more",
+    ["", 'joint = "spherical"\n', *(f'joint = "revolute"\naxis = [-1.0, {x}, 0.0]\n' for x in (0.0, 6e-17))],
+)
 def test_a_joint_that_turns_about_x_finds_the_inertia_of_the_section(tmp_path, more):
     """About its axis a prism has m (w^2 + h^2) / 12."""
     mech = written(tmp_path / "b.toml", more)
@@ -29,6 +32,11 @@ def test_a_joint_that_turns_about_x_finds_the_inertia_of_the_section(tmp_path, m
     inertia = mech.mass_matrix(mech.start[0])[at, at]
     assert inertia == pytest.approx(mass * (WIDTH**2 + HEIGHT**2) / 12, rel=1e-12)
     assert mbdae.solve(mech, (0, 0.01)).success
+
+
+def test_an_oblique_axis_has_a_part_of_the_inertia_of_the_section(tmp_path):
+    mech = written(tmp_path / "b.toml", 'joint = "revolute"\naxis = [1.0, 1.0, 0.0]\n')
+    assert mech.model.flexible[0].modal.I0[0, 0] == pytest.approx(DENSITY * sum(SECOND_MOMENT) * LENGTH, rel=1e-12)
 
 
 def test_a_joint_about_another_axis_has_none(tmp_path):

@@ -113,3 +113,22 @@ def test_names_of_the_file_are_kept_beside_objects_without_one(tmp_path):
     assert [(m.name, m.joint) for m in mech.motors] == [("actuator0_2", "joint0"), ("actuator0", "joint0")]
     assert mech.start[0].tolist() == [0.2, 0.0]
     assert mbdae.load(tmp_path / "x.xml", key="key0_2").start[0].tolist() == [0.1, 0.0]
+
+
+def test_colours_are_those_of_the_viewer(tmp_path):
+    """A geom's colour, unless it is the default one, is in place of that of its material."""
+    path = tmp_path / "balls.xml"
+    path.write_text(
+        """<mujoco><asset><material name="red" rgba="1 0 0 1"/></asset><default><geom type="sphere" size="0.1"
+        contype="0" conaffinity="0" mass="1"/></default><worldbody><body><joint name="j"/><geom material="red"/>
+        <geom material="red" rgba="0 0 1 0.5"/><geom material="red" rgba="0.5 0.5 0.5 1"/><geom rgba="0 1 0 1"/>
+        <geom/></body></worldbody></mujoco>"""
+    )
+    m = mujoco.MjModel.from_xml_path(str(path))
+    d, scene = mujoco.MjData(m), mujoco.MjvScene(m, 9)
+    mujoco.mj_forward(m, d)
+    shown = mujoco.MjvOption(), None, mujoco.MjvCamera(), mujoco.mjtCatBit.mjCAT_ALL
+    mujoco.mjv_updateScene(m, d, *shown, scene)
+    known = {x.objid: x.rgba for x in scene.geoms[: scene.ngeom] if x.objtype == mujoco.mjtObj.mjOBJ_GEOM}
+    found = [x.meshColor for x in mbdae.load(path).visuals.geometryObjects]
+    np.testing.assert_allclose(found, [known[g] for g in range(m.ngeom)], atol=1e-7)

@@ -10,6 +10,7 @@ import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import InputError
 from mbdae.mechanism.formats.mechanism_file.template import Template
+from mbdae.mechanism.formats.model_library import find
 
 TOWER = """
 from typing import Annotated, Literal
@@ -45,6 +46,16 @@ def test_keywords_and_names():
     for mech in (mbdae.load("n_four_bar", N=4), mbdae.load("n_four_bar?N=4"), mbdae.load("n_four_bar?N=7", N=4)):
         assert (mech.nv, mech.ng) == (9, 12)
     assert mbdae.load("n_four_bar").nv == 5
+
+
+def test_values_of_numpy_are_those_of_python():
+    template = Template(str(find("n_four_bar")))
+    exact = {"N": 3, "gravity.2": -9.5, "body.crank_0.com": [0.5, 0.0, 0.25]}
+    given = {"N": np.int64(3), "gravity.2": np.float32(-9.5), "body.crank_0.com": np.array([0.5, 0.0, 0.25], "f4")}
+    found, known = template.make(given), template.make(exact)
+    assert found.model == known.model
+    with pytest.raises(InputError, match="a parameter takes numbers, texts or lists of numbers, got 1j"):
+        template.make({"gravity.2": np.complex128(1j)})
 
 
 def test_a_users_own_file(tower):

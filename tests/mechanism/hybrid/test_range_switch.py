@@ -57,6 +57,8 @@ def test_depth_of_windows():
     assert {x: some.depth(x) for x in places} == pytest.approx(places)
     assert some.shortest == 1
     assert ActiveRange(joint="a", windows=((0, 5),)).shortest == 5
+    other_periods = ActiveRange(joint="a", windows=((0.5, 1), (-2.8, -2.4)), period=4)
+    assert other_periods.shortest == pytest.approx(0.2), "from 1 to 1.2"
 
 
 def test_wrong_windows_are_rejected():
@@ -64,3 +66,12 @@ def test_wrong_windows_are_rejected():
         ActiveRange(joint="a", windows=((1, 0),))
     with pytest.raises(InputError, match="a window is shorter than the period"):
         ActiveRange(joint="a", windows=((0, 7),), period=6)
+    for windows, period in [
+        (((0, 1), (0.5, 2)), None),
+        (((1, 2), (0, 1)), None),
+        (((0, 1), (10, 10.5)), 2),
+        (((0.5, 1), (-1, 0.5)), 2),
+        (((-3.1415926, 3.1415926),), 2 * np.pi),
+    ]:
+        with pytest.raises(InputError, match="windows overlap or touch: join them into one"):
+            ActiveRange(joint="a", windows=windows, period=period)

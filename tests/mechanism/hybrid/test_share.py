@@ -4,8 +4,9 @@ from itertools import product
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog
+from scipy.optimize import OptimizeResult, linprog
 
+from mbdae.errors import StepError
 from mbdae.mechanism.hybrid import friction_utilisation
 from mbdae.mechanism.hybrid.box_lcp import solve_box_lcp
 from mbdae.mechanism.hybrid.friction_utilisation import least_utilisation
@@ -92,3 +93,18 @@ def test_where_one_motion_is_left_the_share_is_that_of_the_works(seed, monkeypat
     least = linprog(np.append(np.zeros(m - 1), 1.0), A, b, bounds=(None, None), method="highs").fun
     monkeypatch.setattr(friction_utilisation, "linprog", None)
     assert least_utilisation(load, null) == pytest.approx(least, rel=1e-9)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-12, 1e-9, 1.0, 1e20, np.inf])
+def test_the_utilisation_is_that_of_loads_of_any_size(size):
+    """|1 + z|, |2 z - 2| and |3 - z| <= 2 with z = 1 alone, which the first and the last row determine."""
+    load, null = np.array([1.0, -2.0, 3.0]) * size, np.array([[1.0], [2.0], [-1.0]])
+    assert least_utilisation(load, null) == pytest.approx(2 * size, rel=1e-13)
+
+
+def test_a_linear_programme_that_fails_is_an_error(monkeypatch):
+    failed = OptimizeResult(success=False, status=4, message="numerical difficulties", x=None)
+    monkeypatch.setattr(friction_utilisation, "linprog", lambda *a, **k: failed)
+    with pytest.raises(StepError, match="utilisation of redundant stiction limits is unknown: numerical diff") as e:
+        least_utilisation(np.array([1.0, -2.0, 3.0]), np.array([[1.0], [2.0], [-1.0]]))
+    assert e.value.status == "friction"

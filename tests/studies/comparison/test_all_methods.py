@@ -5,6 +5,7 @@ import sys
 import pytest
 
 import mbdae
+from mbdae.studies.comparison import run_queue
 
 
 def test_all_methods_that_suit_a_mechanism():
@@ -53,3 +54,15 @@ def test_a_span_that_begins_later_has_its_own_start():
     found = mbdae.compare("cam_follower", (0.3, 0.4), methods=["pherk5"], rtol=[1e-6])
     assert found.points[0].success
     assert found.points[0].errors["q"] < 1e-6
+
+
+def test_wall_times_of_another_machine_are_measured_again(tmp_path, monkeypatch):
+    options = {"t_span": (0, 0.1), "methods": ["herk3"], "rtol": [1e-3], "repeats": 2, "path": tmp_path / "c.json"}
+    first, same = (mbdae.compare("pendulum", **options) for _ in range(2))
+    assert same.points == first.points
+    monkeypatch.setattr(run_queue, "machine_description", lambda: "another machine")
+    other = mbdae.compare("pendulum", **options)
+    (a,), (b,) = first.points, other.points
+    assert len(b.times) == 2
+    assert not set(a.times) & set(b.times)
+    assert (a.errors, a.solves) == (b.errors, b.solves)

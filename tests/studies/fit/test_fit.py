@@ -161,6 +161,17 @@ def test_several_runs_with_starts_of_their_own(tmp_path):
         assert words in page, words
 
 
+def test_spans_without_enough_values_after_the_start_are_left_out():
+    """Of six times, a sixth is the start alone, however many signals it has; missing values are no values."""
+    times = np.linspace(0, 0.4, 6)
+    data = measured(find("four_bar"), {}, times, ["q.crank", "v.crank", "q.rocker", "v.rocker"], **STEP)
+    found = mbdae.fit("four_bar", {"gravity.2": (-12, -8)}, data, **STEP)
+    assert found.values["gravity.2"] == pytest.approx(-9.81, abs=1e-6)
+    late = {**data, **dict.fromkeys(data, np.r_[[np.nan] * 5, 1.0]), "t": times}
+    problem = FitResiduals(Template(str(find("four_bar"))), ["gravity.2"], records(late), [{}], None, None, {})
+    assert problem.span_fractions((0.5, 0.9), 1) == [1.0]
+
+
 @pytest.mark.parametrize("runs", [[""], [", data 1", ", data 2"]])
 def test_panels_of_the_page_say_signal_run_and_unit(runs, tmp_path):
     """From the figure inside the page, which has each text as a comment before its curves."""

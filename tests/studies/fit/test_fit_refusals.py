@@ -30,6 +30,7 @@ OPTIONS = [
     ({"known": {3: 1.0}}, InputError, "known parameters have dotted names, got 3"),
     ({"known": {"start.q.crank": np.nan}}, InputError, r"start\.q\.crank"),
     ({"known": {"nothing": 1.0}}, UnknownNameError, "nothing"),
+    ({"known": {"joint.crank.mass": 1j}}, InputError, "a parameter takes numbers, texts or lists of numbers, got 1j"),
     ({"parameters": {3: (0, 1)}}, InputError, "parameters have dotted names, .* got 3"),
     ({"sigma": -1.0}, InputError, "noise level of 'q.crank'"),
     ({"sigma": np.nan}, InputError, "noise level of 'q.crank'"),

@@ -62,6 +62,16 @@ def test_a_bouncing_ball_has_a_fold_where_the_table_is_too_slow():
         )
 
 
+def test_a_range_in_single_precision_does_not_round_the_branch():
+    q, v = start(0.0036, -1)
+    first, last = np.float32(0.0036), np.float32(0.00361)
+    runs = [
+        mbdae.periodic_branch(ball_on_table, "amplitude", *ends, q=q, v=v, rtol=1e-9, T=T).values
+        for ends in ((first, last), (float(first), float(last)))
+    ]
+    np.testing.assert_array_equal(*runs)
+
+
 def test_wrong_input_is_one_line():
     with pytest.raises(InputError, match="two different numbers"):
         mbdae.periodic_branch("simplest_walker", "incline", 0.01, 0.01)

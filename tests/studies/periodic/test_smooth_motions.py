@@ -106,7 +106,7 @@ def test_a_free_pendulum_has_its_period_and_only_neutral_multipliers(tmp_path):
     ("arguments", "message"),
     [
         ({"T": -1.0}, "period T must be a positive number"),
-        ({"parts": 0}, "parts must be a positive number"),
+        ({"parts": 0}, "parts must be a positive whole number"),
         ({"section": "q.rod > 0.5", "parts": 1}, "at least 2 parts"),
         ({"rtol": 0.0}, "rtol is a number between 0 and 1"),
         ({}, "give an estimate of the period, T, or a section"),

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 import mbdae
-from mbdae.studies.replay.mode_tracks import mode_tracks_of
+from mbdae.studies.replay.mode_tracks import drawn_marks, mode_legend, mode_tracks_of
 
 
 def marked(model, end):
@@ -73,3 +73,32 @@ def test_backlash_is_marked_at_both_joints():
 def test_nothing_is_marked_where_nothing_switches():
     sol = mbdae.solve(mbdae.load("pendulum"), (0, 0.1))
     assert mode_tracks_of(sol, sol.q) == []
+
+
+def sizes(model, span, times):
+    """Scales of the marks of a run at the times of their keys, by name."""
+    sol = mbdae.solve(mbdae.load(model), span, t_eval=times)
+    moving = drawn_marks(mode_tracks_of(sol, sol(times)[0]), times, 1.0, 0.01)
+    return {p.name: m["scale"] for p, m in zip(moving.parts, moving.motions, strict=True)}
+
+
+def test_marks_of_a_replay_that_begins_within_a_run():
+    """The rod rests on the stop from 4.283 s on, after impacts up to then, and still does in the last frame."""
+    found = sizes("pendulum_on_stop", (0, 8), np.linspace(5, 8, 31))
+    assert list(found) == ["rod stop active"], "impacts are over"
+    assert found["rod stop active"].values.min() == 1
+    active = sizes("pendulum_on_stop", (0, 8), np.linspace(4.2, 8, 31))["rod stop active"]
+    assert active.times == pytest.approx([0, 0.08294], abs=1e-5)
+    assert active.values[:, 0] == pytest.approx([0, 1], abs=1e-5), "and nothing after it"
+
+
+def test_the_mark_of_an_impact_decays_up_to_the_last_frame():
+    """The first impact is 0.1 s before the end; the marks of impacts decay within 0.25 s."""
+    (first, *_) = mbdae.solve(mbdae.load("pendulum_on_stop"), (0, 1)).impacts
+    mark = sizes("pendulum_on_stop", (0, 1), np.linspace(0, first.t + 0.1, 31))["rod stop impact"]
+    assert mark.values[-1, 0] == pytest.approx(0.6 * mark.values.max(), rel=1e-5)
+
+
+def test_contacts_that_stick_and_slide_are_named_so():
+    sol = mbdae.solve(mbdae.load("woodpecker"), (0, 1))
+    assert [x["text"] for x in mode_legend(mode_tracks_of(sol, sol.q))] == ["lower edge: sticking or sliding", "impact"]

@@ -63,3 +63,5 @@ def test_the_command_prints_it():
     assert json.loads(out.output) == mbdae.schema("sweep")
     with pytest.raises(UnknownNameError, match="kind of file 'motion'; valid: mechanism, sweep"):
         mbdae.schema("motion")
+    with pytest.raises(UnknownNameError, match="kind of file"):
+        mbdae.schema(["mechanism"])

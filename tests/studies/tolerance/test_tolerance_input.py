@@ -38,6 +38,28 @@ def test_redundant_closures():
     assert (loop.influences.directions < 3).all()
 
 
+def test_a_later_pattern_has_precedence_and_names_may_have_brackets(tmp_path):
+    """The tip of a rod on a hinge at 1 rad: its height has the influences sin 1 and cos 1."""
+    (tmp_path / "arm.toml").write_text("""
+title = "arm"
+[[body]]
+name = "arm"
+parent = "world"
+axis = [0, -1, 0]
+mass = 1.0
+[[frame]]
+name = "tip[1]"
+parent = "arm"
+xyz = [1, 0, 0]
+[start]
+q = { arm = 1.0 }
+""")
+    given = {"frame.*.xyz.?": 1e-3, "frame.*.xyz.[12]": 2e-3, "frame.tip[1].xyz.2": 3e-3}
+    found = tolerance(str(tmp_path / "arm.toml"), "arm", ["position.tip[1].z"], given, span=(0.9, 1.1), points=3)
+    assert found.tolerances == {f"frame.tip[1].xyz.{i}": 1e-3 * (i + 1) for i in range(3)}
+    assert np.abs(found.influences.derivatives[0, 1]) == pytest.approx([np.sin(1), 0, np.cos(1)], abs=1e-12)
+
+
 def test_functions_give_their_values():
     def make(crank=1.0, rocker=1.5):
         return four_bar((crank, 2.0, rocker, 2.0), {"q": {"crank": 1.2}, "guess": {"coupler": -0.9, "rocker": 1.4}})

@@ -37,7 +37,7 @@ def modal_body_of(table: Flexible) -> ModalBody:
     if table.data is not None:
         return modal_body_from_data(table.data, table.name, table.modes, table.damping)
     given = {name: x for name in BEAM if (x := getattr(table, name)) is not None}
-    if not table.polar_moment and _turns_about_x(table):
+    if not table.polar_moment and _rotates_about_x(table):
         given["polar_moment"] = float(np.broadcast_to(given["second_moment"], 2).sum())
     try:
         return beam(**given, nodes=table.nodes or None)
@@ -48,6 +48,6 @@ def modal_body_of(table: Flexible) -> ModalBody:
         raise InputError(f"flexible body {table.name!r}: {text}") from None
 
 
-def _turns_about_x(table: Flexible) -> bool:
-    """Return whether the joint turns the beam about its axis, which needs inertia."""
-    return table.joint in ("free", "spherical") or (table.joint == "revolute" and not any(table.axis[1:]))
+def _rotates_about_x(table: Flexible) -> bool:
+    """Return whether rotations of the joint have a component about the axis of the beam, which needs inertia."""
+    return table.joint in ("free", "spherical") or (table.joint == "revolute" and table.axis[0] != 0)

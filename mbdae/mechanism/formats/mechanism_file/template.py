@@ -78,7 +78,7 @@ class Template:
 
     def recipe(self, values: Mapping[str, object]) -> Recipe:
         """Return the files for the parameters among ``values``, without visuals."""
-        return self._read(json.dumps({n: x for n, x in values.items() if n in self.parameters}))
+        return self._read(_as_text({n: x for n, x in values.items() if n in self.parameters}))
 
     def check(self, values: Mapping[str, object]) -> None:
         """Reject invalid names.
@@ -109,11 +109,11 @@ class Template:
         """
         file_parameters = {n: x for n, x in values.items() if n in self.parameters}
         changed = {n: x for n, x in values.items() if n not in file_parameters and not n.startswith(START)}
-        mech = self._made(json.dumps([file_parameters, changed]))
+        mech = self._made(_as_text([file_parameters, changed]))
         return with_start(mech, {n: x for n, x in values.items() if n.startswith(START) and n not in file_parameters})
 
     def _make(self, file_parameters: dict[str, Any], changed: dict[str, Any]) -> Mechanism:
-        recipe, first = self.recipe(file_parameters), self._first(json.dumps(file_parameters))
+        recipe, first = self.recipe(file_parameters), self._first(_as_text(file_parameters))
         if not changed:
             return first
         file, parts = recipe.file, recipe.parts
@@ -251,6 +251,21 @@ def as_body(model: pin.Model, joint: str) -> Body:
         com=inertia.lever.tolist(),
         inertia=[tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))],
     )
+
+
+def _as_text(values: object) -> str:
+    """Return values of parameters as JSON, the key of caches.
+
+    Raises:
+        InputError: for anything but numbers, texts, and lists or tables of them.
+    """
+    return json.dumps(values, default=_builtin)
+
+
+def _builtin(x: object) -> Any:
+    if isinstance(x, np.generic | np.ndarray):
+        return x.tolist()
+    raise InputError(f"a parameter takes numbers, texts or lists of numbers, got {x!r:.60}")
 
 
 def _without_visuals(recipe: Recipe) -> Recipe:

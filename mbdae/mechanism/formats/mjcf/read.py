@@ -27,7 +27,8 @@ from .actuators import actuators_of, springs_of, weightless_masses
 from .compiled_model import MjcfModel
 from .equalities import closures_of
 from .file_checks import check_files
-from .omissions import left_out, visuals
+from .geoms import visuals
+from .omissions import left_out
 from .states import from_mujoco
 from .unread_contents import unread
 

@@ -1,4 +1,4 @@
-// Steps of Newmark-type methods (mbdae/methods/alpha.py, mbdae/mechanism/formulations/steps/second_order.py).
+// Steps of Newmark-type methods (mbdae/methods/alpha.py, mbdae/mechanism/formulations/steps/newmark_step.py).
 #pragma once
 
 #include <vector>
@@ -17,9 +17,9 @@ struct GeneralizedAlpha {
   FIELDS(alpha_m, alpha_f, beta, gamma, stabilised, iteration)
 };
 
-class SecondOrderStep : private CollocationStep {  // for the residual of a stage
+class NewmarkStep : private CollocationStep {  // for the residual of a stage
  public:
-  explicit SecondOrderStep(Index2System& system);
+  explicit NewmarkStep(Index2System& system);
 
   // From t to t + h: the state, whose carry is (a, u', h), (2 n + 1,), and lam (ng,).
   void take(const GeneralizedAlpha& a, double t, double h, const State& in, State& out, double* z);

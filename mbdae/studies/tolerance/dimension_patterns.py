@@ -1,4 +1,4 @@
-"""Names of the dimensions of a mechanism file, for patterns as ``joint.*.xyz.*``."""
+"""Patterns of the names of dimensions of a mechanism file, as ``joint.*.xyz.*``."""
 
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
@@ -8,30 +8,32 @@ from ...errors import UnknownNameError
 from ...mechanism.formats.mechanism_file.template import Template
 from ...mechanism.tree.frames import joint_names
 
-WILD = "*?["
+WILDCARDS = "*?["
 ENTRIES = ("xyz", "rpy")
 CLOSURE_KEYS = ("length", "lead", "radius", "tyre", "surface_radius")
 
 
-def expanded(make: object, tolerances: Mapping[str, float]) -> tuple[dict[str, float], set[str]]:
-    """Return tolerances by full names, and those names that come from patterns; a full name has precedence.
+def expand_patterns(make: object, tolerances: Mapping[str, float]) -> tuple[dict[str, float], set[str]]:
+    """Return tolerances by full names, and those names that come from patterns.
 
-    Patterns are those of `fnmatch`; they match placements and lengths: ``frame.N.xyz.0``, ``body.N.rpy.2``,
-    ``joint.N.xyz.1``, ``closure.N.length``.
+    A full name has precedence over patterns, a pattern over those before it. Patterns are those of `fnmatch`; they
+    match placements and lengths: ``frame.N.xyz.0``, ``body.N.rpy.2``, ``joint.N.xyz.1``, ``closure.N.length``.
 
     Raises:
         UnknownNameError: for a pattern that matches no dimension; lists them.
     """
     if not isinstance(make, Template):
         return dict(tolerances), set()
-    named = {name: size for name, size in tolerances.items() if not set(name) & set(WILD)}
+    patterns = [name for name in tolerances if set(name) & set(WILDCARDS)]
+    known = list(_dimensions(make)) if patterns else []
+    patterns = [name for name in patterns if name not in known]  # names of joints may have brackets
     found: dict[str, float] = {}
-    for pattern in [name for name in tolerances if name not in named]:
-        known = list(_dimensions(make))
+    for pattern in patterns:
         matched = [name for name in known if fnmatchcase(name, pattern)]
         if not matched:
             raise UnknownNameError("pattern of dimensions", pattern, known)
         found |= dict.fromkeys(matched, tolerances[pattern])
+    named = {name: size for name, size in tolerances.items() if name not in patterns}
     return {**found, **named}, found.keys() - named.keys()
 
 

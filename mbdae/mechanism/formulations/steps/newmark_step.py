@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..index2 import Index2System
 
 
-class SecondOrderStep:
+class NewmarkStep:
     """Step from (t, y) to t + h with fixed rows, see the module; multipliers are (lam, mu), or lam in index 3."""
 
     def __init__(self, system: "Index2System", t: float, h: float, y: Array, stabilised: bool) -> None:
@@ -100,6 +100,6 @@ class SecondOrderStep:
         return moved, s.all_multipliers(U, G, self.rows, z[: len(self.rows)])
 
 
-def second_order_step(system: "Index2System", t: float, h: float, y: Array, stabilised: bool) -> SecondOrderStep:
+def newmark_step(system: "Index2System", t: float, h: float, y: Array, stabilised: bool) -> NewmarkStep:
     """Open a step of a Newmark-type method at (t, y)."""
-    return SecondOrderStep(system, t, h, y, stabilised)
+    return NewmarkStep(system, t, h, y, stabilised)

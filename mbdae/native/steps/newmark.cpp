@@ -1,4 +1,4 @@
-#include "steps/second_order.hpp"
+#include "steps/newmark.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,10 +7,10 @@
 
 namespace mbdae {
 
-SecondOrderStep::SecondOrderStep(Index2System& s)
+NewmarkStep::NewmarkStep(Index2System& s)
     : CollocationStep(s), n_(s.ny - s.nv), full_(s.ny), R1_(s.ny), C1_(s.ng), g_(s.ng), multipliers_(s.ng) {}
 
-void SecondOrderStep::start(const GeneralizedAlpha& a, double t, double h, const Numbers& y, double* a_0,
+void NewmarkStep::start(const GeneralizedAlpha& a, double t, double h, const Numbers& y, double* a_0,
                             double* rate) {
   Numbers F(ny_), ahead(ny_), moved(y.size()), x(ny_);
   s_.derivative(t, y.data(), F.data(), multipliers_.data());
@@ -23,7 +23,7 @@ void SecondOrderStep::start(const GeneralizedAlpha& a, double t, double h, const
   for (int i = 0; i < n_; ++i) a_0[i] += std::copysign(1.0, offset) * (ahead[nv_ + i] - F[nv_ + i]);
 }
 
-void SecondOrderStep::displacement(Numbers& out) const {
+void NewmarkStep::displacement(Numbers& out) const {
   const int r = static_cast<int>(s_.rows.in_use().size()), m = static_cast<int>(normal_.size()) / nv_;
   out = known_;
   for (int i = 0; i < nv_; ++i) out[i] += b2_ * x_[i];
@@ -32,7 +32,7 @@ void SecondOrderStep::displacement(Numbers& out) const {
   for (int i = 0; i < n_; ++i) out[nv_ + i] += b1_ * x_[i];
 }
 
-void SecondOrderStep::correct(const GeneralizedAlpha& a, double t, Numbers& dx) {
+void NewmarkStep::correct(const GeneralizedAlpha& a, double t, Numbers& dx) {
   const std::vector<int>& rows = s_.rows.in_use();
   const int r = static_cast<int>(rows.size()), m = static_cast<int>(normal_.size()) / nv_;
   const size_t nv = nv_, n = n_;
@@ -90,7 +90,7 @@ void SecondOrderStep::correct(const GeneralizedAlpha& a, double t, Numbers& dx) 
   for (int k = 0; k < m; ++k) dx[n_ + r + k] *= b2_;
 }
 
-std::pair<double, double> SecondOrderStep::measure(const Numbers& dx) const {
+std::pair<double, double> NewmarkStep::measure(const Numbers& dx) const {
   const Tolerances& limits = s_.mechanics.limits;
   double speed = 0, change = 0, position = 0;
   for (int i = 0; i < nv_; ++i) {
@@ -104,7 +104,7 @@ std::pair<double, double> SecondOrderStep::measure(const Numbers& dx) const {
   return {change / speed, 1 + (1 + position) / (std::fabs(h_) * speed)};
 }
 
-void SecondOrderStep::take(const GeneralizedAlpha& a, double t, double h, const State& in, State& out, double* z) {
+void NewmarkStep::take(const GeneralizedAlpha& a, double t, double h, const State& in, State& out, double* z) {
   y0_ = in.y, h_ = h;
   const double* y = y0_.data();
   if (!s_.point.is_current(y)) s_.point.evaluate(y, true);
