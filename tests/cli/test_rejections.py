@@ -47,6 +47,8 @@ SOLVE = [
     ({"rtol": np.inf}, ["rtol = inf"]),
     ({"atol": -1.0}, ["atol", "-1.0"]),
     ({"atol": np.nan}, ["atol"]),
+    ({"step": np.inf}, ["step must be a positive number", "inf"]),
+    ({"first_step": np.inf}, ["first_step must be a positive number", "inf"]),
     ({"atol": np.ones(5)}, ["atol", "(5,)"]),
     ({"atol": np.ones(5), "first_step": 1e-3}, ["atol", "(5,)"]),
     ({"t_eval": [0.5, 0.2]}, ["t_eval must run from 0.0 to 1.0"]),

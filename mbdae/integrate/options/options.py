@@ -1,10 +1,11 @@
 """Validated options of a run: its arguments, else settings of the mechanism file, else the defaults."""
 
 from collections.abc import Mapping, Sequence
-from numbers import Integral, Real
+from math import inf
+from numbers import Integral
 from typing import Any, NamedTuple
 
-from ...errors import InputError, UnknownNameError
+from ...errors import InputError, UnknownNameError, is_number
 from ...mechanism import Mechanism
 from ...methods import EXPLICIT, METHODS, ExplicitMethod, Tableau
 from ...solution.solution import Problem
@@ -123,7 +124,7 @@ def _given_options(arguments: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def require_positive(**values: float | None) -> None:
-    """Reject values that are not positive numbers; None means not given.
+    """Reject values that are not positive numbers; only ``max_step`` may be infinite, None means not given.
 
     Raises:
         InputError: naming the argument.
@@ -131,7 +132,7 @@ def require_positive(**values: float | None) -> None:
     for name, value in values.items():
         if value is None:
             continue
-        if isinstance(value, bool) or not isinstance(value, Real) or not float(value) > 0:
+        if not (is_number(value) and value > 0) and not (name == "max_step" and value == inf):
             raise InputError(f"{name} must be a positive number, got {value!r}")
 
 
