@@ -119,14 +119,18 @@ def mode_tracks_of(sol: "Solution", q: Array) -> list[ModeTrack]:
         impacts = [(x.t, x.impulse[x.where.index(switch.name)]) for x in sol.impacts if switch.name in x.where]
         if not spans and not impacts:
             continue
-        visited = {mode[switch.index] for _, mode in sol.modes}
-        word = " or ".join(w for k, w in enumerate(switch.states) if k in visited and switch.active_rows(k))
         impulses = np.abs([impulse for _, impulse in impacts])
         strength = np.sqrt(impulses / (impulses.max(initial=0.0) or 1.0)).tolist()
         ends = [t for span in spans for t in span]
         positions = _positions(sol.mechanism, switch, q)
-        out.append(ModeTrack(switch.name, word, positions, ends, [t for t, _ in impacts], strength))
+        out.append(ModeTrack(switch.name, _word(sol, switch), positions, ends, [t for t, _ in impacts], strength))
     return out
+
+
+def _word(sol: "Solution", switch: "Switch") -> str:
+    """Return the active states in which a switch was."""
+    visited = {mode[switch.index] for _, mode in sol.modes}
+    return " or ".join(word for k, word in enumerate(switch.states) if k in visited and switch.active_rows(k))
 
 
 def _active_intervals(sol: "Solution", switch: "Switch") -> list[tuple[float, float]]:

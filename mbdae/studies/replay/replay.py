@@ -141,7 +141,7 @@ def page(
     mechanism, ghosts, choices = sol.mechanism, ghosts or {}, choices or {}
     _check_solutions("ghost", ghosts)
     _check_solutions("choice", choices)
-    require(signals or {}, Mapping, "signals are functions or arrays by name")
+    require(signals, Mapping | None, "signals are functions or arrays by name")
     speed = pace(sol) if speed is None else speed
     if camera is not None:
         _check_known("camera", camera, CAMERAS)
