@@ -1,5 +1,6 @@
 """Optimal control by direct single shooting: inputs over time that minimise an integral of signals."""
 
+import numbers
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -140,7 +141,7 @@ def _unknowns(
     for name, n in grid.sizes().items():
         values = _guess(name, guess.get(name, simulator.inputs.cells[name].setting.value), n)
         low, high = box[name]
-        size = (high - low) / 10 if np.isfinite(high - low) else float(np.abs(values).max()) or 1.0
+        size = ((high - low) / 10 if np.isfinite(high - low) else float(np.abs(values).max())) or 1.0
         share = np.full(n, 1.0 / (grid.points - 1))
         if name in grid.linear:
             share[[0, -1]] /= 2
@@ -163,7 +164,7 @@ def _limits(
 
 def _require_numbers(points: Any, steps: Any, iterations: Any, tolerance: Any, time_weight: Any) -> None:
     for name, n, least in (("points", points, 2), ("steps", steps, 2), ("iterations", iterations, 1)):
-        if isinstance(n, bool) or not isinstance(n, int) or n < least:
+        if isinstance(n, bool) or not isinstance(n, numbers.Integral) or n < least:
             raise InputError(f"{name} must be a whole number from {least} on, got {n!r:.60}")
     if steps % 2:
         raise InputError(f"steps must be even, for Simpson's rule, got {steps}")
