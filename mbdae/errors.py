@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterable
 from difflib import get_close_matches
 from math import isfinite
-from numbers import Real
+from numbers import Integral, Real
 from pathlib import Path
 from traceback import extract_tb, format_list
 from types import UnionType
@@ -84,6 +84,11 @@ def is_number(x: object) -> TypeGuard[float]:
         return isinstance(x, Real) and not isinstance(x, bool) and isfinite(x)
     except OverflowError:  # an integer beyond all doubles
         return False
+
+
+def is_whole(x: object, least: int) -> TypeGuard[int]:
+    """Return whether an argument is a whole number, also one of numpy, and at least ``least``."""
+    return isinstance(x, Integral) and not isinstance(x, bool) and int(x) >= least
 
 
 def as_list(values: Any, what: str) -> list[Any]:

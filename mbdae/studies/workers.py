@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import backend
-from ..errors import InputError, MbdaeError, UnknownNameError
+from ..errors import InputError, MbdaeError, UnknownNameError, is_whole
 
 KINDS = ("threads", "processes")
 QUEUED_PER_WORKER = 2  # submitted runs, so that no worker is idle
@@ -114,9 +114,7 @@ def pool(
         UnknownNameError: for an unknown executor name.
         InputError: for a number of workers below 1 or above `MAX_WORKERS`, or a job that cannot be pickled.
     """
-    if workers is not None and (
-        isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MAX_WORKERS
-    ):
+    if workers is not None and not (is_whole(workers, 1) and workers <= MAX_WORKERS):
         raise InputError(f"workers is a number of at least 1 and at most {MAX_WORKERS}, got {workers!r}")
     kind = default_executor() if executor is None else executor
     count = workers or _processors()

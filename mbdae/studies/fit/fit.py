@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
-from ...errors import InputError, MbdaeError, as_list, require
+from ...errors import InputError, MbdaeError, as_list, is_whole, require
 from ...mechanism import Mechanism
 from ...mechanism.formats.mechanism_file.loaded_model import parameter_value
 from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
@@ -136,9 +136,9 @@ def _check_names(parameters: object, settings: Mapping[str, object]) -> None:
 
 
 def _check_starts(starts: object, seed: object) -> None:
-    if not (isinstance(starts, int) and not isinstance(starts, bool) and starts >= 1):
+    if not is_whole(starts, 1):
         raise InputError(f"starts is a number of searches, at least 1, got {starts!r}")
-    if not (isinstance(seed, int) and seed >= 0):
+    if not is_whole(seed, 0):
         raise InputError(f"seed is a whole number, at least 0, got {seed!r:.60}")
 
 

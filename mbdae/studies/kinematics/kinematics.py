@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import AssemblyError, InputError, StepError, is_number
+from ...errors import AssemblyError, InputError, StepError, is_number, is_whole
 from ...mechanism import Mechanism
 from ...mechanism.assembly.position_search import close_position
 from ...mechanism.tree.joints import angle_components
@@ -73,7 +73,7 @@ def kinematics(
         >>> found = kinematics(mbdae.load("four_bar"), "crank", turns=2)   # doctest: +SKIP
     """
     mech = mechanism_of(mech, "kinematics")
-    if not (isinstance(points, int) and points >= 2):
+    if not is_whole(points, 2):
         raise InputError(f"points is a number of poses, at least 2, got {points!r}")
     q_start = start_pose(mech) if q is None else mech.vector("q", q, mech.nq)
     driven = driven_mechanism(mech, drive, hold, q_start)

@@ -1,13 +1,12 @@
 """Optimal control by direct single shooting: inputs over time that minimise an integral of signals."""
 
-import numbers
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError, is_number
+from ...errors import InputError, UnknownNameError, is_number, is_whole
 from ...integrate.simulator.simulator import Simulator
 from ...mechanism import Mechanism
 from ...system import Array
@@ -164,7 +163,7 @@ def _limits(
 
 def _require_numbers(points: Any, steps: Any, iterations: Any, tolerance: Any, time_weight: Any) -> None:
     for name, n, least in (("points", points, 2), ("steps", steps, 2), ("iterations", iterations, 1)):
-        if isinstance(n, bool) or not isinstance(n, numbers.Integral) or n < least:
+        if not is_whole(n, least):
             raise InputError(f"{name} must be a whole number from {least} on, got {n!r:.60}")
     if steps % 2:
         raise InputError(f"steps must be even, for Simpson's rule, got {steps}")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-from ...errors import InputError, MbdaeError, UnknownNameError, is_number
+from ...errors import InputError, MbdaeError, UnknownNameError, is_number, is_whole
 from ...integrate.trajectory.differentiable_runs import has_jumps
 from ...mechanism import Mechanism
 from ...solution.solution import Solution
@@ -239,8 +239,7 @@ class Problem:
 
 
 def _check_ends(iterations: object, tolerance: object) -> None:
-    counted = isinstance(iterations, int) and not isinstance(iterations, bool) and iterations >= 1
-    if not (counted and is_number(tolerance) and tolerance > 0):
+    if not (is_whole(iterations, 1) and is_number(tolerance) and tolerance > 0):
         raise InputError(f"iterations and tolerance are positive, got {iterations!r:.30} and {tolerance!r:.30}")
 
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, is_whole
 from ...mechanism import Mechanism
 from ...mechanism.equations.invariance import MotionPoint, is_invariant, shift_units, symmetries_of
 from ...mechanism.equations.symmetry import Symmetry
@@ -72,7 +72,7 @@ def number_of_parts(parts: int | None, section: str | None) -> int:
     Raises:
         InputError: for a number that is not possible.
     """
-    if parts is not None and (isinstance(parts, bool) or not isinstance(parts, int) or parts < 1):
+    if parts is not None and not is_whole(parts, 1):
         raise InputError(f"parts must be a positive number, got {parts!r:.60}")
     if section and parts == 1:
         raise InputError("a motion with a section has at least 2 parts: the section is not monitored in the first one")
