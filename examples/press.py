@@ -15,12 +15,12 @@ import mbdae
 
 MOTORS = {"A": (1.3, 4.0, 300.0), "B": (2.4, 7.2, 300.0), "C": (4.8, 14.0, 250.0)}  # rated, peak N m; rad/s
 GEARS = (1, 3, 5, 10, 20)
-STROKE, FORCE, DEPTH = 0.45, 800.0, 0.02  # m, N, m
+OUTER, FORCE, DEPTH = 0.45, 800.0, 0.02  # position of the block at its outer dead point in m; N, m
 
 
 def pressing(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Generalised forces (3,): the workpiece resists while the block advances into it."""
-    depth = np.clip((q[2] - (STROKE - DEPTH)) / (0.2 * DEPTH), 0, 1)
+    depth = np.clip((q[2] - (OUTER - DEPTH)) / (0.2 * DEPTH), 0, 1)
     return np.array([0, 0, -FORCE * depth * np.clip(v[2] / 0.1, 0, 1)])
 
 
@@ -35,9 +35,11 @@ def main(speed: float = 6.0, plot: str | Path | None = None) -> dict[str, float 
         (name, gear)
         for name, (rated, peak, most) in MOTORS.items()
         for gear in GEARS
-        if demand.rms <= gear * rated and demand.peak <= gear * peak and speed * gear <= most
+        if demand.rms <= gear * rated and demand.peak <= gear * peak and abs(speed) * gear <= most
     )
-    motor, gear = next(suitable)
+    motor, gear = next(suitable, ("", 0))
+    if not motor:
+        raise SystemExit(f"no motor of the list drives the press at {speed:g} rad/s")
     print(f"motor {motor} with a gear of {gear}: {demand.peak / gear:.3g} N m at {speed * gear:g} rad/s")
     if plot:
         from mbdae.studies import figures

@@ -145,7 +145,8 @@ def _attributes(doc: str) -> dict[str, str]:
         return {}
     entry = rf"^{section[1]}    (\w+): (.*?)(?=^{section[1]}    \w+: |\Z)"
     found = re.findall(entry, section[2] + "\n", re.S | re.M)
-    return {key: " ".join(text.split()).replace("``", "`").rstrip(".") for key, text in found}
+    said = {key: " ".join(text.split()).replace("``", "`") for key, text in found}
+    return {key: text if text.endswith("...") else text.removesuffix(".") for key, text in said.items()}
 
 
 if __name__ == "__main__":

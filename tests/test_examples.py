@@ -162,6 +162,11 @@ def test_press(tmp_path, capsys):
     assert abs(result["energy"] - 800 * 0.02 * 0.9) < 0.5
     assert (tmp_path / "press.png").stat().st_size > 10_000
     assert "motor A with a gear of 20" in capsys.readouterr().out
+    module = example("press")
+    backwards = module.main(-60.0)  # limits of speed hold in both directions
+    assert backwards["gear"] * 60 <= module.MOTORS[backwards["motor"]][2]
+    with pytest.raises(SystemExit, match="no motor of the list drives the press at 200 rad/s"):
+        module.main(200.0)
 
 
 def test_stewart_workspace(capsys):

@@ -208,6 +208,14 @@ def test_key_tables():
         assert part() in TEXT["models/README.md"], part()
 
 
+def test_key_tables_have_each_key_once_with_a_whole_description():
+    for table in key_tables.keys().split("\n\n| key |")[1:]:
+        rows = [row.split(" | ") for row in table.splitlines() if row.startswith("| `")]
+        names = [row[0] for row in rows]
+        assert len(names) == len(set(names)), names
+        assert not [row for row in rows if row[-1].removesuffix(" |").rstrip().endswith((",", ":", ";"))]
+
+
 # -- what pages tell and no block shows -----------------------------------------------------------------------------
 
 

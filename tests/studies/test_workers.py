@@ -8,8 +8,10 @@ import time
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 
+import numpy as np
 import pytest
 
+import mbdae
 from mbdae.errors import InputError, MbdaeError
 from mbdae.studies.workers import QUEUED_PER_WORKER, UNKNOWN_EXECUTOR_WORKERS, Pool, pool
 
@@ -161,3 +163,8 @@ def test_numbers_of_workers_that_are_none_are_rejected():
     for workers in (0, 10_001, 1.5, True):
         with pytest.raises(InputError, match="workers is a number"), pool("threads", workers, double, None, "less"):
             pass
+
+
+def test_a_number_of_workers_may_be_an_integer_of_numpy():
+    runs = mbdae.sweep("slider_crank", {"start.v.crank": [1.0, 2.0]}, 0.02, workers=np.int64(1))
+    assert len(runs) == 2

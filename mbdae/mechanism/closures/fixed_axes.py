@@ -15,7 +15,7 @@ class FixedAxisClosure(BetweenFrames):
     """A closure whose rows assume that the bodies rotate about its axes only.
 
     Attributes:
-        axis: in the first frame.
+        axis: an axis in the first frame.
     """
 
     axis: Axis = Z

@@ -6,6 +6,7 @@ import platform
 import re
 import sys
 import zipfile
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 
 from ... import backend
 from ...data_types import JsonObject
-from ...errors import InputError, UnknownNameError
+from ...errors import InputError, UnknownNameError, as_list, require
 from ...file_io import atomic_write
 from ...integrate.simulator.simulator import Simulator
 from ...mechanism import Mechanism
@@ -111,8 +112,8 @@ def export(
 
     Raises:
         UnknownNameError: for an unknown kind, input, output or parameter.
-        InputError: for a mechanism that cannot be exported, by the name of its part, or without a runtime or its
-            sources.
+        InputError: for a mechanism that cannot be exported, by the name of its part, for an input with the name of
+            another variable, or without a runtime or its sources.
 
     Example:
         >>> mbdae.export(mbdae.load("slider_crank"), "slider_crank.fmu", step=1e-3)   # doctest: +SKIP
@@ -143,6 +144,7 @@ def export(
     token = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
     variables = _variables(mech, cells, chosen, effects, named, states)
     variables += event_indicators(1 + variables[-1].reference, count_indicators(data) if "me" in kinds else 0)
+    _require_unique_names(variables)
     differentiable = all(x.kind in DIFFERENTIABLE and not shared & {*x.rows} for x in named.values())
     differentiable &= not system.closure_friction
     description = FmuDescription(
@@ -162,25 +164,22 @@ def export(
 
 
 def _checked_kinds(kind: Sequence[str]) -> tuple[str, ...]:
-    kinds = (kind,) if isinstance(kind, str) else tuple(kind)
-    for one in kinds:
-        if one not in KINDS:
-            raise UnknownNameError("kind", one, KINDS)
+    kinds = _checked_names("kind", kind, KINDS)
     if not kinds:
         raise InputError(f"kind is one or both of {', '.join(KINDS)}")
-    return tuple(dict.fromkeys(kinds))
+    return tuple(kinds)
 
 
 def _checked_path(path: str | Path) -> Path:
-    path = Path(path)
-    if path.suffix != ".fmu":
+    if not isinstance(path, str | Path) or Path(path).suffix != ".fmu":
         raise InputError(f"an FMU is saved as .fmu, got {str(path)!r}")
-    return path
+    return Path(path)
 
 
 def _checked_names(what: str, names: Any, known: Mapping[str, object] | None) -> list[str]:
-    found = [names] if isinstance(names, str) else list(names)
+    found = as_list(names, f"{what}s are a list of names")
     for name in found:
+        require(name, str, f"{what}s are a list of names")
         if known is not None and name not in known:
             raise UnknownNameError(what, name, known)
     return list(dict.fromkeys(found))
@@ -236,6 +235,18 @@ def _variables(
     out += [Variable(first + i, f"local[{i + 1}]", "local", description=coordinate) for i in range(states)]
     out += [Variable(first + states + i, f"der(local[{i + 1}])", "local", derivative=first + i) for i in range(states)]
     return out
+
+
+def _require_unique_names(variables: Sequence[Variable]) -> None:
+    """Require different names, as FMI does: inputs have any names.
+
+    Raises:
+        InputError: for a name of two variables.
+    """
+    count = Counter(x.name for x in variables)
+    for x in variables:
+        if count[x.name] > 1 and x.causality in ("input", "parameter"):
+            raise InputError(f"{x.causality} {x.name!r} has the name of another variable of the FMU: rename it")
 
 
 def _shared_loads(simulator: Simulator, mode: tuple[int, ...]) -> tuple[int, set[int]]:

@@ -75,8 +75,8 @@ class FmuDescription(NamedTuple):
         log = ElementTree.SubElement(root, "LogCategories")
         for name in ("logStatusError", "logStatusDiscard"):
             ElementTree.SubElement(log, "Category", name=name)
-        experiment = {"startTime": repr(self.start), "stopTime": repr(self.stop)}
-        experiment |= {"stepSize": repr(self.step)} if self.step else {}
+        experiment = {"startTime": _number(self.start), "stopTime": _number(self.stop)}
+        experiment |= {"stepSize": _number(self.step)} if self.step else {}
         ElementTree.SubElement(root, "DefaultExperiment", experiment)
         self._variables(ElementTree.SubElement(root, "ModelVariables"))
         self._structure(ElementTree.SubElement(root, "ModelStructure"))
@@ -129,7 +129,7 @@ class FmuDescription(NamedTuple):
             found |= {"unit": x.unit} if x.unit else {}
             exact = "exact" if x.causality in ("parameter", "input") else ""
             found |= {"initial": "exact"} if exact and x.causality == "parameter" else {}
-            found |= {"start": repr(x.start)} if x.start is not None else {}
+            found |= {"start": _number(x.start)} if x.start is not None else {}
             found |= {"derivative": str(x.derivative)} if x.derivative is not None else {}
             ElementTree.SubElement(parent, "Float64", found)
 
@@ -155,6 +155,11 @@ def event_indicators(first: int, n: int) -> list[Variable]:
     """Return the event indicators from a value reference on: guards of contacts, clutches and joints that stick."""
     text = "guard of the mode, positive as long as it lasts"
     return [Variable(first + i, f"guard[{i + 1}]", "local", description=text, is_indicator=True) for i in range(n)]
+
+
+def _number(x: float) -> str:
+    """Return a number as text; it may be a scalar of numpy, whose repr is no number."""
+    return repr(float(x))
 
 
 def _dependencies(x: Variable, known: Sequence[int]) -> dict[str, str]:

@@ -7,13 +7,12 @@ They are searched from random starts. Modes between which the mechanism can move
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from numbers import Integral
 from pathlib import Path
 
 import numpy as np
 
 from ...data_types import JsonObject
-from ...errors import InputError, as_list, is_number
+from ...errors import InputError, as_list, is_count, is_number
 from ...mechanism import Mechanism
 from ...mechanism.tree.coordinate_units import COORDINATE_NAMES, coordinate_units
 from ...mechanism.tree.frames import find_joints
@@ -134,7 +133,7 @@ def assembly_modes(
     u_start = input_at(driven, system, q0)
     if at is not None and not is_number(at):
         raise InputError(f"the input must be a number, got {at!r:.60}")
-    if not (isinstance(most, Integral) and most > 0):
+    if not is_count(most, 1):
         raise InputError(f"most must be a positive number of starts, got {most!r:.60}")
     u = u_start if at is None else float(at)
     names = as_list(apart, "apart is a list of joints") or mech.joint_names

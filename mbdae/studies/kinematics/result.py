@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...data_types import JsonObject
-from ...errors import InputError, UnknownNameError
+from ...errors import InputError, UnknownNameError, as_list
 from ...mechanism import Mechanism
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...mechanism.tree.frames import WORLD, frame_motions, frame_names
@@ -148,13 +148,13 @@ class Kinematics(Tabular):
         """Names ``v.<joint>`` of the columns of rates."""
         return [name for name in coordinate_units(self.mechanism) if name.startswith("v.")]
 
-    def frames(self, names: list[str] | None = None) -> tuple[Array, Array, Array]:
+    def frames(self, names: str | list[str] | None = None) -> tuple[Array, Array, Array]:
         """Return positions, and velocities and accelerations at unit speed, of the origins of frames, (k, n, 3) each.
 
         Raises:
             UnknownNameError: for a frame that does not exist.
         """
-        chosen = self.frame_names if names is None else names
+        chosen = self.frame_names if names is None else as_list(names, "names is a list of frames")
         return frame_motions(self.mechanism.model, chosen, self.q, self.rates, self.accelerations)
 
     @cached_property

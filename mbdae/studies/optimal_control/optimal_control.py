@@ -140,7 +140,7 @@ def _unknowns(
     for name, n in grid.sizes().items():
         values = _guess(name, guess.get(name, simulator.inputs.cells[name].setting.value), n)
         low, high = box[name]
-        size = (high - low) / 10 if np.isfinite(high - low) else float(np.abs(values).max()) or 1.0
+        size = ((high - low) / 10 if np.isfinite(high - low) else float(np.abs(values).max())) or 1.0
         share = np.full(n, 1.0 / (grid.points - 1))
         if name in grid.linear:
             share[[0, -1]] /= 2

@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import InputError, MbdaeError, UnknownNameError, require
 from ...mechanism.discrete_sensitivity.parameter_direction import SMALL
 from ...system import Array
-from ..sensitivity.run_parameters import MechanismFactory, reals, scaled
+from ..sensitivity.run_parameters import MechanismFactory, entries, reals, scaled
 
 
 def require_within_bounds(start: Mapping[str, float], box: Mapping[str, tuple[float, float]]) -> None:
@@ -90,7 +90,7 @@ def _pair(what: str, given: object) -> tuple[float, float]:
     Raises:
         InputError: for an invalid range.
     """
-    pair = list(given) if isinstance(given, list | tuple | np.ndarray) else []
+    pair = entries(given)
     ends = reals([open_end if x is None else x for x, open_end in zip(pair, (-np.inf, np.inf), strict=False)])
     if not (len(pair) == len(ends) == 2 and ends[0] <= ends[1] and ends[0] < np.inf and ends[1] > -np.inf):
         raise InputError(f"{what} takes (low, high) with low <= high, None for no limit, got {given!r:.60}")

@@ -8,14 +8,13 @@ order of the method, by the rules of `mbdae.studies.order.measurement`.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from numbers import Integral
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...data_types import JsonObject
-from ...errors import InputError, as_list
+from ...errors import InputError, as_list, is_count
 from ...finite_differences import STENCIL, central_difference
 from ...integrate.options.span import checked_span
 from ...integrate.run.binding import common_backend
@@ -123,7 +122,7 @@ def check_gradients(
     chosen = {m.name: m for m in map(find_method, differentiable if names == ["all"] else names)}
     _, T = checked_span(T if T is not None else mech.order.T, end=True)
     steps = steps if steps is not None else mech.order.steps
-    if not (isinstance(steps, Integral) and steps >= MIN_OUTPUTS):
+    if not is_count(steps, MIN_OUTPUTS):
         raise InputError(f"steps must be a number of at least {MIN_OUTPUTS}, got {steps!r:.60}")
     backend, because = common_backend(mech, [("index2", None)], "auto")
     measure = GradientMeasurement(mech, T, steps, progress or (lambda name: None), backend, parameter, model)

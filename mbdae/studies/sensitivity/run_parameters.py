@@ -179,9 +179,14 @@ def progress_reporter(progress: object) -> Callable[[str], None]:
     return lambda text: call_and_report("progress", lambda: progress(text))
 
 
+def entries(given: object) -> list[Any]:
+    """Return the entries of a list, tuple or array; an empty list for anything else, as an array of shape ()."""
+    return list(given) if isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim) else []
+
+
 def reals(given: object) -> list[float]:
     """Return the numbers of a list, which may be infinite; an empty list for anything else."""
-    listed = list(given) if isinstance(given, list | tuple | np.ndarray) else []
+    listed = entries(given)
     valid = all(isinstance(x, Real) and not isinstance(x, bool) and not np.isnan(float(x)) for x in listed)
     return [float(x) for x in listed] if valid else []
 

@@ -39,7 +39,7 @@ def spread(sweep: Sweep, output: str | None = None) -> "Figure":
     y, unit = displayed(y, sweep.meta.get("units", {}).get(name, ""))
     label = escaped(f"{name} ({unit})" if unit else name)
     values = [np.unique(sweep[n]) for n in sweep.parameters] if parameters == sweep.parameters else []
-    if len(values) == 2 and min(map(len, values)) > 1 and len(values[0]) * len(values[1]) == len(sweep):
+    if len(values) == 2 and min(map(len, values)) > 1 and _is_full_grid(sweep, values):
         figure = _heat_map(sweep, y, values, label)
     else:
         figure = _panels(sweep, parameters, y, label, curve=[len(x) for x in values] == [len(sweep)])
@@ -56,6 +56,12 @@ def _chosen(sweep: Sweep, output: str | None) -> tuple[str, list[str]]:
     if name not in numeric:
         raise UnknownNameError("column of numbers", name, numeric)
     return name, [n for n in sweep.parameters if n in numeric and n != name]
+
+
+def _is_full_grid(sweep: Sweep, values: list[np.ndarray]) -> bool:
+    """Return whether there is one run for each combination of the values of two parameters."""
+    pairs = {*zip(*(sweep[n].tolist() for n in sweep.parameters), strict=True)}
+    return len(pairs) == len(values[0]) * len(values[1]) == len(sweep)
 
 
 def _panels(sweep: Sweep, parameters: list[str], y: np.ndarray, label: str, *, curve: bool) -> "Figure":

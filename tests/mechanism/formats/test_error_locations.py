@@ -6,6 +6,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
+from mbdae.mechanism.formats.mechanism_file.schema import read_toml
 
 BODY = '[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ninertia = [1, 1, 1, 0, 0, 0]\n'
 
@@ -24,6 +25,10 @@ BODY = '[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ninertia = [1, 1, 1, 
             "m.toml: closure.c.frames.1: unknown frame 'z'",
         ),
         (BODY + BODY, "m.toml: the name 'a' is taken"),
+        ('[[driver]]\njoint = "a"\nmotion = { input = ["u"] }', "m.toml: unknown input ['u']; known: none"),
+        ("motor.m = { input = { u = 1 } }", "m.toml: unknown input {'u': 1}; known: none"),
+        (".".join(["a"] * 5000) + " = 1", "m.toml: its tables are nested too deeply"),
+        ("source = false\n" + BODY, "m.toml: source: Input should be a valid tuple, got 'False'"),
     ],
 )
 def test_files(text, words, tmp_path, monkeypatch):
@@ -33,6 +38,13 @@ def test_files(text, words, tmp_path, monkeypatch):
         mbdae.load("m.toml")
     assert str(reported.value).startswith(words)
     assert str(pickle.loads(pickle.dumps(reported.value))) == str(reported.value)
+
+
+def test_a_motor_may_be_named_input():
+    """Its table is no reference to an input."""
+    file = read_toml('[[input]]\nname = "u"\nvalue = 2.0\n[motor]\ninput = { input = "u" }\n', "m.toml")
+    assert (file.motor["input"].kind, file.motor["input"].value) == ("input", 2.0)
+    assert read_toml("motor.input = 3.0", "m.toml").motor["input"].value == 3.0
 
 
 def faults(text, tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 """Mechanisms and settings that cannot be exported are rejected by name; the command."""
 
 import json
+import re
 import zipfile
 from xml.etree import ElementTree
 
@@ -35,6 +36,11 @@ def slider_crank(*forces):
         ({"method": "LSODA"}, "LSODA"),
         ({"events": ["q.crank = 1"]}, "export has no events: it belongs to a simulator"),
         ({"backend": "python"}, "export has no backend: it belongs to a simulator"),
+        ({"kind": None}, "kinds are a list of names, got None"),
+        ({"kind": [["cs"]]}, r"kinds are a list of names, got \['cs'\]"),
+        ({"outputs": 5}, "outputs are a list of names, got 5"),
+        ({"inputs": [["motor"]]}, "inputs are a list of names"),
+        ({"parameters": [5]}, "parameters are a list of names, got 5"),
     ],
 )
 def test_unknown_names_and_settings(settings, text, tmp_path):
@@ -52,8 +58,18 @@ def test_python_functions_resets_and_wrong_files(tmp_path):
     odd = mbdae.JointTorque(joint="crank", torque=mbdae.Function(function=np.cos, name="odd"), name="push")
     with pytest.raises(InputError, match="force 'push' is a function of Python, which cannot be exported"):
         mbdae.export(slider_crank(odd), tmp_path / "x.fmu")
-    with pytest.raises(InputError, match=r"an FMU is saved as .fmu, got 'press.zip'"):
-        mbdae.export(slider_crank(), "press.zip")
+    for path in ("press.zip", 5):
+        with pytest.raises(InputError, match=f"an FMU is saved as .fmu, got '{path}'"):
+            mbdae.export(slider_crank(), path)
+
+
+@pytest.mark.parametrize("name", ["time", "q.slider", "local[1]", "der(local[1])"])
+def test_an_input_with_the_name_of_another_variable(name, tmp_path):
+    push = mbdae.JointTorque(joint="crank", torque=mbdae.Input(name=name))
+    text = f"input {name!r} has the name of another variable of the FMU: rename it"
+    with pytest.raises(InputError, match=re.escape(text)):
+        mbdae.export(slider_crank(push), tmp_path / "x.fmu", step=1e-3)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_runtime_that_was_not_built(monkeypatch, tmp_path):
@@ -102,7 +118,8 @@ def test_loads_that_are_not_unique_have_no_derivatives(name, output, unique, tmp
 
 
 def test_times_of_the_default_experiment(tmp_path):
-    unit = mbdae.export("slider_crank", tmp_path / "x.fmu", kind="cs", step=1e-3, t=2.0)
+    step = np.float64(1e-3)  # whose repr is no number
+    unit = mbdae.export("slider_crank", tmp_path / "x.fmu", kind="cs", step=step, t=2.0)
     with zipfile.ZipFile(unit.path) as file:
         found = ElementTree.fromstring(file.read("modelDescription.xml")).find("DefaultExperiment").attrib
     assert {name: float(x) for name, x in found.items()} == {"startTime": 2.0, "stopTime": 12.0, "stepSize": 1e-3}

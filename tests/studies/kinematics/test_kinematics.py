@@ -51,6 +51,13 @@ def test_four_bar_over_two_turns():
     assert not found.dead_points
 
 
+def test_points_of_numpy_and_one_frame():
+    found = kinematics(mbdae.load("four_bar"), "crank", points=np.int64(5))
+    np.testing.assert_array_equal(found.frames("coupler_tip"), found.frames(["coupler_tip"]))
+    with pytest.raises(InputError, match="names is a list of frames, got 5"):
+        found.frames(5)
+
+
 def test_frames_move_as_difference_quotients_say():
     mech, h = mbdae.load("four_bar"), 1e-4
     found = kinematics(mech, "crank", span=(1.0, 1.0 + 8 * h), points=9)

@@ -168,11 +168,25 @@ def test_an_end_out_of_reach_is_said():
         ({"method": "rattle2"}, "herk|half-explicit"),
         ({"q": [np.nan]}, "q"),
         ({"tolerance": 0.0}, "tolerance"),
+        ({"end": {"q.rail": np.array(1.0)}}, "signal 'q.rail' takes"),
+        ({"duration": np.array(1.0)}, "duration"),
     ],
 )
 def test_wrong_use_is_one_line(wrong, match):
     with pytest.raises(mbdae.MbdaeError, match=rf"^[^\n]*({match})[^\n]*$"):
         control(**wrong)
+
+
+def test_an_input_between_equal_limits_is_fixed():
+    """The search has unknowns without a range."""
+    found = control(inputs={"push": (3.0, 3.0)}, guess={"push": 3.0}, end=None)
+    np.testing.assert_array_equal(found.inputs["push"], 3.0)
+    assert found.cost == pytest.approx(9.0, rel=1e-12)
+
+
+def test_counts_may_be_integers_of_numpy():
+    found = control(points=np.int64(9), steps=np.int32(2), iterations=np.int64(200))
+    assert found.cost == pytest.approx(control().cost, rel=1e-14)
 
 
 def test_a_model_without_inputs():

@@ -29,6 +29,13 @@ def test_a_grid_of_two_parameters_is_a_heat_map():
     np.testing.assert_allclose(cells.get_coordinates()[:, 0, 1], [1e-9, 1e-5, 1e-1], rtol=1e-12)
 
 
+def test_repeated_pairs_are_drawn_as_points():
+    """There are as many runs as cells, but two of them in one cell."""
+    pairs = [{"start.v.crank": v, "solve.rtol": rtol} for v, rtol in [(1, 1e-3), (1, 1e-3), (2, 1e-4), (2, 1e-3)]]
+    axes = mbdae.sweep("slider_crank", pairs, 0.02, outputs=["final q.slider"]).plot().axes
+    assert [len(ax.lines[0].get_xdata()) for ax in axes[:2]] == [4, 4]
+
+
 def test_an_incomplete_grid_is_drawn_as_points():
     pairs = [{"start.v.crank": v, "solve.rtol": 10**-v} for v in SPEEDS]
     axes = mbdae.sweep("slider_crank", pairs, 0.1, outputs=["final q.slider"]).plot().axes

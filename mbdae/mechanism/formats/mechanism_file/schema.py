@@ -86,14 +86,17 @@ class MechanismFile(Table):
         if not isinstance(content, Mapping) or not isinstance(tables := content.get("input", ()), list | tuple):
             return content
         known = {x["name"]: x for x in tables if isinstance(x, dict) and isinstance(x.get("name"), str)}
-        return {k: _with_inputs(x, known) if k in ("driver", "force", "motor") else x for k, x in content.items()}
+        out = {k: _with_inputs(x, known) if k in ("driver", "force") else x for k, x in content.items()}
+        if isinstance(motors := content.get("motor"), Mapping):  # one of them may be named "input"
+            out["motor"] = {name: _with_inputs(x, known) for name, x in motors.items()}
+        return out
 
     @field_validator("source", mode="before")
     @classmethod
     def _as_sources(cls, source: object) -> object:
         if isinstance(source, str):
             return ({"file": source},)
-        return (source,) if isinstance(source, dict | Source) else source or ()
+        return (source,) if isinstance(source, dict | Source) else () if source is None else source
 
 
 def _with_inputs(value: Any, known: Mapping[str, Any]) -> Any:
@@ -103,7 +106,7 @@ def _with_inputs(value: Any, known: Mapping[str, Any]) -> Any:
         ValueError: for an unknown input.
     """
     if isinstance(value, dict) and value.keys() == {"input"}:
-        if value["input"] not in known:
+        if value["input"] not in list(known):  # it may be a list or a table
             raise ValueError(f"unknown input {value['input']!r}; known: {', '.join(known) or 'none, add an [[input]]'}")
         return {**known[value["input"]], "kind": "input"}
     if isinstance(value, dict):
@@ -130,13 +133,15 @@ def checked(content: Mapping[str, object], name: str) -> MechanismFile:
     Raises:
         InputError: one line with the key, the error, and the valid keys.
     """
-    invalid = next(_invalid_values(content), None)
-    if invalid is not None:
-        raise InputError(f"{name}: {invalid} is beyond {HUGE:g} in magnitude, or contains control characters")
     try:
-        return MechanismFile.model_validate(content)
+        invalid = next(_invalid_values(content), None)
+        if invalid is None:
+            return MechanismFile.model_validate(content)
     except ValidationError as e:
         raise InputError(f"{name}: {one_line(e, _known_keys, content)}") from None
+    except RecursionError:
+        raise InputError(f"{name}: its tables are nested too deeply") from None
+    raise InputError(f"{name}: {invalid} is beyond {HUGE:g} in magnitude, or contains control characters")
 
 
 def _invalid_values(value: object, path: str = "") -> Iterator[str]:
