@@ -15,7 +15,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SHORT = {"fold": "fold", "doubling": "period doubling", "neimark-sacker": "Neimark-Sacker", "branch": "branch point"}
+SHORT = {
+    "fold": "fold",
+    "doubling": "period doubling",
+    "neimark-sacker": "Neimark-Sacker",
+    "branch": "branch point",
+    "grazing": "grazing",
+}
 
 
 @fixed_layout
