@@ -10,7 +10,7 @@ from scipy import signal
 import mbdae
 from mbdae import DCMotor, JointDamping, JointPID, JointTorque, Mechanism
 from mbdae.__main__ import cli
-from mbdae.errors import UnknownNameError
+from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.mechanism.time_functions.time_functions import Harmonic
 
@@ -76,6 +76,18 @@ def test_names_that_do_not_exist_are_refused():
         mbdae.linearize(mech, inputs="knee")
     with pytest.raises(UnknownNameError, match="unknown output"):
         mbdae.linearize(mech, outputs="q.knee")
+
+
+def test_frequencies_without_a_response_are_refused():
+    """A cart is free: at frequency 0 it has no finite response to a force."""
+    system = mbdae.linearize(mbdae.load("cart_pole"), inputs="cart", outputs="q.cart")
+    with pytest.raises(InputError, match="the response is infinite at 0 rad/s, an eigenvalue of the system"):
+        system.response([0.0])
+    for wrong in (1.0, [], [np.nan], ["a"], [[1.0, 2.0]], None):
+        with pytest.raises(InputError, match="a frequency response takes a list of frequencies, got"):
+            system.response(wrong)
+    with pytest.raises(InputError, match="a frequency response takes a list of frequencies, got"):
+        system.plot(hertz=[])
 
 
 def test_the_response_is_drawn(tmp_path):
