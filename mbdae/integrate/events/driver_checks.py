@@ -10,7 +10,7 @@ from .source import EventSource
 if TYPE_CHECKING:
     from ..run.run_state import RunState
 
-STATUSES = ("step_size", "max_steps", "newton", "singular")  # failures that drivers may cause
+STATUSES = ("step_size", "max_steps", "newton", "singular", "rank")  # failures that drivers may cause
 BEYOND = 1 / 16  # of the time span: after a failure, enough times to recognise an inconsistent derivative
 
 

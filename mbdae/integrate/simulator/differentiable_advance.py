@@ -1,11 +1,11 @@
 """Tangent and adjoint of the last advance of a simulator."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, require
 from ...mechanism import Mechanism
 from ...mechanism.inputs import Inputs
 from ...system import Array
@@ -92,6 +92,7 @@ class DifferentiableAdvance:
             UnknownNameError: for an unknown input or parameter.
         """
         given = {"input": inputs or {}, "input of first order": inputs_before or {}, "parameter": parameters or {}}
+        _require_tables(given)
         last = self.differentiated(tuple(given["parameter"]))
         p, m = last.parameters, self.mechanism
         state: dict[str, tuple[Any, int]] = {"dq": (dq, m.nv), "dv": (dv, m.nv), "ds": (ds, len(m.states))}
@@ -156,6 +157,7 @@ class DifferentiableAdvance:
             UnknownNameError: for an unknown parameter.
         """
         last, run = self._last, self._run
+        require(parameters, Iterable, "parameters are given by dotted names")
         if last is None:
             raise InputError("no advance to differentiate: the simulator has not advanced since its start or restore")
         if self.status == "event":
@@ -170,6 +172,11 @@ class DifferentiableAdvance:
         if self._differentiated is None:
             self._differentiated = AdvanceSensitivity(run, last, self._bound)
         return self._differentiated
+
+
+def _require_tables(given: Mapping[str, object]) -> None:
+    for kind, table in given.items():
+        require(table, Mapping, f"variations of each {kind} are given by name, {{name: number}}")
 
 
 def _columns(name: str, x: object, n: int, m: int) -> Array:

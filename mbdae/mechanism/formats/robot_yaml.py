@@ -3,7 +3,7 @@
 ==============================  ========================================================================
 closed_loop: [[frame, frame]]   pairs of frames that coincide
 type: [6d]                      of each pair: whole frames (6d, the default) or origins only (3d)
-name_mot: [joint]               motors; one text selects every joint whose name contains it
+name_mot: [joint]               motors, of joints of one coordinate; one text selects all whose names contain it
 joint_name: [joint]             joints of another kind than in the URDF,
 joint_type: [SPHERICAL]         and their kinds: SPHERICAL, UJOINT_XY (also CARDAN), UJOINT_XZ, ..., FIXED
 ==============================  ========================================================================
@@ -77,27 +77,28 @@ def read_robot_yaml(path: Path, allowed: AllowedPaths, source: Source) -> Import
         kinds={n: KINDS[t] for n, t in kinds.items() if t != FIXED},
         lock={n: 0.0 for n, t in kinds.items() if t == FIXED},
     )
+    motors, others = _actuated_joints(model_of_urdf.model, tables.name_mot, path.name)
     extra = sorted(tables.model_extra or ())
+    unread = {f"keys of {path.name}": extra, "motors of joints of several coordinates": others}
     return replace(
         model_of_urdf,
         closures=tuple(
             Closure(kind=CLOSURES[t.lower()], frames=pair)
             for pair, t in zip(tables.closed_loop, tables.type or (), strict=True)
         ),
-        motors=tuple(Motor(n, n) for n in _actuated_joints(model_of_urdf.model, tables.name_mot, path.name)),
-        left_out=(*model_of_urdf.left_out, *([f"keys of {path.name} {', '.join(extra)}"] if extra else [])),
+        motors=tuple(Motor(n, n) for n in motors),
+        left_out=(*model_of_urdf.left_out, *(f"{what} {', '.join(names)}" for what, names in unread.items() if names)),
     )
 
 
-def _actuated_joints(model: pin.Model, motors: Sequence[str] | str, file: str) -> Sequence[str]:
-    """Return the joints with motors: those listed, or those whose names contain a string."""
+def _actuated_joints(model: pin.Model, motors: Sequence[str] | str, file: str) -> tuple[list[str], list[str]]:
+    """Return the joints with motors, of one and of several coordinates: listed, or with a string in their names."""
     joints = joint_names(model)
     found = [n for n in joints if motors in n] if isinstance(motors, str) else motors
     if motors and not found:
         raise InputError(f"{file}: name_mot {motors!r} occurs in no joint's name: {', '.join(joints)}")
-    for n in found:
-        find_joint(model, n)
-    return found
+    single = {n: find_joint(model, n).nv == 1 for n in found}
+    return [n for n in single if single[n]], [n for n in single if not single[n]]
 
 
 def read_tables(text: str, name: str) -> RobotTables:
@@ -109,10 +110,11 @@ def read_tables(text: str, name: str) -> RobotTables:
     content = yaml_table(text, name)
     if not isinstance(content, dict) or not any(k in RobotTables.model_fields for k in content):
         raise InputError(f"{name} is not a table of keys; known: {', '.join(RobotTables.model_fields)}")
+    given = {str(k): v for k, v in content.items() if v is not None}
     try:
-        tables = RobotTables.model_validate({str(k): v for k, v in content.items() if v is not None})
+        tables = RobotTables.model_validate(given)
     except ValidationError as e:
-        raise InputError(f"{name}: {one_line(e, lambda path: list(RobotTables.model_fields))}") from None
+        raise InputError(f"{name}: {one_line(e, lambda path: list(RobotTables.model_fields), given)}") from None
     if tables.type is None:
         tables = tables.model_copy(update={"type": ("6d",) * len(tables.closed_loop)})
     _same_length(name, "closed_loop", tables.closed_loop, "type", tables.type or ())

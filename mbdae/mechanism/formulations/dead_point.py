@@ -21,7 +21,8 @@ def require_no_dead_point(system: "Index2System", t: float, y: Array, sign: floa
     Where the rows of closures and drivers lose rank, with w^T G = 0 and w^T g_t != 0, no velocity satisfies
     G v + g_t = 0. With the singular value decomposition of the rows in use, G M^-1/2 = sum sigma w n^T, the component
     of the smallest sigma is x = -w^T g_t / sigma, its rate a = -w^T gamma / sigma. Before the dead point at t*,
-    x = c (t* - t)^-1/2, so that t* - t = x / (2 a), and the remaining motion along n is x^2 / a.
+    x = c (t* - t)^-1/2, so that t* - t = x / (2 a), and the remaining motion along n is x^2 / a. Where closures lose
+    rank without a driver, w^T g_t is zero, up to rounding.
 
     Args:
         system: a workspace, with drivers.
@@ -39,7 +40,11 @@ def require_no_dead_point(system: "Index2System", t: float, y: Array, sign: floa
     mech, (q, v) = system.mechanism, system.split(y)
     scales, g_t, gamma = mech.row_scales[rows], system.g_t(t)[rows], system.gamma(q, v, t)[rows]
     U, W, sigma, N = _decomposition(system, t, q, rows)
-    shares = W[-1] * g_t / scales
+    rates = g_t / scales
+    shares = W[-1] * rates
+    driven = np.flatnonzero(np.abs(shares) > NEGLIGIBLE * np.abs(shares).max())
+    if not abs(shares.sum()) > NEGLIGIBLE * np.abs(rates[driven]).max(initial=0.0):  # closures alone lose rank
+        return
     x, a = -shares.sum() / sigma[-1], -(W[-1] @ (gamma / scales)) / sigma[-1]
     if not sign * x * a > 0:  # speeds do not grow
         return
@@ -49,8 +54,7 @@ def require_no_dead_point(system: "Index2System", t: float, y: Array, sign: floa
     there = _decomposition(system, t, system.manifold.integrate(q, motion), rows)[2][-1]
     if there > max(REMAINING * sigma[-1], AMBIGUOUS_PIVOT * sigma[0]):  # the motion of a driver itself is unbounded
         return
-    driven = [rows[i] for i in np.flatnonzero(np.abs(shares) > NEGLIGIBLE * np.abs(shares).max())]
-    names = " and ".join(dict.fromkeys(repr(mech.row_names[i]) for i in driven))
+    names = " and ".join(dict.fromkeys(repr(mech.row_names[rows[i]]) for i in driven))
     raise StepError(
         "driver",
         f"{names} cannot be followed beyond a dead point at t = {t + ahead:.6g}, where velocities are infinite",

@@ -17,7 +17,7 @@ from ...mechanism.forces.coulomb_friction import CoulombFriction
 from ...mechanism.tree.frames import find_joint
 from ...mechanism.tree.tree_terms import flexible_bodies
 from ...system import Array
-from ...tolerances import RANK, VISIBLE
+from ...tolerances import AMBIGUOUS_PIVOT, RANK, VISIBLE
 
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
@@ -167,7 +167,8 @@ def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: st
     left, sizes, right = np.linalg.svd(rows) if len(rows) else (np.eye(0), np.zeros(0), np.eye(system.nv))
     r = int(np.count_nonzero(sizes > RANK * sizes.max(initial=0.0)))
     Z = right[r:].T
-    if r < min(rows.shape) and _is_singular(system, G, left[:, r:], Z):
+    k = int(np.count_nonzero(sizes > AMBIGUOUS_PIVOT * sizes.max(initial=0.0)))  # gaps of rounding are of second order
+    if k < min(rows.shape) and _is_singular(system, G, left[:, k:], right[k:].T):
         raise InputError("the closures lose rank in this pose, in which several branches intersect: start next to it")
     locked = ", ".join(hold)
     if not Z.shape[1]:

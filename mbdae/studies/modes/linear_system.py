@@ -9,13 +9,14 @@ import numpy as np
 from scipy.linalg import matrix_balance
 
 from ...data_types import JsonObject
-from ...errors import UnknownNameError, as_list
+from ...errors import InputError, UnknownNameError, as_list
 from ...mechanism import Mechanism
 from ...mechanism.equilibrium.equilibrium_equations import Statics
 from ...mechanism.equilibrium.linearization import LinearMotion
 from ...mechanism.equilibrium.spectrum import spectrum
 from ...mechanism.forces.linear import LinearElement
 from ...mechanism.formats.mechanism_file.parameter_units import function_units
+from ...mechanism.model_settings import as_numbers
 from ...mechanism.signals.effort_signals import named_laws
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...mechanism.tree.frames import WORLD, Pair, anchor, frame_names
@@ -69,12 +70,25 @@ class LinearSystem(Tabular):
         return self.A, self.B, self.C, self.D
 
     def response(self, omega: Sequence[float] | Array) -> Array:
-        """Return the response C (i omega - A)^-1 B + D at angular frequencies (k,) in rad/s, (k, outputs, inputs)."""
+        """Return the response C (i omega - A)^-1 B + D at angular frequencies (k,) in rad/s, (k, outputs, inputs).
+
+        Raises:
+            InputError: for anything but finite numbers, and at an undamped eigenvalue, where the response is infinite.
+        """
+        numbers = as_numbers(omega)
+        if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
+            raise InputError(f"a frequency response takes a list of frequencies, got {omega!r:.60}")
         one = np.eye(len(self.A))
         with np.errstate(invalid="ignore"):  # of factors beyond integers, which are permutations in other calls only
             A, (d, _) = matrix_balance(self.A, permute=False, separate=True)  # scales positions and speeds
         B, C = self.B / d[:, None], self.C * d
-        return np.array([C @ np.linalg.solve(1j * w * one - A, B) + self.D for w in omega])
+        out = np.empty((len(numbers), *self.D.shape), complex)
+        for k, w in enumerate(numbers):
+            try:
+                out[k] = C @ np.linalg.solve(1j * w * one - A, B) + self.D
+            except np.linalg.LinAlgError:
+                raise InputError(f"the response is infinite at {w:.6g} rad/s, an eigenvalue of the system") from None
+        return out
 
     def band(self) -> Array:
         """Return frequencies in Hz from a tenth of the lowest of the eigenvalues to ten times the highest, (k,)."""
@@ -86,14 +100,12 @@ class LinearSystem(Tabular):
         """Draw gain and phase over frequencies in Hz, `band` when left out; saved if a path is given.
 
         Raises:
-            InputError: for another format, or an unwritable path.
+            InputError: for another format, an unwritable path, or frequencies as in `response`.
         """
         from .. import figures
         from .figure import frequency_response
 
-        return figures.save_if_path(
-            frequency_response(self, self.band() if hertz is None else np.asarray(hertz, float)), path
-        )
+        return figures.save_if_path(frequency_response(self, self.band() if hertz is None else as_numbers(hertz)), path)
 
     def tabulated(self) -> Columns:
         """Return gain and phase in rad of each output for each input, over the frequencies of `band`."""

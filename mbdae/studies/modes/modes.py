@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...data_types import JsonObject
-from ...errors import StepError
+from ...errors import InputError, StepError, is_number
 from ...mechanism import Mechanism
 from ...mechanism.equilibrium.linearization import LinearMotion
 from ...mechanism.equilibrium.null_space import close_loops
@@ -119,13 +119,19 @@ class Modes(Tabular):
 
         Args:
             i: index of the mode.
-            amplitude: the largest displacement of a coordinate in rad or m.
+            amplitude: the largest displacement of a coordinate in rad or m; 0.25 when left out.
+
+        Raises:
+            InputError: for an amplitude that is not positive.
         """
+        a = AMPLITUDE if amplitude is None else amplitude
+        if not (is_number(a) and a > 0):
+            raise InputError(f"the amplitude must be a positive number in rad or m, got {a!r:.40}")
         system, shape = self.mechanism.system(), self.shapes[i]
         largest = np.abs(shape).max() or 1.0
         out = np.empty((FRAMES, self.mechanism.nq))
         for k, phi in enumerate(np.linspace(0, 2 * np.pi, FRAMES)):
-            x = (amplitude or AMPLITUDE) / largest * (np.exp(1j * phi) * shape).real
+            x = a / largest * (np.exp(1j * phi) * shape).real
             out[k] = system.manifold.integrate(self.motion.q, x)
             try:
                 out[k] = close_loops(system, self.t, out[k])
@@ -144,7 +150,7 @@ class Modes(Tabular):
             The path written.
 
         Raises:
-            InputError: for another suffix, or an unwritable path.
+            InputError: for another suffix, an unwritable path, or an amplitude that is not positive.
         """
         from ..replay.replay import animate
 

@@ -1,11 +1,13 @@
 """Figures of periodic motions: one period in the phase plane, multipliers, and both over a parameter."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...solution.signals import units as signal_units
+from ...system import Array
 from ...units import displayed, quantity, unit_name
 from ..figures import COLOURS, WIDTH, empty_figure, escaped, fixed_layout
 from .branch import Branch
@@ -15,28 +17,39 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SHORT = {"fold": "fold", "doubling": "period doubling", "neimark-sacker": "Neimark-Sacker", "branch": "branch point"}
+SHORT = {
+    "fold": "fold",
+    "doubling": "period doubling",
+    "neimark-sacker": "Neimark-Sacker",
+    "branch": "branch point",
+    "grazing": "grazing",
+}
 
 
 @fixed_layout
 def motion(found: PeriodicMotion) -> "Figure":
-    """Draw one period in the phase planes of the joints, and the multipliers at the unit circle."""
+    """Draw one period in the phase planes of the joints of one coordinate, and the multipliers at the unit circle."""
     figure = empty_figure(WIDTH, 3.2)
-    left, right = figure.subplots(1, 2)
     columns, units, _ = found.tabulated()
-    joints = [name[2:] for name in columns if name.startswith("q.") and f"v.{name[2:]}" in columns]
-    breaks = np.flatnonzero(np.diff(columns["t"]) == 0) + 1
-    for k, joint in enumerate(joints[: len(COLOURS)]):
-        for i, (q, v) in enumerate(zip(*(np.split(columns[f"{x}.{joint}"], breaks) for x in "qv"), strict=True)):
-            shown = (displayed(x, units[f"{letter}.{joint}"])[0] for letter, x in (("q", q), ("v", v)))
-            left.plot(*shown, color=COLOURS[k], label=escaped(joint) if i == 0 else None)
-    for letter, label, word in (("q", left.set_xlabel, "coordinate"), ("v", left.set_ylabel, "velocity")):
-        kinds = dict.fromkeys(unit_name(units[f"{letter}.{joint}"]) for joint in joints)
-        label(f"{word} ({', '.join(kinds)})")
-    left.legend(loc="best", fontsize=6)
+    joints = [name[2:] for name in columns if name.startswith("q.") and f"v.{name[2:]}" in columns][: len(COLOURS)]
+    *left, right = figure.subplots(1, 2 if joints else 1, squeeze=False)[0]
+    for axes in left:
+        _phase_planes(axes, columns, units, joints)
     _unit_circle(right, found.multipliers)
     figure.suptitle(escaped(f"{found.mechanism.title}: T = {quantity(found.T, 's')}, {found.stability}"), fontsize=9)
     return figure
+
+
+def _phase_planes(axes: "Axes", columns: Mapping[str, Array], units: Mapping[str, str], joints: list[str]) -> None:
+    breaks = np.flatnonzero(np.diff(columns["t"]) == 0) + 1
+    for k, joint in enumerate(joints):
+        for i, (q, v) in enumerate(zip(*(np.split(columns[f"{x}.{joint}"], breaks) for x in "qv"), strict=True)):
+            shown = (displayed(x, units[f"{letter}.{joint}"])[0] for letter, x in (("q", q), ("v", v)))
+            axes.plot(*shown, color=COLOURS[k], label=escaped(joint) if i == 0 else None)
+    for letter, label, word in (("q", axes.set_xlabel, "coordinate"), ("v", axes.set_ylabel, "velocity")):
+        kinds = dict.fromkeys(unit_name(units[f"{letter}.{joint}"]) for joint in joints)
+        label(f"{word} ({', '.join(kinds)})")
+    axes.legend(loc="best", fontsize=6)
 
 
 @fixed_layout

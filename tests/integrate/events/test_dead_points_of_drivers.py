@@ -95,3 +95,27 @@ def test_another_speed_without_bound_is_no_dead_point():
     sol = mbdae.solve(mech, (0, 2), *mech.assemble(plain.start[0]), max_steps=5000)
     assert not sol.success
     assert "dead point" not in sol.message, sol.message
+
+
+def test_closures_that_lose_rank_alone_are_no_dead_point():
+    """The rods of two arms become parallel: the left null space has no component of a driver, except for rounding."""
+    plain = mbdae.load("delta_robot")
+    rates = {"arm_1": 1.0, "arm_2": 0.1, "arm_3": 0.1}
+    drivers = [Driver.polynomial(arm, [0.35, rate]) for arm, rate in rates.items()]
+    mech = Mechanism(plain.model, plain.closures, drivers=drivers)
+    sol = mbdae.solve(mech, (0, 3), *mech.assemble(plain.start[0]), method="radau5")
+    np.testing.assert_allclose(sol.t[-1], 2.0783, rtol=1e-4)
+    assert not sol.success
+    assert "dead point" not in sol.message, sol.message
+
+
+def test_a_driver_that_is_nearly_at_rest_there():
+    """It would come to rest at t = 1, beyond the dead point by a millionth of its way."""
+    plain = mbdae.load("slider_crank")
+    q0, at = plain.start[0], list(plain.joint_names).index("slider")
+    way = (REACH - q0[at]) * (1 + 1e-6)
+    mech = mbdae.load("slider_crank", drivers=[Driver.polynomial("slider", [q0[at], 2 * way, -way], name="drive")])
+    sol = mbdae.solve(mech, (0, 1), *mech.assemble(q0))
+    found = re.fullmatch(TEXT.format("'drive'"), sol.message)
+    assert found, sol.message
+    np.testing.assert_allclose(float(found[1]), 1 - np.sqrt(1e-6 / (1 + 1e-6)), rtol=2e-6)

@@ -242,7 +242,9 @@ def test_a_folder_of_the_parallel_robots(tmp_path):
 )
 def test_universal_joints_turn_about_the_axes_of_their_name(kind, axes, tmp_path):
     shutil.copy(DATA / "robot" / "robot.urdf", tmp_path)
-    mech = mbdae.load(write(tmp_path, f"joint_name: [left_ball]\njoint_type: [{kind}]", "robot.yaml"))
+    tables = f"joint_name: [left_ball]\njoint_type: [{kind}]\nname_mot: left_ball"
+    with pytest.warns(UserWarning, match=r"motors of joints of several coordinates left_ball"):
+        mech = mbdae.load(write(tmp_path, tables, "robot.yaml"))
     expected = np.zeros((6, 2))
     for column, axis in enumerate(axes):
         expected[3 + "xyz".index(axis), column] = 1.0
@@ -273,6 +275,7 @@ def test_older_tables_of_parallel_robots(tmp_path):
         ("name_mot: mot_x", "name_mot 'mot_x' occurs in no joint's name: "),
         ("joint_name: [a, a]\njoint_type: [SPHERICAL, SPHERICAL]", "joint_name has a more than once"),
         ("closed_loop: 3", "closed_loop: "),
+        ("name_mot: [1]", "robot.yaml: name_mot.0: Input should be a valid string, got '1'"),
         ("- a\n- b", "is not a table of keys"),
         ("{", "is not YAML"),
         ("", "is not a table of keys"),

@@ -78,6 +78,18 @@ def test_names_that_do_not_exist_are_rejected():
         mbdae.linearize(mech, outputs="q.knee")
 
 
+def test_frequencies_without_a_response_are_refused():
+    """A cart is free: at frequency 0 it has no finite response to a force."""
+    system = mbdae.linearize(mbdae.load("cart_pole"), inputs="cart", outputs="q.cart")
+    with pytest.raises(InputError, match="the response is infinite at 0 rad/s, an eigenvalue of the system"):
+        system.response([0.0])
+    for wrong in (1.0, [], [np.nan], ["a"], [[1.0, 2.0]], None):
+        with pytest.raises(InputError, match="a frequency response takes a list of frequencies, got"):
+            system.response(wrong)
+    with pytest.raises(InputError, match="a frequency response takes a list of frequencies, got"):
+        system.plot(hertz=[])
+
+
 def test_the_response_is_drawn(tmp_path):
     system = mbdae.linearize(mbdae.load("panda_handle"), inputs="handle", outputs="v.handle")
     system.plot(tmp_path / "response.svg", np.geomspace(0.01, 10, 50))

@@ -176,6 +176,9 @@ def test_a_cycle_of_a_mode_keeps_the_loops_closed():
     assert 0.045 < np.abs(moved).max() < 0.055
     assert max(np.abs(found.mechanism.residual(x, np.zeros(8))[0]).max() for x in q) < 1e-12
     np.testing.assert_allclose(q[0], q[-1], atol=1e-12)
+    for wrong in (0, -0.1, np.nan, "x"):
+        with pytest.raises(InputError, match="the amplitude must be a positive number in rad or m, got"):
+            found.configurations(1, wrong)
 
 
 @pytest.mark.parametrize(

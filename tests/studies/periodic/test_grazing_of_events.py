@@ -25,13 +25,15 @@ def branch_of_impacts(mechanism, first, last, rtol=1e-9):
     )
 
 
-def test_a_motion_without_events_ends_where_it_grazes_the_level():
+def test_a_motion_without_events_ends_where_it_grazes_the_level(tmp_path):
     x, v = steady(3.5, 0.0)
     found = mbdae.periodic_branch(thrown, "force", 3.5, 4.5, q=[x], v=[v], rtol=1e-9, start={"phase": 0.0})
     (at,) = found.bifurcations
     assert (at.kind, at.grazed) == ("grazing", "back")
     assert at.value == pytest.approx(GRAZING_FORCE, rel=1e-9)
     assert found.message == "ends where 'back' is grazed: there is no derivative beyond"
+    _, magnitude, _ = found.plot(tmp_path / "grazing.png").axes
+    assert [text.get_text() for text in magnitude.texts] == ["grazing"]
 
 
 def test_a_motion_with_an_event_ends_where_it_only_touches_its_level():

@@ -90,6 +90,8 @@ def test_a_turn_is_about_the_vertical_of_gravity():
     assert tilted.advances["turn"] == pytest.approx(upright.advances["turn"], rel=1e-5)
     assert [x.name for x in tilted.neutral] == ["time", "turn", "energy"]
     np.testing.assert_allclose(tilted.multipliers, upright.multipliers, rtol=0, atol=1e-5)
+    (circle,) = upright.plot().axes  # a ball has no phase plane
+    assert circle.get_xlabel() == r"Re $\mu$"
 
 
 def test_ground_whose_inclination_is_the_parameter():
