@@ -78,7 +78,7 @@ def test_names_that_do_not_exist_are_rejected():
         mbdae.linearize(mech, outputs="q.knee")
 
 
-def test_frequencies_without_a_response_are_refused():
+def test_frequencies_without_a_response_are_rejected():
     """A cart is free: at frequency 0 it has no finite response to a force."""
     system = mbdae.linearize(mbdae.load("cart_pole"), inputs="cart", outputs="q.cart")
     with pytest.raises(InputError, match="the response is infinite at 0 rad/s, an eigenvalue of the system"):
