@@ -7,7 +7,7 @@ from scipy.linalg.lapack import dgesv
 
 from ...errors import StepError
 from ...system import Array
-from ...tolerances import AMBIGUOUS_PIVOT, NEGLIGIBLE, THREE_DIGITS
+from ...tolerances import AMBIGUOUS_PIVOT, INPUT_DIGITS, NEGLIGIBLE, THREE_DIGITS
 
 if TYPE_CHECKING:
     from .index2 import Index2System
@@ -49,16 +49,16 @@ def require_no_dead_point(system: "Index2System", t: float, y: Array, sign: floa
     if not sign * x * a > 0:  # speeds do not grow
         return
     ahead, motion = x / (2 * a), dgesv(U, N[:, -1])[2] * x**2 / a
-    if abs(ahead) > step and not np.abs(motion / mech.coordinate_scales).max() <= THREE_DIGITS:
+    size = float(np.abs(motion / mech.coordinate_scales).max())
+    if abs(ahead) > step and not size <= THREE_DIGITS:
         return
     there = _decomposition(system, t, system.manifold.integrate(q, motion), rows)[2][-1]
     if there > max(REMAINING * sigma[-1], AMBIGUOUS_PIVOT * sigma[0]):  # the motion of a driver itself is unbounded
         return
     names = " and ".join(dict.fromkeys(repr(mech.row_names[rows[i]]) for i in driven))
-    raise StepError(
-        "driver",
-        f"{names} cannot be followed beyond a dead point at t = {t + ahead:.6g}, where velocities are infinite",
-    )
+    exact = size * abs(ahead) <= INPUT_DIGITS * abs(t + ahead)
+    when = f"at t = {t + ahead:.6g}" if exact else f"in the step after t = {t:.6g}"
+    raise StepError("driver", f"{names} cannot be followed beyond a dead point {when}, where velocities are infinite")
 
 
 def _decomposition(system: "Index2System", t: float, q: Array, rows: list[int]) -> tuple[Array, Array, Array, Array]:
