@@ -199,7 +199,7 @@ def test_another_step_size_keeps_the_order():
         ("circle", {"step": 0.01}, "'Point on a circle'"),
     ],
 )
-def test_refusals_name_the_reason(model, options, named):
+def test_rejections_name_the_reason(model, options, named):
     with pytest.raises(InputError, match="'alpha'.*" + named):
         mbdae.solve(model, (0, 0.1), method="alpha", **options)
 

@@ -143,7 +143,7 @@ def test_events_are_located_at_full_order():
         ("four_bar", {"rtol": 1e-6}, "takes fixed steps"),
     ],
 )
-def test_refusals_name_the_reason(model, options, named):
+def test_rejections_name_the_reason(model, options, named):
     with pytest.raises(InputError, match="'rattle4'.*" + named.replace("(", r"\(")):
         mbdae.solve(model, (0, 0.1), method="rattle4", **options)
 

@@ -124,7 +124,7 @@ def _given_options(arguments: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def require_positive(**values: float | None) -> None:
-    """Reject values that are not positive numbers; only ``max_step`` may be infinite, None means not given.
+    """Reject values that are not positive numbers; None means not given. Steps are finite.
 
     Raises:
         InputError: naming the argument.
@@ -132,7 +132,7 @@ def require_positive(**values: float | None) -> None:
     for name, value in values.items():
         if value is None:
             continue
-        if not (is_number(value) and value > 0) and not (name == "max_step" and value == inf):
+        if not (is_number(value) and value > 0) and (name in ("step", "first_step") or value != inf):
             raise InputError(f"{name} must be a positive number, got {value!r}")
 
 

@@ -80,6 +80,7 @@ class Ida(LibraryStepper):
         self.raw = RawCoordinates(system)
         if self.atol.ndim and self.raw.units:
             raise InputError("method 'ida' takes one number as atol for quaternions and unbounded revolute joints")
+        self.check_atol(system)
 
     def _open(self, run: "RunState") -> None:
         """Open the chart of the next step; start IDA at a new point, or with new rows."""
@@ -87,7 +88,6 @@ class Ida(LibraryStepper):
         self.chart, self.start = self.system.chart(run.t, y), y
         if self.solver is not None and self.chart.unknowns == self.unknowns and np.array_equal(y, self.end):
             return
-        self._scale(run, y)  # rejects an atol of the wrong shape
         F, z = self.chart.start()
         self.unknowns, self.m = self.chart.unknowns, len(z)
         self.solver = self._create(

@@ -84,6 +84,7 @@ class Scipy(LibraryStepper):
                 raise InputError(
                     "formulation 'index1' takes one number as atol for quaternions and unbounded revolute joints"
                 )
+        self.check_atol(system)
         self.baseline: ScipySolver = baseline
         self.system: Index1System = system
         self.backend = "native" if system.native else "python"
@@ -96,7 +97,6 @@ class Scipy(LibraryStepper):
 
     def _start(self, run: "RunState") -> None:
         s = self.system
-        self._scale(run, run.state.y)  # rejects an atol of the wrong shape
         atol = np.append(np.broadcast_to(self.atol, s.nq + s.nv + s.ns), UNCONTROLLED)
         settings = {"rtol": self.rtol, "atol": atol, "max_step": self.max_step, "first_step": self.first_size(run)}
         self.solver = self.baseline.solver(self._rate, run.t, run.state.y, run.interval.stop, **settings)
