@@ -38,23 +38,23 @@ def _struts(mech: "Mechanism") -> Iterator[Strut]:
     """Yield springs and dampers, and drivers of distances: hydraulic cylinders, linear actuators."""
     for force in mech.forces:
         if isinstance(force, SpringDamper):
-            first, second = _placed(mech, force.frames)
+            first, second = _placed(anchor(mech.model, name) for name in force.frames)
             coil = force.stiffness != 0
             yield Strut(force.name, first, second, force.length, coil, tube=force.damping > 0 or not coil)
     for driver in mech.drivers:
         if driver.frames:
-            first, second = _placed(mech, driver.frames)
+            first, second = _placed(anchor(mech.model, name) for name in driver.frames)
             yield Strut(driver.name, first, second, coil=False, tube=True)
 
 
-def _placed(mech: "Mechanism", frames: Iterable[str]) -> Iterator[tuple[int, pin.SE3]]:
-    return ((a.joint, pin.SE3(a.R, a.p)) for a in (anchor(mech.model, name) for name in frames))
+def _placed(anchors: Iterable[Anchor]) -> Iterator[tuple[int, pin.SE3]]:
+    return ((a.joint, pin.SE3(a.R, a.p)) for a in anchors)
 
 
 def _marks(closures: AnchoredClosures) -> Iterator[Mark]:
     for c, anchors in closures:
         if not c.distinct_frames:
-            first, second = ((a.joint, pin.SE3(a.R, a.p)) for a in anchors)
+            first, second = _placed(anchors)
             axis = np.array(c.axis) if isinstance(c, DRAWN_WITH_AXIS) else None
             length = c.length if isinstance(c, DistanceClosure) else 0.0
             yield Mark(c.name, first, second, length, axis, c.coincident_origins)

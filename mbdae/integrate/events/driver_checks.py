@@ -28,17 +28,15 @@ class DriverChecks(EventSource):
         self._check(run, run.t)
 
     def explain(self, run: "RunState", reason: StepError) -> StepError:
-        if reason.status not in STATUSES:
+        if reason.status not in STATUSES or not run.mechanical:
             return reason
         start, end = run.options.t0, run.t1
         reached = (run.t - start) / (end - start)
         try:
-            if run.mechanical:
-                require_no_dead_point(run.mechanical, run.t, run.ys[-1], run.sign, run.options.step or 0.0)
+            require_no_dead_point(run.mechanical, run.t, run.ys[-1], run.sign, run.options.step or 0.0)
             if reason.status in ("step_size", "max_steps"):  # no step size reduces an error of a derivative
                 self._check(run, start + min(1.0, reached + BEYOND) * (end - start))
-                if run.mechanical:
-                    require_compatible_accelerations(run.mechanical, run.t, run.ys[-1])
+                require_compatible_accelerations(run.mechanical, run.t, run.ys[-1])
         except StepError as cause:
             return cause
         return reason

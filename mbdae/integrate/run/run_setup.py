@@ -43,11 +43,11 @@ def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
     if reason := obstacle(options.method, system):
         raise InputError(reason)
     stepper = _stepper(system, options)
-    if stepper.control:
-        stepper.control.check_atol(system)
-    if stepper.control and options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
-        rtol = float(stepper.control.rtol)
-        system.accuracy = min(NEWTON_TOLERANCE, rtol**0.5) * rtol
+    if control := stepper.control:
+        control.check_atol(system)
+        if options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
+            rtol = float(control.rtol)
+            system.accuracy = min(NEWTON_TOLERANCE, rtol**0.5) * rtol
     run = RunState(problem, options, system, stepper, y)
     run.fallback = fallback or ("" if options.method.in_core else f"method {options.method.name!r}")
     if isinstance(problem, Mechanism):  # before controllers, modes and projections change the start

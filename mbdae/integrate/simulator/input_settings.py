@@ -1,10 +1,8 @@
 """Values of a simulator's inputs: those that were set, and their history."""
 
 from collections.abc import Mapping
-from math import isfinite
-from numbers import Real
 
-from ...errors import InputError
+from ...errors import InputError, is_number
 from ...mechanism.inputs import Inputs
 from ...mechanism.time_functions.input_functions import InputSetting
 
@@ -41,7 +39,7 @@ class InputSettings:
             InputError: for a value that is not a finite number.
         """
         self.inputs.cell(name)
-        if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
+        if not is_number(value):
             raise InputError(f"input {name!r} must be a finite number, got {value!r}")
         self.wanted[name] = float(value)
 

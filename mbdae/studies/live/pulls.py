@@ -6,13 +6,12 @@ So the recorded run contains all actions, and `mbdae.solve` repeats it.
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from math import ceil, isfinite
-from numbers import Real
+from math import ceil
 from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError
+from ...errors import InputError, UnknownNameError, is_number
 from ...integrate.simulator.simulator import Simulator
 from ...mechanism import Mechanism
 from ...mechanism.forces.joint_torque import JointTorque
@@ -221,5 +220,5 @@ def _default_ranges(
 
 
 def _finite(what: str, value: object) -> None:
-    if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
+    if not is_number(value):
         raise InputError(f"{what} must be a finite number, got {value!r}")

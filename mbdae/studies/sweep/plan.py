@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError
+from ...errors import InputError, UnknownNameError, is_count
 
 __all__ = ["Random"]
 
@@ -64,7 +64,7 @@ def tasks(parameters: Parameters, seed: int) -> list[Task]:
         InputError: for other parameters, or values that a table cannot store.
         UnknownNameError: for a distribution that does not exist.
     """
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+    if not is_count(seed, 0):
         raise InputError(f"seed is a whole number, not negative, got {seed!r}")
     if not all(isinstance(name, str) for name in _named(parameters)):
         raise InputError(f"parameters are named by texts, got {parameters!r:.60}")
