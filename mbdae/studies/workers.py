@@ -49,6 +49,16 @@ class StopFlag:
         return bool(self.memory[0])
 
 
+def stop_check(stop: Stop | None) -> Callable[[float], None] | None:
+    """Return a function of the progress of a run that interrupts it when ``stop()`` is true."""
+
+    def check(done: float) -> None:
+        if stop and stop():
+            raise KeyboardInterrupt
+
+    return check if stop else None
+
+
 class Pool(NamedTuple):
     """Interface for submitting runs.
 

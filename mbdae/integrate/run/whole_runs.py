@@ -68,6 +68,11 @@ def why_in_python(run: RunState) -> str:
     return _feature_in_python(mech, system) or _driver_in_python(mech, options)
 
 
+def calls_python(run: RunState) -> bool:
+    """Return whether evaluations of a run, before its beginning, call functions of Python."""
+    return not isinstance(run.system, CompiledSystem) or run.system.core.calls_python
+
+
 def _feature_in_python(mech: Mechanism, system: CompiledSystem) -> str:
     """Return a feature of the mechanism that needs Python at the start, between steps or at the end; else ''."""
     checked = [*closures_with_preconditions(mech), *rolling_closures(mech)]

@@ -1,6 +1,6 @@
 """A motion that several methods compute, and errors relative to a reference."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,6 +19,7 @@ from ...system import Array
 from ...tolerances import EPS, EVALUATION_ROUNDING, SOLUTION_ROUNDING, SUM_ROUNDING, VISIBLE
 from ..drift.drift import drift
 from ..method_variant import Variant
+from ..workers import Stop, stop_check
 from .comparison import TEXTBOOK_QUANTITIES
 from .run_result import COUNTS, RunResult
 
@@ -66,23 +67,17 @@ class ReferenceMotion:
     backend: str = "auto"
     because: str = ""
 
-    def solve(self, trial: Trial, stop: Callable[[], bool] | None = None) -> Solution:
+    def solve(self, trial: Trial, stop: Stop | None = None) -> Solution:
         """Run a method.
 
         Raises:
             KeyboardInterrupt: if the user interrupts it, or ``stop()`` is true.
         """
-
-        def check(done: float) -> None:
-            if stop and stop():
-                raise KeyboardInterrupt
-
         t0, t1 = self.t_span
         adaptive = {"rtol": trial.rtol, "max_steps": self.max_steps}
         control = adaptive if trial.n is None else {"step": abs(t1 - t0) / trial.n}
         options = {**trial.variant.arguments(), **control, "backend": self.backend}
-        progress = check if stop else None
-        return uninterrupted(solve(self.problem, self.t_span, *self.start, progress=progress, **options))  # type: ignore[arg-type]
+        return uninterrupted(solve(self.problem, self.t_span, *self.start, progress=stop_check(stop), **options))  # type: ignore[arg-type]
 
     def sample(self, sol: Solution) -> Samples:
         """Return the state and the hidden-constraint multipliers at the common times.

@@ -11,7 +11,7 @@ from ...errors import STATUS, AssemblyError, InputError
 from ...integrate.options.options import RunOptions
 from ...integrate.run.run_setup import prepare_at
 from ...integrate.run.run_state import RunState
-from ...integrate.run.whole_runs import COUNTS, WholeRuns, complete_runs, consistent_starts
+from ...integrate.run.whole_runs import COUNTS, WholeRuns, calls_python, complete_runs, consistent_starts
 from ...mechanism import Mechanism
 from ...system import Array
 from ..final_signals import signals_at_end, why_not_in_core
@@ -123,6 +123,7 @@ class EnsembleJob:
         names: signals.
         settings: arguments of `mbdae.solve`.
         results: the results.
+        calls_python: whether a run that is left to `mbdae.solve` calls functions of Python.
     """
 
     source: Mechanism | Maker
@@ -132,6 +133,7 @@ class EnsembleJob:
     names: tuple[str, ...]
     settings: dict[str, Any]
     results: Results
+    calls_python: bool = False
 
     def mechanism(self, i: int) -> Mechanism:
         """Return the mechanism of run i."""
@@ -195,6 +197,7 @@ def _complete(job: EnsembleJob, run: RunState, i: Array, y: Array, stop: StopFla
     reason = why_not_in_core(run, job.names)
     if reason:
         job.results.leave(i, reason)
+        job.calls_python |= calls_python(run)
         return
     if job.starts.q is not None or job.starts.v is not None:
         consistent = consistent_starts(run, y)

@@ -41,11 +41,11 @@ def ensemble(
         q' = v,   M(q; p_i) v' = f(t, q, v; p_i) + G^T lam,   0 = G v + g_t,   q(t0) = q_i,  v(t0) = v_i,  i = 1, ..., n
 
     Runs that request nothing from Python are made in the compiled core, on several threads, from start to end: each has
-    the bits of `mbdae.solve`, whatever the number of threads. Others follow one after another by `mbdae.solve`: those
-    of mechanisms with modes, functions of Python, flexible or rolling bodies, of other formulations than ``"index2"``,
-    next to singular configurations, with more than 2000 steps (which are checked for stiffness) or with accuracy
-    warnings. `Ensemble.in_python` counts them by reason. After Ctrl-C, the finished runs are returned, and the others
-    have the status ``"interrupted"``.
+    the bits of `mbdae.solve`, whatever the number of threads. Others follow by `mbdae.solve`: those of
+    mechanisms with modes, flexible or rolling bodies, of other formulations than ``"index2"``, next to singular
+    configurations, with more than 2000 steps (which are checked for stiffness) or with accuracy warnings, on several
+    threads, too; and those that call functions of Python, one after another. `Ensemble.in_python` counts them by
+    reason. After Ctrl-C, the finished runs are returned, and the others have the status ``"interrupted"``.
 
     Args:
         model: a mechanism; or, with parameters, an argument of `mbdae.load`, or a function of the parameters that
@@ -76,7 +76,7 @@ def ensemble(
     job = EnsembleJob(source, t_span, starts, values, names, settings, Results.of(first, starts.n, names))
     job.check(first)
     if _run_in_core(job, workers, progress):
-        complete_singly(job, progress)
+        complete_singly(job, workers, progress)
     found, known = job.results, units(first) if names else {}
     n, nq = starts.n, first.nq
     return Ensemble(

@@ -1,4 +1,4 @@
-"""Runs of an ensemble that need Python, one after another by `mbdae.solve`."""
+"""Runs of an ensemble that need Python, each by `mbdae.solve`."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -10,27 +10,40 @@ from ...integrate.solve import solve
 from ...solution.columns import residuals
 from ...solution.signals import signals
 from ...solution.solution import Solution
+from ..workers import StopFlag, pool, stop_check
 from .batch import COUNTS, UNFINISHED, EnsembleJob
 
 Progress = Callable[[float, str], None]
 
 
-def complete_singly(job: EnsembleJob, progress: Progress | None = None) -> None:
-    """Make all runs that are left by `mbdae.solve`, until Ctrl-C."""
-    left = [i for i, reason in enumerate(job.results.reasons) if reason]
-    with suppress(KeyboardInterrupt):
-        for k, i in enumerate(left):
-            try:
-                mech = job.mechanism(i)
-                sol = solve(mech, job.t_span, *job.starts.arguments(i), **job.settings)
-            except (AssemblyError, InputError) as e:
-                job.results.fail(np.array([i]), e)
-                continue
-            if sol.status == UNFINISHED:
-                return
-            _store(job, i, sol)
-            if progress:
-                progress(1 - (len(left) - k - 1) / job.starts.n, f"{k + 1} of {len(left)} runs by mbdae.solve")
+def complete_singly(job: EnsembleJob, workers: int | None, progress: Progress | None = None) -> None:
+    """Make all runs that are left by `mbdae.solve`, on several threads, until Ctrl-C.
+
+    Runs that call functions of Python, which may have memory, follow one after another.
+    """
+    reasons = job.results.reasons
+    left = [i for i, reason in enumerate(reasons) if reason]
+    done = [job.starts.n - len(left)]
+
+    def report(i: int, _: None) -> None:
+        done[0] += 1
+        if progress:
+            progress(done[0] / job.starts.n, f"{done[0]} of {job.starts.n} runs, {reasons[i]} by mbdae.solve")
+
+    count = 1 if job.calls_python else workers
+    with suppress(KeyboardInterrupt), pool("threads", count, _complete, job, "") as threads:
+        threads.run(left, report)
+
+
+def _complete(job: EnsembleJob, i: int, stop: StopFlag) -> None:
+    try:
+        mech = job.mechanism(i)
+        sol = solve(mech, job.t_span, *job.starts.arguments(i), progress=stop_check(stop), **job.settings)
+    except (AssemblyError, InputError) as e:
+        job.results.fail(np.array([i]), e)
+        return
+    if sol.status != UNFINISHED:
+        _store(job, i, sol)
 
 
 def _store(job: EnsembleJob, i: int, sol: Solution) -> None:

@@ -11,18 +11,17 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...errors import AssemblyError, InputError, MbdaeError, UnknownNameError, require
+from ...integrate.run.whole_runs import COUNTS
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import call_and_report, function_name
 from ...mechanism.formats.mechanism_file.template import START, Template, check_start, with_start
-from ...system import Counts
-from ..workers import Stop
+from ..workers import Stop, stop_check
 from .outputs import Output, evaluate
 from .plan import Task
 
 SOLVE = "solve."
 NOT_SETTINGS = ("problem", "t_span", "q", "v", "s", "t_eval", "progress")
-COUNTS = ("steps", "rejected", *Counts().to_dict())
 FAILURES = {  # statuses of runs without a solution
     "input": "an invalid value",
     "assembly": "no consistent start was found",
@@ -175,7 +174,7 @@ def _solved(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
     values, settings = split(task.values, maker, task.seed)
     mech = maker.make(values)
     times = job.sample_times(mech)
-    sol = solve(mech, job.span(mech), t_eval=times, progress=_stop_check(stop), **{**job.settings, **settings})
+    sol = solve(mech, job.span(mech), t_eval=times, progress=stop_check(stop), **{**job.settings, **settings})
     row = {"status": sol.status, "message": sol.message, "t": float(sol.nodes[0][-1])}
     row |= {name: sol.stats.get(name) for name in (*COUNTS, "backend")}
     if not sol.success:
@@ -185,14 +184,6 @@ def _solved(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
     except InputError as e:
         return {**row, "status": "output", "message": str(e)}
     return {**row, "numbers": numbers, "samples": samples, "more": more}
-
-
-def _stop_check(stop: Stop) -> Callable[[float], None]:
-    def check(done: float) -> None:
-        if stop():
-            raise KeyboardInterrupt
-
-    return check
 
 
 def check_settings(

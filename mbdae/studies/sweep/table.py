@@ -10,11 +10,12 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import STATUS, InputError, UnknownNameError
+from ...integrate.run.whole_runs import COUNTS
 from ...tabular import Columns, Tabular, align_columns
 from ...units import displayed, unit_name
 from .plan import Task, names
 from .results_file import MORE, Row, read, write
-from .sweep_run import COUNTS, FAILURES
+from .sweep_run import FAILURES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

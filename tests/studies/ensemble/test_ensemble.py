@@ -1,6 +1,7 @@
 """Ensembles: the bits of single runs, closed forms, runs that need Python, failures by run, and invalid input."""
 
 import re
+import threading
 
 import numpy as np
 import pytest
@@ -122,24 +123,31 @@ def test_free_fall_on_a_string_keeps_its_energy_and_length():
 # -- runs that need Python -------------------------------------------------------------------------------------------
 
 
-def test_modes_switch_in_python():
+@pytest.mark.parametrize("workers", [1, 3])
+def test_modes_switch_in_python(workers):
     mech = mbdae.load("pendulum_on_stop")
-    v = mech.start[1] * np.array([[1.0], [1.1]])
-    found = mbdae.ensemble(mech, None, v, None, (0.0, 1.0))
-    assert list(found.in_python.values()) == [2]
+    v = mech.start[1] * np.linspace(1.0, 1.1, 6)[:, None]
+    done = []
+    found = mbdae.ensemble(mech, None, v, None, (0.0, 1.0), workers=workers, progress=lambda *x: done.append(x))
+    assert list(found.in_python.values()) == [6]
     assert "modes of" in next(iter(found.in_python))
-    for i in range(2):
+    assert [fraction for fraction, _ in done][-6:] == pytest.approx(np.arange(1, 7) / 6)
+    for i in range(6):
         assert_same_bits(found, i, mbdae.solve(mech, (0.0, 1.0), mech.start[0], v[i]))
 
 
 def test_functions_are_called_in_python(pendulum):
+    threads = set()
+
     def law(t, q, v):
+        threads.add(threading.get_ident())
         return -0.1 * v
 
     mech = mbdae.load(pendulum)
     damped = mbdae.Mechanism(mech.model, forces=[law])
     q = np.array([[0.3], [0.6]])
-    found = mbdae.ensemble(damped, q, np.zeros(1), None, (0.0, 0.5))
+    found = mbdae.ensemble(damped, q, np.zeros(1), None, (0.0, 0.5), workers=2)
+    assert len(threads - {threading.get_ident()}) == 1
     assert found.in_python == {"functions of Python": 2}
     for i in range(2):
         assert_same_bits(found, i, mbdae.solve(damped, (0.0, 0.5), q[i], np.zeros(1)))
