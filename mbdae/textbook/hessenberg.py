@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from ..errors import InputError, StepError
-from ..finite_differences import numerical_jacobian
+from ..finite_differences import STENCIL, converged_difference
 from ..hermite import powers, refine
 from ..system import Array, Counts, System
 from ..tolerances import BELOW_ROUNDING, EVALUATION_ROUNDING, INPUT_DIGITS
@@ -20,7 +20,7 @@ from .newton import is_last, largest
 
 Function = Callable[..., Array]
 CACHE_SIZE = 8
-WIDTH = 1e-3  # of 1 + |u|, of difference quotients
+WIDTH = 1e-3  # of 1 + |u|, largest of difference quotients
 START_TOLERANCE = INPUT_DIGITS  # of 1 + |y|: largest |g| at the start
 
 
@@ -295,5 +295,13 @@ class HessenbergChart(HessenbergStages):
 
 
 def jacobian(function: Callable[[Array], Array], u: Array) -> Array:
-    """Return partial derivatives by differences of order six, (m, n)."""
-    return numerical_jacobian(lambda x: function(u + x), len(u), WIDTH * (1 + np.abs(u)))
+    """Return partial derivatives by differences of order six whose widths agree with smaller ones, (m, n)."""
+
+    def column(i: int) -> Array:
+        def values(h: float) -> dict[int, Array]:
+            return {k: np.asarray(function(u + k * h * e), float) for k in STENCIL}
+
+        e = np.eye(len(u))[i]
+        return converged_difference(values, WIDTH * (1 + abs(u[i]))).derivative
+
+    return np.stack([column(i) for i in range(len(u))], axis=-1)

@@ -50,6 +50,19 @@ def test_drift_of_a_known_solution_is_that_of_its_z():
     assert np.abs(sol.y[-1] - [np.cos(1), np.sin(1)]).max() < 1e-4
 
 
+@pytest.mark.parametrize("length", [1.0, 1e-5])
+def test_missing_derivatives_are_differenced_at_the_length_of_the_problem(length):
+    def f(t, y, z):
+        return np.array([-y[1], y[0]]) + (z[0] - 1) * y / length
+
+    def g(t, y):
+        return np.array([np.hypot(*y) - length])  # its derivatives change within a fraction of the length
+
+    sol = mbdae.solve(mbdae.Hessenberg(f, g, [length, 0.0], [1.0]), (0, 1), method="herk3", step=0.05)
+    np.testing.assert_allclose(sol.y[-1] / length, [np.cos(1), np.sin(1)], atol=1e-7)
+    np.testing.assert_allclose(sol.z, 1.0, atol=1e-9)
+
+
 def test_missing_quantities_of_a_problem_are_not_reported(tmp_path):
     """There are no energies and no bodies."""
     sol = mbdae.solve(TEXTBOOK["circle"](), (0, 1), method="herk3", step=0.1)
