@@ -26,7 +26,7 @@ STATUS = {
     "singular": "a linear system was singular",
     "rank": "the rank of the closures changed",
     "driver": "a driver cannot be followed there, is undefined, or its derivatives are wrong",
-    "force": "a force law or an event function failed",
+    "force": "a force law or another function failed",
     "impact": "an impact has no solution",
     "switching": "chattering: modes switched without end",
     "friction": "Painleve paradox: with friction there is no motion, or more than one",

@@ -4,16 +4,17 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
-from ..errors import InputError, StepError
+from ..errors import InputError, MbdaeError, StepError
 from ..finite_differences import STENCIL, converged_difference
 from ..hermite import powers, refine
 from ..system import Array, Counts, System
 from ..tolerances import BELOW_ROUNDING, EVALUATION_ROUNDING, INPUT_DIGITS
+from .derivative_check import require_derivatives_of_g
 from .implicit import HessenbergStages
 from .index_check import require_index_2
 from .newton import is_last, largest
@@ -43,8 +44,9 @@ class Hessenberg:
         duration: default end time of a run in s.
 
     Raises:
-        InputError: at the start of a run, if f or g returns a wrong shape, y0 does not satisfy 0 = g, or g_y f_z is
-            singular; the message names the components of z that are not determined.
+        InputError: at the start of a run, if a function fails or returns a wrong shape, y0 does not satisfy 0 = g, g_y
+            or g_t are not derivatives of g, or g_y f_z is singular; the message names the components of z that are not
+            determined.
     """
 
     f: Function
@@ -81,15 +83,26 @@ class Hessenberg:
         """Return the start y0 at time t, (ny,); ``gap`` applies to closures of mechanisms only.
 
         Raises:
-            InputError: if q, v or s is given, f or g returns a wrong shape, or 0 = g(t, y0) or index 2 does not hold.
+            InputError: if q, v or s is given, and as `Hessenberg`.
+            StepError: if 0 = k has no solution.
         """
         if not (q is v is s is None):
             raise InputError("a textbook problem starts at y0: q, v and s are arguments for mechanisms")
-        y = np.array(self.y0, float)
-        gap = float(np.abs(self.g(t, y)).max(initial=0.0))
-        if not gap <= START_TOLERANCE * (1 + np.abs(y).max()):
-            raise InputError(f"y0 of {self.title!r} is not consistent: |g| = {gap:.3g} at t = {t:g}")
-        self.bound().require_start(t, y, np.array(self.z0, float))
+        for name, value in (("y0", self.y0), ("z0", self.z0)):
+            try:
+                valid = np.ndim(value) == 1 and np.isfinite(np.array(value, float)).all()
+            except (TypeError, ValueError):
+                valid = False
+            if not valid:
+                raise InputError(f"{name} of {self.title!r} is a list of finite numbers, got {value!r:.60}")
+        system, y = self.bound(), np.array(self.y0, float)
+        try:
+            gap = float(np.abs(system.g(t, y)).max(initial=0.0))
+            if not gap <= START_TOLERANCE * (1 + np.abs(y).max()):
+                raise InputError(f"y0 of {self.title!r} is not consistent: |g| = {gap:.3g} at t = {t:g}")
+            system.require_start(t, y, np.array(self.z0, float))
+        except StepError as e:
+            raise InputError(str(e)) if e.status == "force" else e from e
         return y
 
 
@@ -105,17 +118,16 @@ class HessenbergSystem(System):
         self._roots: dict[bytes, Array] = {y.tobytes(): z}  # z at the last points, where Newton's method starts
 
     def require_start(self, t: float, y: Array, z: Array) -> None:
-        """Require functions that return the right shapes, and index 2, at the start of a run.
+        """Require functions that return the right shapes, derivatives of g, and index 2, at the start of a run.
 
         Raises:
-            InputError: as `Hessenberg.point`.
+            InputError, StepError: as `Hessenberg.point`.
         """
-        title, found = self.problem.title, [np.shape(x) for x in (self.evaluate(t, y, z), self.problem.g(t, y))]
+        title, _ = self.problem.title, self.evaluate(t, y, z)
         if not self.nz:
             raise InputError(f"{title!r} has no z: a problem of index 2 has at least one constraint 0 = g")
-        if found != [(self.ny,), (self.nz,)]:
-            shapes = f"{found[0]} and {found[1]}, expected {(self.ny,)} and {(self.nz,)}"
-            raise InputError(f"f and g of {title!r} return shapes {shapes}")
+        if self.problem.g_y or self.problem.g_t:
+            require_derivatives_of_g(self, t, y)
         require_index_2(title, self.g_y(t, y), self.f_z(t, y, z))
 
     @property
@@ -201,12 +213,30 @@ class HessenbergSystem(System):
 
     def evaluate(self, t: float, y: Array, z: Array) -> Array:
         """Evaluate f, (ny,)."""
-        return self.problem.f(t, y, z)
+        return self.value("f", (self.ny,), t, y, z)
+
+    def value(self, name: str, shape: tuple[int, ...], *at: Any) -> Array:
+        """Return the value of a function of the problem.
+
+        Raises:
+            StepError: if it fails, or returns another shape.
+        """
+        try:
+            out = np.asarray(getattr(self.problem, name)(*at), float)
+        except MbdaeError:
+            raise
+        except Exception as e:
+            where = f"{name} of {self.problem.title!r} failed at t = {at[0]:.17g}"
+            raise StepError("force", f"{where}: {type(e).__name__}: {e}") from e
+        if out.shape != shape:
+            shapes = f"the shape {out.shape}, expected {shape}"
+            raise StepError("force", f"{name} of {self.problem.title!r} returns {shapes}")
+        return out
 
     def f(self, t: float, y: Array, z: Array) -> Array:
         """Evaluate and count f."""
         self.counts.f += 1
-        F = np.asarray(self.evaluate(t, y, z), float)
+        F = self.evaluate(t, y, z)
         if not isfinite(F.dot(F)) and not np.isfinite(F).all():  # the square, which may overflow, is cheaper
             raise StepError("nonfinite", f"f of {self.problem.title!r} is not finite at t = {t:.17g}")
         return F
@@ -231,16 +261,20 @@ class HessenbergSystem(System):
             last = size
         raise StepError("newton", f"Newton's method for z does not converge at t = {t:.17g} in {self.problem.title!r}")
 
+    def g(self, t: float, y: Array) -> Array:
+        """Evaluate g, (nz,)."""
+        return self.value("g", (self.nz,), t, y)
+
     def g_y(self, t: float, y: Array) -> Array:
         """Evaluate and count g_y, (nz, ny)."""
         self.counts.G += 1
-        return self.problem.g_y(t, y) if self.problem.g_y else jacobian(lambda u: self.problem.g(t, u), y)
+        return self.value("g_y", (self.nz, self.ny), t, y) if self.problem.g_y else jacobian(lambda u: self.g(t, u), y)
 
     def g_t(self, t: float, y: Array) -> Array:
         """Evaluate g_t, (nz,)."""
         if self.problem.g_t:
-            return self.problem.g_t(t, y)
-        return jacobian(lambda s: self.problem.g(s[0], y), np.array([t]))[:, 0]
+            return self.value("g_t", (self.nz,), t, y)
+        return jacobian(lambda s: self.g(s[0], y), np.array([t]))[:, 0]
 
     def hidden(self, t: float, y: Array, z: Array) -> Array:
         """Evaluate the residual of the hidden constraint, g_t + g_y f(t, y, z), (nz,)."""
@@ -248,11 +282,15 @@ class HessenbergSystem(System):
 
     def f_y(self, t: float, y: Array, z: Array) -> Array:
         """Evaluate f_y, (ny, ny)."""
-        return self.problem.f_y(t, y, z) if self.problem.f_y else jacobian(lambda u: self.problem.f(t, u, z), y)
+        if self.problem.f_y:
+            return self.value("f_y", (self.ny, self.ny), t, y, z)
+        return jacobian(lambda u: self.evaluate(t, u, z), y)
 
     def f_z(self, t: float, y: Array, z: Array) -> Array:
         """Evaluate f_z, (ny, nz)."""
-        return self.problem.f_z(t, y, z) if self.problem.f_z else jacobian(lambda u: self.problem.f(t, y, u), z)
+        if self.problem.f_z:
+            return self.value("f_z", (self.ny, self.nz), t, y, z)
+        return jacobian(lambda u: self.evaluate(t, y, u), z)
 
 
 class HessenbergChart(HessenbergStages):
@@ -271,7 +309,7 @@ class HessenbergChart(HessenbergStages):
         s, y, base = self.system, self.y + x, self.y + xhat
 
         def closed(F: Array) -> Array:
-            return s.problem.g(that, base + factor * F)
+            return s.g(that, base + factor * F)
 
         z = s.solve(t, y, closed, lambda F: s.g_y(that, base + factor * F), factor, self.z)
         self.z, self.last = z, (t, y, z)
@@ -299,7 +337,7 @@ def jacobian(function: Callable[[Array], Array], u: Array) -> Array:
 
     def column(i: int) -> Array:
         def values(h: float) -> dict[int, Array]:
-            return {k: np.asarray(function(u + k * h * e), float) for k in STENCIL}
+            return {k: function(u + k * h * e) for k in STENCIL}
 
         e = np.eye(len(u))[i]
         return converged_difference(values, WIDTH * (1 + abs(u[i]))).derivative

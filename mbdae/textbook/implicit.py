@@ -11,7 +11,6 @@ from ..system import Array, Counts, Solver
 class ProblemFunctions(Protocol):
     """The functions of a textbook problem and their partial derivatives, with counts of their evaluations."""
 
-    problem: Any
     counts: Counts
 
     def derivative(self, t: float, y: Array) -> tuple[Array, Array]:
@@ -19,6 +18,9 @@ class ProblemFunctions(Protocol):
 
     def f(self, t: float, y: Array, z: Array) -> Array:
         """Return f (ny,)."""
+
+    def g(self, t: float, y: Array) -> Array:
+        """Return g (nz,)."""
 
     def f_y(self, t: float, y: Array, z: Array) -> Array:
         """Return the partial derivatives of f with respect to y (ny, ny)."""
@@ -51,7 +53,7 @@ class HessenbergStages:
     def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
         """Return f(t, y, z) - x' (ny,) and -g(t, y) (nz,) at y = y_n + x."""
         y = self.y + x
-        return self.system.f(t, y, z) - dx, -np.asarray(self.system.problem.g(t, y), float)
+        return self.system.f(t, y, z) - dx, -self.system.g(t, y)
 
     def linearize(self, x: Array, dx: Array, z: Array) -> "LinearizedHessenberg":
         """Return f_y, f_z and g_y at y = y_n + x."""

@@ -13,7 +13,7 @@ from math import isfinite
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
-from ..errors import InputError, StepError
+from ..errors import StepError
 from ..system import Array
 from ..tolerances import BELOW_ROUNDING, ROUNDING, SEARCH_TOLERANCE
 from .hessenberg import Function, Hessenberg, HessenbergSystem, jacobian
@@ -70,21 +70,19 @@ class MixedSystem(HessenbergSystem):
 
     def require_start(self, t: float, y: Array, z: Array) -> None:
         """Require functions that return the right shapes, and indices 1 and 2, at the start of a run."""
-        at, title = (t, y, z, self._u), self.problem.title
-        k = self.problem.k(*at)
-        if np.shape(k) != self._u.shape:
-            raise InputError(f"k of {title!r} returns the shape {np.shape(k)}, expected {self._u.shape}")
-        require_index_1(title, self._partials("k", 3, at))
+        at = (t, y, z, self._u)
+        self.value("k", self._u.shape, *at)
+        require_index_1(self.problem.title, self._partials("k", 3, at))
         super().require_start(t, y, z)
 
     def _partials(self, function: str, argument: int, at: tuple[float, Array, Array, Array]) -> Array:
         """Return the partial derivatives of f or k by argument 1, 2 or 3: y, z or u."""
-        if given := getattr(self.problem, f"{function}_{'tyzu'[argument]}"):
-            return np.asarray(given(*at), float)
-        value = getattr(self.problem, function)
+        rows, name = self.ny if function == "f" else len(self._u), f"{function}_{'tyzu'[argument]}"
+        if getattr(self.problem, name):
+            return self.value(name, (rows, len(at[argument])), *at)  # type: ignore[arg-type]
 
         def along(x: Array) -> Array:
-            return value(*at[:argument], x, *at[argument + 1 :])
+            return self.value(function, (rows,), *at[:argument], x, *at[argument + 1 :])
 
         return jacobian(along, at[argument])  # type: ignore[arg-type]
 
@@ -99,7 +97,7 @@ class MixedSystem(HessenbergSystem):
             return self._u
         u, last = self._u, np.inf
         for _ in range(ITERATIONS):
-            k = np.asarray(self.problem.k(t, y, z, u), float)
+            k = self.value("k", u.shape, t, y, z, u)
             *_, du, info = dgesv(self._partials("k", 3, (t, y, z, u)), k)
             size = largest(du)
             if info or not isfinite(size):
@@ -116,7 +114,7 @@ class MixedSystem(HessenbergSystem):
 
     def evaluate(self, t: float, y: Array, z: Array) -> Array:
         """Evaluate f(t, y, z, u(t, y, z)), (ny,)."""
-        return self.problem.f(t, y, z, self.local(t, y, z))
+        return self.value("f", (self.ny,), t, y, z, self.local(t, y, z))
 
     def f_y(self, t: float, y: Array, z: Array) -> Array:
         """Evaluate f_y - f_u k_u^-1 k_y, (ny, ny)."""

@@ -1,5 +1,7 @@
 """The index of a problem is checked at the start: rank of g_y f_z, with the names of what is not determined."""
 
+import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -86,3 +88,45 @@ def test_values_that_are_not_finite_are_rejected():
     )
     with pytest.raises(InputError, match="not finite at the start"):
         problem.point()
+
+
+def scalar(**changed):
+    """The problem y' = z, 0 = y - t, with functions that may be wrong."""
+    functions = {"f": lambda t, y, z: z, "g": lambda t, y: y - t, "y0": [0.0], "z0": [1.0], "title": "scalar"}
+    return Hessenberg(**{**functions, **changed})
+
+
+WRONG = {
+    "f": (lambda t, y, z: z[0], r"f of 'scalar' returns the shape \(\), expected \(1,\)"),
+    "g": (lambda t, y: 1 / 0, "g of 'scalar' failed at t = 0: ZeroDivisionError"),
+    "g_y": (lambda t, y: np.ones(1), r"g_y of 'scalar' returns the shape \(1,\), expected \(1, 1\)"),
+    "f_y": (lambda t, y, z: 0.0, r"f_y of 'scalar' returns the shape \(\), expected \(1, 1\)"),
+    "y0": ("start", "y0 of 'scalar' is a list of finite numbers, got 'start'"),
+    "z0": ([np.nan], "z0 of 'scalar' is a list of finite numbers"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_functions_are_named(name):
+    value, text = WRONG[name]
+    with pytest.raises(InputError, match=text):
+        mbdae.solve(scalar(**{name: value}), (0, 1), method="radau3", step=0.5)
+
+
+@pytest.mark.parametrize(("name", "value"), [("g_y", [[2.0]]), ("g_t", [1.0])])
+def test_wrong_derivatives_of_g_are_rejected(name, value):
+    with pytest.raises(InputError, match=r"g_y or g_t of 'scalar' is no derivative of g at the start: .* row 1"):
+        scalar(**{name: lambda t, y: np.array(value)}).point()
+
+
+def test_derivatives_at_a_kink_are_accepted():
+    rising = scalar(g=lambda t, y: y - max(t, 0.0), g_y=lambda t, y: np.eye(1), g_t=lambda t, y: -np.ones(1))
+    assert mbdae.solve(rising, (0, 1), method="herk3", step=0.5).z == pytest.approx(1)
+    root = scalar(g=lambda t, y: y - math.sqrt(t) ** 3, g_t=lambda t, y: np.array([-1.5 * math.sqrt(t)]), z0=[0.0])
+    assert root.point() == 0
+
+
+def test_a_function_that_fails_later_leaves_the_run_before():
+    sol = mbdae.solve(scalar(f=lambda t, y, z: z if t < 0.55 else 1 / 0), (0, 1), method="herk2", step=0.1)
+    assert (sol.status, len(sol.t)) == ("force", 6)
+    assert re.match(r"f of 'scalar' failed at t = 0\.55\d*: ZeroDivisionError: division by zero", sol.message)

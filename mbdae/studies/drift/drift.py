@@ -190,7 +190,7 @@ class Drift(Tabular):
 def _textbook_drift(sol: Solution, problem: Hessenberg) -> Drift:
     system, (method, label) = problem.system(), run_labels(sol)
     points = list(zip(sol.t.tolist(), sol.y, sol.z_own, strict=True))
-    g = np.array([np.abs(problem.g(t, y)).max(initial=0.0) for t, y, _ in points])
+    g = np.array([np.abs(system.g(t, y)).max(initial=0.0) for t, y, _ in points])
     hidden = np.array([np.abs(system.hidden(t, y, z)).max(initial=0.0) for t, y, z in points])
     rows = len(problem.z0)
     return Drift(

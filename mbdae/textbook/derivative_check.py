@@ -1,0 +1,61 @@
+"""Derivatives of g that a problem gives, against difference quotients at the start: z depends on them."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..errors import InputError, StepError
+from ..finite_differences import ABOVE, BELOW, STENCIL, converged_difference
+from ..system import Array
+from ..tolerances import THREE_DIGITS
+
+WIDTH = 1e-3  # largest, of the time and of 1 + |y|
+IRRATIONAL = (np.sqrt(5) - 1) / 2  # its multiples differ for all components of y
+
+
+class ConstraintDerivatives(Protocol):
+    """g and its derivatives."""
+
+    problem: Any
+
+    def g(self, t: float, y: Array) -> Array:
+        """Return g (nz,)."""
+
+    def g_y(self, t: float, y: Array) -> Array:
+        """Return g_y (nz, ny)."""
+
+    def g_t(self, t: float, y: Array) -> Array:
+        """Return g_t (nz,)."""
+
+
+def require_derivatives_of_g(system: ConstraintDerivatives, t: float, y: Array) -> None:
+    """Require g_t + g_y w = d/ds g(t + s, y + s w) at s = 0 for one direction w, whose components all differ.
+
+    Where g has a kink, as at the beginning of a table, derivatives of one side are accepted.
+
+    Raises:
+        InputError: if they differ in three digits: more than difference quotients of functions without smooth derivatives.
+    """
+    w = (1 + np.abs(y)) * (0.5 + np.arange(1, len(y) + 1) * IRRATIONAL % 1)
+    g_y, g_t = system.g_y(t, y), system.g_t(t, y)
+    given, size = g_t + g_y @ w, float((np.abs(g_t) + np.abs(g_y) @ w).max(initial=0.0))
+
+    def differenced(stencil: Sequence[int]) -> Array:
+        return converged_difference(
+            lambda h: {k: system.g(t + k * h, y + k * h * w) for k in stencil}, WIDTH
+        ).derivative
+
+    found: list[Array] = []
+    for stencil in (STENCIL, ABOVE, BELOW):
+        with suppress(StepError):  # where g is not defined
+            found.append(differenced(stencil))
+            if not np.isfinite(found[-1]).all() or np.abs(found[-1] - given).max() <= THREE_DIGITS * size:
+                return
+    if found:
+        i = int(np.argmax(np.abs(found[0] - given)))
+        raise InputError(
+            f"g_y or g_t of {system.problem.title!r} is no derivative of g at the start: g_t + g_y w of row {i + 1} is "
+            f"{given[i]:.6g} in a direction w where difference quotients give {found[0][i]:.6g}"
+        )
