@@ -10,18 +10,16 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from ..errors import InputError, MbdaeError, StepError
-from ..finite_differences import STENCIL, converged_difference
 from ..hermite import powers, refine
 from ..system import Array, Counts, System
 from ..tolerances import BELOW_ROUNDING, EVALUATION_ROUNDING, INPUT_DIGITS
-from .derivative_check import require_derivatives_of_g
-from .implicit import HessenbergStages
+from .chart import HessenbergChart
+from .derivatives import jacobian, require_derivatives_of_g
 from .index_check import require_index_2
 from .newton import is_last, largest
 
 Function = Callable[..., Array]
 CACHE_SIZE = 8
-WIDTH = 1e-3  # of 1 + |u|, largest of difference quotients
 START_TOLERANCE = INPUT_DIGITS  # of 1 + |y|: largest |g| at the start
 
 
@@ -139,7 +137,7 @@ class HessenbergSystem(System):
         """Return another workspace of the problem, with separate counters."""
         return self.problem.bound()
 
-    def chart(self, t: float, y: Array) -> "HessenbergChart":
+    def chart(self, t: float, y: Array) -> HessenbergChart:
         """Return the chart of a step from (t, y), with the stored z at y."""
         return HessenbergChart(self, t, y, self.initial_z(y))
 
@@ -291,55 +289,3 @@ class HessenbergSystem(System):
         if self.problem.f_z:
             return self.value("f_z", (self.ny, self.nz), t, y, z)
         return jacobian(lambda u: self.evaluate(t, y, u), z)
-
-
-class HessenbergChart(HessenbergStages):
-    """Step of a textbook problem; coordinates are x = y - y_n."""
-
-    def __init__(self, system: HessenbergSystem, t: float, y: Array, z: Array) -> None:
-        self.system, self.t, self.y, self.z = system, t, y, z
-
-    def first(self, carry: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Return the carried (y', z)."""
-        self.z = carry[1]
-        return carry
-
-    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
-        """Return (y', z) with g(that, y_n + xhat + factor y') = 0, by Newton's method from the last z."""
-        s, y, base = self.system, self.y + x, self.y + xhat
-
-        def closed(F: Array) -> Array:
-            return s.g(that, base + factor * F)
-
-        z = s.solve(t, y, closed, lambda F: s.g_y(that, base + factor * F), factor, self.z)
-        self.z, self.last = z, (t, y, z)
-        return s.f(t, y, z), z
-
-    def point(self, x: Array) -> Array:
-        """Return y_n + x, (ny,), and store z there."""
-        y = self.y + x
-        self.system.store_z(y, self.z)
-        return y
-
-    def all_multipliers(self, z: Array) -> Array:
-        """Return z, (nz,): no row is redundant."""
-        return z
-
-    def project(self, e: Array) -> Array:
-        """Return (1 - f_z (g_y f_z)^-1 g_y) e at the last stage, (ny,)."""
-        t, y, z = self.last
-        g_y, f_z = self.system.g_y(t, y), self.system.f_z(t, y, z)
-        return e - f_z @ np.linalg.solve(g_y @ f_z, g_y @ e)
-
-
-def jacobian(function: Callable[[Array], Array], u: Array) -> Array:
-    """Return partial derivatives by differences of order six whose widths agree with smaller ones, (m, n)."""
-
-    def column(i: int) -> Array:
-        def values(h: float) -> dict[int, Array]:
-            return {k: function(u + k * h * e) for k in STENCIL}
-
-        e = np.eye(len(u))[i]
-        return converged_difference(values, WIDTH * (1 + abs(u[i]))).derivative
-
-    return np.stack([column(i) for i in range(len(u))], axis=-1)

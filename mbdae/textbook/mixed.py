@@ -16,7 +16,8 @@ from scipy.linalg.lapack import dgesv
 from ..errors import StepError
 from ..system import Array
 from ..tolerances import BELOW_ROUNDING, ROUNDING, SEARCH_TOLERANCE
-from .hessenberg import Function, Hessenberg, HessenbergSystem, jacobian
+from .derivatives import jacobian
+from .hessenberg import Function, Hessenberg, HessenbergSystem
 from .index_check import require_index_1
 from .newton import is_last, largest
 

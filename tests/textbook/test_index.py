@@ -120,8 +120,8 @@ def test_wrong_derivatives_of_g_are_rejected(name, value):
 
 
 def test_derivatives_at_a_kink_are_accepted():
-    rising = scalar(g=lambda t, y: y - max(t, 0.0), g_y=lambda t, y: np.eye(1), g_t=lambda t, y: -np.ones(1))
-    assert mbdae.solve(rising, (0, 1), method="herk3", step=0.5).z == pytest.approx(1)
+    ramp = scalar(g=lambda t, y: y - max(t, 0.0), g_y=lambda t, y: np.eye(1), g_t=lambda t, y: -np.ones(1))
+    assert mbdae.solve(ramp, (0, 1), method="herk3", step=0.5).z == pytest.approx(1)
     root = scalar(g=lambda t, y: y - math.sqrt(t) ** 3, g_t=lambda t, y: np.array([-1.5 * math.sqrt(t)]), z0=[0.0])
     assert root.point() == 0
 

@@ -1,6 +1,6 @@
-"""Derivatives of g that a problem gives, against difference quotients at the start: z depends on them."""
+"""Derivatives of textbook problems by difference quotients, and a check of those of g, on which z depends."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, Protocol
 
@@ -11,7 +11,7 @@ from ..finite_differences import ABOVE, BELOW, STENCIL, converged_difference
 from ..system import Array
 from ..tolerances import THREE_DIGITS
 
-WIDTH = 1e-3  # largest, of the time and of 1 + |y|
+WIDTH = 1e-3  # of 1 + |u|, of the time: largest width
 IRRATIONAL = (np.sqrt(5) - 1) / 2  # its multiples differ for all components of y
 
 
@@ -36,7 +36,7 @@ def require_derivatives_of_g(system: ConstraintDerivatives, t: float, y: Array) 
     Where g has a kink, as at the beginning of a table, derivatives of one side are accepted.
 
     Raises:
-        InputError: if they differ in three digits: more than difference quotients of functions without smooth derivatives.
+        InputError: if they differ in three digits; difference quotients of a t^1.5 have four.
     """
     w = (1 + np.abs(y)) * (0.5 + np.arange(1, len(y) + 1) * IRRATIONAL % 1)
     g_y, g_t = system.g_y(t, y), system.g_t(t, y)
@@ -59,3 +59,16 @@ def require_derivatives_of_g(system: ConstraintDerivatives, t: float, y: Array) 
             f"g_y or g_t of {system.problem.title!r} is no derivative of g at the start: g_t + g_y w of row {i + 1} is "
             f"{given[i]:.6g} in a direction w where difference quotients give {found[0][i]:.6g}"
         )
+
+
+def jacobian(function: Callable[[Array], Array], u: Array) -> Array:
+    """Return partial derivatives by differences of order six whose widths agree with smaller ones, (m, n)."""
+
+    def column(i: int) -> Array:
+        def values(h: float) -> dict[int, Array]:
+            return {k: function(u + k * h * e) for k in STENCIL}
+
+        e = np.eye(len(u))[i]
+        return converged_difference(values, WIDTH * (1 + abs(u[i]))).derivative
+
+    return np.stack([column(i) for i in range(len(u))], axis=-1)

@@ -1,4 +1,4 @@
-"""Implicit stages of a textbook problem."""
+"""Stages of a step of a textbook problem."""
 
 from typing import Any, NamedTuple, Protocol
 
@@ -38,13 +38,52 @@ class ProblemFunctions(Protocol):
         """Solve 0 = residual(f(t, y, z)) for z (nz,) by Newton's method; arguments: `HessenbergSystem.solve`."""
 
 
-class HessenbergStages:
-    """Implicit stages of a step of a textbook problem; E is the identity."""
+class HessenbergChart:
+    """Explicit and implicit stages of a step of a textbook problem; coordinates are x = y - y_n, and E is the identity.
 
-    system: ProblemFunctions
-    t: float
-    y: Array
+    Args:
+        system: the problem.
+        t: start of the step.
+        y: state there, (ny,).
+        z: start of Newton's method for z, (nz,).
+    """
+
     unknowns = ()
+
+    def __init__(self, system: ProblemFunctions, t: float, y: Array, z: Array) -> None:
+        self.system, self.t, self.y, self.z = system, t, y, z
+
+    def first(self, carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Return the carried (y', z)."""
+        self.z = carry[1]
+        return carry
+
+    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
+        """Return (y', z) with g(that, y_n + xhat + factor y') = 0, by Newton's method from the last z."""
+        s, y, base = self.system, self.y + x, self.y + xhat
+
+        def closed(F: Array) -> Array:
+            return s.g(that, base + factor * F)
+
+        z = s.solve(t, y, closed, lambda F: s.g_y(that, base + factor * F), factor, self.z)
+        self.z, self.last = z, (t, y, z)
+        return s.f(t, y, z), z
+
+    def point(self, x: Array) -> Array:
+        """Return y_n + x, (ny,), and store z there."""
+        y = self.y + x
+        self.system.store_z(y, self.z)
+        return y
+
+    def all_multipliers(self, z: Array) -> Array:
+        """Return z, (nz,): no row is redundant."""
+        return z
+
+    def project(self, e: Array) -> Array:
+        """Return (1 - f_z (g_y f_z)^-1 g_y) e at the last stage, (ny,)."""
+        t, y, z = self.last
+        g_y, f_z = self.system.g_y(t, y), self.system.f_z(t, y, z)
+        return e - f_z @ np.linalg.solve(g_y @ f_z, g_y @ e)
 
     def start(self) -> tuple[Array, Array]:
         """Return (y', z) at the start."""
