@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 COLUMNS = 3
 HEIGHT, MAP_HEIGHT = 2.1, 3.6  # inches of a row of panels, and of a heat map
-DECADES = 100.0  # ratio of values beyond which an axis is logarithmic
+DECADES = 100.0  # ratio of the largest and the least value on a logarithmic axis, at least
+FEW_LARGE = 0.25  # of the largest value: the median of values that are spread over decades, at most
 COLOURS = ("#0072B2", "#D55E00")
 
 
@@ -76,7 +77,10 @@ def _panels(sweep: Sweep, parameters: list[str], y: np.ndarray, label: str, *, c
         order = x.argsort() if curve else slice(None)
         ax.plot(x[order], y[known][order], ".-" if curve else ".", color=COLOURS[0], markersize=3, alpha=0.7)
         ax.set_xlabel(name)
-        ax.locator_params(axis="x", nbins=3)
+        if _over_decades(x):
+            logarithmic(ax.xaxis, 4)
+        else:
+            ax.locator_params(axis="x", nbins=3)
     for row in axes:
         row[0].set_ylabel(label)
     last = panels[len(parameters)]
@@ -109,9 +113,15 @@ def _axis(sweep: Sweep, parameter: str, values: np.ndarray) -> tuple[np.ndarray,
     return x, escaped(f"{parameter} ({unit})" if unit else parameter)
 
 
+def _over_decades(x: np.ndarray) -> bool:
+    """Return whether values are spread over decades, as those of a geometric series."""
+    large = x.max()
+    return bool(x.min() > 0 and large >= DECADES * x.min() and np.quantile(x, 0.5, method="lower") <= FEW_LARGE * large)
+
+
 def _cell_edges(axis: "Axis", x: np.ndarray) -> np.ndarray:
-    """Return the edges between increasing values; the axis is logarithmic if they extend over decades."""
-    many_decades = x[0] > 0 and x[-1] >= DECADES * x[0]
+    """Return the edges between increasing values; the axis is logarithmic if they are spread over decades."""
+    many_decades = _over_decades(x)
     if many_decades:
         logarithmic(axis)
         x = np.log(x)

@@ -40,3 +40,9 @@ def test_an_incomplete_grid_is_drawn_as_points():
     pairs = [{"start.v.crank": v, "solve.rtol": 10**-v} for v in SPEEDS]
     axes = mbdae.sweep("slider_crank", pairs, 0.1, outputs=["final q.slider"]).plot().axes
     assert [ax.lines[0].get_linestyle() for ax in axes[:2]] == ["None", "None"]
+    assert [ax.get_xscale() for ax in axes[:2]] == ["linear", "log"]
+
+
+def test_values_over_decades_at_even_distances_are_drawn_on_a_linear_axis():
+    runs = mbdae.sweep("slider_crank", {"start.v.crank": [0.05, 2.5, 5.0]}, 0.02, outputs=["final q.slider"])
+    assert runs.plot().axes[0].get_xscale() == "linear"
