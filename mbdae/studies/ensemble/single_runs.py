@@ -5,7 +5,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from ...errors import AssemblyError, InputError
+from ...errors import MbdaeError
 from ...integrate.solve import solve
 from ...solution.columns import residuals
 from ...solution.signals import signals
@@ -23,7 +23,7 @@ def complete_singly(job: EnsembleJob, progress: Progress | None = None) -> None:
             try:
                 mech = job.mechanism(i)
                 sol = solve(mech, job.t_span, *job.starts.arguments(i), **job.settings)
-            except (AssemblyError, InputError) as e:
+            except MbdaeError as e:
                 job.results.fail(np.array([i]), e)
                 continue
             if sol.status == UNFINISHED:
