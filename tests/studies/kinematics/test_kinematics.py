@@ -230,6 +230,8 @@ def test_a_table_is_written(tmp_path):
         ("four_bar", {"drive": "crank", "points": 1}, "at least 2"),
         ("four_bar", {"drive": "crank", "output_joint": "nosuch"}, "unknown joint 'nosuch'"),
         ("andrews_squeezer", {"drive": "nosuch"}, "unknown drive 'nosuch'"),
+        ("four_bar", {"drive": ["crank"]}, r"unknown drive \['crank'\]"),
+        ("four_bar", {"drive": "crank", "hold": [["rocker"]]}, r"hold is a list of joints, got \['rocker'\]"),
     ],
 )
 def test_wrong_input_is_one_line(model, arguments, words):
