@@ -204,6 +204,9 @@ def test_a_run_follows_the_curve(tmp_path):
     assert (tmp_path / "curve.html").stat().st_size > 1e5
     with pytest.raises(InputError, match="reverses at dead points"):
         kinematics(mbdae.load("four_bar"), "rocker").run(speed=1.0)
+    for speed in ("fast", 0.0):
+        with pytest.raises(InputError, match=f"speed must be a number other than zero, got {speed!r}"):
+            found.run(speed=speed)
 
 
 def test_a_table_is_written(tmp_path):
