@@ -1,7 +1,7 @@
 """Errors of mbdae: one base class, and a few derived classes with data."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from difflib import get_close_matches
 from math import isfinite
 from numbers import Integral, Real
@@ -95,12 +95,16 @@ def as_list(values: Any, what: str) -> list[Any]:
     """Return names as a list; a single name is a list of one.
 
     Raises:
-        InputError: for an argument that is not iterable; the message contains ``what`` and the actual value.
+        InputError: for an argument that is not iterable, or lists within it, which name nothing; the message contains
+            ``what`` and the actual value.
     """
     if isinstance(values, str):
         return [values]
     require(values, Iterable, what)
-    return list(values)
+    out = list(values)
+    for name in out:
+        require(name, Hashable, what)
+    return out
 
 
 class UnknownNameError(InputError):

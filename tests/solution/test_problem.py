@@ -115,5 +115,7 @@ def test_plots_take_names_and_a_path_by_its_keyword(tmp_path):
     assert len(sol.plot(["q.slider", "force.crank.x"]).axes) == 2
     with pytest.raises(UnknownNameError, match=r"unknown signal 'q\.png'"):
         sol.plot("q.png")
+    with pytest.raises(InputError, match=r"signals are a list of names, got \['q\.slider'\]"):
+        sol.plot([["q.slider"]])
     with pytest.raises(TypeError):
         sol.plot("q", tmp_path / "q.svg")

@@ -1,9 +1,9 @@
 """Recompute the steps of a run for its discrete tangent and adjoint.
 
 The nodes of a run define its steps: each step leads from one node to the next, with the accepted size. Two nodes at the
-same time, up to rounding, are a jump. Besides the nodes, a trajectory stores the carries of the method at some nodes
-(`mbdae.integrate.trajectory.checkpoints`), and the nodes where the carry was restarted; stages are recomputed on
-demand.
+same time, or with the same q at times that differ by rounding, are a jump. Besides the nodes, a trajectory stores the
+carries of the method at some nodes (`mbdae.integrate.trajectory.checkpoints`), and the nodes where the carry was
+restarted; stages are recomputed on demand.
 """
 
 from bisect import bisect_right
@@ -31,7 +31,7 @@ from .jump import ModeJumps
 from .native_trajectory import NativeStep, NativeTrajectory
 from .reset_jump import ResetJumps
 
-JUMP = 6 * MARGIN  # roundings of t: closer nodes are the two sides of a jump
+JUMP = 6 * MARGIN  # roundings of t: the sides of a jump are closer; far from t = 0 steps are, too, but they change q
 
 
 class _RunView(NamedTuple):
@@ -101,7 +101,8 @@ class Trajectory:
         self.changes = {i: rows for i, rows in sol.in_use}
         ends = self.ts[0], self.ts[-1], *settings["t_span"]  # a run that ends early has the gaps of its span
         self.near = JUMP * float(np.spacing(max(*np.abs(ends), NEGLIGIBLE)))
-        self.jumped: list[bool] = (np.abs(np.diff(self.ts)) <= self.near).tolist()  # between nodes i and i + 1
+        gap, same_q = np.abs(np.diff(self.ts)), (self.ys[1:, : mech.nq] == self.ys[:-1, : mech.nq]).all(axis=1)
+        self.jumped: list[bool] = ((gap == 0) | (gap <= self.near) & same_q).tolist()  # between nodes i and i + 1
         self.core = NativeTrajectory(self, parameters)
         self.sensitivity = PointSensitivity(self.system, parameters, self.core.parameters)
         self.jumps, self.resets = ModeJumps(self), ResetJumps(self)
@@ -113,9 +114,8 @@ class Trajectory:
             self.restarted[sol.carried[1]] = True
         elif self.n_carry:
             self.enter_node(0)
-            self.checkpoints = Checkpoints(
-                len(self.ts), State(self.ys[0], self._restarted_carry(0, self.ys[0])), self._recompute
-            )
+            start = State(self.ys[0], self._restarted_carry(0, self.ys[0]))
+            self.checkpoints = Checkpoints(len(self.ts), start, self._recompute)
 
     def enter_node(self, i: int) -> None:
         """Use the mode and the rows that were in use at node i."""

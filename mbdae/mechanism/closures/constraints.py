@@ -279,6 +279,11 @@ class Constraints:
         return out
 
 
+def spec_kind(spec: Spec) -> str:
+    """Return the kind of a closure, or ``"driver"``, ``"stop"``, ``"clutch"`` or ``"brake"``."""
+    return spec.kind if isinstance(spec, Closure) else type(spec).__name__.lower()
+
+
 def anchors(model: pin.Model, spec: Spec) -> tuple[Anchor, Anchor]:
     """Return the anchors of a closure or driver between two frames.
 

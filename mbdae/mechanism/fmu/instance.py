@@ -139,7 +139,7 @@ class FmuInstance:
 
     def _set(self, variable: FmuVariable, value: Parameter) -> None:
         kind, number = variable.type, variable.type in INTEGERS
-        of = "Int32" if self.description.version == "3.0" and kind == "Enumeration" else kind
+        of = "Int64" if self.description.version == "3.0" and kind == "Enumeration" else kind
         of = "Integer" if self.description.version == "2.0" and number else of
         getattr(self._fmu, f"set{of}")([variable.reference], [int(value) if number else value])
 

@@ -7,11 +7,14 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from ...errors import InputError, UnknownNameError
+import numpy as np
+
+from ...errors import InputError, UnknownNameError, is_number
 
 REALS = {"2.0": "Real", "3.0": "Float64"}  # type of inputs and outputs by version of FMI
 TYPES: dict[str, tuple[type, ...]] = {"Boolean": (bool,), "String": (str,)}  # of values; of others numbers
-INTEGERS = ("Integer", "Enumeration", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
+SIZES = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
+INTEGERS = {"Integer": np.iinfo("int32"), "Enumeration": np.iinfo("int32")} | {x: np.iinfo(x.lower()) for x in SIZES}
 SETTABLE = ("parameter", "structuralParameter", "local", "input")  # with initial = "exact": values before a start
 
 
@@ -34,8 +37,9 @@ class FmuVariable(NamedTuple):
         """Return whether a value is of its type."""
         if self.type in TYPES:
             return isinstance(value, TYPES[self.type])
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        return number and (self.type not in INTEGERS or value == int(value))  # type: ignore[call-overload, no-any-return]
+        if not is_number(value) or self.type not in INTEGERS:
+            return is_number(value)
+        return value == int(value) and INTEGERS[self.type].min <= value <= INTEGERS[self.type].max
 
     def to_si(self, x: float) -> float:
         """Return a value in SI units."""
@@ -132,12 +136,14 @@ def _interface_of(path: Path, *version: int) -> FmuInterface:
 
 
 def _variables(found: Any, real: str) -> tuple[dict[str, FmuVariable], ...]:
-    """Return inputs, outputs and parameters."""
+    """Return inputs, outputs and parameters; offsets of units do not apply to differences (``relativeQuantity``)."""
     units = {unit.name: unit.baseUnit for unit in found.unitDefinitions if unit.baseUnit is not None}
     out: tuple[dict[str, FmuVariable], ...] = {}, {}, {}
     for x in found.modelVariables:
-        unit = units.get(x.unit or (x.declaredType and x.declaredType.unit))
-        scale = (float(unit.factor), float(unit.offset)) if unit is not None else ()
+        kind = x.declaredType
+        unit = units.get(x.unit or (kind and kind.unit))
+        is_difference = kind is not None and kind.relativeQuantity if x.relativeQuantity is None else x.relativeQuantity
+        scale = (float(unit.factor), 0.0 if is_difference else float(unit.offset)) if unit is not None else ()
         variable = FmuVariable(int(x.valueReference), x.type, *scale)
         if x.dimensions or x.name in out:
             continue

@@ -46,8 +46,8 @@ def frame_index(model: pin.Model, name: str) -> int:
     """Return the index of a frame in the model, see `find_frame`."""
     if name == WORLD:
         return 0
-    links = [model.getFrameId(name, kind) for kind in LINKS if model.existFrame(name, kind)]
-    indices = links or [i for kind in KINDS if model.existFrame(name, kind) and (i := model.getFrameId(name, kind))]
+    kinds = [kind for kind in KINDS if isinstance(name, str) and model.existFrame(name, kind)]
+    indices = [i for kind in [k for k in kinds if k in LINKS] or kinds if (i := model.getFrameId(name, kind))]
     if not indices:
         raise UnknownNameError("frame", name, frame_names(model))
     return min(indices)

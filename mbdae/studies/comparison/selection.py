@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ...errors import InputError, as_list, require
+from ...errors import InputError, as_list, is_number, require
 from ...integrate.run.binding import common_backend
 from ...integrate.steppers.ida import IDA
 from ...integrate.steppers.solvers import find_method
@@ -142,6 +142,6 @@ def checked_tolerances(rtol: Sequence[float]) -> list[float]:
         InputError: for numbers that are not between 0 and 1, or none.
     """
     require(rtol, Sequence | np.ndarray, "rtol is a list of numbers")
-    if not len(rtol) or not all(0 < r < 1 for r in rtol):
+    if not len(rtol) or not all(is_number(r) and 0 < r < 1 for r in rtol):
         raise InputError(f"rtol is a list of numbers between 0 and 1, got {rtol!r}")
     return sorted({float(r) for r in rtol}, reverse=True)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...errors import STATUS, AssemblyError, InputError
+from ...errors import STATUS, AssemblyError, InputError, MbdaeError
 from ...integrate.options.options import RunOptions
 from ...integrate.run.run_setup import prepare_at
 from ...integrate.run.run_state import RunState
@@ -87,10 +87,11 @@ class Results:
         return cls(missing, y, counts, missing.copy(), values, *texts)
 
     def fail(self, i: Array, error: Exception) -> None:
-        """Record runs that could not begin."""
+        """Record runs that could not begin, with the statuses of a sweep."""
+        invalid = "input" if isinstance(error, InputError) else "error"
+        status = "assembly" if isinstance(error, AssemblyError) else invalid
         for k in i.tolist():
-            self.status[k] = "assembly" if isinstance(error, AssemblyError) else "input"
-            self.message[k] = str(error)
+            self.status[k], self.message[k] = status, str(error)
 
     def leave(self, i: Array, reason: str) -> None:
         """Leave runs to `mbdae.solve`."""
@@ -189,7 +190,7 @@ def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
             run = prepare_at(mech, options, y[0])
             _complete(job, run, i, y, stop)
             run.release()
-        except (AssemblyError, InputError) as e:
+        except MbdaeError as e:
             job.results.fail(i, e)
 
 

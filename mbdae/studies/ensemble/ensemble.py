@@ -64,8 +64,9 @@ def ensemble(
 
     Raises:
         UnknownNameError: for a model, parameter, signal or setting that does not exist.
-        InputError: for arrays of different lengths, or of the wrong shape. A start that is not consistent, or a value
-            of a parameter that is not valid, is the status ``"input"`` or ``"assembly"`` of its run.
+        InputError: for arrays of different lengths, or of the wrong shape. A start that is not consistent, a value of a
+            parameter that is not valid, or a function that fails, is the status ``"input"``, ``"assembly"`` or
+            ``"error"`` of its run.
     """
     check_settings(list(settings), others=(*NOT_SETTINGS, "events"))
     values = _columns(parameters)

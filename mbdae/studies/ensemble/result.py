@@ -26,7 +26,8 @@ class Ensemble(Tabular):
         t: end times in s, (n,).
         q: configurations at the end, (n, nq).
         v: velocities at the end, (n, nv).
-        status: one of `mbdae.errors.STATUS`, or ``"input"``, ``"assembly"`` for runs without a start, for each run.
+        status: one of `mbdae.errors.STATUS`, or ``"input"``, ``"assembly"``, ``"error"`` for runs without a start, for
+            each run.
         message: one line of text for each run.
         steps: accepted steps, (n,).
         rejected: rejected steps, (n,).

@@ -5,7 +5,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from ...errors import AssemblyError, InputError
+from ...errors import MbdaeError
 from ...integrate.solve import solve
 from ...solution.columns import residuals
 from ...solution.signals import signals
@@ -39,7 +39,7 @@ def _complete(job: EnsembleJob, i: int, stop: StopFlag) -> None:
     try:
         mech = job.mechanism(i)
         sol = solve(mech, job.t_span, *job.starts.arguments(i), progress=stop_check(stop), **job.settings)
-    except (AssemblyError, InputError) as e:
+    except MbdaeError as e:
         job.results.fail(np.array([i]), e)
         return
     if sol.status != UNFINISHED:

@@ -10,7 +10,8 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...integrate.options.options import complete_settings
-from ...mechanism import Closure, Mechanism, redundant
+from ...mechanism import Mechanism, redundant
+from ...mechanism.closures.constraints import spec_kind
 from ...mechanism.equilibrium.elastic_modes import elastic_modes
 from ...mechanism.signals.reactions import mass_scaled_jacobian, rank
 from ...mechanism.tree.coordinate_units import coordinate_units
@@ -242,7 +243,7 @@ def card(mech: Mechanism) -> Card:
     closures = (
         {
             "name": c.name,
-            "kind": c.kind if isinstance(c, Closure) else type(c).__name__.lower(),
+            "kind": spec_kind(c),
             "joins": list(c.between),
             "rows": c.m,
             "dependent": 0 if mech.rows_of(c.name)[0] in switching else dependent.get(c.name, 0),

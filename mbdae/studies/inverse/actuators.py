@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError, as_list
+from ...errors import InputError, UnknownNameError, as_list, is_number, require
 from ...mechanism import Driver, Mechanism
 from ...mechanism.forces.dc_motor import DCMotor
 from ...mechanism.forces.joint_pid import JointPID
@@ -153,13 +153,14 @@ def effort_weights(names: Sequence[str], weights: Mapping[str, float] | None) ->
 
     Raises:
         UnknownNameError: for a name that is not an effort.
-        InputError: for a weight that is not positive.
+        InputError: for a weight that is not a positive number.
     """
     out = np.ones(len(names))
+    require(weights or {}, Mapping, "weights are a table, effort = number")
     for name, value in (weights or {}).items():
         if name not in names:
             raise UnknownNameError("actuator", name, names)
-        if not (np.isfinite(value) and value > 0):
+        if not (is_number(value) and value > 0):
             raise InputError(f"the weight of {name!r} must be a positive number, got {value!r}")
         out[list(names).index(name)] = value
     return out

@@ -42,7 +42,7 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
     """
     _check_closures(mech)
     drivers = {d.name: d for d in mech.drivers}
-    if drive not in drivers and drive not in mech.joint_names:
+    if drive not in [*drivers, *mech.joint_names]:
         raise UnknownNameError("drive", drive, [*drivers, *single_velocity_joints(mech)])
     values = dict(hold) if isinstance(hold, Mapping) else dict.fromkeys(as_list(hold, "hold is a list of joints"))
     if drive in drivers:

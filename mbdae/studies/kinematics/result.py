@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...data_types import JsonObject
-from ...errors import InputError, UnknownNameError, as_list
+from ...errors import InputError, UnknownNameError, as_list, is_number
 from ...mechanism import Mechanism
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...mechanism.tree.frames import WORLD, frame_motions, frame_names
@@ -176,7 +176,7 @@ class Kinematics(Tabular):
         part = slice(self.stretches[stretch].first, self.stretches[stretch].last)
         q, v, a, t = self.q[part], self.tangent[part], self.curvature[part], self.s[part]
         if speed is not None:
-            if not np.isfinite(speed) or speed == 0:
+            if not is_number(speed) or speed == 0:
                 raise InputError(f"speed must be a number other than zero, got {speed!r}")
             t = (self.u[part] - self.u[part.start]) / speed
             if not (self.moving[part].all() and (np.diff(t) > 0).all() | (np.diff(t) < 0).all()):

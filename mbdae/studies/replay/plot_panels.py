@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...errors import InputError, as_list
+from ...errors import InputError, as_list, require
 from ...solution.signals import find, signals, units
 from ...system import Array
 from ...tolerances import BELOW_ROUNDING
@@ -93,7 +93,9 @@ class _Group(NamedTuple):
 
 def _entries(plots: str | Sequence[Plot] | None) -> list[tuple[str, ...]]:
     what = "plots is a list of signals, or of lists of them"
-    return [tuple(as_list(entry, what)) for entry in as_list(plots or (), what)]
+    given = [plots] if isinstance(plots, str) else plots or ()
+    require(given, Iterable, what)
+    return [tuple(as_list(entry, what)) for entry in given]
 
 
 def _expanded(entry: Sequence[str], user_signals: Mapping[str, Signal], mech: "Mechanism") -> list[str]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ...mechanism import Mechanism
 from ...mechanism.checked_table import Table
+from ...mechanism.closures.constraints import spec_kind
 from ...mechanism.tree.joints import file_kind
 from ...solution.solution import Solution
 from ...solution.work_columns import actuators
@@ -116,10 +117,7 @@ def _joints(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
 
 
 def _closures(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
-    rows = []
-    for c in mech.constraints:
-        joined = getattr(c, "frames", None) or getattr(c, "joints", None) or (getattr(c, "joint", None) or "",)
-        rows.append([c.name, getattr(c, "kind", "") or "driver", " - ".join(joined), str(c.m)])
+    rows = [[c.name, spec_kind(c), " - ".join(c.between), str(c.m)] for c in mech.constraints]
     return ["name", "kind", "between", "rows"], rows
 
 

@@ -14,11 +14,17 @@ from ..sweep.toml_file import SweepTable
 __all__ = ["schema"]
 
 FILES = {"mechanism": MechanismFile, "sweep": SweepTable}
+INPUT = {  # a reference, { input = NAME }
+    "type": "object",
+    "properties": {"input": {"type": "string"}},
+    "required": ["input"],
+    "additionalProperties": False,
+}
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 class FileSchema(GenerateJsonSchema):
-    """Schema of a file: without Python functions; numbers are accepted as constant signals, one source as a list."""
+    """Schema of a file: without Python functions; numbers and inputs are functions of time, one source is a list."""
 
     def callable_schema(self, schema: core_schema.CallableSchema) -> JsonSchemaValue:
         """Omit Python functions."""
@@ -28,7 +34,7 @@ class FileSchema(GenerateJsonSchema):
         """Add the types that a validator accepts and converts."""
         inner, name = super().function_before_schema(schema), getattr(schema["function"]["function"], "__name__", "")
         if name == "_coerce":  # of signals
-            return {"anyOf": [{"type": "number"}, inner]}
+            return {"anyOf": [{"type": "number"}, INPUT, inner]}
         if name == "_as_sources":  # of sources
             return {"anyOf": [{"type": "string"}, inner["items"], inner]}
         return inner

@@ -125,9 +125,16 @@ Status NAME(SetFloat64)(Instance c, const Reference r[], size_t n, const Real x[
   return OK;
 }
 Status NAME(SetInt32)(Instance c, const Reference r[], size_t n, const Integer x[] COUNT) {
+  if (FMI == 3 && *r != 9) return FAILED;  // items of enumerations have 64 bits
   for (size_t i = 0; i < n; ++i) ((Motor*)c)->value[r[i]] = x[i];
   return OK;
 }
+#if FMI == 3
+Status fmi3SetInt64(Instance c, const Reference r[], size_t n, const fmi3Int64 x[], size_t m) {
+  for (size_t i = 0; i < n; ++i) ((Motor*)c)->value[r[i]] = x[i];
+  return OK;
+}
+#endif
 
 Status STATE(Get, )(Instance c, State* s) {
   if (!*s) *s = malloc(sizeof(Motor));

@@ -70,10 +70,20 @@ def test_an_fmu_without_states_is_a_sampled_controller(tmp_path):
     np.testing.assert_allclose(other.y[-1, :2], one.y[-1, :2], rtol=1e-12)
 
 
-def test_units_of_the_fmu_are_converted(tmp_path):
+@pytest.mark.parametrize(("version", "offset"), [(3, 0.0), (2, 273.15), (3, 273.15)])  # which differences do not have
+def test_units_of_the_fmu_are_converted(version, offset, tmp_path):
     numbers = {name: NUMBERS[name] * DEGREE / 0.01 for name in ("kp", "kd")}
     numbers |= {"T": LAG, "reference": REFERENCE / DEGREE}
-    sol = mbdae.solve(cart(drive(motor(tmp_path, units=True), parameters=numbers)), (0, END), step=STEP / 2)
+    path = motor(tmp_path, version, units=True, offset=offset)
+    sol = mbdae.solve(cart(drive(path, parameters=numbers)), (0, END), step=STEP / 2)
+    np.testing.assert_allclose([sol.q[-1, 0], sol.v[-1, 0]], discrete()[0], rtol=1e-10)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_parameter_may_be_an_item_of_an_enumeration(version, tmp_path):
+    numbers = NUMBERS | {"kp": KP / 2, "kd": KD / 2, "gain": 2}
+    path = motor(tmp_path, version, gain="Enumeration")
+    sol = mbdae.solve(cart(drive(path, parameters=numbers)), (0, END), step=STEP / 2)
     np.testing.assert_allclose([sol.q[-1, 0], sol.v[-1, 0]], discrete()[0], rtol=1e-10)
 
 

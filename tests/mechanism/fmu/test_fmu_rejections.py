@@ -33,6 +33,7 @@ def message(action):
         ({"parameters": {"kpp": 1}}, ["unknown parameter of FMU 'motor'", "kp, kd, T, gain"]),
         ({"parameters": {"kp": "large"}}, ["parameter 'kp'", "type Float64, got 'large'"]),
         ({"parameters": {"steps": 1.5}}, ["parameter 'steps'", "type Int32, got 1.5"]),
+        ({"parameters": {"steps": 2**31}}, ["parameter 'steps'", "type Int32, got 2147483648"]),
         ({"step": 0.0}, ["step", "greater than 0"]),
         ({"step": -1.0}, ["step", "greater than 0"]),
         ({"rate": 10.0}, ["unknown key rate", "step"]),

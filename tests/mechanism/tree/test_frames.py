@@ -36,8 +36,9 @@ def test_a_link_and_a_joint_of_one_name_are_both_found(arm, tmp_path, monkeypatc
     assert (code, err) == (0, "")
     assert "position.arm.z" in (tmp_path / "run.csv").read_text().splitlines()[0]
     assert call("report", arm, "-t", "0.05", "-o", tmp_path / "report.html")[0] == 0
-    with pytest.raises(UnknownNameError, match="unknown frame 'leg'; valid: world, base, arm"):
-        mech.frame(mech.start[0], "leg")
+    for name in ("leg", 3):
+        with pytest.raises(UnknownNameError, match=f"unknown frame {name!r}; valid: world, base, arm"):
+            mech.frame(mech.start[0], name)
 
 
 def test_a_fixed_base_is_reported_and_free_on_request(tmp_path):

@@ -172,6 +172,7 @@ def test_another_machine_and_a_changed_model_are_rejected(small, data, tmp_path)
         ({"models": []}, "at least one model"),
         ({"methods": ["pherk66"]}, "'pherk66'"),
         ({"rtol": [2.0]}, "rtol is a list of numbers between 0 and 1"),
+        ({"rtol": ["fine"]}, "rtol is a list of numbers between 0 and 1"),
         ({"refinements": [0]}, "refinements are whole numbers"),
         ({"data": "atlas.csv"}, ".jsonl file"),
         ({"data": 3}, "data is the name of a file"),

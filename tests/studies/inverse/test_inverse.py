@@ -188,8 +188,10 @@ def test_wrong_names_and_weights():
         inverse_dynamics(mech, turn, "crnk", speed=1.0)
     with pytest.raises(InputError, match="give the constant speed of 'crank'"):
         inverse_dynamics(mech, turn)
-    with pytest.raises(InputError, match="weight of 'crank' must be"):
-        inverse_dynamics(mech, turn, speed=1.0, weights={"crank": 0.0})
+    for weights, words in (({"crank": 0.0}, "weight of 'crank' must be"), ({"crank": "a"}, "weight of 'crank' must be"),
+                           ([1.0], "weights are a table")):  # fmt: skip
+        with pytest.raises(InputError, match=words):
+            inverse_dynamics(mech, turn, speed=1.0, weights=weights)
     with pytest.raises(InputError, match="whose joints are not those"):
         inverse_dynamics(mbdae.load("slider_crank"), turn, speed=1.0)
 

@@ -204,6 +204,9 @@ def test_a_run_follows_the_curve(tmp_path):
     assert (tmp_path / "curve.html").stat().st_size > 1e5
     with pytest.raises(InputError, match="reverses at dead points"):
         kinematics(mbdae.load("four_bar"), "rocker").run(speed=1.0)
+    for speed in ("fast", 0.0):
+        with pytest.raises(InputError, match=f"speed must be a number other than zero, got {speed!r}"):
+            found.run(speed=speed)
 
 
 def test_a_table_is_written(tmp_path):
@@ -230,6 +233,8 @@ def test_a_table_is_written(tmp_path):
         ("four_bar", {"drive": "crank", "points": 1}, "at least 2"),
         ("four_bar", {"drive": "crank", "output_joint": "nosuch"}, "unknown joint 'nosuch'"),
         ("andrews_squeezer", {"drive": "nosuch"}, "unknown drive 'nosuch'"),
+        ("four_bar", {"drive": ["crank"]}, r"unknown drive \['crank'\]"),
+        ("four_bar", {"drive": "crank", "hold": [["rocker"]]}, r"hold is a list of joints, got \['rocker'\]"),
     ],
 )
 def test_wrong_input_is_one_line(model, arguments, words):

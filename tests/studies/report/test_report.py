@@ -209,6 +209,9 @@ def test_tables_are_numbers_of_the_mechanism_and_the_ranking_that_of_the_compari
         assert re.search(rf"\|{model.names[i]}\|+{model.inertias[i].mass:.5g}\|", text)
     assert "wrist pin||revolute|" in text
     assert re.search(r"\|crank\|+revolute\|", text)
+    kinds = {"pendulum_on_stop": "rod stop||stop||rod||1", "ratchet": "driving pawl||clutch||wheel - rocker||1"}
+    for name, row in kinds.items():
+        assert row in re.sub(r"<[^>]+>", "|", component_tables(mbdae.load(name)))
     table = ranking(result.comparison)
     places = result.comparison.ranking(1e-4)
     best = min((p for p in places if p.work is not None), key=lambda p: p.work)

@@ -54,6 +54,10 @@ def test_values_that_represent_others_are_taken():
     torque = {"kind": "joint_torque", "joint": "a", "torque": {"kind": "harmonic", "amplitude": 1.0, "omega": 2.0}}
     assert not faults("mechanism", {"source": "robot.urdf", "motor": {"hip": 2.0}, "force": [torque], "body": [body]})
     assert not faults("mechanism", {"source": [{"file": "robot.urdf", "prefix": "left_"}]})
+    uses = {"force": [torque | {"torque": {"input": "u"}}], "driver": [{"joint": "a", "speed": {"input": "u"}}]}
+    uses |= {"input": [{"name": "u", "hold": "first"}], "motor": {"hip": {"input": "u"}}}
+    assert not faults("mechanism", uses)
+    assert faults("mechanism", {"driver": [{"joint": "a", "speed": {"input": 3}}]})
     assert not faults("sweep", SWEEP)
     assert faults("sweep", {**SWEEP, "output": []})
 

@@ -196,6 +196,16 @@ def test_jumps_of_a_run_that_ends_long_before_its_span():
     np.testing.assert_allclose(found[1].dy[-1], found[0].dy[-1], rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.parametrize("method", ["pherk5", "radau5"])
+def test_steps_of_a_few_roundings_of_a_late_time_are_no_jumps(method):
+    """A start 34 years after t = 0, where 32 roundings of t are 8 microseconds."""
+    mech, step = mbdae.load("pendulum"), 2.0**-17
+    runs = [mbdae.solve(mech, (t0, t0 + 8 * step), step=step, method=method) for t0 in (0.0, 2.0**30)]
+    found, late = (mbdae.sensitivity(sol, start=True).dy for sol in runs)
+    np.testing.assert_allclose(late, found, rtol=0, atol=1e-14)
+    assert np.abs(np.diff(found, axis=0)).max() > 1e-6
+
+
 @cache  # the same values for every run and back end
 def _controlled(ki, integral=0.2):
     sampled = mbdae.JointPID(name="sampled", joint="crank", reference=0.5, kp=3.0, ki=ki, kd=0.5, rate=20.0,
