@@ -57,11 +57,14 @@ class OrderSettings(Table):
     v: Annotated[dict[str, Value], Coordinates(per_time=True)] = Field(default_factory=dict)
 
 
+CONTROL_SETTINGS = "rtol", "atol", "first_step", "max_step"  # of step-size control
+
+
 class SolveSettings(Table):
     """Default settings of `mbdae.solve` for the model.
 
-    If a run is given a method, formulation, project and baumgarte of the file do not apply; if it is given a step, the
-    tolerances of the file do not apply, and vice versa.
+    If a run is given a method, formulation, project and baumgarte of the file do not apply; if it is given a step,
+    tolerances and limits of steps of the file do not apply, and vice versa.
 
     Attributes:
         method: a name of `mbdae methods`.
@@ -89,8 +92,8 @@ class SolveSettings(Table):
 
     @model_validator(mode="after")
     def _require_compatible(self) -> "SolveSettings":
-        if self.step is not None and (self.rtol, self.atol) != (None, None):
-            raise ValueError("step sets fixed steps, rtol and atol step-size control: give one of both")
+        if self.step is not None and any(getattr(self, name) is not None for name in CONTROL_SETTINGS):
+            raise ValueError(f"step sets fixed steps, {', '.join(CONTROL_SETTINGS)} step-size control: give either")
         if self.baumgarte is not None and self.formulation != "index1":
             raise ValueError("baumgarte belongs to formulation 'index1'")
         return self

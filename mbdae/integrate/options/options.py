@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from ...errors import InputError, UnknownNameError, is_number
 from ...mechanism import Mechanism
+from ...mechanism.model_settings import CONTROL_SETTINGS
 from ...methods import EXPLICIT, METHODS, ExplicitMethod, Tableau
 from ...solution.solution import Problem
 from ...system import Array
@@ -16,8 +17,7 @@ from ..steppers.solvers import find_method
 from .defaults import DEFAULTS
 from .span import checked_span, checked_times, end_of_tables
 
-METHOD_SETTINGS, CONTROL_SETTINGS = ("formulation", "project", "baumgarte"), ("rtol", "atol")
-CONTROL_ARGUMENTS = *CONTROL_SETTINGS, "first_step", "max_step"
+METHOD_SETTINGS = "formulation", "project", "baumgarte"
 STEP_SIZES = "step", "first_step", "max_step"
 
 
@@ -82,7 +82,7 @@ class RunOptions(NamedTuple):
         given = _given_options(given)
         if not isinstance(most := given.get("max_steps", 1), Integral):
             raise InputError(f"max_steps must be an integer, got {most!r}")
-        if "step" in given and (controls := [name for name in CONTROL_ARGUMENTS if name in given]):
+        if "step" in given and (controls := [name for name in CONTROL_SETTINGS if name in given]):
             raise InputError(f"step fixes the size of all steps: give it, or {', '.join(controls)}, not both")
         c = complete_settings(problem, given)
         t0, t1 = checked_span((0.0, problem.duration) if t_span is None else t_span, pair=True)

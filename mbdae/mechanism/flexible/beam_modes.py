@@ -150,7 +150,7 @@ class Direction:
     def _scaled(self, inverse: Array, shapes: Array) -> tuple[Array, Array]:
         U = np.zeros((self.width * (self.grid.elements + 1), len(inverse)))
         U[self.at] = shapes[:, ::-1] * np.sqrt(self.grid.length / inverse[::-1])
-        rise = self.rows(0, 1.0)[0] @ U
+        rise = self.rows(0, self.grid.s[0])[0] @ U  # before the first zero of each mode
         return self.scale / inverse[::-1], U * np.where(rise < 0, -1.0, 1.0)
 
 

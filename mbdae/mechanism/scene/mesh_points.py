@@ -29,7 +29,7 @@ def points_of(path: Path) -> np.ndarray:
     try:
         match path.suffix.lower():
             case ".stl":
-                points = _stl(data)
+                points = stl_points(data)
             case ".obj":
                 points = np.array(re.findall(rb"^[ \t]*v" + NUMBERS, data, re.MULTILINE), dtype="S").astype(float)
             case _:
@@ -41,7 +41,12 @@ def points_of(path: Path) -> np.ndarray:
     return points
 
 
-def _stl(data: bytes) -> np.ndarray:
+def stl_points(data: bytes) -> np.ndarray:
+    """Return the corners of the triangles of a .stl file, (3 m, 3).
+
+    Raises:
+        ValueError: for a damaged file.
+    """
     count = int.from_bytes(data[80:84], "little")
     if len(data) >= 84 + count * TRIANGLE.itemsize and not (data[:5] == b"solid" and b"vertex" in data):
         return np.frombuffer(data, TRIANGLE, count, 84)["corners"].reshape(-1, 3).astype(float)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...tolerances import TINY
-from .mesh_points import TRIANGLE, Collada
+from .mesh_points import Collada, stl_points
 from .meshes import Mesh
 
 Colour = tuple[float, ...]  # red, green, blue, opacity
@@ -119,19 +119,11 @@ def _read(mesh: Mesh) -> Iterator[Piece]:
     if mesh.format == "triangles":
         yield Piece(np.asarray(mesh.vertices)[np.asarray(mesh.faces)])
     elif mesh.format == "stl":
-        yield Piece(_stl(mesh.data))
+        yield Piece(stl_points(mesh.data).reshape(-1, 3, 3))
     elif mesh.format == "obj":
         yield from _obj(mesh)
     else:
         yield from _ColouredCollada(ET.fromstring(mesh.data)).triangles()
-
-
-def _stl(data: bytes) -> np.ndarray:
-    count = int.from_bytes(data[80:84], "little")
-    if len(data) >= 84 + count * TRIANGLE.itemsize and not (data[:5] == b"solid" and b"vertex" in data):
-        return np.frombuffer(data, TRIANGLE, count, 84)["corners"].astype(float)
-    numbers = rb"[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)"
-    return np.array(re.findall(rb"vertex" + numbers, data), dtype="S").astype(float).reshape(-1, 3, 3)
 
 
 def _library_materials(libraries: Mapping[str, bytes]) -> dict[bytes, Material]:

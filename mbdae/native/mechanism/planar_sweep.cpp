@@ -76,6 +76,7 @@ class PlanarSweep final : public Sweep {
   struct Body {
     double c = 1, s = 0;       // of its angle
     Plane arm, position;       // from the root's position, and in the world
+    Plane from;                // of a root: its position when V and A were evaluated
     Twist V, A, f;             // about the root's position, as all below: motion; wrench of the subtree
     double mass = 0, inertia = 0;  // of the subtree
     Plane moment;
@@ -97,7 +98,7 @@ class PlanarSweep final : public Sweep {
     bodies_[0].A = {factor * weight_.x, factor * weight_.y, 0}, across_acceleration_ = factor * across_weight_;
   }
   void shift(int joint, const Twist& x, double across, double* out) const {  // to the world's origin
-    const Plane& from = bodies_[model_[carrier_[joint]].root].position;
+    const Plane& from = bodies_[model_[carrier_[joint]].root].from;
     to_world(x.x + from.y * x.turn, x.y - from.x * x.turn, out);
     for (int i = 0; i < 3; ++i) out[i] += across * normal_[i], out[3 + i] = x.turn * normal_[i];
   }
@@ -262,6 +263,7 @@ void PlanarSweep::outward(const double* q, const double* v, const double* a, dou
       A.x += V.y * own.turn - V.turn * own.y, A.y += V.turn * own.x - V.x * own.turn;
       for (int k = m.v; a && k < m.v + m.nv; ++k) add(A, columns_[k], a[k]);
       here.V = {V.x + own.x, V.y + own.y, V.turn + own.turn}, here.A = A;
+      if (!m.parent) here.from = here.position;
     }
     if (with_inertia || with_wrench) add_body<with_inertia, with_wrench>(x, here);
   }

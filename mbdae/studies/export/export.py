@@ -104,7 +104,8 @@ def export(
         path: a file ``.fmu``.
         kind: ``"cs"`` for co-simulation, ``"me"`` for model exchange.
         inputs: names of inputs, see `mbdae.Input`; all of them if omitted.
-        outputs: names of signals, see `mbdae.Solution.signals`; q and v of all joints if omitted.
+        outputs: names of signals, see `mbdae.Solution.signals`; q and v of all joints if omitted. ``"work"`` is one of
+            co-simulation alone.
         parameters: dotted names of parameters, as of `mbdae.sensitivity`, on which the mechanism depends linearly; they
             are set before the initialization.
         sources: Add the sources of the runtime, for other platforms: C++17, without other libraries.
@@ -129,7 +130,7 @@ def export(
     system: CompiledSystem = simulator._run.system  # type: ignore[assignment]
     cells = simulator.inputs.cells
     chosen = _checked_names("input", cells if inputs is None else inputs, cells)
-    named = _outputs(mech, outputs)
+    named = _outputs(mech, outputs, kinds)
     effects = parameter_effects(simulator.inputs, _checked_names("parameter", parameters, None), system.native)
     states = _states(mech, kinds)
     data = core_data(native_system(simulator.mechanism, system.native)) | run_data(simulator, system)
@@ -198,8 +199,10 @@ def _runtime() -> bytes:
     return file.read_bytes()
 
 
-def _outputs(mech: Mechanism, outputs: Sequence[str] | None) -> dict[str, SignalValue]:
+def _outputs(mech: Mechanism, outputs: Sequence[str] | None, kinds: Sequence[str]) -> dict[str, SignalValue]:
     names = [n for n in units(mech) if n[:2] in ("q.", "v.")] if outputs is None else outputs
+    if "me" in kinds and "work" in as_list(names, "outputs are a list of names"):
+        raise InputError("output 'work' is integrated by the steps of co-simulation: export kind 'cs' alone")
     return {name: find_point_signal(mech, name) for name in _checked_names("output", names, None)}
 
 

@@ -1,7 +1,9 @@
 """Signals for events: the columns of a solution at a point, computed once for all events, without effect on the run."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from linkages import bar, point
 from smooth import SMOOTH
 
 import mbdae
@@ -45,6 +47,25 @@ def test_multipliers_are_those_of_the_hidden_constraint():
     assert len(sol.events[0][0])
     for t, y in zip(*sol.events[0], strict=True):
         assert value(system, signal, t, y) == pytest.approx(level, abs=1e-10)
+
+
+@pytest.mark.usefixtures("back_end")
+def test_multipliers_are_those_of_nodes_where_the_first_joint_slides():
+    """The last stage puts the constraint on another pose than that of the node: the cart is elsewhere."""
+    model = pin.Model()
+    cart = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "cart")
+    model.appendBodyToJoint(cart, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    bar(model, bar(model, cart, (0, 0), 1.0, "arm"), (1, 0), 1.5, "rod")
+    point(model, 0, (1.5, -0.9), "ground")
+    mech = mbdae.Mechanism(model, [mbdae.Closure.point("rod_tip", "ground", name="pin")])
+    q, v = mech.assemble(q={"arm": 0.5}, v={"arm": 2.0}, guess={"rod": -1.7})
+    options = {"method": "pherk6", "step": 0.05}
+    lam = mbdae.solve(mech, (0, 0.5), q, v, **options).lam[:, 0]
+    sol = mbdae.solve(mech, (0, 0.5), q, v, events=f"lam.pin.1 = {float(lam[5])!r}", **options)
+    system, signal = mech.system(), signal_values(mech)["lam.pin.1"]
+    assert len(sol.events[0][0])
+    for t, y in zip(*sol.events[0], strict=True):
+        assert value(system, signal, t, y) == pytest.approx(lam[5], abs=1e-9 * np.abs(lam).max())
 
 
 @pytest.mark.parametrize("name", SMOOTH)

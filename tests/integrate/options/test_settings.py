@@ -32,10 +32,17 @@ def test_settings_of_the_file_are_the_defaults(tmp_path):
     np.testing.assert_array_equal(sol.q, mbdae.solve(mech, (0, 0.2), method="herk3", step=0.01).q)
     assert mbdae.solve(mech, (0, 0.2), step=0.02).stats["steps"] == 10
     assert mbdae.solve(mech, (0, 0.2), rtol=1e-4).stats["steps"] < 15  # a given tolerance: no fixed step
+    assert mbdae.solve(mech, (0, 0.2), max_step=1e-3).stats["steps"] >= 200
     assert mbdae.solve(mech, (0, 0.2), method="pherk5").stats["steps"] == 20
     assert mbdae.info(mech).solve == {"method": "herk3", "step": 0.01}
     assert "solve     method = herk3, step = 0.01" in str(mbdae.info(mech))
     assert restore(describe(mech), []).settings == mech.settings
+
+
+def test_a_given_step_ignores_the_step_size_control_of_the_file(tmp_path):
+    mech = bob(tmp_path, "rtol = 1e-5\nfirst_step = 1e-3\nmax_step = 1e-3")
+    assert mbdae.solve(mech, (0, 0.2)).stats["steps"] >= 200
+    assert mbdae.solve(mech, (0, 0.2), step=0.02).stats["steps"] == 10
 
 
 def test_a_given_method_ignores_the_formulation_of_the_file(tmp_path):
@@ -47,6 +54,7 @@ def test_a_given_method_ignores_the_formulation_of_the_file(tmp_path):
 WRONG = [
     ("rtol = -1", InputError, r"solve\.rtol: Input should be greater than 0"),
     ("step = 0.1\nrtol = 1e-3", InputError, "solve: step sets fixed steps"),
+    ("step = 0.1\nmax_step = 1e-3", InputError, "solve: step sets fixed steps"),
     ('formulation = "index3"', InputError, r"solve\.formulation"),
     ("steps = 3", InputError, r"unknown key solve\.steps; known: atol, baumgarte, first_step"),
     ("baumgarte = [1, 1]", InputError, "baumgarte belongs to formulation 'index1'"),

@@ -31,6 +31,13 @@ def test_a_rod_stretches_and_both_planes_bend():
     assert tip.Psi[2, 1] * tip.Phi[1, 1] > 0 > tip.Psi[1, 3] * tip.Phi[2, 3]  # rotations w' about z, -w' about y
 
 
+@pytest.mark.parametrize("length", [0.9, 1.0, 1.1, 3.0])
+def test_modes_rise_next_to_the_left_end(length):
+    """The fourth one, also where it is zero at the end of the first element."""
+    body = mbdae.beam(**UNIT | {"length": length}, elements=4, ends="pinned", modes=4)
+    assert (body.nodes["A"].Psi[2] > 1).all()
+
+
 def test_the_mass_is_consistent():
     body = mbdae.beam(**UNIT, elements=3, modes=2)
     assert body.mass == pytest.approx(1.0, rel=1e-14)

@@ -31,6 +31,7 @@ def slider_crank(*forces):
         ({"inputs": ["motr"]}, "unknown input 'motr'"),
         ({"outputs": ["q.crnk"]}, "unknown signal 'q.crnk'.*q.crank"),
         ({"outputs": ["position.rod_tip.x"]}, "signal 'position.rod_tip.x' cannot be exported"),
+        ({"outputs": ["work"]}, "output 'work' is integrated by the steps of co-simulation"),
         ({"parameters": ["joint.rod.mass"]}, "unknown joint of a source 'rod'"),
         ({"method": "radau5"}, "only half-explicit methods"),
         ({"method": "LSODA"}, "LSODA"),
