@@ -113,7 +113,7 @@ def test_equal_drivers_are_no_contradiction(tmp_path, scene):
 
 
 def test_contacts_that_are_closed_without_clearance_are_named(tmp_path):
-    """A valve that rests on its seat and on a cam: their loads are not unique, and neither opens where the cam lifts."""
+    """A valve rests on its seat and on a cam: loads are not unique, and neither contact opens where the cam lifts."""
     slides = [body(name, "prismatic", axis=[1.0, 0.0, 0.0]) for name in ("cam", "valve")]
     tree = load(tmp_path, slides, [])
     seat = mbdae.Stop(joint="valve", lower=0.0, name="seat")
