@@ -99,18 +99,11 @@ class Units:
             out[found[0]] = name
         return cls(out)
 
-    def factor(self, unit: str, symbols: Mapping[str, str] | None = None) -> Factor:
-        """Return the SI value of one of these units, for a unit in SI, ``"kg m^2"``; 1 if it is a list, ``"m, rad"``.
-
-        Args:
-            unit: in SI.
-            symbols: units of symbols in it.
-        """
+    def factor(self, unit: str) -> Factor:
+        """Return the SI value of one of these units, for a unit in SI, ``"kg m^2"``; 1 for a list, ``"m, rad"``."""
         out = ONE
         for symbol, power in self._parts(unit):
-            if symbols and symbol in symbols:
-                out = out.times(self.factor(symbols[symbol], symbols).power(power))
-            elif symbol in SI and SI[symbol] in self.chosen:
+            if symbol in SI and SI[symbol] in self.chosen:
                 out = out.times(DIMENSIONS[SI[symbol]][self.chosen[SI[symbol]]].power(power))
         return out
 

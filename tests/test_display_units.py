@@ -123,15 +123,17 @@ def test_axes_have_the_units_of_their_curves(sol):
         assert not any(word in labels(figure) for word in ("(m)", "(rad)", "(s)", "(N m)", "/rad"))
 
 
-def test_plots_of_replays_have_the_units(sol):
+@pytest.mark.parametrize("plots", [None, ["q"]])
+def test_plots_of_replays_have_the_units(sol, plots):
     with mbdae.display_units("mm", "deg"):
-        found = panes(sol, None, {})
+        found = panes(sol, plots, {"lead in m": lambda t, q, v: q[-1]})
     angles, positions = found[0], found[1]
     assert "(deg)" in angles.title
     crank = next(c for c in angles.curves if c.name == "crank")
     np.testing.assert_allclose(crank.y[[0, -1]], np.degrees(sol.signals("q.crank")["q.crank"][[0, -1]]), rtol=1e-12)
     assert "(mm)" in positions.title
     assert positions.curves[0].y[-1] == pytest.approx(1e3 * sol.q[-1, -1], rel=1e-12)
+    assert found[-1].curves[0].y[-1] == sol.q[-1, -1]  # the user's signal as it is
 
 
 def test_commands_label_every_number(tmp_path):

@@ -15,6 +15,7 @@ from ...system import Array
 from ...tolerances import AMBIGUOUS_PIVOT, VISIBLE
 from ..steppers.solvers import SOLVERS
 from .elastic_resolution import Vibrations, unresolved_vibrations
+from .skipped_shapes import skipped_shape
 
 POSITION_TOLERANCE = 0.01  # rad or characteristic lengths
 ENERGY_TOLERANCE = 0.1  # of the energy that is exchanged
@@ -178,5 +179,5 @@ def _spread(n: int, most: int) -> Array | slice:
 
 CHECKS = (
     (violated_closures, violated_velocity_rows, energy_imbalance),  # a higher accuracy is the remedy
-    (dependent_rows_changed, lift_off, lost_preconditions, large_deflections),
+    (dependent_rows_changed, lift_off, lost_preconditions, large_deflections, skipped_shape),
 )

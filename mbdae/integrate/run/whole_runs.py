@@ -24,6 +24,7 @@ from ..steppers.stepper import smallest_step
 from .run_diagnostics import SAMPLES, are_accurate
 from .run_setup import START_DRIFT
 from .run_state import RunState
+from .skipped_shapes import shaped_closures, tables_over_time
 from .stiffness_detection import FIRST_CHECK
 
 COUNTS = ("steps", "rejected", *Counts().to_dict())
@@ -75,13 +76,14 @@ def calls_python(run: RunState) -> bool:
 
 def _feature_in_python(mech: Mechanism, system: CompiledSystem) -> str:
     """Return a feature of the mechanism that needs Python at the start, between steps or at the end; else ''."""
-    checked = [*closures_with_preconditions(mech), *rolling_closures(mech)]
+    checked = [*closures_with_preconditions(mech), *rolling_closures(mech), *shaped_closures(mech)]
     found = {
         "modes of": [s.name for s in mech.switches],
         "event": [reset.name for reset in mech.resets],
         "closure friction": [interface.force.name for interface in system.closure_friction.interfaces],
         "flexible body": [body.name for body in flexible_bodies(mech.model)],
         "checks of closure": [c.name for c in checked],
+        "table of": [name for name, _ in tables_over_time(system)],
     }
     named = next((f"{kind} {names[0]!r}" for kind, names in found.items() if names), "")
     return named or ("functions of Python" if system.core.calls_python else "")

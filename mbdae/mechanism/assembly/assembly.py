@@ -103,8 +103,14 @@ def _closed_position(system: "Index2System", q0: Array, fixed: Array, held: Arra
 def assemble_start(mech: "Mechanism", t: float) -> Assembled:
     """Return the start of a mechanism, see `mbdae.Mechanism.start_at`."""
     values, driven = mech.start_values, {d.joint for d in mech.drivers}
-    q, v = ({n: x for n, x in table.items() if n not in driven} for table in (values.q, values.v))
-    return assemble(mech, q, v, None, values.guess_v, t)
+    v = {name: x for name, x in values.v.items() if name not in driven}
+    return assemble(mech, _undriven(mech, values.q), v, None, values.guess_v, t)
+
+
+def _undriven(mech: "Mechanism", q: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the start coordinates of joints whose position no driver prescribes; a speed alone leaves it free."""
+    moved = {d.joint for d in mech.drivers if d.speed is None}
+    return {name: x for name, x in q.items() if name not in moved}
 
 
 def start_position(mech: "Mechanism") -> Array:
@@ -113,8 +119,8 @@ def start_position(mech: "Mechanism") -> Array:
     Raises:
         AssemblyError: if its loops cannot be closed.
     """
-    values, driven = mech.start_values, {d.joint for d in mech.drivers}
-    fixed = tangent_indices(mech.model, [name for name in values.q if name not in driven])
+    values = mech.start_values
+    fixed = tangent_indices(mech.model, list(_undriven(mech, values.q)))
     system, held = mech.system(), _held_modes(mech, {**values.guess, **values.q})
     return _with_modes_held(lambda fixed: close_position(system, mech.given[0], fixed, 0.0), fixed, held)[0]
 

@@ -27,6 +27,7 @@ class Actuators(NamedTuple):
         fixed: rows of joints, (m, nv); zero for drivers.
         rows: for each effort the row of G of its driver, -1 for joints.
         undriven: indices of the rows that are not drivers, (c,).
+        replaced: names of those forces.
     """
 
     mechanism: Mechanism
@@ -35,6 +36,7 @@ class Actuators(NamedTuple):
     fixed: Array
     rows: list[int]
     undriven: Array
+    replaced: tuple[str, ...]
 
     def rows_at(self, G: Array) -> Array:
         """Return S (m, nv), whose generalised force is S^T effort, for G (ng, nv) of all rows."""
@@ -122,13 +124,14 @@ def actuators_of(mech: Mechanism, names: str | Sequence[str] | None, drive: str 
     labels, units, rows, driver_rows = zip(*found, strict=True)
     driven = [row for d in mech.drivers for row in mech.rows_of(d.name)]
     undriven = np.setdiff1d(np.arange(mech.ng), driven)
-    bound = _without_forces(mech, joints)
-    return Actuators(bound, list(labels), list(units), np.array(rows), list(driver_rows), undriven)
+    replaced = tuple(f.name for f in mech.forces if isinstance(f, REPLACED_FORCES) and f.joint in joints)
+    bound = _without_forces(mech, replaced)
+    return Actuators(bound, list(labels), list(units), np.array(rows), list(driver_rows), undriven, replaced)
 
 
-def _without_forces(mech: Mechanism, joints: set[str]) -> Mechanism:
-    """Return the mechanism without the forces that actuators of these joints replace."""
-    forces = [f for f in mech.forces if not (isinstance(f, REPLACED_FORCES) and f.joint in joints)]
+def _without_forces(mech: Mechanism, replaced: Sequence[str]) -> Mechanism:
+    """Return the mechanism without the forces of these names."""
+    forces = [f for f in mech.forces if getattr(f, "name", "") not in replaced]
     return Mechanism(
         mech.model, mech.closures, forces, drivers=mech.drivers, stops=mech.stops, clutches=mech.clutches,
         title=mech.title, start=mech.start_values,

@@ -105,7 +105,7 @@ def inverse_dynamics(
     return InverseDynamics(
         mech, desired.t, desired.q, desired.v, desired.vdot, tuple(chosen.names), tuple(chosen.units), efforts, speeds,
         lam, joints, desired.over[0], desired.over[1], desired.impacts, _violated(mech, desired),
-        _static_friction(mech, desired),
+        _static_friction(mech, desired), chosen.replaced,
     )  # fmt: skip
 
 

@@ -76,6 +76,7 @@ class InverseDynamics(Tabular):
         impacts: times of impacts of a run, whose impulses are not included in efforts.
         passed: unilateral constraints (stops, ropes, contacts, clutches) that a prescribed motion violates.
         static_friction: in N m or N, of joints that a prescribed motion keeps at rest: not included in efforts.
+        replaced: names of the torques, controllers and motors on actuated joints, in whose place the efforts are.
     """
 
     mechanism: Mechanism
@@ -94,6 +95,7 @@ class InverseDynamics(Tabular):
     impacts: tuple[float, ...] = ()
     passed: tuple[Violation, ...] = ()
     static_friction: dict[str, float] = field(default_factory=dict)
+    replaced: tuple[str, ...] = ()
 
     @cached_property
     def power(self) -> Array:
@@ -204,6 +206,8 @@ class InverseDynamics(Tabular):
         largest, force = displayed(largest, "N")
         loads = ", ".join(f"{n} {x:.4g}" for n, x in zip(self.mechanism.joint_names, largest, strict=True))
         lines = [f"  largest forces in joints ({force}): {loads}"]
+        if self.replaced:
+            lines.append(f"  in place of {', '.join(map(repr, self.replaced))} on the actuated joints")
         if len(self.undetermined):
             times = ", ".join(f"{t:.6g}" for t in self.undetermined[:5])
             lines.append(f"  closures lose rank, and efforts are undetermined, at t = {times} s")
@@ -229,6 +233,7 @@ class InverseDynamics(Tabular):
             "impacts": list(self.impacts),
             "passed": [p._asdict() for p in self.passed],
             "static_friction": self.static_friction,
+            "replaced": list(self.replaced),
             "table": {name: column.tolist() for name, column in self.signals().items()},
         }
 

@@ -83,7 +83,7 @@ def panes(
     functions = {name: signal for name, signal in user_signals.items() if callable(signal)}
     tables = [table, *(_table(ghost, functions, wanted) for ghost in ghosts)]
     found = [pane for group in groups for pane in _by_unit(group, tables, mech)]
-    return [_for_display(pane) for pane in found] if plots is None else found
+    return [_in_shown_units(_readable(pane) if plots is None else pane) for pane in found]
 
 
 class _Group(NamedTuple):
@@ -152,10 +152,11 @@ def _without_common_prefix(curves: Sequence[Curve]) -> tuple[Curve, ...]:
     return tuple(c._replace(name=c.name.partition(".")[2]) if same_head else c for c in curves)
 
 
-def _for_display(pane: PlotPanel) -> PlotPanel:
-    """Return a pane in the units in which results are shown, see `_readable`."""
-    pane = _readable(pane)
+def _in_shown_units(pane: PlotPanel) -> PlotPanel:
+    """Return a pane in the units in which results are shown; those of a user's signal are not known."""
     title = pane.title.replace(f"({pane.unit})", f"({unit_name(pane.unit)})")
+    if title == pane.title:
+        return pane
     curves = tuple(c._replace(y=displayed(c.y, pane.unit)[0]) for c in pane.curves)
     return replace(pane, title=title, curves=curves)
 

@@ -110,3 +110,17 @@ def test_drivers_part_in_all_units(method, units):
 def test_equal_drivers_are_no_contradiction(tmp_path, scene):
     sol = mbdae.solve(SCENES[scene](tmp_path, 0.0, 3), (0, 1))
     assert sol.success, sol.message
+
+
+def test_contacts_that_are_closed_without_clearance_are_named(tmp_path):
+    """A valve rests on its seat and on a cam: loads are not unique, and neither contact opens where the cam lifts."""
+    slides = [body(name, "prismatic", axis=[1.0, 0.0, 0.0]) for name in ("cam", "valve")]
+    tree = load(tmp_path, slides, [])
+    seat = mbdae.Stop(joint="valve", lower=0.0, name="seat")
+    contact = mbdae.Stop(joints=("valve", "cam"), coefficients=(0.0, 1.0), lower=0.0, name="contact")
+    spring = mbdae.JointTorque(joint="valve", torque=-10.0)
+    lift = Driver.polynomial("cam", [0.0, 0.0, 0.0, 0.1], name="lift")
+    mech = Mechanism(tree.model, forces=[spring], drivers=[lift], stops=[seat, contact])
+    sol = mbdae.solve(mech, (0, 1), *mech.assemble())
+    assert sol.status == "driver"
+    assert "'seat' and 'contact' are closed without clearance between them: give one of them a gap" in sol.message

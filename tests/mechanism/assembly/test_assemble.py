@@ -13,6 +13,7 @@ import mbdae
 from mbdae.errors import AssemblyError, InputError
 from mbdae.mechanism.assembly import position_search
 from mbdae.mechanism.closures.closure_error import largest_error
+from mbdae.mechanism.model_settings import Start
 from mbdae.mechanism.variant import variant
 from mbdae.studies.info.info import info
 
@@ -283,3 +284,10 @@ def test_a_start_is_that_of_a_pickled_mechanism_and_of_a_variant(name):
             np.testing.assert_allclose(v, mbdae.load(name).assemble(v={joint: speed})[1], rtol=1e-12, atol=1e-12)
     with pytest.raises(AssemblyError):
         mech.assemble(v=dict.fromkeys(mech.joint_names, 1.0))
+
+
+def test_a_driver_of_a_speed_leaves_the_position_of_the_start():
+    mech, driver = four_bar(), mbdae.Driver(joint="crank", speed=2.0)
+    start = Start(q={"crank": 1.1}, v={"crank": 9.0}, guess={"coupler": -0.5, "rocker": 1.0})
+    q, v = mbdae.Mechanism(mech.model, mech.closures, drivers=[driver], start=start).start
+    assert [q[0], v[0]] == pytest.approx([1.1, 2.0], abs=CLOSED)

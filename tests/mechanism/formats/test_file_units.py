@@ -162,6 +162,42 @@ def test_units_of_joints_are_those_of_their_coordinates(all_sorts):
     assert sum(expected[p] not in (0, 1) for p in numbers) > 50
 
 
+SPEEDS = """
+units = {{ {units} }}
+[[body]]
+name = "wheel"
+parent = "world"
+[[driver]]
+joint = "wheel"
+{driven}
+[[force]]
+kind = "joint_pid"
+joint = "wheel"
+controls = "velocity"
+reference = {{ kind = "steps", points = [[0, {v}], [1, {v}]] }}
+kp = 2.0
+[[force]]
+kind = "joint_friction"
+joint = "wheel"
+friction = 1.0
+velocity = {v}
+[start]
+v = {{ wheel = {v} }}
+"""
+
+
+@pytest.mark.parametrize("driven", ["speed = {v}", 'motion = {{ kind = "polynomial", coefficients = [0.0, {v}] }}'])
+def test_speeds_of_joints_are_in_the_unit_of_rotation(driven, tmp_path):
+    def speeds(units, v):
+        path = tmp_path / "speeds.toml"
+        path.write_text(SPEEDS.format(units=units, v=v, driven=driven.format(v=v)))
+        values = flat(read(path, {}).file.model_dump(include={"driver", "force", "start"}))
+        return [x for _, x in values if isinstance(x, float) and x > 5]
+
+    assert speeds("", 10.0) == [10.0] * 5
+    assert speeds('rotation = "rpm"', 300 / np.pi) == pytest.approx([10.0] * 5, rel=1e-14)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

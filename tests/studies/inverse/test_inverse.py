@@ -46,6 +46,8 @@ def test_forward_again(model, moved, actuators):
         return out
 
     kept = [f for f in mech.forces if f.kind != "joint_pid"]
+    assert found.replaced == tuple(f.name for f in mech.forces if f not in kept)
+    assert all(f"'{name}'" in str(found) for name in found.replaced)
     free = Mechanism(mech.model, mech.closures, [*kept, push])
     q, v = free.assemble(found.q[0], found.v[0])
     sol = mbdae.solve(free, (0, t[-1]), q, v, rtol=1e-11, t_eval=t[::40])

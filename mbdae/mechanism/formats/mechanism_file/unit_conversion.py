@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ....errors import InputError
-from ....units import SYMBOL, Units
+from ....units import SYMBOL, Units, substituted
 from ...checked_table import Table
 from ...imported_model import ImportedModel
 from ...key_units import Coordinates, Unit, UnitSymbols, function_symbols
@@ -102,7 +102,7 @@ class Conversion:
         missing = [s for s in _expanded(unit, symbols) if OF_JOINTS.fullmatch(s) and s not in symbols]
         if missing:
             raise InputError("[units] need joints of one kind, that turn or that slide: use one table for each kind")
-        return self.units.factor(unit, symbols).apply(x)
+        return self.units.factor(substituted(unit, symbols)).apply(x)
 
     def _coordinate(self, name: str, value: Any, per_time: bool) -> Any:
         """Return the coordinates of a joint, or one with its name, ``q.crank``."""

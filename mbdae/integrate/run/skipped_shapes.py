@@ -1,0 +1,88 @@
+"""Do the steps of a run see the shapes of its curves and tables? In a dwell steps grow, until one skips a lobe."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ... import hermite
+from ...errors import InputError
+from ...mechanism.closures.closure import Closure
+from ...mechanism.closures.motion_laws import LawTable
+from ...mechanism.closures.profiles import PointProfile
+from ...mechanism.formulations.index2 import Index2System
+from ...mechanism.mechanism import Mechanism
+from ...mechanism.time_functions.piecewise_polynomial import PiecewisePolynomial
+from ...mechanism.time_functions.time_function_base import PiecewiseFunction
+from ...solution.solution import Solution
+from ...tolerances import SMALLEST_PART
+
+LONGEST = 64  # steps that are examined: one that skips a shape is among the longest
+SAMPLES = 24  # times within a step at which closures are computed
+SHARE = 0.1  # of the range of a table by which values within a step may differ from a cubic through its ends
+LARGEST_GAP = 0.01  # rad or characteristic lengths, within a step
+LOST_DIGITS = 1e4  # of rtol: larger gaps within a step are no error of the dense output
+
+
+def skipped_shape(sol: Solution, system: Index2System) -> str:
+    """Return which step skipped the shape of a curve of closures, or of a table over time; empty if none.
+
+    Within a step, positions from the dense output satisfy a closure that its stages resolved, and a table is close to
+    the cubic through both ends of the step.
+    """
+    t = sol.nodes[0]
+    h = np.abs(np.diff(t))
+    longest = np.sort(np.argsort(-h, kind="stable")[:LONGEST])
+    for i in longest[h[longest] > SMALLEST_PART * h.sum()]:  # others are impacts and jumps
+        ends = float(t[i]), float(t[i + 1])
+        names = [name for name, table in tables_over_time(system) if _is_skipped(table, *ends)]
+        if names or (names := _skipped_closures(sol, system, int(i))):
+            step = f"the step of {abs(ends[1] - ends[0]):.2g} s from t = {ends[0]:.6g} s skipped points of {names[0]!r}"
+            return f"{step}: take a smaller max_step"
+    return ""
+
+
+def tables_over_time(system: Index2System) -> Iterator[tuple[str, PiecewisePolynomial]]:
+    """Yield the tables over time of forces and drivers by name; steps end at all points of other functions."""
+    laws = ((law.name, signal) for law, _ in system.laws.bound for signal in law.signals)
+    drivers = ((driver.name, driver.path) for driver in system.mechanism.drivers)
+    for name, function in (*laws, *drivers):
+        table = function.polynomials if isinstance(function, PiecewiseFunction) else function
+        if isinstance(table, PiecewisePolynomial) and len(table.starts) > 1 + len(table.breaks):
+            yield name, table
+
+
+def _is_skipped(table: PiecewisePolynomial, t0: float, t1: float) -> bool:
+    """Return whether a table differs from the cubic through the ends of a step at a point in between."""
+    try:
+        knots = table.knots_between(t0, t1)
+    except InputError:
+        return True  # more points than can be listed
+    if not knots:
+        return False
+    h, values = t1 - t0, [table.at(t) for t in table.starts]
+    at_ends = [(np.array([table.at(t0, k) * h**k]), np.array([table.at(t1, k) * h**k])) for k in (0, 1)]
+    cubic = hermite.fit(at_ends, np.empty((0, 1)))[:, 0]
+    error = max(abs(table.at(t) - float(hermite.powers((t - t0) / h, 3) @ cubic)) for t in knots)
+    return error > SHARE * (max(values) - min(values))
+
+
+def _skipped_closures(sol: Solution, system: Index2System, i: int) -> list[str]:
+    """Return the closures with curves through points that are open between the ends of the i-th step."""
+    mech, t = sol.mechanism, sol.nodes[0]
+    if not (closures := shaped_closures(mech)):
+        return []
+    limit = max(min(LARGEST_GAP, LOST_DIGITS * sol.settings.get("rtol", 1.0)), 10 * system.largest_g)
+    times = np.linspace(t[i], t[i + 1], SAMPLES + 2)[1:-1]
+    g = system.residuals(times, np.array(list(sol.points(times))))[0] / mech.row_scales
+    return [c.name for c in closures if not (np.abs(g[:, mech.rows_of(c.name)]) <= limit).all()]
+
+
+def shaped_closures(mech: Mechanism) -> list[Closure]:
+    """Return the closures that are always active and have a curve through points."""
+    switched = {row for s in mech.switches for row in s.rows}
+    shaped = (c for c in mech.closures if _has_points(c))
+    return [c for c in shaped if switched.isdisjoint(mech.rows_of(c.name))]
+
+
+def _has_points(closure: Closure) -> bool:
+    return isinstance(getattr(closure, "curve", None) or getattr(closure, "profile", None), LawTable | PointProfile)
