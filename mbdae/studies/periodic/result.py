@@ -183,7 +183,7 @@ class PeriodicMotion(Tabular):
         period, units = quantity(self.T, "s", ".12g"), coordinate_units(self.mechanism)
 
         def text(name: str, x: float, digits: str) -> str:
-            return quantity(x, units.get(name, "").removesuffix("1"), digits)
+            return quantity(x, units.get(name, ""), digits)
 
         lines = [f"periodic motion of {self.mechanism.title}: T = {period}, {self.stability}"]
         lines += [f"  {name:24s} {text(name, x, ' .12g')}" for name, x in self.start.items()]
