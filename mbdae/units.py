@@ -188,9 +188,9 @@ def unit_name(unit: str) -> str:
 
 
 def quantity(x: float, unit: str, digits: str = ".6g") -> str:
-    """Return a value in SI as text, with its unit, in the units in which results are shown."""
+    """Return a value in SI as text, with its unit unless that is 1, in the units in which results are shown."""
     value, name = displayed(float(x), unit)
-    return f"{value:{digits}} {name}".rstrip()
+    return f"{value:{digits}} {'' if name == '1' else name}".rstrip()
 
 
 def time_span(t: Any, digits: str) -> str:

@@ -1,12 +1,13 @@
 """Inputs of a mechanism: functions of time whose values are set while it is simulated, by a user or by FMUs."""
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from ..errors import InputError, UnknownNameError
 from ..system import Array
+from .forces import FORCES
 from .forces.fmu import fmus_of_inputs
 from .time_functions.input_functions import Input, InputHistory, InputSetting, as_input, inputs_in, map_inputs
 from .time_functions.time_function_base import BaseTimeFunction
@@ -14,6 +15,15 @@ from .variant import variant
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
+
+
+def _source_with(source: Any, forces: Iterable[Any], drivers: Iterable[Any]) -> Any:
+    """Return the origin of a mechanism with other forces and drivers: saved runs have its meshes, and parameters."""
+    if not source:
+        return source
+    tables = {"force": [f for f in forces if isinstance(f, FORCES)], "driver": drivers}
+    changed = {table: [x.model_dump(mode="json") for x in entries] for table, entries in tables.items()}
+    return {**source, "file": {**source["file"], **changed}}
 
 
 class Inputs:
@@ -70,8 +80,8 @@ class Inputs:
         def change(x: Input | InputHistory) -> BaseTimeFunction:
             return replaced.get(x.name, x) if isinstance(x, Input) or x.name in self._fmus else x
 
-        drivers = [map_inputs(d, change) for d in m.drivers]
-        return variant(m, forces=[map_inputs(f, change) for f in m.forces], drivers=drivers, source=None)
+        drivers, forces = [map_inputs(d, change) for d in m.drivers], [map_inputs(f, change) for f in m.forces]
+        return variant(m, forces=forces, drivers=drivers, source=_source_with(m.source, forces, drivers))
 
     def cell(self, name: str) -> Input:
         """Return an input that can be set.

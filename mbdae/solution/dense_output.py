@@ -9,6 +9,7 @@ from typing import Any, Self, cast
 import numpy as np
 
 from ..errors import InputError, StepError
+from ..mechanism.model_settings import as_numbers
 from ..system import Array
 from .sampling import sample_together
 
@@ -115,10 +116,17 @@ class DenseOutput:
             self.rates[i] = self.at(i).derivative(ts[i], ys[i], zs[i])[0]
         return self.rates[i]
 
-    def multipliers(self, t: float) -> Array:
-        """Return z (nz,) at any time of the run from the hidden constraint; the first ng are lam."""
-        y, i = self.point(t), int(self.before(np.array([t]))[0])
-        return self.at(i).derivative(t, y, self.nodes[2][i])[1]
+    def multipliers(self, t: float | Array) -> Array:
+        """Return z (nz,) at a time of the run, or (n, nz) at several, from the hidden constraint; the first ng are lam.
+
+        Raises:
+            InputError: for a time outside.
+        """
+        times, z = as_numbers(t), self.nodes[2]
+        at = times.ravel()
+        points = zip(at.tolist(), list(self.points(at)), self.before(at).tolist(), strict=True)
+        found = [self.at(i).derivative(x, y, z[i])[1] for x, y, i in points]
+        return np.array(found).reshape(*times.shape, z.shape[1])
 
     def resampled(self, times: Array) -> Self:
         """Return the solution at other times (m,) within its span, by dense output.

@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ..data_types import CoreData
-from ..errors import InputError, UnknownNameError
+from ..errors import InputError, UnknownNameError, require
 from ..mechanism import Mechanism
 from ..mechanism.hybrid.kinds.unilateral import Unilateral
 from ..mechanism.hybrid.mode_point import AllRows
@@ -153,6 +153,7 @@ def find_point_signal(mech: Mechanism, name: str) -> SignalValue:
         UnknownNameError: for an unknown name, with the valid names.
         InputError: for a signal of a whole run, the mode or the impulses of a switch.
     """
+    require(name, str, "a signal is given by its name")
     if mech not in _KNOWN and name in (own := _coordinates(mech)):  # all signals take longer than all else of a load
         return own[name]
     known = signal_values(mech)

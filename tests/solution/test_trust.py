@@ -53,6 +53,7 @@ def test_a_run_with_dependent_rows_is_read_anywhere(project):
     for t in (2.97, 0.4):
         np.testing.assert_allclose(sol(t).v, exact(t).v, atol=1e-4)
         np.testing.assert_allclose(sol.multipliers(t), exact.multipliers(t), rtol=1e-3, atol=1e-2)
+    np.testing.assert_array_equal(sol.multipliers([[2.97, 0.4]]), [[sol.multipliers(2.97), sol.multipliers(0.4)]])
     assert np.abs(sol.lam).max() == pytest.approx(np.abs(exact.lam).max(), rel=0.02)
 
 

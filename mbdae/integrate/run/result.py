@@ -93,6 +93,7 @@ def joined(parts: Sequence[Solution]) -> Solution:
         return last
     first = np.cumsum([0, *(len(part.t) - 1 for part in parts)]).tolist()
     tables: dict[str, Any] = {name: _nodes([getattr(part, name) for part in parts]) for name in ("t", "y", "z_own")}
+    tables["t"][first[1:-1]] = [part.t[0] for part in parts[1:]]  # just before a jump there
     tables |= {name: [x for part in parts for x in getattr(part, name)] for name in ("impacts", "singular")}
     tables |= {name: _changes(first, [getattr(part, name) for part in parts]) for name in ("in_use", "modes")}
     tables["resets"] = [(k + i, name) for k, part in zip(first, parts, strict=False) for i, name in part.resets]

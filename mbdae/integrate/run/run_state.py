@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from math import ulp
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -13,7 +14,7 @@ from ...solution.solution import Problem, Solution
 from ...system import Array, State, Step, System
 from ..events.driver_checks import DriverChecks
 from ..events.hybrid import ModeChanges
-from ..events.jumps import Jumps
+from ..events.jumps import MARGIN, Jumps
 from ..events.resets import Resets
 from ..events.singularity import SingularityMonitor
 from ..events.source import EventSource, Occurrence
@@ -110,9 +111,16 @@ class RunState:
         if restarted or not self.in_use or self.in_use[-1][1] != rows:
             self.in_use.append((len(self.ts) - 1, rows))
 
-    def restart_after_jump(self, t: float) -> None:
-        """Begin the next smooth interval after a jump, at time t: a second node, just after the previous one."""
+    def restart_after_jump(self, t: float, exact_end: bool = False) -> None:
+        """Begin the next smooth interval after a jump, at time t: a second node, just after the previous one.
+
+        Args:
+            t: time of the jump.
+            exact_end: whether the previous node is at t, too: its time moves to just before the jump.
+        """
         self.end_interval(len(self.ts) - 1)
+        if exact_end:
+            self.ts[-1] -= MARGIN * ulp(t)
         self.zs.append(self.zs[-1])
         self.ys.append(self.ys[-1])
         self.ts.append(t)

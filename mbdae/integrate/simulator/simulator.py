@@ -223,7 +223,7 @@ class Simulator(DifferentiableAdvance):
         run = self._run
         restarts |= run.interval.stop != run.interval.end  # a jump just after the last node
         if restarts:
-            run.restart_after_jump(run.t)
+            run.restart_after_jump(run.t, exact_end=len(run.ts) > 1 or bool(self._earlier))
         run.continue_to(end)
         return restarts, time_loop(run)
 

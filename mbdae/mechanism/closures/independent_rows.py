@@ -159,7 +159,7 @@ def pivots_of_many(B: np.ndarray, position: np.ndarray, tie: float) -> tuple[np.
     """
     S = B.T.dot(B)
     i, j = S.nonzero()
-    window = max(MANY_ROWS, 2 * int(np.abs(position[i] - position[j]).max()) + 2)
+    window = max(MANY_ROWS, 2 * int(np.abs(position[i] - position[j]).max(initial=0)) + 2)
     diagonal, sequence = S.diagonal().copy(), position.argsort()
     found: list[tuple[float, int, int]] = []
     nothing = tie**2 * diagonal.max()

@@ -164,13 +164,13 @@ class Statics:
         return float(np.divide(rho, self.term_sizes(here), out=np.zeros_like(rho), where=rho > 0).max(initial=0.0))
 
     def close(self, q: Array, s: Array) -> Array:
-        """Return the configuration near q that closes all loops and satisfies integrators.
+        """Return the configuration near q that closes all loops and satisfies integrators; locked coordinates stay.
 
         Raises:
             StepError: if loops cannot be closed.
         """
         more = (lambda x: self.integrator_conditions(x, s)) if self.system.ns else None
-        return close_loops(self.system, self.t, q, more)
+        return close_loops(self.system, self.t, q, more, locked=self.locked)
 
     def load(self, q: Array) -> Array:
         """Return the scaled forces, (nv,); positions and velocities must be current."""

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 ITERATIONS = 20
 MAX_REMAINING = 0.5  # of a residual after a full correction: a larger one is rounding, or the step overshoots
 STEP_FACTORS = (1.0, 0.5, 0.25, 0.125)  # of corrections
+NO_INDICES = np.empty(0, int)
 ResidualFunction = Callable[[Array], tuple[Array, Array]]
 """Further residuals (k,) at a configuration (nq,), at the workspace's kinematics, and partials (k, nv)."""
 
@@ -85,11 +86,14 @@ def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) 
     return NullSpace(U, P[:, :r], S[:r], Vt[:r].T, dgesv(U, Vt[r:].T)[2], dependent, scale)
 
 
-def close_loops(system: "Index2System", t: float, q: Array, more: ResidualFunction | None = None) -> Array:
+def close_loops(
+    system: "Index2System", t: float, q: Array, more: ResidualFunction | None = None, *, locked: Array = NO_INDICES
+) -> Array:
     """Return the configuration (nq,) near q that closes all loops and satisfies further rows, to rounding.
 
     Gauss-Newton steps have the smallest norm in rad and characteristic lengths; a step shortened by a factor is taken
-    if it reduces the residual by at least half of that factor.
+    if it reduces the residual by at least half of that factor. Coordinates with the velocity indices ``locked`` keep
+    their values.
 
     Raises:
         StepError: if rows remain violated.
@@ -99,10 +103,11 @@ def close_loops(system: "Index2System", t: float, q: Array, more: ResidualFuncti
     def residual(x: Array) -> tuple[Array, Array]:
         g, G = system.closures(x, t)
         g, G = g / units, G / units[:, None]
-        if more is None:
-            return g, G
-        r, R = more(x)
-        return np.concatenate([g, r]), np.vstack([G, R])
+        if more is not None:
+            r, R = more(x)
+            g, G = np.concatenate([g, r]), np.vstack([G, R])
+        G[:, locked] = 0.0
+        return g, G
 
     if not system.ng and more is None:
         return q

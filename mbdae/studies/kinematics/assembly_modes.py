@@ -169,6 +169,6 @@ def _coordinates_text(mech: Mechanism, q: Array) -> str:
             values = np.array([np.arctan2(values[1], values[0])])
         parts = COORDINATE_NAMES.get(mech.joint_kind(name), (("",),))[0] if len(values) > 1 else ("",)
         names = [f"{name}.{p}" if p else name for p in parts]
-        known = [units.get(f"q.{n}", "").removesuffix("1") for n in names]
+        known = [units.get(f"q.{n}", "") for n in names]
         out += [f"{n} {quantity(x, u, '.4g')}" for n, u, x in zip(names, known, values, strict=False)]
     return ", ".join(out)

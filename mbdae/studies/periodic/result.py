@@ -183,9 +183,10 @@ class PeriodicMotion(Tabular):
         period, units = quantity(self.T, "s", ".12g"), coordinate_units(self.mechanism)
 
         def text(name: str, x: float, digits: str) -> str:
-            return quantity(x, units.get(name, "").removesuffix("1"), digits)
+            return quantity(x, units.get(name, ""), digits)
 
         lines = [f"periodic motion of {self.mechanism.title}: T = {period}, {self.stability}"]
+        lines += [f"  begins at t = {quantity(self.t, 's', '.12g')}"] if self.t and not self.section else []
         lines += [f"  {name:24s} {text(name, x, ' .12g')}" for name, x in self.start.items()]
         lines += [f"  section {self.section}"] if self.section else []
         lines += [f"  symmetry {', '.join(self.symmetry)}"] if self.symmetry else []

@@ -162,7 +162,7 @@ class Equilibrium(Tabular):
         efforts = {name: effort_unit(named, name) for name in self.holding}
         lines += [f"  {n} = {quantity(_shown(x), named.get(n, ''), '.10g')}" for n, x in self.coordinates.items()]
         bent = {n: x for n, x in self.deformation.items() if _shown(x)}
-        units = {n: "" if unit == "1" else unit for n, unit in deformation_units(self.mechanism.model).items()}
+        units = deformation_units(self.mechanism.model)
         lines += [f"  {n} = {quantity(x, units[n], '.8g')}" for n, x in bent.items()]
         lines += [f"  s.{name} = {x:.8g}" for name, x in zip(self.mechanism.states, self.s, strict=True)]
         lines += [f"  rests on {n} with {quantity(x, self._contact_unit(n), '.8g')}" for n, x in self.contacts.items()]

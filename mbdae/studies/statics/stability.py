@@ -52,9 +52,14 @@ class Verdict:
             "rigid": "no degree of freedom",
             "singular": f"no verdict, the closures lose rank here ({dof} in this pose)",
             "stable": f"stable, {dof}",
-            "neutral": f"neutral in {self.neutral} of {dof}, unstable in none",
-            "unstable": f"unstable, {self.unstable} growing motion{'s' if self.unstable != 1 else ''}, {dof}",
+            "neutral": f"neutral, {_motions(self.neutral, 'free')}, none growing, {dof}",
+            "unstable": f"unstable, {_motions(self.unstable, 'growing')}, {dof}",
         }[self.stability]
+
+
+def _motions(n: int, kind: str) -> str:
+    """Return a number of motions in words. Wheels without slip have more free displacements than degrees of freedom."""
+    return f"{n} {kind} motion{'s' if n != 1 else ''}"
 
 
 def verdict(statics: Statics, here: ForceBalance) -> Verdict:

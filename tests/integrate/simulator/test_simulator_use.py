@@ -58,6 +58,7 @@ def test_wrong_calls_change_nothing():
         rejected(lambda value=value: simulator.__setitem__("motor", value), "motor")
     rejected(lambda: simulator["engine"], "engine.*motor")
     rejected(lambda: simulator.signals("q.krank"), "q.krank.*q.crank")
+    rejected(lambda: simulator.signals(["q.crank"]), "a signal is given by its name, got \\['q.crank'\\]")
     for state in ("x", None, mbdae.Simulator("pendulum", step=1e-3).save(), mbdae.Simulator("four_bar").save()):
         rejected(lambda state=state: simulator.restore(state), "restore|another mechanism")
     after = simulator.t, simulator.q, simulator["motor"]

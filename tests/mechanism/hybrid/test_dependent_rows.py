@@ -1,8 +1,12 @@
 """Impacts on rows that depend on bilateral closure rows: they take no impulse, and change nothing."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from bouncing import add_body, empty
 
+import mbdae
+from mbdae import Mechanism, Stop
 from mbdae.errors import StepError
 from mbdae.mechanism.hybrid.impact_law import solve_impact
 
@@ -52,3 +56,15 @@ def test_redundant_bilateral_rows_change_nothing(seed):
     np.testing.assert_allclose(all_rows.p, one.p, rtol=1e-10)
     np.testing.assert_allclose(whole.T @ all_rows.P, kept.T @ one.P, rtol=1e-9, atol=1e-9)
     assert np.linalg.norm(all_rows.P) <= np.linalg.norm(one.P) * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+def test_many_stops_of_which_none_is_active(backend):
+    """More rows than are factorised densely, all zero at the start; carts reach their stops at 1 m."""
+    model, n = empty(), 17
+    for k in range(n):
+        add_body(model, 0, pin.JointModelPX(), f"cart_{k}")
+    mech = Mechanism(model, stops=[Stop(joint=f"cart_{k}", lower=-1.0, upper=1.0) for k in range(n)])
+    sol = mbdae.solve(mech, (0, 1), np.zeros(n), np.arange(n) / 8, backend=backend)
+    assert sol.success
+    assert sol.q[-1] == pytest.approx(np.minimum(np.arange(n) / 8, 1.0), abs=1e-9)

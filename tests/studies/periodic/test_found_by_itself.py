@@ -1,5 +1,7 @@
 """Motions whose period, section, start and symmetries the study finds, in closed form or against long runs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from impact_oscillator import E, T, Z, impact_motion, oscillator
@@ -47,6 +49,7 @@ def test_a_crank_of_constant_speed_turns_once_per_period():
         assert pytest.approx(TURN / 5, rel=1e-10) == found.T
         assert found.shifts == pytest.approx({"crank": TURN, "crank_pin": -TURN})
         assert ("time" in [x.name for x in found.neutral]) == free
+        assert ("\n  begins at t = 8 s\n" in str(replace(found, t=8.0))) == (not free)
 
 
 def test_a_ratchet_advances_by_a_pitch_per_stroke():

@@ -6,8 +6,9 @@ import pytest
 from bouncing import add_body, empty
 
 import mbdae
-from mbdae import Actuator, JointDamping, JointPID, JointSpring, Mechanism
+from mbdae import Actuator, Closure, JointDamping, JointPID, JointSpring, Mechanism
 from mbdae.errors import InputError
+from mbdae.studies.statics.stability import Verdict
 
 STIFFNESS, INERTIA = 2e4, 2 / 3 + 1  # N m/rad; kg m^2 of two cranks and a coupler that does not rotate
 
@@ -28,6 +29,19 @@ def test_each_neutral_direction_counts_once(n, damping):
     found = mbdae.equilibrium(sliders(n, damping)).verdict
     assert found.by == "eigenvalues"
     assert (found.stability, found.neutral, found.unstable) == ("neutral" if n else "stable", n, 0)
+
+
+def test_free_motions_of_a_rolling_ball_in_words():
+    """Without slip there may be more free displacements than degrees of freedom; quaternions have no unit."""
+    model = empty()
+    add_body(model, 0, pin.JointModelFreeFlyer(), "ball", 1.0, (0, 0, 0), (0.1, 0.1, 0.1))
+    mech = Mechanism(model, [Closure.rolling("world", "ball", 0.3)], title="Ball")
+    text = str(mbdae.equilibrium(mech, {"ball": [0, 0, 0.3, 0, 0, 0, 1]}))
+    assert text.startswith("equilibrium of Ball: neutral, 3 free motions, none growing, 3 degrees of freedom\n")
+    assert "q.ball.z = 0.3 m\n" in text
+    assert "q.ball.qw = 1\n" in text
+    eight = Verdict("neutral", 0, 8, np.zeros(6), "eigenvalues")
+    assert str(eight) == "neutral, 8 free motions, none growing, 6 degrees of freedom"
 
 
 def sprung(angle):
