@@ -136,15 +136,11 @@ def _interface_of(path: Path, *version: int) -> FmuInterface:
 
 
 def _variables(found: Any, real: str) -> tuple[dict[str, FmuVariable], ...]:
-    """Return inputs, outputs and parameters; offsets of units do not apply to differences (``relativeQuantity``)."""
+    """Return inputs, outputs and parameters."""
     units = {unit.name: unit.baseUnit for unit in found.unitDefinitions if unit.baseUnit is not None}
     out: tuple[dict[str, FmuVariable], ...] = {}, {}, {}
     for x in found.modelVariables:
-        kind = x.declaredType
-        unit = units.get(x.unit or (kind and kind.unit))
-        is_difference = kind is not None and kind.relativeQuantity if x.relativeQuantity is None else x.relativeQuantity
-        scale = (float(unit.factor), 0.0 if is_difference else float(unit.offset)) if unit is not None else ()
-        variable = FmuVariable(int(x.valueReference), x.type, *scale)
+        variable = FmuVariable(int(x.valueReference), x.type, *_scale(x, units))
         if x.dimensions or x.name in out:
             continue
         if x.causality in ("input", "output") and x.type == real:
@@ -152,6 +148,17 @@ def _variables(found: Any, real: str) -> tuple[dict[str, FmuVariable], ...]:
         if x.causality in SETTABLE and x.variability != "constant" and x.start is not None:
             out[2][x.name] = variable
     return out
+
+
+def _scale(variable: Any, units: dict[str, Any]) -> tuple[float, ...]:
+    """Return the factor and the offset of the unit; differences (``relativeQuantity``) have no offset."""
+    kind, is_difference = variable.declaredType, variable.relativeQuantity
+    unit = units.get(variable.unit or (kind and kind.unit))
+    if unit is None:
+        return ()
+    if is_difference is None:
+        is_difference = kind is not None and kind.relativeQuantity
+    return float(unit.factor), 0.0 if is_difference else float(unit.offset)
 
 
 def _line(e: Exception) -> str:
