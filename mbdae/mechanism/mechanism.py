@@ -250,7 +250,7 @@ class Mechanism(DynamicsTerms):
     def start_at(self, t: float) -> tuple[Array, Array]:
         """Return the model's consistent start state q (nq,), v (nv,) at time t, relevant for drivers.
 
-        Start values of driven joints are initial estimates: drivers determine them, those of a speed the velocity alone.
+        Start values of driven joints are initial estimates: drivers determine them, those of speeds velocities alone.
 
         Raises:
             AssemblyError: if the model file's values cannot be made consistent.

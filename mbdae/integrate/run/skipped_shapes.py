@@ -1,6 +1,6 @@
 """Do the steps of a run see the shapes of its curves and tables? In a dwell steps grow, until one skips a lobe."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -29,13 +29,16 @@ def skipped_shape(sol: Solution, system: Index2System) -> str:
     Within a step, positions from the dense output satisfy a closure that its stages resolved, and a table is close to
     the cubic through both ends of the step.
     """
+    tables, closures = list(tables_over_time(system)), shaped_closures(sol.mechanism)
+    if not (tables or closures):
+        return ""
     t = sol.nodes[0]
     h = np.abs(np.diff(t))
     longest = np.sort(np.argsort(-h, kind="stable")[:LONGEST])
     for i in longest[h[longest] > SMALLEST_PART * h.sum()]:  # others are impacts and jumps
         ends = float(t[i]), float(t[i + 1])
-        names = [name for name, table in tables_over_time(system) if _is_skipped(table, *ends)]
-        if names or (names := _skipped_closures(sol, system, int(i))):
+        names = [name for name, table in tables if _is_skipped(table, *ends)]
+        if names or (names := _skipped(closures, sol, system, int(i))):
             step = f"the step of {abs(ends[1] - ends[0]):.2g} s from t = {ends[0]:.6g} s skipped points of {names[0]!r}"
             return f"{step}: take a smaller max_step"
     return ""
@@ -66,11 +69,11 @@ def _is_skipped(table: PiecewisePolynomial, t0: float, t1: float) -> bool:
     return error > SHARE * (max(values) - min(values))
 
 
-def _skipped_closures(sol: Solution, system: Index2System, i: int) -> list[str]:
-    """Return the closures with curves through points that are open between the ends of the i-th step."""
-    mech, t = sol.mechanism, sol.nodes[0]
-    if not (closures := shaped_closures(mech)):
+def _skipped(closures: Sequence[Closure], sol: Solution, system: Index2System, i: int) -> list[str]:
+    """Return the closures that are open between the ends of the i-th step."""
+    if not closures:
         return []
+    mech, t = sol.mechanism, sol.nodes[0]
     limit = max(min(LARGEST_GAP, LOST_DIGITS * sol.settings.get("rtol", 1.0)), 10 * system.largest_g)
     times = np.linspace(t[i], t[i + 1], SAMPLES + 2)[1:-1]
     g = system.residuals(times, np.array(list(sol.points(times))))[0] / mech.row_scales
@@ -79,10 +82,6 @@ def _skipped_closures(sol: Solution, system: Index2System, i: int) -> list[str]:
 
 def shaped_closures(mech: Mechanism) -> list[Closure]:
     """Return the closures that are always active and have a curve through points."""
-    switched = {row for s in mech.switches for row in s.rows}
-    shaped = (c for c in mech.closures if _has_points(c))
+    shaped = [c for c in mech.closures if any(isinstance(x, LawTable | PointProfile) for x in vars(c).values())]
+    switched = {row for s in mech.switches for row in s.rows} if shaped else set()
     return [c for c in shaped if switched.isdisjoint(mech.rows_of(c.name))]
-
-
-def _has_points(closure: Closure) -> bool:
-    return isinstance(getattr(closure, "curve", None) or getattr(closure, "profile", None), LawTable | PointProfile)
