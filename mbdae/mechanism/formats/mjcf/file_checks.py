@@ -112,12 +112,12 @@ def _product(value: str) -> float:
 
 
 def _replicated(text: bytes) -> float:
-    """Return the number of copies of the innermost of nested replications."""
-    most, nested = 1.0, [1.0]
-    for tag in REPLICATE.findall(text):
-        if tag.startswith(b"</"):
-            nested = nested[:-1] or [1.0]
-        elif not tag.endswith(b"/>"):
-            nested.append(nested[-1] * _product(dict(_attributes(tag)).get("count", "")))
-            most = max(most, nested[-1])
-    return most
+    """Return the number of copies that replications make, the innermost ones of those that are nested; at least 1."""
+    tags, nested = REPLICATE.findall(text), [(1.0, 0.0)]  # copies, those of the replications inside
+    for tag in [*tags, *[b"</"] * len(tags)]:  # some may not be closed
+        if tag.startswith(b"</") and len(nested) > 1:
+            copies, inside = nested.pop()
+            nested[-1] = nested[-1][0], nested[-1][1] + max(copies, inside)
+        elif not tag.startswith(b"</") and not tag.endswith(b"/>"):
+            nested.append((nested[-1][0] * _product(dict(_attributes(tag)).get("count", "")), 0.0))
+    return max(nested[0])
