@@ -5,7 +5,7 @@ from math import inf
 from numbers import Integral
 from typing import Any, NamedTuple
 
-from ...errors import InputError, UnknownNameError, is_number
+from ...errors import InputError, UnknownNameError, is_number, require
 from ...mechanism import Mechanism
 from ...mechanism.model_settings import CONTROL_SETTINGS
 from ...methods import EXPLICIT, METHODS, ExplicitMethod, Tableau
@@ -150,6 +150,7 @@ def complete_settings(problem: Problem, given: Mapping[str, object]) -> dict[str
         overridden |= {"step"} if any(name in arguments for name in CONTROL_SETTINGS) else set()
         from_file = {name: x for name, x in from_file.items() if name not in overridden}
     c = DEFAULTS | from_file | arguments
+    require(c["formulation"], str, "formulation is a name")
     try:
         c["method"] = find_method(c["formulation"], c["method"])
     except UnknownNameError as e:

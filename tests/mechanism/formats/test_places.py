@@ -238,7 +238,10 @@ def test_mjcf_reads_its_own_files_and_those_of_packages(model):
 @pytest.mark.parametrize(
     "text",
     ['<replicate count="1000"><replicate count="1000">{body}</replicate></replicate>',
+     '<replicate count="+101"><replicate count="+101">{body}</replicate></replicate>',
+     '<replicate count="2"><replicate count="3000">{body}</replicate></replicate>' * 2,
      '<replicate count="1000000000">{body}</replicate>',
+     pytest.param('<replicate count="' + "9" * 5000 + '">{body}</replicate>', id="digits"),
      '<body><composite type="cable" count="1000000000 1 1"/></body>',
      '<body><flexcomp name="f" type="grid" count="1000 1000 1000" spacing="1 1 1"/></body>'],
 )  # fmt: skip

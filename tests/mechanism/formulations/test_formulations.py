@@ -123,6 +123,7 @@ def test_times_events_and_files(options, tmp_path):
 
 REFUSED = [
     ({"formulation": "index3"}, ["unknown formulation 'index3'", "index2, ggl, index1"]),
+    ({"formulation": ["ggl"]}, ["formulation is a name, got ['ggl']"]),
     ({"formulation": "index1"}, ["index1", "RK45, DOP853, Radau, LSODA", "'pherk6'"]),
     ({"method": "RK45"}, ["'RK45'", "index1", "herk1", "pherk5"]),
     ({"method": "LSODA", "formulation": "ggl"}, ["'LSODA'", "index1", "'ggl'", "pherk5"]),

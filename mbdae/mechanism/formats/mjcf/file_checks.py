@@ -22,6 +22,7 @@ MAX_COUNTS = {
     "gridsize": 144,
 }
 MAX_USER = 10_000  # of ``nuser_body`` and the like
+NUMBER = re.compile(r"\d+(?:\.\d*)?(?:[eE]\+?\d+)?")
 MAX_FOLDERS = 32  # folders
 REPLICATE = re.compile(rb"<replicate\b[^>]*>|</replicate\s*>")
 
@@ -46,12 +47,12 @@ def check_files(path: Path, allowed: AllowedPaths) -> XmlFiles:
     Raises:
         InputError: for a file that is not allowed, or a number that is too large.
     """
-    folders, names, counts = {""}, set[tuple[Path, str]](), dict[Path, int]()
+    folders, names, counts = {""}, set[tuple[Path, str]](), dict[Path, float]()
     waiting, files = [path.resolve()], XmlFiles(path.resolve(), {}, {})
     while waiting:
         for file in waiting:
             found = file.read_bytes()
-            files.texts[file], counts[file] = found, _replicated(found, path.name)
+            files.texts[file], counts[file] = found, _replicated(found)
             for key, value in _attributes(found):
                 _require_count(key, value, path.name)
                 if key.startswith("file"):
@@ -63,8 +64,8 @@ def check_files(path: Path, allowed: AllowedPaths) -> XmlFiles:
         meant = {(base, n): _found(n, {base, files.main.parent}, folders, allowed) for base, n in names}
         files.named.update({n: found[0] for (_, n), found in meant.items() if found})
         waiting = [f for f in sorted({f for found in meant.values() for f in found} - counts.keys()) if _is_text(f)]
-    if prod(counts.values()) > MAX_COUNTS["count"]:
-        raise InputError(f"{path.name} replicates bodies {prod(counts.values())} times, beyond {MAX_COUNTS['count']}")
+    if (copies := prod(counts.values())) > MAX_COUNTS["count"]:
+        raise InputError(f"{path.name} replicates bodies {copies:.0f} times, beyond {MAX_COUNTS['count']}")
     return files
 
 
@@ -101,21 +102,22 @@ def _is_text(file: Path) -> bool:
 
 def _require_count(key: str, value: str, name: str) -> None:
     largest = MAX_USER if key.startswith("nuser") else MAX_COUNTS.get(key)
-    if largest is None:
-        return
-    numbers = [float(x) for x in re.findall(r"\d+(?:\.\d*)?(?:[eE]\+?\d+)?", value)]
-    if prod(x for x in numbers if x > 1) > largest:
+    if largest is not None and _product(value) > largest:
         raise InputError(f"{name}: {key} = {value[:40]!r} is beyond {largest}")
 
 
-def _replicated(text: bytes, name: str) -> int:
-    """Return the number of copies of the innermost of nested replications."""
-    most, nested = 1, [1]
-    for tag in REPLICATE.findall(text):
-        if tag.startswith(b"</"):
-            nested = nested[:-1] or [1]
-        elif not tag.endswith(b"/>"):
-            count = dict(_attributes(tag)).get("count", "1").strip()
-            nested.append(nested[-1] * (int(count) if count.isdigit() else 1))
-            most = max(most, nested[-1])
-    return most
+def _product(value: str) -> float:
+    """Return the product of the numbers above 1 in an attribute."""
+    return prod(x for x in map(float, NUMBER.findall(value)) if x > 1)
+
+
+def _replicated(text: bytes) -> float:
+    """Return the number of copies that replications make, the innermost ones of those that are nested; at least 1."""
+    tags, nested = REPLICATE.findall(text), [(1.0, 0.0)]  # copies, those of the replications inside
+    for tag in [*tags, *[b"</"] * len(tags)]:  # some may not be closed
+        if tag.startswith(b"</") and len(nested) > 1:
+            copies, inside = nested.pop()
+            nested[-1] = nested[-1][0], nested[-1][1] + max(copies, inside)
+        elif not tag.startswith(b"</") and not tag.endswith(b"/>"):
+            nested.append((nested[-1][0] * _product(dict(_attributes(tag)).get("count", "")), 0.0))
+    return max(nested[0])
