@@ -43,7 +43,8 @@ class Violation(NamedTuple):
 def unilateral_violations(mech: Mechanism, x: Array, q: Array, rates: Array, over: Array) -> tuple[Violation, ...]:
     """Return the intervals in which a motion violates unilateral constraints or reverses one-way clutches.
 
-    Gaps are interpolated by cubics; the intervals end at their roots.
+    Gaps are interpolated by cubics, the travel of clutches back from their limits linearly; the intervals end at the
+    roots.
 
     Args:
         mech: the mechanism.
