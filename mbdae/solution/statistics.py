@@ -198,7 +198,8 @@ class _Steps:
         self.sol, self.names = sol, list(names)
         self.t = np.asarray(sol.nodes[0])
         self.h = np.diff(self.t)
-        self.steps = np.flatnonzero(np.abs(self.h) > 8 * np.spacing(np.abs(self.t[1:])))
+        ends = self.t[0], self.t[-1], *sol.settings.get("t_span", ())  # whose rounding is the distance of two nodes
+        self.steps = np.flatnonzero(np.abs(self.h) > 8 * np.spacing(np.abs(ends).max()))  # at a jump
 
     def candidates(self, nodes: Array) -> Array:
         """Return steps that may contain an extremum of a signal with these values at the nodes, (names, n)."""

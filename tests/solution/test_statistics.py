@@ -4,7 +4,9 @@ import itertools
 import json
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from bouncing import add_body, empty
 from click.testing import CliRunner
 from scipy.integrate import quad
 
@@ -141,3 +143,18 @@ def test_rounding_is_printed_as_zero():
     assert x == ["x", "m", "-2", "0.5", "2", "1.5", "0", "1.5", "0"]
     assert small[2:] == ["-2e-14", "0.5", "1e-14", "1.5", "5e-15", "1.5", "5e-14"]
     assert up[2:4] == ["0", "0.5"]
+
+
+@pytest.mark.parametrize("begin", [0.0, 2.0])
+def test_extrema_at_a_jump_are_those_before_and_after_it(begin):
+    """Two equal slides are locked at once: v = 0 and 1 become 1/2, early in the run, where times round finely."""
+    model = empty(0.0)
+    for name in ("slow", "fast"):
+        add_body(model, 0, pin.JointModelPX(), name, 1.0)
+    steps = {"kind": "steps", "points": [(0, 0), (begin + 0.25, 1)]}
+    mech = mbdae.Mechanism(model, clutches=[mbdae.Clutch(joints=("slow", "fast"), engaged=steps)])
+    sol = mbdae.solve(mech, (begin, begin + 1), np.zeros(2), np.array([0.0, 1.0]))
+    found = sol.statistics("v")
+    low, high = ({name: x.value for name, x in table.items()} for table in (found.minimum, found.maximum))
+    assert low == pytest.approx({"v.slow": 0.0, "v.fast": 0.5}, abs=1e-12)
+    assert high == pytest.approx({"v.slow": 0.5, "v.fast": 1.0}, abs=1e-12)

@@ -14,6 +14,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.time_functions.piecewise_polynomial import PiecewisePolynomial
 from ...mechanism.time_functions.time_function_base import PiecewiseFunction
 from ...solution.solution import Solution
+from ...tolerances import SMALLEST_PART
 
 LONGEST = 64  # steps that are examined: one that skips a shape is among the longest
 SAMPLES = 24  # times within a step at which closures are computed
@@ -29,8 +30,9 @@ def skipped_shape(sol: Solution, system: Index2System) -> str:
     the cubic through both ends of the step.
     """
     t = sol.nodes[0]
-    longest = np.sort(np.argsort(-np.abs(np.diff(t)), kind="stable")[:LONGEST])
-    for i in longest[np.diff(t)[longest] != 0]:
+    h = np.abs(np.diff(t))
+    longest = np.sort(np.argsort(-h, kind="stable")[:LONGEST])
+    for i in longest[h[longest] > SMALLEST_PART * h.sum()]:  # others are impacts and jumps
         ends = float(t[i]), float(t[i + 1])
         names = [name for name, table in tables_over_time(system) if _is_skipped(table, *ends)]
         if names or (names := _skipped_closures(sol, system, int(i))):
