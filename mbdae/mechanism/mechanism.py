@@ -250,7 +250,7 @@ class Mechanism(DynamicsTerms):
     def start_at(self, t: float) -> tuple[Array, Array]:
         """Return the model's consistent start state q (nq,), v (nv,) at time t, relevant for drivers.
 
-        Start values of driven joints are initial estimates: drivers determine them, those of speeds velocities alone.
+        Where drivers determine a position or a speed, its start value is only an initial estimate.
 
         Raises:
             AssemblyError: if the model file's values cannot be made consistent.

@@ -122,9 +122,10 @@ def extrema(sol: "Solution", names: Collection[str]) -> dict[str, tuple[Extremum
     those whose end values come within the local variation of the extreme of all end values.
     """
     ends, t = _at_nodes(sol, names)
-    out = {name: (_first(x, t, np.argmin), _first(x, t, np.argmax)) for name, x in ends.items()}
     smooth = [name for name in names if not _at_steps(name)]
     run = _Steps(sol, smooth)
+    ends |= {name: ends[name][run.lasting] for name in smooth}
+    out = {name: (_first(x, t, np.argmin), _first(x, t, np.argmax)) for name, x in ends.items()}
     if not smooth or not len(run.steps):  # there is nothing to sample
         return out
     nodes = np.array([ends[name] for name in smooth])
@@ -200,6 +201,12 @@ class _Steps:
         self.h = np.diff(self.t)
         ends = self.t[0], self.t[-1], *sol.settings.get("t_span", ())  # whose rounding is the distance of two nodes
         self.steps = np.flatnonzero(np.abs(self.h) > 8 * np.spacing(np.abs(ends).max()))  # at a jump
+
+    @property
+    def lasting(self) -> Array:
+        """For each node the next one at an end of a step, (n,): others lie between a jump and a change of mode."""
+        at_ends, nodes = np.union1d(self.steps, self.steps + 1), np.arange(len(self.t))
+        return at_ends[np.minimum(np.searchsorted(at_ends, nodes), len(at_ends) - 1)] if len(at_ends) else nodes
 
     def candidates(self, nodes: Array) -> Array:
         """Return steps that may contain an extremum of a signal with these values at the nodes, (names, n)."""

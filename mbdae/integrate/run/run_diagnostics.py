@@ -12,7 +12,7 @@ from ...mechanism.signals.reactions import mass_scaled_jacobian
 from ...solution.columns import energy_balance, energy_error
 from ...solution.solution import Solution
 from ...system import Array
-from ...tolerances import AMBIGUOUS_PIVOT, VISIBLE
+from ...tolerances import AMBIGUOUS_PIVOT, NEGLIGIBLE, VISIBLE
 from ..steppers.solvers import SOLVERS
 from .elastic_resolution import Vibrations, unresolved_vibrations
 from .skipped_shapes import skipped_shape
@@ -59,13 +59,16 @@ def violated_closures(sol: Solution, system: Index2System) -> str:
 
 
 def violated_velocity_rows(sol: Solution, system: Index2System) -> str:
-    """Return which row was violated at velocity level, a redundant one unless a solver of a library ran; or empty."""
+    """Return which row was violated at velocity level, and whether redundant ones alone were; empty if none."""
     slip = 0.0 if sol.settings["formulation"] == "index1" else _largest_slip(system)
     if slip <= VISIBLE:
         return ""
     t, (q, v) = sol.nodes[0][-1], system.split(sol.nodes[1][-1])
-    which = largest_error(sol.mechanism, system.closures(q, t)[1] @ v + system.g_t(t), "/s")
-    rows = "rows" if sol.settings["method"] in SOLVERS else "rows that depended on others"
+    rates = system.closures(q, t)[1] @ v + system.g_t(t)
+    which = largest_error(sol.mechanism, rates, "/s")
+    sizes = np.abs(rates / sol.mechanism.row_scales)
+    used = list(sol.in_use[-1][1]) if sol.in_use else slice(None)
+    rows = "rows" if sizes[used].max() > NEGLIGIBLE * sizes.max() else "rows that depended on others"
     slipped = f"{rows} are not kept: |G v| reached {slip:.2g} of the largest speeds"
     return f"{slipped} ({which.name!r} {'slips' if which.velocity_only else 'opens'} by {which.text} at the end)"
 

@@ -64,3 +64,9 @@ def test_ggl_ends_where_a_row_not_in_use_opens(options, c):
     assert "closure 'bent' opens by" in sol.message
     assert sol.t[-1] <= np.arccos(1 - 1e-7 / c) * (1 + 1e-9)
     assert mbdae.drift(sol).g_max <= 1.001e-7
+
+
+def test_index_3_violates_all_velocity_rows():
+    sol = mbdae.solve(mbdae.load("four_bar"), (0, 0.5), method="hht_i3", step=1e-3)
+    assert sol.status == "doubtful"
+    assert sol.message.startswith("rows are not kept: |G v| reached")
