@@ -16,7 +16,7 @@ def main(folder: str | Path = ".", end: float = 5.0) -> mbdae.Solution:
     sol = mbdae.solve(mech, (0, end), q, v, rtol=1e-8)
     print(f"{sol.status}: {sol.stats['steps']} steps, {sol.stats['solves']} linear solves")
     print(mbdae.drift(sol))
-    force = sol.reaction("wrist pin").force_world  # (n, 3) in N
+    force = sol.reaction("wrist pin").force_world  # (n, 3) in N, along the world's axes
     print(f"the wrist pin carries up to {max(sum(f * f) ** 0.5 for f in force):.4g} N")
     sol.save(Path(folder) / "run.npz")
     mbdae.animate(sol, Path(folder) / "run.html")

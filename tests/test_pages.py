@@ -227,6 +227,14 @@ def test_the_commands_of_installation_are_in_the_readme():
     assert test.split("&& ")[-1] in (ROOT / ".ci" / "run").read_text()
 
 
+def test_reactions_along_the_axes_of_the_world():
+    """`Reaction.force` is along the axes of the first frame."""
+    texts = [*TEXT.values(), *(p.read_text() for p in (ROOT / "examples").rglob("*.py"))]
+    found = [line for text in texts for line in text.splitlines() if "reaction(" in line and "world's axes" in line]
+    assert len(found) == 3
+    assert all("force_world" in line for line in found)
+
+
 def test_the_mechanism_with_parameters_moves(tmp_path):
     code = next(b.code for b in blocks("models/README.md") if b.code.startswith("# tower.py"))
     (tmp_path / "tower.py").write_text(code)

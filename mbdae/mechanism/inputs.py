@@ -80,8 +80,8 @@ class Inputs:
         def change(x: Input | InputHistory) -> BaseTimeFunction:
             return replaced.get(x.name, x) if isinstance(x, Input) or x.name in self._fmus else x
 
-        drivers, forces = [map_inputs(d, change) for d in m.drivers], [map_inputs(f, change) for f in m.forces]
-        return variant(m, forces=forces, drivers=drivers, source=_source_with(m.source, forces, drivers))
+        drivers = [map_inputs(d, change) for d in m.drivers]
+        return variant(m, forces=[map_inputs(f, change) for f in m.forces], drivers=drivers, source=None)
 
     def cell(self, name: str) -> Input:
         """Return an input that can be set.
@@ -120,7 +120,10 @@ class Inputs:
         cells, history = self.cells | self.followed, {**(by_user or {}), **self._history_by_fmus(t, y)}
         pieces = {name: tuple(map(tuple, settings)) for name, settings in history.items()}
         new = {name: InputHistory(name=name, pieces=x, hold=cells[name].hold) for name, x in pieces.items()}
-        return self.replaced(new) if new else self.original
+        if not new:
+            return self.original
+        out = self.replaced(new)
+        return variant(out, source=_source_with(self.original.source, out.forces, out.drivers))
 
     def _history_by_fmus(self, t: Array, y: Array) -> dict[str, list[InputSetting]]:
         """Return the settings of inputs that follow FMUs, from the nodes of a run, t (n,) and points y (n, ...)."""

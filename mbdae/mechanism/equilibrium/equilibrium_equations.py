@@ -18,7 +18,7 @@ import numpy as np
 
 from ...errors import InputError, UnknownNameError
 from ...system import Array
-from ...tolerances import EPS, ROUNDING
+from ...tolerances import EPS, ROUNDING, VISIBLE
 from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
 from ..formulations.equation_partials import equation_partials
@@ -64,6 +64,12 @@ class ForceBalance(NamedTuple):
     free: NullSpace
     size: float
     terms: Array
+
+    @property
+    def shared(self) -> Array:
+        """Whether the motion leaves a holding force open, (m,), since its row depends on others."""
+        first = len(self.lam)
+        return (np.abs(self.free.dependent[first : first + len(self.holding)]) > VISIBLE).any(axis=1)
 
     @property
     def noise(self) -> Array:

@@ -6,7 +6,7 @@ the contact presses, N >= 0.
 
 import warnings
 from collections.abc import Iterable, Iterator
-from itertools import chain, pairwise
+from itertools import chain, compress, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -88,9 +88,8 @@ def equilibria(
             here, n = search.here, search.iterations
             if all(np.abs(_offsets(mech, e.q[None], here.q)).max() > SAME_STATE for e in out):
                 holding, judged = dict(zip(names, here.holding.tolist(), strict=True)), verdict(search.statics, here)
-                out.append(
-                    Equilibrium(mech, 0.0, here.q, v, here.s, here.lam, holding, search.residual, n, judged, loads)
-                )
+                results = here.s, here.lam, holding, search.residual, n, judged, loads
+                out.append(Equilibrium(mech, 0.0, here.q, v, *results, tuple(compress(names, here.shared))))
     return out
 
 

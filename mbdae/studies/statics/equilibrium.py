@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -51,6 +52,7 @@ class Equilibrium(Tabular):
         iterations: number of trial steps.
         verdict: stability, and its criterion; on contacts, that of the motions in which they stay closed.
         contacts: normal forces in N, or N m, of the stops, ropes and planes on which it rests, by name.
+        shared: names in ``holding`` whose forces are not unique: with those of closures they are of minimum norm.
     """
 
     mechanism: Mechanism
@@ -64,6 +66,7 @@ class Equilibrium(Tabular):
     iterations: int
     verdict: Verdict
     contacts: dict[str, float] = field(default_factory=dict)
+    shared: tuple[str, ...] = ()
 
     @property
     def stability(self) -> str:
@@ -166,7 +169,9 @@ class Equilibrium(Tabular):
         lines += [f"  {n} = {quantity(x, units[n], '.8g')}" for n, x in bent.items()]
         lines += [f"  s.{name} = {x:.8g}" for name, x in zip(self.mechanism.states, self.s, strict=True)]
         lines += [f"  rests on {n} with {quantity(x, self._contact_unit(n), '.8g')}" for n, x in self.contacts.items()]
-        lines += [f"  {n} is held by {quantity(_shown(x), efforts[n], '.8g')}" for n, x in self.holding.items()]
+        shared = {name: ", not unique (minimum norm)" for name in self.shared}
+        held = {n: quantity(_shown(x), efforts[n], ".8g") for n, x in self.holding.items()}
+        lines += [f"  {n} is held by {x}{shared.get(n, '')}" for n, x in held.items()]
         lines += [self._reaction_text(c.name) for c in self.mechanism.constraints if c.frames]
         return "\n".join([*lines, *([f"  doubtful: {self.warning}"] if self.warning else [])])
 
@@ -226,8 +231,9 @@ def equilibrium(
     q0, speeds, held, names = complete_arguments(mech, q, t, v, hold)
     statics, here, residual, iterations, contacts, _ = balanced_on_contacts(mech, t, speeds, held, q0, find)
     holding = dict(zip(names, here.holding.tolist(), strict=True))
-    judged = verdict(statics, here)
-    return Equilibrium(mech, t, here.q, speeds, here.s, here.lam, holding, residual, iterations, judged, contacts)
+    judged, shared = verdict(statics, here), tuple(compress(names, here.shared))
+    results = here.q, speeds, here.s, here.lam, holding, residual, iterations, judged, contacts, shared
+    return Equilibrium(mech, t, *results)
 
 
 def complete_arguments(

@@ -22,3 +22,12 @@ def test_held_joints_stay_at_their_start():
         energy.append(mech.at(0.0, found.q, found.v).energies[1])
         force.append(found.holding["piston_1"])
     assert force[1] == pytest.approx(np.gradient(energy, STEP)[1], rel=1e-5)
+
+
+def test_holding_forces_that_are_not_unique_say_so():
+    """Crank and slider of one degree of freedom share the load in any way."""
+    both = mbdae.equilibrium("slider_crank", hold=["crank", "slider"])
+    assert both.shared == ("crank", "slider")
+    assert "\n  slider is held by 0.0792" in str(both)
+    assert str(both).count(" N, not unique (minimum norm)\n") == 1
+    assert mbdae.equilibrium("slider_crank", hold="crank").shared == ()
