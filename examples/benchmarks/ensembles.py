@@ -10,6 +10,9 @@ MuJoCo's rollout, a batch of runs in C, with the settings of peers.py. The table
 over all threads (medians; other load of the machine affects them less than the time of the call), and the largest error
 of the joint angles at the end, against mbdae at rtol 1e-12: for mbdae the difference from tighter runs of one method.
 
+Models with modes or flexible bodies run by mbdae.solve, on one and on two threads, from starts that differ by 1e-6 of
+the speeds; the ends must be equal bit for bit.
+
 Run: python examples/benchmarks/ensembles.py [--brief]
 """
 
@@ -27,6 +30,7 @@ from runs import installed
 
 import mbdae
 
+BY_SOLVE = {"woodpecker": 2.0, "stick_slip_slider": 5.0, "flexible_four_bar": 0.3, "pendulum_on_stop": 3.0}  # s
 CASES = [(executor, workers) for executor in ("threads", "processes") for workers in (1, 2)]
 SPREAD = 0.2  # rad: of the angles of the cranks of four-bars
 OURS, THEIRS = (1e-5, 1e-6, 1e-8), (1e-6, 1e-8, 1e-10)  # rtol
@@ -46,7 +50,9 @@ def main(argv: Sequence[str] | None = None) -> dict[tuple[str, int], float]:
     header = [f"{n} runs of {end:g} s", "workers", "seconds", "runs per second", "speed over one worker"]
     print(table([*header, "over one thread"], rows) + "\n")
     header = [f"{n} four-bars, {end:g} s", "rtol or step", "ms of CPU per run", "error, rad"]
-    print(table(header, four_bars(n, end, repeats)))
+    print(table(header, four_bars(n, end, repeats)) + "\n")
+    header = ["runs by mbdae.solve", "s each", "ms per run, 1 thread", "ms per run, 2 threads", "speed"]
+    print(table(header, by_solve(max(4, n // 20), 0.01 if short else 1.0, repeats)))
     return times
 
 
@@ -97,6 +103,31 @@ def four_bars(n: int, end: float, repeats: int) -> list[list[str]]:
 
     costs = medians({key: partial(milliseconds, run) for key, run in programs.items()}, repeats)
     return [[name, f"{rtol:.0e}", digits(costs[name, rtol]), f"{errors[name, rtol]:.1e}"] for name, rtol in programs]
+
+
+def by_solve(n: int, part: float, repeats: int) -> list[list[str]]:
+    """Return rows of a table: model, seconds, milliseconds per run on one and two threads, their ratio.
+
+    Args:
+        n: runs of each model.
+        part: of the seconds of a run.
+        repeats: of each measurement.
+    """
+    out = []
+    for name, seconds in BY_SOLVE.items():
+        mech, ends = mbdae.load(name), dict[int, np.ndarray]()
+        v = mech.start[1] * (1 + 1e-6 * np.arange(n))[:, None]
+
+        def run(workers: int, mech: Any = mech, v: Any = v, end: float = part * seconds, ends: Any = ends) -> float:
+            started = perf_counter()
+            ends[workers] = mbdae.ensemble(mech, None, v, None, (0.0, end), workers=workers).q
+            return (perf_counter() - started) / n * 1e3
+
+        times = medians({workers: partial(run, workers) for workers in (1, 2)}, repeats)
+        if not np.array_equal(ends[1], ends[2]):
+            raise RuntimeError(f"the ends of {name} on one and two threads differ")
+        out.append([name, f"{part * seconds:g}", digits(times[1]), digits(times[2]), ratio(times[1], times[2])])
+    return out
 
 
 def vectorised(q: np.ndarray, end: float) -> Callable[[float], np.ndarray] | None:
