@@ -34,7 +34,7 @@ from .formulations.workspace_pool import WorkspacePool
 from .hybrid.reset import Reset, checked_resets
 from .hybrid.switches import switches_of
 from .joint_stops import resolve_stops
-from .model_settings import Motor, OrderSettings, SolveSettings, Start, coordinates, vector
+from .model_settings import Motor, OrderSettings, SolveSettings, Start, as_table, coordinates, vector
 from .scene.scene import Scene
 from .tree.frames import find_joint, joint_names
 from .tree.joints import is_depth_first
@@ -57,7 +57,7 @@ class Mechanism(DynamicsTerms):
         clutches: one-way clutches and ratchets, see `mbdae.Clutch`.
         resets: events at which the state jumps, see `mbdae.Reset`.
         forces: descriptions of forces, or functions tau(t, q, v) -> (nv,) in N m and N.
-        start: values of joints at the start, see `mbdae.mechanism.model_settings.Start`.
+        start: values of joints at the start, ``{"q": {joint: x}}``, see `mbdae.mechanism.model_settings.Start`.
         visuals: Pinocchio geometry for the replay; generated from the joints when left out.
         title: one line.
         duration: default end time of a run in s.
@@ -85,19 +85,20 @@ class Mechanism(DynamicsTerms):
         stops: Sequence[Stop] = (),
         clutches: Sequence[Clutch] = (),
         resets: Sequence[Reset] = (),
-        start: Start | None = None,
+        start: Start | dict[str, Any] | None = None,
         visuals: pin.GeometryModel | None = None,
         title: str = "",
         duration: float = 10.0,
-        order: OrderSettings | None = None,
-        settings: SolveSettings | None = None,
+        order: OrderSettings | dict[str, Any] | None = None,
+        settings: SolveSettings | dict[str, Any] | None = None,
         source: dict[str, Any] | None = None,
         motors: Sequence[Motor] = (),
         left_out: Sequence[str] = (),
         remarks: Sequence[str] = (),
     ) -> None:
-        self.model, self.visuals, self.source, self.settings = model, visuals, source, settings or SolveSettings()
-        self.title, self.duration, self.order = title or model.name, duration, order or OrderSettings()
+        self.model, self.visuals, self.source, self.title = model, visuals, source, title or model.name
+        self.duration, self.start_values = duration, as_table(Start, start)
+        self.order, self.settings = as_table(OrderSettings, order), as_table(SolveSettings, settings)
         self.motors, self.left_out, self.remarks = tuple(motors), tuple(left_out), tuple(remarks)
         self.closures, self.drivers, self.stops = tuple(closures), tuple(drivers), resolve_stops(model, stops)
         self.forces = named_forces(forces, self.drivers)
@@ -112,15 +113,14 @@ class Mechanism(DynamicsTerms):
             names = ", ".join(joint_names(model))
             raise InputError(f"joints must be numbered depth first, see mbdae.mechanism.depth_first; they are {names}")
         require_leaves(model)
-        self.closure_anchors = [(c, anchors(model, c)) for c in self.closures if c.frames]
-        data = self.make_workspace()
+        self.closure_anchors, data = [(c, anchors(model, c)) for c in self.closures if c.frames], self.make_workspace()
         bound = Constraints(model, data, self.constraints)  # rejects unknown names
         self.row_names = [c.name for c in self.constraints for _ in range(c.m)]
         self.ng, self._spans, self.row_units, self.positional = bound.ng, bound.spans, bound.units(), bound.positional
         self.switches, self.manifold = switches_of(self), Manifold(model)
         ClosureFriction(self.forces, self.closures, bound)  # rejects unknown names
         self.states = self.bind_forces(data).states()  # rejects unknown names
-        self.start_values, self.workspaces, self._positions = start or Start(), WorkspacePool(self), dict[Any, Any]()
+        self.workspaces, self._positions = WorkspacePool(self), dict[Any, Any]()
         self.resets, self._starts = checked_resets(self, resets), dict[float, tuple[Array, Array]]()
         require_signals(self)
         for name in (name for table in self.start_values.tables.values() for name in table):

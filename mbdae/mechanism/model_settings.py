@@ -1,13 +1,13 @@
 """Settings of a mechanism besides its model: start values, settings of the order study, motors."""
 
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
 from pydantic import Field, model_validator
 
-from ..errors import InputError
+from ..errors import InputError, require
 from ..system import Array
 from ..tolerances import HALF_DIGITS
 from .checked_table import Table
@@ -15,6 +15,7 @@ from .key_units import Coordinates, Unit
 from .tree.frames import find_joint
 
 Value = float | tuple[float, ...]
+T = TypeVar("T", bound=Table)
 
 
 class Start(Table):
@@ -150,6 +151,18 @@ def normalized(model: pin.Model, q: np.ndarray) -> np.ndarray | None:
     """Return q (nq,) with quaternions, and (cos, sin) pairs, normalised; None if one of them is zero."""
     q = pin.normalize(model, q)
     return q if pin.isNormalized(model, q, HALF_DIGITS) else None
+
+
+def as_table(kind: type[T], value: Any) -> T:
+    """Return an argument that is a table, or its values by key; an empty table for None.
+
+    Raises:
+        InputError: for any other value, or invalid ones.
+    """
+    if isinstance(value, kind):
+        return value
+    require(value, Mapping | None, f"expected {kind.__name__}, or a table of its values")
+    return kind(**value or {})
 
 
 def as_numbers(value: object) -> Array:

@@ -37,6 +37,7 @@ SOLVE = [
     ({"step": 1e-300}, ["step = 1e-300", "rounds to t"]),
     ({"max_steps": "a"}, ["max_steps must be a positive number", "'a'"]),
     ({"max_steps": np.nan}, ["max_steps must be a positive number"]),
+    ({"project": np.ones(2)}, ["project is True, False or 'auto'", "array([1., 1.])"]),
     ({"rtol": "x"}, ["rtol = 'x'"]),
     ({"rtol": np.ones(2)}, ["rtol = array"]),
     ({"atol": "x"}, ["atol", "'x'"]),

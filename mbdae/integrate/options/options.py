@@ -1,6 +1,6 @@
 """Validated options of a run: its arguments, else settings of the mechanism file, else the defaults."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from math import inf
 from numbers import Integral
 from typing import Any, NamedTuple
@@ -168,7 +168,7 @@ def _projects_positions(
     Raises:
         InputError: for an invalid value, or a problem, formulation or method without projection.
     """
-    if project not in (True, False, "auto"):
+    if not isinstance(project, Hashable) or project not in (True, False, "auto"):
         raise InputError(f"project is True, False or 'auto', got {project!r}")
     one_step = formulation == "index2" and not isinstance(method, LibrarySolver)
     if project == "auto":

@@ -167,8 +167,8 @@ class Kinematics(Tabular):
 
         Args:
             stretch: index of the curve.
-            speed: constant speed of the drive in rad/s or m/s, from the first pose; when left out, the arclength
-                increases by one per second, also through dead points.
+            speed: constant speed of the drive in rad/s or m/s, from the first pose, or back to it; when left out, the
+                arclength increases by one per second, also through dead points.
 
         Raises:
             InputError: for zero speed, or a curve with dead points, where the speed cannot be constant.

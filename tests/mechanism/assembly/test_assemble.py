@@ -289,5 +289,12 @@ def test_a_start_is_that_of_a_pickled_mechanism_and_of_a_variant(name):
 def test_a_driver_of_a_speed_leaves_the_position_of_the_start():
     mech, driver = four_bar(), mbdae.Driver(joint="crank", speed=2.0)
     start = Start(q={"crank": 1.1}, v={"crank": 9.0}, guess={"coupler": -0.5, "rocker": 1.0})
-    q, v = mbdae.Mechanism(mech.model, mech.closures, drivers=[driver], start=start).start
-    assert [q[0], v[0]] == pytest.approx([1.1, 2.0], abs=CLOSED)
+    for given in (start, start.model_dump()):  # a table of its values, too
+        q, v = mbdae.Mechanism(mech.model, mech.closures, drivers=[driver], start=given).start
+        assert [q[0], v[0]] == pytest.approx([1.1, 2.0], abs=CLOSED)
+
+
+@pytest.mark.parametrize(("start", "text"), [([0.3], r"expected Start, .* got \[0.3\]"), ({"w": {}}, "unknown key w")])
+def test_a_start_that_is_no_table_is_rejected(start, text):
+    with pytest.raises(mbdae.MbdaeError, match=text):
+        mbdae.Mechanism(four_bar().model, start=start)
