@@ -102,9 +102,13 @@ def test_closures_that_lose_rank_alone_are_no_dead_point():
     drivers = [Driver.polynomial(arm, [0.35, rate]) for arm, rate in rates.items()]
     mech = Mechanism(plain.model, plain.closures, drivers=drivers)
     sol = mbdae.solve(mech, (0, 3), *mech.assemble(plain.start[0]), method="radau5")
-    assert 2.07 < sol.t[-1] < 2.11  # rounding decides how far steps lead beyond t = 2.0783
     assert not sol.success
-    assert "dead point" not in sol.message, sol.message
+    if sol.t[-1] < 2.09:  # rounding decides whether steps lead beyond t = 2.0783
+        np.testing.assert_allclose(sol.t[-1], 2.0783, rtol=1e-4)
+        assert "dead point" not in sol.message, sol.message
+    else:  # there velocities become infinite
+        np.testing.assert_allclose(sol.t[-1], 2.1039, rtol=1e-4)
+        assert "dead point at t = 2.1039" in sol.message
 
 
 def test_a_driver_that_is_nearly_at_rest_there():
