@@ -124,14 +124,14 @@ def actuators_of(mech: Mechanism, names: str | Sequence[str] | None, drive: str 
     labels, units, rows, driver_rows = zip(*found, strict=True)
     driven = [row for d in mech.drivers for row in mech.rows_of(d.name)]
     undriven = np.setdiff1d(np.arange(mech.ng), driven)
-    replaced = tuple(f.name for f in mech.forces if isinstance(f, REPLACED_FORCES) and f.joint in joints)
-    bound = _without_forces(mech, replaced)
-    return Actuators(bound, list(labels), list(units), np.array(rows), list(driver_rows), undriven, replaced)
+    replaced = [f for f in mech.forces if isinstance(f, REPLACED_FORCES) and f.joint in joints]
+    bound, names_of_replaced = _without_forces(mech, replaced), tuple(f.name for f in replaced)
+    return Actuators(bound, list(labels), list(units), np.array(rows), list(driver_rows), undriven, names_of_replaced)
 
 
-def _without_forces(mech: Mechanism, replaced: Sequence[str]) -> Mechanism:
-    """Return the mechanism without the forces of these names."""
-    forces = [f for f in mech.forces if getattr(f, "name", "") not in replaced]
+def _without_forces(mech: Mechanism, replaced: Sequence[object]) -> Mechanism:
+    """Return the mechanism without some of its forces."""
+    forces = [f for f in mech.forces if f not in replaced]
     return Mechanism(
         mech.model, mech.closures, forces, drivers=mech.drivers, stops=mech.stops, clutches=mech.clutches,
         title=mech.title, start=mech.start_values,
