@@ -42,15 +42,10 @@ def require_derivatives_of_g(system: ConstraintDerivatives, t: float, y: Array) 
     g_y, g_t = system.g_y(t, y), system.g_t(t, y)
     given, size = g_t + g_y @ w, float((np.abs(g_t) + np.abs(g_y) @ w).max(initial=0.0))
 
-    def differenced(stencil: Sequence[int]) -> Array:
-        return converged_difference(
-            lambda h: {k: system.g(t + k * h, y + k * h * w) for k in stencil}, WIDTH
-        ).derivative
-
     found: list[Array] = []
     for stencil in (STENCIL, ABOVE, BELOW):
         with suppress(StepError):  # where g is not defined
-            found.append(differenced(stencil))
+            found.append(_derivative(lambda s: system.g(t + s, y + s * w), WIDTH, stencil))
             if not np.isfinite(found[-1]).all() or np.abs(found[-1] - given).max() <= THREE_DIGITS * size:
                 return
     if found:
@@ -63,12 +58,10 @@ def require_derivatives_of_g(system: ConstraintDerivatives, t: float, y: Array) 
 
 def jacobian(function: Callable[[Array], Array], u: Array) -> Array:
     """Return partial derivatives by differences of order six whose widths agree with smaller ones, (m, n)."""
+    directions = zip(np.eye(len(u)), WIDTH * (1 + np.abs(u)), strict=True)
+    return np.stack([_derivative(lambda s, e=e: function(u + s * e), h) for e, h in directions], axis=-1)  # type: ignore[misc]
 
-    def column(i: int) -> Array:
-        def values(h: float) -> dict[int, Array]:
-            return {k: function(u + k * h * e) for k in STENCIL}
 
-        e = np.eye(len(u))[i]
-        return converged_difference(values, WIDTH * (1 + abs(u[i]))).derivative
-
-    return np.stack([column(i) for i in range(len(u))], axis=-1)
+def _derivative(value: Callable[[float], Array], width: float, stencil: Sequence[int] = STENCIL) -> Array:
+    """Return the derivative of value: s -> (m,) at s = 0, (m,), by differences of at most this width."""
+    return converged_difference(lambda h: {k: value(k * h) for k in stencil}, width).derivative
