@@ -50,13 +50,15 @@ class StopFlag:
 
 
 def stop_check(stop: Stop | None) -> Callable[[float], None] | None:
-    """Return a function of the progress of a run that interrupts it when ``stop()`` is true."""
+    """Return a function of the progress of a run that interrupts it when ``stop()`` is true; None without ``stop``."""
+    if stop is None:
+        return None
 
     def check(done: float) -> None:
-        if stop and stop():
+        if stop():
             raise KeyboardInterrupt
 
-    return check if stop else None
+    return check
 
 
 class Pool(NamedTuple):

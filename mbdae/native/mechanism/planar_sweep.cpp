@@ -75,8 +75,7 @@ class PlanarSweep final : public Sweep {
   };
   struct Body {
     double c = 1, s = 0;       // of its angle
-    Plane arm, position;       // from the root's position, and in the world
-    Plane from;                // of a root: its position when V and A were evaluated
+    Plane arm, position, from;  // from the root's position; in the world; in the world when V and A were evaluated
     Twist V, A, f;             // about the root's position, as all below: motion; wrench of the subtree
     double mass = 0, inertia = 0;  // of the subtree
     Plane moment;
@@ -262,8 +261,7 @@ void PlanarSweep::outward(const double* q, const double* v, const double* a, dou
       const Twist& V = before.V;
       A.x += V.y * own.turn - V.turn * own.y, A.y += V.turn * own.x - V.x * own.turn;
       for (int k = m.v; a && k < m.v + m.nv; ++k) add(A, columns_[k], a[k]);
-      here.V = {V.x + own.x, V.y + own.y, V.turn + own.turn}, here.A = A;
-      if (!m.parent) here.from = here.position;
+      here.V = {V.x + own.x, V.y + own.y, V.turn + own.turn}, here.A = A, here.from = here.position;
     }
     if (with_inertia || with_wrench) add_body<with_inertia, with_wrench>(x, here);
   }
