@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mbdae
-from mbdae import JointDamping
+from mbdae import JointDamping, backend
 from mbdae.errors import InputError
 from mbdae.methods import METHODS
 from mbdae.methods.order.composition import check_composition
@@ -28,8 +28,8 @@ def reference(name):
 
 
 def steps_of(mech, method, T, n, y=None):
-    """The system and the state after n steps from a point, the start when left out."""
-    system, state = mech.system(), State(mech.point() if y is None else y)
+    """The system and the state after n steps from a point, the start when left out; by the core, if there is one."""
+    system, state = mech.system(native=backend.load()), State(mech.point() if y is None else y)
     state = system.update_independent_rows(0.0, state)
     for i in range(n):
         state = METHODS[method].step(system, i * T / n, T / n, state).state

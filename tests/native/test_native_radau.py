@@ -41,7 +41,7 @@ def test_single_steps(name):
     """Equal to rounding; as many iterations, or up to two more where rounding decides their end."""
     mech, h = model(name), SPANS.get(name, 0.5) / 1000
     for s in (1, 2, 3, 4):
-        found, expected = (steps(mech, RadauIIA(s), h, 4, native) for native in (True, False))
+        found, expected = (steps(mech, RadauIIA(s), h, 2, native) for native in (True, False))
         for k, (a, b) in enumerate(zip(found, expected, strict=True)):
             assert_near(a[0], b[0], 1e-12)
             assert_near(a[1], b[1], 1e-9)
@@ -97,12 +97,12 @@ def test_controlled_steps(name):
 @pytest.mark.parametrize("name", DRIVEN)
 def test_driven_mechanisms(name):
     for options in ({"step": 0.02}, {"step": 0.02, "project": True}):
-        assert_same(*both(DRIVEN[name](), (0.3, 0.8), method="radau5", **options), 1e-10, 1e-8)
+        assert_same(*both(DRIVEN[name](), (0.3, 0.5), method="radau5", **options), 1e-10, 1e-8)
 
 
 @pytest.mark.parametrize("force", IN_BOTH.values(), ids=IN_BOTH.keys())
 def test_every_force(force):
-    assert_same(*both(mbdae.load("four_bar", forces=[force]), (0, 0.5), method="radau5", step=0.023), 1e-10, 1e-8)
+    assert_same(*both(mbdae.load("four_bar", forces=[force]), (0, 0.5), method="radau5", step=0.046), 1e-10, 1e-8)
 
 
 def test_fifteen_stages():
