@@ -15,7 +15,8 @@ from mbdae.mechanism.formats.mechanism_file.template import Template, _with_join
 from mbdae.mechanism.tree.frames import joint_names
 
 TABLES = ("force", "closure", "driver", "stop", "clutch", "body", "frame")
-OF_EACH = 12  # parameters of a table, spread over it
+OF_EACH = 24  # parameters of a table, spread over it
+GROUPS = 4  # of parameters that are written together
 
 
 def numbers(part, path):
@@ -50,15 +51,15 @@ def parameters(template):
     return out
 
 
-def new_mechanism(template, name, value):
-    """The mechanism of the files with another value, which shares nothing."""
+def new_mechanism(template, values):
+    """The mechanism of the files with other values, which shares nothing."""
     recipe = template.recipe({})
     file, parts = recipe.file, recipe.parts
-    if name.startswith("joint."):
-        values = {name.removeprefix("joint."): value}
-        parts = [_with_joint_values(p, s.prefix, values) for p, s in zip(parts, file.source, strict=True)]
-    else:
-        file = with_entry(file, name, value, name)
+    joints = {name.removeprefix("joint."): x for name, x in values.items() if name.startswith("joint.")}
+    if joints:
+        parts = [_with_joint_values(p, s.prefix, joints) for p, s in zip(parts, file.source, strict=True)]
+    for name in values.keys() - {f"joint.{name}" for name in joints}:
+        file = with_entry(file, name, values[name], name)
     return make(recipe._replace(file=file, parts=parts), recorded=False)
 
 
@@ -95,14 +96,18 @@ def test_parameters_are_written_in_place(name):
     mech = template.make({})
     native = core_of(mech)
     first = terms(mech, native)
-    for parameter, value in parameters(template).items():
+    every = [*parameters(template).items()]
+    groups = [dict(every[i::GROUPS]) for i in range(GROUPS)]
+    for values in groups:
         try:
-            expected = terms(new_mechanism(template, parameter, value), native, True)
-        except InputError:  # out of its range
+            expected = terms(new_mechanism(template, values), native, True)
+        except InputError:  # one is out of its range
             with pytest.raises(InputError):
-                template.make({parameter: value})
+                template.make(values)
+            if len(values) > 1:
+                groups += [dict([*values.items()][i::2]) for i in range(2)]
             continue
-        for a, b in zip(expected, terms(template.make({parameter: value}), native), strict=True):
-            np.testing.assert_array_equal(a, b, parameter)
+        for a, b in zip(expected, terms(template.make(values), native), strict=True):
+            np.testing.assert_array_equal(a, b, str([*values]))
     for a, b in zip(first, terms(mech, native), strict=True):
         np.testing.assert_array_equal(a, b)

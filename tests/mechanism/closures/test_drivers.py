@@ -165,7 +165,8 @@ def test_orders_with_time_dependent_constraints(name, reference, backend):
     m = method(name)
     p = m.order_linear
     ns = ns if p > 4 else [2 * n for n in ns]
-    errors = np.array([[np.abs(a - b).max() for a, b in zip(run(name, n, backend), exact, strict=True)] for n in ns])
+    runs = [run(name, n, backend if n <= ns[1] else "auto") for n in ns]  # short steps by the core, if there is one
+    errors = np.array([[np.abs(a - b).max() for a, b in zip(found, exact, strict=True)] for found in runs])
     slopes = -np.polyfit(np.log(ns), np.log(errors), 1)[0]
     for what, slope, claim in zip(("q", "v", "own lam", "lam", "work"), slopes, (p, p, m.order_own, p, p), strict=True):
         assert slope >= claim - 0.2, f"{what}: {slopes}"
@@ -175,7 +176,7 @@ def test_orders_with_time_dependent_constraints(name, reference, backend):
 @pytest.mark.parametrize("name", DRIVEN)
 @pytest.mark.parametrize("options", [{}, {"project": True}, {"formulation": "ggl"}], ids=str)
 def test_the_drivers_work_closes_the_energy_balance(name, options):
-    sol = mbdae.solve(DRIVEN[name](), (T0, T0 + 1), method="pherk6", rtol=1e-10, **options)
+    sol = mbdae.solve(DRIVEN[name](), (T0, T0 + 0.4), method="pherk6", rtol=1e-10, **options)
     drift = mbdae.drift(sol)
     assert sol.success
     assert np.abs(sol.work).max() > 1e-2
