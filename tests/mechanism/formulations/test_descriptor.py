@@ -272,14 +272,14 @@ def test_work_has_the_order_of_the_method(method, order):
         return np.array([30.0 * np.sin(3 * t), -2.0 * v[1], 0.0])
 
     mech = mbdae.load("four_bar", forces=[drive])
-    exact = mbdae.solve(mech, (0, 1), method="pherk6", step=1 / 800)
+    exact = mbdae.solve(mech, (0, 0.5), method="pherk6", step=1 / 800)
     balance = np.array([sum(mech.energy(q, v)) for q, v in zip(exact.q, exact.v, strict=True)])
     np.testing.assert_allclose(balance - balance[0] - exact.work, 0, atol=1e-9)
     assert abs(exact.work[-1]) > 1
     errors = []
-    for n in (80, 160, 320):
-        sol = mbdae.solve(mech, (0, 1), method=method, step=1 / n)
-        errors.append(np.abs(sol.work[:: n // 10] - exact.work[::80]).max())
+    for n in (40, 80, 160):
+        sol = mbdae.solve(mech, (0, 0.5), method=method, step=0.5 / n)
+        errors.append(np.abs(sol.work[:: n // 10] - exact.work[::40]).max())
     assert (np.log2(np.array(errors[:-1]) / errors[1:]) > order - 0.2).all(), errors
 
 
