@@ -92,13 +92,6 @@ def row_impacts(point: "ModePoint", unswitched: Array, recent: set[int]) -> list
     return [problem.by_rows(stage) for stage in impact.stages] if impact else []
 
 
-def positive_impulses(impulses: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:
-    """Return the impulses that are positive, not only by rounding, with their names."""
-    found = list(impulses)
-    zero = MODE_ROUNDING * max((p for _, p in found), default=0.0)
-    return [(name, p) for name, p in found if p > zero]
-
-
 class _ImpactProblem:
     """Rows of all switches in contact, by their role in the impact; rates and rows in characteristic lengths.
 
@@ -191,9 +184,22 @@ class _ImpactProblem:
         return Impact(self.point.t, tuple(where), tuple(impulse), tuple(impulses.tolist()), -impact.work)
 
     def _contact_impulses(self, impulses: Array) -> list[tuple[str, float]]:
-        """Return the names and the positive impulses of contacts."""
+        """Return the names and the impulses of contacts, without those by rounding."""
         first = [(self.switches[i].name, rows[0]) for i, rows in self.rows_near_contact.items() if rows[0].sign]
-        return positive_impulses([(name, s.sign * float(impulses[s.row])) for name, s in first])
+        rows, signs = np.array([s.row for _, s in first], int), np.array([s.sign for _, s in first])
+        p = signs * impulses[rows]
+        loaded = self._are_loaded(rows, p * self.scales[rows]).tolist()
+        return [(name, x) for (name, _), x, is_loaded in zip(first, p.tolist(), loaded, strict=True) if is_loaded]
+
+    def _are_loaded(self, rows: Array, p: Array) -> Array:
+        """Return which contact impulses (n,), by characteristic lengths, are positive, not only by rounding.
+
+        An impulse is rounding relative to the largest one, or if it alone changes its rate by rounding of the speeds.
+        """
+        system, G = self.point.system, self.point.values[1][rows] / self.scales[rows, None]
+        U = np.triu(system.inertia(self.point.t, self.point.q))
+        changes = p * np.square(np.linalg.solve(U.T, G.T)).sum(axis=0)
+        return (changes > EVALUATION_ROUNDING * self.point.speed) & (p > MODE_ROUNDING * p.max(initial=0.0))
 
     def _velocities_jump(self, recent: set[int]) -> bool:
         """Return whether a velocity jumps; if only recent contacts approach, all active ones come to rest."""
@@ -219,8 +225,8 @@ class _ImpactProblem:
 
     def _loaded_contacts(self, stage: ImpactStage) -> list[tuple[int, ImpactRow, float]]:
         """Return the contacts with an impulse: switch, row and coefficient of restitution."""
-        significant = stage.p > MODE_ROUNDING * stage.p.max(initial=0.0)
-        found = zip(self.contacts, stage.restitution.tolist(), significant, strict=True)
+        significant = self._are_loaded(np.array([s.row for _, s in self.contacts], int), stage.p)
+        found = zip(self.contacts, stage.restitution.tolist(), significant.tolist(), strict=True)
         return [(i, s, e) for (i, s), e, loaded in found if loaded]
 
     def _impulses(self, impact: ImpactSolution | ImpactStage) -> Array:

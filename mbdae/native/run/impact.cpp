@@ -121,10 +121,18 @@ bool ModeTransition::resolve_impact(double* y, const std::vector<int>& resting, 
   for (int k : violated)
     if (std::fabs(before[k] / scales[k]) > limits_.visible * speed) out.engaged.push_back(k);
   out.impact = !approaching.empty() || !out.engaged.empty();
-  const auto impulse = [&](int i) { return modes_.switches[i].sign * out.impulses[modes_.switches[i].rows[0]]; };
+  const auto impulse = [&](int i) {
+    const int k = modes_.switches[i].rows[0];
+    return modes_.switches[i].sign * out.impulses[k] * scales[k];
+  };
   for (int i : near) largest = std::max(largest, impulse(i));
-  for (int i : near)
-    if (out.impact && impulse(i) > modes_.mode_rounding * largest) out.contacts.push_back(i);
+  for (int i : near) {  // without impulses by rounding, of the largest one, or in the speeds that they change
+    const int k = modes_.switches[i].rows[0];
+    const Numbers z = root(k);
+    const double change = impulse(i) * dot(z.data(), z.data(), s_.nv) / (scales[k] * scales[k]);
+    const bool loaded = change > limits_.evaluation_rounding * speed && impulse(i) > modes_.mode_rounding * largest;
+    if (out.impact && loaded) out.contacts.push_back(i);
+  }
   update_rates();
   return true;
 }
