@@ -81,7 +81,7 @@ def _from_curve(mech: Mechanism, found: Kinematics, speed: float | None) -> Pres
     _require_same_joints(mech, found.mechanism)
     if speed is None:
         raise InputError(f"give the constant speed of {found.drive!r}, in {found.unit}/s")
-    last = found.stretches[0].last
+    last = found.segments[0].last
     unknown = ~np.isfinite(found.curvature[:last]).all(axis=1)
     if unknown.any():
         at = f"{found.drive} = {found.u[:last][unknown][0]:.9g}"

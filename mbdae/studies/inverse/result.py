@@ -74,7 +74,7 @@ class InverseDynamics(Tabular):
         over: abscissa of figures, (n,).
         over_name: its name with unit.
         impacts: times of impacts of a run, whose impulses are not included in efforts.
-        passed: unilateral constraints (stops, ropes, contacts, clutches) that a prescribed motion violates.
+        violations: unilateral constraints (stops, ropes, contacts, clutches) that a prescribed motion violates.
         static_friction: in N m or N, of joints that a prescribed motion keeps at rest: not included in efforts.
         replaced: names of the torques, controllers and motors on actuated joints, in whose place the efforts are.
     """
@@ -93,7 +93,7 @@ class InverseDynamics(Tabular):
     over: Array
     over_name: str
     impacts: tuple[float, ...] = ()
-    passed: tuple[Violation, ...] = ()
+    violations: tuple[Violation, ...] = ()
     static_friction: dict[str, float] = field(default_factory=dict)
     replaced: tuple[str, ...] = ()
 
@@ -214,7 +214,7 @@ class InverseDynamics(Tabular):
         if self.impacts:
             times = ", ".join(f"{t:.6g}" for t in self.impacts[:5]) + (", ..." if len(self.impacts) > 5 else "")
             lines.append(f"  impulses of impacts are not included in efforts: t = {times} s")
-        lines += violation_lines(self.passed, *self.abscissa)
+        lines += violation_lines(self.violations, *self.abscissa)
         lines += [f"  {name!r} is at rest: its static friction can balance up to {quantity(x, unit, '.4g')}"
                   for name, x, unit in self._friction()]  # fmt: skip
         return lines
@@ -231,7 +231,7 @@ class InverseDynamics(Tabular):
             "actuators": [d._asdict() for d in self.demands],
             "undetermined": self.undetermined.tolist(),
             "impacts": list(self.impacts),
-            "passed": [p._asdict() for p in self.passed],
+            "violations": [p._asdict() for p in self.violations],
             "static_friction": self.static_friction,
             "replaced": list(self.replaced),
             "table": {name: column.tolist() for name, column in self.signals().items()},

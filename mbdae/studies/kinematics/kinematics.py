@@ -149,15 +149,15 @@ def _unfinished(curve: PoseCurve, drive: str, mech: Mechanism) -> str:
 def _sampled(found: list[TracedCurve], n: int) -> tuple[list[CurvePoint], list[CurveSegment]]:
     """Return about n points of each curve, one after another, and the segments of the curves."""
     points: list[CurvePoint] = []
-    stretches: list[CurveSegment] = []
+    segments: list[CurveSegment] = []
     for curve, seen, start, end in found:
         sampled = sample(curve, seen, n)
         sampled[:0] = [branch_point_on_curve(curve, start, curve.nodes[0], before=True)] if start else []
         sampled += [branch_point_on_curve(curve, end, curve.nodes[-1])] if end else []
         inputs = [p.u for p in sampled]
-        stretches.append(CurveSegment(len(points), len(points) + len(sampled), min(inputs), max(inputs), curve.ended))
+        segments.append(CurveSegment(len(points), len(points) + len(sampled), min(inputs), max(inputs), curve.ended))
         points += sampled
-    return points, stretches
+    return points, segments
 
 
 def _branch_points(found: list[TracedCurve]) -> tuple[BranchPoint, ...]:
@@ -178,7 +178,7 @@ def _result(
     found: list[TracedCurve],
     n: int,
 ) -> Kinematics:
-    points, stretches = _sampled(found, n)
+    points, segments = _sampled(found, n)
     curve = found[0].curve
     tau, q, u, s, kappa, speed, input_curvature = (
         np.array([getattr(p, name) for p in points])
@@ -205,8 +205,8 @@ def _result(
         transmission=angles,
         dead_points=tuple((d.point.u, d.point.q) for f in found for d in f.events.dead_points),
         branch_points=_branch_points(found),
-        stretches=tuple(stretches),
+        segments=tuple(segments),
         hidden=tuple(u for f in found for u in f.events.hidden),
-        passed=tuple(p for f in found for p in curve_violations(mech, f.curve)),
+        violations=tuple(p for f in found for p in curve_violations(mech, f.curve)),
         traced=tuple(found),
     )

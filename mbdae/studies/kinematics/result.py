@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...data_types import JsonObject
-from ...errors import InputError, UnknownNameError, as_list, is_number
+from ...errors import InputError, UnknownNameError, as_list, is_count, is_number
 from ...mechanism import Mechanism
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...mechanism.tree.frames import WORLD, frame_motions, frame_names
@@ -65,9 +65,9 @@ class Kinematics(Tabular):
         transmission: angle at the output in rad, 0 to pi/2, (n,).
         dead_points: input and configuration where the drive reverses.
         branch_points: poses in which several branches intersect.
-        stretches: segments of the curves in order; one without ``branches``.
+        segments: segments of the curves in order; one without ``branches``.
         hidden: inputs near which more than two branches intersect, and the curve continues straight.
-        passed: violations of stops, ropes, contacts and clutches, which do not act, over the input.
+        violations: violations of stops, ropes, contacts and clutches, which do not act, over the input.
         traced: the curves between the poses.
         listed: whether the text lists toggle positions.
     """
@@ -87,9 +87,9 @@ class Kinematics(Tabular):
     transmission: Array
     dead_points: tuple[tuple[float, Array], ...]
     branch_points: tuple[BranchPoint, ...]
-    stretches: tuple[CurveSegment, ...]
+    segments: tuple[CurveSegment, ...]
     hidden: tuple[float, ...] = ()
-    passed: tuple[Violation, ...] = ()
+    violations: tuple[Violation, ...] = ()
     traced: tuple[TracedCurve, ...] = field(default=(), repr=False, compare=False)
     listed: bool = False
 
@@ -138,7 +138,7 @@ class Kinematics(Tabular):
         """Return the toggle positions as text, headings first, with reversing joints, the input and all coordinates."""
         found, ends = self.toggles, (CurveSegment(0, len(self.toggles), 0.0, 0.0, "range"),)
         q, v = (np.array([getattr(t, name) for t in found]) for name in "qv")
-        only = replace(self, q=q, tangent=v, curvature=0 * v, s=np.arange(len(q)) * 1.0, stretches=ends)
+        only = replace(self, q=q, tangent=v, curvature=0 * v, s=np.arange(len(q)) * 1.0, segments=ends)
         columns = coordinates(only.run()) if found else {}
         values = {n: x for n, x in columns.items() if n.startswith("q.")}
         return toggle_table(found, values, self.drive, self.unit, coordinate_units(self.mechanism))
@@ -162,18 +162,20 @@ class Kinematics(Tabular):
         """Names of all frames except the world."""
         return [name for name in frame_names(self.mechanism.model) if name != WORLD]
 
-    def run(self, stretch: int = 0, *, speed: float | None = None) -> Solution:
+    def run(self, segment: int = 0, *, speed: float | None = None) -> Solution:
         """Return one of the curves as a motion in time, for a replay or `mbdae.inverse_dynamics`.
 
         Args:
-            stretch: index of the curve.
+            segment: index of one of `segments`.
             speed: constant speed of the drive in rad/s or m/s, from the first pose, or back to it; when left out, the
                 arclength increases by one per second, also through dead points.
 
         Raises:
-            InputError: for zero speed, or a curve with dead points, where the speed cannot be constant.
+            InputError: for an unknown segment, zero speed, or dead points, where the speed cannot be constant.
         """
-        part = slice(self.stretches[stretch].first, self.stretches[stretch].last)
+        if not (is_count(segment, 0) and segment < len(self.segments)):
+            raise InputError(f"segment must be a whole number from 0 to {len(self.segments) - 1}, got {segment!r}")
+        part = slice(self.segments[segment].first, self.segments[segment].last)
         q, v, a, t = self.q[part], self.tangent[part], self.curvature[part], self.s[part]
         if speed is not None:
             if not is_number(speed) or speed == 0:
@@ -191,8 +193,7 @@ class Kinematics(Tabular):
         stats = {"steps": n - 1, "rejected": 0, **counts, "seconds": 0.0, "backend": "python"}
         sol = Solution(mech, t, np.hstack([q, v, rest]), np.full((n, mech.ng), np.nan), "finished",
                        f"a curve of poses over {self.drive}", stats, settings)  # fmt: skip
-        rates = np.hstack([v, np.nan_to_num(a), rest])
-        sol.rates |= dict(enumerate(rates))
+        sol.rates |= dict(enumerate(np.hstack([v, np.nan_to_num(a), rest])))
         return sol
 
     def signals(self) -> dict[str, Array]:
@@ -202,17 +203,16 @@ class Kinematics(Tabular):
         ``a.<joint>`` as in `Solution.signals`, velocities and accelerations at unit speed of the drive;
         ``transmission`` in rad, the mechanical ``advantage``; ``position.<frame>.x``, ``velocity``, ``acceleration``.
         """
-        n = len(self.u)
-        curve = np.concatenate([np.full(x.last - x.first, i + 1) for i, x in enumerate(self.stretches)])
+        curve = np.concatenate([np.full(x.last - x.first, i + 1) for i, x in enumerate(self.segments)])
         out: dict[str, Array] = {"curve": curve, "u": self.u, "s": self.s}
-        parts = [coordinates(self.run(i)) for i in range(len(self.stretches))]
+        parts = [coordinates(self.run(i)) for i in range(len(self.segments))]
         out |= {k: np.concatenate([p[k] for p in parts]) for k in parts[0] if k.startswith("q.")}
         out |= dict(zip(self.velocity_names, self.rates.T, strict=True))
         out |= {f"a.{k[2:]}": x for k, x in zip(self.velocity_names, self.accelerations.T, strict=True)}
         if self.output:
             out["transmission"], out["advantage"] = self.transmission, self.advantage
         for word, values in zip(("position", "velocity", "acceleration"), self.frames(), strict=True):
-            for name, path in zip(self.frame_names, values.reshape(-1, n, 3), strict=True):
+            for name, path in zip(self.frame_names, values.reshape(-1, len(self.u), 3), strict=True):
                 out |= {f"{word}.{name}.{axis}": path[:, k] for k, axis in enumerate("xyz")}
         return out
 
@@ -243,11 +243,11 @@ class Kinematics(Tabular):
             "locked": list(self.locked),
             "output": self.output,
             "unit": self.unit,
-            "curves": [x._asdict() for x in self.stretches],
+            "curves": [x._asdict() for x in self.segments],
             "dead_points": [{"u": u, "q": q.tolist()} for u, q in self.dead_points],
             "branch_points": [b.to_dict() for b in self.branch_points],
             "crossings_not_followed": list(self.hidden),
-            "passed": [p._asdict() for p in self.passed],
+            "violations": [p._asdict() for p in self.violations],
             "toggles": [{"u": t.u, "q": t.q.tolist(), "reversing": list(t.reversing)} for t in self.toggles],
             "table": {name: column.tolist() for name, column in self.signals().items()},
         }
@@ -272,7 +272,7 @@ class Kinematics(Tabular):
         lines = [f"kinematics of {self.mechanism.title} over {self.drive} ({unit})"]
         if self.locked:
             lines.append(f"  locked: {', '.join(self.locked)}")
-        for i, x in enumerate(self.stretches, 1):
+        for i, x in enumerate(self.segments, 1):
             poses = x.last - x.first
             low, high = (self._input(u) for u in (x.low, x.high))
             lines.append(f"  curve {i}: {poses} poses, input {low:.6g} to {high:.6g}, {ENDS[x.ended]}")
@@ -284,7 +284,7 @@ class Kinematics(Tabular):
         for u in self.hidden:
             near = round(self._input(u), 6) + 0.0
             lines.append(f"  more than two branches intersect near {near:.6g}: the curve continues straight")
-        lines += violation_lines(self.passed, self.drive, self.unit)
+        lines += violation_lines(self.violations, self.drive, self.unit)
         if self.output and np.isfinite(self.transmission).any():
             low, high = (np.degrees(f(self.transmission)).round(6) for f in (np.nanmin, np.nanmax))
             lines.append(f"  transmission angle at {self.output}: {low:.4g} to {high:.4g} degrees")
@@ -294,7 +294,7 @@ class Kinematics(Tabular):
 def monotonic_segments(found: Kinematics) -> list[slice]:
     """Return slices of poses between dead points, over which the input is monotonic."""
     out = []
-    for x in found.stretches:
+    for x in found.segments:
         ends = [x.first, *(x.first + 1 + np.flatnonzero(~found.moving[x.first + 1 : x.last - 1])).tolist(), x.last - 1]
         out += [slice(a, b + 1) for a, b in pairwise(ends)]
     return out

@@ -145,8 +145,8 @@ def _circuits(first: Kinematics, span: tuple[float, float] | None, hold: tuple[s
 
 def _contains(mech: Mechanism, curve: Kinematics, q: Array) -> bool:
     """Return whether a curve contains a pose."""
-    for stretch in curve.stretches:
-        poses = curve.q[stretch.first : stretch.last]
+    for segment in curve.segments:
+        poses = curve.q[segment.first : segment.last]
         offsets = _offsets(mech, poses, q)
         steps = np.diff(offsets, axis=0)
         size = np.maximum((steps**2).sum(1), TINY)
@@ -193,9 +193,9 @@ def _segments(curve: Kinematics) -> Iterator[tuple[Array, Array, Array]]:
     tell turns apart.
     """
     mech = curve.mechanism
-    for stretch in curve.stretches:
-        s, indices = np.unique(curve.s[stretch.first : stretch.last], return_index=True)
-        q, tangent = (x[stretch.first : stretch.last][indices] for x in (curve.q, curve.tangent))
+    for segment in curve.segments:
+        s, indices = np.unique(curve.s[segment.first : segment.last], return_index=True)
+        q, tangent = (x[segment.first : segment.last][indices] for x in (curve.q, curve.tangent))
         if len(s) < 2:
             continue
         yield s, q, tangent

@@ -90,7 +90,7 @@ def _slider(mech: Mechanism, name: str, others: list[str], q: Array) -> Slider:
     else:
         try:
             found = kinematics(mech, name, hold=others, q=q, points=POSES)
-            u, poses, ended = found.u, found.q, found.stretches[0].ended
+            u, poses, ended = found.u, found.q, found.segments[0].ended
             ended = "closed" if unit == "rad" and abs(abs(u[-1] - u[0]) - 2 * np.pi) < INPUT_DIGITS else ended
             dead = tuple(sorted({round(float(x), 12) for x, _ in found.dead_points}))
         except MbdaeError:  # another mobility, an unlimited stroke, or a singular pose

@@ -35,7 +35,7 @@ def test_a_closed_stop_carries_load_in_a_run(pressed, tmp_path, sampled):
     found = inverse_dynamics(mech, sol, "rod")
     (hit,) = sol.impacts
     assert found.impacts == (hit.t,)
-    assert found.passed == ()
+    assert found.violations == ()
     np.testing.assert_allclose(found.efforts, 0, atol=1e-12)
     rests = found.t > hit.t
     rests[np.flatnonzero(found.t == hit.t)[1:]] = True
@@ -60,7 +60,7 @@ def test_without_the_stop_the_motor_holds(pressed):
         np.testing.assert_allclose(found.efforts[at_rest, 0], G * np.sin(0.3), rtol=1e-9)
         np.testing.assert_allclose(found.efforts[~at_rest][:-1], 0, atol=1e-9)
         assert not found.lam.any()
-        assert found.passed == ()
+        assert found.violations == ()
 
 
 def test_a_motion_through_a_stop_is_reported_with_its_effort():
@@ -68,10 +68,10 @@ def test_a_motion_through_a_stop_is_reported_with_its_effort():
     mech = mbdae.load("pendulum_on_stop")
     found = inverse_dynamics(mech, kinematics(mech, "rod", span=(1.0, 0.0), points=41), speed=-2.0)
     np.testing.assert_allclose(found.efforts[:, 0], G * np.sin(found.over), rtol=1e-12, atol=1e-12)
-    (passed,) = found.passed
-    np.testing.assert_allclose(passed[1:4], (0.3, 0.0, 0.3), atol=1e-12)
+    (violation,) = found.violations
+    np.testing.assert_allclose(violation[1:4], (0.3, 0.0, 0.3), atol=1e-12)
     assert "violates 'rod stop', which does not act, by up to 0.3 rad: rod = 0.3 to 0 rad" in str(found)
-    assert found.to_dict()["passed"][0]["name"] == "rod stop"
+    assert found.to_dict()["violations"][0]["name"] == "rod stop"
 
 
 def sliders(forces=(), **parts):
@@ -124,10 +124,10 @@ def test_a_locked_clutch_transmits_load_in_a_run():
     t = np.linspace(0, 1, 51)
     alone = inverse_dynamics(mech, {"t": t, "one": t**2, "two": 0.5 * t**2}, ["one", "two"])
     np.testing.assert_allclose(alone.efforts, [[4.0, 3.0]] * 51, rtol=1e-9)
-    (passed,) = alone.passed
-    assert (passed.name, passed.first, passed.last) == ("pawl", pytest.approx(0, abs=1e-9), 1.0)
-    assert passed.most == pytest.approx(0.5, rel=1e-3)
-    assert not inverse_dynamics(mech, {"t": t, "one": 0.5 * t**2, "two": t**2}, ["one", "two"]).passed
+    (violation,) = alone.violations
+    assert (violation.name, violation.first, violation.last) == ("pawl", pytest.approx(0, abs=1e-9), 1.0)
+    assert violation.most == pytest.approx(0.5, rel=1e-3)
+    assert not inverse_dynamics(mech, {"t": t, "one": 0.5 * t**2, "two": t**2}, ["one", "two"]).violations
 
 
 def test_a_commanded_clutch_transmits_load_in_a_prescribed_motion():

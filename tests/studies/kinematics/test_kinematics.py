@@ -47,7 +47,7 @@ def test_four_bar_over_two_turns():
     np.testing.assert_allclose(found.accelerations, np.array([0 * p, dp, ds]).T, rtol=0, atol=1e-12)
     np.testing.assert_allclose(np.sin(found.transmission), mu, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.ratio("rocker"), s, rtol=0, atol=1e-12)
-    assert found.stretches[0].ended == "range"
+    assert found.segments[0].ended == "range"
     assert not found.dead_points
 
 
@@ -71,7 +71,7 @@ def test_rocker_driven_turns_back_at_dead_points():
     found = kinematics(mbdae.load("four_bar"), "rocker")
     dead = sorted(u for u, _ in found.dead_points)
     np.testing.assert_allclose(dead, [np.arccos(2.75 / 6), np.arccos(-0.875)], rtol=0, atol=1e-12)
-    x = found.stretches[0]
+    x = found.segments[0]
     assert (x.ended, x.low, x.high) == ("closed", pytest.approx(dead[0]), pytest.approx(dead[1]))
     assert not np.isfinite(found.rates).all()
     assert np.isfinite(found.tangent).all()
@@ -93,7 +93,7 @@ def test_parallelogram_has_two_branches_through_pi():
     found = kinematics(mech, "crank", span=(0.5, 5.5), branches=True, points=51)
     (crossing,) = found.branch_points
     np.testing.assert_allclose([crossing.u, *crossing.q], [np.pi, np.pi, -np.pi, np.pi], rtol=0, atol=1e-12)
-    first, *others = (slice(x.first, x.last) for x in found.stretches)
+    first, *others = (slice(x.first, x.last) for x in found.segments)
     np.testing.assert_allclose(found.q[first, 2], found.u[first], atol=1e-12)  # rocker and crank stay parallel
     assert len(others) == 2
     for part in others:  # tan(rocker/2) = -(ground + crank)/(ground - crank) tan(crank/2)
@@ -101,7 +101,7 @@ def test_parallelogram_has_two_branches_through_pi():
         u, rocker = found.u[part][inside], found.q[part, 2][inside]
         assert np.abs(rocker - u).max() > 1
         np.testing.assert_allclose(np.tan(rocker / 2), -3.0 * np.tan(u / 2), rtol=1e-8)
-    low, high = sorted((x.low, x.high) for x in found.stretches[1:])
+    low, high = sorted((x.low, x.high) for x in found.segments[1:])
     np.testing.assert_allclose([low, high], [[0.5, np.pi], [np.pi, 5.5]], atol=1e-12)
     for q in found.q:
         assert np.abs(mech.residual(q, np.zeros(3))[0]).max() < 1e-12
@@ -121,7 +121,7 @@ def test_where_branches_pass_each_other_the_curve_turns_back(longer, monkeypatch
     limit = np.arccos((d**2 - 8) / (2 * d))
     np.testing.assert_allclose(np.sort([u for u, _ in found.dead_points]), [-limit, limit], rtol=0, atol=1e-9)
     assert not found.branch_points
-    assert found.stretches[0].ended == "closed"
+    assert found.segments[0].ended == "closed"
     assert all(c.nodes[i].sigma * c.nodes[i + 1].sigma < 0 for c in curves for i in c.branch_points)
 
 
@@ -161,7 +161,7 @@ def test_a_pose_where_several_branches_cross_on_the_grid(n):
 def test_stewart_platform_by_one_leg():
     mech = mbdae.load("stewart_platform")
     found = kinematics(mech, "piston_1", hold=LEGS)
-    assert found.stretches[0].ended == "closed"
+    assert found.segments[0].ended == "closed"
     assert max(np.abs(mech.residual(q, np.zeros(mech.nv))[0]).max() for q in found.q) <= 1e-14
     for name in LEGS:
         np.testing.assert_allclose(np.ptp(found.signals()[f"q.{name}"]), 0, atol=1e-14)
@@ -207,6 +207,9 @@ def test_a_run_follows_the_curve(tmp_path):
     for speed in ("fast", 0.0):
         with pytest.raises(InputError, match=f"speed must be a number other than zero, got {speed!r}"):
             found.run(speed=speed)
+    for segment in (1, -1, 0.5):
+        with pytest.raises(InputError, match=f"segment must be a whole number from 0 to 0, got {segment}"):
+            found.run(segment)
 
 
 def test_a_table_is_written(tmp_path):

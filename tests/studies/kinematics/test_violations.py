@@ -22,39 +22,39 @@ def test_a_stop_of_another_joint_is_passed_where_the_loop_says():
     """The rocker's angle of a four-bar is that of its closed form at both ends of the stop's range."""
     end = 1.6
     found = kinematics(four_bar(stops=[Stop(joint="rocker", upper=end)]), "crank", span=(0.0, 2 * np.pi), points=5)
-    assert {(p.name, p.unit) for p in found.passed} == {("rocker stop", "rad")}
-    (passed,) = found.passed
-    for u in passed[1:3]:
+    assert {(p.name, p.unit) for p in found.violations} == {("rocker stop", "rad")}
+    (violation,) = found.violations
+    for u in violation[1:3]:
         assert angles(u)[1] == pytest.approx(end, abs=1e-12)
     u = np.linspace(0, 2 * np.pi, 20001)
     over = np.array([angles(x)[1] for x in u]) - end
-    assert passed.most == pytest.approx(over.max(), rel=1e-3)
-    assert passed.first == pytest.approx(u[over > 0][0], abs=1e-3)
+    assert violation.most == pytest.approx(over.max(), rel=1e-3)
+    assert violation.first == pytest.approx(u[over > 0][0], abs=1e-3)
     assert "violates 'rocker stop', which does not act" in str(found)
-    assert found.to_dict()["passed"][0]["name"] == "rocker stop"
+    assert found.to_dict()["violations"][0]["name"] == "rocker stop"
 
 
 def test_stops_that_are_not_passed_are_not_reported():
     found = kinematics(four_bar(stops=[Stop(joint="rocker", upper=4.0)]), "crank")
-    assert found.passed == ()
+    assert found.violations == ()
     assert "passes" not in str(found)
 
 
 def test_the_stop_of_the_slider():
     """A crank of 0.1 m and a rod of 0.35 m: x = 0.1 cos u + sqrt(0.35^2 - (0.1 sin u)^2)."""
     mech = mbdae.load("slider_crank_with_stop")
-    (passed,) = kinematics(mech, "crank").passed
+    (violation,) = kinematics(mech, "crank").violations
     (end,) = [x for x, _ in mech.stops[0].one_sided_limits]
-    x = [0.1 * np.cos(u) + np.sqrt(0.35**2 - (0.1 * np.sin(u)) ** 2) for u in passed[1:3]]
+    x = [0.1 * np.cos(u) + np.sqrt(0.35**2 - (0.1 * np.sin(u)) ** 2) for u in violation[1:3]]
     np.testing.assert_allclose(x, end, atol=1e-12)
-    assert passed.most == pytest.approx(0.45 - end, abs=1e-6)
+    assert violation.most == pytest.approx(0.45 - end, abs=1e-6)
 
 
 def test_friction_that_sticks_does_not_change_poses():
     plain, sticks = mbdae.load("four_bar"), mbdae.load("four_bar", forces=[JointFriction(friction=1.0, exact=True)])
     a, b = (kinematics(m, "crank", points=12) for m in (plain, sticks))
     np.testing.assert_array_equal(a.q, b.q)
-    assert not b.passed
+    assert not b.violations
     both = [assembly_modes(m, "crank").to_dict()["modes"] for m in (plain, sticks)]
     assert both[0] == both[1]
 
@@ -79,11 +79,11 @@ def test_clutches_turned_backwards_are_reported(clutch, span, first, most):
     found = kinematics(two_bars(clutches=[clutch]), "one", span=span, hold="two", points=20)
     assert found.u[-1] == span[1]
     if first is None:
-        assert found.passed == ()
+        assert found.violations == ()
     else:
-        (passed,) = found.passed
-        assert (passed.first, passed.last) == pytest.approx((first, span[1]), abs=1e-14)
-        assert passed.most == pytest.approx(most, abs=1e-12)
+        (violation,) = found.violations
+        assert (violation.first, violation.last) == pytest.approx((first, span[1]), abs=1e-14)
+        assert violation.most == pytest.approx(most, abs=1e-12)
 
 
 def test_a_ratchet_runs_back_to_its_last_tooth():
@@ -91,18 +91,18 @@ def test_a_ratchet_runs_back_to_its_last_tooth():
     found = kinematics(
         two_bars(clutches=[Clutch(joint="one", pitch=0.3, tooth=0.1)]), "one", span=(0.8, 0.0), hold="two"
     )
-    (passed,) = found.passed
-    assert passed.first == pytest.approx(0.7, abs=0.02)
-    assert passed.most == pytest.approx(0.7, abs=1e-12)
+    (violation,) = found.violations
+    assert violation.first == pytest.approx(0.7, abs=0.02)
+    assert violation.most == pytest.approx(0.7, abs=1e-12)
     assert not kinematics(
         two_bars(clutches=[Clutch(joint="one", pitch=0.3, tooth=0.1)]), "one", span=(0.8, 0.71), hold="two"
-    ).passed
+    ).violations
 
 
 def test_contacts_that_open_are_open():
     mech = mbdae.load("bouncing_chain")
     found = kinematics(mech, "up", span=(1.0, -1.0), hold=["across", "head", "middle", "tail"])
-    nose = next(p for p in found.passed if p.name == "nose")
+    nose = next(p for p in found.violations if p.name == "nose")
     np.testing.assert_allclose(nose[1:4], (0.0, -1.0, 1.0), atol=1e-12)
     with pytest.raises(InputError, match=r"5 degrees of freedom are left \(inactive: nose, first hinge, .*\): hold 4"):
         kinematics(mech, "up")
@@ -143,9 +143,9 @@ def test_a_rope_is_passed_where_it_is_too_short():
     place = pin.SE3(np.eye(3), np.array([2.0, 0.0, 0.0]))
     model.addFrame(pin.Frame("post", 0, place, pin.FrameType.OP_FRAME))
     rope = Closure(kind="distance", frames=("post", "bar_tip"), length=2.0, unilateral=True, name="rope")
-    (passed,) = kinematics(Mechanism(model, [rope]), "bar", span=(0.0, 2.0)).passed
-    assert np.cos(passed.first) == pytest.approx(0.25, abs=1e-12)
-    assert passed.last == 2.0
+    (violation,) = kinematics(Mechanism(model, [rope]), "bar", span=(0.0, 2.0)).violations
+    assert np.cos(violation.first) == pytest.approx(0.25, abs=1e-12)
+    assert violation.last == 2.0
 
 
 def test_an_input_that_cannot_begin_there_is_said():
@@ -159,7 +159,7 @@ def test_a_motion_that_stays_in_contact():
     """A table holds the rod at its stop, which could carry any part of its moment."""
     mech, t = mbdae.load("pendulum_on_stop"), [0.0, 0.1, 0.2, 0.3]
     found = mbdae.inverse_dynamics(mech, {"t": t, "rod": [0.3] * 4}, "rod")
-    (touching,) = found.passed
+    (touching,) = found.violations
     assert touching == ("rod stop", 0.0, 0.3, 0.0, "rad")
     assert "is in contact with 'rod stop', which carries no load here: t = 0 to 0.3 s" in str(found)
-    assert mbdae.inverse_dynamics(mech, {"t": t, "rod": [0.6] * 4}, "rod").passed == ()
+    assert mbdae.inverse_dynamics(mech, {"t": t, "rod": [0.6] * 4}, "rod").violations == ()
