@@ -125,7 +125,7 @@ def snapshot(run: RunState) -> RunSnapshot:
     carry = run.state.carry if isinstance(run.state.carry, np.ndarray) else None
     rows = None if s.rows is None else tuple(s.rows.tolist())
     y, compensation = run.ys[-1].copy(), run.state.compensation
-    interval = run.interval if run.interval.stop != run.interval.end and run.t >= run.interval.stop else None
+    interval = run.interval if run.interval.leaves_jump(run.t) else None
     stepper = run.stepper.snapshot()
     return RunSnapshot(run.t, y, carry, compensation, rows, s.rank_threshold, s.mode, stepper, interval)
 

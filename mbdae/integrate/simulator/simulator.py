@@ -221,9 +221,11 @@ class Simulator(DifferentiableAdvance):
     def _loop(self, end: float, restarts: bool) -> tuple[bool, bool]:
         """Step to the end in the time loop; return whether the method restarted, and whether an event stopped it."""
         run = self._run
-        restarts |= run.interval.stop != run.interval.end  # a jump just after the last node
+        restarts |= (jumps := run.interval.leaves_jump(run.t))
+        if restarts and self._fresh:  # controllers are sampled again at the start, with the inputs that were set
+            run.ys[-1], jumps = run.unsampled(), True
         if restarts:
-            run.restart_after_jump(run.t, exact_end=len(run.ts) > 1 or bool(self._earlier))
+            run.restart_after_jump(run.t, len(run.ts) > 1 or bool(self._earlier), jumps)
         run.continue_to(end)
         return restarts, time_loop(run)
 

@@ -196,7 +196,7 @@ class ModeJumps:
         gradient, point, trace = partials.of(guard), partials.point, self.trace
         terms = np.append(gradient[: self.sensitivity.ny] * rates, gradient[-1])
         total, size = float(terms.sum()), float(np.abs(terms).sum())
-        tolerance = SAME_STATE * float(trace.ts[i] - trace.ts[i - 1]) + trace.near
+        tolerance = SAME_STATE * float(trace.ts[i] - trace.ts[i - 1]) + trace.sol.jump_margin
         if abs(guard.value(point)) > tolerance * size:
             return None
         if guard.kind in LENGTHS:  # compared with a characteristic speed, since all speeds may be small
