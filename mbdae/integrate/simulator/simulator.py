@@ -259,7 +259,7 @@ class Simulator(DifferentiableAdvance):
         """Return the state, after a new run has begun there."""
         self._require_running()
         settings, run = self._settings, self._run
-        saved = snapshot(run), self.inputs.values, dict(settings.wanted), self.start, self._origin
+        saved = snapshot(run), self.inputs.values, dict(settings.wanted), self.start, self._origin, self._fresh
         state = SimulatorState(*saved, external_states(run))
         earlier = [*self._earlier, self._made()] if self.recorded else []
         self.restore(state)
@@ -281,7 +281,7 @@ class Simulator(DifferentiableAdvance):
             self.inputs.cell(name).set(setting)
         self.start, self._settings, self._earlier = state.start, InputSettings(self.inputs, state.wanted), []
         self.status, self.message = "running", STATUS["finished"]
-        self._last, self._differentiated, self._fresh = None, None, False
+        self._last, self._differentiated, self._fresh = None, None, state.fresh
         self._continue(prepare_again(self._run, self.options, state))
         resume(self._run, state.run)
 

@@ -52,12 +52,15 @@ def test_each_instant_is_sampled_once_wherever_an_advance_ends(backend, lengths,
     assert simulator.s[-1] == np.floor(10 * simulator.t) + 1
 
 
-def test_a_controller_is_sampled_at_the_start_with_the_inputs_that_are_set_before_the_first_advance():
+@pytest.mark.parametrize("saved", [False, True])
+def test_a_controller_is_sampled_at_the_start_with_the_inputs_that_are_set_before_the_first_advance(saved):
     model = empty(0.0)
     add_body(model, 0, pin.JointModelPX(), "cart", 1.0)
     reference = mbdae.Input(name="reference", value=2.0)
     pid = mbdae.JointPID(joint="cart", kp=2.0, ki=3.0, rate=10.0, reference=reference, integral=0.5)
     simulator = mbdae.Simulator(mbdae.Mechanism(model, forces=[pid]), rtol=1e-4)
+    if saved:
+        simulator.restore(simulator.save())
     simulator["reference"] = 1.0
     simulator.advance(0.05)
     assert simulator.s == pytest.approx([2.0 * 1.0 + 3.0 * 0.5, 0.5 + 0.1 * 1.0])
