@@ -58,9 +58,11 @@ def test_a_controller_is_sampled_at_the_start_with_the_inputs_that_are_set_befor
     add_body(model, 0, pin.JointModelPX(), "cart", 1.0)
     reference = mbdae.Input(name="reference", value=2.0)
     pid = mbdae.JointPID(joint="cart", kp=2.0, ki=3.0, rate=10.0, reference=reference, integral=0.5)
-    simulator = mbdae.Simulator(mbdae.Mechanism(model, forces=[pid]), rtol=1e-4)
+    mech = mbdae.Mechanism(model, forces=[pid], stops=[mbdae.Stop(joint="cart", upper=9.0)])
+    simulator = mbdae.Simulator(mech, rtol=1e-4)
     if saved:
         simulator.restore(simulator.save())
     simulator["reference"] = 1.0
     simulator.advance(0.05)
     assert simulator.s == pytest.approx([2.0 * 1.0 + 3.0 * 0.5, 0.5 + 0.1 * 1.0])
+    assert simulator.tangent(inputs={"reference": 1.0}).v == pytest.approx([2.0 * 0.05])
