@@ -9,9 +9,13 @@ from typing import Any, Self, cast
 import numpy as np
 
 from ..errors import InputError, StepError
+from ..mechanism import Mechanism
 from ..mechanism.model_settings import as_numbers
 from ..system import Array
+from ..tolerances import NEGLIGIBLE
 from .sampling import sample_together
+
+JUMP = 48  # roundings of t: the sides of a jump are closer; far from t = 0 steps are, too, but they change q
 
 
 class DenseOutput:
@@ -66,8 +70,22 @@ class DenseOutput:
         sign = 1.0 if len(ts) < 2 or ts[-1] > ts[0] else -1.0
         return np.clip(np.searchsorted(sign * ts, sign * np.asarray(t), side="right") - 1, 0, max(0, len(ts) - 1))
 
+    @property
+    def jump_margin(self) -> float:
+        """The largest distance in time of both sides of a jump: roundings of the span, also if a run ends early."""
+        ts = self.nodes[0]
+        return JUMP * float(np.spacing(max(*np.abs([ts[0], ts[-1], *self.settings.get("t_span", ())]), NEGLIGIBLE)))
+
+    def jumped(self, first: int = 0, last: int | None = None) -> Array:
+        """Return whether a jump lies between nodes i and i + 1, for those of a range, all by default: q is the same."""
+        nodes = slice(first, last)
+        ts, ys = np.asarray(self.nodes[0][nodes]), self.nodes[1][nodes]
+        q = ys[:, : self.problem.nq] if isinstance(self.problem, Mechanism) else ys
+        gap = np.abs(np.diff(ts))
+        return (gap == 0) | (gap <= self.jump_margin) & (q[1:] == q[:-1]).all(axis=1)
+
     def point(self, t: float) -> Array:
-        """Return y at any time of the run, interpolated between steps.
+        """Return y at any time of the run, interpolated between steps; between both sides of a jump, y before it.
 
         Raises:
             InputError: for a time outside.
@@ -79,8 +97,10 @@ class DenseOutput:
         if len(ts) == 1:
             return ys[0]
         i = min(int(self.before(np.array([t]))[0]), len(ts) - 2)
-        if t in (ts[i], ts[i + 1]):
-            return ys[i] if t == ts[i] else ys[i + 1]
+        if t == ts[i + 1]:
+            return ys[i + 1]
+        if t == ts[i] or self.jumped(i, i + 2)[0]:
+            return ys[i]
         return self.dense(i)((t - ts[i]) / (ts[i + 1] - ts[i]))
 
     def points(self, times: Array) -> Iterator[Array]:

@@ -92,7 +92,6 @@ def sample_together(sol: Any, times: Array) -> Array | None:
     starts, ends = (np.array([sol.rate(int(i)) for i in nodes]) for nodes in (used, used + 1))
     h, theta = ts[used + 1] - ts[used], (times - ts[step]) / (ts[step + 1] - ts[step])
     out = sample_at_once(sol.system, ts[used], h, (ys[used], ys[used + 1]), (starts, ends), which, theta)
-    for node in (step, step + 1):
-        coincident = times == ts[node]
+    for node, coincident in ((step, (times == ts[step]) | sol.jumped()[step]), (step + 1, times == ts[step + 1])):
         out[coincident] = ys[node[coincident]]
     return out

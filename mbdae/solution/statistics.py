@@ -193,14 +193,13 @@ def resolved_series(sol: "Solution", names: Collection[str]) -> Iterator[tuple[A
 
 
 class _Steps:
-    """Steps of a run with nonzero length, and signals on them."""
+    """Steps of a run, without jumps, and signals on them."""
 
     def __init__(self, sol: "Solution", names: Collection[str]) -> None:
         self.sol, self.names = sol, list(names)
         self.t = np.asarray(sol.nodes[0])
         self.h = np.diff(self.t)
-        ends = self.t[0], self.t[-1], *sol.settings.get("t_span", ())  # whose rounding is the distance of two nodes
-        self.steps = np.flatnonzero(np.abs(self.h) > 8 * np.spacing(np.abs(ends).max()))  # at a jump
+        self.steps = np.flatnonzero(~sol.jumped())
 
     @property
     def lasting(self) -> Array:

@@ -160,6 +160,18 @@ def test_extrema_at_a_jump_are_those_before_and_after_it(begin):
     assert high == pytest.approx({"v.slow": 0.5, "v.fast": 1.0}, abs=1e-12)
 
 
+@pytest.mark.parametrize("times", [1, 2])
+def test_just_before_a_jump_are_the_values_before_it(times):
+    """A cart moves at 3 m/s, and a force acts from 0.7 s on: both nodes of the jump are a few roundings apart."""
+    model = empty(0.0)
+    add_body(model, 0, pin.JointModelPX(), "cart", 1.0)
+    torque = mbdae.JointTorque(joint="cart", torque={"kind": "steps", "points": [(0, 0), (0.7, 2)]})
+    sol = mbdae.solve(mbdae.Mechanism(model, forces=[torque]), (0, 8), np.array([0.4]), np.array([3.0]))
+    before = np.full(times, np.nextafter(0.7, 0))
+    assert sol(before).v == pytest.approx(np.full((times, 1), 3.0), rel=1e-14)
+    assert sol.resampled(before).signals("a")["a.cart"] == pytest.approx(0.0)
+
+
 def test_loads_in_the_mode_before_a_jump_are_no_extrema():
     """A cart drags a box by stiction, at most 3 N, until a force of 10 N acts on it: at once the box slips, at 2 N."""
     model = empty(0.0)

@@ -7,7 +7,7 @@ at both times.
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from math import inf, ulp
+from math import inf, isfinite, nextafter, ulp
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -30,13 +30,18 @@ class SmoothInterval(NamedTuple):
 
     Attributes:
         stop: end of the last step.
-        end: time that is recorded for the end of the last step; the end of the span, if it coincides with a jump.
+        end: time that is recorded for the end of the last step; the end of the span, if it coincides with a jump: only
+            then it differs from stop.
         restart: start of the next interval; None at the end of the span.
     """
 
     stop: float
     end: float
     restart: float | None
+
+    def leaves_jump(self, t: float) -> bool:
+        """Return whether the span ends at t with this interval, so that a run that continues begins with a jump."""
+        return t == self.end != self.stop
 
 
 class Jumps(EventSource):
@@ -77,10 +82,11 @@ class Jumps(EventSource):
         first, last = self._following
         margin = 8 * MARGIN * max(ulp(run.t), ulp(t1))
         known = first <= self.sign * run.t and run.interval.stop == run.interval.end
-        return known and self.sign * t1 + margin < last
+        return known and self.sign * t1 + margin < last and not self._coincide(t1, self.sign * last)
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
         """Return y after jumps of the states of sampled controllers."""
+        self._following = inf, -inf  # an instant that the system counts as this one may be ahead by rounding
         return self.system.jump(run.t, y)
 
     def interval(self, t: float) -> SmoothInterval:
@@ -91,11 +97,12 @@ class Jumps(EventSource):
         """
         s, margin = self.sign, MARGIN * ulp(max(abs(t), abs(self.t1)))
         _, first = self._cluster(t, 4 * margin)
-        if s * (first - self.t1) > 4 * margin:
+        ahead = s * (first - self.t1)
+        if ahead > 4 * margin and not self._coincide(self.t1, first):
             return SmoothInterval(self.t1, self.t1, None)
         stop = first - s * margin
-        if s * (self.t1 - first) <= 4 * margin:
-            return SmoothInterval(stop, self.t1, None)
+        if ahead >= -4 * margin:
+            return SmoothInterval(s * min(s * stop, s * nextafter(self.t1, -s * inf)), self.t1, None)
         last, _ = self._cluster(first, 4 * margin)
         return SmoothInterval(stop, stop, last if s > 0 else last - margin)
 
@@ -114,11 +121,19 @@ class Jumps(EventSource):
         s, (first, last) = self.sign, self._following
         if first <= s * t < last:
             return s * last
+        following = self._after(t)
+        self._following = s * t, s * following
+        return following
+
+    def _after(self, t: float) -> float:
+        s = self.sign
         i = bisect_right(self.times, t) if s > 0 else bisect_left(self.times, t) - 1
         user_time = self.times[i] if 0 <= i < len(self.times) else s * inf
-        following = min(s * self.system.breakpoint(t, s), s * user_time)
-        self._following = s * t, following
-        return s * following
+        return s * min(s * self.system.breakpoint(t, s), s * user_time)
+
+    def _coincide(self, t: float, jump: float) -> bool:
+        """Return whether a run that starts at t, before a jump, begins with it."""
+        return isfinite(jump) and self._after(t) != jump
 
     def _cluster(self, t: float, tolerance: float) -> tuple[float, float]:
         """Return the last jump of the cluster that starts at t, t if there is none, and the jump after it."""

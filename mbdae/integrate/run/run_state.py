@@ -65,6 +65,7 @@ class RunState:
             None  # motion since a step was undone, and its undone part, see `projected_step`
         )
         self.restarted = False  # whether the carry was recomputed after the projection of the last step
+        self.given = start.copy()
         self.ts, self.ys, self.zs = [self.t], GrowingArray(start), GrowingArray([np.nan] * system.nz)
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # first node of each set of rows in use
         self.carries = CarryRecord()
@@ -79,14 +80,17 @@ class RunState:
         self.user_events: UserEvents = found.get(UserEvents)
         self.jumps: Jumps = found.get(Jumps)
 
-    def begin(self, ahead: bool = False) -> None:
+    def begin(self, ahead: bool = False, jumps: bool = True) -> None:
         """Begin a smooth interval at the last node: adjust the point, and compute its derivative and the carry.
 
-        ``ahead``: the stepper may take the first steps, too, and records them when it advances.
+        Args:
+            ahead: whether the stepper may take the first steps, too, and records them when it advances.
+            jumps: whether sampled controllers whose instant this is are still to be sampled.
         """
         y = self.ys[-1].copy()
         for source in reversed(self.sources):  # states jump before mode selection
-            y = source.adjust_point(self, y)
+            if jumps or source is not self.jumps:
+                y = source.adjust_point(self, y)
         self.interval = self.jumps.interval(self.t)
         if self.in_use:
             self._start_at(y)
@@ -94,6 +98,12 @@ class RunState:
             self._set_start(*self.stepper.begin_run(self, y, ahead))
         for source in self.sources:
             source.begin_interval(self)
+
+    def unsampled(self) -> Array:
+        """Return the point at the start of a mechanism, with the states before its controllers were sampled."""
+        out, first = self.ys[-1].copy(), -1 - self.system.ns  # type: ignore[attr-defined]
+        out[first:-1] = self.given[first:-1]
+        return out
 
     def _start_at(self, y: Array, restarted: bool = False) -> None:
         y = self.system.update_independent_rows(self.t, State(y)).y
@@ -111,12 +121,13 @@ class RunState:
         if restarted or not self.in_use or self.in_use[-1][1] != rows:
             self.in_use.append((len(self.ts) - 1, rows))
 
-    def restart_after_jump(self, t: float, exact_end: bool = False) -> None:
+    def restart_after_jump(self, t: float, exact_end: bool = False, jumps: bool = True) -> None:
         """Begin the next smooth interval after a jump, at time t: a second node, just after the previous one.
 
         Args:
             t: time of the jump.
             exact_end: whether the previous node is at t, too: its time moves to just before the jump.
+            jumps: see `begin`.
         """
         self.end_interval(len(self.ts) - 1)
         if exact_end:
@@ -125,7 +136,7 @@ class RunState:
         self.ys.append(self.ys[-1])
         self.ts.append(t)
         self.t = t
-        self.begin()
+        self.begin(jumps=jumps)
         self.stepper.restart()
         self.notify_discontinuity(len(self.ts) - 1)
 

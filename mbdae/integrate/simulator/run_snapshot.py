@@ -31,6 +31,7 @@ class RunSnapshot(NamedTuple):
         mode: of the mechanism.
         stepper: of the step-size control.
         interval: the smooth interval, if a jump follows at t; None within one.
+        given: the point at the start of the run, before controllers were sampled.
     """
 
     t: float
@@ -42,6 +43,7 @@ class RunSnapshot(NamedTuple):
     mode: tuple[int, ...]
     stepper: StepperState
     interval: SmoothInterval | None
+    given: Array
 
 
 class Origin(NamedTuple):
@@ -63,6 +65,7 @@ class SimulatorState:
         wanted: inputs that were set, by name, since the last advance.
         start: time in s from which fixed steps are counted.
         origin: the simulator that saved it.
+        fresh: whether no step was taken since the start.
         external: the states of FMUs, by the names of their forces.
     """
 
@@ -71,6 +74,7 @@ class SimulatorState:
     wanted: dict[str, float]
     start: float
     origin: Origin
+    fresh: bool
     external: dict[str, bytes | None]
 
     def require_external(self) -> None:
@@ -125,15 +129,15 @@ def snapshot(run: RunState) -> RunSnapshot:
     carry = run.state.carry if isinstance(run.state.carry, np.ndarray) else None
     rows = None if s.rows is None else tuple(s.rows.tolist())
     y, compensation = run.ys[-1].copy(), run.state.compensation
-    interval = run.interval if run.interval.stop != run.interval.end and run.t >= run.interval.stop else None
+    interval = run.interval if run.interval.leaves_jump(run.t) else None
     stepper = run.stepper.snapshot()
-    return RunSnapshot(run.t, y, carry, compensation, rows, s.rank_threshold, s.mode, stepper, interval)
+    return RunSnapshot(run.t, y, carry, compensation, rows, s.rank_threshold, s.mode, stepper, interval, run.given)
 
 
 def resume(run: RunState, start: RunSnapshot) -> None:
     """Begin a new run at a snapshot, in place of `RunState.begin`."""
     s: Any = run.system
-    t, y, carry, compensation, rows, s.rank_threshold, mode, stepper, interval = start
+    t, y, carry, compensation, rows, s.rank_threshold, mode, stepper, interval, run.given = start
     run.ys[-1] = y
     s.laws.set_inputs(s.element_states(y))
     if run.mode_changes:

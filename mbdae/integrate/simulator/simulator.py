@@ -221,9 +221,11 @@ class Simulator(DifferentiableAdvance):
     def _loop(self, end: float, restarts: bool) -> tuple[bool, bool]:
         """Step to the end in the time loop; return whether the method restarted, and whether an event stopped it."""
         run = self._run
-        restarts |= run.interval.stop != run.interval.end  # a jump just after the last node
+        restarts |= (jumps := run.interval.leaves_jump(run.t))
+        if restarts and self._fresh:  # controllers are sampled again at the start, with the inputs that were set
+            run.ys[-1], jumps = run.unsampled(), True
         if restarts:
-            run.restart_after_jump(run.t, exact_end=len(run.ts) > 1 or bool(self._earlier))
+            run.restart_after_jump(run.t, len(run.ts) > 1 or bool(self._earlier), jumps)
         run.continue_to(end)
         return restarts, time_loop(run)
 
@@ -257,7 +259,7 @@ class Simulator(DifferentiableAdvance):
         """Return the state, after a new run has begun there."""
         self._require_running()
         settings, run = self._settings, self._run
-        saved = snapshot(run), self.inputs.values, dict(settings.wanted), self.start, self._origin
+        saved = snapshot(run), self.inputs.values, dict(settings.wanted), self.start, self._origin, self._fresh
         state = SimulatorState(*saved, external_states(run))
         earlier = [*self._earlier, self._made()] if self.recorded else []
         self.restore(state)
@@ -279,7 +281,7 @@ class Simulator(DifferentiableAdvance):
             self.inputs.cell(name).set(setting)
         self.start, self._settings, self._earlier = state.start, InputSettings(self.inputs, state.wanted), []
         self.status, self.message = "running", STATUS["finished"]
-        self._last, self._differentiated, self._fresh = None, None, False
+        self._last, self._differentiated, self._fresh = None, None, state.fresh
         self._continue(prepare_again(self._run, self.options, state))
         resume(self._run, state.run)
 

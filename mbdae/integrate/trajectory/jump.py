@@ -85,7 +85,7 @@ class ModeJumps:
         trace, t, ny = self.trace, float(self.trace.ts[i]), self.sensitivity.ny
         trace.enter_node(i)
         before, jumped = trace.ys[i], np.eye(ny, ny + self.sensitivity.k + 1)
-        if at_known_time := trace.ts[i + 1] != t:
+        if at_known_time := i == 0 or trace.ts[i + 1] != t:  # a simulator restarts at its start
             t = float(trace.ts[i + 1])
             jumped[:, :-1] = self.sensitivity.jump(t, before)
             before = self.system.jump(t, before)
@@ -196,7 +196,7 @@ class ModeJumps:
         gradient, point, trace = partials.of(guard), partials.point, self.trace
         terms = np.append(gradient[: self.sensitivity.ny] * rates, gradient[-1])
         total, size = float(terms.sum()), float(np.abs(terms).sum())
-        tolerance = SAME_STATE * float(trace.ts[i] - trace.ts[i - 1]) + trace.near
+        tolerance = SAME_STATE * float(trace.ts[i] - trace.ts[i - 1]) + trace.sol.jump_margin
         if abs(guard.value(point)) > tolerance * size:
             return None
         if guard.kind in LENGTHS:  # compared with a characteristic speed, since all speeds may be small

@@ -21,8 +21,7 @@ from ...methods.runge_kutta import RungeKutta
 from ...solution.sampling import set_slip_directions
 from ...solution.solution import Solution
 from ...system import Array, State, System
-from ...tolerances import AGREEMENT, NEGLIGIBLE, SAME_STATE, ZERO_SPEED
-from ..events.jumps import MARGIN
+from ...tolerances import AGREEMENT, SAME_STATE, ZERO_SPEED
 from ..steppers.adaptive import Adaptive
 from ..steppers.fixed import Fixed
 from .checkpoints import Checkpoints, RecordedStates
@@ -30,8 +29,6 @@ from .differentiable_runs import require_differentiable
 from .jump import ModeJumps
 from .native_trajectory import NativeStep, NativeTrajectory
 from .reset_jump import ResetJumps
-
-JUMP = 6 * MARGIN  # roundings of t: the sides of a jump are closer; far from t = 0 steps are, too, but they change q
 
 
 class _RunView(NamedTuple):
@@ -99,10 +96,7 @@ class Trajectory:
         else:
             self.stepper = Fixed(settings["step"], self.ts[0], self.ts[-1])
         self.changes = {i: rows for i, rows in sol.in_use}
-        ends = self.ts[0], self.ts[-1], *settings["t_span"]  # a run that ends early has the gaps of its span
-        self.near = JUMP * float(np.spacing(max(*np.abs(ends), NEGLIGIBLE)))
-        gap, same_q = np.abs(np.diff(self.ts)), (self.ys[1:, : mech.nq] == self.ys[:-1, : mech.nq]).all(axis=1)
-        self.jumped: list[bool] = ((gap == 0) | (gap <= self.near) & same_q).tolist()  # between nodes i and i + 1
+        self.jumped: list[bool] = sol.jumped().tolist()
         self.core = NativeTrajectory(self, parameters)
         self.sensitivity = PointSensitivity(self.system, parameters, self.core.parameters)
         self.jumps, self.resets = ModeJumps(self), ResetJumps(self)

@@ -38,10 +38,13 @@ bool Jumps::next_interval(const std::vector<SampledController>& samplers, double
   double from, after;
   if (!last_of_cluster(samplers, t, s, 4 * gap, from)) return false;
   const double first = next(samplers, from, s), stop = first - s * gap;
-  if (s * (first - interval.t1) > 4 * gap) {
+  const double ahead = s * (first - interval.t1);
+  const bool coincide = std::isfinite(first) && next(samplers, interval.t1, s) != first;  // seen from t1
+  if (ahead > 4 * gap && !coincide) {
     interval.stop = interval.end = interval.t1, restart = NAN;
-  } else if (s * (interval.t1 - first) <= 4 * gap) {
-    interval.stop = stop, interval.end = interval.t1, restart = NAN;
+  } else if (ahead >= -4 * gap) {  // a run that continues begins with the jump: stop differs from end
+    interval.stop = s * std::min(s * stop, s * std::nextafter(interval.t1, -s * INFINITY));
+    interval.end = interval.t1, restart = NAN;
   } else {
     if (!last_of_cluster(samplers, first, s, 4 * gap, after)) return false;
     interval.stop = interval.end = stop, restart = s > 0 ? after : after - gap;

@@ -1,5 +1,6 @@
 #include "runtime/exported_mechanism.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -105,7 +106,7 @@ void ExportedMechanism::start(double t, bool steps) {
   try {
     s.use_rows(start_.rows, static_cast<int>(start_.rows.size()), start_.floor, true);
     if (moved || (steps && run_.project)) project_state(s, t, y().data());
-    steps ? begin_interval(t + 1, true) : begin_coordinates();
+    steps ? begin_interval(t + 1, true, true) : begin_coordinates();
   } catch (const FallBackToPython&) {
     fail("the mechanism cannot start: it is singular, or not finite,");
   }
@@ -147,7 +148,7 @@ bool ExportedMechanism::apply_inputs(double t1) {
   return jumps;
 }
 
-void ExportedMechanism::begin_interval(double t1, bool jumped) {
+void ExportedMechanism::begin_interval(double t1, bool jumped, bool samples) {
   Index2System& s = system();
   SmoothInterval& interval = run_.interval;
   interval.t1 = t1;
@@ -155,7 +156,7 @@ void ExportedMechanism::begin_interval(double t1, bool jumped) {
     Numbers F(s.ny), z(s.ng);
     State next;
     next.y = y();
-    s.apply_jumps(time(), next.y.data());
+    if (samples) s.apply_jumps(time(), next.y.data());
     s.update_independent_rows(time(), next);
     s.derivative(time(), next.y.data(), F.data(), z.data());
     next.carry = s.carry(F), run_.state = std::move(next), run_.monitor.last_ratio = INFINITY;
@@ -177,8 +178,12 @@ void ExportedMechanism::advance(double t, const AfterStep& after_step, bool stop
   }
   if (!(t > time())) reject("a step leads forwards");
   try {
-    const bool after_jump = run_.interval.stop != run_.interval.end;
-    begin_interval(t, apply_inputs(t) || after_jump);
+    const bool at_jump = time() == run_.interval.end && run_.interval.stop != run_.interval.end;
+    const bool restarts = apply_inputs(t) || at_jump, at_start = time() == run_.grid.t0;
+    const int states = model_.nq + model_.nv;
+    if (restarts && at_start)  // controllers are sampled again, with the inputs that were set since
+      std::copy(start_.y.begin() + states, start_.y.end() - 1, y().begin() + states);
+    begin_interval(t, restarts, at_jump || at_start);
   } catch (const FallBackToPython&) {
     fail("the accelerations are singular, or not finite,");
   }

@@ -115,7 +115,7 @@ class ExportedMechanism {
   [[noreturn]] void fail(const char* what) const;
   void use_inputs();
   bool apply_inputs(double t1);  // from now on until t1; whether one jumps
-  void begin_interval(double t1, bool jumped);
+  void begin_interval(double t1, bool jumped, bool samples);
   Numbers& y() { return run_.state.y; }
   void evaluate();  // y and x' at (t, x)
   void begin_coordinates();  // with their origin at y

@@ -53,6 +53,24 @@ def test_inputs_are_those_of_a_simulator(hold, tmp_path):
     assert np.abs(master.get(*unit.outputs) - wanted).max() <= 1e-12 * np.abs(wanted).max()
 
 
+def test_a_controller_is_sampled_once_at_each_instant(tmp_path):
+    """Inputs are set after each step, which ends a rounding before or after an instant."""
+    servo = mbdae.JointPID(joint="crank", kp=0.2, ki=3.0, rate=10.0, reference=1.0)
+    m = motorised("slider_crank", value=0.0)
+    m = mbdae.Mechanism(m.model, m.closures, [*m.forces, servo], start=m.start_values)
+    unit = mbdae.export(m, tmp_path / "servo.fmu", kind="cs", outputs=["q.crank"], rtol=1e-5)
+    master, reference = Master(unit, "cs"), mbdae.Simulator(m, rtol=1e-5, record=False)
+    for k in range(N):
+        for set_input in (master.set, reference.__setitem__):
+            set_input("motor", 1e-9 * (k % 2))
+        master.step(reference.t, 0.01)
+        reference.advance(0.01)
+    expected = mbdae.Simulator(m, rtol=1e-5, record=False)
+    expected.advance(reference.t)
+    for found in (*master.get("q.crank"), reference.q[0]):
+        assert found == pytest.approx(expected.q[0], abs=1e-4)
+
+
 @pytest.mark.parametrize("name", ["joint.slider.mass", "gravity.2"])
 def test_a_parameter_is_set_before_the_initialization(name, tmp_path):
     m = mbdae.load("slider_crank")
