@@ -155,6 +155,7 @@ def complete_runs(run: RunState, y: Array, stop: Array) -> WholeRuns:
     core, native, control = stepper.core_run_before_start(run), system.native, stepper.control
     core.max_steps = options.max_steps or UNLIMITED
     detects_stiffness = control and isinstance(options.method, Tableau)
+    y = np.array([run.jumps.adjust_point(run, at) for at in y])  # controllers may sample at the start
     start = system.run_start(smallest_step(run.t, run.t1), FIRST_CHECK - 1 if detects_stiffness else UNLIMITED)
     first = native.FirstStep(**control.first_step_numbers(run)) if control and control.h is None else None
     found = system.core.complete_runs(system.method(options.method), start, first, core, y, SAMPLES + 1, stop)

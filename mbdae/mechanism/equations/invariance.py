@@ -18,6 +18,7 @@ from ...errors import InputError, StepError
 from ...system import Array
 from ...tolerances import VISIBLE
 from ..closures.clutch import Clutch
+from ..forces.sampled import SampledElement
 from ..formulations.index2 import Index2System
 from ..hybrid.mode_point import AllRows
 from ..tree.pinocchio_data import make_data
@@ -83,7 +84,7 @@ def is_invariant(mech: "Mechanism", point: MotionPoint, shift: Array, T: float) 
 
 
 class _Terms(NamedTuple):
-    """Rows and rates of rows, (ng,) each, and y' in the tangent, (ny,)."""
+    """Rows and rates of rows, (ng,) each, and y' in the tangent, (ny,), with changes of the states of controllers."""
 
     g: Array
     speeds: Array
@@ -117,6 +118,10 @@ def _point_terms(system: Index2System, point: MotionPoint) -> _Terms | None:
         rates = system.derivative(t, y)[0]
     except StepError:
         return None
+    s = system.element_states(y)
+    for law, at in system.laws.bound:
+        if isinstance(law, SampledElement) and not law.external:  # v' depends on what it samples at instants alone
+            rates[2 * system.nv :][at] += np.concatenate(law.sampled(t, q, v, s, at)) - s[at]
     return _Terms(np.where(system.constraints.positional, g, 0.0), G @ v + g_t, rates)
 
 

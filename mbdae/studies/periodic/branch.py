@@ -20,7 +20,15 @@ from ..sweep.sweep_run import maker_of
 from .branch_path import FIRST_STEP, BranchPath, Range
 from .guess import guess_of
 from .newton import newton, require_motion
-from .periodic import GAP, RTOL, require_positive_period, require_second_period, run_options, start_point
+from .periodic import (
+    GAP,
+    RTOL,
+    require_period_of_functions,
+    require_positive_period,
+    require_second_period,
+    run_options,
+    start_point,
+)
 from .result import Bifurcation, BranchMotion, multiplier_text
 from .shooting import Cycle
 
@@ -199,6 +207,7 @@ def periodic_branch(
     path.options = found.flow.options
     found = newton(found, path.tolerance)
     require_motion(found)
+    require_period_of_functions(found)
     require_second_period(found)
     begin = path.point(found, None)
     if cycle.free and any(x.name == "energy" for x in begin.motion.neutral):

@@ -28,7 +28,7 @@ class FlowTangent:
         dt: tangent of the time of the section, (m,); zeros for a fixed duration.
         rate: y' there, in the tangent, (ny,).
         first_rate: y' at the first node, (ny,).
-        start: tangent of the first node, (ny, m).
+        start: tangent of the first node, (ny, m), before controllers sample.
         energy: gradient of the energy at the first node, (ny,).
     """
 
@@ -97,7 +97,9 @@ class Flow:
         rate = trace.system.derivative(float(sol.t[-1]), sol.y[-1])[0]
         dt, energy = found.dt[-1], trace.sensitivity.energy(*trace.system.split(y)).sum(axis=0)[: len(dy)]
         fixed = found.dy[-1] - np.outer(rate, dt)
-        return FlowTangent(fixed, dt, rate, first_rate, found.dy[0], energy)
+        start, states = found.dy[0].copy(), slice(2 * self.mechanism.nv, None)
+        start[states] = dy[states]  # before controllers sample
+        return FlowTangent(fixed, dt, rate, first_rate, start, energy)
 
 
 def _cause(sol: Solution) -> str:

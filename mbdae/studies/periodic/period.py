@@ -1,5 +1,6 @@
 """The period of functions of time in a mechanism."""
 
+from collections.abc import Sequence
 from math import e
 from typing import Any
 
@@ -8,7 +9,8 @@ import numpy as np
 from ...errors import InputError
 from ...mechanism import Mechanism
 from ...mechanism.closures.driver import Driver
-from ...mechanism.equations.invariance import TWO_PI, shift_units
+from ...mechanism.equations.invariance import TWO_PI, MotionPoint, is_invariant, shift_units
+from ...mechanism.forces.sampled import SampledElement
 from ...mechanism.formulations.equation_partials import time_partials
 from ...mechanism.time_functions.time_functions import Harmonic, Polynomial, TimeTable
 from ...system import Array
@@ -21,9 +23,11 @@ MAX_MULTIPLE = 64  # of the shortest of several periods
 def is_autonomous(mech: Mechanism, t: float, y: Array) -> bool:
     """Return whether forces and drivers do not depend on time, judged at several times.
 
-    A constant speed of a joint whose position is not prescribed does not.
+    A constant speed of a joint whose position is not prescribed does not; sampled controllers do, by their instants.
     """
     system = mech.system()
+    if _sampling_rates(mech):
+        return False
     (q, v), inner, positional = system.split(y), system.element_states(y), system.constraints.positional
     for k in range(SAMPLED_TIMES):
         at = t + k * mech.duration / e
@@ -33,15 +37,22 @@ def is_autonomous(mech: Mechanism, t: float, y: Array) -> bool:
     return True
 
 
+def has_period(mech: Mechanism, T: float, points: Sequence[MotionPoint], shifts: Array) -> bool:
+    """Return whether equations repeat themselves after T, with joints shifted by ``shifts`` (nv,), at some points."""
+    whole = all(abs(x - round(x)) <= INPUT_DIGITS * x for x in (T * w / TWO_PI for w in _sampling_rates(mech)))
+    return whole and all(is_invariant(mech, p, -shifts, -T) for p in points)
+
+
 def period_of_functions(mech: Mechanism) -> float:
     """Return the common period in s of the functions of time in drivers and forces.
 
-    Harmonic functions, periodic tables, and motions of constant speed of joints that may turn.
+    Harmonic functions, periodic tables, sampled controllers, and motions of constant speed of joints that may turn.
 
     Raises:
         InputError: for other functions of time, or frequencies without a small common multiple.
     """
-    omegas = sorted({abs(x) for x in [*_frequencies([*mech.drivers, *mech.forces]), *_joint_speeds(mech)]} - {0.0})
+    found = *_frequencies([*mech.drivers, *mech.forces]), *_sampling_rates(mech), *_joint_speeds(mech)
+    omegas = sorted({abs(x) for x in found} - {0.0})
     if not omegas:
         raise InputError(
             "forces or drivers depend on time, but not as harmonic functions, periodic tables or constant speeds of"
@@ -64,6 +75,11 @@ def _frequencies(values: Any) -> list[float]:
     if hasattr(type(values), "model_fields"):
         values = [getattr(values, name) for name in type(values).model_fields]
     return [x for value in values for x in _frequencies(value)] if isinstance(values, list | tuple) else []
+
+
+def _sampling_rates(mech: Mechanism) -> list[float]:
+    """Return the sampling rates in rad/s of controllers."""
+    return [TWO_PI * law.rate for law, _ in mech.system().laws.bound if isinstance(law, SampledElement)]
 
 
 def _joint_speeds(mech: Mechanism) -> list[float]:

@@ -17,9 +17,9 @@ from .flow import Flow
 from .guess import guess_of, number_of_parts
 from .motion import motion_of
 from .newton import newton, require_motion
-from .period import is_autonomous
+from .period import has_period, is_autonomous
 from .result import PeriodicMotion
-from .returns import CycleStart, start_from_run
+from .returns import CycleStart, points_of, start_from_run
 from .shooting import Cycle, Guess, Linearisation
 
 __all__ = ["periodic"]
@@ -131,9 +131,27 @@ def converged(flow: Flow, kind: tuple[Cycle, Guess], rtol: float) -> PeriodicMot
     cycle, guess = kind
     found = newton(Linearisation(flow.mechanism.system(), flow, cycle, guess), GAP * rtol)
     require_motion(found)
+    require_period_of_functions(found)
     found = newton(found.refined(), GAP * rtol)
     require_second_period(found)
     return motion_of(found)
+
+
+def require_period_of_functions(found: Linearisation) -> None:
+    """Require that the equations of a motion without exchanged joints have its period, if they depend on time.
+
+    Raises:
+        InputError: for a given T that is none, and the time between two crossings of a section.
+    """
+    cycle, end = found.cycle, found.runs[-1]
+    if cycle.free or cycle.exchange:
+        return
+    T, points = float(end.t[-1]) - cycle.t, [p for run in found.runs for p in points_of(run)]
+    if not has_period(found.flow.mechanism, T, points, found.at.shifts):
+        raise InputError(
+            "no periodic motion found: forces, drivers or controllers depend on time, and do not repeat themselves"
+            f" after {T:.6g} s: give a period of theirs, T, and no section"
+        )
 
 
 def require_second_period(found: Linearisation) -> None:

@@ -70,6 +70,15 @@ def test_runs_have_the_bits_of_single_ones(case):
         assert_same_bits(found, i, mbdae.solve(mech, span, *mech.start[:1], v[i], **settings))
 
 
+@pytest.mark.parametrize("t0", [0.0, 0.31])
+def test_controllers_sample_at_the_start_as_in_single_runs(pendulum, t0):
+    mech = mbdae.load(pendulum, forces=[mbdae.JointPID(joint="bob", reference=1.0, kp=9.0, ki=2.0, kd=1.0, rate=10.0)])
+    found = mbdae.ensemble(mech, np.array([[0.2], [0.5]]), None, None, (t0, t0 + 0.25))
+    assert not found.in_python
+    for i, q in enumerate([0.2, 0.5]):
+        assert_same_bits(found, i, mbdae.solve(mech, (t0, t0 + 0.25), [q]))
+
+
 @pytest.mark.parametrize("name", mbdae.model_names())
 def test_runs_of_all_models_have_the_bits_of_single_ones(name):
     mech = mbdae.load(name)

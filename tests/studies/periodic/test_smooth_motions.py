@@ -8,6 +8,8 @@ import mbdae
 from mbdae import Driver, JointDamping, JointTorque, Mechanism
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.time_functions.time_functions import Harmonic
+from mbdae.studies.periodic.branch_path import BranchPath, Range
+from mbdae.studies.sweep.sweep_run import maker_of
 
 G = 9.81
 
@@ -151,3 +153,59 @@ def test_the_opposite_point_of_a_sphere_is_not_the_start():
 def test_a_family_of_energies_has_no_branch():
     with pytest.raises(InputError, match="the motion keeps its energy"):
         mbdae.periodic_branch("pendulum", "closure.string.length", 1.0, 1.1, T=2.1)
+
+
+Y = np.array([0.2, 0.1, 0.0, 0.0])  # position, speed, torque held, work
+FORCED = """
+[[body]]
+name = "slide"
+parent = "world"
+joint = "prismatic"
+axis = [1, 0, 0]
+mass = 1.0
+[[force]]
+kind = "joint_pid"
+name = "servo"
+joint = "slide"
+kp = 9.0
+kd = 2.0
+reference = { kind = "harmonic", amplitude = 0.1, omega = 6.283185307179586 }
+"""
+
+
+@pytest.fixture(scope="module")
+def servos(tmp_path_factory):
+    """A mass with a continuous controller, and with one that samples at 10 Hz."""
+    out = []
+    for rate in ("", "rate = 10.0"):
+        path = tmp_path_factory.mktemp("servo") / "servo.toml"
+        path.write_text(FORCED + rate)
+        out.append(str(path))
+    return out
+
+
+def test_multipliers_of_a_sampled_controller_are_those_of_its_discrete_system(servos):
+    """x+ = x + h v + h^2 u / 2, v+ = v + h u, u = -kp x - kd v: ten instants per period; the torque is forgotten."""
+    h, kp, kd = 0.1, 9.0, 2.0
+    step = np.array([[1 - kp * h * h / 2, h - kd * h * h / 2], [-kp * h, 1 - kd * h]])
+    found = mbdae.periodic(servos[1])
+    assert pytest.approx(1.0, rel=1e-14) == found.T
+    expected = np.linalg.eigvals(np.linalg.matrix_power(step, 10))
+    assert np.sort_complex(found.multipliers) == pytest.approx(np.sort_complex([*expected, 0.0]), abs=1e-9)
+
+
+def test_the_start_of_a_branch_does_not_follow_a_gain_that_samples_there(servos):
+    """Over a gain the first node is given; its torque is that before the instant."""
+    over = Range("force.servo.kp", 9.0, 10.0)
+    flow = BranchPath(maker_of(servos[1]), over, {}, {"method": "pherk6", "rtol": 1e-9}, 1e-7).flow(9.0, 0.0, Y)
+    tangent = flow.tangent(flow.run(0.0, Y, 0.05, None), np.zeros((len(Y), 1)), None)
+    assert not tangent.start.any()
+    assert tangent.fixed[1] == pytest.approx(0.05 * (0.0 - Y[0]), rel=1e-9)
+
+
+@pytest.mark.parametrize("arguments", [{"T": 0.7}, {"section": "q.slide > 0.01"}, {"T": 1.05}])
+def test_a_motion_without_the_period_of_its_forces_is_rejected(servos, arguments):
+    """After such a time the state is back, but the reference or the instants are not."""
+    for path in servos:
+        with pytest.raises(InputError, match="do not repeat themselves after"):
+            mbdae.periodic(path, **arguments)

@@ -85,6 +85,12 @@ def test_a_model_that_fails_is_named(sol, model, parameters, error, words):
             study(sol, parameters, model=model)
 
 
+def test_a_parameter_of_a_function_needs_the_function():
+    sol = mbdae.solve("n_four_bar", (0, 0.01), step=0.01)
+    with pytest.raises(InputError, match=r"'N' is a parameter of n_four_bar, .* give the file itself, model="):
+        mbdae.sensitivity(sol, ["N"])
+
+
 def test_start_is_a_yes_or_no(sol):
     with pytest.raises(InputError, match="start is True or False, got 'a'"):
         mbdae.sensitivity(sol, MASS, start="a")

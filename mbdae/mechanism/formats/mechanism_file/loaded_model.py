@@ -41,10 +41,13 @@ def parameter_value(template: Template, name: str) -> float:
 
     Raises:
         UnknownNameError: for an invalid path.
-        InputError: for an entry that is missing or not a number.
+        InputError: for an entry that is missing or not a number, or a parameter of a file whose tables alone are known.
     """
     recipe = template.recipe({})
     given = {p["name"]: p["value"] for p in recipe.parameters}
+    if name in given and name not in template.parameters:
+        raise InputError(f"{name!r} is a parameter of {recipe.name}, and a loaded mechanism has its tables alone: "
+                         "give the file itself, model=")
     entry: Any = given.get(name, recipe.file)
     if name not in given:
         template.check({name: 0.0})
