@@ -44,11 +44,11 @@ def test_the_time_has_the_order_of_the_method(method):
 @pytest.mark.native
 def test_both_back_ends_find_every_signal():
     """All signals of a model are monitored at once, each at a level that it crosses."""
-    spans = {"slider_crank": 0.05, "heavy_top": 0.05}  # s; 0.02 s of larger models
-    spans |= dict.fromkeys(("flyball_governor", "stewart_platform", "dual_arm"), 0.02)
+    spans = {"slider_crank": 0.05, "heavy_top": 0.05, "flyball_governor": 0.005}  # s
+    spans |= dict.fromkeys(("stewart_platform", "dual_arm"), 0.02)
     for name, end in spans.items():
         mech = mbdae.load(name)
-        span, options = (0, end), {"rtol": 1e-6, "method": "pherk5"}
+        span, options = (0, end), {"step": end / 8, "method": "herk3"}
         plain = mbdae.solve(mech, span, **options)
         system, points = mech.system(), list(zip(plain.t, plain.y, strict=True))
         texts = []
