@@ -14,7 +14,7 @@ from mbdae.__main__ import cli
 from mbdae.integrate.run import stiffness_detection
 from mbdae.integrate.run.stiffness_detection import FIRST_CHECK, _largest_eigenvalue, _stability_function
 
-SOON, EARLY = FIRST_CHECK + 100, 600  # steps
+SOON, EARLY = FIRST_CHECK + 100, 200  # steps
 SINE = {"kind": "harmonic", "amplitude": 0.2, "omega": 3.0}
 
 
@@ -62,7 +62,7 @@ def reported(problem, **options):
 @pytest.mark.usefixtures("back_end", "early")
 @pytest.mark.parametrize("name", STIFF)
 def test_stiff_runs_are_reported_once_and_continue(name):
-    sol, found = reported(STIFF[name](), max_steps=EARLY + 100)
+    sol, found = reported(STIFF[name](), max_steps=EARLY + 20)
     assert len(found) == 1
     assert found[0].filename == __file__
     assert 'try -m radau9 (method="radau9")' in str(found[0].message)
@@ -78,7 +78,7 @@ def test_stiff_runs_are_reported_once_and_continue(name):
 @pytest.mark.parametrize("method", ["pherk6", "herk5", "hedop5", "pherk4"])
 @pytest.mark.parametrize("name", STIFF)
 def test_stiff_runs_of_other_methods(name, method, rtol):
-    sol, found = reported(STIFF[name](), method=method, rtol=rtol, max_steps=SOON + 2000)
+    sol, found = reported(STIFF[name](), method=method, rtol=rtol, max_steps=SOON + 1000)
     assert len(found) == 1
     assert "stiff" in sol.stats
 
@@ -102,7 +102,7 @@ def test_nor_are_crossings_of_singular_configurations():
 @pytest.mark.usefixtures("back_end", "early")
 @pytest.mark.parametrize("options", [{}, {"method": "pherk6"}, {"rtol": 1e-4, "method": "herk5"}], ids=str)
 def test_nor_is_a_vibration_that_the_motion_has(options):
-    sol, found = reported(crank_on_rubber(1e6, 0.0, stretch=1e-3), max_steps=EARLY + 200, **options)
+    sol, found = reported(crank_on_rubber(1e6, 0.0, stretch=1e-3), max_steps=EARLY + 60, **options)
     assert sol.stats["steps"] > EARLY
     assert not found
 
