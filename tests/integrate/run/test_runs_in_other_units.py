@@ -64,7 +64,7 @@ def test_singular_configurations_know_no_units(options):
     mech = mbdae.load("n_four_bar", N=1)
 
     def passed(mech, time):
-        return [x.t / time for x in mbdae.solve(mech, (0, 1.5 * time), step=0.01 * time, **options).singular]
+        return [x.t / time for x in mbdae.solve(mech, (0, 1.3 * time), step=0.02 * time, **options).singular]
 
     expected = passed(mech, 1.0)
     assert len(expected) == 2
