@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +15,7 @@ from mbdae.__main__ import cli
 from mbdae.integrate.run import stiffness_detection
 from mbdae.integrate.run.stiffness_detection import FIRST_CHECK, _largest_eigenvalue, _stability_function
 
+model = cache(mbdae.load)
 SOON, EARLY = FIRST_CHECK + 100, 200  # steps
 SINE = {"kind": "harmonic", "amplitude": 0.2, "omega": 3.0}
 
@@ -86,7 +88,7 @@ def test_stiff_runs_of_other_methods(name, method, rtol):
 @pytest.mark.parametrize("options", [{"rtol": 1e-8}, {"rtol": 1e-6, "method": "herk5"}], ids=str)
 @pytest.mark.parametrize("name", sorted(set(model_names()) - {"flyball_governor"}))
 def test_other_models_are_not_stiff(name, options):
-    mech = mbdae.load(name)
+    mech = model(name)
     sol = mbdae.solve(mech, (0, mech.duration), max_steps=SOON, **options)
     assert "stiff" not in sol.stats  # nor was there a warning: those are errors here
 
