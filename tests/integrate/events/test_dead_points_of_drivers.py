@@ -29,7 +29,13 @@ def driven(name, joint, rate, **more):
 
 @pytest.mark.parametrize(
     "options",
-    [{}, {"rtol": 1e-4}, {"method": "radau5"}, {"formulation": "ggl"}, {"method": "radau5", "rtol": 1e-4, "backend": "python"}],
+    [
+        {},
+        {"rtol": 1e-4},
+        {"method": "radau5"},
+        {"formulation": "ggl"},
+        {"method": "radau5", "rtol": 1e-4, "backend": "python"},
+    ],
     ids=str,
 )
 @pytest.mark.parametrize(("name", "joint", "rate", "end"), [
