@@ -15,6 +15,7 @@ import mbdae
 from mbdae import Closure, Driver, Mechanism
 
 RADIUS = 0.1
+FAR = 1e6  # s: the smallest step follows the span, so fewer are tried where a run cannot continue
 NAMES = r"('one' and 'other'|'other' and 'one').* contradict each other"
 
 
@@ -53,7 +54,7 @@ SCENES = {"same joint": same_joint, "gears": gears, "wheel": wheel}
 @pytest.mark.parametrize(("c", "p"), [(0.5, 2), (0.5, 4), (1e-3, 3)])
 @pytest.mark.parametrize("scene", SCENES)
 def test_a_run_ends_where_drivers_part(tmp_path, scene, c, p, method):
-    sol = mbdae.solve(SCENES[scene](tmp_path, c, p), (0, 1), method=method, max_steps=2000)
+    sol = mbdae.solve(SCENES[scene](tmp_path, c, p), (0, FAR), method=method, max_steps=2000)
     assert sol.status in ("driver", "newton")
     np.testing.assert_array_less(c * sol.t[-1] ** p, 1e-6)
     assert re.search(NAMES, sol.message), sol.message
@@ -64,7 +65,7 @@ def test_a_run_ends_where_drivers_part(tmp_path, scene, c, p, method):
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_stabilised_form_ends_there_too(tmp_path, scene, options):
     """Position rows end the run of a joint and of gears, speeds that of a wheel, whose rolling has no position rows."""
-    sol = mbdae.solve(SCENES[scene](tmp_path, 0.5, 4), (0, 1), formulation="ggl", max_steps=2000, **options)
+    sol = mbdae.solve(SCENES[scene](tmp_path, 0.5, 4), (0, FAR), formulation="ggl", max_steps=2000, **options)
     assert sol.status in ("rank", "driver")
     np.testing.assert_array_less(0.5 * sol.t[-1] ** 4, 1e-6)
     assert re.search(NAMES, sol.message), sol.message
@@ -98,7 +99,7 @@ def test_drivers_part_in_all_units(method, units):
     def run(mech, units):
         atol = 1e-9 * np.concatenate([units.coordinates(mech), units.speeds(mech), [units.energy]])
         options = {"rtol": 1e-7, "atol": atol, "first_step": 1e-3 * units.time, "max_steps": 2000}
-        return mbdae.solve(mech, (0, units.time), method=method, **options)
+        return mbdae.solve(mech, (0, FAR * units.time), method=method, **options)
 
     mech = same_joint(None, 0.5, 4)
     known, found = run(mech, UNIT_SYSTEMS[0]), run(units.mechanism(mech), units)

@@ -19,9 +19,9 @@ RUNS = {
     "pendulum_on_stop": (4.0, "herk5", 0.05, 9, 9),
     "slider_crank_with_stop": (0.6, "radau5", 0.01, 5, 5),
     "bouncing_chain": (0.5, "pherk5", 0.01, 32, 32),
-    "woodpecker": (0.1, "pherk5", 2e-3, 2, 5),  # loads between nodes need more samples
-    "stick_slip_slider": (1.0, "pherk5", 0.01, 0, 4),
-    "ratchet": (1.0, "pherk5", 0.02, 1, 2),
+    "woodpecker": (0.1, "pherk5", 4e-3, 2, 5),  # loads between nodes need more samples
+    "stick_slip_slider": (1.0, "pherk5", 0.04, 0, 4),
+    "ratchet": (1.0, "pherk5", 0.08, 1, 2),
     "geneva_drive": (1.0, "pherk5", 0.02, 0, 2),
 }
 
@@ -57,7 +57,7 @@ def test_the_core_resolves_all_transitions(runs):
 
 
 @pytest.mark.parametrize(
-    ("name", "end"), [("woodpecker", 0.14), ("ratchet", 2.2), ("stick_slip_slider", 1.2), ("geneva_drive", 1.1)]
+    ("name", "end"), [("woodpecker", 0.14), ("ratchet", 2.2), ("stick_slip_slider", 0.7), ("geneva_drive", 1.1)]
 )
 def test_both_back_ends_agree_under_step_size_control(name, end):
     """Steps that do not resolve a load are rejected, in the core, too."""
@@ -188,6 +188,6 @@ def test_a_run_does_not_depend_on_the_number_of_calls(name, end, monkeypatch):
 
 def test_both_back_ends_check_loads_at_the_same_points():
     """At a loose tolerance the loads limit the steps; points between their ends are on a cubic."""
-    native, python = (mbdae.solve("woodpecker", (0, 0.4), rtol=1e-4, backend=x).stats for x in ("native", "python"))
+    native, python = (mbdae.solve("woodpecker", (0, 0.14), rtol=1e-5, backend=x).stats for x in ("native", "python"))
     assert python["rejected"] > 20
     assert native["rejected"] == pytest.approx(python["rejected"], rel=0.2)

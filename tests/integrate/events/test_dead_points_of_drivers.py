@@ -13,6 +13,7 @@ from unit_systems import UNIT_SYSTEMS
 import mbdae
 from mbdae import Driver, Mechanism
 
+FAR = 1e6  # s: the smallest step follows the span, so fewer are tried where a run cannot continue
 REACH = 0.45  # m: crank and rod of the slider-crank
 FOLDED = np.pi - np.arccos((2.0**2 + 1.5**2 - (2.0 - 1.0) ** 2) / (2 * 2.0 * 1.5))  # rad: rocker of the four-bar
 TEXT = "{} cannot be followed beyond a dead point at t = ([-.0-9e]+), where velocities are infinite"
@@ -28,7 +29,13 @@ def driven(name, joint, rate, **more):
 
 @pytest.mark.parametrize(
     "options",
-    [{}, {"rtol": 1e-4}, {"method": "radau5"}, {"formulation": "ggl"}, {"method": "radau5", "backend": "python"}],
+    [
+        {},
+        {"rtol": 1e-4},
+        {"method": "radau5"},
+        {"formulation": "ggl"},
+        {"method": "radau5", "rtol": 1e-4, "backend": "python"},
+    ],
     ids=str,
 )
 @pytest.mark.parametrize(("name", "joint", "rate", "end"), [
@@ -36,7 +43,7 @@ def driven(name, joint, rate, **more):
 ])  # fmt: skip
 def test_a_run_ends_at_the_dead_point(name, joint, rate, end, options):
     mech, q, v, u = driven(name, joint, rate)
-    sol = mbdae.solve(mech, (0, 10), q, v, **options)
+    sol = mbdae.solve(mech, (0, FAR), q, v, **options)
     time = (end - u) / rate
     assert sol.status == "driver"
     found = re.fullmatch(TEXT.format("'drive'"), sol.message)
@@ -54,7 +61,7 @@ def test_fixed_steps_end_in_the_step_before_it(options):
 
 def test_backwards_in_time():
     mech, q, v, u = driven("slider_crank", "slider", -0.02)
-    sol = mbdae.solve(mech, (0, -10), q, v)
+    sol = mbdae.solve(mech, (0, -FAR), q, v)
     found = re.fullmatch(TEXT.format("'drive'"), sol.message)
     np.testing.assert_allclose(float(found[1]), -(REACH - u) / 0.02, rtol=2e-6)
 
@@ -63,7 +70,7 @@ def test_backwards_in_time():
 def test_in_all_units(units):
     mech, q, _, u = driven("slider_crank", "slider", 0.02)
     other = units.mechanism(mech)
-    sol = mbdae.solve(other, (0, 10 * units.time), *other.assemble(q * units.coordinates(mech)))
+    sol = mbdae.solve(other, (0, FAR * units.time), *other.assemble(q * units.coordinates(mech)))
     found = re.fullmatch(TEXT.format("'drive'"), sol.message)
     assert found, sol.message
     np.testing.assert_allclose(float(found[1]), (REACH - u) / 0.02 * units.time, rtol=2e-6)
@@ -78,7 +85,7 @@ def test_the_distance_of_an_arm_that_swings(tmp_path):
     mech = load(tmp_path, [*bars, other], [], frame=ends)
     reach = Driver.polynomial(("base", "end"), [1.5, 0.25], name="reach")
     mech = Mechanism(mech.model, drivers=[reach, Driver.polynomial("other", [0.1], name="rest")])
-    sol = mbdae.solve(mech, (0, 5), *mech.assemble(guess={"lower": 1.0}))
+    sol = mbdae.solve(mech, (0, FAR), *mech.assemble(guess={"lower": 1.0}))
     assert sol.status == "driver"
     found = re.fullmatch(TEXT.format("'reach'"), sol.message)
     assert found, sol.message

@@ -1,5 +1,7 @@
 """Events on a swinging pendulum, against its period from the elliptic integral and a tight reference."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from links import arm
@@ -10,11 +12,12 @@ import mbdae
 from mbdae.mechanism.time_functions.time_functions import Steps
 from mbdae.mechanism.tree.tree_terms import flexible_bodies
 
+model = cache(mbdae.load)
 QUARTER = float(ellipk(0.5)) / np.sqrt(9.81)  # from horizontal rest to the lowest point: K(sin 45 degrees) / omega
 
 
 def run(T=6, **options):
-    return mbdae.solve(mbdae.load("pendulum"), (0, T), **{"rtol": 1e-12, "atol": 1e-14, **options})
+    return mbdae.solve(mbdae.load("pendulum"), (0, T), **{"rtol": 1e-10, "atol": 1e-12, **options})
 
 
 @pytest.mark.parametrize("method", ["pherk5", "herk5", "pherk6", "radau5"])
@@ -22,7 +25,7 @@ def test_reversals(method, back_end):
     reversal = mbdae.Event(lambda t, q, v: v[0] * q[2] - v[2] * q[0])  # the angular velocity changes sign
     lowest = mbdae.Event(lambda t, q, v: q[0])
     T, swings = (2.5, 2) if back_end == "native" and method == "pherk5" else (1.25, 1)  # of many steps
-    coarse = {"rtol": 1e-11, "atol": 1e-13} if method in ("herk5", "radau5") else {}
+    coarse = {"rtol": 1e-9, "atol": 1e-11} if method in ("herk5", "radau5") else {}
     sol = run(T=T, method=method, events=[reversal, lowest], **coarse)
     n = int(T / (2 * QUARTER))
     times = sol.events[0][0]
@@ -44,7 +47,7 @@ def test_direction_and_terminal():
     assert sol.success
     assert abs(sol.t[-1] - QUARTER) < 1e-10
     assert len(sol.events[1][0]) == 0
-    again = mbdae.solve(mbdae.load("pendulum"), (sol.t[-1], 6), sol.q[-1], sol.v[-1], rtol=1e-10, events=upward)
+    again = mbdae.solve(mbdae.load("pendulum"), (sol.t[-1], 6), sol.q[-1], sol.v[-1], rtol=1e-9, events=upward)
     assert abs(again.t[-1] - 5 * QUARTER) < 1e-8  # a run may start on the surface where another one ended
 
 
@@ -72,7 +75,7 @@ def test_functions_with_attributes_as_in_scipy():
 @pytest.mark.parametrize("options", [{}, {"project": True}, {"formulation": "ggl"}], ids=str)
 def test_closures_hold_in_a_terminal_event(name, options):
     """The event: the fastest coordinate passes its value at three fifths of the span."""
-    mech = mbdae.load(name)
+    mech = model(name)
     vibrates = bool(flexible_bodies(mech.model))
     options = {"rtol": 1e-8 if vibrates else 1e-4, **options}
     system, end = mech.system(), min(mech.duration, 0.01 if vibrates else 0.15)

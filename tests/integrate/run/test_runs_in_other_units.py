@@ -1,5 +1,7 @@
 """Runs of five mechanisms in (mm, t, s), (km, g, h), Ms and us: the same motion and the same steps."""
 
+from functools import cache
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -13,6 +15,13 @@ MECHANISMS = ("four_bar", "slider_crank", "spatial_slider_crank", "stewart_platf
 WITHIN = 1e-9
 
 
+@cache
+def model(name):
+    """A mechanism, and the same one in other units."""
+    mech = mbdae.load(name)
+    return mech, [(units, units.mechanism(mech)) for units in UNIT_SYSTEMS[1:]]
+
+
 def differs(found, expected, factor):
     return np.abs(found / factor - expected).max() / np.abs(expected).max()
 
@@ -21,15 +30,15 @@ def differs(found, expected, factor):
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_runs_of_fixed_steps_know_no_units(name, backend, method):
     """Nor does the size of a projection behind which the derivative that pherk5 carries is evaluated again."""
-    mech, steps = mbdae.load(name), 100 if backend == "native" else 10
+    (mech, others), steps = model(name), 100 if backend == "native" else 10
     end = min(mech.duration, 1.0) * steps / 200
 
     def run(mech, time):
         return mbdae.solve(mech, (0, end * time), method=method, step=end * time / steps, project=True, backend=backend)
 
     expected = run(mech, 1.0)
-    for units in UNIT_SYSTEMS[1:]:
-        found = run(units.mechanism(mech), units.time)
+    for units, other in others:
+        found = run(other, units.time)
         assert found.status == expected.status == "finished"
         assert found.stats["f"] == expected.stats["f"]
         assert differs(found.q, expected.q, units.configuration(mech)) < WITHIN, units.name
@@ -40,7 +49,7 @@ def test_runs_of_fixed_steps_know_no_units(name, backend, method):
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_runs_under_step_size_control_know_no_units(name):
     """With atol in the units of each component, error norms are equal; dense output shows the same motion."""
-    mech = mbdae.load(name)
+    mech, others = model(name)
     end = min(mech.duration, 1.0)
     times = np.linspace(0.0, end, 21)
 
@@ -48,9 +57,9 @@ def test_runs_under_step_size_control_know_no_units(name):
         return mbdae.solve(mech, (0, end * time), rtol=1e-7, atol=atol, first_step=first * time)
 
     expected = run(mech, 1.0, np.full(2 * mech.nv, 1e-9), 1e-3 * end)
-    for units in UNIT_SYSTEMS[1:]:
+    for units, other in others:
         atol = 1e-9 * np.concatenate([units.coordinates(mech), units.speeds(mech)])
-        found = run(units.mechanism(mech), units.time, atol, 1e-3 * end)
+        found = run(other, units.time, atol, 1e-3 * end)
         assert found.status == expected.status == "finished"
         assert len(found.t) == pytest.approx(len(expected.t), rel=0.01)  # rounding in error estimates changes steps
         q = found(times * units.time).q
@@ -64,7 +73,7 @@ def test_singular_configurations_know_no_units(options):
     mech = mbdae.load("n_four_bar", N=1)
 
     def passed(mech, time):
-        return [x.t / time for x in mbdae.solve(mech, (0, 1.5 * time), step=0.01 * time, **options).singular]
+        return [x.t / time for x in mbdae.solve(mech, (0, 1.3 * time), step=0.02 * time, **options).singular]
 
     expected = passed(mech, 1.0)
     assert len(expected) == 2

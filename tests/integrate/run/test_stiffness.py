@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -14,7 +15,8 @@ from mbdae.__main__ import cli
 from mbdae.integrate.run import stiffness_detection
 from mbdae.integrate.run.stiffness_detection import FIRST_CHECK, _largest_eigenvalue, _stability_function
 
-SOON, EARLY = FIRST_CHECK + 100, 600  # steps
+model = cache(mbdae.load)
+SOON, EARLY = FIRST_CHECK + 100, 200  # steps
 SINE = {"kind": "harmonic", "amplitude": 0.2, "omega": 3.0}
 
 
@@ -62,7 +64,7 @@ def reported(problem, **options):
 @pytest.mark.usefixtures("back_end", "early")
 @pytest.mark.parametrize("name", STIFF)
 def test_stiff_runs_are_reported_once_and_continue(name):
-    sol, found = reported(STIFF[name](), max_steps=EARLY + 100)
+    sol, found = reported(STIFF[name](), max_steps=EARLY + 20)
     assert len(found) == 1
     assert found[0].filename == __file__
     assert 'try -m radau9 (method="radau9")' in str(found[0].message)
@@ -78,7 +80,7 @@ def test_stiff_runs_are_reported_once_and_continue(name):
 @pytest.mark.parametrize("method", ["pherk6", "herk5", "hedop5", "pherk4"])
 @pytest.mark.parametrize("name", STIFF)
 def test_stiff_runs_of_other_methods(name, method, rtol):
-    sol, found = reported(STIFF[name](), method=method, rtol=rtol, max_steps=SOON + 2000)
+    sol, found = reported(STIFF[name](), method=method, rtol=rtol, max_steps=SOON + 1000)
     assert len(found) == 1
     assert "stiff" in sol.stats
 
@@ -86,7 +88,7 @@ def test_stiff_runs_of_other_methods(name, method, rtol):
 @pytest.mark.parametrize("options", [{"rtol": 1e-8}, {"rtol": 1e-6, "method": "herk5"}], ids=str)
 @pytest.mark.parametrize("name", sorted(set(model_names()) - {"flyball_governor"}))
 def test_other_models_are_not_stiff(name, options):
-    mech = mbdae.load(name)
+    mech = model(name)
     sol = mbdae.solve(mech, (0, mech.duration), max_steps=SOON, **options)
     assert "stiff" not in sol.stats  # nor was there a warning: those are errors here
 
@@ -102,7 +104,7 @@ def test_nor_are_crossings_of_singular_configurations():
 @pytest.mark.usefixtures("back_end", "early")
 @pytest.mark.parametrize("options", [{}, {"method": "pherk6"}, {"rtol": 1e-4, "method": "herk5"}], ids=str)
 def test_nor_is_a_vibration_that_the_motion_has(options):
-    sol, found = reported(crank_on_rubber(1e6, 0.0, stretch=1e-3), max_steps=EARLY + 200, **options)
+    sol, found = reported(crank_on_rubber(1e6, 0.0, stretch=1e-3), max_steps=EARLY + 60, **options)
     assert sol.stats["steps"] > EARLY
     assert not found
 

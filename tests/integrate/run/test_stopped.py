@@ -96,7 +96,7 @@ def test_a_tolerance_that_cannot_be_met():
     def noise(t, q, v):
         return np.array([np.sin(1e12 * t) * 1e6, 0, 0])
 
-    sol = consistent(mbdae.solve(driven(noise), (0, 1), rtol=1e-10, max_steps=3000))
+    sol = consistent(mbdae.solve(driven(noise), (0, 1), rtol=1e-10, max_steps=1000))
     assert sol.status in ("step_size", "max_steps")
 
 
@@ -199,12 +199,12 @@ def test_steps_never_fall_below_the_rounding_of_time(method):
     plain = mbdae.load("four_bar")
     _, v = plain.assemble(v={"crank": 3.0})
     mech = mbdae.load("four_bar", forces=[lambda t, q, v: 1e3 * v**3])
-    sol = mbdae.solve(mech, (0, 10), v=v, method=method)
+    sol = mbdae.solve(mech, (0, 1e6), v=v, method=method)
     assert sol.status == "step_size"
     assert "rounds to t" in sol.message
     assert (np.diff(sol.t) > 0).all()
     with pytest.raises(mbdae.MbdaeError, match="no times"):
-        mbdae.drift(mbdae.solve(mech, (0, 10), v=v, method=method, t_eval=[5.0, 6.0]))
+        mbdae.drift(mbdae.solve(mech, (0, 1e6), v=v, method=method, t_eval=[5.0, 6.0]))
     assert mbdae.solve(plain, (1, 2), max_step=1e-18).status == "step_size"
 
 

@@ -50,11 +50,15 @@ def difference(m, state, h):
     return numerical_derivative(lambda x: moved(m, base, state(x)), h)
 
 
-def family(m):
-    """Consistent states over one number: along local coordinates, which include the states of forces."""
+@cache
+def family(name):
+    """Consistent states of a model over one number, along local coordinates with states of forces; and its tangent."""
+    m = with_input(name)
     ode = m.ode()
     direction = np.random.default_rng(3).normal(size=ode.n)
-    return lambda x: ode.state(0.0, ode.x0 + x * direction)
+    states = cache(lambda x: ode.state(0.0, ode.x0 + x * direction))
+    tangent = difference(m, lambda x: np.concatenate(states(x)), 1e-3)
+    return states, np.split(tangent, np.cumsum([m.nv, m.nv]))
 
 
 def advance(m, start, dt=DT, value=SET, restart=True, **options):
@@ -75,15 +79,9 @@ OPTIONS = [{}, {"project": True}, {"method": "radau5"}, {"method": "herk5"}, {"f
 @pytest.mark.parametrize("name", ["four_bar", "bricard", "heavy_top", "dual_arm"])
 def test_tangents_are_quotients_of_advances(name, options, hold):
     m = with_input(name, hold)
-    states = family(m)
+    states, along = family(name)
     simulator = advance(m, states(0.0), **options)
-    split = np.cumsum([m.nv, m.nv])
-    checks = {
-        "state": (
-            simulator.tangent(*np.split(difference(m, lambda x: np.concatenate(states(x)), 1e-3), split)),
-            lambda x: end(advance(m, states(x), **options)), 1e-3,
-        )
-    }  # fmt: skip
+    checks = {"state": (simulator.tangent(*along), lambda x: end(advance(m, states(x), **options)), 1e-3)}
     if simulator.inputs.cells:
         checks["input"] = (
             simulator.tangent(inputs={"motor": 1.0}),
@@ -106,8 +104,8 @@ def test_tangents_are_quotients_of_advances(name, options, hold):
 def test_controlled_steps_are_frozen(name, method):
     """Quotients of the steps that the advance took, with their sizes, from other states and with other inputs."""
     m = with_input(name)
-    states = family(m)
-    simulator = advance(m, states(0.0), 0.2, None, rtol=1e-7, method=method)
+    states, along = family(name)
+    simulator = advance(m, states(0.0), 0.1, None, rtol=1e-7, method=method)
     trace = simulator.differentiated().trace
     assert len(trace.ts) > 3
 
@@ -116,8 +114,7 @@ def test_controlled_steps_are_frozen(name, method):
         return repeated_run(trace, with_input(name, value=U + du), point)[-1][:-1]
 
     assert again(0.0) == pytest.approx(end(simulator), abs=1e-10)  # Newton's iteration ends at its tolerance
-    split = np.cumsum([m.nv, m.nv])
-    found = simulator.tangent(*np.split(difference(m, lambda x: np.concatenate(states(x)), 1e-3), split))
+    found = simulator.tangent(*along)
     quotient = difference(m, again, 1e-3)
     assert stacked(found) == pytest.approx(quotient, abs=1e-9 * max(1.0, np.abs(quotient).max()))
     quotient = difference(m, lambda x: again(0.0, x), 0.1)

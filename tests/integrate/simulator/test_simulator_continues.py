@@ -10,13 +10,13 @@ import mbdae
 
 @pytest.mark.parametrize("backend", ["native", "python"])
 def test_after_a_terminal_event_steps_lead_to_the_grid_again(backend):
-    simulator = mbdae.Simulator("four_bar", step=1e-3, backend=backend, events=[mbdae.Event("q.crank", terminal=True)])
+    simulator = mbdae.Simulator("four_bar", step=2e-3, backend=backend, events=[mbdae.Event("q.crank", terminal=True)])
     simulator.advance(0.7)
     assert simulator.t == pytest.approx(0.665851, abs=1e-6)
     simulator.advance(0.8 - simulator.t)
     expected = mbdae.solve("four_bar", (0, 0.8), rtol=1e-12)
     assert simulator.q == pytest.approx(expected.q[-1], abs=1e-11)
-    assert np.diff(simulator.solution().t).max() <= 1e-3 * (1 + 1e-9)
+    assert np.diff(simulator.solution().t).max() <= 2e-3 * (1 + 1e-9)
 
 
 def test_a_state_of_another_simulator_is_rejected_and_nothing_is_lost():

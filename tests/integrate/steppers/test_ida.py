@@ -20,13 +20,13 @@ def sundials():
 
 
 MOTIONS = [
-    ("four_bar", "ggl", 0.5),
-    ("four_bar", "index2", 0.5),
-    ("flyball_governor", "index2", 0.2),  # stiff
-    ("bricard", "ggl", 0.5),  # redundant rows
-    ("heavy_top", "ggl", 0.03),  # quaternions
-    ("free_loop", "ggl", 0.2),  # also cosines and sines
-    ("rolling_disc", "index2", 0.2),  # rows of velocities
+    ("four_bar", "ggl", 0.2),
+    ("four_bar", "index2", 0.2),
+    ("flyball_governor", "index2", 0.1),  # stiff
+    ("bricard", "ggl", 0.2),  # redundant rows
+    ("heavy_top", "ggl", 0.01),  # quaternions
+    ("free_loop", "ggl", 0.05),  # also cosines and sines
+    ("rolling_disc", "index2", 0.1),  # rows of velocities
 ]
 
 
@@ -71,11 +71,11 @@ def test_an_elliptic_integral_an_event_and_the_way_back():
     """A pendulum from horizontal rest passes the lowest point after K(sin 45 degrees) sqrt(l/g)."""
     mech = mbdae.load("pendulum")
     bottom = mbdae.Event(lambda t, q, v: q[0], terminal=True)
-    sol = mbdae.solve(mech, (0, 5), method="ida", formulation="ggl", rtol=1e-9, events=bottom)
+    sol = mbdae.solve(mech, (0, 5), method="ida", formulation="ggl", rtol=1e-8, events=bottom)
     assert sol.status == "event"
     assert sol.events[0][0][0] == pytest.approx(1.854074677301372 / np.sqrt(9.81), abs=1e-6)
-    there = mbdae.solve(mech, (0, 0.5), method="ida", formulation="ggl", rtol=1e-9)
-    back = mbdae.solve(mech, (0.5, 0), there.q[-1], there.v[-1], method="ida", formulation="ggl", rtol=1e-9)
+    there = mbdae.solve(mech, (0, 0.2), method="ida", formulation="ggl", rtol=1e-8)
+    back = mbdae.solve(mech, (0.2, 0), there.q[-1], there.v[-1], method="ida", formulation="ggl", rtol=1e-8)
     assert np.abs(back.q[-1] - there.q[0]).max() < 1e-6
 
 
