@@ -87,8 +87,8 @@ def test_usage_errors_are_one_line(arguments, words, tmp_path):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_ctrl_c_keeps_what_is_finished(tmp_path, workers):
-    arguments = ["compare", "four_bar", "-t", "10", "-m", "pherk5,herk2", "--rtol", "1e-3,1e-11", "-o", "c.json"]
-    arguments += ["--backend", "python"]  # long enough
+    arguments = ["compare", "four_bar", "-t", "0.1", "-m", "pherk5,herk2", "--rtol", "1e-3,1e-11", "-o", "c.json"]
+    arguments += ["--backend", "python"]  # where the last of the four runs takes a minute
     command = [sys.executable, "-m", "mbdae", *arguments, "--workers", str(workers)]
     process = subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
