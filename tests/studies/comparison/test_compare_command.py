@@ -23,6 +23,7 @@ def without_times(points):
     return [replace(p, times=()) for p in points]
 
 
+@pytest.mark.usefixtures("forked_workers")
 def test_processes_give_the_same():
     mech = mbdae.load("four_bar")
     one = mbdae.compare(mech, (0, 0.5), **RUNS, repeats=0)
