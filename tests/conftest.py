@@ -1,6 +1,7 @@
 """Shared by all tests: child processes that can be stopped and import the installed package, and the back end."""
 
 import gc
+import multiprocessing
 import os
 import signal
 import warnings
@@ -11,6 +12,7 @@ import pytest
 
 from mbdae import Mechanism, backend
 from mbdae.integrate.run import binding
+from mbdae.studies import workers
 
 signal.signal(
     signal.SIGINT, signal.default_int_handler
@@ -54,6 +56,14 @@ def back_end(request, monkeypatch):
     monkeypatch.setattr(binding, "select_core", lambda asked: core if asked == "auto" else backend.select_core(asked))
     monkeypatch.setattr(Mechanism, "system", bound)
     return request.param
+
+
+@pytest.fixture
+def forked_workers(monkeypatch):
+    """Worker processes are forks of one that has imported mbdae: new ones import for seconds (`test_workers`)."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["mbdae.studies.comparison.compare", "mbdae.studies.sweep.sweep"])
+    monkeypatch.setattr(workers, "get_context", lambda _: context)
 
 
 def pytest_collection_modifyitems(items):

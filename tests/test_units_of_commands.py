@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import umsgpack
 from browser import Chromium
-from commands import call
+from commands import call, without_pictures
 from tornado.websocket import websocket_connect
 
 import mbdae
@@ -156,7 +156,8 @@ def test_live_views_keep_their_units():
     assert "rod (deg)" in labels
 
 
-def test_reports_have_units_everywhere(tmp_path):
+def test_reports_have_units_everywhere(tmp_path, monkeypatch):
+    without_pictures(monkeypatch)
     code, _, err = call("report", "stick_slip_slider", "-t", "0.3", "-m", "herk3", "--repeats", "1", "-o", "r.html",
                         "--units", "mm,deg,ms", cwd=tmp_path)  # fmt: skip
     assert code == 0, err

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import mbdae
 from mbdae import Closure, Mechanism
 
-GRAVITY, START, END = 9.81, 1.2, 5.0  # uniform thin rods of 1 kg/m
+GRAVITY, START, END = 9.81, 1.2, 2.0  # uniform thin rods of 1 kg/m
 
 
 def motion(t, y):

@@ -78,6 +78,7 @@ def test_readme(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_a_second_is_run_and_checked_and_replayed(name, tmp_path, monkeypatch):
     monkeypatch.setattr("mbdae.studies.replay.plot_panels.POINTS", 100)
+    monkeypatch.setattr("mbdae.studies.replay.replay.MAX_FRAMES", 20)
     mech = mbdae.load(name)
     assert mech.duration >= mech.order.T
     assert mech.order.steps >= 10

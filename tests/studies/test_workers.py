@@ -93,6 +93,7 @@ def double(job, task, stop):
     return [job, 2 * task]
 
 
+@pytest.mark.usefixtures("forked_workers")
 @pytest.mark.parametrize("kind", ["threads", "processes"])
 def test_results_come_with_their_tasks(kind):
     found = {}
@@ -118,6 +119,7 @@ def test_clusters_grow():
         assert shop.max_pending == 5 * QUEUED_PER_WORKER
 
 
+@pytest.mark.usefixtures("forked_workers")
 def test_a_lost_worker_is_reported_and_errors_are_passed_on():
     for task, words in (("gone", "gone failed in its worker"), ("wrong", "wrong")):
         with pytest.raises(MbdaeError, match=words) as e, pool("processes", 1, double, None, "less") as shop:
@@ -125,6 +127,7 @@ def test_a_lost_worker_is_reported_and_errors_are_passed_on():
         assert isinstance(e.value, InputError) is (task == "wrong")
 
 
+@pytest.mark.usefixtures("forked_workers")
 @pytest.mark.parametrize("kind", ["threads", "processes"])
 def test_runs_under_way_give_up_when_something_fails(kind, tmp_path):
     def fail(task, found):

@@ -23,6 +23,7 @@ def without_times(points):
     return [replace(p, times=()) for p in points]
 
 
+@pytest.mark.usefixtures("forked_workers")
 def test_processes_give_the_same():
     mech = mbdae.load("four_bar")
     one = mbdae.compare(mech, (0, 0.5), **RUNS, repeats=0)
@@ -87,8 +88,8 @@ def test_usage_errors_are_one_line(arguments, words, tmp_path):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_ctrl_c_keeps_what_is_finished(tmp_path, workers):
-    arguments = ["compare", "four_bar", "-t", "10", "-m", "pherk5,herk2", "--rtol", "1e-3,1e-11", "-o", "c.json"]
-    arguments += ["--backend", "python"]  # long enough
+    arguments = ["compare", "four_bar", "-t", "0.1", "-m", "pherk5,herk2", "--rtol", "1e-3,1e-11", "-o", "c.json"]
+    arguments += ["--backend", "python"]  # where the last of the four runs takes a minute
     command = [sys.executable, "-m", "mbdae", *arguments, "--workers", str(workers)]
     process = subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True

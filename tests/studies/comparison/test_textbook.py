@@ -82,6 +82,7 @@ def test_files_hold_it_and_it_goes_on_from_there(reduction, tmp_path, suffix):
         mbdae.compare(TEXTBOOK["circle"](), (0, 1), **options, path=path)
 
 
+@pytest.mark.usefixtures("forked_workers")
 def test_processes_give_the_same():
     options = {"methods": ["herk2", "radau3"], "steps": [10, 20], "repeats": 0}
     one, two = (mbdae.compare(TEXTBOOK["circle"](), (0, 1), **options, workers=n) for n in (1, 2))

@@ -8,7 +8,7 @@ from mbdae import Mechanism, Stop
 from mbdae.errors import InputError
 
 TRUE = {"stop.rod stop.lower": 0.3, "stop.rod stop.restitution": 0.7}
-BOUNDS = {"stop.rod stop.lower": (0.31, 0.25, 0.35), "stop.rod stop.restitution": (0.72, 0.5, 0.9)}
+BOUNDS = {"stop.rod stop.lower": (0.301, 0.25, 0.35), "stop.rod stop.restitution": (0.702, 0.5, 0.9)}
 SIGMA, SEEDS = 1e-3, 20
 
 

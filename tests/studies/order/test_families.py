@@ -12,7 +12,7 @@ from mbdae.studies.order.measurement import LARGEST_RUN, Measurement
 
 METHODS_OF_FAMILIES = ("rattle2", "rattle4", "rattle6", "rattle8", "alpha", "alpha_i3", "hht")
 MODELS = ("pendulum", "four_bar", "bricard", "stewart_platform", "heavy_top", "dual_arm")
-SOLVES = {"stewart_platform": 30_000, "heavy_top": 30_000, "dual_arm": 30_000}  # of a run, which suffice
+SOLVES = {"stewart_platform": 30_000, "heavy_top": 30_000, "dual_arm": 15_000}  # of a run, which suffice
 
 
 @pytest.mark.slow

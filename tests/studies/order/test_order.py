@@ -84,7 +84,7 @@ def test_every_textbook_problem_has_a_span():
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "fekete")) for n in SPANS])
 def test_no_claim_of_any_method_is_refuted_on_a_textbook_problem(name, monkeypatch):
     """Few steps, many of them too long, and a reference with some more: inconclusive results must be reported so."""
-    monkeypatch.setattr(Measurement, "largest", 650)
+    monkeypatch.setattr(Measurement, "largest", 400)
     monkeypatch.setattr(Measurement, "reference", shared_reference)
     problem, T = TEXTBOOK[name](), SPANS[name]
     measure = MEASUREMENTS[problem.title, T] = Measurement(problem, T, 5, None, lambda name: None, "python")

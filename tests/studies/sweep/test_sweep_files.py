@@ -30,6 +30,7 @@ def last_crank(sol):
 # -- executors -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("forked_workers")
 def test_threads_processes_and_dask_give_the_same_bits(tmp_path):
     distributed = pytest.importorskip("distributed")
     links = {name: {"distribution": "normal", "loc": x, "scale": 1e-3} for name, x in
