@@ -25,10 +25,10 @@ def compiled(path, folder, extra=()):
     sources = Path(folder) / "sources"
     build = ElementTree.parse(sources / "buildDescription.xml").getroot().find("BuildConfiguration")
     (files,) = build.findall("SourceFileSet")
-    options = [*files.get("compilerOptions").split(), "-fPIC", *extra]
+    options = [*files.get("compilerOptions").split(), "-fPIC"]
     for x in files.findall("PreprocessorDefinition"):
         options.append(f"-D{x.get('name')}={x.get('value') or 1}")
-    options += [f"-I{sources / x.get('name')}" for x in files.findall("IncludeDirectory")]
+    options += [*(f"-I{sources / x.get('name')}" for x in files.findall("IncludeDirectory")), *extra]
 
     def compile_one(x):
         out = Path(folder) / f"{x.get('name').replace('/', '_')}.o"
