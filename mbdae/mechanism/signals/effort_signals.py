@@ -61,27 +61,27 @@ def efforts(mech: "Mechanism", t: Array, q: Array, v: Array, s: Array) -> dict[s
         s: states of forces, (n, ns).
     """
     names = list(effort_units(mech))
-    system = mech.system()
-    laws = list(named_laws(mech, system.laws).values())
-    single_laws = [ForceElements([law], mech.model) for law in laws]
-    state_slices = {id(law): span for law, span in system.laws.bound}
     out = np.empty((len(t), len(names)))
-    for row, time, configuration, velocity, state in zip(out, t, q, v, s, strict=True):
-        update_poses(mech.model, system.workspace, configuration)
-        values: list[float] = []
-        for law, single in zip(laws, single_laws, strict=True):
-            tau, _ = single.torque(time, configuration, velocity, state[state_slices[id(law)]])
-            values += _force_outputs(law, float(time), velocity, tau)
-            values.append(float(tau @ velocity))
-            values += law.deflection(configuration).tolist()
-        row[:] = values
+    with mech.workspaces.borrowed() as system:
+        laws = list(named_laws(mech, system.laws).values())
+        single_laws = [ForceElements([law], mech.model) for law in laws]
+        state_slices = {id(law): span for law, span in system.laws.bound}
+        for row, time, configuration, velocity, state in zip(out, t, q, v, s, strict=True):
+            update_poses(mech.model, system.workspace, configuration)
+            values: list[float] = []
+            for law, single in zip(laws, single_laws, strict=True):
+                tau, _ = single.torque(time, configuration, velocity, state[state_slices[id(law)]])
+                values += _force_outputs(law, float(time), velocity, tau)
+                values.append(float(tau @ velocity))
+                values += law.deflection(configuration).tolist()
+            row[:] = values
     return dict(zip(names, out.T, strict=True))
 
 
 def driver_powers(mech: "Mechanism", t: Array, lam: Array) -> dict[str, Array]:
     """Return ``power.<driver>``, effort times u'(t), in W, (n,) each."""
-    constraints = mech.system().constraints
-    rates = np.array([constraints.motion(float(x))[1] for x in t]).reshape(len(t), -1)
+    with mech.workspaces.borrowed() as system:
+        rates = np.array([system.constraints.motion(float(x))[1] for x in t]).reshape(len(t), -1)
     rows = {d.name: mech.rows_of(d.name)[0] for d in mech.drivers}
     return {f"power.{name}": lam[:, i] * rates[:, i] for name, i in rows.items()}
 

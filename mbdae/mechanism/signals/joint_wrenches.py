@@ -138,11 +138,11 @@ def reaction_wrenches(mech: "Mechanism", t: Array, q: Array, v: Array, vdot: Arr
         vdot: accelerations, (n, nv).
         lam: multipliers of all rows, (n, ng).
     """
-    system = mech.system()
     world, local = np.full((2, len(t), len(reaction_names(mech)), 6), np.nan)
-    for i in range(len(t)):
-        if np.isfinite(lam[i]).all() and np.isfinite(vdot[i]).all():
-            world[i], local[i] = point_reactions(system, t[i], q[i], v[i], vdot[i], lam[i])
+    with mech.workspaces.borrowed() as system:
+        for i in range(len(t)):
+            if np.isfinite(lam[i]).all() and np.isfinite(vdot[i]).all():
+                world[i], local[i] = point_reactions(system, t[i], q[i], v[i], vdot[i], lam[i])
     return world, local
 
 
