@@ -163,7 +163,8 @@ class InverseDynamics(Tabular):
         """Return named columns of equal length: ``pandas.DataFrame(found.signals())`` is a table.
 
         ``t``; the abscissa under its name; ``effort``, ``speed`` and ``power.<actuator>``; ``lam.<closure>.<row>``;
-        ``force`` and ``torque.<joint>`` on the child body, magnitude and ``.1 .2 .3`` along the joint's axes.
+        ``force`` and ``torque.<joint>`` on the child body, and of closures between frames on the second one: magnitude,
+        and ``.1 .2 .3`` along the axes of the joint or of the first frame.
         """
         out: dict[str, Array] = {"t": self.t}
         if not self.over_name.startswith("t "):
@@ -171,8 +172,10 @@ class InverseDynamics(Tabular):
         for word, values in (("effort", self.efforts), ("speed", self.speeds), ("power", self.power)):
             out |= {f"{word}.{n}": x for n, x in zip(self.names, values.T, strict=True)}
         out |= dict(zip(row_names(self._closed), self.lam.T, strict=True))
-        for name in self.mechanism.joint_names:
-            for word, values in zip(("force", "torque"), self.joint(name), strict=True):
+        wrenches = {name: self.joint(name) for name in self.mechanism.joint_names}
+        reactions = [self.reaction(c.name) for c in self._closed.closures if c.frames]
+        for name, wrench in (wrenches | {r.name: (r.force, r.torque) for r in reactions}).items():
+            for word, values in zip(("force", "torque"), wrench, strict=True):
                 out[f"{word}.{name}"] = np.linalg.norm(values, axis=1)
                 out |= {f"{word}.{name}.{axis}": x for axis, x in zip(LOCAL_AXES, values.T, strict=True)}
         return out

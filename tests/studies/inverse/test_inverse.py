@@ -125,6 +125,11 @@ def test_a_run_that_is_free_takes_no_effort():
     np.testing.assert_allclose(found.efforts, 0, atol=1e-11)
     np.testing.assert_allclose(found.lam, sol.lam, atol=1e-10)
     np.testing.assert_allclose(found.reaction("pin").force, sol.reaction("pin").force, atol=1e-10)
+    columns = found.signals()
+    names = [name for name in columns if name.startswith(("force.pin", "torque.pin"))]
+    assert len(names) == 8
+    for name, values in sol.signals(names).items():  # magnitudes, and components along the first frame
+        np.testing.assert_allclose(columns[name], values, atol=1e-10)
 
 
 def test_a_table_is_followed(tmp_path):
