@@ -1,6 +1,7 @@
 """Monitor rank loss of the constraints: detect, cross by extrapolation, verify that the branch is kept."""
 
 from contextlib import suppress
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -226,7 +227,7 @@ class SingularityMonitor(SingularityLocation):
             return False
         self.control.cap = np.inf
         here, time_ahead = self._time_to_singularity(run, begins)
-        if not np.isfinite(time_ahead):
+        if not isfinite(time_ahead):
             return False
         if self.zone_entry is None:
             self.zone_entry = self.origin

@@ -1,6 +1,7 @@
 """Do the steps of a run see the shapes of its curves and tables? In a dwell steps grow, until one skips a lobe."""
 
 from collections.abc import Iterator, Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -82,6 +83,11 @@ def _skipped(closures: Sequence[Closure], sol: Solution, system: Index2System, i
 
 def shaped_closures(mech: Mechanism) -> list[Closure]:
     """Return the closures that are always active and have a curve through points."""
-    shaped = [c for c in mech.closures if any(isinstance(x, LawTable | PointProfile) for x in vars(c).values())]
-    switched = {row for s in mech.switches for row in s.rows} if shaped else set()
-    return [c for c in shaped if switched.isdisjoint(mech.rows_of(c.name))]
+    if mech not in _SHAPED:
+        shaped = [c for c in mech.closures if any(isinstance(x, LawTable | PointProfile) for x in vars(c).values())]
+        switched = {row for s in mech.switches for row in s.rows} if shaped else set()
+        _SHAPED[mech] = [c for c in shaped if switched.isdisjoint(mech.rows_of(c.name))]
+    return _SHAPED[mech]
+
+
+_SHAPED: WeakKeyDictionary[Mechanism, list[Closure]] = WeakKeyDictionary()  # mechanisms are immutable

@@ -74,7 +74,8 @@ class ClosureFriction:
 
     def reset(self) -> None:
         """Forget the directions of slips."""
-        self.slip_directions[:] = [1.0, 0.0]
+        if self.interfaces:
+            self.slip_directions[:] = [1.0, 0.0]
 
     def __bool__(self) -> bool:
         return bool(self.interfaces) and bool(self.active.any())
