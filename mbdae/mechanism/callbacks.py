@@ -53,16 +53,16 @@ def call_with_views(what: str, function: Callable[..., T], t: float | None, *arr
 
 
 def checked_value(value: Any, shape: tuple[int, ...], t: float | None, what: str) -> Array:
-    """Return the value of a user function as an array.
+    """Return the value of a user function as a new array.
 
     Raises:
         StepError: for another shape, or values that are not finite.
     """
     when = _at(t, ",")
     try:
-        if np.iscomplexobj(value):
+        if value is None or np.iscomplexobj(value):
             raise TypeError
-        out: Array = np.asarray(value, float)
+        out: Array = np.array(value, float)  # a copy: the function may return the same array at each call
     except (TypeError, ValueError):
         raise StepError("force", f"{what} returned {value!r:.80}, expected {_shape_text(shape)}{when}") from None
     if out.shape != shape:

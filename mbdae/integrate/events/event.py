@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, StepError
 from ...mechanism.callbacks import call_with_views, checked_value, function_name
 from ...system import Array, System
 
@@ -70,8 +70,11 @@ def event_value(system: System, event: Event, t: float, y: Array) -> float:
     """Evaluate an event function.
 
     Raises:
-        StepError: if it fails or does not return a finite number.
+        StepError: if it fails or does not return a finite number, whose zero is the event; a condition has none.
     """
     assert callable(event.function)
     name = f"event {function_name(event.function)!r}"
-    return float(checked_value(call_with_views(name, event.function, t, *system.split(y)), (), t, name))
+    value = call_with_views(name, event.function, t, *system.split(y))
+    if isinstance(value, bool | np.bool_):
+        raise StepError("force", f"{name} returned {value}, expected a number that changes its sign, at t = {t:.17g}")
+    return float(checked_value(value, (), t, name))

@@ -137,10 +137,21 @@ class EnsembleJob:
     calls_python: bool = False
 
     def mechanism(self, i: int) -> Mechanism:
-        """Return the mechanism of run i."""
+        """Return the mechanism of run i.
+
+        Raises:
+            InputError: if its points are longer or shorter than those of the results.
+        """
         if isinstance(self.source, Mechanism):
             return self.source
-        return self.source.make({name: x[i].item() for name, x in self.parameters.items()})
+        mech = self.source.make({name: x[i].item() for name, x in self.parameters.items()})
+        length, common = mech.nq + mech.nv + len(mech.states) + 1, self.results.y.shape[1]
+        if length != common:
+            raise InputError(
+                f"{mech.title!r} has {length - 1} coordinates, velocities and states, the first run {common - 1}: "
+                "runs of an ensemble have the same (mbdae.sweep takes others)"
+            )
+        return mech
 
     def options(self, mech: Mechanism) -> RunOptions:
         """Return the options of a run.

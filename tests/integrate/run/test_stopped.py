@@ -214,6 +214,8 @@ def test_steps_never_fall_below_the_rounding_of_time(method):
         (lambda t, q, v: np.nan if t > 0.05 else 1.0, "nonfinite", "returned nan"),
         (lambda t, q, v: 1 / 0 if t > 0.05 else 1.0, "force", "ZeroDivisionError"),
         (lambda t, q, v: "a" if t > 0.05 else 1.0, "force", "expected a number"),
+        (lambda t, q, v: None if t > 0.05 else 1.0, "force", "returned None"),
+        (lambda t, q, v: t > 0.05 or 1.0, "force", "returned True, expected a number that changes its sign"),
     ],
 )
 def test_an_event_that_fails_loses_nothing(event, status, said):

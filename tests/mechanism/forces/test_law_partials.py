@@ -217,6 +217,18 @@ def test_functions_can_provide_their_partials():
         moving([motor(lambda t, q, v, s: np.ones(3))]).system().laws.partials(0.0, *mech.start, np.ones(2))
 
 
+def test_partials_of_a_function_that_returns_the_same_array_each_time():
+    kept = np.empty(3)
+
+    def brake(t, q, v):
+        kept[:] = -2.0 * v
+        return kept
+
+    mech = Mechanism(tree(["rx", "rx", "rx"], [0, 1, 2]), [], [brake])
+    found = mech.system().laws.partials(0.0, np.zeros(3), np.array([0.3, -0.5, 2.0]), np.empty(0))
+    assert np.allclose(found[:3], np.hstack([np.zeros((3, 3)), -2.0 * np.eye(3)]))
+
+
 def test_time_partials():
     """Of laws with functions of time, including Python functions with and without a given rate, and of drivers."""
     forces = [force for some in kinds_of_forces().values() for force in some]

@@ -220,6 +220,9 @@ def test_values_without_a_mechanism_or_an_assembly_are_failures():
     found = mbdae.ensemble("slider_crank", None, None, values, (0.0, 0.1))
     assert found.status == ["finished", "assembly"]
     assert np.isnan(found.t[1])
+    found = mbdae.ensemble("n_four_bar", parameters={"N": [1, 2]}, t_span=(0.0, 0.1))
+    assert found.status == ["finished", "input"]
+    assert "has 10 coordinates, velocities and states, the first run 6" in found.message[1]
 
 
 def test_a_model_that_fails_for_a_value_is_the_failure_of_its_run():
