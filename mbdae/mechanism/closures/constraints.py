@@ -222,8 +222,7 @@ class Constraints:
             pair.twist()
             bias, relative = pair.bias(), pair.Vb - pair.Va
             for s, r, w in rows:
-                r.wrenches(pair, w)
-                out[s] = relative @ r.rate(pair) + bias @ w
+                out[s] = relative @ r.wrenches_and_rate(pair, w) + bias @ w
         for row in self.joint_rows:
             out[row.at] = row.bias(v)
         out[self.inactive] = 0.0
