@@ -222,17 +222,20 @@ class Constraints:
             pair.twist()
             bias, relative = pair.bias(), pair.Vb - pair.Va
             for s, r, w in rows:
-                r.wrenches(pair, w)
-                out[s] = relative @ r.rate(pair) + bias @ w
+                out[s] = relative @ r.wrenches_and_rate(pair, w) + bias @ w
         for row in self.joint_rows:
             out[row.at] = row.bias(v)
         out[self.inactive] = 0.0
         return out
 
-    def partials(self, v: Array, lam: Array) -> tuple[Array, Array]:
-        """Return d(G^T lam)/dq (nv, nv) and d(G v)/dq (ng, nv) for v (nv,), lam (ng,), after `jacobian`."""
+    def partials(self, v: Array, lam: Array, names: Iterable[str] | None = None) -> tuple[Array, Array]:
+        """Return d(G^T lam)/dq (nv, nv) and d(G v)/dq (ng, nv) for v (nv,), lam (ng,), after `jacobian`.
+
+        With names: of the rows between frames of these closures alone, after `update_wrenches`.
+        """
         K, B = np.zeros((len(v), len(v))), np.zeros((self.ng, len(v)))
-        for pair, rows in self.frame_rows.values():
+        for name in self.frame_rows if names is None else names:
+            pair, rows = self.frame_rows[name]
             local, F, D = PairPartials(pair, v), np.zeros(6), np.zeros((2, 36))
             at = local.at
             for s, r, w in rows:
@@ -241,7 +244,7 @@ class Constraints:
                 F += w.dot(lam[s])
                 D += lam[s].dot(Da.reshape(-1, 36)), lam[s].dot(Db.reshape(-1, 36))
             K[at[:, None], at] += local.torque(F, *D.reshape(2, 6, 6))
-        for row in self.joint_rows:
+        for row in self.joint_rows if names is None else ():
             row.partials(v, float(lam[row.at]), K, B[row.at])
         B[self.inactive] = 0.0
         return K, B

@@ -53,19 +53,29 @@ class LineRows(FrameRows):
         return np.zeros(self.m)
 
     def wrenches(self, pair: Pair, w: Array) -> None:
-        e, p = self.lines(at_rest(pair))[:2]
-        w[:3], w[3:] = e, cross(p, e) - self.lead * e
+        self._write(self.lines(at_rest(pair)), w)
 
     def rate(self, pair: Pair) -> Array:
-        e, p, de, dp = self.lines(pair)
+        return self._rate(self.lines(pair))
+
+    def wrenches_and_rate(self, pair: Pair, w: Array) -> Array:
+        lines = self.lines(pair)  # once for both
+        self._write(lines, w)
+        return self._rate(lines)
+
+    def _write(self, lines: Lines, w: Array) -> None:
+        e = lines.e
+        w[:3], w[3:] = e, cross(lines.p, e) - self.lead * e
+
+    def _rate(self, lines: Lines) -> Array:
+        e, p, de, dp = lines
         return np.concatenate([de, cross(dp, e) + cross(p, de) - self.lead * de])
 
     def partials(self, pair: Pair) -> tuple[Array, Array]:
         Db, w, moving = np.empty((self.m, 6, 6)), np.zeros((6, self.m)), at_rest(pair)
-        self.wrenches(pair, w)
         for i, motion in enumerate(np.eye(6)):
             moving.Vb = motion
-            Db[:, :, i] = self.rate(moving).T
+            Db[:, :, i] = self.wrenches_and_rate(moving, w).T
         return np.array([wrench_matrix(x) for x in w.T]) - Db, Db  # a common motion carries w along
 
 

@@ -53,6 +53,11 @@ class FrameRows:
         """Return dw/dt (6, m) for the velocities of the pair."""
         raise NotImplementedError
 
+    def wrenches_and_rate(self, pair: Pair, w: np.ndarray) -> np.ndarray:
+        """Write the wrenches into w, and return dw/dt, (6, m)."""
+        self.wrenches(pair, w)
+        return self.rate(pair)
+
     def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
         """Return Da and Db, (m, 6, 6) each: dw = Da d_a + Db d_b for motions d (6,) of both anchors.
 

@@ -5,12 +5,12 @@ tanh(x/w)/x, c = -mu r, is with psi = phi'/x, at constant lam of the rows in use
 
     c |F| (psi (s . ds) S^T s + phi (dS^T s + S^T ds)) + c phi S^T s d|F|,   ds = dS v + S dv
 
-Exact friction along one no-slip row has phi s = +-1 instead.
+Exact friction along one no-slip row has phi s = +-1 instead, and only dS^T of that row, whose partials are exact.
 
-Partials of S and |F| with respect to q are sixth-order differences of these terms alone, in the coordinates that move
-the frames of an interface against each other: to move both together turns S, but not the friction. |F| depends on q if
-rows are redundant: it is that of the minimum-norm multipliers, and then all coordinates matter. The partials with
-respect to lam are included in L of `mbdae.mechanism.formulations.equation_partials`.
+Other partials of S, and those of |F|, with respect to q are sixth-order differences of these terms alone, in the
+coordinates that move the frames of an interface against each other: to move both together turns S, but not the
+friction. |F| depends on q if rows are redundant: it is that of the minimum-norm multipliers, and then all coordinates
+matter. The partials with respect to lam are included in L of `mbdae.mechanism.formulations.equation_partials`.
 """
 
 from math import tanh
@@ -35,25 +35,34 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
     n = nv + ns + 1; lam (r,) are the multipliers of the rows in use.
     """
     jacobians, size = _terms(s, q, lam, rows)
-    ends = np.cumsum([len(S) for S in jacobians]) * s.nv
+    by_q, by_v = np.zeros((s.nv, s.nv)), np.zeros((s.nv, s.nv))
+    by_load, total, along_rows = np.zeros((s.nv, len(size))), np.zeros(s.nv), np.zeros(s.ng)
+    regularised, exact = [], []
+    for k, (S, interface) in enumerate(zip(jacobians, _active_interfaces(s), strict=True)):
+        direction, by_slip = interface.direction(S @ v)
+        T = interface.factor * size[k]
+        by_v += T * (S.T @ by_slip @ S)
+        by_load[:, k] = interface.factor * (S.T @ direction)
+        total += T * (S.T @ direction)
+        if interface.width:
+            regularised.append((k, T * S.T @ by_slip, T * direction))
+        else:
+            exact.append(interface.closure)
+            along_rows[interface.no_slip_rows] = T * direction
+    by_q += s.constraints.partials(v, along_rows, exact)[0]
     into = np.eye(s.nv)[_relevant(s, rows)]
 
     def flat_terms(x: Array) -> Array:
         changed, load = _terms(s, s.manifold.integrate(q, x @ into), lam, rows)
-        return np.concatenate([*(S.ravel() for S in changed), load])
+        return np.concatenate([*(changed[k].ravel() for k, *_ in regularised), load])
 
-    terms_by_q = numerical_jacobian(flat_terms, len(into), WIDTH) @ into
-    by_q, by_v = np.zeros((s.nv, s.nv)), np.zeros((s.nv, s.nv))
-    by_load, total = np.zeros((s.nv, len(size))), np.zeros(s.nv)
-    for k, (S, interface) in enumerate(zip(jacobians, _active_interfaces(s), strict=True)):
-        dS = terms_by_q[ends[k] - S.size : ends[k]].reshape(*S.shape, s.nv)
-        direction, by_slip = interface.direction(S @ v)
-        T = interface.factor * size[k]
-        by_v += T * (S.T @ by_slip @ S)
-        by_q += T * (S.T @ by_slip @ np.einsum("ijm,j->im", dS, v) + np.einsum("ijm,i->jm", dS, direction))
-        by_load[:, k] = interface.factor * (S.T @ direction)
-        total += T * (S.T @ direction)
-    by_q += by_load @ terms_by_q[ends[-1] :]
+    if len(into):
+        terms_by_q, end = numerical_jacobian(flat_terms, len(into), WIDTH) @ into, 0
+        for k, by_turn, force in regularised:
+            S = jacobians[k]
+            dS = terms_by_q[end : (end := end + S.size)].reshape(*S.shape, s.nv)
+            by_q += by_turn @ np.einsum("ijm,j->im", dS, v) + np.einsum("ijm,i->jm", dS, force)
+        by_q += by_load @ terms_by_q[end:]
     s.jacobian(q)  # restores the kinematics
     nv, n = s.nv, s.ny - s.nv
     K, D = np.zeros((n, nv)), np.zeros((n, n))
@@ -82,13 +91,13 @@ def _terms(s: "Index2System", q: Array, lam: Array, rows: Array) -> tuple[list[A
 
 
 def _relevant(s: "Index2System", rows: Array) -> Array:
-    """Return a mask of the coordinates on which the friction depends, (nv,)."""
+    """Return a mask of the coordinates with respect to which differences are taken, (nv,)."""
     if len(rows) < s.ng - len(s.constraints.inactive):
         return np.ones(s.nv, bool)
     friction = s.closure_friction
-    pairs = [friction.interfaces[k].pair for k in np.flatnonzero(friction.active)]
+    sliding = [friction.interfaces[k] for k in np.flatnonzero(friction.active)]
     mask = np.zeros(s.nv, bool)
-    for pair in pairs:
+    for pair in (p.pair for p in sliding if not p.force.sticks):
         mask[pair.columns if pair.nodes else pair.sign != 0] = True
     return mask
 
@@ -100,11 +109,15 @@ class _ActiveInterface(NamedTuple):
         factor: c = -mu r.
         width: of the regularisation in m/s or rad/s; 0 for exact friction, along one no-slip row.
         sense: the direction of that slip, (1,).
+        closure: name of the closure.
+        no_slip_rows: of the closure.
     """
 
     factor: float
     width: float
     sense: Array
+    closure: str
+    no_slip_rows: slice
 
     def direction(self, slip: Array) -> tuple[Array, Array]:
         """Return phi s (m,) and its partial derivatives with respect to the slip s, (m, m)."""
@@ -118,9 +131,9 @@ def _active_interfaces(s: "Index2System") -> list[_ActiveInterface]:
     """Return the sliding interfaces."""
     friction, out = s.closure_friction, []
     for k in np.flatnonzero(friction.active):
-        force = friction.interfaces[k].force
-        width = 0.0 if force.sticks else force.width
-        out.append(_ActiveInterface(-float(friction.coefficient[k]), width, friction.directions[k]))
+        p, factor = friction.interfaces[k], -float(friction.coefficient[k])
+        width = 0.0 if p.force.sticks else p.force.width
+        out.append(_ActiveInterface(factor, width, friction.directions[k], p.closure.name, p.no_slip_rows))
     return out
 
 

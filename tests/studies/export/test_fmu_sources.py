@@ -24,8 +24,9 @@ pytestmark = [
         reason=f"the core was built without {source_files.ARCHIVE}",
     ),
 ]
-# checks of memory are calls, which are compiled faster than code in place
-SANITIZERS = ("-O0", "-UNDEBUG", "-fsanitize=address", "--param", "asan-instrumentation-with-call-threshold=0")
+# compiled fast: checks of memory are calls instead of code in place, and the compiler frees no memory before 2 GB
+PARAMETERS = ("asan-instrumentation-with-call-threshold=0", "ggc-min-expand=1000", "ggc-min-heapsize=2000000")
+SANITIZERS = ("-O0", "-UNDEBUG", "-fsanitize=address", *(f"--param={x}" for x in PARAMETERS))
 MODELS = ("slider_crank", "pendulum_on_stop", "stick_slip_slider", "bricard", "differential_drive")
 
 
