@@ -104,11 +104,12 @@ def joint_reaction(mech: "Mechanism", name: str, *motion: Array) -> Reaction:
     """
     world, local = (x[:, reaction_names(mech).index(name)] for x in reaction_wrenches(mech, *motion))
     t, q, v, vdot, _ = motion
-    system, j, unique = mech.system(), joint_names(mech.model).index(name), np.ones(6, bool)
-    for i in sample_indices(len(t)) if mech.ng else ():
-        for combination in multiplier_null_space(system, t[i], q[i]).T:
-            wrench = joint_wrenches(system, t[i], q[i], v[i], vdot[i], combination, laws=False)[j]
-            unique &= np.abs(wrench) < VISIBLE
+    j, unique = joint_names(mech.model).index(name), np.ones(6, bool)
+    with mech.workspaces.borrowed() as system:
+        for i in sample_indices(len(t)) if mech.ng else ():
+            for combination in multiplier_null_space(system, t[i], q[i]).T:
+                wrench = joint_wrenches(system, t[i], q[i], v[i], vdot[i], combination, laws=False)[j]
+                unique &= np.abs(wrench) < VISIBLE
     axes = local[:, :3], local[:, 3:], world[:, :3], world[:, 3:]
     return Reaction(name, np.asarray(t), *axes, tuple(unique.tolist()))
 

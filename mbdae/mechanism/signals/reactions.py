@@ -98,28 +98,29 @@ def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Ar
         UnknownNameError: for an unknown name.
         InputError: for a coupling, or a driver of joints: they have an effort.
     """
-    system, rows = mech.system(), mech.rows_of(name)
-    bound = system.constraints.frame_rows.get(name)
-    if bound is None:
-        raise InputError(f"{name!r} connects joints and has no force at a point: use its effort")
-    wrench, rotations = np.empty((len(t), 6)), np.empty((len(t), 3, 3))
-    row_wrenches = np.empty((len(t), 6, len(rows)))
-    for i in range(len(t)):
-        system.closures(q[i], t[i])
-        W = system.constraints.W[:, rows].copy()
-        W[3:] -= (lever := skew(bound.pair.pb)) @ W[:3]
-        row_wrenches[i], wrench[i], rotations[i] = W, W @ lam[i, rows], bound.pair.Ra
-        if v is not None and system.closure_friction.regularised_interfaces(name):
-            friction = system.closure_friction.wrench(name, v[i], lam[i])
-            wrench[i] += friction
-            wrench[i, 3:] -= lever @ friction[:3]
+    rows = mech.rows_of(name)
+    with mech.workspaces.borrowed() as system:
+        bound = system.constraints.frame_rows.get(name)
+        if bound is None:
+            raise InputError(f"{name!r} connects joints and has no force at a point: use its effort")
+        wrench, rotations = np.empty((len(t), 6)), np.empty((len(t), 3, 3))
+        row_wrenches = np.empty((len(t), 6, len(rows)))
+        for i in range(len(t)):
+            system.closures(q[i], t[i])
+            W = system.constraints.W[:, rows].copy()
+            W[3:] -= (lever := skew(bound.pair.pb)) @ W[:3]
+            row_wrenches[i], wrench[i], rotations[i] = W, W @ lam[i, rows], bound.pair.Ra
+            if v is not None and system.closure_friction.regularised_interfaces(name):
+                friction = system.closure_friction.wrench(name, v[i], lam[i])
+                wrench[i] += friction
+                wrench[i, 3:] -= lever @ friction[:3]
+        unique = np.ones(6, bool)
+        for i in sample_indices(len(t)):
+            N = multiplier_null_space(system, t[i], q[i])[rows]
+            R = np.kron(np.eye(2), rotations[i].T)
+            unique &= np.abs(R @ row_wrenches[i] @ N).max(axis=1, initial=0.0) < VISIBLE
     force, torque = wrench[:, :3], wrench[:, 3:]
     local = [np.einsum("nji,nj->ni", rotations, x) for x in (force, torque)]
-    unique = np.ones(6, bool)
-    for i in sample_indices(len(t)):
-        N = multiplier_null_space(system, t[i], q[i])[rows]
-        R = np.kron(np.eye(2), rotations[i].T)
-        unique &= np.abs(R @ row_wrenches[i] @ N).max(axis=1, initial=0.0) < VISIBLE
     return Reaction(name, np.asarray(t), local[0], local[1], force, torque, tuple(unique.tolist()))
 
 
@@ -130,20 +131,21 @@ def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Effo
         UnknownNameError: for an unknown name.
         InputError: for a closure between frames: it has a reaction.
     """
-    system, rows = mech.system(), mech.rows_of(name)
+    rows = mech.rows_of(name)
     spec = next(c for c in mech.constraints if c.name == name)
     if not isinstance(spec, Driver) and spec.frames:
         raise InputError(f"{name!r} connects frames: use its reaction")
     row = rows.start
-    bound = next((r for r in system.constraints.joint_rows if r.at == row), None)
-    second = bound.columns[1] if bound and len(bound.columns) > 1 else None
-    u, counter = np.empty((len(t), 3)), np.zeros(len(t))
-    for i in range(len(t)):
-        G = system.closures(q[i], t[i])[1]
-        u[i] = system.constraints.motion(t[i])[:, row]
-        counter[i] = lam[i, row] * G[row, second] if second is not None else 0.0
-    null_spaces = (multiplier_null_space(system, t[i], q[i]) for i in sample_indices(len(t)))
-    unique = all(np.abs(N[row]).max(initial=0.0) < VISIBLE for N in null_spaces)
+    with mech.workspaces.borrowed() as system:
+        bound = next((r for r in system.constraints.joint_rows if r.at == row), None)
+        second = bound.columns[1] if bound and len(bound.columns) > 1 else None
+        u, counter = np.empty((len(t), 3)), np.zeros(len(t))
+        for i in range(len(t)):
+            G = system.closures(q[i], t[i])[1]
+            u[i] = system.constraints.motion(t[i])[:, row]
+            counter[i] = lam[i, row] * G[row, second] if second is not None else 0.0
+        null_spaces = (multiplier_null_space(system, t[i], q[i]) for i in sample_indices(len(t)))
+        unique = all(np.abs(N[row]).max(initial=0.0) < VISIBLE for N in null_spaces)
     force = lam[:, row]
     return Effort(
         name, np.asarray(t), force, None if second is None else counter, u[:, 0], force * u[:, 1], bool(unique)
@@ -156,8 +158,8 @@ def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
     The number is m - (rank of all rows - rank of the rows of the others). Trivial rows, such as the out-of-plane row of
     a planar loop, count, too.
     """
-    system = mech.system()
-    G = mass_scaled_jacobian(system, t, q)
+    with mech.workspaces.borrowed() as system:
+        G = mass_scaled_jacobian(system, t, q)
     r, out = rank(G), {}
     for c in mech.constraints:
         out[c.name] = c.m - (r - rank(np.delete(G, mech.rows_of(c.name), axis=0)))

@@ -188,7 +188,8 @@ class Measurement:
             slopes = self._slopes(tableau, samples, reference, uncertainty)
         for parts in PARTS:
             useful = max((above(s.errors, s.floors) for s in slopes if not s.judged), default=0)
-            ns = self.between([*samples][:useful], parts, self.steps // stride)
+            between = self.between([*samples][:useful], parts, self.steps // stride)
+            ns = [n for n in between if n not in samples]
             samples = self._added(tableau, ns, stride, samples)
             slopes = self._slopes(tableau, samples, reference, uncertainty) if ns else slopes
         return slopes

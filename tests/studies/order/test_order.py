@@ -89,7 +89,9 @@ def test_no_claim_of_any_method_is_refuted_on_a_textbook_problem(name, monkeypat
     problem, T = TEXTBOOK[name](), SPANS[name]
     measure = MEASUREMENTS[problem.title, T] = Measurement(problem, T, 5, None, lambda name: None, "python")
     measure.largest = 3000
-    study = mbdae.order(problem, T=T, steps=5)
+    runs = []
+    study = mbdae.order(problem, T=T, steps=5, progress=runs.append)
+    assert len(set(runs)) == len(runs), "no run is made twice"
     assert list(study.orders) == [n for n, m in mbdae.METHODS.items() if "textbook" not in m.excludes]
     assert not study.refuted, str(study)
     assert sum(row[0].verdict == "holds" for row in study.orders.values()) >= 18, str(study)
