@@ -1,7 +1,6 @@
 """Monitor rank loss of the constraints: detect, cross by extrapolation, verify that the branch is kept."""
 
 from contextlib import suppress
-from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -227,7 +226,7 @@ class SingularityMonitor(SingularityLocation):
             return False
         self.control.cap = np.inf
         here, time_ahead = self._time_to_singularity(run, begins)
-        if not isfinite(time_ahead):
+        if not time_ahead < np.inf:
             return False
         if self.zone_entry is None:
             self.zone_entry = self.origin
