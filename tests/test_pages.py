@@ -38,7 +38,8 @@ BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.S | re.M)
 FILE = re.compile(r"(?:#|<!--) (\S+\.(?:toml|py|urdf|xml))( -->)?\n")
 TEXT = {page: (ROOT / page).read_text() for page in PAGES}
 BRIEF = {  # options of commands whose output is not shown: they end by themselves, and take no times of whole runs
-    "live": ("--seconds", "0.5"), "compare": ("--repeats", "0"), "compare four_bar": ("-t", "0.1"), "solve four_bar -t 10 ": ("-t", "1"),
+    "live": ("--seconds", "0.5"), "compare": ("--repeats", "0"), "compare four_bar": ("-t", "0.1"),
+    "solve four_bar -t 10 ": ("-t", "1"),
     "periodic woodpecker": ("--help",),  # test_woodpecker_cycle runs it
     "periodic-branch simplest_walker": ("--rtol", "1e-8"),
 }  # fmt: skip
