@@ -29,7 +29,8 @@ def broken(t, q, v):
 EVENTS = [
     (broken, StepError, "event 'broken' failed at t = .*ZeroDivisionError"),
     (lambda: 0.0, StepError, "event '<lambda>' failed at t = .*TypeError"),
-    (lambda t, q, v: None, StepError, "event '<lambda>' returned nan"),
+    (lambda t, q, v: None, StepError, "event '<lambda>' returned None, expected a number"),
+    (lambda t, q, v: True, StepError, "event '<lambda>' returned True, expected a number that changes its sign"),
     (lambda t, q, v: q[:1], StepError, r"event '<lambda>' returned shape \(1,\), expected a number"),
     (lambda t, q, v: 1j, StepError, "event '<lambda>' returned 1j"),
     (lambda t, q, v: "a", StepError, "event '<lambda>' returned 'a'"),
