@@ -8,6 +8,7 @@ from mbdae import Closure, Mechanism
 from mbdae.mechanism.time_functions.time_functions import Constant
 
 ALL = [{}, {"project": True}, {"formulation": "ggl"}, {"formulation": "index1", "method": "DOP853"}]
+FAR = 1e6  # s: the smallest step follows the span, so fewer are tried where a run cannot continue
 
 
 def free_loop():

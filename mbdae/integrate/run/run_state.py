@@ -65,7 +65,7 @@ class RunState:
             None  # motion since a step was undone, and its undone part, see `projected_step`
         )
         self.restarted = False  # whether the carry was recomputed after the projection of the last step
-        self.given = start.copy()
+        self.given = start.copy()  # before controllers are sampled, see `unsampled`
         self.ts, self.ys, self.zs = [self.t], GrowingArray(start), GrowingArray([np.nan] * system.nz)
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # first node of each set of rows in use
         self.carries = CarryRecord()

@@ -9,13 +9,13 @@ import re
 import numpy as np
 import pytest
 from bodies import body, load
+from motions import FAR
 from unit_systems import UNIT_SYSTEMS
 
 import mbdae
 from mbdae import Closure, Driver, Mechanism
 
 RADIUS = 0.1
-FAR = 1e6  # s: the smallest step follows the span, so fewer are tried where a run cannot continue
 NAMES = r"('one' and 'other'|'other' and 'one').* contradict each other"
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from bouncing import add_body, empty
+from motions import FAR
 
 import mbdae
 from mbdae import Closure, Mechanism
@@ -19,9 +20,6 @@ def bead(c):
     add_body(model, add_body(model, 0, pin.JointModelPX(), "x", 1.0), pin.JointModelPZ(), "z", 1.0)
     straight, bent = (Harmonic(amplitude=a, omega=1.0, phase=np.pi / 2, offset=-a) for a in (0.0, c))
     return Mechanism(model, [Closure.law("z", "x", straight, "straight"), Closure.law("z", "x", bent, "bent")])
-
-
-FAR = 1e6  # s: the smallest step follows the span, so fewer are tried where a run cannot continue
 
 
 def run(c, end=1, **options):
