@@ -84,7 +84,7 @@ def test_what_makes_mechanisms_is_a_name_or_a_path_too(name):
         assert MADE[name](given)
     with pytest.raises(UnknownNameError, match=r"unknown model 'spring_four_bra' .did you mean 'spring_four_bar'"):
         MADE[name]("spring_four_bra")
-    with pytest.raises(InputError, match="a model is a name, a path or a function that returns a Mechanism, got 3"):
+    with pytest.raises(InputError, match="is a Mechanism, a name, a path or a function that returns one, got 3"):
         MADE[name](3)
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from ...mechanism import Mechanism
 from ...mechanism.model_settings import as_numbers
 from ...solution.signals import find, units
 from ...system import Array
-from ..sweep.sweep_run import NOT_SETTINGS, Maker, check_settings, maker_of
+from ..sweep.sweep_run import NOT_SETTINGS, Maker, Model, check_settings, maker_of
 from ..workers import pool
 from .batch import EnsembleJob, Results, Starts, batches, run_batch
 from .result import Ensemble
@@ -21,7 +20,6 @@ from .single_runs import complete_singly
 __all__ = ["ensemble"]
 
 Progress = Callable[[float, str], None]
-Model = str | Path | Mechanism | Callable[..., Mechanism]
 
 
 def ensemble(
@@ -48,8 +46,7 @@ def ensemble(
     reason. After Ctrl-C, the finished runs are returned, and the others have the status ``"interrupted"``.
 
     Args:
-        model: a mechanism; or, with parameters, an argument of `mbdae.load`, or a function of the parameters that
-            returns a Mechanism.
+        model: a mechanism, an argument of `mbdae.load`, or a function of the parameters that returns a Mechanism.
         q: consistent start configurations, (n, nq), or a common one, (nq,); the model's start when left out.
         v: consistent start velocities, (n, nv), or a common one, (nv,); the model's start when left out.
         parameters: name = values, (n,) each; names as for `mbdae.sweep`. A start of the model depends on them.
@@ -124,11 +121,9 @@ def _source(model: object, values: dict[str, Array]) -> Mechanism | Maker:
     """Return the mechanism, or its factory for several values of its parameters.
 
     Raises:
-        UnknownNameError, InputError: as `mbdae.load`, for an unknown parameter, and for parameters of a mechanism.
+        UnknownNameError, InputError: as `mbdae.load`, and for an unknown parameter.
     """
-    if isinstance(model, Mechanism):
-        if values:
-            raise InputError("parameters need a model by its name, its path or a function, got a Mechanism")
+    if isinstance(model, Mechanism) and not values:
         return model
     maker = maker_of(model)
     maker.check({name: x[0].item() for name, x in values.items() if len(x)})

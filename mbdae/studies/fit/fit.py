@@ -25,15 +25,8 @@ from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
 from ...system import Array
 from ...tolerances import COARSE, INPUT_DIGITS, SEARCH_TOLERANCE, VISIBLE
-from ..sensitivity.run_parameters import (
-    MechanismFactory,
-    mechanism_factory,
-    named_values,
-    progress_reporter,
-    reals,
-    scaled,
-)
-from ..sweep.sweep_run import check_settings
+from ..sensitivity.run_parameters import MechanismFactory, named_values, progress_reporter, reals, scaled
+from ..sweep.sweep_run import check_settings, maker_of
 from .data import records
 from .fit_residuals import FitResiduals
 from .identifiability import members, precision
@@ -104,8 +97,7 @@ def fit(
     _check_names(parameters, settings)
     report_progress = progress_reporter(progress)
     recordings = records(data, as_list(signals, "signals are names of columns"))
-    loaded = model if isinstance(model, Mechanism) else None
-    make = mechanism_factory(loaded, None if loaded else model)
+    make = maker_of(model)
     tables = _known_parameters(known, len(recordings), parameters)
     named_values(make, dict.fromkeys(parameters, 0.0))
     unknown = {name: _unknown(make, name, given) for name, given in parameters.items()}

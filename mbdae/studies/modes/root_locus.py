@@ -11,7 +11,6 @@ from scipy.optimize import brentq, linear_sum_assignment
 
 from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError
-from ...mechanism import Mechanism
 from ...mechanism.equilibrium.spectrum import CERTAIN, Spectrum
 from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...mechanism.model_settings import as_numbers
@@ -20,7 +19,7 @@ from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import ITERATION_ROUNDING, ROUNDING
 from ...units import displayed, quantity
-from ..sweep.sweep_run import maker_of
+from ..sweep.sweep_run import Model, maker_of, model_title
 from .modes import modes
 
 if TYPE_CHECKING:
@@ -30,7 +29,6 @@ __all__ = ["root_locus"]
 
 SPEED = "v."
 CROSSING_WIDTH = 1e-2  # of an interval: distance on either side of a crossing
-Model = str | Path | Callable[..., Mechanism]
 
 
 @dataclass(frozen=True)
@@ -114,7 +112,7 @@ def root_locus(
     """Track eigenvalues over a parameter or a speed.
 
     Args:
-        model: an argument of `mbdae.load`, or a function of the parameter that returns a Mechanism.
+        model: a mechanism that was loaded, an argument of `mbdae.load`, or a function of the parameter.
         name: a parameter as in `mbdae.sweep`: ``"force.spring.stiffness"``, ``"start.v.shaft"``, ``"speed"`` of a
             mechanism.py; or ``"v.shaft"``, a constant speed of a joint.
         values: its values, in order.
@@ -143,11 +141,11 @@ def root_locus(
     if len(messages) == len(rows):
         raise InputError(f"no value of {name} has modes: {messages[0]}")
     eigenvalues = _branches(rows)
-    title = model if isinstance(model, str) else getattr(model, "__name__", str(model))
     found = [None if np.isnan(z).any() else row for z, row in zip(eigenvalues, rows, strict=True)]
     changed = np.flatnonzero([_differ(a, b) for a, b in pairwise(found)])
     changes = [_change(roots, *numbers[i : i + 2].tolist()) for i in changed]
-    return RootLocus(title, name, numbers, eigenvalues, messages, tuple(changes), _unit(model, name, start or {}))
+    title, unit = model_title(model), _unit(model, name, start or {})
+    return RootLocus(title, name, numbers, eigenvalues, messages, tuple(changes), unit)
 
 
 def _unit(model: Model, name: str, start: Mapping[str, Any]) -> str:

@@ -172,7 +172,7 @@ def periodic_branch(
     """Follow a periodic motion over a parameter, through folds, and locate where its stability changes or it grazes.
 
     Args:
-        model: an argument of `mbdae.load`, or a function of the parameter that returns a Mechanism.
+        model: a mechanism that was loaded, an argument of `mbdae.load`, or a function of the parameter.
         name: of the parameter, as in `mbdae.sweep`.
         first: its value at the beginning.
         last: its value at the end.

@@ -16,7 +16,7 @@ from ...integrate.trajectory.trajectory import Trajectory
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import call_and_report
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ...mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
+from ...mechanism.formats.mechanism_file.loaded_model import parameter_value
 from ...mechanism.formats.mechanism_file.template import Template
 from ...solution.solution import Solution
 from ...system import Array
@@ -37,17 +37,6 @@ class MechanismFactory(Protocol):
 
     def make(self, values: Mapping[str, object]) -> Mechanism:
         """Return the mechanism with these values."""
-
-
-def mechanism_factory(mech: Mechanism | None, model: Model) -> MechanismFactory:
-    """Return the factory of a mechanism's variants: from its files, another file, or a function.
-
-    Raises:
-        InputError: if the mechanism was not read from files and no model is given.
-    """
-    if model is None and mech is not None:
-        return LoadedModel(mech)
-    return model if hasattr(model, "make") else maker_of(model)
 
 
 class VaryingParameters:
@@ -105,7 +94,7 @@ def _cached_parameters(sol: Solution, names: Names, model: Model) -> Parameters:
     key = get_ident(), t, float(sol.nodes[0][-1]), sol.mode(0), repr(names)
     if model is None and key in _BOUND.get(mech, {}):
         return _BOUND[mech][key]
-    parameters = _bound(sol, names, mechanism_factory(mech, model))
+    parameters = _bound(sol, names, maker_of(mech if model is None else model))
     if isinstance(names, Mapping) or model is not None:
         _require_same_motion(parameters.mech, sol)
     if parameters.mech.ng:

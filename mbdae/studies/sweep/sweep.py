@@ -19,7 +19,6 @@ from ...integrate.options.defaults import DEFAULTS
 from ...integrate.options.span import checked_span
 from ...integrate.steppers.solvers import find_method
 from ...mechanism import Mechanism, describe
-from ...mechanism.callbacks import function_name
 from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...mechanism.formats.mechanism_file.parametric import split as split_name
 from ...mechanism.imported_model import not_carried_over
@@ -31,12 +30,11 @@ from .outputs import Output, check, label, parse
 from .plan import Parameters, Task, names, tasks
 from .results_file import SweepFile
 from .sweep_batch import Batch, batches_of, run_batch
-from .sweep_run import SOLVE, Job, Maker, check_settings, split
+from .sweep_run import SOLVE, Job, Maker, Model, check_settings, model_title, split
 from .table import Sweep, column_kinds, completed
 
 __all__ = ["sweep"]
 
-Model = str | Path | Callable[..., Mechanism]
 Progress = Callable[[float, str], None]
 TRIALS = 50  # of the first runs, and of the others, to make one mechanism
 MAX_TIMES = 1_000_000  # of a run
@@ -76,8 +74,8 @@ def sweep(
     same call resumes after an interruption or a crash. After Ctrl-C it returns the finished runs.
 
     Args:
-        model: an argument of `mbdae.load`, or a function of the parameters that returns a Mechanism. For processes it
-            must be importable, and scripts need ``if __name__ == "__main__":``.
+        model: a mechanism that was loaded, an argument of `mbdae.load`, or a function of the parameters that returns a
+            Mechanism. For processes a function must be importable, and scripts need ``if __name__ == "__main__":``.
         parameters: a grid, name = list of values (all combinations); a list of runs, name = value each; or a
             `mbdae.Random` sample.
         t_span: end, or start and end in s; from 0 to the model's duration when left out.
@@ -189,7 +187,7 @@ def _job(model: Model, t_span: object, times: object, outputs: Sequence[Output],
     return Job(_absolute_path(model), span, _times(times), tuple(outputs), settings)
 
 
-def _absolute_path(model: Model) -> str | Callable[..., Mechanism]:
+def _absolute_path(model: Model) -> Model:
     """Return an absolute path, for processes that run in other folders."""
     if not isinstance(model, str | Path):
         return model
@@ -270,10 +268,9 @@ def _method(job: Job, task: Task) -> tuple[str, str]:
 
 def _manifest(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]:
     """Return data that identify a sweep; long entries as checksums."""
-    model = job.model if isinstance(job.model, str) else function_name(job.model)
-    made = describe(mech) if isinstance(job.model, str) else fingerprint(job.model)
+    made = describe(mech) if isinstance(job.model, str | Mechanism) else fingerprint(job.model)
     return {
-        "model": model,
+        "model": model_title(job.model),
         "mechanism": _checksum(made),
         "runs": len(plan),
         "parameters": _checksum([(task.seed, task.values) for task in plan]),

@@ -15,11 +15,13 @@ from ...integrate.run.whole_runs import COUNTS
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import call_and_report, function_name
+from ...mechanism.formats.mechanism_file.loaded_model import LoadedModel
 from ...mechanism.formats.mechanism_file.template import START, Template, check_start, with_start
 from ..workers import Stop, stop_check
 from .outputs import Output, evaluate
 from .plan import Task
 
+Model = str | Path | Mechanism | Callable[..., Mechanism]
 SOLVE = "solve."
 NOT_SETTINGS = ("problem", "t_span", "q", "v", "s", "t_eval", "progress")
 FAILURES = {  # statuses of runs without a solution
@@ -85,7 +87,7 @@ class Job:
     """Data that all runs of a sweep share; sent to other processes.
 
     Attributes:
-        model: an argument of `mbdae.load`, or a function that returns a Mechanism.
+        model: a mechanism that was loaded, an argument of `mbdae.load`, or a function that returns a Mechanism.
         t_span: start and end in s; from 0 to the model's duration when None.
         times: number of equidistant times or the times at which signals are taken; the steps when None.
         outputs: results of each run.
@@ -93,7 +95,7 @@ class Job:
         key: identifies the sweep, for caches of its files.
     """
 
-    model: str | Path | Callable[..., Mechanism]
+    model: Model
     t_span: tuple[float, float] | None = None
     times: int | tuple[float, ...] | None = None
     outputs: tuple[Output, ...] = ()
@@ -115,20 +117,31 @@ class Job:
         return None if self.times is None else np.array(self.times)
 
 
-def maker_of(model: object) -> Maker:
-    """Return the factory of the mechanisms of a model.
+def maker_of(model: Any) -> Maker:
+    """Return the factory of the mechanisms of a model; a factory itself is returned.
 
     Args:
-        model: an argument of `mbdae.load`, or a function that returns a Mechanism.
+        model: a mechanism that was loaded, an argument of `mbdae.load`, or a function that returns a Mechanism.
 
     Raises:
         UnknownNameError, InputError: as `mbdae.load`, and for any other argument.
     """
+    if isinstance(model, Mechanism):
+        return LoadedModel(model)
     if isinstance(model, str | Path):
         return Template(model)
+    if hasattr(model, "make"):
+        return model  # type: ignore[no-any-return]
     if not callable(model):
-        raise InputError(f"a model is a name, a path or a function that returns a Mechanism, got {model!r:.60}")
+        raise InputError(f"a model is a Mechanism, a name, a path or a function that returns one, got {model!r:.60}")
     return FunctionMaker(model)
+
+
+def model_title(model: Model) -> str:
+    """Return the name of a model in tables and figures."""
+    if isinstance(model, Mechanism):
+        return model.title
+    return str(model) if isinstance(model, str | Path) else function_name(model)
 
 
 def split(values: Mapping[str, object], maker: Maker, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:

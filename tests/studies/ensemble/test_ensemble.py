@@ -282,9 +282,11 @@ def test_invalid_input_is_rejected(what):
         mbdae.ensemble(MECH, t_span=(0.0, 0.1), **arguments)
 
 
-def test_parameters_of_a_mechanism_are_rejected():
-    with pytest.raises(InputError, match="parameters need a model by its name"):
-        mbdae.ensemble(mbdae.load(MECH), parameters={"start.v.crank": [1.0]})
+def test_a_loaded_mechanism_has_the_parameters_of_its_files():
+    parameters = {"start.v.crank": [5.0, 6.0], "frame.rod_tip.xyz.0": [0.35, 0.36]}
+    by_name, loaded = (mbdae.ensemble(x, None, None, parameters, (0.0, 0.1)) for x in (MECH, mbdae.load(MECH)))
+    np.testing.assert_array_equal(by_name.q, loaded.q)
+    assert not (by_name.q[0] == by_name.q[1]).any()
 
 
 # -- presentation ----------------------------------------------------------------------------------------------------

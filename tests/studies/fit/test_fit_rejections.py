@@ -37,7 +37,7 @@ OPTIONS = [
     ({"sigma": [1.0]}, InputError, "noise level of 'q.crank'"),
     ({"signals": 3}, InputError, "signals are names of columns, got 3"),
     ({"t_span": (1, 0)}, InputError, "is outside the span"),
-    ({"model": 3}, InputError, "a model is a name, a path or a function that returns a Mechanism, got 3"),
+    ({"model": 3}, InputError, "a model is a Mechanism, a name, a path or a function that returns one, got 3"),
     ({"model": "nothing"}, UnknownNameError, "unknown model 'nothing'"),
 ]
 

@@ -34,6 +34,9 @@ def test_a_speed_is_a_parameter(tmp_path):
     assert np.abs(found.eigenvalues[1].imag - 6.45591416).min() < 1e-8
     found.plot(tmp_path / "campbell.svg")
     assert "root locus of flyball_governor over v.shaft" in str(found)
+    loaded = mbdae.root_locus(mbdae.load("flyball_governor"), "v.shaft", [5.0, 2 * np.pi, 7.0])
+    np.testing.assert_array_equal(loaded.eigenvalues, found.eigenvalues)
+    assert "root locus of Stiff flyball governor over v.shaft" in str(loaded)
 
 
 def test_values_without_modes_are_reported():

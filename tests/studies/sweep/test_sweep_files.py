@@ -45,9 +45,9 @@ def test_threads_processes_and_dask_give_the_same_bits(tmp_path):
         assert not path.with_name(path.name + PART).exists()
         return path.read_bytes()
 
-    def ends(**more):
+    def ends(model="slider_crank", **more):
         speeds = {"start.v.crank": np.linspace(4.0, 8.0, 40).tolist()}
-        result = mbdae.sweep("slider_crank", speeds, 0.2, outputs=["final q.slider"], **more)
+        result = mbdae.sweep(model, speeds, 0.2, outputs=["final q.slider"], **more)
         in_batches = len(set(result.seconds.values())) < len(result)  # in the core, they share their time
         assert in_batches is (backend.load() is not None)
         return result.rows
@@ -55,7 +55,7 @@ def test_threads_processes_and_dask_give_the_same_bits(tmp_path):
     one, last = content("threads", workers=1), ends(executor="threads", workers=1)
     assert content("two", workers=2) == one
     assert content("processes", executor="processes", workers=2) == one
-    assert ends(executor="processes", workers=1) == last
+    assert ends(mbdae.load("slider_crank"), executor="processes", workers=1) == last
     cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=None)
     with cluster, distributed.Client(cluster) as client:
         executor = client.get_executor()
