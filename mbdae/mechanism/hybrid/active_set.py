@@ -37,10 +37,11 @@ def select_mode(point: "ModePoint", unswitched: Array, separated: set[int], load
         loads_after_step: the loads after a short step, for rows that are neither active nor separate.
 
     Raises:
-        StepError: if friction has no solution, or several (Painleve paradox).
+        StepError: if friction has no solution, or several (Painleve paradox), or if no force can keep a row closed.
     """
     problem = _ActiveSet(point, unswitched, separated)
     problem.release()
+    problem.require_solution()
     problem.enter_states()
     problem.decide_undecided(loads_after_step)
     return tuple(problem.mode)
@@ -92,6 +93,17 @@ class _ActiveSet:
             del self.remaining[i]
             self._next_state(i, self.active[i] if self.active[i][0].is_bounded else (), False)
         return bool(released)
+
+    def require_solution(self) -> None:
+        """Require that rows which carry no load do not close: one that depends on closures cannot stop their motion.
+
+        Raises:
+            StepError: with their names.
+        """
+        idle = [(i, c[0]) for i, c in self.active.items() if c[0].is_unilateral and not self.is_active[i]]
+        if blocked := [i for i, c in idle if self._approaches(c)]:
+            reason = "closures or drivers move against its direction, and no force on it can stop them"
+            raise error_with_names(StepError("impact", reason), self.switches, self.point.t, blocked)
 
     def enter_states(self) -> None:
         """Set the states of the candidates that remain."""

@@ -122,6 +122,16 @@ def test_wrong_clutches_are_rejected():
         wheels((), pin.JointModelRUBZ, clutches=[Clutch(joint="wheel", pitch=0.1)])
 
 
+@pytest.mark.usefixtures("back_end")
+def test_a_driver_that_turns_back_against_a_clutch_ends_the_run():
+    """No torque on the clutch stops it: the run ended after a hundred changes of the mode, in seconds or minutes."""
+    drive = Driver(joint="wheel", speed=Harmonic(amplitude=1.0, omega=2.0, phase=np.pi / 2))
+    sol = mbdae.solve(wheels(drivers=[drive], clutches=[Clutch(joint="wheel", name="pawl")]), (0, 1))
+    assert (sol.status, len(sol.modes)) == ("impact", 1)
+    assert sol.message.startswith("'pawl': closures or drivers move against its direction, and no force on it can stop")
+    assert sol.t[-1] == pytest.approx(np.pi / 4, abs=1e-9)
+
+
 def test_a_ratchet_winch_lifts_a_tooth_in_each_stroke():
     sol = mbdae.solve(mbdae.load("ratchet"), (0, 6), rtol=1e-8)
     pitch = np.pi / 12
