@@ -48,6 +48,7 @@ class Tolerances:
         ggl_iterations: int,
         friction_iterations: int,
         slip_cosine: float,
+        clear_slip: float,
         stage_iterations: int,
         row_scales: Array,
         q_scales: Array,

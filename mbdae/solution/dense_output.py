@@ -1,5 +1,6 @@
 """Dense output: a solution between the ends of its steps."""
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -13,7 +14,7 @@ from ..mechanism import Mechanism
 from ..mechanism.model_settings import as_numbers
 from ..system import Array
 from ..tolerances import NEGLIGIBLE
-from .sampling import sample_together
+from .sampling import derivatives_at_times, sample_together, set_slip_directions
 
 JUMP = 48  # roundings of t: the sides of a jump are closer; far from t = 0 steps are, too, but they change q
 
@@ -58,7 +59,16 @@ class DenseOutput:
             system.enter(self.mode(i))
         if rows and (not system.rows_frozen or rows != system.in_use):
             system.use_rows(rows, frozen)
+        if self.modes and system.closure_friction.can_stick:
+            set_slip_directions(system, self._from_node(i))
         return system
+
+    def _from_node(self, i: int) -> Iterator[Array]:
+        """Yield the points of the mode of node i: from this node on, then those before it, backward."""
+        starts = [first for first, _ in self.modes]
+        k, ys = bisect_right(starts, i), self.nodes[1]
+        yield from ys[i : starts[k] if k < len(starts) else None]
+        yield from ys[starts[k - 1] : i][::-1]
 
     def mode(self, i: int) -> tuple[int, ...]:
         """Return the states of the mechanism's switches at node i."""
@@ -142,11 +152,9 @@ class DenseOutput:
         Raises:
             InputError: for a time outside.
         """
-        times, z = as_numbers(t), self.nodes[2]
-        at = times.ravel()
-        points = zip(at.tolist(), list(self.points(at)), self.before(at).tolist(), strict=True)
-        found = [self.at(i).derivative(x, y, z[i])[1] for x, y, i in points]
-        return np.array(found).reshape(*times.shape, z.shape[1])
+        times = as_numbers(t)
+        sampled: Any = self.resampled(times.ravel())
+        return derivatives_at_times(sampled)[1].reshape(*times.shape, self.nodes[2].shape[1])
 
     def resampled(self, times: Array) -> Self:
         """Return the solution at other times (m,) within its span, by dense output.

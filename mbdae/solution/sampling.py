@@ -1,5 +1,6 @@
 """Evaluation of a solution at many times."""
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,12 +31,8 @@ def derivatives_at_times(sol: "Solution") -> tuple[Array, Array]:
     nodes = np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
     for part in split_by_rows(sol, nodes):
         at = sol.at(int(nodes[part[0]]))
-        has_stiction = isinstance(sol.problem, Mechanism) and at.closure_friction.can_stick
-        if has_stiction:
-            set_slip_directions(at, sol.y[part])
         F[part], z[part] = at.derivatives(sol.t[part], sol.y[part], sol.z_own[part])
-        if has_stiction:
-            set_slip_directions(at, sol.y[part])
+        if isinstance(sol.problem, Mechanism) and at.closure_friction.can_stick:
             for i in part:
                 q, v = at.split(sol.y[i])
                 at.jacobian(q)
@@ -43,7 +40,7 @@ def derivatives_at_times(sol: "Solution") -> tuple[Array, Array]:
     return F, z
 
 
-def set_slip_directions(at: "Index2System", ys: Array) -> None:
+def set_slip_directions(at: "Index2System", ys: Iterable[Array]) -> None:
     """Set slip directions from the first of these points with slip: where sliding begins, they are still undefined."""
     for y in ys:
         q, v = at.split(y)

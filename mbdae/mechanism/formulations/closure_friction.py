@@ -26,7 +26,7 @@ from ..closures.constraints import Constraints
 from ..closures.independent_rows import minimum_norm
 from ..closures.kinds.rolling import RollingClosure
 from ..forces.coulomb_friction import CoulombFriction
-from .friction_interface import ROTATIONAL, FrictionInterface, unit_direction
+from .friction_interface import CLEAR_SLIP, ROTATIONAL, FrictionInterface, unit_direction
 
 if TYPE_CHECKING:
     from .index2 import Index2System
@@ -89,13 +89,15 @@ class ClosureFriction:
         """Return the core data of the interfaces; `active` and `slip_directions` are shared with the core."""
         return [p.core_data() for p in self.interfaces]
 
-    def slip_terms(self, v: Array) -> tuple[Array, Array, Array]:
+    def slip_terms(self, v: Array, *, within_step: bool = True) -> tuple[Array, Array, Array]:
         """Return e (k, nv), e . v (k,) and the factors -mu r d (k,). Kinematics and G must be current."""
         W, k = self.constraints.W, len(self.interfaces)
         e, speed, d = np.zeros((k, len(v))), np.zeros(k), np.zeros(k)
         for i, p in enumerate(self.interfaces):
             if p.force.sticks and self.active[i]:
-                (e[i], speed[i]), d[i] = p.sliding_direction(v, W, self.directions[i], self.min_slip_speed), 1.0
+                direction = p.slip_direction(v, W, self.directions[i], self.min_slip_speed, within_step)
+                e[i], d[i] = p.pair.torque(W[:, p.no_slip_rows] @ direction), 1.0
+                speed[i] = e[i] @ v
             elif self.active[i]:
                 e[i], speed[i] = p.slip(v, W[:, p.rows])
                 d[i] = np.tanh(speed[i] / p.force.width)
@@ -130,23 +132,48 @@ class ClosureFriction:
             out -= friction * (A.T @ unit_direction(slip))
         return out
 
+    @property
+    def turning(self) -> list[int]:
+        """Indices of the sliding interfaces whose slip has two components: its direction changes within a mode."""
+        found = np.flatnonzero(self.active).tolist() if self.interfaces else []
+        return [k for k in found if self.interfaces[k].force.sticks and len(self.directions[k]) > 1]
+
+    def begin_step(self, v: Array) -> None:
+        """Set directions to those of clear slips at the start of a step where they differ: rejected steps turned them.
+
+        Kinematics must be current.
+        """
+        self.constraints.update_wrenches([self.interfaces[k].closure.name for k in self.turning])
+        for k in self.turning:
+            slip, size = self._slip(k, v)
+            if self._is_clear(size) and slip @ self.directions[k] < 0:
+                self.directions[k][:] = slip / size
+
     def update_slip_directions(self, v: Array) -> bool:
         """Update the slip directions of sliding interfaces; return False if one is at rest. W must be current."""
         moving = True
-        for k in np.flatnonzero(self.active):
-            if (p := self.interfaces[k]).force.sticks:
-                slip = self.constraints.W[:, p.no_slip_rows].T @ p.pair.relative(v)
-                size = float(np.sqrt(slip @ slip))
-                moving &= size > self.min_slip_speed
-                self.directions[k][:] = slip / size if size > self.min_slip_speed else self.directions[k]
+        for k in np.flatnonzero(self.active).tolist():
+            if self.interfaces[k].force.sticks:
+                slip, size = self._slip(k, v)
+                moving &= self._is_clear(size)
+                self.directions[k][:] = slip / size if self._is_clear(size) else self.directions[k]
         return moving
+
+    def _slip(self, k: int, v: Array) -> tuple[Array, float]:
+        p = self.interfaces[k]
+        slip = self.constraints.W[:, p.no_slip_rows].T @ p.pair.relative(v)
+        return slip, float(np.sqrt(slip @ slip))
+
+    def _is_clear(self, speed: float) -> bool:
+        """Return whether the speed of a slip is no rounding error."""
+        return speed > CLEAR_SLIP * self.min_slip_speed
 
     def with_sliding_friction(self, v: Array, lam: Array) -> Array:
         """Return multipliers with -mu |F| d in the inactive no-slip rows of sliding interfaces, (ng,)."""
         out = lam.copy()
         for k in np.flatnonzero(self.active):
             if (p := self.interfaces[k]).force.sticks:
-                direction = p.slip_direction(v, self.constraints.W, self.directions[k], self.min_slip_speed)
+                direction = p.slip_direction(v, self.constraints.W, self.directions[k], self.min_slip_speed, False)
                 F = lam[p.rows]
                 out[p.no_slip_rows] = -self.coefficient[k] * np.sqrt(F @ F) * direction
         return out

@@ -63,6 +63,7 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
         ggl_iterations=ggl.ITERATIONS,
         friction_iterations=closure_friction.ITERATIONS,
         slip_cosine=friction_interface.MIN_COSINE,
+        clear_slip=friction_interface.CLEAR_SLIP,
         stage_iterations=STAGE_ITERATIONS,
         row_scales=mechanism.row_scales,
         q_scales=mechanism.q_scales,

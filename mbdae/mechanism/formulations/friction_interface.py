@@ -15,6 +15,7 @@ from ..forces.coulomb_friction import CoulombFriction
 from ..tree.frames import Pair, cross
 
 ROTATIONAL = ("revolute", "spherical")  # friction torques, in a bearing with a radius
+CLEAR_SLIP = 10.0  # times the speed below which a slip has no direction: above, it is no rounding error
 MIN_COSINE = 0.7  # of the rotation of a slip within one step: below, its direction is not reliable
 
 
@@ -35,27 +36,25 @@ class FrictionInterface(NamedTuple):
     rows: slice
     no_slip_rows: slice
 
-    def slip_direction(self, v: Array, W: Array, last: Array, min_speed: float) -> Array:
-        """Return the slip direction (m,) along inactive no-slip rows, and update the last direction.
+    def slip_direction(self, v: Array, W: Array, last: Array, min_speed: float, within_step: bool) -> Array:
+        """Return the slip direction (m,) along inactive no-slip rows.
 
-        If the slip passes zero the direction is continued: the mode ends there.
+        Within a step, if the slip passes zero the direction is continued, as the mode ends there, and the last
+        direction is updated. At other points it is that of a slip that is no rounding error.
         """
         slip = W[:, self.no_slip_rows].T @ self.pair.relative(v)
         size = float(np.sqrt(slip @ slip))
         if size <= min_speed:
             return last
         direction = slip / size
+        if not within_step and size > CLEAR_SLIP * min_speed:
+            return direction
         cosine = float(direction @ last)
         if cosine < 0:
             direction = -direction
-        if abs(cosine) > MIN_COSINE:
+        if within_step and abs(cosine) > MIN_COSINE:
             last[:] = direction
         return direction
-
-    def sliding_direction(self, v: Array, W: Array, last: Array, min_speed: float) -> tuple[Array, float]:
-        """Return e (nv,) and e . v of a sliding contact with no-slip rows, see `slip_direction`."""
-        e = self.pair.torque(W[:, self.no_slip_rows] @ self.slip_direction(v, W, last, min_speed))
-        return e, float(e @ v)
 
     def slip(self, v: Array, w: Array) -> tuple[Array, float]:
         """Return e (nv,) and e . v at current kinematics; w (6, m) are the wrenches of the rows."""

@@ -189,6 +189,10 @@ class Index2System(PinocchioData, RunVariables, System):
         return np.concatenate([q, v, self.laws.jump(t, q, v, self.element_states(y)), y[-1:]]) if self.ns else y
 
     def chart(self, t: float, y: Array) -> index2_step.Index2Chart:
+        if self.closure_friction.turning:
+            q, v = self.split(y)
+            tree.update_poses(self.model, self.workspace, q)
+            self.closure_friction.begin_step(v)
         return index2_step.Index2Chart(self, t, y, self.rows_of_step(t, y))
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
@@ -197,7 +201,8 @@ class Index2System(PinocchioData, RunVariables, System):
         U, (f, rates) = self.inertia(t, q), self.force(t, q, v, self.element_states(y))
         G = self.jacobian()
         rows = self.choose_rows(t, U, G)
-        Gr, slips = G[rows], self.closure_friction.slip_terms(v) if self.closure_friction else None
+        friction = self.closure_friction
+        Gr, slips = G[rows], friction.slip_terms(v, within_step=False) if friction else None
         rhs = -self.gamma(q, v, t)[rows] if self.ng else np.empty(0)
         vdot, lam = self.solve(t, U, G, rows, Gr, f, rhs, rates, slips)
         rates[-1] -= lam @ self.g_t(t)[rows]

@@ -25,7 +25,7 @@ struct Tolerances {
   int projection_iterations;
   // formulations/ggl.py, closure_friction.py, friction_interface.py
   int ggl_iterations, friction_iterations;
-  double slip_cosine;                                           // of the rotation of a slip within one step
+  double slip_cosine, clear_slip;                               // of the rotation of a slip in a step; its speed
   int stage_iterations;                                         // of stages that derivatives of runs recompute
   std::vector<double> row_scales, q_scales, coordinate_scales;  // units of g (ng,), q (nq,) and v (nv,)
 
@@ -33,7 +33,7 @@ struct Tolerances {
          same_state, zero_speed, pivot_rank, truncation, visible, max_rotation, series, smallest_pivot,
          worst_conditioning, growth_tolerance, reselection_ratio, probe_tolerance, cg_tolerance, many_rows,
          extra_cg_iterations, projection_max_remaining, projection_open, projection_stalled, projection_iterations,
-         ggl_iterations, friction_iterations, slip_cosine, stage_iterations, row_scales, q_scales, coordinate_scales)
+         ggl_iterations, friction_iterations, slip_cosine, clear_slip, stage_iterations, row_scales, q_scales, coordinate_scales)
 };
 
 }  // namespace mbdae

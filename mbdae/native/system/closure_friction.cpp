@@ -22,7 +22,7 @@ void ClosureFriction::use(std::vector<FrictionInterface> interfaces, std::uint8_
       constraints_.pairs[p.pair].needs_Ra = true;
 }
 
-void ClosureFriction::update_slips(const double* v) {
+void ClosureFriction::update_slips(const double* v, bool within_step) {
   for (size_t k = 0; k < interfaces_.size(); ++k) {
     const FrictionInterface& interface = interfaces_[k];
     double* e = &e_[k * m_.nv];
@@ -31,7 +31,7 @@ void ClosureFriction::update_slips(const double* v) {
     Pair& pair = constraints_.pairs[interface.pair];
     double w[6];
     pair.update_poses(m_);
-    interface.kind == FrictionInterface::rolling ? no_slip_wrench(k, v, w) : slip_wrench(interface, v, w);
+    interface.kind == FrictionInterface::rolling ? no_slip_wrench(k, v, within_step, w) : slip_wrench(interface, v, w);
     pair.torque(m_, w, 1, e);
     speed_[k] = dot(e, v, m_.nv);
     factor_[k] = -interface.coefficient *
@@ -39,22 +39,45 @@ void ClosureFriction::update_slips(const double* v) {
   }
 }
 
-void ClosureFriction::no_slip_wrench(size_t k, const double* v, double* w) {
-  const FrictionInterface& interface = interfaces_[k];
+bool ClosureFriction::turns() const {
+  for (size_t k = 0; k < interfaces_.size(); ++k)
+    if (active_[k] && interfaces_[k].no_slip_rows.size() > 1) return true;
+  return false;
+}
+
+void ClosureFriction::begin_step(const double* v) {
+  double W[2][6], now[2];
+  for (size_t k = 0; k < interfaces_.size(); ++k) {
+    if (!active_[k] || interfaces_[k].no_slip_rows.size() < 2) continue;
+    constraints_.pairs[interfaces_[k].pair].update_poses(m_);
+    const double size = slip(interfaces_[k], v, W, now);
+    if (size > m_.limits.clear_slip * smallest_slip && dot(now, directions_ + 2 * k, 2) < 0)
+      for (int i = 0; i < 2; ++i) directions_[2 * k + i] = now[i] / size;
+  }
+}
+
+double ClosureFriction::slip(const FrictionInterface& interface, const double* v, double (*W)[6], double* now) const {
   const Pair& pair = constraints_.pairs[interface.pair];
+  double V[6];
+  now[0] = now[1] = 0;
+  pair.relative(m_, v, V);
+  for (size_t i = 0; i < interface.no_slip_rows.size(); ++i)
+    constraints_.rows[interface.no_slip_rows[i]].wrench(pair, W[i]), now[i] = dot(W[i], V, 6);
+  return std::sqrt(dot(now, now, 2));
+}
+
+void ClosureFriction::no_slip_wrench(size_t k, const double* v, bool within_step, double* w) {
+  const FrictionInterface& interface = interfaces_[k];
   const Tolerances& limits = m_.limits;
   const size_t m = interface.no_slip_rows.size();
-  double W[2][6], V[6], now[2] = {0, 0}, *directions = directions_ + 2 * k;
-  pair.relative(m_, v, V);
-  for (size_t i = 0; i < m; ++i)
-    constraints_.rows[interface.no_slip_rows[i]].wrench(pair, W[i]), now[i] = dot(W[i], V, 6);
-  const double size = std::sqrt(dot(now, now, 2));
+  double W[2][6], now[2], *directions = directions_ + 2 * k;
+  const double size = slip(interface, v, W, now);
   if (size > smallest_slip) {
     for (double& x : now) x /= size;
     const double ahead = dot(now, directions, 2);
-    if (ahead < 0)
+    if (ahead < 0 && (within_step || size <= limits.clear_slip * smallest_slip))
       for (double& x : now) x = -x;
-    if (std::fabs(ahead) > limits.slip_cosine) std::copy(now, now + m, directions);
+    if (within_step && std::fabs(ahead) > limits.slip_cosine) std::copy(now, now + m, directions);
   } else {
     std::copy(directions, directions + m, now);
   }

@@ -40,8 +40,13 @@ class ClosureFriction {
   void set_active(int k, bool on) { active_[k] = on; }
   double& direction(int k) { return directions_[2 * k]; }  // of the slip along the first no-slip row
 
-  // e, e . v and the factors -mu r d at the current kinematics.
-  void update_slips(const double* v);
+  bool turns() const;  // does a slip with two components exist? Its direction changes within a mode
+  // Sets their directions to those of clear slips at the start of a step where they differ, at current poses: rejected
+  // steps turned them.
+  void begin_step(const double* v);
+  // e, e . v and the factors -mu r d at the current kinematics. Within a step, directions are continued where a slip
+  // passes zero, as the mode ends there; at other points they are those of clear slips.
+  void update_slips(const double* v, bool within_step = true);
   // With current slips and G (ng, nv) by rows, and S of the saddle-point system factorized: rhs (ng,) by row becomes
   // lam, f (nv,) v'. Returns the power of friction.
   double solve(SaddleSystem& saddle, const double* G, const Numbers& Zhat, double* rhs, double* f);
@@ -51,7 +56,9 @@ class ClosureFriction {
   void partials(const double* G, const double* lam, Numbers& out);
 
  private:
-  void no_slip_wrench(size_t k, const double* v, double* w);  // a unit wrench, (6,)
+  // The speed of the slip, the wrenches of its rows, and its components along them, (2,).
+  double slip(const FrictionInterface& interface, const double* v, double (*W)[6], double* now) const;
+  void no_slip_wrench(size_t k, const double* v, bool within_step, double* w);  // a unit wrench, (6,)
   void slip_wrench(const FrictionInterface& interface, const double* v, double* w);
   void prepare_minimum_norm(const double* G);               // prepares `minimum_norm`
   void minimum_norm(const double* lam, double* all) const;  // multipliers of all rows, of minimum norm

@@ -69,6 +69,7 @@ bool Index2System::write(const void* model, const Tolerances& limits, Descriptio
 }
 
 void Index2System::select_rows_of_step(const double* y) {
+  if (friction.turns()) mechanics.poses(y), friction.begin_step(y + nq);
   if (!ng || rows.frozen) return;
   if (!point.is_current(y)) point.evaluate(y, true);
   rows.select_if_triggered(point.Z, point.stamp());
@@ -138,7 +139,7 @@ void Index2System::solve(const Numbers& Zhat, double* rhs, double* f, double* po
 
 void Index2System::accelerate(double t, const double* q, const double* v, const double* s, double* vdot,
                               double* rates) {
-  if (friction) friction.update_slips(v);
+  if (friction) friction.update_slips(v, false);
   forces(t, q, v, s, vdot, rates);
   if (ng) {
     if (!rows.frozen) rows.select_if_triggered(point.Z, point.stamp());
@@ -194,7 +195,7 @@ void Index2System::hidden_derivative(double t, const double* y, double* F, doubl
     point.evaluate(q, false);
   else
     stage_known && !friction && !rows.in_use().empty() ? mechanics.restore_poses() : mechanics.poses(q);
-  if (friction) friction.update_slips(v);
+  if (friction) friction.update_slips(v, false);
   if (stage_known)
     std::copy(last_stage.f.begin(), last_stage.f.end(), f),
         std::copy(last_stage.rates.begin(), last_stage.rates.end(), rates);
