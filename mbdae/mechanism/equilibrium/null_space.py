@@ -78,7 +78,7 @@ def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) 
         empty = np.empty((0, 0))
         return NullSpace(U, empty, np.empty(0), np.empty((nv, 0)), dgesv(U, np.eye(nv))[2], empty, scale)
     rows = G / scale[:, None]
-    P, S, Vt = np.linalg.svd(dgesv(U.T, rows.T)[2].T)
+    P, S, Vt = np.linalg.svd(independent_rows.mass_scaled(U, rows).T)
     r = int((S[0] * RANK < S).sum())
     if r < min(G.shape):  # light bodies among heavy ones
         r = max(r, independent_rows.geometric_rank(rows * coordinates))

@@ -13,6 +13,7 @@ import numpy as np
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import MODE_ROUNDING, SOLUTION_ROUNDING, TRUNCATION, ZERO_SPEED
+from ..closures.independent_rows import mass_scaled
 from .friction_lcp import FrictionBound, solve_friction_lcp
 from .impact_law import project_out
 from .switch import LoadCandidate
@@ -117,7 +118,7 @@ class _ActiveSet:
     def _is_undecided(self, c: LoadCandidate) -> bool:
         """Return whether a row is neither active nor separates, to the rounding of the forces at the point."""
         point, row = self.point, self.point.G[c.row]
-        direction = np.linalg.solve(np.triu(point.system.inertia(point.t, point.q)).T, row)
+        direction = mass_scaled(point.system.inertia(point.t, point.q), row[None])[:, 0]
         error = point.rounding / (float(np.abs(row).max()) or 1.0) * float(direction @ direction)  # of accelerations
         smallest = ZERO_SPEED / SOLUTION_ROUNDING * error
         zero = max(MODE_ROUNDING * self.largest, point.rounding)
@@ -173,7 +174,7 @@ class _ActiveSet:
     def _mass_metric(self, base: "Mode") -> tuple[Array, Array]:
         """Return M^-1/2 G^T (nv, ng), and an orthonormal basis of its columns of active rows, (nv, r)."""
         point = self.point
-        B = np.linalg.solve(np.triu(point.system.inertia(point.t, point.q)).T, point.G.T)
+        B = mass_scaled(point.system.inertia(point.t, point.q), point.G)
         switched = {row for s, state in zip(self.switches, base, strict=True) for row in s.active_rows(state)}
         kept = np.array([*self.unswitched, *sorted(switched)], int)
         if not len(kept):
