@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...arguments import as_numbers
 from ...data_types import JsonObject
 from ...errors import InputError, StepError
-from ...mechanism.model_settings import as_numbers
 from ...methods.controller import PI, Control, Controller, error_norm, root_mean_squares
 from ...system import Array, Step, System
 from ...tolerances import AGREEMENT, EPS, ROUNDING, TINY

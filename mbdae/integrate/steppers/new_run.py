@@ -5,9 +5,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
-from ...tolerances import AGREEMENT, COINCIDENT, TINY
+from ...tolerances import AGREEMENT, COINCIDENT, JUMP_MARGIN, TINY
 from ..events.core_modes import set_constants
-from ..events.jumps import MARGIN, MAX_CLUSTER
+from ..events.jumps import MAX_CLUSTER
 from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
 from ..events.singularity import ADJACENT_RATIO, MAX_RATIO_CHANGE, SINGULAR_RATIO
 from ..events.singularity_location import AHEAD, MONITORED_RATIO, NOTCH, SMALL, SUSPICIOUS_RATIO
@@ -55,5 +55,5 @@ def _thresholds(native: ModuleType) -> "Run":
     c.safety, c.smallest_error, c.smallest_last = SAFETY, SMALLEST_ERROR, SMALLEST_LAST
     e.agreement, e.iterations = AGREEMENT, MAX_ITERATIONS
     e.spacings, e.step_tolerance = TIME_SPACINGS, RELATIVE_TOLERANCE
-    j.margin, j.max_cluster = MARGIN, MAX_CLUSTER
+    j.margin, j.max_cluster = JUMP_MARGIN, MAX_CLUSTER
     return r

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
+from ...callbacks import call_with_views, checked_value, function_name
 from ...errors import InputError
-from ..callbacks import call_with_views, checked_value, function_name
 from .force import Array, CoreData, ForceElement, PythonForce, start_values
 from .python_law_partials import law_partials, law_time_partials
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ..callbacks import call_with_views, checked_value
+from ...callbacks import call_with_views, checked_value
 from .force import Array
 
 WIDTH = 6e-6

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pinocchio as pin
 
-from ..callbacks import call_with_views, checked_value, function_name
+from ...callbacks import call_with_views, checked_value, function_name
 from .force import Array, CoreData, ForceElement
 from .python_law_partials import law_partials, law_time_partials
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from ...arguments import as_numbers
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.assembly.position_search import close_position
 from ...mechanism.closures.closure_error import largest_error
-from ...mechanism.model_settings import as_numbers
 from ...mechanism.tree.frames import find_joint
 from ...mechanism.tree.tree_terms import mode_joints
 from ...solution.solution import Solution

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from ... import backend
+from ...callbacks import call_and_report, values_text
 from ...errors import InputError, is_number
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
-from ...mechanism.callbacks import call_and_report, values_text
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...solution.solution import Solution, uninterrupted
 from ...system import Array

@@ -10,11 +10,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ... import backend
+from ...callbacks import call_and_report
 from ...errors import InputError, StepError, UnknownNameError, is_number, require
 from ...integrate.trajectory.differentiable_runs import require_differentiable
 from ...integrate.trajectory.trajectory import Trajectory
 from ...mechanism import Mechanism
-from ...mechanism.callbacks import call_and_report
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
 from ...mechanism.formats.mechanism_file.template import Template

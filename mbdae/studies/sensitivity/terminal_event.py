@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...callbacks import function_name
 from ...errors import InputError
 from ...finite_differences import numerical_derivative, numerical_jacobian
 from ...integrate.events.event import Event, event_value
 from ...integrate.events.level_crossing import TWO_PI, parse_level_crossing
 from ...integrate.trajectory.signal_jacobian import SignalJacobian
 from ...integrate.trajectory.trajectory import LinearMap, Trajectory, TrajectoryPart
-from ...mechanism.callbacks import function_name
 from ...solution.signal_value import value as signal_value
 from ...system import Array
 from ...tolerances import INPUT_DIGITS

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from ...backend import checked_backend, select_core
+from ...callbacks import function_name
 from ...discovery import is_model_name
 from ...errors import InputError, MbdaeError, UnknownNameError
 from ...integrate.options.defaults import DEFAULTS
 from ...integrate.options.span import checked_span
 from ...integrate.steppers.solvers import find_method
 from ...mechanism import Mechanism, describe
-from ...mechanism.callbacks import function_name
 from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...mechanism.formats.mechanism_file.parametric import split as split_name
 from ...mechanism.imported_model import not_carried_over
