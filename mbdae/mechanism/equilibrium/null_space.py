@@ -86,10 +86,10 @@ def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) 
     return NullSpace(U, P[:, :r], S[:r], Vt[:r].T, dgesv(U, Vt[r:].T)[2], dependent, scale)
 
 
-def close_loops(
+def project_configuration(
     system: "Index2System", t: float, q: Array, more: ResidualFunction | None = None, *, locked: Array = NO_INDICES
 ) -> Array:
-    """Return the configuration (nq,) near q that closes all loops and satisfies further rows, to rounding.
+    """Project a configuration onto 0 = g and further rows, to rounding; return it, (nq,).
 
     Gauss-Newton steps have the smallest norm in rad and characteristic lengths; a step shortened by a factor is taken
     if it reduces the residual by at least half of that factor. Coordinates with the velocity indices ``locked`` keep

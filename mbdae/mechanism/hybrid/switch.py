@@ -61,8 +61,8 @@ class ImpactRow(NamedTuple):
     friction: float = np.nan
 
 
-class LoadCandidate(NamedTuple):
-    """A row that may carry load.
+class CandidateRow(NamedTuple):
+    """A row that may become active after an event, and the bounds of its multiplier.
 
     Attributes:
         row: its index.
@@ -80,7 +80,7 @@ class LoadCandidate(NamedTuple):
     sliding_ratio: float = np.nan
 
     @classmethod
-    def unilateral(cls, row: int, sign: float) -> "LoadCandidate":
+    def unilateral(cls, row: int, sign: float) -> "CandidateRow":
         """Return a candidate whose multiplier has a sign, 1 or -1."""
         return cls(row, lower=0.0) if sign > 0 else cls(row, upper=0.0)
 
@@ -159,8 +159,8 @@ class Switch:
         """Return whether the velocity of its first candidate row is zero at a point."""
         return point.is_at_rest(row)
 
-    def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
-        """Return the rows that may carry load after an event; the first one decides for the others."""
+    def candidate_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[CandidateRow, ...]:
+        """Return the rows that may become active after an event; the first one decides for the others."""
         return ()
 
     def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool) -> int:

@@ -99,8 +99,8 @@ class RunMotion:
 
     def _gradient(self, i: int) -> Array:
         if i >= len(self.gradients):
-            trace, others = self.parameters.trajectory(self.result, self.values), self.costs[len(self.gradients) :]
-            self.gradients.extend(np.array(list(x.values())) for x in adjoint_gradients(trace, others))
+            trajectory, others = self.parameters.trajectory(self.result, self.values), self.costs[len(self.gradients) :]
+            self.gradients.extend(np.array(list(x.values())) for x in adjoint_gradients(trajectory, others))
         return self.gradients[i]
 
 
