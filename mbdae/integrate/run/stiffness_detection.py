@@ -28,11 +28,11 @@ ROUGH = 3.0  # times the tolerance: amplitude of fast modes that remain excited 
 STEP_RATIO = 2.0  # ratio of a hypothetical longer step, which must be unstable
 ITERATIONS = 12  # of the power method
 WIDTH = 1e-7  # of 1 + |y|: size of the difference
-FREE = 0.9  # of max_step: longer steps are limited by max_step
+MAX_FREE = 0.9  # of max_step: longer steps are limited by max_step, and by neither stability nor accuracy
 
 
 @dataclass
-class Stiff:
+class Stiffness:
     """Detected stiffness.
 
     Attributes:
@@ -69,7 +69,7 @@ class StiffnessDetector(EventSource):
     def __init__(self, system: Index2System, tableau: Tableau, control: Adaptive) -> None:
         self.system, self.tableau, self.control = system, tableau, control
         self.next = self.pause = FIRST_CHECK  # the next node to check, and the number of nodes from it to the one after
-        self.found: Stiff | None = None
+        self.found: Stiffness | None = None
 
     @classmethod
     def from_run(cls, run: "RunState") -> "StiffnessDetector | None":
@@ -105,16 +105,16 @@ class StiffnessDetector(EventSource):
             if self.found:
                 warnings.warn(str(self.found), stacklevel=7)
 
-    def _check_window(self, run: "RunState", n: int) -> Stiff | None:
+    def _check_window(self, run: "RunState", n: int) -> Stiffness | None:
         """Return the stiffness of the steps before node n; None if they are not stiff."""
         h = (run.ts[n] - run.ts[n - WINDOW]) / WINDOW
-        if abs(h) > FREE * self.control.max_step or not self._smooth(run, n):
+        if abs(h) > MAX_FREE * self.control.max_step or not self._smooth(run, n):
             return None
         lam = _largest_eigenvalue(run.record().system, run.ts[n], run.ys[n])
         z = abs(h) * complex(-abs(lam.real), lam.imag)  # a smooth motion decays, whatever the rounding
         if not _stability_function(self.tableau, STEP_RATIO * z) > 1:
             return None
-        return Stiff(float(run.ts[n]), float(abs(h)), float(abs(z)))
+        return Stiffness(float(run.ts[n]), float(abs(h)), float(abs(z)))
 
     def _smooth(self, run: "RunState", n: int) -> bool:
         """Return whether one polynomial of degree 4 approximates velocities and states before node n closely."""

@@ -66,8 +66,8 @@ class ForceBalance(NamedTuple):
     terms: Array
 
     @property
-    def shared(self) -> Array:
-        """Whether the motion leaves a holding force open, (m,), since its row depends on others."""
+    def indeterminate(self) -> Array:
+        """Whether a holding force is statically indeterminate, (m,): its row depends on others."""
         first = len(self.lam)
         return (np.abs(self.free.dependent[first : first + len(self.holding)]) > VISIBLE).any(axis=1)
 

@@ -89,7 +89,7 @@ def equilibria(
             if all(np.abs(_offsets(mech, e.q[None], here.q)).max() > SAME_STATE for e in out):
                 holding, judged = dict(zip(names, here.holding.tolist(), strict=True)), verdict(search.statics, here)
                 results = here.s, here.lam, holding, search.residual, n, judged, loads
-                out.append(Equilibrium(mech, 0.0, here.q, v, *results, tuple(compress(names, here.shared))))
+                out.append(Equilibrium(mech, 0.0, here.q, v, *results, tuple(compress(names, here.indeterminate))))
     return out
 
 
