@@ -20,7 +20,7 @@ struct Sizes {
 
 // Point at which a law is evaluated: the kinematics of m are current at q; s are the states of the law.
 struct ForcePoint {
-  const Mechanics& m;
+  const MultibodyTree& m;
   double t;
   const double *q, *v, *s;
 };
@@ -102,7 +102,7 @@ struct Law {
   FIELDS(rows, columns, orders, a, signals, pair, offset, state, states, rotating, steady)
 
   // Add to conservative and other (nv,); write s'. The kinematics are current at q.
-  void add(const Mechanics& m, double t, const double* q, const double* v, const double* s, double* conservative,
+  void add(const MultibodyTree& m, double t, const double* q, const double* v, const double* s, double* conservative,
            double* other, double* ds) const {
     kind->add(*this, {m, t, q, v, s}, {conservative, other, ds});
   }

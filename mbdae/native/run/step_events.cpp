@@ -55,7 +55,7 @@ bool TimeLoop::detect_transition(Proposal& p, std::vector<int>& fired) {
   }
   const double end = t + theta * h, ratio = std::sqrt(least);
   const SingularityMonitor& monitor = run_.monitor;
-  const double before = (1 - s_.mechanics.limits.search_tolerance) * monitor.last_ratio;
+  const double before = (1 - s_.tree.limits.search_tolerance) * monitor.last_ratio;
   const bool low = ratio < before && ratio < monitor.suspicious_ratio * monitor.largest_ratio;
   const bool suspicious = run_.monitored && low &&
                           (ratio < monitor.small_ratio * monitor.largest_ratio ||

@@ -16,7 +16,7 @@ TimeLoop::TimeLoop(Method& method, Index2System& system, Run& run)
       size0_(s_.ny),
       size1_(s_.ny),
       z_(s_.nz),
-      other_configuration_(s_.mechanics, s_.constraints, s_.counts) {}
+      other_configuration_(s_.tree, s_.constraints, s_.counts) {}
 
 double TimeLoop::error_norm(const double* e, int errors, double noise) const {
   return run_.control.error_norm(e, errors, s_.ny, s_.controlled_components(), size0_.data(), size1_.data(), s_.nv,

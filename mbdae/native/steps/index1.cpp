@@ -19,13 +19,13 @@ void Index1Step::stage(double t, double, double, double* F, bool) {
 
 void Index2System::raw_derivative(double t, const double* y, double* dy, double* z) {
   Numbers at(y, y + length), F(ny);
-  if (!manifold.flat) mechanics.normalize(at.data());
+  if (!manifold.flat) tree.normalize(at.data());
   derivative(t, at.data(), F.data(), z);
   std::copy(F.begin() + nv, F.end(), dy + nq);
   if (manifold.flat)
     std::copy_n(F.begin(), nv, dy);
   else
-    mechanics.tangent_map(at.data(), F.data(), dy);
+    tree.tangent_map(at.data(), F.data(), dy);
 }
 
 }  // namespace mbdae
