@@ -189,7 +189,7 @@ class HessenbergSystem(System):
         """Return |y|, (ny,)."""
         return np.abs(y)
 
-    def noise(self, y: Array, share: float) -> Array:
+    def noise(self, y: Array, relative: float) -> Array:
         """Return zeros (ny,): nothing cancels in the estimate."""
         return np.zeros(len(y))
 

@@ -3,7 +3,6 @@
 import warnings
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from math import prod
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +11,7 @@ from ...data_types import JsonObject
 from ...errors import StepError
 from ...mechanism.formulations.index2 import Index2System
 from ...methods import Tableau
+from ...methods.stage_arrays import lagrange
 from ...system import Array
 from ...tolerances import TINY, VISIBLE
 from ..events.source import EventSource
@@ -118,17 +118,12 @@ class StiffnessDetector(EventSource):
 
     def _smooth(self, run: "RunState", n: int) -> bool:
         """Return whether one polynomial of degree 4 approximates velocities and states before node n closely."""
-        t, nq, nv, ns = run.ts[n - WINDOW : n + 1], self.system.nq, self.system.nv, self.system.ns
+        t, nq, nv, ns = np.array(run.ts[n - WINDOW : n + 1]), self.system.nq, self.system.nv, self.system.ns
         v = run.ys[n - WINDOW : n + 1][:, nq : nq + nv + ns]
-        weights = _lagrange([t[i] for i in NODES], [t[i] for i in COMPARED])
+        weights = lagrange(t[list(NODES)], t[list(COMPARED)])
         atol = self.control.atol[nv : 2 * nv + ns] if self.control.atol.ndim else self.control.atol
         gap = (v[list(COMPARED)] - weights @ v[list(NODES)]) / (atol + self.control.rtol * np.abs(v[-1]) + TINY)
         return bool(np.vdot(gap, gap) <= ROUGH**2 * gap.size)
-
-
-def _lagrange(nodes: list[float], times: list[float]) -> Array:
-    """Return the weights (times, nodes) of Lagrange interpolation from nodes to other times."""
-    return np.array([[prod((t - a) / (b - a) for a in nodes if a != b) for b in nodes] for t in times])
 
 
 def _stability_function(tableau: Tableau, z: complex) -> float:

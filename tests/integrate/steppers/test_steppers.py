@@ -30,8 +30,8 @@ class Rates:
     def first_step(self, *_, **__):
         return None  # no compiled core
 
-    def noise(self, y, share):
-        return np.full(self.ny, self.rounding * share)
+    def noise(self, y, relative):
+        return np.full(self.ny, self.rounding * relative)
 
     def add(self, y, x):
         return y + x
