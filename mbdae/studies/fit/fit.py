@@ -27,7 +27,7 @@ from ...system import Array
 from ...tolerances import COARSE, INPUT_DIGITS, SEARCH_TOLERANCE, VISIBLE
 from ..sensitivity.run_parameters import (
     MechanismFactory,
-    mechanism_factory,
+    factory_of,
     named_values,
     progress_reporter,
     reals,
@@ -104,8 +104,7 @@ def fit(
     _check_names(parameters, settings)
     report_progress = progress_reporter(progress)
     recordings = records(data, as_list(signals, "signals are names of columns"))
-    loaded = model if isinstance(model, Mechanism) else None
-    make = mechanism_factory(loaded, None if loaded else model)
+    make = factory_of(model)
     tables = _known_parameters(known, len(recordings), parameters)
     named_values(make, dict.fromkeys(parameters, 0.0))
     unknown = {name: _unknown(make, name, given) for name, given in parameters.items()}

@@ -20,7 +20,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import VISIBLE
 from ..sensitivity.cost import Cost
-from ..sensitivity.run_parameters import Names, mechanism_factory, named_values, progress_reporter
+from ..sensitivity.run_parameters import Names, factory_of, named_values, progress_reporter
 from .objective import ComputeMotion, CostEvaluation, Motion, curves, runs
 from .result import Evaluation, Optimum
 from .search_range import (
@@ -93,8 +93,7 @@ def optimize(
     if drive is not None and t_span is not None:
         raise InputError("a curve over a drive has no t_span: give span, the range of the drive, or leave drive out")
     _check_search(search, bool(constraints))
-    loaded = model if isinstance(model, Mechanism) else None
-    make = mechanism_factory(loaded, None if loaded else model)
+    make = factory_of(model)
     start = _start(make, parameters)
     box = ranges("parameter", start, table_by_name("bounds", bounds))
     limits = {name: constraint_limits(name, given) for name, given in table_by_name("constraints", constraints).items()}

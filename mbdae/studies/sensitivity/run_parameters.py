@@ -50,6 +50,11 @@ def mechanism_factory(mech: Mechanism | None, model: Model) -> MechanismFactory:
     return model if hasattr(model, "make") else maker_of(model)
 
 
+def factory_of(model: Model | Mechanism) -> MechanismFactory:
+    """Return the factory of the variants of a loaded mechanism, of files, or of a function that returns mechanisms."""
+    return mechanism_factory(model, None) if isinstance(model, Mechanism) else mechanism_factory(None, model)
+
+
 class VaryingParameters:
     """Parameters of runs that differ in their values: bound for the first run, then written in place where possible.
 

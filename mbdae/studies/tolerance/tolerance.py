@@ -13,7 +13,7 @@ from ..kinematics.curve_derivatives import CurveSignals
 from ..kinematics.driven_mechanism import Hold, driven_mechanism
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
-from ..sensitivity.run_parameters import MechanismFactory, mechanism_factory, named_values
+from ..sensitivity.run_parameters import MechanismFactory, factory_of, named_values
 from .clearances import displacements
 from .dimension_patterns import expand_patterns
 from .influences import influences
@@ -82,11 +82,10 @@ def tolerance(
     """
     sizes, gaps = _positive("tolerance", parameters), _positive("clearance", clearances)
     _check(sizes, gaps, sigmas)
-    loaded = model if isinstance(model, Mechanism) else None
-    make = mechanism_factory(loaded, None if loaded else model)
+    make = factory_of(model)
     sizes, matched = expand_patterns(make, sizes)
     nominal = _nominal(make, sizes, values)
-    mech = loaded if loaded is not None and values is None else make.make(nominal)
+    mech = model if isinstance(model, Mechanism) and values is None else make.make(nominal)
     found = kinematics(mech, drive, span=span, turns=turns, hold=hold, points=points, q=q)
 
     def bind(changed: Mapping[str, float]) -> Parameters:
