@@ -36,7 +36,7 @@ def new_run(native: ModuleType, project: bool, adaptive: Adaptive | None, method
         c.rtol, c.atol = float(adaptive.rtol), adaptive.atol.ravel().tolist()
         c.power, c.exponent, c.last_exponent = pi.power, pi.exponent, pi.beta
         c.smallest_factor, c.largest_factor = pi.control.smallest, pi.control.largest
-        c.blend, c.steady = method.blend, pi.steady
+        c.blend, c.min_growth = method.blend, pi.min_growth
     return run
 
 

@@ -155,7 +155,7 @@ void ModeTransition::jump(const std::vector<ImpactRow>& contacts, const std::vec
     if (round && std::none_of(contacts.begin(), contacts.end(), [&](auto& x) { return opening(x) < -rest; })) break;
     if (round == modes_.max_impacts) leave_to_python();
     const Numbers start(v, v + nv), rate(rate_);
-    const Numbers closing = kept.motion(rate_);
+    const Numbers closing = kept.minimum_norm_motion(rate_);
     move(closing, -1);
     std::vector<ImpactRow> acting;
     std::vector<Multiplier> multipliers;

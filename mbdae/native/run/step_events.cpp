@@ -116,7 +116,7 @@ bool TimeLoop::is_near_singular(const NextMode& next) {
 
 void TimeLoop::resolve_transition(const std::vector<int>& fired, double t, bool immediate) {
   const auto check = [&](const NextMode& next) {
-    const bool monitored = run_.monitor.suspicious || run_.monitor.entered;
+    const bool monitored = run_.monitor.suspicious || run_.monitor.near_singular;
     if ((next.transition.mode != run_.modes.mode && monitored) || is_near_singular(next)) throw FallBackToPython();
   };
   next_mode_ = enter_next_mode(s_, run_.modes, guards_, run_.project, t, next_.y, fired, immediate, check);

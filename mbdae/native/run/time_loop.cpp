@@ -181,7 +181,7 @@ void TimeLoop::advance() {
       monitor.last_ratio = here, monitor.largest_ratio = std::max(monitor.largest_ratio, here);
       const double low = std::min(before, here), high = std::isinf(before) ? here : std::max(before, here);
       const bool falls =
-          monitor.entered || (std::isfinite(before) && monitor.steps_ahead * (before - here) > here);
+          monitor.near_singular || (std::isfinite(before) && monitor.steps_ahead * (before - here) > here);
       monitor.suspicious |= (here < monitor.monitored_ratio * monitor.largest_ratio && falls) ||
                             low < monitor.small_ratio * monitor.largest_ratio ||
                             (low < monitor.suspicious_ratio * monitor.largest_ratio && low < monitor.notch_ratio * high);

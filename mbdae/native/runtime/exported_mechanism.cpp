@@ -41,7 +41,7 @@ ExportedMechanism::ExportedMechanism(const std::string& json)
   modes_ = part<ModeData>(document_, "modes"), fresh_run_.modes.switches = modes_.switches;
   start_ = part<StartData>(document_, "start"), limits_ = part<CoordinateLimits>(document_, "coordinates");
   states_ = part<int>(document_, "states"), dependent_ = part<int>(document_, "dependent");
-  shared_ = part<std::vector<int>>(document_, "shared");
+  indeterminate_ = part<std::vector<int>>(document_, "indeterminate");
   reset();
 }
 

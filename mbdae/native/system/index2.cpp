@@ -248,7 +248,7 @@ bool Index2System::update_independent_rows(double t, State& s) {
     }
     residual_rate(t, v, rate_.data());
   }
-  if (formulation == Formulation::ggl && contradicts(*this, t, v)) throw FallBackToPython();
+  if (formulation == Formulation::ggl && violates_velocity_constraints(*this, t, v)) throw FallBackToPython();
   gap_ = point.g;
   constraints.complete_g(t, gap_.data());
   const Tolerances& limits = tree.limits;

@@ -27,7 +27,7 @@ double norm_of(const double* x, const std::vector<double>& scales) {
 
 }  // namespace
 
-bool contradicts(const Index2System& s, double t, const double* v) {
+bool violates_velocity_constraints(const Index2System& s, double t, const double* v) {
   const Tolerances& limits = s.tree.limits;
   if (s.constraints.drivers.empty()) return false;
   Numbers g_t(s.ng, 0.0);
@@ -159,7 +159,7 @@ void project_velocities(Index2System& s, double t, double* v) {
     const bool closed = norm_of(rate.data(), limits.row_scales) < limits.projection_max_remaining * before;
     if (!closed && exceeds_rounding(s, rate.data(), v)) correction.insufficient(), correct();
   }
-  if (contradicts(s, t, v)) throw FallBackToPython();
+  if (violates_velocity_constraints(s, t, v)) throw FallBackToPython();
 }
 
 }  // namespace
