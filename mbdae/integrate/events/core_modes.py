@@ -107,7 +107,7 @@ def modes_from_core(modes: "Modes", changes: "ModeChanges", core: "Core", t: flo
     """Take over the mode of the core at a point, its rows in use, and the state of its guards."""
     if modes.transitions:
         system, rows, floor = changes.system, core.rows, core.floor
-        Index2System.enter(system, tuple(modes.mode))
+        Index2System.enter(system, tuple(modes.mode))  # the core itself is in this mode
         system.rank_threshold = floor
         system.use_rows(tuple(rows))
         changes.adopt_guards(t, y)
