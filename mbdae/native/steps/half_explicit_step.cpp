@@ -38,14 +38,18 @@ HalfExplicitStep::HalfExplicitStep(Index2System& s)
       Ghat_(s.point.G.size()),
       Zhat_(Ghat_.size()) {}
 
+void HalfExplicitStep::place_stage() {
+  s_.manifold.integrate(q0_.data(), x_.data(), q_.data());
+  for (int i = 0; i < nv_; ++i) v_[i] = v0_[i] + x_[nv_ + i];
+  for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
+}
+
 void HalfExplicitStep::stage(double t, double that, double factor, double* F, bool last) {
   Configuration& point = s_.point;
   MultibodyTree& m = s_.tree;
   Constraints& constraints = s_.constraints;
   const std::vector<int>& rows = s_.rows.in_use();
-  s_.manifold.integrate(q0_.data(), x_.data(), q_.data());
-  for (int i = 0; i < nv_; ++i) v_[i] = v0_[i] + x_[nv_ + i];
-  for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
+  place_stage();
   point.dynamics(q_.data(), v_.data(), with_partials_);
   s_.counts.M += 1, s_.counts.factorizations += 1;
   const bool has_friction = static_cast<bool>(s_.friction);
