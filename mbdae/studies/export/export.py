@@ -20,7 +20,7 @@ from ...errors import InputError, UnknownNameError, as_list, require
 from ...file_io import atomic_write
 from ...integrate.simulator.simulator import Simulator
 from ...mechanism import Mechanism
-from ...mechanism.equations.local_ode import most_coordinates
+from ...mechanism.equations.local_ode import max_coordinates
 from ...mechanism.formulations.compiled_systems import CompiledSystem
 from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...solution.problem import mechanism_of
@@ -212,7 +212,7 @@ def _states(mech: Mechanism, kinds: Sequence[str]) -> int:
     Raises:
         InputError: for a mechanism that is no ordinary differential equation within a mode.
     """
-    return most_coordinates(mech) if "me" in kinds else 0
+    return max_coordinates(mech) if "me" in kinds else 0
 
 
 def _variables(
