@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from ..run.run_state import RunState
     from ..run.step_map import StepMap
 
-COMMANDS = ("command", "speed step")  # kinds of guards that jump at known times
-
 
 class ModeChanges(EventSource):
     """Monitor of the guards of a mode, and changes of the mode.
@@ -200,7 +198,7 @@ class ModeChanges(EventSource):
         return at
 
     def _commanded(self, run: "RunState", y: Array) -> Array:
-        if not any(g.kind in COMMANDS for g in self._violated(run.t, y)):
+        if not any(g.is_commanded for g in self._violated(run.t, y)):
             return y
         y, mode = self._resolved_mode(run, self._point(run.t, y), set())
         if mode != self.system.mode:

@@ -31,7 +31,6 @@ from .native_trajectory import NativeStep
 if TYPE_CHECKING:
     from .trajectory import Trajectory
 
-COMMANDS = ("command", "speed step")  # guards of switches at known times
 LENGTHS = ("contact", "range boundary")  # guards that are lengths or angles
 
 
@@ -185,7 +184,7 @@ class ModeJumps:
         m = max(k for k in self.first_nodes if k <= i)
         first = ModePoint(self.system, self.all_rows, float(self.trajectory.ts[m]), self.trajectory.ys[m])
         mode = self.system.mode
-        guards = [g for s in self.switches for g in s.guards(mode[s.index]) if g.kind not in COMMANDS]
+        guards = [g for s in self.switches for g in s.guards(mode[s.index]) if not g.is_commanded]
         for g in guards:
             g.value(first)
         partials = GuardPartials(self.sensitivity, first, point)

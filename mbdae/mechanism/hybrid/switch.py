@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 PointFunction = Callable[["ModePoint"], float]
 LoadFunction = Callable[["ModePoint"], "float | Array"]
+COMMANDS = ("command", "speed step")  # kinds of guards that jump, at known times
 ACTIVE_STATE = 1  # state in which closed, locked, engaged or stuck rows are active
 
 
@@ -43,6 +44,11 @@ class Guard(NamedTuple):
     needs_multipliers: bool = False
     load: "LoadFunction | None" = None
     max_step: PointFunction | None = None
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether the guard jumps, at known times."""
+        return self.kind in COMMANDS
 
 
 class ImpactRow(NamedTuple):
