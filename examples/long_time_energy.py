@@ -31,7 +31,7 @@ def main(
         mech = mbdae.load(model)
         for method in METHODS:
             sol = mbdae.solve(mech, (0, spans[model]), method=method, step=step)
-            d = out[model, method] = mbdae.drift(sol, long=True)
+            d = out[model, method] = mbdae.drift(sol, long_time=True)
             changes = f"{max(d.momenta.values()):9.1e}" if d.momenta else f"{'-':>9s}"
             back = f"{d.reversal[0]:10.1e}" if d.reversal else f"{'-':>10s}"
             print(

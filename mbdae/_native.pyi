@@ -136,7 +136,7 @@ class StepControl:
     safety: float
     smallest_factor: float
     largest_factor: float
-    steady: float
+    min_growth: float
     smallest_error: float
     smallest_last: float
     agreement: float
@@ -161,7 +161,7 @@ class SingularityMonitor:
     adjacent_ratio: float
     max_change: float
     steps_ahead: float
-    entered: bool
+    near_singular: bool
     suspicious: bool
 
 class FirstStep:

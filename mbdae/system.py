@@ -283,12 +283,12 @@ class System(Protocol):
         """Return `size` plus characteristic lengths and the largest speed, a scale that never vanishes, (ny,)."""
         return 1 + self.size(y)
 
-    def noise(self, y: Array, share: float) -> Array:
+    def noise(self, y: Array, relative: float) -> Array:
         """Return the rounding error of an error estimate at y, (ny,).
 
         Args:
             y: the point, (n,).
-            share: rounding error relative to |v|, `mbdae.methods.tableau.Tableau.noise`.
+            relative: rounding error relative to |v|, `mbdae.methods.tableau.Tableau.noise`.
         """
 
     def multiplier_gain(self, t: float, y: Array, z: Array) -> float:

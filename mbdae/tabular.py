@@ -214,6 +214,32 @@ def write_csv(columns: Mapping[str, Any], path: str | Path) -> None:
         out.writerows(zip(*(_as_list(x) for x in flat.values()), strict=True))
 
 
+def read_csv(path: str | Path) -> dict[str, np.ndarray]:
+    """Return the columns of comma-separated values below a line of names, (n,) each; nan for empty cells.
+
+    Raises:
+        InputError: for a file that cannot be read, a name that occurs twice, and cells that are not numbers.
+    """
+    try:
+        with Path(path).open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.reader(file))
+    except (OSError, ValueError, csv.Error) as e:
+        raise InputError(f"{path} cannot be read: {e}") from None
+    if not any(rows[1:]):
+        raise InputError(f"{path}: expected a line of names and lines of numbers")
+    head = [name.strip() for name in rows[0]]
+    if twice := [name for i, name in enumerate(head) if name in head[:i]]:
+        raise InputError(f"{path}: two columns are named {twice[0]!r}")
+    for i, row in enumerate(rows[1:], 2):
+        if row and len(row) != len(head):
+            raise InputError(f"{path}, line {i}: {len(row)} values under {len(head)} names")
+    try:
+        body = np.array([[float(x) if x.strip() else np.nan for x in row] for row in rows[1:] if row]).T
+    except ValueError as e:
+        raise InputError(f"{path}: {e}") from None
+    return dict(zip(head, body, strict=True))
+
+
 def finite(data: object) -> Any:
     """Return data with None in place of numbers that are not finite, as in JSON."""
     if isinstance(data, dict):

@@ -19,6 +19,7 @@ EVALUATION_ROUNDING = 1e-13  # of the size of g, of positions, of speeds: kinema
 SOLUTION_ROUNDING = 1e-12  # of the unknowns, of rad or characteristic lengths: solved linear systems, closed loops
 ITERATION_ROUNDING = 1e-11  # of the terms of a sum: residuals where conditioning stops Newton's iteration
 MODE_ROUNDING = 1e-10  # of the largest speed, multiplier or energy: zeros of impact and complementarity problems
+JUMP_MARGIN = 8  # of the spacing of numbers at t: between the end of a step and a jump, above errors of stage times
 
 # Searches and comparisons.
 SEARCH_TOLERANCE = 1e-10  # of the bracket, or of 1 + |q|: roots, minima and corrections that decide nothing else

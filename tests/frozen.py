@@ -73,25 +73,25 @@ def free_velocity(mech):
     return free / max(np.abs(free).max(), 1e-3)
 
 
-def repeated_run(trace, mech, start=None):
+def repeated_run(trajectory, mech, start=None):
     """Points of a mechanism recomputed with the steps of a run, from its start or another point, (n, ...)."""
-    system, tableau, t = mech.system(), trace.tableau, trace.ts
+    system, tableau, t = mech.system(), trajectory.tableau, trajectory.ts
     y = mech.point() if start is None else start
-    if trace.project:
+    if trajectory.project:
         y = system.restore(t[0], y)
-    carry = system.carry(*system.derivative(t[0], y)) if trace.n_carry else None
+    carry = system.carry(*system.derivative(t[0], y)) if trajectory.n_carry else None
     out, state = [y], State(y, carry)
     for i, h in enumerate(np.diff(t)):
-        rows = next((r for first, r in reversed(trace.sol.in_use) if first <= i), None)
+        rows = next((r for first, r in reversed(trajectory.sol.in_use) if first <= i), None)
         if rows:
             system.use_rows(rows)
-        parts = (h / 2, h / 2) if trace.controlled and not tableau.b_embedded else (h,)
+        parts = (h / 2, h / 2) if trajectory.controlled and not tableau.b_embedded else (h,)
         at = t[i]
         for part in parts:
             state, at = tableau.step(system, at, part, state).state, at + part
-        if trace.project:
+        if trajectory.project:
             y = system.restore(t[i + 1], state.y)
-            carry = system.carry(*system.derivative(t[i + 1], y)) if trace.restarted[i + 1] else state.carry
+            carry = system.carry(*system.derivative(t[i + 1], y)) if trajectory.restarted[i + 1] else state.carry
             state = State(y, carry)
         out.append(state.y)
     return np.array(out)

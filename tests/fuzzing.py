@@ -149,9 +149,9 @@ def attempt(kind, path):
     import mbdae
     from mbdae.methods import method
     from mbdae.studies.info.info import info
-    from mbdae.studies.inverse.prescribed import read_table
     from mbdae.studies.sweep.sweep import sweep
     from mbdae.studies.sweep.toml_file import read_sweep
+    from mbdae.tabular import read_csv
 
     def tell(*_):
         raise Enough
@@ -163,7 +163,7 @@ def attempt(kind, path):
         made = method(str(path))
         return mbdae.solve(mbdae.load("four_bar"), (0.0, 0.02), method=made, step=0.01).status
     if kind == "table":
-        return "read" if read_table(path) else "nothing"
+        return "read" if read_csv(path) else "nothing"
     if kind == "saved":
         sol = mbdae.Solution.load(path)
         mech = sol.mechanism

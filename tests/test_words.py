@@ -17,7 +17,7 @@ FILES = [ROOT / x for x in TRACKED] if TRACKED else [x for x in ROOT.rglob("*") 
 PART = re.compile(
     "slopes?|turning|rising|settled?|settles|strikes?|struck|blows?|rubs?|rubbing|leaps?|leapt|looks?|looked|stands?|"
     "standstill|stuff|things?|doubts?|doubtful|departed|blamed?|told|anew|afresh|retraced?|remembered|troubled?|"
-    "estranged|suspect|landed|landing|gaping|halted|freedoms?"
+    "estranged|suspect|landed|landing|gaping|halted|freedoms?|untold"
 )
 WHOLE = re.compile(
     "plain|parts?|pieces?|places?|ends|way|ways|same|near|exactly|half|back|whole|share|shares|head|met|meet|keep|fits|"
@@ -31,7 +31,7 @@ PROSE = re.compile(
     r"|\b(?:stands?|stood) (?:at|there|in|behind|beside|still|for|open)\b"
     r"|\b(?:is|are) (?:told|asked|struck|found anew|once more)\b"
     r"|\b(?:his|her|one's) own\b|\bof (?:one's|its|their) own\b|\bbut for\b"
-    r"|\b(?:shall|likewise|alike|thither|whereto)\b"
+    r"|\b(?:shall|likewise|alike|thither|whereto)\b|\bcarr(?:y|ies) load\b"
 )
 PROSE_OF_PYTHON = re.compile(PROSE.pattern + r"|(?:^|[.:;] )[Ww]hat (?!if\b)\w+")
 STAYING = {  # names that stay, by folder or file

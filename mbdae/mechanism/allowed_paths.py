@@ -88,8 +88,8 @@ class AllowedPaths(NamedTuple):
     def allows(self, path: Path) -> bool:
         """Return whether a file may be read; links are resolved."""
         path = path.resolve()
-        folders = (self.root, *self.packages, *self._neighbour_package(path))
-        return self._trusts(path) and any(path.is_relative_to(folder) for folder in folders)
+        contained = any(path.is_relative_to(folder) for folder in (self.root, *self.packages))
+        return self._trusts(path) and (contained or self._is_in_sibling_package(path))
 
     def companion_folder(self, mesh: Path) -> Path:
         """Return the folder of the files to which a mesh may refer: its package, within the trusted folders."""
@@ -102,11 +102,11 @@ class AllowedPaths(NamedTuple):
     def _trusts(self, path: Path) -> bool:
         return self.trusted is None or any(path.is_relative_to(folder) for folder in self.trusted)
 
-    def _neighbour_package(self, path: Path) -> Iterator[Path]:
-        """Yield the package of a file if it is next to that of the model, and both have manifests."""
+    def _is_in_sibling_package(self, path: Path) -> bool:
+        """Return whether the package of a file is next to that of the model or above, and both have manifests."""
         package = package_of(path.parent)
-        if (self.root / MANIFEST).is_file() and (package / MANIFEST).is_file() and package.parent in self.root.parents:
-            yield package
+        is_sibling = package.parent in self.root.parents
+        return is_sibling and (self.root / MANIFEST).is_file() and (package / MANIFEST).is_file()
 
     def _candidates(self, name: str) -> Iterator[Path]:
         scheme, separator, rest = name.partition("://")

@@ -15,7 +15,7 @@ from .closures.kinds.rolling import RollingClosure
 from .closures.kinds.slot import SlotClosure
 from .forces.spring_damper import SpringDamper
 from .scene.make_scene import make_scene
-from .scene.outlines import Outline
+from .scene.profile_outlines import Outline
 from .scene.rolling_bodies import RollingBody
 from .scene.scene import Mark, Scene, Strut
 from .tree.frames import Anchor, anchor

@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field, model_validator
 
+from ..arguments import as_numbers
 from ..errors import InputError, require
 from ..system import Array
 from ..tolerances import HALF_DIGITS
@@ -163,26 +164,6 @@ def as_table(kind: type[T], value: Any) -> T:
         return value
     require(value, Mapping | None, f"expected {kind.__name__}, or a table of its values")
     return kind(**value or {})
-
-
-def as_numbers(value: object) -> Array:
-    """Return an argument as an array of numbers; nan for any other, which checks of finite numbers reject."""
-    try:
-        return np.asarray(value, float)
-    except (TypeError, ValueError):
-        return np.array(np.nan)
-
-
-def number(name: str, value: object) -> float:
-    """Return a value as a finite number.
-
-    Raises:
-        InputError: for any other value.
-    """
-    x = as_numbers(value)
-    if x.shape or not np.isfinite(x):
-        raise InputError(f"{name} is a finite number, got {value!r}")
-    return float(x)
 
 
 def vector(title: str, name: str, value: object, n: int) -> Array:

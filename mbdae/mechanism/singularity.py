@@ -110,7 +110,7 @@ def singular_crossing(system: "Index2System", t: float, y: Array, limit: float, 
     for _ in range(2):
         U = system.inertia(t, q)
         g, G = system.closures(None, t)
-        B = dgesv(U.T, G.T)[2]
+        B = independent_rows.mass_scaled(U, G)
         q = system.manifold.integrate(q, -dgesv(U, np.linalg.lstsq(B.T, g, rcond=limit)[0])[2])
     g, G = system.closures(q, t)
     return bool(np.abs(g).max() <= allowed * np.abs(G).max())
@@ -126,7 +126,7 @@ def tangent(system: "Index2System", t: float, y: Array) -> Array:
     G = mass_scaled_jacobian(system, t, q)
     rank = system.rank or 0
     if rank == system.nv:
-        u = np.triu(system.inertia(t, q)) @ v
+        u = system.inertia(t, q) @ v
         return u[:, None] / max(float(np.linalg.norm(u)), np.finfo(float).tiny)
     return np.linalg.svd(G)[2][rank:].T
 

@@ -51,13 +51,13 @@ class Controller:
     """PI controller h_new = 0.9 h err^(-1/k + 0.75 beta) err_last^beta, by default between 0.2 h and 10 h.
 
     k is the power of h in the error estimate. A rejected step does not change err_last, and the step size does not grow
-    after it (Gustafsson 1991; Hairer, Wanner II, (IV.2.43)). Growth by a factor below ``steady`` is suppressed, to
+    after it (Gustafsson 1991; Hairer, Wanner II, (IV.2.43)). Growth by a factor below ``min_growth`` is suppressed, to
     reuse data that depend on h (the same, section IV.8).
     """
 
     power: int
     control: Control = PI
-    steady: float = 1.0
+    min_growth: float = 1.0
     last: float = SMALLEST_LAST
     rejected: bool = False
 
@@ -80,7 +80,7 @@ class Controller:
         err = max(err, SMALLEST_ERROR)
         factor = SAFETY * err**self.exponent * self.last**self.beta
         factor = min(1.0 if self.rejected else self.control.largest, max(self.control.smallest, factor))
-        if 1 < factor <= self.steady:
+        if 1 < factor <= self.min_growth:
             factor = 1.0
         self.last, self.rejected = max(err, SMALLEST_LAST), False
         return h * factor

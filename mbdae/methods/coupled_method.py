@@ -65,7 +65,7 @@ class CoupledMethod(ABC):
         weights = np.eye(self.stages)[-1] if a.ends_at_stage else np.abs(a.z_weights)
         return 1 / float((weights @ np.abs(np.linalg.inv(a.A))).sum())
 
-    def steady(self, ny: int) -> float:
+    def min_growth(self, ny: int) -> float:
         """Return the factor below which growth of h is suppressed, to reuse partial derivatives and factors."""
         return SUPPRESSED_GROWTH if ny > LARGE_SYSTEM else 1.0
 

@@ -126,8 +126,8 @@ class ExplicitMethod:
 
     controlled_step = step
 
-    def steady(self, ny: int) -> float:
-        """Return 1: see `mbdae.methods.tableau.Tableau.steady`."""
+    def min_growth(self, ny: int) -> float:
+        """Return 1: see `mbdae.methods.tableau.Tableau.min_growth`."""
         return 1.0
 
 

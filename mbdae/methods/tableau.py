@@ -170,7 +170,7 @@ class Tableau:
         """
         return self.order_embedded + 1 + bool(self.b_companion) if self.b_embedded else self.order + 1
 
-    def steady(self, ny: int) -> float:
+    def min_growth(self, ny: int) -> float:
         """Return the factor below which growth of h is suppressed: 1, since no data depend on h."""
         return 1.0
 

@@ -33,8 +33,8 @@ class NewtonMethod:
     in_core = True  # the compiled core takes its steps
     control, blend, noise = PI, 1.0, 0.0
 
-    def steady(self, ny: int) -> float:
-        """As for `mbdae.methods.tableau.Tableau.steady`."""
+    def min_growth(self, ny: int) -> float:
+        """As for `mbdae.methods.tableau.Tableau.min_growth`."""
         return 1.0
 
     def iteration(self, native: Any) -> Any:

@@ -93,7 +93,7 @@ class _Run(_OpenModel):
 
 
 def write(sol: "Solution", path: str | Path) -> None:
-    """Write a solution as .npz without pickles, or its `mbdae.solution.columns.signals` as .csv.
+    """Write a solution as .npz without pickles, or its `mbdae.solution.signals.signals` as .csv.
 
     Raises:
         InputError: for a custom textbook problem, whose functions cannot be written, or an unwritable path.

@@ -9,14 +9,15 @@ from typing import Any, Self, cast
 
 import numpy as np
 
+from ..arguments import as_numbers
 from ..errors import InputError, StepError
 from ..mechanism import Mechanism
-from ..mechanism.model_settings import as_numbers
 from ..system import Array
-from ..tolerances import NEGLIGIBLE
+from ..tolerances import JUMP_MARGIN, NEGLIGIBLE
 from .sampling import derivatives_at_times, sample_together, set_slip_directions
 
-JUMP = 48  # roundings of t: the sides of a jump are closer; far from t = 0 steps are, too, but they change q
+# of the spacing of t: the sides of a jump are closer; far from t = 0 steps are, too, but they change q
+JUMP_DISTANCE = 6 * JUMP_MARGIN
 
 
 class DenseOutput:
@@ -83,8 +84,8 @@ class DenseOutput:
     @property
     def jump_margin(self) -> float:
         """The largest distance in time of both sides of a jump: roundings of the span, also if a run ends early."""
-        ts = self.nodes[0]
-        return JUMP * float(np.spacing(max(*np.abs([ts[0], ts[-1], *self.settings.get("t_span", ())]), NEGLIGIBLE)))
+        ts, span = self.nodes[0], self.settings.get("t_span", ())
+        return JUMP_DISTANCE * float(np.spacing(max(*np.abs([ts[0], ts[-1], *span]), NEGLIGIBLE)))
 
     def jumped(self, first: int = 0, last: int | None = None) -> Array:
         """Return whether a jump lies between nodes i and i + 1, for those of a range, all by default: q is the same."""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 SUMS = ("kinetic", "potential", "energy")
 RESIDUALS = ("g", "Gv")
-PYTHON_KINDS = ("column", "gap", "load", "position")  # kinds that the core does not support
+PYTHON_KINDS = ("column", "gap", "position", "reaction")  # kinds that the core does not support
 STATE_KINDS = ("position", "gap", *SUMS, *RESIDUALS)  # kinds that do not need accelerations
 OF_A_RUN = ("mode", "impulse", "work")  # prefixes of signals without a value at a point
 
@@ -35,8 +35,8 @@ class SignalValue(NamedTuple):
     Attributes:
         kind: ``"t"``; ``"y"``, a component of y = (q, v, s, w); ``"rate"``, one of y' in the tangent; ``"angle"`` of a
             circle in q; ``"lam"``, ``"force"``, ``"torque"``; one of kinetic, potential, energy, g, Gv; or
-            ``"position"``, ``"gap"`` of a switch, ``"column"`` of `mbdae.solution.signals.units` and ``"load"`` of a
-            joint or closure, which the core does not support.
+            ``"position"``, ``"gap"`` of a switch, ``"column"`` of `mbdae.solution.signals.units` and ``"reaction"``
+            of a joint or closure, which the core does not support.
         i: index in y or y'; for an angle that of its cosine in q; for a column its index; for a position its axis; for
             a gap the index of its switch.
         rate: index in the tangent y' of its time derivative; -1 if there is none.
@@ -98,9 +98,9 @@ def _all_signals(mech: Mechanism) -> dict[str, SignalValue]:
         out |= {f"position.{name}.{axis}": SignalValue("position", i, rows=(frame,)) for i, axis in enumerate("xyz")}
     out |= {f"effort.{name}": SignalValue("lam", rows=(i,)) for name, i in effort_rows(mech).items()}
     out |= {f"gap.{s.name}": SignalValue("gap", s.index) for s in mech.switches if isinstance(s, Unilateral)}
-    loaded = reaction_units(mech)
+    reactions = reaction_units(mech)
     return {
-        name: out[name] if name in out else SignalValue("load" if name in loaded else "column", i)
+        name: out[name] if name in out else SignalValue("reaction" if name in reactions else "column", i)
         for i, name in enumerate(units(mech))
     }
 

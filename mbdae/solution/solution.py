@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .. import backend
+from ..arguments import as_numbers
 from ..discovery import lazy_import
-from ..errors import InputError
+from ..errors import SUCCESS, InputError
 from ..mechanism import Contact, Effort, Impact, Mechanism, NotCompiled, Reaction, Singular, contact, effort, redundant
-from ..mechanism.model_settings import as_numbers
 from ..system import Array
 from ..tabular import Columns, Tabular
 from ..textbook.hessenberg import Hessenberg
@@ -97,7 +97,7 @@ class Solution(DenseOutput, Tabular):
     @property
     def success(self) -> bool:
         """Whether the run reached its end without accuracy warnings."""
-        return self.status in ("finished", "event")
+        return self.status in SUCCESS
 
     @property
     def ended(self) -> bool:

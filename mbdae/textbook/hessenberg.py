@@ -9,7 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
-from ..errors import InputError, MbdaeError, StepError
+from ..arguments import as_numbers
+from ..callbacks import FORCE, report
+from ..errors import InputError, StepError
 from ..hermite import powers, refine
 from ..system import Array, Counts, System
 from ..tolerances import BELOW_ROUNDING, EVALUATION_ROUNDING, INPUT_DIGITS
@@ -82,16 +84,13 @@ class Hessenberg:
 
         Raises:
             InputError: if q, v or s is given, and as `Hessenberg`.
-            StepError: if 0 = k has no solution.
+            StepError: if f is not finite, or 0 = k of a `MixedHessenberg` has no solution.
         """
         if not (q is v is s is None):
             raise InputError("a textbook problem starts at y0: q, v and s are arguments for mechanisms")
         for name, value in (("y0", self.y0), ("z0", self.z0)):
-            try:
-                valid = np.ndim(value) == 1 and np.isfinite(np.array(value, float)).all()
-            except (TypeError, ValueError):
-                valid = False
-            if not valid:
+            x = as_numbers(value)
+            if x.ndim != 1 or not np.isfinite(x).all():
                 raise InputError(f"{name} of {self.title!r} is a list of finite numbers, got {value!r:.60}")
         system, y = self.bound(), np.array(self.y0, float)
         try:
@@ -190,7 +189,7 @@ class HessenbergSystem(System):
         """Return |y|, (ny,)."""
         return np.abs(y)
 
-    def noise(self, y: Array, share: float) -> Array:
+    def noise(self, y: Array, relative: float) -> Array:
         """Return zeros (ny,): nothing cancels in the estimate."""
         return np.zeros(len(y))
 
@@ -221,11 +220,8 @@ class HessenbergSystem(System):
         """
         try:
             out = np.asarray(getattr(self.problem, name)(*at), float)
-        except MbdaeError:
-            raise
         except Exception as e:
-            where = f"{name} of {self.problem.title!r} failed at t = {at[0]:.17g}"
-            raise StepError("force", f"{where}: {type(e).__name__}: {e}") from e
+            report(e, f"{name} of {self.problem.title!r}", f"t = {at[0]:.17g}", FORCE)
         if out.shape != shape:
             shapes = f"the shape {out.shape}, expected {shape}"
             raise StepError("force", f"{name} of {self.problem.title!r} returns {shapes}")

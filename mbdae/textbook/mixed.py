@@ -104,9 +104,9 @@ class MixedSystem(HessenbergSystem):
             if info or not isfinite(size):
                 break
             u = u - du
-            whole = largest(u)
-            stalls = last <= 2 * size and size <= SEARCH_TOLERANCE * (1 + whole)
-            if size <= ROUNDING * whole or is_last(size, last, BELOW_ROUNDING * whole) or stalls:
+            magnitude = largest(u)
+            stalls = last <= 2 * size and size <= SEARCH_TOLERANCE * (1 + magnitude)
+            if size <= ROUNDING * magnitude or is_last(size, last, BELOW_ROUNDING * magnitude) or stalls:
                 self._u, self._at = u, at
                 return u
             last = size

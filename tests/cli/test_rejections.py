@@ -257,6 +257,8 @@ def test_lists_of_names_say_what_they_take(four_bar):
     rejected(UnknownNameError, compare(reference=[four_bar, "radau9"]), "unknown method", "valid: alpha")
     rejected(InputError, compare(rtol=1e-3), "rtol is a list of numbers, got 0.001")
     rejected(InputError, compare(rtol=None, steps=10), "steps is a list of whole numbers, got 10")
+    for wrong in ("ten", np.nan, np.inf, None, True):
+        rejected(InputError, compare(rtol=None, steps=[wrong]), "steps are whole numbers of at least 1")
     rejected(InputError, lambda: mbdae.order(four_bar, 3), "methods is a list of names, got 3")  # type: ignore[arg-type]
     assert [p.method for p in compare(methods="herk3", formulations="ggl")().points] == ["ggl:herk3"]
 

@@ -23,13 +23,13 @@ HARNESS = """
 #include "drag.cpp"
 
 // Four velocities; the law needs no kinematics.
-mbdae::Mechanics::Mechanics(const void*, const Tolerances& limits, std::vector<ModalBody>)
+mbdae::MultibodyTree::MultibodyTree(const void*, const Tolerances& limits, std::vector<ModalBody>)
     : limits(limits), nq(4), nv(4), joints(5) {}
-struct mbdae::Mechanics::Workspace {};
-mbdae::Mechanics::~Mechanics() {}
+struct mbdae::MultibodyTree::Workspace {};
+mbdae::MultibodyTree::~MultibodyTree() {}
 
 int main() {
-  const mbdae::Mechanics m(nullptr, {}, {});
+  const mbdae::MultibodyTree m(nullptr, {}, {});
   mbdae::Law law;
   law.rows = {2}, law.a = {0.7};
   const mbdae::LawKind& kind = mbdae::laws::drag;

@@ -1,8 +1,8 @@
 """Modes of a run in the compiled core: guards, impacts and changes of the mode, many steps at a time.
 
 The core has stops and contacts, one-way clutches, ratchets, sticking joints and ranges. It leaves rare cases to Python:
-complementarity problems that are large or have several solutions, rows that neither carry load nor separate, modes next
-to singular configurations. Then it reports the next step as undecided, and takes it alone.
+complementarity problems that are large or have several solutions, unilateral rows with lam = 0 and zero
+acceleration, modes next to singular configurations. Then it reports the next step as undecided, and takes it alone.
 """
 
 from math import inf
@@ -104,10 +104,10 @@ def transitions_from_core(modes: "Modes", changes: "ModeChanges | None") -> dict
 
 
 def modes_from_core(modes: "Modes", changes: "ModeChanges", core: "Core", t: float, y: "Array") -> None:
-    """Take over the mode of the core at a point, its rows in use, and what it knows of the guards."""
+    """Take over the mode of the core at a point, its rows in use, and the state of its guards."""
     if modes.transitions:
         system, rows, floor = changes.system, core.rows, core.floor
-        Index2System.enter(system, tuple(modes.mode))
+        Index2System.enter(system, tuple(modes.mode))  # the core itself is in this mode
         system.rank_threshold = floor
         system.use_rows(tuple(rows))
         changes.adopt_guards(t, y)

@@ -6,8 +6,8 @@ from typing import TypeAlias
 
 import numpy as np
 
+from ...callbacks import call_with_views, checked_value, function_name
 from ...errors import InputError, StepError
-from ...mechanism.callbacks import call_with_views, checked_value, function_name
 from ...system import Array, System
 
 

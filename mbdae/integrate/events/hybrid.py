@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from ..run.run_state import RunState
     from ..run.step_map import StepMap
 
-COMMANDS = ("command", "speed step")  # guards of jumps at known times
-
 
 class ModeChanges(EventSource):
     """Monitor of the guards of a mode, and changes of the mode.
@@ -59,13 +57,13 @@ class ModeChanges(EventSource):
         self.system, self.all_rows = system, AllRows(system)
         system.set_min_slip_speed(ZERO_SPEED * system.mechanism.characteristic_speed)
         self.switches = system.mechanism.switches
-        self.always = unswitched_rows(self.switches, system.ng)
+        self.unswitched = unswitched_rows(self.switches, system.ng)
         self.modes: list[tuple[int, Mode]] = []
         self.impacts: list[Impact] = []
         self.impacts_in_core = self.transitions_in_core = 0
         self.core_switches = core_switches(system)
         self.fired: list[Guard] = []  # guards that are zero at the end of the last step
-        self.resting: set[int] = set()  # contacts that close where they open: flights lower than the rounding of gaps
+        self.resting: set[int] = set()  # contacts that close at the start of a step: their flight is below rounding
         # end of the last step, and points of the step by theta
         self.point_cache: tuple[Array | None, dict[float, ModePoint]] = (None, {})
         self.last_impact: dict[int, float] = {}  # time of the last impact of each switch
@@ -108,9 +106,9 @@ class ModeChanges(EventSource):
         if len(run.ts) == 1 or not self.guards:
             self._track(run.t, run.ys[-1])
 
-    def _track(self, t: float, y: Array) -> None:
+    def _track(self, t: float, y: Array, tracked: Callable[[Guard, ModePoint], TrackedGuard] = TrackedGuard) -> None:
         at, mode, self.system.ambiguous_pivot = self._point(t, y), self.system.mode, AMBIGUOUS_UNDERWAY
-        self.guards = [TrackedGuard(g, at) for s in self.switches for g in s.guards(mode[s.index])]
+        self.guards = [tracked(g, at) for s in self.switches for g in s.guards(mode[s.index])]
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
         """Return the point in the first mode, at the start, or in the next mode, after commanded switches at a jump.
@@ -132,19 +130,19 @@ class ModeChanges(EventSource):
         return y
 
     def resume(self, run: "RunState", mode: "Mode") -> None:
-        """Enter the mode of a snapshot; `begin` tracks its guards."""
+        """Enter the mode of a snapshot; `begin_interval` tracks its guards."""
         self.modes = [(0, mode)]
         self._enter(mode, run)
 
     def _resolved_mode(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
         recent = {i for i, when in self.last_impact.items() if abs(at.t - when) < self.switches[i].rest}
-        y, impact = resolve_impact(at, self.always, recent, self.resting)
+        y, impact = resolve_impact(at, self.unswitched, recent, self.resting)
         self.resting = set()
         if impact:
             self.impacts.append(impact)
             self.last_impact |= {s.index: at.t for s in self.switches if s.name in impact.where}
         at = self._point(at.t, y)
-        return y, select_mode(at, self.always, opened, short_step_loads(run, at))
+        return y, select_mode(at, self.unswitched, opened, short_step_loads(run, at))
 
     def first_event(self, step: "StepMap") -> Occurrence | None:
         """Return the end of the mode in a step, where the first guards cross zero."""
@@ -200,7 +198,7 @@ class ModeChanges(EventSource):
         return at
 
     def _commanded(self, run: "RunState", y: Array) -> Array:
-        if not any(g.kind in COMMANDS for g in self._violated(run.t, y)):
+        if not any(g.is_commanded for g in self._violated(run.t, y)):
             return y
         y, mode = self._resolved_mode(run, self._point(run.t, y), set())
         if mode != self.system.mode:
@@ -263,8 +261,7 @@ class ModeChanges(EventSource):
 
     def adopt_guards(self, t: float, y: Array) -> None:
         """Continue at a point with the guards of the mode, whose sizes the core knows."""
-        at, mode, self.system.ambiguous_pivot = self._point(t, y), self.system.mode, AMBIGUOUS_UNDERWAY
-        self.guards = [TrackedGuard.adopted(g, at) for s in self.switches for g in s.guards(mode[s.index])]
+        self._track(t, y, TrackedGuard.adopted)
 
     def explain(self, run: "RunState", reason: StepError) -> StepError:
         """Add the time and the mode in which a run stopped, or the contact that closed at a singular configuration."""

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ...arguments import as_numbers
 from ...errors import InputError, StepError
-from ...mechanism.model_settings import as_numbers
 from ...system import Array, System
+from ...tolerances import JUMP_MARGIN
 from .source import EventSource, Occurrence
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
 
 MAX_CLUSTER = 100  # jumps that differ only by rounding and count as one
-MARGIN = 8  # roundings of t between the end of a step and a jump: more than the error of its stage times
 
 
 class SmoothInterval(NamedTuple):
@@ -80,7 +80,7 @@ class Jumps(EventSource):
     def is_idle(self, run: "RunState", t1: float) -> bool:
         """Return whether no jump lies before t1, or within rounding after it."""
         first, last = self._following
-        margin = 8 * MARGIN * max(ulp(run.t), ulp(t1))
+        margin = 8 * JUMP_MARGIN * max(ulp(run.t), ulp(t1))
         known = first <= self.sign * run.t and run.interval.stop == run.interval.end
         return known and self.sign * t1 + margin < last and not self._coincide(t1, self.sign * last)
 
@@ -95,7 +95,7 @@ class Jumps(EventSource):
         Raises:
             StepError: if more than `MAX_CLUSTER` jumps differ only by rounding.
         """
-        s, margin = self.sign, MARGIN * ulp(max(abs(t), abs(self.t1)))
+        s, margin = self.sign, JUMP_MARGIN * ulp(max(abs(t), abs(self.t1)))
         _, first = self._cluster(t, 4 * margin)
         ahead = s * (first - self.t1)
         if ahead > 4 * margin and not self._coincide(self.t1, first):

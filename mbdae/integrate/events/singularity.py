@@ -112,7 +112,7 @@ class SingularityMonitor(SingularityLocation):
     def to_core(self, monitor: "CoreMonitor") -> None:
         """Pass the ratios so far to the core."""
         monitor.largest_ratio, monitor.last_ratio = self.largest, self.ratios[-1]
-        monitor.entered = self.zone_entry is not None
+        monitor.near_singular = self.zone_entry is not None
 
     def skip_regular_steps(self, least_pivot_ratio: Array, inspect: bool = True) -> int:
         """Return the number of regular steps before the first suspicious one, given their smallest pivot ratios.

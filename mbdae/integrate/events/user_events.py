@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...callbacks import function_name
 from ...data_types import CoreData, JsonObject
 from ...discovery import lazy_import
 from ...errors import InputError, StepError
-from ...mechanism.callbacks import function_name
 from ...system import Array, State, Step
 from ...tolerances import AGREEMENT, ROUNDING, SOLUTION_ROUNDING
 from .event import Event, event_value

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ...arguments import as_numbers
 from ...errors import InputError
 from ...mechanism import Driver
-from ...mechanism.model_settings import as_numbers
 from ...system import Array
 
 

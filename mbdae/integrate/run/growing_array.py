@@ -9,14 +9,14 @@ CAPACITY = 8  # rows at first
 
 
 class GrowingArray:
-    """Rows of equal length, with the interface of a list; conversion to a numpy array copies the current rows.
+    """Rows (length,) of numbers, with the interface of a list; conversion to a numpy array copies the current rows.
 
     The length is updated after a row is completely written, so an interrupt leaves the array consistent.
     """
 
     def __init__(self, first: ArrayLike) -> None:
         row = np.asarray(first, float)
-        self._data, self._n = np.empty((CAPACITY, *row.shape)), 1
+        self._data, self._n = np.empty((CAPACITY, len(row))), 1
         self._data[0] = row
 
     def __len__(self) -> int:
@@ -40,7 +40,7 @@ class GrowingArray:
         self.extend(row[None])
 
     def extend(self, rows: Array) -> None:
-        """Add several rows, (n, ...)."""
+        """Add several rows, (n, length)."""
         n = self._n + len(rows)
         if n > len(self._data):
             data = np.empty((2 * n, self._data.shape[1]))

@@ -78,7 +78,7 @@ def _python_stepper(system: System, o: RunOptions) -> PythonStepper:
         return Fixed(o.step, o.t0, o.t1)
     if not o.method.error_power:
         raise InputError(f"method {o.method.name!r} takes fixed steps: give a step")
-    return Adaptive(o.method.error_power, *control, o.method.control, o.method.steady(system.ny))
+    return Adaptive(o.method.error_power, *control, o.method.control, o.method.min_growth(system.ny))
 
 
 def _start(

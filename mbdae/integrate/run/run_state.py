@@ -12,9 +12,10 @@ from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
 from ...solution.solution import Problem, Solution
 from ...system import Array, State, Step, System
+from ...tolerances import JUMP_MARGIN
 from ..events.driver_checks import DriverChecks
 from ..events.hybrid import ModeChanges
-from ..events.jumps import MARGIN, Jumps
+from ..events.jumps import Jumps
 from ..events.resets import Resets
 from ..events.singularity import SingularityMonitor
 from ..events.source import EventSource, Occurrence
@@ -131,7 +132,7 @@ class RunState:
         """
         self.end_interval(len(self.ts) - 1)
         if exact_end:
-            self.ts[-1] -= MARGIN * ulp(t)
+            self.ts[-1] -= JUMP_MARGIN * ulp(t)
         self.zs.append(self.zs[-1])
         self.ys.append(self.ys[-1])
         self.ts.append(t)

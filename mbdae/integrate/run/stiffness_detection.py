@@ -3,7 +3,6 @@
 import warnings
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from math import prod
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +11,7 @@ from ...data_types import JsonObject
 from ...errors import StepError
 from ...mechanism.formulations.index2 import Index2System
 from ...methods import Tableau
+from ...methods.stage_arrays import lagrange
 from ...system import Array
 from ...tolerances import TINY, VISIBLE
 from ..events.source import EventSource
@@ -28,11 +28,11 @@ ROUGH = 3.0  # times the tolerance: amplitude of fast modes that remain excited 
 STEP_RATIO = 2.0  # ratio of a hypothetical longer step, which must be unstable
 ITERATIONS = 12  # of the power method
 WIDTH = 1e-7  # of 1 + |y|: size of the difference
-FREE = 0.9  # of max_step: longer steps are limited by max_step
+MAX_FREE = 0.9  # of max_step: longer steps are limited by max_step, and by neither stability nor accuracy
 
 
 @dataclass
-class Stiff:
+class Stiffness:
     """Detected stiffness.
 
     Attributes:
@@ -69,7 +69,7 @@ class StiffnessDetector(EventSource):
     def __init__(self, system: Index2System, tableau: Tableau, control: Adaptive) -> None:
         self.system, self.tableau, self.control = system, tableau, control
         self.next = self.pause = FIRST_CHECK  # the next node to check, and the number of nodes from it to the one after
-        self.found: Stiff | None = None
+        self.found: Stiffness | None = None
 
     @classmethod
     def from_run(cls, run: "RunState") -> "StiffnessDetector | None":
@@ -105,30 +105,25 @@ class StiffnessDetector(EventSource):
             if self.found:
                 warnings.warn(str(self.found), stacklevel=7)
 
-    def _check_window(self, run: "RunState", n: int) -> Stiff | None:
+    def _check_window(self, run: "RunState", n: int) -> Stiffness | None:
         """Return the stiffness of the steps before node n; None if they are not stiff."""
         h = (run.ts[n] - run.ts[n - WINDOW]) / WINDOW
-        if abs(h) > FREE * self.control.max_step or not self._smooth(run, n):
+        if abs(h) > MAX_FREE * self.control.max_step or not self._smooth(run, n):
             return None
         lam = _largest_eigenvalue(run.record().system, run.ts[n], run.ys[n])
         z = abs(h) * complex(-abs(lam.real), lam.imag)  # a smooth motion decays, whatever the rounding
         if not _stability_function(self.tableau, STEP_RATIO * z) > 1:
             return None
-        return Stiff(float(run.ts[n]), float(abs(h)), float(abs(z)))
+        return Stiffness(float(run.ts[n]), float(abs(h)), float(abs(z)))
 
     def _smooth(self, run: "RunState", n: int) -> bool:
         """Return whether one polynomial of degree 4 approximates velocities and states before node n closely."""
-        t, nq, nv, ns = run.ts[n - WINDOW : n + 1], self.system.nq, self.system.nv, self.system.ns
+        t, nq, nv, ns = np.array(run.ts[n - WINDOW : n + 1]), self.system.nq, self.system.nv, self.system.ns
         v = run.ys[n - WINDOW : n + 1][:, nq : nq + nv + ns]
-        weights = _lagrange([t[i] for i in NODES], [t[i] for i in COMPARED])
+        weights = lagrange(t[list(NODES)], t[list(COMPARED)])
         atol = self.control.atol[nv : 2 * nv + ns] if self.control.atol.ndim else self.control.atol
         gap = (v[list(COMPARED)] - weights @ v[list(NODES)]) / (atol + self.control.rtol * np.abs(v[-1]) + TINY)
         return bool(np.vdot(gap, gap) <= ROUGH**2 * gap.size)
-
-
-def _lagrange(nodes: list[float], times: list[float]) -> Array:
-    """Return the weights (times, nodes) of Lagrange interpolation from nodes to other times."""
-    return np.array([[prod((t - a) / (b - a) for a in nodes if a != b) for b in nodes] for t in times])
 
 
 def _stability_function(tableau: Tableau, z: complex) -> float:

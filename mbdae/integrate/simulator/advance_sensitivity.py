@@ -103,7 +103,7 @@ class AdvanceSensitivity:
 
     Attributes:
         sol: the nodes, from the one before the advance on; the inputs are those of the simulator.
-        trace: the same, recomputed on demand.
+        trajectory: the same, recomputed on demand.
 
     Raises:
         InputError: for steps without a derivative; the message names the reason.
@@ -111,25 +111,25 @@ class AdvanceSensitivity:
 
     def __init__(self, run: RunState, last: LastAdvance, parameters: AdvanceParameters) -> None:
         self.parameters, self.sol = parameters, _nodes_from(run, last.node)
-        self.trace = Trajectory(self.sol, parameters.bound)
-        if self.trace.n_carry and not last.restarted:
+        self.trajectory = Trajectory(self.sol, parameters.bound)
+        if self.trajectory.n_carry and not last.restarted:
             raise InputError(
-                f"method {self.trace.tableau.name!r} carries v' from the advance before: for derivatives of advances"
-                " create the simulator with restart=True"
+                f"method {self.trajectory.tableau.name!r} carries v' from the advance before: for derivatives of"
+                " advances create the simulator with restart=True"
             )
-        self.trace.restarted[0] = not self.trace.jumped[0]
+        self.trajectory.restarted[0] = not self.trajectory.jumped[0]
 
     def _steps(self) -> list[list[TrajectoryPart]]:
         """Return the maps of each step."""
-        first, *others = [list(self.trace.step_parts(i)) for i in range(len(self.trace.ts) - 1)]
-        return [[*self.trace.carry_restart_parts(0), *first], *others]
+        first, *others = [list(self.trajectory.step_parts(i)) for i in range(len(self.trajectory.ts) - 1)]
+        return [[*self.trajectory.carry_restart_parts(0), *first], *others]
 
     def tangents(self, dy: Array, dp: Array, dt: Array) -> Array:
         """Return the variations of y at the nodes, (n, ny, m), from those of y, (ny, m), of columns, (k, m), and dt."""
-        carry, out = np.zeros((self.trace.n_carry, dy.shape[1])), [dy]
+        carry, out = np.zeros((self.trajectory.n_carry, dy.shape[1])), [dy]
         if scaled := bool(np.any(dt)):
             self._require_autonomous()
-        for (t0, t1), parts in zip(pairwise(self.trace.ts.tolist()), self._steps(), strict=True):
+        for (t0, t1), parts in zip(pairwise(self.trajectory.ts.tolist()), self._steps(), strict=True):
             shifted = dp + self._scaled_inputs(t0, dt) if scaled else dp
             dh = (dt * (t1 - t0) / self.parameters.span.length,) if scaled else ()
             for part in parts:
@@ -161,7 +161,7 @@ class AdvanceSensitivity:
 
     def adjoint(self, bar: Array) -> tuple[Array, Array]:
         """Return the cotangents of y before, (ny,), and of the columns, (k,), from those of y at the end, (ny,)."""
-        y, carry, p = bar[:, None], np.zeros((self.trace.n_carry, 1)), np.zeros(len(self.parameters.columns))
+        y, carry, p = bar[:, None], np.zeros((self.trajectory.n_carry, 1)), np.zeros(len(self.parameters.columns))
         for parts in reversed(self._steps()):
             for part in reversed(parts):
                 y, carry, by_p = part.reverse(y, carry)
@@ -174,16 +174,16 @@ class AdvanceSensitivity:
         Raises:
             InputError: for others.
         """
-        m, trace, cells = self.sol.mechanism, self.trace, list(self.parameters.inputs.cells.values())
-        if samplers_of(trace.system.laws) or any(trace.jumped[1:]):
+        m, trajectory, cells = self.sol.mechanism, self.trajectory, list(self.parameters.inputs.cells.values())
+        if samplers_of(trajectory.system.laws) or any(trajectory.jumped[1:]):
             raise InputError("instants of the advance do not scale with its length: no derivative with respect to dt")
         settings = [cell.setting for cell in cells]
         try:
             for cell in cells:
                 cell.set(cell.setting._replace(rate=0.0))
-            for i in (0, len(trace.ts) - 1):
-                q, v, s, _ = np.split(trace.ys[i], np.cumsum([m.nq, m.nv, len(m.states)]))
-                at = m.at(float(trace.ts[i]), q, v, s, mode=self.sol.mode(i) or trace.system.mode)
+            for i in (0, len(trajectory.ts) - 1):
+                q, v, s, _ = np.split(trajectory.ys[i], np.cumsum([m.nq, m.nv, len(m.states)]))
+                at = m.at(float(trajectory.ts[i]), q, v, s, mode=self.sol.mode(i) or trajectory.system.mode)
                 by_time = at.g_t, *(getattr(at.partials(), name) for name in ("r_t", "h_t", "Gv_t", "gamma_t"))
                 if any(x.any() for x in by_time):
                     raise InputError("forces or drivers depend on time: no derivative with respect to dt")

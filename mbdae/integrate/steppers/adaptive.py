@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...arguments import as_numbers
 from ...data_types import JsonObject
 from ...errors import InputError, StepError
-from ...mechanism.model_settings import as_numbers
 from ...methods.controller import PI, Control, Controller, error_norm, root_mean_squares
 from ...system import Array, Step, System
 from ...tolerances import AGREEMENT, EPS, ROUNDING, TINY
@@ -35,12 +35,12 @@ class Adaptive(PythonStepper):
         first_step: float | None,
         max_step: float,
         control: Control = PI,
-        steady: float = 1.0,
+        min_growth: float = 1.0,
     ) -> None:
         if not (isinstance(rtol, Real) and SMALLEST_RTOL <= float(rtol) < np.inf):
             raise InputError(f"rtol = {rtol!r} cannot be met: it must be a finite number, at least {SMALLEST_RTOL:.2g}")
         self.rtol, self.atol = rtol, _not_negative("atol", 0.01 * rtol if atol is None else atol)
-        self.controller, self.max_step = Controller(power, control, steady), max_step
+        self.controller, self.max_step = Controller(power, control, min_growth), max_step
         self.h: Any = first_step
         self.cap = np.inf  # limit of the next step near singular configurations
         self.reason = self._reason = ""  # failure of this and of the previous attempt

@@ -156,7 +156,7 @@ class NativeStepper(Stepper):
         if modes.in_core:
             if not self.passed_switches:
                 modes.set_switches(changes.core_switches or [])
-                modes.unswitched, self.passed_switches = changes.always.tolist(), True
+                modes.unswitched, self.passed_switches = changes.unswitched.tolist(), True
             modes_to_core(modes, changes, shortest_step(run))
         elif changes:
             max_steps = 1

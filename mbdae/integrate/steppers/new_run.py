@@ -5,9 +5,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
-from ...tolerances import AGREEMENT, COINCIDENT, TINY
+from ...tolerances import AGREEMENT, COINCIDENT, JUMP_MARGIN, TINY
 from ..events.core_modes import set_constants
-from ..events.jumps import MARGIN, MAX_CLUSTER
+from ..events.jumps import MAX_CLUSTER
 from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
 from ..events.singularity import ADJACENT_RATIO, MAX_RATIO_CHANGE, SINGULAR_RATIO
 from ..events.singularity_location import AHEAD, MONITORED_RATIO, NOTCH, SMALL, SUSPICIOUS_RATIO
@@ -36,7 +36,7 @@ def new_run(native: ModuleType, project: bool, adaptive: Adaptive | None, method
         c.rtol, c.atol = float(adaptive.rtol), adaptive.atol.ravel().tolist()
         c.power, c.exponent, c.last_exponent = pi.power, pi.exponent, pi.beta
         c.smallest_factor, c.largest_factor = pi.control.smallest, pi.control.largest
-        c.blend, c.steady = method.blend, pi.steady
+        c.blend, c.min_growth = method.blend, pi.min_growth
     return run
 
 
@@ -55,5 +55,5 @@ def _thresholds(native: ModuleType) -> "Run":
     c.safety, c.smallest_error, c.smallest_last = SAFETY, SMALLEST_ERROR, SMALLEST_LAST
     e.agreement, e.iterations = AGREEMENT, MAX_ITERATIONS
     e.spacings, e.step_tolerance = TIME_SPACINGS, RELATIVE_TOLERANCE
-    j.margin, j.max_cluster = MARGIN, MAX_CLUSTER
+    j.margin, j.max_cluster = JUMP_MARGIN, MAX_CLUSTER
     return r

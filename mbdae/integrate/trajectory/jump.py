@@ -31,7 +31,6 @@ from .native_trajectory import NativeStep
 if TYPE_CHECKING:
     from .trajectory import Trajectory
 
-COMMANDS = ("command", "speed step")  # guards of switches at known times
 LENGTHS = ("contact", "range boundary")  # guards that are lengths or angles
 
 
@@ -60,15 +59,15 @@ class ModeJumps:
     """Jumps of the changes of mode of a trajectory.
 
     Args:
-        trace: the trajectory.
+        trajectory: the trajectory.
     """
 
-    def __init__(self, trace: "Trajectory") -> None:
-        self.trace, self.system, self.sensitivity = trace, trace.system, trace.sensitivity
-        self.switches = trace.system.mechanism.switches
-        self.all_rows = AllRows(trace.system)
-        self.unswitched = unswitched_rows(self.switches, trace.system.ng)
-        self.first_nodes = [i for i, _ in trace.sol.modes]
+    def __init__(self, trajectory: "Trajectory") -> None:
+        self.trajectory, self.system, self.sensitivity = trajectory, trajectory.system, trajectory.sensitivity
+        self.switches = trajectory.system.mechanism.switches
+        self.all_rows = AllRows(trajectory.system)
+        self.unswitched = unswitched_rows(self.switches, trajectory.system.ng)
+        self.first_nodes = [i for i, _ in trajectory.sol.modes]
         self._known: dict[int, Jump] = {}
 
     def __getitem__(self, i: int) -> Jump:
@@ -82,11 +81,11 @@ class ModeJumps:
         return self._known[i]
 
     def _jump(self, i: int) -> Jump:
-        trace, t, ny = self.trace, float(self.trace.ts[i]), self.sensitivity.ny
-        trace.enter_node(i)
-        before, jumped = trace.ys[i], np.eye(ny, ny + self.sensitivity.k + 1)
-        if at_known_time := i == 0 or trace.ts[i + 1] != t:  # a simulator restarts at its start
-            t = float(trace.ts[i + 1])
+        trajectory, t, ny = self.trajectory, float(self.trajectory.ts[i]), self.sensitivity.ny
+        trajectory.enter_node(i)
+        before, jumped = trajectory.ys[i], np.eye(ny, ny + self.sensitivity.k + 1)
+        if at_known_time := i == 0 or trajectory.ts[i + 1] != t:  # a simulator restarts at its start
+            t = float(trajectory.ts[i + 1])
             jumped[:, :-1] = self.sensitivity.jump(t, before)
             before = self.system.jump(t, before)
         point = ModePoint(self.system, self.all_rows, t, before)
@@ -97,17 +96,18 @@ class ModeJumps:
         R = self._map(point, jumped)[1]
         if not varies:
             return self.projected(i, Jump(R[:, :-1], time))
-        trace.enter_node(i + 1)
-        after = self.system.derivative(t, trace.ys[i + 1])[0]
+        trajectory.enter_node(i + 1)
+        after = self.system.derivative(t, trajectory.ys[i + 1])[0]
         change = R[:, :ny] @ rates + R[:, -1] - after
         return self.projected(i, Jump(R[:, :-1] + np.outer(change, time), time))
 
     def projected(self, i: int, jump: Jump) -> Jump:
         """Return a jump with the projection in the mode after it."""
-        if not self.trace.project:
+        if not self.trajectory.project:
             return jump
-        self.trace.enter_node(i + 1)
-        P, ny = self.sensitivity.projection(float(self.trace.ts[i + 1]), self.trace.ys[i + 1]), self.sensitivity.ny
+        trajectory, ny = self.trajectory, self.sensitivity.ny
+        trajectory.enter_node(i + 1)
+        P = self.sensitivity.projection(float(trajectory.ts[i + 1]), trajectory.ys[i + 1])
         matrix = P[:, :ny] @ jump.matrix
         matrix[:, ny:] += P[:, ny:]
         return jump._replace(matrix=matrix)
@@ -117,13 +117,13 @@ class ModeJumps:
 
         They are with respect to (y, p), (ny, ny + k).
         """
-        self.enter_idle()
+        self.enter_idle_mode()
         found, R = self.impact(t, y, np.eye(self.sensitivity.ny, self.sensitivity.ny + self.sensitivity.k + 1))
-        self.trace.enter_node(0)
+        self.trajectory.enter_node(0)
         return found, R[:, :-1]
 
-    def enter_idle(self) -> None:
-        """Enter the idle mode, in which a point is a start."""
+    def enter_idle_mode(self) -> None:
+        """Enter the idle mode, in which no switch is active, as at a start."""
         self.system.enter((0,) * len(self.system.mode))
 
     def impact(self, t: float, y: Array, jumped: Array) -> tuple[Array, Array]:
@@ -151,7 +151,7 @@ class ModeJumps:
 
     def _recent(self, t: float) -> set[int]:
         """Return the switches with an impact within their rest time before t."""
-        last = {name: x.t for x in self.trace.sol.impacts if x.t < t for name in x.where}
+        last = {name: x.t for x in self.trajectory.sol.impacts if x.t < t for name in x.where}
         return {s.index for s in self.switches if t - last.get(s.name, -np.inf) < s.rest}
 
     def _rate_before(self, i: int) -> Array:
@@ -160,9 +160,9 @@ class ModeJumps:
         Friction that changes its sign with the normal force within that step has kinks, which y' does not show.
         """
         ny, k = self.sensitivity.ny, self.sensitivity.k
-        zeros = np.zeros((ny, 1)), np.zeros((self.trace.n_carry, 1)), np.zeros((k, 1))
-        rate = NativeStep(self.trace.core, i - 1).forward(*zeros, np.ones(1))[0][:, 0]
-        self.trace.enter_node(i)
+        zeros = np.zeros((ny, 1)), np.zeros((self.trajectory.n_carry, 1)), np.zeros((k, 1))
+        rate = NativeStep(self.trajectory.core, i - 1).forward(*zeros, np.ones(1))[0][:, 0]
+        self.trajectory.enter_node(i)
         return rate
 
     def _event(self, i: int, point: ModePoint, rates: Array) -> Array:
@@ -182,9 +182,9 @@ class ModeJumps:
     def _times(self, i: int, point: ModePoint, rates: Array) -> list[tuple[str, Array]]:
         """Return the guards that are zero at node i, and the derivatives of their times (ny + k,); empty if grazing."""
         m = max(k for k in self.first_nodes if k <= i)
-        first = ModePoint(self.system, self.all_rows, float(self.trace.ts[m]), self.trace.ys[m])
+        first = ModePoint(self.system, self.all_rows, float(self.trajectory.ts[m]), self.trajectory.ys[m])
         mode = self.system.mode
-        guards = [g for s in self.switches for g in s.guards(mode[s.index]) if g.kind not in COMMANDS]
+        guards = [g for s in self.switches for g in s.guards(mode[s.index]) if not g.is_commanded]
         for g in guards:
             g.value(first)
         partials = GuardPartials(self.sensitivity, first, point)
@@ -193,10 +193,10 @@ class ModeJumps:
 
     def _time(self, guard: Guard, i: int, partials: GuardPartials, rates: Array) -> Array | None:
         """Return the derivatives of the time at which a guard falls below zero, (ny + k,); None if it does not here."""
-        gradient, point, trace = partials.of(guard), partials.point, self.trace
+        gradient, point, trajectory = partials.of(guard), partials.point, self.trajectory
         terms = np.append(gradient[: self.sensitivity.ny] * rates, gradient[-1])
         total, size = float(terms.sum()), float(np.abs(terms).sum())
-        tolerance = SAME_STATE * float(trace.ts[i] - trace.ts[i - 1]) + trace.sol.jump_margin
+        tolerance = SAME_STATE * float(trajectory.ts[i] - trajectory.ts[i - 1]) + trajectory.sol.jump_margin
         if abs(guard.value(point)) > tolerance * size:
             return None
         if guard.kind in LENGTHS:  # compared with a characteristic speed, since all speeds may be small
@@ -212,12 +212,12 @@ class ModeJumps:
             InputError: just after an event, whose time varies.
         """
         first = i
-        while first > 0 and self.trace.jumped[first - 1]:
+        while first > 0 and self.trajectory.jumped[first - 1]:
             first -= 1
         if first == i:
             return i > 0
-        if first > 0 and self.trace.ts[first] == self.trace.ts[first + 1]:
-            raise InputError(f"the mode changes twice at t = {self.trace.ts[i]:.9g} s: no derivative of the run")
+        if first > 0 and self.trajectory.ts[first] == self.trajectory.ts[first + 1]:
+            raise InputError(f"the mode changes twice at t = {self.trajectory.ts[i]:.9g} s: no derivative of the run")
         return False
 
     def _require_one_time(self, point: ModePoint, found: list[tuple[str, Array]]) -> None:

@@ -86,15 +86,15 @@ class NativeTrajectory:
         self.parameters = self._of_mode[mode]
         return self.parameters
 
-    def segment_end(self, i: int, ends: bool = False) -> int:
+    def segment_end(self, i: int, exclude_last: bool = False) -> int:
         """Return the last node of the sequence of steps that starts at node i; i itself if there is no such step.
 
         Args:
             i: a node.
-            ends: whether to exclude the last step of the run, because its size varies.
+            exclude_last: whether to exclude the last step of the run, because its size varies.
         """
         length = self.trajectory.checkpoints.length if self.trajectory.checkpoints else STEPS_PER_CALL
-        last, j = min(len(self.trajectory.ts) - 1 - ends, (i // length + 1) * length), i
+        last, j = min(len(self.trajectory.ts) - 1 - exclude_last, (i // length + 1) * length), i
         while j < last and self.is_plain_step(j) and not (j > i and self.trajectory.restarted[j]):
             j += 1
         return j

@@ -64,7 +64,7 @@ class ResetJumps:
     def _map(self, reset: StateReset, t: float, y: Array) -> Array:
         """Return the derivatives of y after the event and its impacts by (y, p, t), (ny, ny + k + 1)."""
         trajectory, sensitivity = self.trajectory, self.trajectory.sensitivity
-        trajectory.jumps.enter_idle()
+        trajectory.jumps.enter_idle_mode()
         after, R = trajectory.jumps.impact(t, reset.closed(t, y), reset.closed_partials(sensitivity, t, y))
         return reset.with_work_partials(sensitivity, y, after, R)
 

@@ -11,8 +11,8 @@ from ...errors import InputError
 from ...system import Array
 from ...tolerances import AGREEMENT, TRUNCATION
 from ..closures.closure_error import largest_error
-from ..closures.independent_rows import MANY_ROWS
-from ..tree.tree_terms import missing_inertia, sparse_inertia, update_inertia
+from ..closures.independent_rows import MANY_ROWS, mass_scaled
+from ..tree.tree_terms import missing_inertia, sparse_inertia, symmetric, update_inertia
 from .flipped_frames import divide_rows
 from .position_search import assembly_error, sparse_least_squares
 
@@ -58,8 +58,7 @@ class ClosedVelocities:
         if many:
             M: Any = sparse_inertia(system.model, system.workspace, self.q)[:, self.free][self.free]
         else:
-            M = update_inertia(system.model, system.workspace, self.q)
-            M = (np.triu(M) + np.triu(M, 1).T)[np.ix_(self.free, self.free)]
+            M = symmetric(update_inertia(system.model, system.workspace, self.q))[np.ix_(self.free, self.free)]
         if not (many and _has_positive_pivots(M)):
             U, info = dpotrf(M.toarray() if many else M, lower=0)
             if info:
@@ -71,7 +70,7 @@ class ClosedVelocities:
             scaled = G.copy()
             divide_rows(scaled, self.rows)
             return partial(sparse_least_squares, scaled, mu=0.0, M=M)  # which can be pickled
-        root = np.linalg.solve(U.T, (G / self.rows[:, None]).T).T  # G M^{-1/2}
+        root = mass_scaled(U, G / self.rows[:, None]).T
         return np.linalg.solve(U, np.linalg.pinv(root, rcond=TRUNCATION)).dot
 
 

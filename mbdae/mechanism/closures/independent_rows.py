@@ -51,6 +51,13 @@ def elimination_order(constraints: "Constraints") -> np.ndarray:
     return min(given, reordered, key=lambda position: np.abs(position[i] - position[j]).max())
 
 
+def mass_scaled(U: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """Return M^{-1/2} G^T, (nv, m), for rows G (m, nv) and M = U^T U."""
+    if not G.size:  # which LAPACK rejects
+        return G.T
+    return dgesv(U.T, G.T)[2]  # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
+
+
 def pivots(B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the column order (m,) and |diag R| (min(nv, m),), decreasing, of the pivoted QR of B (nv, m)."""
     qr, order, *_ = dgeqp3(B)
@@ -193,7 +200,7 @@ class SelectionTrigger:
             rows: the rows in use, (r,).
         """
         if self.many and 0 < len(rows) < len(G):
-            B, w = dgesv(U.T, G.T)[2], random_probe(len(U))
+            B, w = mass_scaled(U, G), random_probe(len(U))
             used = B[:, rows]
             w = w - used @ dgesv(used.T @ used, used.T @ w)[2]
             rest = np.delete(B, rows, axis=1).T @ w
@@ -224,7 +231,7 @@ def all_multipliers(U: np.ndarray, G: np.ndarray, rows: np.ndarray, lam: np.ndar
     out = np.zeros((*lam.shape[:-1], len(G)))
     if not len(rows):
         return out
-    B, others = dgesv(U.T, G.T)[2], np.ones(len(G), bool)
+    B, others = mass_scaled(U, G), np.ones(len(G), bool)
     others[rows] = False
     used = B.take(rows, 1).T
     lu, _, C, info = dgesv(used.dot(used.T), used.dot(B[:, others]))  # its transpose, (r, ng - r)

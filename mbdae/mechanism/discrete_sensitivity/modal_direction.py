@@ -35,7 +35,7 @@ def modal_rates(p: "Parameter") -> dict[int, ModalBody]:
     out = {}
     for i, body in enumerate(bodies):
         here = _shapes(body.modal)
-        if any(not np.array_equal(here, _shapes(_modal(m, i))) for m in p.first):
+        if any(not np.array_equal(here, _shapes(_modal(m, i))) for m in p.trials):
             text = f"parameter {p.name!r} changes the shapes of modes of {body.name!r}: no derivative"
             raise InputError(f"{text}; those of young, density, damping, and of a section without shear exist")
         rates: dict[str, Any] = {x: p.rate(lambda m, i=i, x=x: _modal(m, i).array(x)) for x in INERTIA}  # type: ignore[misc]
@@ -50,7 +50,7 @@ def changes_elasticity(p: "Parameter") -> bool:
     return any(
         not np.array_equal(pair, (_modal(m, i).stiffness, _modal(m, i).damping))
         for i, pair in enumerate(here)
-        for m in p.first
+        for m in p.trials
     )
 
 

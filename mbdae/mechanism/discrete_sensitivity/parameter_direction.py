@@ -15,7 +15,7 @@ from ..closures.constraints import Constraints
 from ..forces import bind_forces
 from ..formulations.index2 import Index2System
 from .modal_direction import changes_elasticity, modal_rates
-from .perturbed_mechanisms import FIRST, PerturbedMechanisms, feasible_stencil
+from .perturbed_mechanisms import TRIAL_POINTS, PerturbedMechanisms, feasible_stencil
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -64,32 +64,32 @@ class Parameter:
         for i in self.forces:
             self._check_times(*self._forces(i))
         for i in self.specs:
-            self._check_times(*(m.constraints[i] for m in (mech, *self.first)))
+            self._check_times(*(m.constraints[i] for m in (mech, *self.trials)))
 
     def write(self, mech: "Mechanism", make: Callable[[float], "Mechanism"]) -> None:
         """Use it in a mechanism with other values of the parameters, where its directions are the same."""
         _ = self.keeps_start, self.keeps_states  # for all values
         self.mech, self.make = mech, cache(make)
-        vars(self).pop("first", None)
+        vars(self).pop("trials", None)
         self.use_width(self.h)
 
     @cached_property
-    def first(self) -> list["Mechanism"]:
-        """Three mechanisms with it changed."""
-        return [self.perturbed_mechanisms(self.width)[k] for k in FIRST[self.stencil]]
+    def trials(self) -> list["Mechanism"]:
+        """Three mechanisms with it changed, at `TRIAL_POINTS`."""
+        return [self.perturbed_mechanisms(self.width)[k] for k in TRIAL_POINTS[self.stencil]]
 
     def _require_same_structure(self) -> None:
         """Reject changes of joints, of frames and of the states of forces."""
         mech, name = self.mech, self.name
         names, joints = _structure(mech.model)
-        for other in (m.model for m in self.first):
+        for other in (m.model for m in self.trials):
             other_names, other_joints = _structure(other)
             if other_names != names or (other.damping != mech.model.damping).any():
                 raise InputError(f"parameter {name!r} changes joints, frames or their damping: it has no derivative")
             if other_joints != joints:
                 text = "changes the axis of a joint: there is no derivative; change the placement of the joint instead"
                 raise InputError(f"parameter {name!r} {text}")
-        if any(list(m.states) != list(mech.states) for m in self.first):
+        if any(list(m.states) != list(mech.states) for m in self.trials):
             raise InputError(f"parameter {name!r} changes which states forces have: it has no derivative there")
 
     def _require_same_sampling(self) -> None:
@@ -101,7 +101,7 @@ class Parameter:
                 raise InputError(f"parameter {self.name!r} moves the instants of {name!r}: no derivative")
 
     def _forces(self, i: int) -> list[Any]:
-        return [m.forces[i] for m in (self.mech, *self.first)]
+        return [m.forces[i] for m in (self.mech, *self.trials)]
 
     def use_width(self, h: float) -> None:
         """Use differences of this width."""
@@ -126,12 +126,12 @@ class Parameter:
         """Whether the assembled start does not depend on it: it changes gravity, or laws of forces, alone."""
         moves = self.inertias or self.modal or self.placements or self.frames or self.specs or self.armature.any()
         mech = self.mech
-        return not moves and all((m.start_values, m.states) == (mech.start_values, mech.states) for m in self.first)
+        return not moves and all((m.start_values, m.states) == (mech.start_values, mech.states) for m in self.trials)
 
     @cached_property
     def keeps_states(self) -> bool:
         """Whether the start values of states do not depend on it."""
-        return all(m.states == self.mech.states for m in self.first)
+        return all(m.states == self.mech.states for m in self.trials)
 
     def _check_times(self, spec: Any, *perturbed: Any) -> None:
         """Reject changes of times at which a function jumps; if other knots change, use a smaller width."""
@@ -142,9 +142,9 @@ class Parameter:
 
     def changed_items(self, items: Sequence[object], items_of: Callable[["Mechanism"], Sequence[Any]]) -> list[int]:
         """Return the indices of the forces, or of the closures and drivers, that the parameter changes."""
-        if any(len(items_of(m)) != len(items) for m in self.first):
+        if any(len(items_of(m)) != len(items) for m in self.trials):
             raise InputError(f"parameter {self.name!r} changes the number of forces or closures")
-        return [i for i, x in enumerate(items) if any(items_of(m)[i] != x for m in self.first)]
+        return [i for i, x in enumerate(items) if any(items_of(m)[i] != x for m in self.trials)]
 
     def quotient(self, values: Mapping[int, Array]) -> Array:
         """Return the sixth-order difference of values at k h; exactly zero if they do not change."""
@@ -152,7 +152,7 @@ class Parameter:
 
     def rate(self, value: Callable[["Mechanism"], Array]) -> Array:
         """Return the derivative of a component of a mechanism; from three values if these are exact."""
-        (a, b, c), here = (value(m) for m in self.first), value(self.mech)
+        (a, b, c), here = (value(m) for m in self.trials), value(self.mech)
         size = np.abs(here) + np.abs(b) + np.abs(c)
         if not self.side and (np.abs(2 * c - 9 * b + 8 * here - a) <= SUM_ROUNDING * size).all():
             return np.array((c - a) / (6 * self.h))

@@ -10,7 +10,8 @@ from ...finite_differences import ABOVE, BELOW, MAX_REDUCTIONS, REDUCTION, STENC
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-FIRST = {STENCIL: (-3, 1, 3), ABOVE: (2, 4, 6), BELOW: (-2, -4, -6)}  # times h: with 0 they detect degree 2
+# k of the mechanisms k h that must exist; with k = 0 they show whether values are quadratic in the parameter
+TRIAL_POINTS = {STENCIL: (-3, 1, 3), ABOVE: (2, 4, 6), BELOW: (-2, -4, -6)}
 
 
 class PerturbedMechanisms(Mapping[int, "Mechanism"]):
@@ -55,9 +56,9 @@ def feasible_stencil(make: Callable[[float], "Mechanism"], h: float) -> tuple[fl
         The width, and the stencil, see `mbdae.finite_differences.central_difference`; the given width and the two-sided
         stencil if mechanisms exist on neither side.
     """
-    for stencil, first in FIRST.items():
+    for stencil, points in TRIAL_POINTS.items():
         for i in range(MAX_REDUCTIONS):
             with suppress(InputError):
-                _ = [make(k * h / REDUCTION**i) for k in first]
+                _ = [make(k * h / REDUCTION**i) for k in points]
                 return h / REDUCTION**i, stencil
     return h, STENCIL

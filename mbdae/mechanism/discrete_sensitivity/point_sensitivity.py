@@ -115,7 +115,7 @@ class PointSensitivity(AccelerationSensitivity):
         free_q, free_v = np.setdiff1d(every, fixed_q), np.setdiff1d(every, fixed_v)
         determined = assembled and all(_determine_all(A) for A in (G[np.ix_(positional, free_q)], G[:, free_v]))
         for i, p in enumerate(self.parameters.all):
-            if p.keeps_start or (determined and all(m.start_values == mech.start_values for m in p.first)):
+            if p.keeps_start or (determined and all(m.start_values == mech.start_values for m in p.trials)):
                 continue  # or closures and fixed coordinates determine all
             try:
                 out[:, i] = self._start_quotient(p, t, base)

@@ -13,7 +13,7 @@ from ...tolerances import HALF_DIGITS
 from ..forces import is_custom
 from ..tree.frames import frame_placement
 from ..tree.pinocchio_data import make_data
-from ..tree.tree_terms import bias, update_inertia, update_motions
+from ..tree.tree_terms import bias, symmetric, update_inertia, update_motions
 from .characteristic_length import characteristic_length, coordinate_scales, q_scales, row_scales
 from .characteristic_rate import characteristic_rate
 from .equations_at_point import EquationsAtPoint
@@ -149,8 +149,7 @@ class DynamicsTerms:
             InputError: for a q of another length, or off the manifold.
         """
         data = make_data(self.model)
-        update_inertia(self.model, data, self.configuration(q))
-        return np.triu(data.M) + np.triu(data.M, 1).T
+        return symmetric(update_inertia(self.model, data, self.configuration(q)))
 
     def bias(self: Self_, q: Array, v: Array) -> Array:
         """Return nle(q, v), Coriolis, centrifugal and gravity terms, (nv,), in N m and N.

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
+from ...arguments import number
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import RANK, VISIBLE
@@ -19,7 +20,6 @@ from ..discrete_sensitivity.acceleration_sensitivity import AccelerationSensitiv
 from ..discrete_sensitivity.parameter_partials import Parameters
 from ..formulations.equation_partials import equation_partials, gamma_partials, rate_partials, time_partials
 from ..hybrid.switches import Mode
-from ..model_settings import number
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System

@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...arguments import number
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import CLOSED, EPS, TRUNCATION
 from ..formulations.equation_partials import rate_partials
 from ..formulations.index2 import Index2System
-from ..model_settings import number
 
 ITERATIONS = 10
 HALVINGS = 12  # of the way from the last point, until Newton's iteration converges

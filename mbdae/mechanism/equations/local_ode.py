@@ -156,8 +156,8 @@ def _ode_system(inputs: Inputs, native: ModuleType | None) -> Index2System:
     return system
 
 
-def most_coordinates(mechanism: "Mechanism") -> int:
-    """Return the number of local coordinates at the start; with modes, where all contacts and joints are released.
+def max_coordinates(mechanism: "Mechanism") -> int:
+    """Return the number of local coordinates at the start; with modes, that of the idle mode, the largest.
 
     Raises:
         InputError: for an input whose rate acts, or sampled controllers.

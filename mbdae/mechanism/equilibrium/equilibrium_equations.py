@@ -25,7 +25,7 @@ from ..formulations.equation_partials import equation_partials
 from ..hybrid.kinds.unilateral import Unilateral
 from ..hybrid.switches import Mode
 from ..tree.tree_terms import bias, update_motions, update_poses
-from .null_space import NullSpace, close_loops, constraint_null_space
+from .null_space import NullSpace, constraint_null_space, project_configuration
 from .spectrum import null_space
 from .term_sizes import TermSizes
 
@@ -66,8 +66,8 @@ class ForceBalance(NamedTuple):
     terms: Array
 
     @property
-    def shared(self) -> Array:
-        """Whether the motion leaves a holding force open, (m,), since its row depends on others."""
+    def indeterminate(self) -> Array:
+        """Whether a holding force is statically indeterminate, (m,): its row depends on others."""
         first = len(self.lam)
         return (np.abs(self.free.dependent[first : first + len(self.holding)]) > VISIBLE).any(axis=1)
 
@@ -87,7 +87,7 @@ class Statics:
         v: constant velocities of locked coordinates, (nv,).
         locked: velocity indices of the locked coordinates.
         loads: names of scaled forces, or ``"gravity"``.
-        mode: the mode, whose closed contacts carry load. Clutches and stiction are ignored, with a warning.
+        mode: the mode, whose closed contacts are active. Clutches and stiction are ignored, with a warning.
 
     Raises:
         UnknownNameError: for a force that does not exist.
@@ -169,14 +169,14 @@ class Statics:
         rho = np.abs(here.rho)
         return float(np.divide(rho, self.term_sizes(here), out=np.zeros_like(rho), where=rho > 0).max(initial=0.0))
 
-    def close(self, q: Array, s: Array) -> Array:
-        """Return the configuration near q that closes all loops and satisfies integrators; locked coordinates stay.
+    def project(self, q: Array, s: Array) -> Array:
+        """Project a configuration onto 0 = g and the conditions of integrators; locked coordinates keep their values.
 
         Raises:
             StepError: if loops cannot be closed.
         """
         more = (lambda x: self.integrator_conditions(x, s)) if self.system.ns else None
-        return close_loops(self.system, self.t, q, more, locked=self.locked)
+        return project_configuration(self.system, self.t, q, more, locked=self.locked)
 
     def load(self, q: Array) -> Array:
         """Return the scaled forces, (nv,); positions and velocities must be current."""

@@ -78,7 +78,7 @@ def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) 
         empty = np.empty((0, 0))
         return NullSpace(U, empty, np.empty(0), np.empty((nv, 0)), dgesv(U, np.eye(nv))[2], empty, scale)
     rows = G / scale[:, None]
-    P, S, Vt = np.linalg.svd(dgesv(U.T, rows.T)[2].T)
+    P, S, Vt = np.linalg.svd(independent_rows.mass_scaled(U, rows).T)
     r = int((S[0] * RANK < S).sum())
     if r < min(G.shape):  # light bodies among heavy ones
         r = max(r, independent_rows.geometric_rank(rows * coordinates))
@@ -86,10 +86,10 @@ def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) 
     return NullSpace(U, P[:, :r], S[:r], Vt[:r].T, dgesv(U, Vt[r:].T)[2], dependent, scale)
 
 
-def close_loops(
+def project_configuration(
     system: "Index2System", t: float, q: Array, more: ResidualFunction | None = None, *, locked: Array = NO_INDICES
 ) -> Array:
-    """Return the configuration (nq,) near q that closes all loops and satisfies further rows, to rounding.
+    """Project a configuration onto 0 = g and further rows, to rounding; return it, (nq,).
 
     Gauss-Newton steps have the smallest norm in rad and characteristic lengths; a step shortened by a factor is taken
     if it reduces the residual by at least half of that factor. Coordinates with the velocity indices ``locked`` keep

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
+from ...callbacks import call_with_views, checked_value, function_name
 from ...errors import InputError
-from ..callbacks import call_with_views, checked_value, function_name
 from .force import Array, CoreData, ForceElement, PythonForce, start_values
-from .python_law_partials import law_partials, law_time_partials
+from .python_law_partials import law_partials, law_time_partials, python_core_data
 
 StateFunction = Callable[[float, Array, Array, Array], Array]
 
@@ -78,5 +78,4 @@ class ActuatorElement(ForceElement):
         return law_partials(law, self.spec.partials, f"actuator {self.name!r}", self.model, t, q, v, s)
 
     def core_data(self) -> CoreData:
-        law: CoreData = {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}
-        return law | {"partials": self.partials, "time_rate": self.time_partials}
+        return python_core_data(self)

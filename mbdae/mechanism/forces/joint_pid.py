@@ -60,7 +60,7 @@ class JointPID(Force):
         return {"r": "q" if self.controls == "position" else "q/s"}
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
-        what = f"joint_pid {self.name!r} of {self.controls}"
+        what = f"joint_pid {self.name!r} that controls the {self.controls}"
         if self.controls == "position":
             j = single_coordinate_joints(model, self.joint, what)[0]
             i, x, ix, core_index = j.idx_v, "q", j.idx_q, j.idx_q
@@ -84,7 +84,7 @@ class JointPID(Force):
     def _sampled(self, ix: int, iv: int, period: float) -> Sample:
         def sample(t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
             e = self.reference.at(t) - float((q if self.controls == "position" else v)[ix])
-            damping = self.kd and self.kd * (self.reference.at(t, 1) - float(v[iv]))
-            return np.array([self.kp * e + damping + self.ki * s.sum()]), s + e * period
+            derivative = self.kd and self.kd * (self.reference.at(t, 1) - float(v[iv]))
+            return np.array([self.kp * e + derivative + self.ki * s.sum()]), s + e * period
 
         return sample

@@ -1,4 +1,4 @@
-"""Partial derivatives of force laws in Python: functions of the user, or central differences."""
+"""Force laws in Python for the core; their partial derivatives: functions of the user, or central differences."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ..callbacks import call_with_views, checked_value
-from .force import Array
+from ...callbacks import call_with_views, checked_value
+from .force import Array, CoreData, ForceElement
 
 WIDTH = 6e-6
 """Half width of the central differences, absolute in q and t, relative to 1 + |x| in v and s: eps^(1/3).
@@ -15,6 +15,12 @@ WIDTH = 6e-6
 Their error is about 4e-11 |f'''|."""
 
 LawFunction = Callable[[Array, Array, Array], Array]
+
+
+def python_core_data(element: ForceElement) -> CoreData:
+    """Return the core data of a law in Python: the core calls its functions."""
+    law: CoreData = {"kind": "python", "call": lambda *point: element.evaluate(*point)[1:]}
+    return law | {"partials": element.partials, "time_rate": element.time_partials}
 
 
 def law_time_partials(law: Callable[[float], Array], t: float, v: Array) -> Array:

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from ...callbacks import call_with_views, checked_value, function_name
 from ...errors import InputError, StepError, as_list
 from ...tolerances import INPUT_DIGITS
-from ..callbacks import call_with_views, checked_value, function_name
 from ..time_functions.time_functions import TimeFunction
 from ..tree.frames import find_joints, joint_names
 from .force import Array, CoreData, PythonForce, distinct_joints, start_values

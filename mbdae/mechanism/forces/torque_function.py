@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import pinocchio as pin
 
-from ..callbacks import call_with_views, checked_value, function_name
+from ...callbacks import call_with_views, checked_value, function_name
 from .force import Array, CoreData, ForceElement
-from .python_law_partials import law_partials, law_time_partials
+from .python_law_partials import law_partials, law_time_partials, python_core_data
 
 TorqueFunction = Callable[[float, Array, Array], Array]
 
@@ -35,5 +35,4 @@ class TorqueElement(ForceElement):
         return law_time_partials(lambda t: self.torque(t, q, v)[1], t, v)
 
     def core_data(self) -> CoreData:
-        law: CoreData = {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}
-        return law | {"partials": self.partials, "time_rate": self.time_partials}
+        return python_core_data(self)

@@ -84,6 +84,6 @@ class WrenchElement(PairElement):
 
     def core_data(self) -> CoreData:
         s = self.spec
-        flags = {"rotating": s.axes == "frame", "steady": self.has_potential}
+        flags = {"rotating": s.axes == "frame", "has_potential": self.has_potential}
         signals = [x.core_data() for x in (*s.force, *s.torque)]
         return {"kind": "wrench", "frames": self.pair, **flags, "signals": signals}

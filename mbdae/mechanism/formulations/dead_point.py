@@ -8,6 +8,7 @@ from scipy.linalg.lapack import dgesv
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import AMBIGUOUS_PIVOT, INPUT_DIGITS, NEGLIGIBLE, THREE_DIGITS
+from ..closures.independent_rows import mass_scaled
 
 if TYPE_CHECKING:
     from .index2 import Index2System
@@ -64,5 +65,6 @@ def require_no_dead_point(system: "Index2System", t: float, y: Array, sign: floa
 def _decomposition(system: "Index2System", t: float, q: Array, rows: list[int]) -> tuple[Array, Array, Array, Array]:
     """Return U of M = U^T U, and the singular value decomposition of scaled rows: w in rows, sigma, n in columns."""
     U, G = system.inertia(t, q), system.jacobian()[rows]
-    N, sigma, W = np.linalg.svd(dgesv(U.T, (G / system.mechanism.row_scales[rows, None]).T)[2], full_matrices=False)
+    B = mass_scaled(U, G / system.mechanism.row_scales[rows, None])
+    N, sigma, W = np.linalg.svd(B, full_matrices=False)
     return U, W, sigma, N

@@ -58,7 +58,7 @@ class GGLSystem(Index2System):
         if len(self.positional_rows) == self.ng:
             return rows
         U, G = self.point(t, self.split(y)[0])
-        order, diagonal = independent_rows.pivots(dgesv(U.T, G[self.positional_rows].T)[2])
+        order, diagonal = independent_rows.pivots(independent_rows.mass_scaled(U, G[self.positional_rows]))
         if self.position_rank is None:
             self.position_rank = independent_rows.rank(diagonal)
         return np.sort(self.positional_rows[order[: self.position_rank]])

@@ -296,8 +296,8 @@ class Index2System(PinocchioData, RunVariables, System):
             size[-1] += self.energy(*self.split(y))[0]
         return size
 
-    def noise(self, y: Array, share: float) -> Array:
+    def noise(self, y: Array, relative: float) -> Array:
         out = np.zeros(self.ny)
         if self.ng:
-            out[self.nv : 2 * self.nv] = share * np.abs(self.split(y)[1]).max()
+            out[self.nv : 2 * self.nv] = relative * np.abs(self.split(y)[1]).max()
         return out

@@ -10,7 +10,7 @@ from ..flexible.partials import inertial_partials
 from ..tree.expanded_tree import expand
 from ..tree.frames import motion_cross, wrench_matrix
 from ..tree.pinocchio_data import make_data
-from ..tree.tree_terms import copied, flexible_bodies, update_inertia
+from ..tree.tree_terms import copied, flexible_bodies, symmetric, update_inertia
 
 MAX_PINOCCHIO_NV = 100
 """Degrees of freedom up to which Pinocchio's derivatives are used: their workspace has nv^3 numbers, up to 40 MB."""
@@ -42,10 +42,10 @@ class InertialForces:
         if self._flexible is None:
             return M, by_q, by_v
         data, base = self._flexible, -self.compact.gravity.vector
-        U = np.triu(update_inertia(self.compact, data, q))
+        M = symmetric(update_inertia(self.compact, data, q))
         parts = np.repeat(np.arange(self.model.njoints), self.model.nvs)
         more = [inertial_partials(body, data, parts, q, v, vdot, base) for body in data.flexible]
-        return U + np.triu(U, 1).T, by_q + sum(x for x, _ in more), by_v + sum(x for _, x in more)
+        return M, by_q + sum(x for x, _ in more), by_v + sum(x for _, x in more)
 
     @cached_property
     def _flexible(self) -> pin.Data | None:

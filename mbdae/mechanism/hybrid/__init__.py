@@ -11,7 +11,7 @@ Each kind of switch is a class in a file of this folder, which is discovered. It
 * ``active_rows(state)``: the active rows;
 * ``guards(state)``: guard functions, positive as long as the state lasts; their zeros are located by shorter steps;
 * ``impact_rows(point, state, tolerance)``: the rows that take part in an impact, and their law (`impact_law`);
-* ``load_candidates(point, state, tolerance)``: the rows that may carry load after an event, and bounds of their
+* ``candidate_rows(point, state, tolerance)``: the rows that may become active after an event, and bounds of their
   multipliers (`box_lcp`, Gauss's principle);
 * ``next_state(...)``: the state that follows from the selected multipliers and accelerations.
 

@@ -13,9 +13,10 @@ import numpy as np
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import MODE_ROUNDING, SOLUTION_ROUNDING, TRUNCATION, ZERO_SPEED
+from ..closures.independent_rows import mass_scaled
 from .friction_lcp import FrictionBound, solve_friction_lcp
 from .impact_law import project_out
-from .switch import LoadCandidate
+from .switch import CandidateRow
 from .switches import error_with_names
 from .undecided_rows import LoadsAfterStep, rows_that_stay_active
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from .switches import Mode
 
 
-Candidates = dict[int, tuple[LoadCandidate, ...]]  # by index of the switch
+Candidates = dict[int, tuple[CandidateRow, ...]]  # by index of the switch
 
 
 def select_mode(point: "ModePoint", unswitched: Array, separated: set[int], loads_after_step: LoadsAfterStep) -> "Mode":
@@ -62,7 +63,7 @@ class _ActiveSet:
         self.point, self.unswitched, self.switches = point, unswitched, point.system.mechanism.switches
         self.mode, self.remaining = list(point.system.mode), Candidates()
         for s in self.switches:
-            candidates = s.load_candidates(point, self.mode[s.index], SOLUTION_ROUNDING)
+            candidates = s.candidate_rows(point, self.mode[s.index], SOLUTION_ROUNDING)
             if candidates and s.is_at_rest(point, candidates[0].row):
                 self.remaining[s.index] = candidates
         for s in self.switches:
@@ -122,26 +123,26 @@ class _ActiveSet:
             for i, x in undecided.items():
                 self._next_state(i, (x,), i in active)
 
-    def _next_state(self, i: int, candidates: tuple[LoadCandidate, ...], active: bool) -> None:
+    def _next_state(self, i: int, candidates: tuple[CandidateRow, ...], active: bool) -> None:
         lam, rates = [self.lam[c.row] for c in candidates], [self.rates[c.row] for c in candidates]
         self.mode[i] = self.switches[i].next_state(self.point, lam, rates, active)
 
-    def _is_undecided(self, c: LoadCandidate) -> bool:
+    def _is_undecided(self, c: CandidateRow) -> bool:
         """Return whether a row is neither active nor separates, to the rounding of the forces at the point."""
         point, row = self.point, self.point.G[c.row]
-        direction = np.linalg.solve(np.triu(point.system.inertia(point.t, point.q)).T, row)
+        direction = mass_scaled(point.system.inertia(point.t, point.q), row[None])[:, 0]
         error = point.rounding / (float(np.abs(row).max()) or 1.0) * float(direction @ direction)  # of accelerations
         smallest = ZERO_SPEED / SOLUTION_ROUNDING * error
         zero = max(MODE_ROUNDING * self.largest, point.rounding)
         return bool(abs(self.lam[c.row]) <= zero and abs(self.rates[c.row]) <= smallest)
 
-    def _is_active(self, c: LoadCandidate) -> bool:
+    def _is_active(self, c: CandidateRow) -> bool:
         if c.is_bounded:  # some redundant rows may be at a limit while all of them stick
             return bool(abs(self.rates[c.row]) <= ZERO_SPEED * self.scale[c.row])
         margin = MODE_ROUNDING * self.largest
         return bool(c.lower + margin < self.lam[c.row] < c.upper - margin)
 
-    def _approaches(self, c: LoadCandidate) -> bool:
+    def _approaches(self, c: CandidateRow) -> bool:
         inward = -self.rates[c.row] if np.isfinite(c.lower) else self.rates[c.row]
         mech = self.point.system.mechanism
         largest = mech.characteristic_rate**2 + float(np.abs(self.rates / mech.row_scales).max())
@@ -185,7 +186,7 @@ class _ActiveSet:
     def _mass_metric(self, base: "Mode") -> tuple[Array, Array]:
         """Return M^-1/2 G^T (nv, ng), and an orthonormal basis of its columns of active rows, (nv, r)."""
         point = self.point
-        B = np.linalg.solve(np.triu(point.system.inertia(point.t, point.q)).T, point.G.T)
+        B = mass_scaled(point.system.inertia(point.t, point.q), point.G)
         switched = {row for s, state in zip(self.switches, base, strict=True) for row in s.active_rows(state)}
         kept = np.array([*self.unswitched, *sorted(switched)], int)
         if not len(kept):
@@ -194,7 +195,7 @@ class _ActiveSet:
         return B, left[:, sizes > TRUNCATION * sizes[:1]]
 
 
-def _releases(candidates: tuple[LoadCandidate, ...]) -> bool:
+def _releases(candidates: tuple[CandidateRow, ...]) -> bool:
     """Return whether the release of rows outside of their bounds changes the load of others."""
     return len(candidates) > 1 or candidates[0].is_bounded
 

@@ -2,7 +2,7 @@
 
     minimise  lam W lam/2 + lam c,   lower <= lam <= upper,   W = S A S^T,  c = S a + gamma_S
 
-S are the rows that may carry load, a the accelerations without them, A = M^-1 projected onto the null space of the
+S are the rows that may become active, a the accelerations without them, A = M^-1 projected onto the null space of the
 active rows. Rows with a multiplier between its bounds do not accelerate; rows at a bound accelerate with the sign that
 the bound allows.
 

@@ -8,13 +8,13 @@ import numpy as np
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import EVALUATION_ROUNDING, MODE_ROUNDING, SOLUTION_ROUNDING, VISIBLE
+from ..closures.independent_rows import mass_scaled
 from .impact_law import FrictionRow, ImpactSolution, ImpactStage, solve_impact
 from .switch import ImpactRow
 from .switches import error_with_names
 
 if TYPE_CHECKING:
     from .mode_point import ModePoint
-
 
 
 class Impact(NamedTuple):
@@ -166,7 +166,7 @@ class _ImpactProblem:
         G, g_t = point.values[1] / self.scales[:, None], point.values[2] / self.scales
         first = {i: k for k, (i, _) in reversed(list(enumerate(contacts)))}
         friction = [FrictionRow(first[i], G[s.row], float(g_t[s.row]), s.friction) for i, s in self.frictional]
-        U, closing = np.triu(point.system.inertia(point.t, point.q)), (signs[:, None] * G[rows], signs * g_t[rows])
+        U, closing = point.system.inertia(point.t, point.q), (signs[:, None] * G[rows], signs * g_t[rows])
         try:
             return solve_impact(U, G[bilateral], g_t[bilateral], *closing, e, point.v, friction, point.speed)
         except StepError as reason:
@@ -197,8 +197,8 @@ class _ImpactProblem:
         An impulse is rounding relative to the largest one, or if it alone changes its rate by rounding of the speeds.
         """
         system, G = self.point.system, self.point.values[1][rows] / self.scales[rows, None]
-        U = np.triu(system.inertia(self.point.t, self.point.q))
-        changes = p * np.square(np.linalg.solve(U.T, G.T)).sum(axis=0)
+        B = mass_scaled(system.inertia(self.point.t, self.point.q), G)
+        changes = p * np.square(B).sum(axis=0)
         return (changes > EVALUATION_ROUNDING * self.point.speed) & (p > MODE_ROUNDING * p.max(initial=0.0))
 
     def _velocities_jump(self, recent: set[int]) -> bool:

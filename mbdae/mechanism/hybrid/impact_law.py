@@ -23,6 +23,7 @@ from ...discovery import lazy_import
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import HALF_DIGITS, MODE_ROUNDING, SOLUTION_ROUNDING, TRUNCATION, VISIBLE
+from ..closures.independent_rows import mass_scaled
 from .friction_lcp import FrictionBound, solve_friction_lcp
 
 nnls = lazy_import("scipy.optimize", "nnls")
@@ -145,9 +146,7 @@ class _Impact:
         self, U: Array, bilateral: Array, b: Array, rows: Array, v: Array, friction: Sequence[FrictionRow], speed: float
     ) -> None:
         tangents = np.array([x.row for x in friction])
-        self.BG, self.BU, self.BT = (
-            np.linalg.solve(U.T, X.T) if len(X) else np.zeros((len(v), 0)) for X in (bilateral, rows, tangents)
-        )
+        self.BG, self.BU, self.BT = (mass_scaled(U, X.reshape(-1, len(v))) for X in (bilateral, rows, tangents))
         self.b, self.frictional = b, friction
         self.Q, self.pinv = _range(self.BG)
         self.rest_speed, self.speed = MODE_ROUNDING * speed, speed

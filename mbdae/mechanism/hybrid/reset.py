@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
+from ...callbacks import call_with_views, checked_value, function_name
 from ...discovery import lazy_import
 from ...errors import InputError, StepError, UnknownNameError
 from ...finite_differences import numerical_derivative, numerical_jacobian
 from ...system import Array
 from ...tolerances import EPS, SUM_ROUNDING, VISIBLE
-from ..callbacks import call_with_views, checked_value, function_name
 from ..checked_table import Table
 from ..key_units import Coordinates
 from .state_expressions import Expression, state_columns

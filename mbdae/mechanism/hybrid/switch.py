@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 PointFunction = Callable[["ModePoint"], float]
 LoadFunction = Callable[["ModePoint"], "float | Array"]
+COMMANDS = ("command", "speed step")  # kinds of guards that jump, at known times
 ACTIVE_STATE = 1  # state in which closed, locked, engaged or stuck rows are active
 
 
@@ -44,6 +45,11 @@ class Guard(NamedTuple):
     load: "LoadFunction | None" = None
     max_step: PointFunction | None = None
 
+    @property
+    def is_commanded(self) -> bool:
+        """Whether the guard jumps, at known times."""
+        return self.kind in COMMANDS
+
 
 class ImpactRow(NamedTuple):
     """A row that takes part in an impact.
@@ -61,8 +67,8 @@ class ImpactRow(NamedTuple):
     friction: float = np.nan
 
 
-class LoadCandidate(NamedTuple):
-    """A row that may carry load.
+class CandidateRow(NamedTuple):
+    """A row that may become active after an event, and the bounds of its multiplier.
 
     Attributes:
         row: its index.
@@ -80,7 +86,7 @@ class LoadCandidate(NamedTuple):
     sliding_ratio: float = np.nan
 
     @classmethod
-    def unilateral(cls, row: int, sign: float) -> "LoadCandidate":
+    def unilateral(cls, row: int, sign: float) -> "CandidateRow":
         """Return a candidate whose multiplier has a sign, 1 or -1."""
         return cls(row, lower=0.0) if sign > 0 else cls(row, upper=0.0)
 
@@ -159,8 +165,8 @@ class Switch:
         """Return whether the velocity of its first candidate row is zero at a point."""
         return point.is_at_rest(row)
 
-    def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
-        """Return the rows that may carry load after an event; the first one decides for the others."""
+    def candidate_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[CandidateRow, ...]:
+        """Return the rows that may become active after an event; the first one decides for the others."""
         return ()
 
     def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool) -> int:

@@ -1,4 +1,4 @@
-"""Mode selection for unilateral rows that neither carry load nor separate, by their loads after a short step.
+"""Mode selection for unilateral rows with lam = 0 and zero acceleration, by their multipliers after a short step.
 
 For a closed contact with lam = 0 and zero acceleration, the first nonzero derivative of lam decides, with all undecided
 rows active: it stays active if lam^(k) > 0 and separates if lam^(k) < 0 (lexicographic complementarity). Derivatives
@@ -20,7 +20,7 @@ from ...system import Array
 from .switch import ACTIVE_STATE
 
 if TYPE_CHECKING:
-    from .switch import LoadCandidate
+    from .switch import CandidateRow
     from .switches import Mode
 
 STEP_FRACTIONS = 10.0 ** np.arange(-9, -2)  # of the time to the next jump, beyond which no step may reach
@@ -30,7 +30,7 @@ LoadsAfterStep = Callable[["Mode", float], tuple[Array, float]]
 """lam (ng,) and its rounding error after a step in a mode, of a fraction of the time to the next jump."""
 
 
-def rows_that_stay_active(mode: "Mode", undecided: dict[int, "LoadCandidate"], step: LoadsAfterStep) -> set[int]:
+def rows_that_stay_active(mode: "Mode", undecided: dict[int, "CandidateRow"], step: LoadsAfterStep) -> set[int]:
     """Return the undecided switches that remain active.
 
     Args:
@@ -48,7 +48,7 @@ def rows_that_stay_active(mode: "Mode", undecided: dict[int, "LoadCandidate"], s
     return set()
 
 
-def _loads(mode: "Mode", active: dict[int, "LoadCandidate"], step: LoadsAfterStep) -> dict[int, float]:
+def _loads(mode: "Mode", active: dict[int, "CandidateRow"], step: LoadsAfterStep) -> dict[int, float]:
     """Return the loads of the given switches if all are active, positive under compression; 0 if insignificant."""
     trial, loads = list(mode), dict.fromkeys(active, 0.0)
     for i in active:

@@ -13,7 +13,7 @@ from . import stick_figure
 from .bent_models import with_rods
 from .flexible_links import flexible_joints, flexible_links, hidden_joints
 from .meshes import FILE_FORMATS, Mesh, read_mesh, triangles
-from .outlines import Outline, draw_outlines
+from .profile_outlines import Outline, draw_outlines
 from .rolling_bodies import RollingBody, draw
 from .scene import Anchor, Mark, Rod, Scene, Shape, Strut
 from .shapes import ground_level

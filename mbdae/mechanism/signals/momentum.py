@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from ...system import Array
 from ..tree.pinocchio_data import make_data
-from ..tree.tree_terms import bound_bodies, require_rigid, update_motions
+from ..tree.tree_terms import bound_bodies, require_rigid, symmetric, update_motions
 
 MOMENTUM = {f"{word}.{x}": unit
             for word, unit in (("com", "m"), ("momentum", "kg m/s"), ("angular_momentum", "kg m^2/s"))
@@ -84,8 +84,7 @@ def momenta(model: pin.Model, q: Array, v: Array, a: Array) -> Momenta:
         h, dh = _momenta_of_bodies(model, data, qi, vi), _inertia_wrenches(model, data, qi, vi, ai)
         C = pin.computeCoriolisMatrix(model, data, qi, vi)
         dM = C + C.T
-        M = pin.crba(model, data, qi)
-        M = np.triu(M) + np.triu(M, 1).T
+        M = symmetric(pin.crba(model, data, qi))
         out.value[i] = [*h.sum(axis=0), *(M @ vi)]
         out.size[i] = [*np.abs(h).sum(axis=0), *(np.abs(M) @ np.abs(vi))]
         out.rate[i] = [*dh.sum(axis=0), *(M @ ai + dM @ vi)]

@@ -168,8 +168,7 @@ def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
 
 def mass_scaled_jacobian(system: "Index2System", t: float, q: Array) -> Array:
     """Return G M^-1/2 over all rows, (ng, nv)."""
-    U = np.triu(system.inertia(t, q))
-    return np.linalg.solve(U.T, system.jacobian().T).T
+    return independent_rows.mass_scaled(system.inertia(t, q), system.jacobian()).T
 
 
 def rank(G: Array) -> int:

@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal, TypeVar, Union
 
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_serializer, model_validator
 
+from ...callbacks import call_with_views, checked_value, function_name
 from ...data_types import CoreData
 from ...errors import InputError, is_number
-from ..callbacks import call_with_views, checked_value, function_name
 from ..key_units import Unit
 from . import piecewise_polynomial as piecewise
 from .input_functions import Input, InputHistory

@@ -104,6 +104,11 @@ def update_inertia(model: pin.Model, data: pin.Data, q: Array) -> Array:
     return data.M if bound_bodies(data) else M
 
 
+def symmetric(M: Array) -> Array:
+    """Return the symmetric matrix with the upper triangle of M, (nv, nv)."""
+    return np.triu(M) + np.triu(M, 1).T
+
+
 def sparse_inertia(model: pin.Model, data: pin.Data, q: Array) -> "csc_array":
     """Update poses and J, and return M (nv, nv) without its zeros: memory of the order of its entries.
 
@@ -113,8 +118,7 @@ def sparse_inertia(model: pin.Model, data: pin.Data, q: Array) -> "csc_array":
     from scipy.sparse import coo_array, csc_array
 
     if bound_bodies(data):
-        upper = np.triu(update_inertia(model, data, q))
-        return csc_array(upper + np.triu(upper, 1).T)
+        return csc_array(symmetric(update_inertia(model, data, q)))
     J, F = update_poses(model, data, q).reshape(6, -1), np.zeros((6, model.nv))
     composite = [data.oMi[j].act(model.inertias[j]) for j in range(model.njoints)]
     rows, columns = list[int](), list[int]()

@@ -10,7 +10,7 @@ namespace {
 
 auto partials(PyCore& c, double t, const Array& q, const Array& u, const Array& vdot, const Array& lam) {
   return attempt(c, [&](Index2System& s) {
-    if (!s.mechanics.expanded()) reject("partials need the expanded tree");
+    if (!s.tree.expanded()) reject("partials need the expanded tree");
     const size_t nv = s.nv, n = s.ny - s.nv;
     Numbers a = checked_numbers(q, s.nq, "q"), b = checked_numbers(u, n, "u"), d = checked_numbers(vdot, nv, "vdot");
     Numbers l = checked_numbers(lam, s.ng, "lam");
@@ -80,10 +80,10 @@ auto rows_of_all_modes(PyCore& c, double t, const Array& q, const Array& v) {
     const size_t ng = s.ng, nv = s.nv;
     Numbers at = checked_numbers(q, s.nq, "q"), u = checked_numbers(v, nv, "v");
     Numbers g(ng), G(ng * nv, 0.0), g_t(ng, 0.0), gamma(ng), g_tt(ng, 0.0);
-    s.mechanics.poses(at.data()), s.mechanics.motions(at.data(), u.data());
-    s.constraints.dense_value(s.mechanics, at.data(), s.constraints.all, G, g.data());
+    s.tree.poses(at.data()), s.tree.motions(at.data(), u.data());
+    s.constraints.dense_value(s.tree, at.data(), s.constraints.all, G, g.data());
     s.constraints.complete_g(t, g.data()), s.constraints.evaluate_g_t(t, g_t.data());
-    s.constraints.bias(s.mechanics, at.data(), u.data(), s.constraints.all, gamma.data());
+    s.constraints.bias(s.tree, at.data(), u.data(), s.constraints.all, gamma.data());
     s.constraints.evaluate_g_tt(t, g_tt.data());
     for (size_t k = 0; k < ng; ++k) gamma[k] += g_tt[k];
     return std::make_tuple(vector(g), array(G, {ng, nv}), vector(g_t), vector(gamma));
@@ -104,7 +104,7 @@ std::optional<double> ratio_of_pivots(PyCore& c, const Array& q, int rank) {
 // M by rows, nle, J by columns, M a + nle; velocities and accelerations of joints for v' = a, (joints, 6).
 nb::object dynamics(PyCore& c, const Array& q, const Array& v, const Array& a) {
   const CoreLock lock(c);
-  Mechanics& m = c.core->system.mechanics;
+  MultibodyTree& m = c.core->system.tree;
   c.core->system.point.invalidate();
   const size_t nv = m.nv, n = m.joints;
   Numbers at = checked_numbers(q, m.nq, "q"), u = checked_numbers(v, nv, "v"), rate = checked_numbers(a, nv, "a"), V(6 * n), A(6 * n), full(nv);

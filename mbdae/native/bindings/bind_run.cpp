@@ -17,7 +17,7 @@ namespace {
 double partials_seconds(PyCore& c, const Array& q, const Array& v, int repetitions) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
-  if (!s.mechanics.expanded()) reject("partials need the expanded tree");
+  if (!s.tree.expanded()) reject("partials need the expanded tree");
   Numbers at = checked_numbers(q, s.nq, "q"), u = checked_numbers(v, s.nv, "v"), vdot(s.nv), lam(s.ng);
   u.resize(s.ny - s.nv);
   Numbers other(u);  // alternating: no cached point when partials are computed

@@ -35,7 +35,7 @@ struct ChangedElements {
 void check_components(const std::vector<ModelComponent>& components, const Index2System& s) {
   for (const ModelComponent& x : components)
     if (x.kind == ModelComponent::inertia || x.kind == ModelComponent::placement) {
-      check_indices({x.id}, s.mechanics.joints, "joint"), check_indices({x.id - 1}, s.mechanics.joints, "joint");
+      check_indices({x.id}, s.tree.joints, "joint"), check_indices({x.id - 1}, s.tree.joints, "joint");
     } else {
       const size_t pairs = x.of_law ? s.law_pairs().size() : s.constraints.pairs.size();
       check_indices({x.id}, x.kind == ModelComponent::frame ? static_cast<int>(pairs) : 1, "pair");
@@ -47,20 +47,20 @@ ChangedElement changed_element(ChangedElements x, const Index2System& s) {
   out.parameter = x.parameter, out.at = x.at;
   check_indices(x.at, x.laws.empty() ? s.ng : s.ns, x.laws.empty() ? "row" : "state");
   for (PerturbedElements& p : x.laws) {
-    check_anchors(p.pairs, s.mechanics.frames), check_laws(p.laws, p.pairs.size());
+    check_anchors(p.pairs, s.tree.frames), check_laws(p.laws, p.pairs.size());
     std::vector<Pair> pairs;
-    for (const auto& [a, b] : p.pairs) pairs.emplace_back(a, b, s.mechanics.supports());
+    for (const auto& [a, b] : p.pairs) pairs.emplace_back(a, b, s.tree.supports());
     out.laws.emplace_back(p.weight, std::move(pairs), std::move(p.laws));
   }
   for (PerturbedElements& p : x.rows) {
     if (p.rows.size() != x.at.size()) reject("as many perturbed rows as there are");
-    check_anchors(p.pairs, s.mechanics.frames), check_rows(p.rows, p.pairs.size());
+    check_anchors(p.pairs, s.tree.frames), check_rows(p.rows, p.pairs.size());
     check_drivers(p.drivers, p.rows.size());
     out.rows.push_back(
-        {p.weight, std::make_unique<Constraints>(s.mechanics, std::move(p.rows), p.pairs, std::move(p.drivers))});
+        {p.weight, std::make_unique<Constraints>(s.tree, std::move(p.rows), p.pairs, std::move(p.drivers))});
   }
-  check_bodies(x.bodies, s.mechanics.nq, s.nv, s.mechanics.joints);
-  out.bodies = s.mechanics.bind(std::move(x.bodies)), out.gravity = std::move(x.gravity);
+  check_bodies(x.bodies, s.tree.nq, s.nv, s.tree.joints);
+  out.bodies = s.tree.bind(std::move(x.bodies)), out.gravity = std::move(x.gravity);
   if (!out.gravity.empty() && out.gravity.size() != 3) reject("gravity has three components");
   return out;
 }
@@ -101,7 +101,7 @@ struct Nodes {
     if (!segment.tableau && !segment.radau) reject("a method is a tableau or Radau");
     if (c.core->system.formulation == Formulation::index1) reject("tangents are those of index 2 and GGL");
     if (p && p->core != &c) reject("the parameters are those of another core");
-    if ((p || project || segment.radau) && !c.core->system.mechanics.expanded())
+    if ((p || project || segment.radau) && !c.core->system.tree.expanded())
       reject("partials need the expanded tree");
   }
   const size_t ny, nodes;
@@ -200,7 +200,7 @@ std::optional<std::pair<Out, Out>> projection(PyCore& c, PyParameters& p, double
   const CoreLock lock(c);
   Index2System& s = c.core->system;
   if (p.core != &c) reject("the parameters are those of another core");
-  if (!s.mechanics.expanded()) reject("partials need the expanded tree");
+  if (!s.tree.expanded()) reject("partials need the expanded tree");
   const size_t ny = s.ny, k = p.partials->count(), d = ny + k;
   Numbers at = checked_numbers(y, s.length, "y"), moved(d * ny, 0.0), dp(d * k, 0.0);
   for (size_t i = 0; i < ny; ++i) moved[i * ny + i] = 1;

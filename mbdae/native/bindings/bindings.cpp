@@ -59,7 +59,7 @@ void expand(PyCore& c, nb::handle model) {
   const auto size = model_sizes(m);
   if (size[0] != c.core->system.nq || size[1] != c.core->system.nv) reject("the expanded tree has other coordinates");
   c.expanded = nb::borrow(model);
-  c.core->system.mechanics.expand(m);
+  c.core->system.tree.expand(m);
 }
 
 template <class Coefficients>
@@ -148,7 +148,7 @@ NB_MODULE(_native, m) {
            arg("description"))
       .def_prop_ro("rows", [](const PyCore& c) { return c.core->system.rows.in_use(); })
       .def_prop_ro(
-          "planar", [](const PyCore& c) { return c.core->system.mechanics.planar(); },
+          "planar", [](const PyCore& c) { return c.core->system.tree.planar(); },
           "Whether all bodies move in parallel planes, so that the sweep computes two coordinates and an angle.")
       .def_prop_ro("rank", [](const PyCore& c) { return c.core->system.rows.rank; })
       .def_prop_ro("floor", [](const PyCore& c) { return c.core->system.rows.floor; })

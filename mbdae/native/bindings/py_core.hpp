@@ -26,7 +26,7 @@ struct PyCore {
   bool write(nb::handle model_, const Tolerances& tolerances, const nb::dict& description) {
     const void* m = model_pointer(model_.ptr());
     const Index2System& s = core->system;
-    if (model_sizes(m) != std::array<int, 3>{s.nq, s.nv, s.mechanics.joints}) return false;
+    if (model_sizes(m) != std::array<int, 3>{s.nq, s.nv, s.tree.joints}) return false;
     const size_t before = callbacks->functions.size();  // kept until nothing refers to them
     if (!core->system.write(m, tolerances, read(model_, tolerances, description))) return false;
     core->system.samplers.clear();
@@ -48,7 +48,7 @@ struct PyCore {
   void check(const State& s, const Tableau* t = nullptr) const {
     const Index2System& x = core->system;
     if (static_cast<int>(s.y.size()) != x.length) reject("y has the wrong length");
-    if (!t && !x.mechanics.expanded()) reject("implicit methods need the expanded tree");
+    if (!t && !x.tree.expanded()) reject("implicit methods need the expanded tree");
     if (t && t->explicit_first && static_cast<int>(s.carry.size()) != x.carried())
       reject("the method needs a carried derivative");
     if (!s.low.empty() && static_cast<int>(s.low.size()) != x.ny) reject("low has the wrong length");
@@ -56,7 +56,7 @@ struct PyCore {
 
   PyDescriptionReader reader() {
     const Index2System& s = core->system;
-    return PyDescriptionReader(*callbacks, {s.nq, s.nv, s.mechanics.joints}, s.ns);
+    return PyDescriptionReader(*callbacks, {s.nq, s.nv, s.tree.joints}, s.ns);
   }
 
   nb::object model, expanded;  // kept alive
@@ -78,7 +78,7 @@ struct CoreLock {
       std::this_thread::sleep_for(std::chrono::microseconds(50));
     }
     busy = true, c.owner = std::this_thread::get_id();
-    c.core->system.mechanics.refresh();
+    c.core->system.tree.refresh();
   }
   ~CoreLock() { busy = false; }
   bool& busy;

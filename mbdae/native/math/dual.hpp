@@ -1,4 +1,4 @@
-// Dual numbers: a value and its derivatives in N directions, both of which a formula over any scalar returns.
+// Dual numbers (forward-mode automatic differentiation): a value and its derivatives in N directions.
 #pragma once
 
 #include <algorithm>

@@ -10,7 +10,7 @@
 
 namespace mbdae {
 
-Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
+Constraints::Constraints(const MultibodyTree& m, std::vector<Row> rows_,
                          const std::vector<std::pair<Anchor, Anchor>>& anchors, std::vector<Driver> drivers_)
     : rows(std::move(rows_)), all(rows.size()), nv(m.nv), start{0}, drivers(std::move(drivers_)) {
   std::iota(all.begin(), all.end(), 0);
@@ -63,7 +63,7 @@ void Constraints::write(Constraints x) {
   drivers = std::move(x.drivers);
 }
 
-void Constraints::value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g) {
+void Constraints::value(const MultibodyTree& m, const double* q, const std::vector<int>& which, double* G, double* g) {
   const double* J = m.J();
   for (int r : which) {
     const Row& row = rows[r];
@@ -90,7 +90,7 @@ void Constraints::value(const Mechanics& m, const double* q, const std::vector<i
   }
 }
 
-void Constraints::dense_value(const Mechanics& m, const double* q, const std::vector<int>& which, Numbers& G,
+void Constraints::dense_value(const MultibodyTree& m, const double* q, const std::vector<int>& which, Numbers& G,
                               double* g) {
   G.resize(rows.size() * nv), entries_.resize(start.back());
   value(m, q, which, entries_.data(), g);
@@ -146,7 +146,7 @@ void Constraints::complete_g(double t, double* g) const {
     if (rows[r].period > 0 && rows[r].positional) g[r] -= rows[r].period * std::nearbyint(g[r] / rows[r].period);
 }
 
-void Constraints::bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which, double* out,
+void Constraints::bias(const MultibodyTree& m, const double* q, const double* v, const std::vector<int>& which, double* out,
                        bool minus_gravity) {
   int located = -1;
   for (int r : which) {

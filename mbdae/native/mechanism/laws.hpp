@@ -20,7 +20,7 @@ struct Sizes {
 
 // Point at which a law is evaluated: the kinematics of m are current at q; s are the states of the law.
 struct ForcePoint {
-  const Mechanics& m;
+  const MultibodyTree& m;
   double t;
   const double *q, *v, *s;
 };
@@ -92,17 +92,17 @@ struct Law {
   double offset = 0;              // of the potential, in J
   int state = 0, states = 0;      // first index of its states in s, and their number
   bool rotating = false;          // its axes rotate with the frame
-  bool steady = false;            // it has a potential
+  bool has_potential = false;
   Call call;                      // Python
   EquationPartials partials;      // Python
   EquationPartials time_rate;     // Python, of (tau, s'), (nv + states,)
   std::vector<Term> terms;        // precomputed
   mutable std::vector<double> u;  // workspace
 
-  FIELDS(rows, columns, orders, a, signals, pair, offset, state, states, rotating, steady)
+  FIELDS(rows, columns, orders, a, signals, pair, offset, state, states, rotating, has_potential)
 
   // Add to conservative and other (nv,); write s'. The kinematics are current at q.
-  void add(const Mechanics& m, double t, const double* q, const double* v, const double* s, double* conservative,
+  void add(const MultibodyTree& m, double t, const double* q, const double* v, const double* s, double* conservative,
            double* other, double* ds) const {
     kind->add(*this, {m, t, q, v, s}, {conservative, other, ds});
   }

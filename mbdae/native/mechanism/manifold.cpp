@@ -94,7 +94,7 @@ static void inverse_jacobian_rate(const Tolerances& limits, int n, const double*
   }
 }
 
-Manifold::Manifold(Mechanics& m, bool flat_, std::vector<GroupJoint> group_joints, std::vector<int> angular)
+Manifold::Manifold(MultibodyTree& m, bool flat_, std::vector<GroupJoint> group_joints, std::vector<int> angular)
     : flat(flat_),
       m_(m),
       group_joints_(std::move(group_joints)),

@@ -5,7 +5,7 @@
 
 #include "math/factorizations.hpp"
 #include "math/fields.hpp"
-#include "mechanism/mechanics.hpp"
+#include "mechanism/multibody_tree.hpp"
 
 namespace mbdae {
 
@@ -36,7 +36,7 @@ struct IntegratePartialsBlock {
 
 class Manifold {
  public:
-  Manifold(Mechanics& m, bool flat, std::vector<GroupJoint> group_joints, std::vector<int> angular);
+  Manifold(MultibodyTree& m, bool flat, std::vector<GroupJoint> group_joints, std::vector<int> angular);
 
   const bool flat;  // a vector space
   bool curved() const { return !group_joints_.empty(); }  // does J(x) differ from 1?
@@ -54,7 +54,7 @@ class Manifold {
   void partials(const double* x, const double* v, std::vector<TangentBlock>& out) const;
 
  private:
-  Mechanics& m_;
+  MultibodyTree& m_;
   std::vector<GroupJoint> group_joints_;
   std::vector<int> angular_;  // (nv,) flags: rotations, whose magnitude is no scale
   Numbers neutral_;           // (nq,)

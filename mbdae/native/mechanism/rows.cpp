@@ -13,7 +13,7 @@ namespace mbdae {
 
 namespace {
 
-void frame_pose(const Mechanics& m, const Anchor& x, bool with_rotation, double* __restrict R, double* __restrict p) {
+void frame_pose(const MultibodyTree& m, const Anchor& x, bool with_rotation, double* __restrict R, double* __restrict p) {
   if (!x.joint) return;  // fixed to the world: computed once
   const double* __restrict o = m.rotation(x.joint), * __restrict at = m.position(x.joint);  // o by columns
   for (int i = 0; i < 3; ++i) p[i] = o[i] * x.p[0] + o[3 + i] * x.p[1] + o[6 + i] * x.p[2] + at[i];
@@ -39,7 +39,7 @@ void horner(const std::vector<double>& c, double x, double& p, double& first, do
 
 }  // namespace
 
-Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<Mechanics::Support>& supports) : a(a_), b(b_) {
+Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<MultibodyTree::Support>& supports) : a(a_), b(b_) {
   std::map<std::pair<int, int>, double> all;
   for (const Anchor* x : {&a, &b}) {
     const auto& [velocities, from] = supports[x->joint];
@@ -53,15 +53,15 @@ Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<Mechanics::Supp
   std::copy(a.R, a.R + 9, Ra), std::copy(a.p, a.p + 3, pa), std::copy(b.R, b.R + 9, Rb), std::copy(b.p, b.p + 3, pb);
 }
 
-void Pair::update_frames(const Mechanics& m) {
+void Pair::update_frames(const MultibodyTree& m) {
   frame_pose(m, a, needs_Ra, Ra, pa), frame_pose(m, b, needs_Rb, Rb, pb);
   contact_current_ = moving_contact_current_ = false, poses_of_ = m.pose_stamp();
 }
 
-void Pair::update_velocities(const Mechanics& m, bool minus_gravity) {
+void Pair::update_velocities(const MultibodyTree& m, bool minus_gravity) {
   double other[6];
   m.velocity(a.joint, Va), m.velocity(b.joint, Vb);
-  const auto of = minus_gravity ? &Mechanics::bias_minus_gravity : &Mechanics::acceleration;
+  const auto of = minus_gravity ? &MultibodyTree::bias_minus_gravity : &MultibodyTree::acceleration;
   (m.*of)(a.joint, other), (m.*of)(b.joint, A);
   for (int i = 0; i < 6; ++i) A[i] -= other[i];
   moving_contact_current_ = false;
@@ -79,7 +79,7 @@ const Contact<Dual<1>>& Pair::moving_contact(const Shape& s) const {
   return moving_contact_;
 }
 
-void Pair::relative(const Mechanics& m, const double* v, double* out) const {
+void Pair::relative(const MultibodyTree& m, const double* v, double* out) const {
   std::fill(out, out + 6, 0.0);
   for (size_t k = 0; k < columns.size(); ++k) {
     const double f = sign[k] * v[columns[k]], *J = m.J() + 6 * sources[k];
@@ -87,7 +87,7 @@ void Pair::relative(const Mechanics& m, const double* v, double* out) const {
   }
 }
 
-void Pair::torque(const Mechanics& m, const double* w, double factor, double* tau) const {
+void Pair::torque(const MultibodyTree& m, const double* w, double factor, double* tau) const {
   for (size_t k = 0; k < columns.size(); ++k) {
     const double* J = m.J() + 6 * sources[k];
     tau[columns[k]] += factor * sign[k] * (dot(w, J) + dot(w + 3, J + 3));

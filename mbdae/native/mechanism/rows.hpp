@@ -9,7 +9,7 @@
 
 #include "mechanism/contact.hpp"
 #include "math/factorizations.hpp"
-#include "mechanism/mechanics.hpp"
+#include "mechanism/multibody_tree.hpp"
 #include "mechanism/profiles.hpp"
 #include "mechanism/time_functions.hpp"
 
@@ -26,16 +26,16 @@ struct Anchor {
 
 // Two anchors, and the columns of J that move them: +1 where a joint moves b alone, -1 where it moves a alone.
 struct Pair {
-  Pair(const Anchor& a, const Anchor& b, const std::vector<Mechanics::Support>& supports);
+  Pair(const Anchor& a, const Anchor& b, const std::vector<MultibodyTree::Support>& supports);
 
-  void update_poses(const Mechanics& m) {  // Ra, pa, Rb, pb in the world, at the current poses
+  void update_poses(const MultibodyTree& m) {  // Ra, pa, Rb, pb in the world, at the current poses
     if (poses_of_ != m.pose_stamp()) update_frames(m);
   }
-  // Va, Vb, and A, the relative acceleration for v' = 0; minus_gravity: from `Mechanics::bias_minus_gravity`, where
+  // Va, Vb, and A, the relative acceleration for v' = 0; minus_gravity: from `MultibodyTree::bias_minus_gravity`, where
   // gravity cancels.
-  void update_velocities(const Mechanics& m, bool minus_gravity);
-  void relative(const Mechanics& m, const double* v, double* out) const;                    // V_b - V_a, (6,)
-  void torque(const Mechanics& m, const double* wrench, double factor, double* tau) const;  // tau += factor J^T w
+  void update_velocities(const MultibodyTree& m, bool minus_gravity);
+  void relative(const MultibodyTree& m, const double* v, double* out) const;                    // V_b - V_a, (6,)
+  void torque(const MultibodyTree& m, const double* wrench, double factor, double* tau) const;  // tau += factor J^T w
 
   Anchor a, b;
   bool needs_Ra = true, needs_Rb = true;  // of the world: Ra, Rb
@@ -52,9 +52,9 @@ struct Pair {
   const Contact<Dual<1>>& moving_contact(const Shape& s) const;
 
  private:
-  void update_frames(const Mechanics& m);
+  void update_frames(const MultibodyTree& m);
 
-  long poses_of_ = -1;  // Mechanics::pose_stamp of the last update
+  long poses_of_ = -1;  // MultibodyTree::pose_stamp of the last update
   mutable bool contact_current_ = false, moving_contact_current_ = false;
   mutable Contact<double> contact_;
   mutable Contact<Dual<1>> moving_contact_;
@@ -152,7 +152,7 @@ struct Driver {
 // All rows of a mechanism, at the current kinematics of its workspace.
 class Constraints {
  public:
-  Constraints(const Mechanics& m, std::vector<Row> rows, const std::vector<std::pair<Anchor, Anchor>>& pairs,
+  Constraints(const MultibodyTree& m, std::vector<Row> rows, const std::vector<std::pair<Anchor, Anchor>>& pairs,
               std::vector<Driver> drivers);
 
   bool has_structure_of(const Constraints& other) const;  // are its rows of the same kinds, between the same joints?
@@ -169,9 +169,9 @@ class Constraints {
   bool sticks = false;    // joints stick in the mode
 
   // Entries of G for some rows, into G + start[row], and g if requested.
-  void value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g = nullptr);
+  void value(const MultibodyTree& m, const double* q, const std::vector<int>& which, double* G, double* g = nullptr);
   // The same into G (ng, nv), which is zero outside the columns of rows; an empty one is allocated.
-  void dense_value(const Mechanics& m, const double* q, const std::vector<int>& which, Numbers& G, double* g = nullptr);
+  void dense_value(const MultibodyTree& m, const double* q, const std::vector<int>& which, Numbers& G, double* g = nullptr);
   void expand(int row, const double* entries, double* out) const {  // entries of G or Z, into their columns of (nv,)
     const double* entry = entries + start[row];
     for (int c : rows[row].columns) out[c] = *entry++;
@@ -193,8 +193,8 @@ class Constraints {
   std::vector<Common> common(int k, int l) const;              // all of two rows
   double product(int k, int l, const double* entries) const;  // of two rows
   void complete_g(double t, double* g) const;  // g -= u, reduced by periods
-  // Gdot v of some rows, at the current motions; minus_gravity: those of `Mechanics::bias`.
-  void bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which, double* out,
+  // Gdot v of some rows, at the current motions; minus_gravity: those of `MultibodyTree::bias`.
+  void bias(const MultibodyTree& m, const double* q, const double* v, const std::vector<int>& which, double* out,
             bool minus_gravity = false);
   void evaluate_g_t(double t, double* g_t) const;    // -u', (ng,)
   void evaluate_g_tt(double t, double* g_tt) const;  // -u'', (ng,)

@@ -68,7 +68,7 @@ void distance_partials(const Pair& pair, double factor, WrenchPartials& t) {
   carried(pair.pb, n, t.Db);
 }
 
-PairPartials::PairPartials(const Mechanics& m, const Pair& pair_, const double* v) : pair(pair_), nv(m.nv) {
+PairPartials::PairPartials(const MultibodyTree& m, const Pair& pair_, const double* v) : pair(pair_), nv(m.nv) {
   columns_.reserve(pair.columns.size());
   for (size_t k = 0; k < pair.columns.size(); ++k) {
     const int at = pair.columns[k];
@@ -93,7 +93,7 @@ PairPartials::PairPartials(const Mechanics& m, const Pair& pair_, const double* 
 }
 
 // A node moves by its modes like by two joints: translations T along axes fixed in the frame, and a rotation vector.
-void PairPartials::add_node(const Mechanics& m, int frame, double sign, const double* v) {
+void PairPartials::add_node(const MultibodyTree& m, int frame, double sign, const double* v) {
   const FlexibleBody* body = nullptr;
   int number = 0;
   const FlexibleBody::Node* node = m.node(frame, body, number);

@@ -27,7 +27,7 @@ struct WrenchPartials {
 class PairPartials {
  public:
   // J and poses are current, the pair is located; v is null if no torque is damped.
-  PairPartials(const Mechanics& m, const Pair& pair, const double* v);
+  PairPartials(const MultibodyTree& m, const Pair& pair, const double* v);
 
   const Pair& pair;
   const int nv;
@@ -44,7 +44,7 @@ class PairPartials {
     const double* J;
     double dV[6];
   };
-  void add_node(const Mechanics& m, int frame, double sign, const double* v);
+  void add_node(const MultibodyTree& m, int frame, double sign, const double* v);
 
   std::vector<Column> columns_;
   struct Turn {  // of a node: dT_k/dq_m + dW_k/dq_m - W_m x W_k, of the columns T and W of its modes

@@ -142,8 +142,8 @@ void ModeTransition::evaluate_forces() {
   force_rounding_ = limits_.solution_rounding * largest_force(s_, y, F_.data(), lam_before_.data());
   {
     const AllRowsActive all(s_.constraints);
-    s_.mechanics.motions(y, y + s_.nq);
-    s_.constraints.bias(s_.mechanics, y, y + s_.nq, s_.constraints.all, gamma_.data());
+    s_.tree.motions(y, y + s_.nq);
+    s_.constraints.bias(s_.tree, y, y + s_.nq, s_.constraints.all, gamma_.data());
     Numbers g_tt(s_.ng, 0.0);
     s_.constraints.evaluate_g_tt(t_, g_tt.data());
     for (int k : s_.constraints.all) gamma_[k] += g_tt[k];

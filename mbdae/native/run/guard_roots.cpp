@@ -37,8 +37,8 @@ Numbers GuardMonitor::loads(const Guard& guard) {
 
 double GuardMonitor::longest_step(const Guard& guard, const Point& p) const {
   const Switch& x = of(guard);
-  const double scale = s_.mechanics.limits.coordinate_scales[x.column];
-  return x.shortest / std::max(std::fabs(p.y[s_.nq + x.column]), s_.mechanics.limits.zero_speed * speed(p) * scale);
+  const double scale = s_.tree.limits.coordinate_scales[x.column];
+  return x.shortest / std::max(std::fabs(p.y[s_.nq + x.column]), s_.tree.limits.zero_speed * speed(p) * scale);
 }
 
 // Whether the value of a guard follows from its load alone, which several sticking joints may share.
@@ -85,8 +85,8 @@ double GuardMonitor::unresolved(const Guard& guard) {
   for (double x : all) most = std::max(most, std::fabs(x)), least = std::min(least, x);
   for (double x : fourth) terms += std::fabs(x);
   for (int k = 0; k < intervals_; k += 4) bend = std::max(bend, std::fabs(dot(fourth, &all[k], 5)));
-  if (!slips && !(bend > terms * s_.mechanics.limits.solution_rounding * point(0).force)) return 0;
-  const double size = slips ? 1 : std::max(most, s_.mechanics.limits.visible * guard.size);
+  if (!slips && !(bend > terms * s_.tree.limits.solution_rounding * point(0).force)) return 0;
+  const double size = slips ? 1 : std::max(most, s_.tree.limits.visible * guard.size);
   const double distance = slips ? 1 - most : least / (size > 0 ? size : 1);
   return bend / (size * modes_.rough * std::max(distance >= 0 ? distance : 1.0, modes_.near_limit));
 }

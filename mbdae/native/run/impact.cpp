@@ -8,7 +8,7 @@
 namespace mbdae {
 
 ModeTransition::ModeTransition(Index2System& s, const Modes& modes)
-    : s_(s), modes_(modes), limits_(s.mechanics.limits), mode_(modes.mode) {
+    : s_(s), modes_(modes), limits_(s.tree.limits), mode_(modes.mode) {
   g_.assign(s.ng, 0.0), g_t_ = rate_ = gamma_ = g_;
 }
 
@@ -16,9 +16,9 @@ void ModeTransition::evaluate(double t, const double* y) {
   t_ = t, y_ = y;
   if (!s_.point.is_current(y)) s_.point.evaluate(y, false);
   const AllRowsActive all(s_.constraints);
-  s_.mechanics.poses(y);
+  s_.tree.poses(y);
   Numbers G(s_.constraints.start.back()), Z(G.size());
-  s_.constraints.value(s_.mechanics, y, s_.constraints.all, G.data(), g_.data());
+  s_.constraints.value(s_.tree, y, s_.constraints.all, G.data(), g_.data());
   s_.constraints.complete_g(t, g_.data());
   s_.constraints.evaluate_g_t(t, g_t_.data());
   s_.point.scale_rows(s_.constraints.all, G, Z);
@@ -155,7 +155,7 @@ void ModeTransition::jump(const std::vector<ImpactRow>& contacts, const std::vec
     if (round && std::none_of(contacts.begin(), contacts.end(), [&](auto& x) { return opening(x) < -rest; })) break;
     if (round == modes_.max_impacts) leave_to_python();
     const Numbers start(v, v + nv), rate(rate_);
-    const Numbers closing = kept.motion(rate_);
+    const Numbers closing = kept.minimum_norm_motion(rate_);
     move(closing, -1);
     std::vector<ImpactRow> acting;
     std::vector<Multiplier> multipliers;

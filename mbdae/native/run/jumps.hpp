@@ -1,4 +1,4 @@
-// Times at which a problem may jump, and the smooth intervals between them (mbdae/integrate/jumps.py).
+// Times at which a problem may jump, and the smooth intervals between them (mbdae/integrate/events/jumps.py).
 #pragma once
 
 #include <cmath>

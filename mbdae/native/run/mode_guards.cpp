@@ -43,8 +43,8 @@ double largest_force(Index2System& s, const double* y, const double* F, const do
   const int nv = s.nv;
   const double* a = F + nv;
   Numbers inertial(nv, 0.0), reaction(nv, 0.0);
-  s.mechanics.inertia(y);
-  s.mechanics.add_inertial_force(a, inertial.data());
+  s.tree.inertia(y);
+  s.tree.add_inertial_force(a, inertial.data());
   for (int k = 0; k < s.ng; ++k) s.constraints.add(k, s.point.G, lam[k], reaction.data());
   return largest(inertial.data(), nv) + largest(reaction.data(), nv);
 }
@@ -52,7 +52,7 @@ double largest_force(Index2System& s, const double* y, const double* F, const do
 double stiction_load(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
                      const Numbers& lam) {
   const int nv = s.nv;
-  const double truncation = s.mechanics.limits.truncation;
+  const double truncation = s.tree.limits.truncation;
   std::vector<const Switch*> sticking;
   std::vector<bool> others(s.ng, true);
   for (size_t i = 0; i < switches.size(); ++i)
@@ -88,7 +88,7 @@ bool GuardMonitor::has_rate(const Guard& guard) const {
 }
 
 double GuardMonitor::speed(const Point& p) const {
-  return modes_.characteristic_rate + largest_scaled(p.y.data() + s_.nq, s_.mechanics.limits.coordinate_scales);
+  return modes_.characteristic_rate + largest_scaled(p.y.data() + s_.nq, s_.tree.limits.coordinate_scales);
 }
 
 void GuardMonitor::evaluate(Point& p) {
@@ -103,15 +103,15 @@ void GuardMonitor::evaluate(Point& p) {
     p.force = largest_force(s_, q, p.F.data(), p.lam.data());
   }
   const AllRowsActive all(s_.constraints);
-  s_.mechanics.poses(q);
-  s_.constraints.value(s_.mechanics, q, rows_, G_.data(), p.g.data());
+  s_.tree.poses(q);
+  s_.constraints.value(s_.tree, q, rows_, G_.data(), p.g.data());
   s_.constraints.complete_g(p.t, p.g.data());
   s_.constraints.evaluate_g_t(p.t, p.rate.data());
   if (dynamic) {
-    s_.mechanics.motions(q, v);
+    s_.tree.motions(q, v);
     s_.constraints.evaluate_g_tt(p.t, p.acceleration.data());
     Numbers gamma(s_.ng);
-    s_.constraints.bias(s_.mechanics, q, v, rows_, gamma.data());
+    s_.constraints.bias(s_.tree, q, v, rows_, gamma.data());
     for (int k : rows_) p.acceleration[k] += gamma[k];
   }
   for (int k : rows_) {
@@ -164,12 +164,12 @@ double GuardMonitor::load(const Guard& guard, const Point& p) {
   const Switch& x = of(guard);
   if (guard.kind == Guard::separation) return guard.sign * p.lam[x.rows[0]];
   if (!x.frictional()) return p.lam[x.rows[0]] / x.limit;
-  return p.lam[x.rows[1]] / std::max(x.limit * std::fabs(p.lam[x.rows[0]]), s_.mechanics.limits.tiny);
+  return p.lam[x.rows[1]] / std::max(x.limit * std::fabs(p.lam[x.rows[0]]), s_.tree.limits.tiny);
 }
 
 void GuardMonitor::set_reference(Guard& guard, const Point& p) const {
   const Switch& x = of(guard);
-  const Tolerances& limits = s_.mechanics.limits;
+  const Tolerances& limits = s_.tree.limits;
   if (guard.kind == Guard::contact && x.kind == Switch::Kind::ratchet)
     guard.reference = std::floor(x.teeth(p.y.data()) + modes_.coincident);
   if (guard.kind == Guard::zero_velocity && x.frictional()) {
@@ -180,7 +180,7 @@ void GuardMonitor::set_reference(Guard& guard, const Point& p) const {
 }
 
 double GuardMonitor::unit(const Guard& guard, const Point& p) const {
-  const double scale = s_.mechanics.limits.row_scales[of(guard).rows[0]];
+  const double scale = s_.tree.limits.row_scales[of(guard).rows[0]];
   if (guard.has_load()) return p.force;
   return guard.kind == Guard::zero_velocity ? scale * speed(p) : scale;
 }

@@ -143,7 +143,7 @@ class GuardMonitor {
   double unit(const Guard& guard, const Point& p) const;
   double speed(const Point& p) const;  // the largest one, and the characteristic rate
   double rounding(int i) const {
-    return s_.mechanics.limits.evaluation_rounding * (modes_.guards[i].unit + modes_.guards[i].size);
+    return s_.tree.limits.evaluation_rounding * (modes_.guards[i].unit + modes_.guards[i].size);
   }
 
   bool has_own_load(const Guard& guard) const;

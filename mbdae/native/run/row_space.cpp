@@ -10,7 +10,7 @@ namespace mbdae {
 RowSpace::RowSpace(const Index2System& s, const Numbers& Z, const std::vector<int>& rows)
     : s_(s), Z_(Z), rows_(rows) {
   const int nv = s.nv;
-  const Tolerances& limits = s.mechanics.limits;
+  const Tolerances& limits = s.tree.limits;
   std::vector<Numbers> rest;
   for (int k : rows) {
     rest.emplace_back(&Z[static_cast<size_t>(k) * nv], &Z[static_cast<size_t>(k) * nv] + nv);
@@ -52,7 +52,7 @@ void RowSpace::project_out(Numbers& x) const {
     }
 }
 
-Numbers RowSpace::motion(const Numbers& rates) const {
+Numbers RowSpace::minimum_norm_motion(const Numbers& rates) const {
   Numbers out(s_.nv, 0.0), w;
   for (size_t j = 0; j < pivots_.size(); ++j) {
     double x = rates[pivots_[j]];
@@ -64,12 +64,12 @@ Numbers RowSpace::motion(const Numbers& rates) const {
 }
 
 Numbers RowSpace::multipliers(const Numbers& x) const {
-  const std::vector<double>& scales = s_.mechanics.limits.row_scales;
+  const std::vector<double>& scales = s_.tree.limits.row_scales;
   const size_t n = rows_.size(), nv = s_.nv;
   Numbers out(s_.ng, 0.0), columns(n * nv), scaled(n);
   for (size_t k = 0; k < n; ++k)
     for (size_t c = 0; c < nv; ++c) columns[c * n + k] = Z_[rows_[k] * nv + c] / scales[rows_[k]];
-  if (n) minimum_norm(static_cast<int>(n), s_.nv, columns.data(), x.data(), s_.mechanics.limits.truncation, scaled.data());
+  if (n) minimum_norm(static_cast<int>(n), s_.nv, columns.data(), x.data(), s_.tree.limits.truncation, scaled.data());
   for (size_t k = 0; k < n; ++k) out[rows_[k]] = scaled[k] / scales[rows_[k]];
   return out;
 }

@@ -12,7 +12,8 @@ class RowSpace {
 
   size_t rank() const { return pivots_.size(); }
   void project_out(Numbers& x) const;  // x (nv,): its part orthogonal to the rows
-  Numbers motion(const Numbers& rates) const;  // the shortest x with these rates (ng,) of the rows, which are consistent
+  // The shortest x with these rates (ng,) of the rows, which are consistent.
+  Numbers minimum_norm_motion(const Numbers& rates) const;
   // Coefficients (ng,) of the rows that add up to x, of minimum norm in characteristic lengths.
   Numbers multipliers(const Numbers& x) const;
 

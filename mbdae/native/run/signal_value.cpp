@@ -24,7 +24,7 @@ void PointValues::evaluate_hidden() {
 void PointValues::evaluate_residuals() {
   if (residuals_current_) return;
   if (s_.point.is_exactly_current(y_.data()))
-    s_.mechanics.inertia(y_.data());
+    s_.tree.inertia(y_.data());
   else
     exchange(), s_.point.evaluate(y_.data(), false);
   g_ = s_.point.g, rate_.resize(s_.ng);
@@ -35,13 +35,13 @@ void PointValues::evaluate_residuals() {
 
 double PointValues::moment(const std::vector<int>& rows) {
   evaluate_hidden();
-  s_.mechanics.poses(y_.data());
+  s_.tree.poses(y_.data());
   double sum[3] = {0, 0, 0};
   for (int k : rows) {
     const Row& row = s_.constraints.rows[k];
     Pair& pair = s_.constraints.pairs[row.pair];
     double w[6], arm[3];
-    pair.update_poses(s_.mechanics);
+    pair.update_poses(s_.tree);
     row.wrench(pair, w);
     cross(pair.pb, w, arm);
     for (int i = 0; i < 3; ++i) sum[i] += z_[k] * (w[3 + i] - arm[i]);

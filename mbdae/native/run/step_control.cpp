@@ -50,7 +50,7 @@ double StepControl::next_step(double taken, double error) {
   error = std::max(error, smallest_error);
   double factor = safety * std::pow(error, exponent) * std::pow(last, last_exponent);
   factor = std::min(rejected ? 1.0 : largest_factor, std::max(smallest_factor, factor));
-  if (factor > 1 && factor <= steady) factor = 1;
+  if (factor > 1 && factor <= min_growth) factor = 1;
   last = std::max(error, smallest_last), rejected = false;
   return taken * factor;
 }

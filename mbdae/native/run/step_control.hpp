@@ -37,13 +37,13 @@ struct StepControl : StepMemory {
   double power = 1;                        // of h in the error estimate
   double exponent = 0, last_exponent = 0;  // of an accepted error, and of the previous one
   double safety = 0, smallest_factor = 0, largest_factor = 0;
-  double steady = 1;                             // growth up to this factor is ignored
+  double min_growth = 1;                         // growth up to this factor is ignored
   double smallest_error = 0, smallest_last = 0;  // smaller errors count as these
   double agreement = 0;                          // of the remaining time: a step this close to it takes all of it
   double spacings = 0;                           // of the times of a run: a smaller step is rejected
 
   FIELDS(h, uncut_size, last, rejected, largest, rtol, atol, tiny, companion, blend, power, exponent, last_exponent, safety,
-         smallest_factor, largest_factor, steady, smallest_error, smallest_last, agreement, spacings)
+         smallest_factor, largest_factor, min_growth, smallest_error, smallest_last, agreement, spacings)
 
   bool large_enough(const SmoothInterval& interval, double size) const;  // well above the rounding of times
   bool propose(const SmoothInterval& interval, Proposal& p);             // false if Python must handle the failure

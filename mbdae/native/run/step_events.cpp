@@ -55,7 +55,7 @@ bool TimeLoop::detect_transition(Proposal& p, std::vector<int>& fired) {
   }
   const double end = t + theta * h, ratio = std::sqrt(least);
   const SingularityMonitor& monitor = run_.monitor;
-  const double before = (1 - s_.mechanics.limits.search_tolerance) * monitor.last_ratio;
+  const double before = (1 - s_.tree.limits.search_tolerance) * monitor.last_ratio;
   const bool low = ratio < before && ratio < monitor.suspicious_ratio * monitor.largest_ratio;
   const bool suspicious = run_.monitored && low &&
                           (ratio < monitor.small_ratio * monitor.largest_ratio ||
@@ -116,7 +116,7 @@ bool TimeLoop::is_near_singular(const NextMode& next) {
 
 void TimeLoop::resolve_transition(const std::vector<int>& fired, double t, bool immediate) {
   const auto check = [&](const NextMode& next) {
-    const bool monitored = run_.monitor.suspicious || run_.monitor.entered;
+    const bool monitored = run_.monitor.suspicious || run_.monitor.near_singular;
     if ((next.transition.mode != run_.modes.mode && monitored) || is_near_singular(next)) throw FallBackToPython();
   };
   next_mode_ = enter_next_mode(s_, run_.modes, guards_, run_.project, t, next_.y, fired, immediate, check);

@@ -16,7 +16,7 @@ TimeLoop::TimeLoop(Method& method, Index2System& system, Run& run)
       size0_(s_.ny),
       size1_(s_.ny),
       z_(s_.nz),
-      other_configuration_(s_.mechanics, s_.constraints, s_.counts) {}
+      other_configuration_(s_.tree, s_.constraints, s_.counts) {}
 
 double TimeLoop::error_norm(const double* e, int errors, double noise) const {
   return run_.control.error_norm(e, errors, s_.ny, s_.controlled_components(), size0_.data(), size1_.data(), s_.nv,
@@ -181,7 +181,7 @@ void TimeLoop::advance() {
       monitor.last_ratio = here, monitor.largest_ratio = std::max(monitor.largest_ratio, here);
       const double low = std::min(before, here), high = std::isinf(before) ? here : std::max(before, here);
       const bool falls =
-          monitor.entered || (std::isfinite(before) && monitor.steps_ahead * (before - here) > here);
+          monitor.near_singular || (std::isfinite(before) && monitor.steps_ahead * (before - here) > here);
       monitor.suspicious |= (here < monitor.monitored_ratio * monitor.largest_ratio && falls) ||
                             low < monitor.small_ratio * monitor.largest_ratio ||
                             (low < monitor.suspicious_ratio * monitor.largest_ratio && low < monitor.notch_ratio * high);

@@ -13,20 +13,20 @@
 
 namespace mbdae {
 
-// Singularity monitor, in ratios of pivots (mbdae/integrate/singularity_monitor.py).
+// Singularity monitor, in ratios of pivots (mbdae/integrate/events/singularity.py).
 struct SingularityMonitor {
   double largest_ratio = 0, last_ratio = 0;                              // the largest so far, and the last
   double suspicious_ratio = 0, singular_ratio = 0, monitored_ratio = 0;  // thresholds: of the largest, or of the last
-  double notch_ratio = 0;  // of the larger ratio of neighbouring steps
-  double small_ratio = 0;     // of the largest: minima below may contain a zero
-  double adjacent_ratio = 0;  // of the largest: no fixed step begins there
-  double max_change = 0;      // of the ratio at the start of an interval, over a linear backward step
-  double steps_ahead = 0;  // in which a decreasing ratio would vanish: then Python takes over
-  bool entered = false;    // it does so already
-  bool suspicious = false; // there may be a singular configuration around a recorded step
+  double notch_ratio = 0;      // of the larger ratio of neighbouring steps
+  double small_ratio = 0;      // of the largest: minima below may contain a zero
+  double adjacent_ratio = 0;   // of the largest: no fixed step begins there
+  double max_change = 0;       // of the ratio at the start of an interval, over a linear backward step
+  double steps_ahead = 0;      // in which a decreasing ratio would vanish: then Python takes over
+  bool near_singular = false;  // the ratio is small already
+  bool suspicious = false;     // there may be a singular configuration around a recorded step
 
   FIELDS(largest_ratio, last_ratio, suspicious_ratio, singular_ratio, monitored_ratio, notch_ratio, small_ratio, adjacent_ratio,
-         max_change, steps_ahead, entered, suspicious)
+         max_change, steps_ahead, near_singular, suspicious)
 };
 
 // The nodes of n steps and jumps.
@@ -53,10 +53,10 @@ struct Run {
   bool project = false;       // the ends of steps
   bool monitored = false;     // by the singularity monitor
   double tolerated_move = 0;  // of the magnitude of a state: by a projection after fixed steps that keeps the carry
-  double tiny = 0;            // keeps it positive where a state is zero
+  double tiny = 0;            // keeps scales positive where a state is zero
   double max_undone = 0;      // of the motion of a step: what a projection may undo beyond tolerances
   bool continued = false;     // keep the steps of earlier calls
-  double seconds = 0;         // of computing, or little more
+  double seconds = 0;         // of computing, checked after each step
   long max_steps = 0;         // taken or rejected
   long max_carries = 0;       // nodes with a recorded carry
 

@@ -23,7 +23,7 @@ bool take_all_steps(Method& method, Index2System& s, long longest, const volatil
 // Does the run end away from singular configurations, and do the other rows still depend on those in use?
 bool ends_regularly(Index2System& s, const Run& run) {
   const double* y = run.state.y.data();
-  const Tolerances& limits = s.mechanics.limits;
+  const Tolerances& limits = s.tree.limits;
   const SingularityMonitor& monitor = run.monitor;
   const int rank = s.rows.rank;
   if (run.monitored && rank && monitor.last_ratio < monitor.suspicious_ratio * monitor.largest_ratio &&

@@ -48,7 +48,7 @@ double ExportedMechanism::margin() {
 const ExportedMechanism::Derivatives& ExportedMechanism::derivatives() {
   evaluate();
   if (derivatives_current_) return derivatives_;
-  const size_t m = inputs.size(), n = coordinates_->size(), wide = n + m, held = states_ - n;
+  const size_t m = inputs.size(), n = coordinates_->size(), wide = n + m, padding = states_ - n;
   LocalCoordinates::Partials p;
   const auto set = [&](int i, double change) {
     system().set_input(i, time(), settings_[i].value + change, 0);
@@ -57,7 +57,7 @@ const ExportedMechanism::Derivatives& ExportedMechanism::derivatives() {
   const size_t all = states_ + m;
   derivatives_.rates.assign(states_ * all, 0.0), derivatives_.outputs.assign(outputs.size() * all, 0.0);
   for (size_t c = 0; c < wide; ++c) {
-    const size_t to = c < n ? c : c + held;
+    const size_t to = c < n ? c : c + padding;
     for (size_t i = 0; i < n; ++i) derivatives_.rates[i * all + to] = p.x[i * wide + c];
     for (size_t i = 0; i < outputs.size(); ++i) derivatives_.outputs[i * all + to] = output_partial(outputs[i], p, c, wide);
   }
@@ -65,13 +65,15 @@ const ExportedMechanism::Derivatives& ExportedMechanism::derivatives() {
   return derivatives_;
 }
 
-// Multipliers of rows that share a load are those of minimum norm, and the partials those of the rows in use.
-void ExportedMechanism::require_own_load(const std::vector<int>& rows) {
+// Multipliers of dependent rows are those of minimum norm, and the partials those of the rows in use.
+void ExportedMechanism::require_determinate(const std::vector<int>& rows) {
   const Index2System& s = system();
   const auto inactive = std::count(s.constraints.off.begin(), s.constraints.off.end(), true);
-  bool shared = s.ng - static_cast<int>(inactive) - s.rows.rank > dependent_;
-  for (int k : rows) shared = shared || std::find(shared_.begin(), shared_.end(), k) != shared_.end();
-  if (shared) throw std::invalid_argument("multipliers and forces of constraints that share a load have no derivatives");
+  bool indeterminate = s.ng - static_cast<int>(inactive) - s.rows.rank > dependent_;
+  for (int k : rows)
+    indeterminate = indeterminate || std::find(indeterminate_.begin(), indeterminate_.end(), k) != indeterminate_.end();
+  if (indeterminate)
+    throw std::invalid_argument("multipliers and forces of statically indeterminate constraints have no derivatives");
 }
 
 double ExportedMechanism::output_partial(const SignalValue& signal, const LocalCoordinates::Partials& p, size_t c,
@@ -90,10 +92,10 @@ double ExportedMechanism::output_partial(const SignalValue& signal, const LocalC
     case Kind::rate:
       return p.F[i * wide + c];
     case Kind::lam:
-      require_own_load(signal.rows);
+      require_determinate(signal.rows);
       return p.lam[signal.rows[0] * wide + c];
     case Kind::force: {
-      require_own_load(signal.rows);
+      require_determinate(signal.rows);
       const Numbers& lam = s.multipliers();
       double size = 0, along = 0;
       bool acts = false;

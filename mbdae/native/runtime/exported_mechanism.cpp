@@ -41,7 +41,7 @@ ExportedMechanism::ExportedMechanism(const std::string& json)
   modes_ = part<ModeData>(document_, "modes"), fresh_run_.modes.switches = modes_.switches;
   start_ = part<StartData>(document_, "start"), limits_ = part<CoordinateLimits>(document_, "coordinates");
   states_ = part<int>(document_, "states"), dependent_ = part<int>(document_, "dependent");
-  shared_ = part<std::vector<int>>(document_, "shared");
+  indeterminate_ = part<std::vector<int>>(document_, "indeterminate");
   reset();
 }
 
@@ -83,7 +83,7 @@ void ExportedMechanism::build() {
   if (static_cast<int>(start_.y.size()) != s.length) reject("the start has the wrong length");
   for (const SignalValue& x : outputs)
     if (!x.is_valid(s)) reject("an output does not fit the mechanism");
-  s.mechanics.expand(&expanded_model_), s.samplers = std::move(samplers);
+  s.tree.expand(&expanded_model_), s.samplers = std::move(samplers);
   complete_interfaces(interfaces, s.constraints.rows);
   const auto active = part<std::vector<int>>(now, "friction_active");
   friction_active_.assign(active.begin(), active.end()), slip_directions_ = part<Numbers>(now, "slip_directions");
@@ -92,7 +92,7 @@ void ExportedMechanism::build() {
   s.friction.use(std::move(interfaces), friction_active_.data(), slip_directions_.data());
   s.friction.smallest_slip = part<double>(now, "smallest_slip");
   check(run_.modes, s), set_mode(s, run_.modes.switches, run_.modes.mode);
-  other_.emplace(s.mechanics, s.constraints, s.counts), monitor_.emplace(s, run_.modes);
+  other_.emplace(s.tree, s.constraints, s.counts), monitor_.emplace(s, run_.modes);
 }
 
 void ExportedMechanism::start(double t, bool steps) {

@@ -123,7 +123,7 @@ class ExportedMechanism {
   bool is_watched(int guard) const;
   void end_flights(const std::vector<int>& fired, Numbers& at);
   std::vector<int> step_back(Numbers& at);  // to the first of the guards that are negative; those that are zero there
-  void require_own_load(const std::vector<int>& rows);
+  void require_determinate(const std::vector<int>& rows);
   double output_partial(const SignalValue& signal, const LocalCoordinates::Partials& p, size_t column, size_t wide);
   Index2System& system() { return core_->system; }
 
@@ -148,7 +148,7 @@ class ExportedMechanism {
   Numbers origin_, x_, rate_;
   double origin_t_ = 0;
   int states_ = 0, dependent_ = 0;  // dependent rows in the mode of the start
-  std::vector<int> shared_;         // rows that share their load with others
+  std::vector<int> indeterminate_;  // rows whose multipliers are not unique
   Derivatives derivatives_;
 };
 

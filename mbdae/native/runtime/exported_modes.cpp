@@ -95,7 +95,7 @@ void ExportedMechanism::end_flights(const std::vector<int>& fired, Numbers& at) 
     if (!std::isnan(modes.guards[i].return_time) && now.guards[i].rate > 0) closed[modes.guards[i].element] = active;
   if (closed == modes.mode) return;
   const ModeSettings settings(system(), modes.switches, modes.mode);
-  enter_mode(system(), modes.switches, closed, at.data(), modes.initial_rank(system().mechanics.limits));
+  enter_mode(system(), modes.switches, closed, at.data(), modes.initial_rank(system().tree.limits));
   project_state(system(), time(), at.data()), settings.restore();
 }
 

@@ -66,7 +66,7 @@ Numbers solved(const Numbers& A, const Numbers& B, size_t m, size_t n) {
 LocalCoordinates::LocalCoordinates(Index2System& s, const CoordinateLimits& limits, double t, const double* y)
     : s_(s), limits_(limits), q0_(y, y + s.nq), moved_(s.nv), q_(q0_), g_(s.ng), G_(static_cast<size_t>(s.ng) * s.nv),
       y_(y, y + s.length), F_(s.ny), z_(s.ng) {
-  const Tolerances& tolerances = s.mechanics.limits;
+  const Tolerances& tolerances = s.tree.limits;
   const Numbers& D = tolerances.coordinate_scales;
   const size_t nv = s.nv;
   evaluate_rows(t, y);
@@ -95,8 +95,8 @@ LocalCoordinates::LocalCoordinates(Index2System& s, const CoordinateLimits& limi
 
 void LocalCoordinates::evaluate_rows(double t, const double* q) {
   std::fill(G_.begin(), G_.end(), 0.0);
-  s_.point.invalidate(), s_.mechanics.poses(q);
-  s_.constraints.dense_value(s_.mechanics, q, s_.constraints.all, G_, g_.data());
+  s_.point.invalidate(), s_.tree.poses(q);
+  s_.constraints.dense_value(s_.tree, q, s_.constraints.all, G_, g_.data());
   s_.constraints.complete_g(t, g_.data());
 }
 
@@ -106,7 +106,7 @@ void LocalCoordinates::displacement(const Numbers& xi, const Numbers& mu) {
     double x = 0;
     for (int i = 0; i < k_; ++i) x += N_[i * nv + j] * xi[i];
     for (int i = 0; i < r_; ++i) x += across_[i * nv + j] * mu[i];
-    moved_[j] = s_.mechanics.limits.coordinate_scales[j] * x;
+    moved_[j] = s_.tree.limits.coordinate_scales[j] * x;
   }
 }
 
@@ -116,7 +116,7 @@ void LocalCoordinates::velocities(Numbers& columns, int n) const {
 
 bool LocalCoordinates::corrected(double t, const Numbers& xi, Numbers& mu) {
   const size_t nv = s_.nv, m = positional_.size();
-  const Tolerances& tolerances = s_.mechanics.limits;
+  const Tolerances& tolerances = s_.tree.limits;
   double size = 0, last = INFINITY;
   for (int pass = 0; pass < limits_.iterations; ++pass) {
     displacement(xi, mu);
@@ -161,7 +161,7 @@ void LocalCoordinates::position(double t, const double* xi) {
 
 void LocalCoordinates::state(double t, const double* x, double* y) {
   const size_t nv = s_.nv, m = static_cast<size_t>(s_.ng) + f_;
-  const Tolerances& tolerances = s_.mechanics.limits;
+  const Tolerances& tolerances = s_.tree.limits;
   if (!finite(x, size())) throw StepTooLong();
   position(t, x);
   Numbers A(m * nv), b(m * (1 + f_), 0.0);  // v, and the velocities of unit eta
@@ -188,7 +188,7 @@ void LocalCoordinates::state(double t, const double* x, double* y) {
 
 void LocalCoordinates::rate(double t, const double* x, double* y, double* dx) {
   const size_t nv = s_.nv;
-  const Numbers& D = s_.mechanics.limits.coordinate_scales;
+  const Numbers& D = s_.tree.limits.coordinate_scales;
   state(t, x, y);
   if (!(margin_ > 0)) throw StepTooLong();
   s_.derivative(t, y, F_.data(), z_.data());

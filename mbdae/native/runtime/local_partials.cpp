@@ -19,13 +19,13 @@ void add_product(const double* A, size_t m, size_t n, const double* x, double* o
 
 Numbers LocalCoordinates::gamma(const double* q, const double* v) {
   Numbers out(s_.ng, 0.0);
-  s_.mechanics.poses(q), s_.mechanics.motions(q, v);
-  s_.constraints.bias(s_.mechanics, q, v, s_.constraints.all, out.data());
+  s_.tree.poses(q), s_.tree.motions(q, v);
+  s_.constraints.bias(s_.tree, q, v, s_.constraints.all, out.data());
   return out;
 }
 
 Numbers LocalCoordinates::gamma_by_q(const Numbers& direction) {
-  const Numbers& D = s_.mechanics.limits.coordinate_scales;
+  const Numbers& D = s_.tree.limits.coordinate_scales;
   double size = 0;
   for (int j = 0; j < s_.nv; ++j) size = std::max(size, std::fabs(direction[j]) / D[j]);
   Numbers out(s_.ng, 0.0), q(s_.nq), x(s_.nv);
@@ -48,7 +48,7 @@ void LocalCoordinates::forces(double t, Numbers& out) {
 
 void LocalCoordinates::begin_partials(double t, const double* x, Partials& out, int inputs) {
   const size_t nv = s_.nv, n = size(), wide = n + inputs, m = positional_.size();
-  const Tolerances& tolerances = s_.mechanics.limits;
+  const Tolerances& tolerances = s_.tree.limits;
   const Numbers& D = tolerances.coordinate_scales;
   if (s_.friction) throw std::invalid_argument("friction by closure forces has no partial derivatives");
   Numbers y(s_.length);
@@ -100,7 +100,7 @@ void LocalCoordinates::begin_partials(double t, const double* x, Partials& out, 
     add_product(at_.K.data(), u, nv, tangent.data(), top.data());
     add_product(at_.D.data(), u, u, &tangent[nv], top.data());
     right_.push_back(top);
-    s_.mechanics.tangent_map(y.data(), tangent.data(), raw.data());
+    s_.tree.tangent_map(y.data(), tangent.data(), raw.data());
     for (int i = 0; i < s_.ny; ++i) out.y[i * n + c] = tangent[i];
     for (int i = 0; i < s_.nq; ++i) out.raw[i * n + c] = raw[i];
     Numbers change = gamma_by_q(Numbers(tangent.begin(), tangent.begin() + nv));  // gamma is quadratic in v
@@ -110,12 +110,12 @@ void LocalCoordinates::begin_partials(double t, const double* x, Partials& out, 
     for (int i : s_.rows.in_use()) below[s_.rows.position()[i]] = change[i] + (above[i] - under[i]) / 2;
     add_product(Ba.data(), r, nv, tangent.data(), below);
   }
-  s_.mechanics.poses(y.data()), s_.mechanics.motions(y.data(), &y[s_.nq]);  // for the partials by inputs
+  s_.tree.poses(y.data()), s_.tree.motions(y.data(), &y[s_.nq]);  // for the partials by inputs
 }
 
 void LocalCoordinates::complete_partials(int inputs, Partials& out) {
   const size_t nv = s_.nv, n = size(), wide = n + inputs, r = s_.rows.in_use().size();
-  const Numbers& D = s_.mechanics.limits.coordinate_scales;
+  const Numbers& D = s_.tree.limits.coordinate_scales;
   s_.point.invalidate();
   DenseLU<1> saddle;
   saddle.resize(static_cast<int>(nv + r));

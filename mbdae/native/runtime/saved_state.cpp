@@ -27,7 +27,7 @@ Numbers ExportedMechanism::state() {
   Numbers out{i.t, i.stop, i.end, i.t1, run_.jumps.restart, run_.grid.t0, double(run_.grid.i),
               double(run_.grid.on_grid), run_.control.h, run_.control.uncut_size, run_.control.last,
               double(run_.control.rejected), run_.monitor.largest_ratio, run_.monitor.last_ratio,
-              double(run_.monitor.entered), double(jumped_), double(by_steps_), origin_t_, double(rows.rank), rows.floor,
+              double(run_.monitor.near_singular), double(jumped_), double(by_steps_), origin_t_, double(rows.rank), rows.floor,
               double(rows.frozen)};
   const auto add = [&](const Numbers& x) { out.push_back(double(x.size())), out.insert(out.end(), x.begin(), x.end()); };
   add(y()), add(run_.state.carry), add(run_.state.low), add(values_), add(wanted_), add(origin_), add(x_);
@@ -56,7 +56,7 @@ void ExportedMechanism::set_state(const Numbers& state) {
   i.t = next(), i.stop = next(), i.end = next(), i.t1 = next(), run.jumps.restart = next(), run.grid.t0 = next();
   run.grid.i = static_cast<long>(next()), run.grid.on_grid = next(), run.control.h = next();
   run.control.uncut_size = next(), run.control.last = next(), run.control.rejected = next();
-  run.monitor.largest_ratio = next(), run.monitor.last_ratio = next(), run.monitor.entered = next();
+  run.monitor.largest_ratio = next(), run.monitor.last_ratio = next(), run.monitor.near_singular = next();
   const bool jumped = next(), by_steps = next();
   const double origin_t = next(), rank = next(), floor = next(), frozen = next();
   run.state.y = list(), run.state.carry = list(), run.state.low = list();

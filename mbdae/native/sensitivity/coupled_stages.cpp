@@ -93,7 +93,7 @@ void CoupledStages::newton(double t, double h, const State& in, int left) {
       steps_->guess(t, h, in);
     }
     h_ = h;
-    for (int k = 0; k < s_.mechanics.limits.stage_iterations; ++k) {
+    for (int k = 0; k < s_.tree.limits.stage_iterations; ++k) {
       linearize(in.y);
       const int n = a_.n, m = stages_[0]->size();
       Vector<double> right(n * m);
@@ -103,7 +103,7 @@ void CoupledStages::newton(double t, double h, const State& in, int left) {
       const Rows<double> moves = RowsIn(change.data(), n, m);
       const double size = std::fabs(h) * moves.leftCols(s_.ny - 1).cwiseAbs().maxCoeff();
       steps_->correct(moves);
-      if (size <= s_.mechanics.limits.solution_rounding *
+      if (size <= s_.tree.limits.solution_rounding *
                       (1 + std::fabs(h) * steps_->F.leftCols(s_.ny - 1).cwiseAbs().maxCoeff()))
         return;
     }

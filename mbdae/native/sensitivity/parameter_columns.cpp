@@ -48,19 +48,19 @@ void Parameters::rows(const LinearisationPoint& point, Numbers& Q, const Numbers
 }
 
 void Parameters::subtract_wrench(int joint, const double* W, double* P) const {
-  const double* J = s_.mechanics.J();
-  for (int j = joint; j; j = s_.mechanics.parents[j])
+  const double* J = s_.tree.J();
+  for (int j = joint; j; j = s_.tree.parents[j])
     for (int c : columns_[j]) P[c] -= dot6(J + 6 * c, W);
 }
 
 void Parameters::subtract_subtree_wrenches(int joint, double* P) {
-  const double* J = s_.mechanics.J();
+  const double* J = s_.tree.J();
   const std::vector<int>& subtree = subtree_[joint];
   for (size_t l = subtree.size(); l-- > 0;) {
     const int j = subtree[l];
     for (int c : columns_[j]) P[c] -= dot6(J + 6 * c, W_[j].data());
     if (j == joint) continue;
-    Six& before = W_[s_.mechanics.parents[j]];
+    Six& before = W_[s_.tree.parents[j]];
     for (int i = 0; i < 6; ++i) before[i] += W_[j][i];
   }
 }
@@ -88,7 +88,7 @@ void Parameters::gravity_columns(int component, Numbers& P) {
 
 // The joint's subtree is fixed, and the rest of the tree is displaced by -xi.
 void Parameters::placement_columns(int component, Numbers& P) {
-  const int joint = components_[component].id, before = s_.mechanics.parents[joint];
+  const int joint = components_[component].id, before = s_.tree.parents[joint];
   const double *Vp = V_[before].data(), *Ap = A_[before].data();
   for (const Direction* d : along_[component]) {
     double xi[6], dA[6], rotated[6], W[6];
@@ -127,7 +127,7 @@ double Parameters::moving(const Pair& pair, const WrenchPartials& t, const Movin
   times6(by.second ? t.Db : t.Da, xi, dF);
   std::fill(rotated, rotated + 6, 0.0);
   if (x.kind == ModelComponent::placement) {
-    const int end = by.second ? b : a, before = s_.mechanics.parents[x.id];
+    const int end = by.second ? b : a, before = s_.tree.parents[x.id];
     const double sign = by.second ? 1 : -1;
     double Y[6];
     for (int i = 0; i < 6; ++i) Y[i] = V_[end][i] - V_[before][i];
@@ -145,7 +145,7 @@ double Parameters::moving(const Pair& pair, const WrenchPartials& t, const Movin
 
 void Parameters::pair_columns(const ActingWrench& w, Numbers& P) const {
   const Pair& pair = *w.pair;
-  const double* J = s_.mechanics.J();
+  const double* J = s_.tree.J();
   for (const Moving& by : moved_frames_.at(&pair)) {
     const ModelComponent& x = components_[by.component];
     for (const Direction* d : along_[by.component]) {

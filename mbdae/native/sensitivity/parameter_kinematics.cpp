@@ -6,7 +6,7 @@ namespace mbdae {
 // The axes of a joint are fixed in its parent body: J' v of a joint is V of its parent x J v.
 template <bool accelerated>
 void Parameters::motions(const double* v, const double* a) {
-  const Mechanics& m = s_.mechanics;
+  const MultibodyTree& m = s_.tree;
   const double* J = m.J();
   for (int j : moving_joints_) {
     const std::vector<int>& own = columns_[j];
@@ -32,7 +32,7 @@ template void Parameters::motions<true>(const double*, const double*);
 template void Parameters::motions<false>(const double*, const double*);
 
 void Parameters::momenta() {
-  const std::vector<int>& parents = s_.mechanics.parents;
+  const std::vector<int>& parents = s_.tree.parents;
   for (int j : inertial_joints_) F_[parents[j]] = Six{};
   for (int j : inertial_joints_) {
     double rotated[6];
@@ -46,7 +46,7 @@ void Parameters::momenta() {
 
 void Parameters::locate() {
   static const Anchor origin;
-  const Mechanics& m = s_.mechanics;
+  const MultibodyTree& m = s_.tree;
   for (size_t i = 0; i < components_.size(); ++i) {
     const ModelComponent& x = components_[i];
     WorldPose& out = world_poses_[i];

@@ -28,9 +28,9 @@ void add_motion(const WorldPose& at, const double* g, double* out) {  // of part
 }  // namespace
 
 void Parameters::twists(const double* v) {
-  const double* J = s_.mechanics.J();
-  for (int j = 1; j < s_.mechanics.joints; ++j) {
-    U_[j] = U_[s_.mechanics.parents[j]];
+  const double* J = s_.tree.J();
+  for (int j = 1; j < s_.tree.joints; ++j) {
+    U_[j] = U_[s_.tree.parents[j]];
     for (int c : columns_[j])
       for (int i = 0; i < 6; ++i) U_[j][i] += J[6 * c + i] * v[c];
   }
@@ -50,7 +50,7 @@ void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vec
     const ModelComponent& x = components_[m.component];
     Six g = m.second ? by_b : by_a;
     if (x.kind == ModelComponent::placement) {
-      const int end = m.second ? b : a, before = s_.mechanics.parents[x.id];
+      const int end = m.second ? b : a, before = s_.tree.parents[x.id];
       double Y[6], rotated[6];
       for (int i = 0; i < 6; ++i) Y[i] = X[end][i] - X[before][i];
       wrench_cross(Y, t.F, rotated);
@@ -75,7 +75,7 @@ void Parameters::shifted(const Pair& pair, const double* F, std::vector<Numbers>
 
 // The joint's subtree is held, and the rest of the tree moved by -xi: U, V, A there become U x xi, ...
 void Parameters::bodies() {
-  const int joints = s_.mechanics.joints;
+  const int joints = s_.tree.joints;
   for (int j = 1; j < joints; ++j) {
     double VU[6], IVU[6], rotated[6];
     const double *V = V_[j].data(), *U = U_[j].data();
@@ -89,13 +89,13 @@ void Parameters::bodies() {
   }
   H_[0] = C_[0] = Six{};
   for (int j = joints - 1; j > 0; --j) {
-    const int p = s_.mechanics.parents[j];
+    const int p = s_.tree.parents[j];
     for (int i = 0; i < 6; ++i) H_[p][i] += H_[j][i], C_[p][i] += C_[j][i];
   }
 }
 
 void Parameters::contract(const LinearisationPoint& point, const double* above, std::vector<Numbers>& sums) {
-  const Mechanics& m = s_.mechanics;
+  const MultibodyTree& m = s_.tree;
   const int nv = s_.nv;
   if (kinematic_) {
     twists(above);

@@ -22,7 +22,7 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
       changed_(std::move(changed)),
       world_poses_(components_.size()),
       gaps_(s.ng) {
-  const Mechanics& m = s.mechanics;
+  const MultibodyTree& m = s.tree;
   const auto supports = m.supports();
   columns_.resize(m.joints), subtree_.resize(m.joints), joint_of_.resize(s.nv);
   has_ancestor_.assign(m.joints, std::vector<bool>(m.joints, false));
@@ -76,11 +76,11 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
 }
 
 void Parameters::pose(const LinearisationPoint& point) {
-  if (kinematic_ || !changed_.empty()) s_.mechanics.poses(point.q.data());
+  if (kinematic_ || !changed_.empty()) s_.tree.poses(point.q.data());
 }
 
 void Parameters::evaluate_terms(const LinearisationPoint& point) {
-  const Mechanics& m = s_.mechanics;
+  const MultibodyTree& m = s_.tree;
   if (kinematic_) {
     double g[3] = {0, 0, 0};
     if (point.loaded) m.gravity(g);
@@ -94,7 +94,7 @@ void Parameters::evaluate_terms(const LinearisationPoint& point) {
 }
 
 void Parameters::evaluate_changed(const LinearisationPoint& point) {
-  Mechanics& m = s_.mechanics;
+  MultibodyTree& m = s_.tree;
   const size_t nv = s_.nv, n = n_;
   changed_P_.assign(changed_.size() * n, 0.0);
   const double *v = point.u.data(), *s = v + nv;
@@ -145,7 +145,7 @@ void Parameters::add_changed_rows(const LinearisationPoint::ConstraintPoint& con
     for (const PerturbedRows& near : changed_[i].rows) {
       const std::vector<int>& at = changed_[i].at;
       G.assign(at.size() * nv, 0.0), g.assign(at.size(), 0.0);
-      near.rows->value(s_.mechanics, constrained.q.data(), near.rows->all, G.data(), g.data());
+      near.rows->value(s_.tree, constrained.q.data(), near.rows->all, G.data(), g.data());
       if (constrained.kind == LinearisationPoint::ConstraintPoint::g) {
         near.rows->complete_g(constrained.t, g.data());
       } else {

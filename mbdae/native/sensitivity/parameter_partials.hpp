@@ -156,7 +156,7 @@ template <class F>
 void Parameters::for_constraint_points(const LinearisationPoint& point, const Numbers& q, const F& each) {
   changed_Q_.assign(changed_.size() * s_.ng, 0.0);
   if (!rows_move_ && !rows_change_) return;
-  Mechanics& m = s_.mechanics;
+  MultibodyTree& m = s_.tree;
   const std::vector<int>& position = (point.rows ? *point.rows : s_.rows).position();
   const Numbers* current_q = &q;
   for (const LinearisationPoint::ConstraintPoint& constrained : point.constraint_points) {

@@ -11,7 +11,7 @@ ProjectionSensitivity::ProjectionSensitivity(Index2System& s, Parameters& parame
     : s_(s),
       parameters_(parameters),
       forward_(forward && parameters.count()),
-      factors_(s.mechanics, s.constraints, s.counts) {}
+      factors_(s.tree, s.constraints, s.counts) {}
 
 void ProjectionSensitivity::take(double t, double* y, bool positions) {
   const int nq = s_.nq, nv = s_.nv, ng = s_.ng;
@@ -31,9 +31,9 @@ void ProjectionSensitivity::take(double t, double* y, bool positions) {
     if (count_ == corrections_.size()) corrections_.emplace_back(new Correction);
     Correction& c = *corrections_[count_++];
     c.of_v = of_v;
-    s_.mechanics.poses(q);
+    s_.tree.poses(q);
     c.G.resize(s_.constraints.start.back()), c.Z.resize(c.G.size()), r.assign(ng, 0.0);
-    s_.constraints.value(s_.mechanics, q, s_.constraints.all, c.G.data(), r.data());
+    s_.constraints.value(s_.tree, q, s_.constraints.all, c.G.data(), r.data());
     return c;
   };
   if (positions && path.empty()) path.push_back(q0_);  // even without a violation: perturbed states may violate the constraints
@@ -74,7 +74,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   constrained.kind = c.of_v ? LinearisationPoint::ConstraintPoint::rate : LinearisationPoint::ConstraintPoint::g,
   constrained.weight = 1;
   if (c.of_v) constrained.v.assign(v, v + nv);
-  c.moved = largest(x.data(), nv) > s_.mechanics.limits.evaluation_rounding;
+  c.moved = largest(x.data(), nv) > s_.tree.limits.evaluation_rounding;
   const bool requested = parameters_.moving();
   if (c.of_v)
     s_.closure_partials(q, v, nullptr, nullptr, &c.Bv, nullptr, requested ? &constrained.wrench_partials : nullptr);
@@ -101,7 +101,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   const Numbers zero(nv, 0.0);
   Numbers by_v(m * m);
   c.T.resize(m * m);
-  s_.mechanics.partials(q0_.data(), zero.data(), x.data(), c.T.data(), by_v.data(), true);
+  s_.tree.partials(q0_.data(), zero.data(), x.data(), c.T.data(), by_v.data(), true);
 }
 
 void ProjectionSensitivity::solve(const Correction& c, double* above, double* below) const {

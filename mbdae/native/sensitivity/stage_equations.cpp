@@ -60,9 +60,9 @@ void StageEquations::constraints(const double* y0, const StageValues& at) {
   s_.manifold.integrate(y0, at.xhat.data(), constrained.q.data());
   for (int i = 0; i < nv; ++i) constrained.v[i] = y0[nq + i] + at.xhat[nv + i];
   s_.manifold.integrate_partials(at.xhat.data(), constrained.v.data(), integrate_partials_hat_);
-  s_.mechanics.poses(constrained.q.data());
+  s_.tree.poses(constrained.q.data());
   G_.assign(static_cast<size_t>(s_.ng) * nv, 0.0);
-  s_.constraints.dense_value(s_.mechanics, constrained.q.data(), s_.constraints.all, G_);
+  s_.constraints.dense_value(s_.tree, constrained.q.data(), s_.constraints.all, G_);
   s_.closure_partials(constrained.q.data(), constrained.v.data(), nullptr, nullptr, &Bhat_, nullptr,
                       requested ? &constrained.wrench_partials : nullptr);
   time_.assign(s_.ng, 0.0);
@@ -107,9 +107,9 @@ void StageEquations::motion(const double* y0, const StageValues& at) {
   s_.force_partials(at.t, o.q.data(), o.u.data(), o.vdot.data(), o.lam.data(), at_, nullptr,
                     parameters_.moving() ? &o.wrenches : nullptr);
   std::fill(G_.begin(), G_.end(), 0.0);
-  s_.constraints.dense_value(s_.mechanics, o.q.data(), s_.constraints.all, G_);
+  s_.constraints.dense_value(s_.tree, o.q.data(), s_.constraints.all, G_);
   by_unknowns.topLeftCorner(ny, ny).setIdentity();
-  M_.resize(static_cast<size_t>(nv) * nv), s_.mechanics.dense_M(M_.data());
+  M_.resize(static_cast<size_t>(nv) * nv), s_.tree.dense_M(M_.data());
   by_unknowns.block(nv, nv, nv, nv) = RowsIn(M_.data(), nv, nv);
   x.block(0, nv, nv, nv) = -Rows<double>::Identity(nv, nv);
   x.block(nv, 0, n_, nv) = -RowsIn(at_.K.data(), n_, nv), x.block(nv, nv, n_, n_) = -RowsIn(at_.D.data(), n_, n_);
@@ -160,7 +160,7 @@ void StageEquations::positions(const StageValues& at) {
   Numbers by_mu(by_q_);
   s_.closure_partials(o.q.data(), zero.data(), o.lam.data(), by_mu.data(), nullptr,
                       parameters_.moving() ? &o.wrenches : nullptr, nullptr, position_rows_);
-  s_.mechanics.partials(o.q.data(), zero.data(), at.slip.data(), by_q_.data(), by_v_.data(), true);
+  s_.tree.partials(o.q.data(), zero.data(), at.slip.data(), by_q_.data(), by_v_.data(), true);
   x.block(first, 0, nv, nv) = RowsIn(by_q_.data(), nv, nv) - RowsIn(by_mu.data(), nv, nv);
   y.block(first, 0, nv, nv) = x.block(first, 0, nv, nv);
   if (!forward_) return;

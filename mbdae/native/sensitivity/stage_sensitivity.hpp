@@ -33,7 +33,7 @@ struct LinearisationPoint {
 // n = nv + ns + 1; rows in use (r,) are in the order of elimination.
 class StageSensitivity : public LinearisationPoint {
  public:
-  explicit StageSensitivity(Index2System& s) : point(s.mechanics, s.constraints, s.counts), s_(s) {}
+  explicit StageSensitivity(Index2System& s) : point(s.tree, s.constraints, s.counts), s_(s) {}
 
   double factor = 0;
   EquationPartials at;

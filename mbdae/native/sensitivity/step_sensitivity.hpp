@@ -12,12 +12,12 @@ namespace mbdae {
 
 class StepSensitivity final : public HalfExplicitStep, public StepMap {
  public:
-  StepSensitivity(Index2System& system, Parameters* parameters, const Tableau& a, bool forward = false);  // or reverse
+  StepSensitivity(Index2System& system, Parameters* parameters, const Tableau& a, bool forward = false);  // otherwise reverse
 
   // The same without partials, if they are not requested.
   void repeat(double t, double h, const State& in, State& out, bool partials);
   void repeat(double t, double h, const State& in, State& out) override { repeat(t, h, in, out, true); }
-  void forward(int directions, double* moved, const double* dp, const double* dh, const double* dt) override;  // neither dh nor dt
+  void forward(int directions, double* moved, const double* dp, const double* dh, const double* dt) override;  // dh, dt: not supported
   void reverse(int costs, double* bar) override;
 
  private:

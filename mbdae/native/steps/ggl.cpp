@@ -37,13 +37,13 @@ void GGLStep::stage(double t, double that, double factor, double* F, bool last) 
 void GGLStep::satisfy_constraint(double that, double factor, double* dx) {
   const std::vector<int>& kept = positions_.in_use();
   if (kept.empty()) return HalfExplicitStep::satisfy_constraint(that, factor, dx);
-  const Tolerances& limits = s_.mechanics.limits;
+  const Tolerances& limits = s_.tree.limits;
   const double scale = 1 + largest_scaled(q0_.data(), limits.q_scales);
   double last = INFINITY;
   for (int k = 0; k < limits.ggl_iterations; ++k) {
     evaluate_poses(dx, factor);
     std::fill(gap_.begin(), gap_.end(), 0.0);
-    s_.constraints.value(s_.mechanics, qhat_.data(), kept, Ghat_.data(), gap_.data());
+    s_.constraints.value(s_.tree, qhat_.data(), kept, Ghat_.data(), gap_.data());
     s_.constraints.complete_g(that, gap_.data());
     for (int r : kept) gap_[r] /= -factor;
     compute_correction(Ghat_);
@@ -95,9 +95,9 @@ void GGLStep::check_other_rows(double that) {
   const std::vector<int>& others = positions_.rows().others();
   if (others.empty()) return;
   std::fill(gap_.begin(), gap_.end(), 0.0);
-  s_.constraints.value(s_.mechanics, qhat_.data(), others, Ghat_.data(), gap_.data());
+  s_.constraints.value(s_.tree, qhat_.data(), others, Ghat_.data(), gap_.data());
   s_.constraints.complete_g(that, gap_.data());
-  const Tolerances& limits = s_.mechanics.limits;
+  const Tolerances& limits = s_.tree.limits;
   for (int r : others)
     if (std::fabs(gap_[r]) > limits.same_state * limits.row_scales[r]) throw FallBackToPython();
 }

@@ -19,8 +19,8 @@ std::vector<int> GGLCollocation::unknowns() const {
 std::shared_ptr<const LinearizedStages> GGLCollocation::linearize(double t, const double* x, const double* dx,
                                                                   const double* z) {
   auto out = std::make_shared<LinearizedStages>(*CollocationStep::linearize(t, x, dx, z));
-  s_.mechanics.poses(q_.data());
-  s_.constraints.dense_value(s_.mechanics, q_.data(), positions_.in_use(), G_);
+  s_.tree.poses(q_.data());
+  s_.constraints.dense_value(s_.tree, q_.data(), positions_.in_use(), G_);
   for (int k : positions_.in_use()) {
     const double* row = &G_[static_cast<size_t>(k) * nv_];
     out->P.insert(out->P.end(), row, row + nv_);
@@ -41,7 +41,7 @@ void GGLCollocation::residual(double t, const double* x, const double* dx, const
   s_.counts.M += 1, s_.counts.factorizations += 1, s_.counts.G += s_.ng > 0;
   s_.point.inertia(q_.data());
   std::fill(gap_.begin(), gap_.end(), 0.0), std::fill(slip_.begin(), slip_.end(), 0.0);
-  s_.constraints.dense_value(s_.mechanics, q_.data(), rows, G_, gap_.data());
+  s_.constraints.dense_value(s_.tree, q_.data(), rows, G_, gap_.data());
   s_.constraints.complete_g(t, gap_.data());
   for (size_t i = 0; i < rows.size(); ++i) {
     C[r + i] = -gap_[rows[i]];
@@ -58,7 +58,7 @@ void GGLCollocation::all_multipliers(double t, const double* z, double* out) {
   const std::vector<int>& rows = positions_.in_use();
   gap_ = s_.point.g;
   s_.constraints.complete_g(t, gap_.data());
-  const Tolerances& limits = s_.mechanics.limits;
+  const Tolerances& limits = s_.tree.limits;
   if (largest_scaled(gap_.data(), limits.row_scales) > limits.same_state) throw FallBackToPython();
   std::fill(mu_.begin(), mu_.end(), 0.0);
   for (size_t i = 0; i < rows.size(); ++i) mu_[rows[i]] = z[s_.rows.in_use().size() + i];

@@ -38,14 +38,18 @@ HalfExplicitStep::HalfExplicitStep(Index2System& s)
       Ghat_(s.point.G.size()),
       Zhat_(Ghat_.size()) {}
 
-void HalfExplicitStep::stage(double t, double that, double factor, double* F, bool last) {
-  Configuration& point = s_.point;
-  Mechanics& m = s_.mechanics;
-  Constraints& constraints = s_.constraints;
-  const std::vector<int>& rows = s_.rows.in_use();
+void HalfExplicitStep::place_stage() {
   s_.manifold.integrate(q0_.data(), x_.data(), q_.data());
   for (int i = 0; i < nv_; ++i) v_[i] = v0_[i] + x_[nv_ + i];
   for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
+}
+
+void HalfExplicitStep::stage(double t, double that, double factor, double* F, bool last) {
+  Configuration& point = s_.point;
+  MultibodyTree& m = s_.tree;
+  Constraints& constraints = s_.constraints;
+  const std::vector<int>& rows = s_.rows.in_use();
+  place_stage();
   point.dynamics(q_.data(), v_.data(), with_partials_);
   s_.counts.M += 1, s_.counts.factorizations += 1;
   const bool has_friction = static_cast<bool>(s_.friction);
@@ -95,7 +99,7 @@ void HalfExplicitStep::all_multipliers(double* z) { s_.saddle.all_multipliers(la
 void HalfExplicitStep::evaluate_poses(const double* dx, double factor) {
   for (int i = 0; i < nv_; ++i) dx_[i] = xhat_[i] + factor * dx[i];
   s_.manifold.integrate(q0_.data(), dx_.data(), qhat_.data());
-  s_.mechanics.poses(qhat_.data());
+  s_.tree.poses(qhat_.data());
   s_.counts.G += 1;
 }
 
@@ -106,7 +110,7 @@ void HalfExplicitStep::satisfy_constraint(double, double factor, double* dx) {
 
 void HalfExplicitStep::factorize_constraints() {
   const std::vector<int>& rows = s_.rows.in_use();
-  s_.constraints.value(s_.mechanics, qhat_.data(), rows, Ghat_.data());
+  s_.constraints.value(s_.tree, qhat_.data(), rows, Ghat_.data());
   s_.point.scale_rows(rows, Ghat_, Zhat_);
   s_.saddle.factorize(Zhat_);
 }

@@ -34,6 +34,7 @@ class HalfExplicitStep {
   virtual void first_stage(const Numbers& carry, double* F) const;  // time derivative at an explicit first stage
   virtual void set_carry(const double* F, Numbers& carry) const;    // carry of the last stage to the next step
   virtual void stage(double t, double that, double factor, double* F, bool last);  // at x_, constraint at xhat_
+  void place_stage();                                                              // q_, v_ and s_in_ at x_
   // x' (nv,), from J v, of a stage; G and Z of the rows in use at its constraint point, S factorized.
   virtual void satisfy_constraint(double that, double factor, double* dx);
   virtual void project(double* e);                  // an error (ny,), in the mass metric, onto the kept constraints

@@ -13,10 +13,10 @@ void CollocationStep::residual(double t, const double* x, const double* dx, cons
   s_.manifold.integrate(y0_.data(), x, q_.data());
   for (int i = 0; i < nv_ + ns_; ++i) u_[i] = y0_[nq_ + i] + x[nv_ + i];
   const double *v = u_.data(), *q = q_.data();
-  s_.mechanics.inverse(q, v, dx + nv_, inertial_.data());
+  s_.tree.inverse(q, v, dx + nv_, inertial_.data());
   s_.counts.G += s_.ng > 0;
   const bool has_friction = static_cast<bool>(s_.friction);
-  constraints.dense_value(s_.mechanics, q, has_friction ? constraints.all : rows, G_);
+  constraints.dense_value(s_.tree, q, has_friction ? constraints.all : rows, G_);
   double* rates = R + 2 * nv_;
   s_.torque(t, q, v, v + nv_, R + nv_, rates);
   if (has_friction) {

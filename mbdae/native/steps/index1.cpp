@@ -7,9 +7,7 @@
 namespace mbdae {
 
 void Index1Step::stage(double t, double, double, double* F, bool) {
-  s_.manifold.integrate(q0_.data(), x_.data(), q_.data());
-  for (int i = 0; i < nv_; ++i) v_[i] = v0_[i] + x_[nv_ + i];
-  for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
+  place_stage();
   s_.point.evaluate(q_.data(), true);
   std::copy(v_.begin(), v_.end(), F);
   s_.manifold.tangent(x_.data(), F);
@@ -19,13 +17,13 @@ void Index1Step::stage(double t, double, double, double* F, bool) {
 
 void Index2System::raw_derivative(double t, const double* y, double* dy, double* z) {
   Numbers at(y, y + length), F(ny);
-  if (!manifold.flat) mechanics.normalize(at.data());
+  if (!manifold.flat) tree.normalize(at.data());
   derivative(t, at.data(), F.data(), z);
   std::copy(F.begin() + nv, F.end(), dy + nq);
   if (manifold.flat)
     std::copy_n(F.begin(), nv, dy);
   else
-    mechanics.tangent_map(at.data(), F.data(), dy);
+    tree.tangent_map(at.data(), F.data(), dy);
 }
 
 }  // namespace mbdae

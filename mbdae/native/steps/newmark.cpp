@@ -42,7 +42,7 @@ void NewmarkStep::correct(const GeneralizedAlpha& a, double t, Numbers& dx) {
   for (int k = 0; k < r; ++k) lam[rows[k]] = x_[n_ + k];
   s_.manifold.check_rotations(full_.data());
   residual(t, full_.data(), rates.data(), &x_[n_], R1_.data(), C1_.data());
-  s_.constraints.dense_value(s_.mechanics, q_.data(), rows, G_, g_.data());
+  s_.constraints.dense_value(s_.tree, q_.data(), rows, G_, g_.data());
   s_.constraints.complete_g(t, g_.data());
   for (int i = 0; i < n_; ++i) u_[i] = y0_[nq_ + i] + full_[nv_ + i];
   s_.partials(t, q_.data(), u_.data(), x_.data(), lam.data(), at_);
@@ -91,7 +91,7 @@ void NewmarkStep::correct(const GeneralizedAlpha& a, double t, Numbers& dx) {
 }
 
 std::pair<double, double> NewmarkStep::measure(const Numbers& dx) const {
-  const Tolerances& limits = s_.mechanics.limits;
+  const Tolerances& limits = s_.tree.limits;
   double speed = 0, change = 0, position = 0;
   for (int i = 0; i < nv_; ++i) {
     const double scale = limits.coordinate_scales[i];

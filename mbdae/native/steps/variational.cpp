@@ -31,15 +31,15 @@ void VariationalStep::momentum_partials(const double* q, AppliedForces& out) {
   const size_t n = static_cast<size_t>(nv_) * nv_;
   out.N.resize(n), by_v_.resize(n);
   s_.counts.M += 1;
-  s_.mechanics.inertia(q, zero_.data());
-  s_.mechanics.partials(q, zero_.data(), w_.data(), out.N.data(), by_v_.data(), true);
-  out.M.resize(n), s_.mechanics.dense_M(out.M.data());
+  s_.tree.inertia(q, zero_.data());
+  s_.tree.partials(q, zero_.data(), w_.data(), out.N.data(), by_v_.data(), true);
+  out.M.resize(n), s_.tree.dense_M(out.M.data());
 }
 
 void VariationalStep::apply_forces(double t, const double* q, AppliedForces& out) {
   momentum_partials(q, out);
   const size_t n = nv_, width = 2 * n;
-  Numbers weight(s_.mechanics.bias(), s_.mechanics.bias() + n);  // nle(q, 0)
+  Numbers weight(s_.tree.bias(), s_.tree.bias() + n);  // nle(q, 0)
   out.D.resize(n), out.by_w.resize(n * n);
   s_.torque(t, q, w_.data(), nullptr, out.D.data(), &out.power);
   const double *conservative = s_.law_partials(t, q, w_.data(), nullptr), *other = conservative + n * width;
@@ -84,7 +84,7 @@ void VariationalStep::correct(Numbers& dx) {
   s_.manifold.integrate(q0_.data(), x, q1_.data());
   momentum_partials(q1_.data(), end_);
   s_.counts.G += s_.ng > 0;
-  s_.constraints.dense_value(s_.mechanics, q1_.data(), rows, G_, g_.data());
+  s_.constraints.dense_value(s_.tree, q1_.data(), rows, G_, g_.data());
   s_.constraints.complete_g(t_ + h_, g_.data());
   if (s_.manifold.curved()) {
     s_.manifold.transfer(zero_.data(), x, J_inverse_);
@@ -129,7 +129,7 @@ void VariationalStep::correct(Numbers& dx) {
 }
 
 std::pair<double, double> VariationalStep::measure(const Numbers& dx) const {
-  const Tolerances& limits = s_.mechanics.limits;
+  const Tolerances& limits = s_.tree.limits;
   double size = limits.tiny, change = 0, position = 0;
   for (int i = 0; i < nv_; ++i) {
     size = std::max(size, std::fabs(x_[i]) / limits.coordinate_scales[i]);

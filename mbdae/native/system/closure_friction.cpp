@@ -9,7 +9,7 @@
 
 namespace mbdae {
 
-ClosureFriction::ClosureFriction(const Mechanics& m, Constraints& constraints, const IndependentRows& rows)
+ClosureFriction::ClosureFriction(const MultibodyTree& m, Constraints& constraints, const IndependentRows& rows)
     : smallest_slip(m.limits.zero_speed), m_(m), constraints_(constraints), rows_(rows) {}
 
 void ClosureFriction::use(std::vector<FrictionInterface> interfaces, std::uint8_t* active, double* directions) {

@@ -27,7 +27,7 @@ struct FrictionInterface {
 
 class ClosureFriction {
  public:
-  ClosureFriction(const Mechanics& m, Constraints& constraints, const IndependentRows& rows);
+  ClosureFriction(const MultibodyTree& m, Constraints& constraints, const IndependentRows& rows);
 
   // active (k,): which interfaces slide, directions (k, 2): slip directions of rolling contacts; arrays of Python that
   // outlive this object.
@@ -66,7 +66,7 @@ class ClosureFriction {
                          double* gradient) const;                   // |F|, its partials
   void solve_forces(const Numbers& lam, const Numbers& responses);  // T; responses (k, ng) by rows
 
-  const Mechanics& m_;
+  const MultibodyTree& m_;
   Constraints& constraints_;
   const IndependentRows& rows_;
   std::vector<FrictionInterface> interfaces_;

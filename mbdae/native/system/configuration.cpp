@@ -7,7 +7,7 @@
 
 namespace mbdae {
 
-Configuration::Configuration(Mechanics& m, Constraints& constraints, Counts& counts)
+Configuration::Configuration(MultibodyTree& m, Constraints& constraints, Counts& counts)
     : G(constraints.start.back()),
       Z(G.size()),
       g(constraints.rows.size()),

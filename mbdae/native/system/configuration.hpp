@@ -13,7 +13,7 @@ struct Counts {
 
 class Configuration {
  public:
-  Configuration(Mechanics& m, Constraints& constraints, Counts& counts);
+  Configuration(MultibodyTree& m, Constraints& constraints, Counts& counts);
 
   void inertia(const double* q);                                // M, its factors; G, Z invalid
   void dynamics(const double* q, const double* v, bool with_partials);  // and nle; or the first terms of partials
@@ -40,7 +40,7 @@ class Configuration {
   void factorize();  // M
   bool is_near(const double* q) const;  // the current configuration, to rounding
 
-  Mechanics& m_;
+  MultibodyTree& m_;
   Constraints& constraints_;
   Counts& counts_;
   bool current_ = false, rows_current_ = false;

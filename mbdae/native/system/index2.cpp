@@ -9,16 +9,16 @@
 namespace mbdae {
 
 Index2System::Index2System(const void* model, const Tolerances& limits, Description d)
-    : mechanics(model, limits, std::move(d.flexible)),
-      constraints(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers)),
-      manifold(mechanics, d.flat, std::move(d.group_joints), std::move(d.angular)),
-      rows(constraints, std::move(d.order), mechanics.nv, mechanics.limits),
-      point(mechanics, constraints, counts),
-      saddle(point, constraints, rows, mechanics.limits, counts, mechanics.nv),
-      friction(mechanics, constraints, rows),
+    : tree(model, limits, std::move(d.flexible)),
+      constraints(tree, std::move(d.rows), d.pairs, std::move(d.drivers)),
+      manifold(tree, d.flat, std::move(d.group_joints), std::move(d.angular)),
+      rows(constraints, std::move(d.order), tree.nv, tree.limits),
+      point(tree, constraints, counts),
+      saddle(point, constraints, rows, tree.limits, counts, tree.nv),
+      friction(tree, constraints, rows),
       formulation(d.formulation),
-      nq(mechanics.nq),
-      nv(mechanics.nv),
+      nq(tree.nq),
+      nv(tree.nv),
       ng(static_cast<int>(constraints.rows.size())),
       ns(d.ns),
       nz(formulation == Formulation::ggl ? 2 * ng : ng),
@@ -40,11 +40,11 @@ void Index2System::use_nodes(const Description& d) {
   std::vector<int> used;
   for (const auto* pairs : {&d.pairs, &d.law_pairs})
     for (const auto& p : *pairs) used.push_back(p.first.joint), used.push_back(p.second.joint);
-  mechanics.use_nodes(used);
+  tree.use_nodes(used);
 }
 
 void Index2System::set_laws(std::vector<Law> laws, const std::vector<std::pair<Anchor, Anchor>>& pairs) {
-  const auto supports = mechanics.supports();
+  const auto supports = tree.supports();
   laws_ = std::move(laws), law_pairs_.clear();
   law_pairs_.reserve(pairs.size());
   for (auto& p : pairs) law_pairs_.emplace_back(p.first, p.second, supports);
@@ -59,17 +59,17 @@ bool Index2System::write(const void* model, const Tolerances& limits, Descriptio
     if (d.laws[k].kind != laws_[k].kind || d.laws[k].pair != laws_[k].pair || d.laws[k].state != laws_[k].state ||
         d.laws[k].states != laws_[k].states)
       return false;
-  if (!mechanics.has_same_structure(d.flexible)) return false;
-  Constraints others(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers));
+  if (!tree.has_same_structure(d.flexible)) return false;
+  Constraints others(tree, std::move(d.rows), d.pairs, std::move(d.drivers));
   if (!constraints.has_structure_of(others)) return false;
   constraints.write(std::move(others));
   set_laws(std::move(d.laws), d.law_pairs);
-  mechanics.write(model, limits, std::move(d.flexible)), use_nodes(d), reset();
+  tree.write(model, limits, std::move(d.flexible)), use_nodes(d), reset();
   return true;
 }
 
 void Index2System::select_rows_of_step(const double* y) {
-  if (friction.turns()) mechanics.poses(y), friction.begin_step(y + nq);
+  if (friction.turns()) tree.poses(y), friction.begin_step(y + nq);
   if (!ng || rows.frozen) return;
   if (!point.is_current(y)) point.evaluate(y, true);
   rows.select_if_triggered(point.Z, point.stamp());
@@ -116,7 +116,7 @@ void Index2System::torque(double t, const double* q, const double* v, const doub
   if (laws_.empty()) return;
   std::fill(other_.begin(), other_.end(), 0.0);
   for (const Law& law : laws_)
-    law.add(mechanics, t, q, v, s + law.state, tau, other_.data(), rates + law.state);
+    law.add(tree, t, q, v, s + law.state, tau, other_.data(), rates + law.state);
   rates[ns] = dot(other_.data(), v, nv);
   for (int i = 0; i < nv; ++i) tau[i] += other_[i];
 }
@@ -124,8 +124,8 @@ void Index2System::torque(double t, const double* q, const double* v, const doub
 void Index2System::forces(double t, const double* q, const double* v, const double* s, double* f, double* rates,
                           bool biased) {
   torque(t, q, v, s, f, rates);
-  if (!biased) mechanics.bias(q, v);
-  const double* bias = mechanics.bias();
+  if (!biased) tree.bias(q, v);
+  const double* bias = tree.bias();
   for (int i = 0; i < nv; ++i) f[i] -= bias[i];
   if (!finite(f, nv)) throw FallBackToPython();
 }
@@ -143,10 +143,10 @@ void Index2System::accelerate(double t, const double* q, const double* v, const 
   forces(t, q, v, s, vdot, rates);
   if (ng) {
     if (!rows.frozen) rows.select_if_triggered(point.Z, point.stamp());
-    mechanics.motions(q, v);
+    tree.motions(q, v);
     std::fill(gt_.begin(), gt_.end(), 0.0);
     constraints.evaluate_g_tt(t, gt_.data());
-    constraints.bias(mechanics, q, v, rows.in_use(), lam_.data());
+    constraints.bias(tree, q, v, rows.in_use(), lam_.data());
     for (int k : rows.in_use()) lam_[k] = -(lam_[k] + gt_[k]);
     std::fill(gt_.begin(), gt_.end(), 0.0);
     constraints.evaluate_g_t(t, gt_.data());
@@ -166,18 +166,18 @@ bool Index2System::is_known(double t, const double* q, const double* v, const do
     double size = 0;
     for (int i = 0; i < n; ++i) size = std::max(size, std::fabs(x[i]) / (scales ? (*scales)[i] : 1));
     for (int i = 0; i < n; ++i)  // never near nan, the time of an invalid stage
-      if (!(std::fabs(x[i] - y[i]) <= mechanics.limits.rounding * size * (scales ? (*scales)[i] : 1))) return false;
+      if (!(std::fabs(x[i] - y[i]) <= tree.limits.rounding * size * (scales ? (*scales)[i] : 1))) return false;
     return true;
   };
-  if (last_stage.motion_stamp != mechanics.motion_stamp()) return false;
-  return near(&t, &last_stage.t, 1) && near(q, last_stage.q.data(), nq, &mechanics.limits.q_scales) &&
-         near(v, last_stage.v.data(), nv, &mechanics.limits.coordinate_scales) && near(s, last_stage.s.data(), ns);
+  if (last_stage.motion_stamp != tree.motion_stamp()) return false;
+  return near(&t, &last_stage.t, 1) && near(q, last_stage.q.data(), nq, &tree.limits.q_scales) &&
+         near(v, last_stage.v.data(), nv, &tree.limits.coordinate_scales) && near(s, last_stage.s.data(), ns);
 }
 
 void Index2System::derivative(double t, const double* y, double* F, double* z) {
   const double *q = y, *v = y + nq, *s = v + nv;
   if (point.is_exactly_current(q)) {
-    mechanics.poses(q);
+    tree.poses(q);
     counts.M += 1, counts.factorizations += 1, counts.G += ng > 0;
   } else {
     point.evaluate(q, true);
@@ -194,7 +194,7 @@ void Index2System::hidden_derivative(double t, const double* y, double* F, doubl
   if (!current)
     point.evaluate(q, false);
   else
-    stage_known && !friction && !rows.in_use().empty() ? mechanics.restore_poses() : mechanics.poses(q);
+    stage_known && !friction && !rows.in_use().empty() ? tree.restore_poses() : tree.poses(q);
   if (friction) friction.update_slips(v, false);
   if (stage_known)
     std::copy(last_stage.f.begin(), last_stage.f.end(), f),
@@ -202,7 +202,7 @@ void Index2System::hidden_derivative(double t, const double* y, double* F, doubl
   else
     forces(t, q, v, s, f, rates);
   std::copy(v, v + nv, F);
-  constraints.bias(mechanics, q, v, rows.in_use(), lam_.data(), true);
+  constraints.bias(tree, q, v, rows.in_use(), lam_.data(), true);
   std::fill(gt_.begin(), gt_.end(), 0.0);
   constraints.evaluate_g_tt(t, gt_.data());
   for (int k : rows.in_use()) lam_[k] = -(lam_[k] + gt_[k]);
@@ -249,10 +249,10 @@ bool Index2System::update_independent_rows(double t, State& s) {
     }
     residual_rate(t, v, rate_.data());
   }
-  if (formulation == Formulation::ggl && contradicts(*this, t, v)) throw FallBackToPython();
+  if (formulation == Formulation::ggl && violates_velocity_constraints(*this, t, v)) throw FallBackToPython();
   gap_ = point.g;
   constraints.complete_g(t, gap_.data());
-  const Tolerances& limits = mechanics.limits;
+  const Tolerances& limits = tree.limits;
   largest_g = std::max(largest_g, largest_scaled(gap_.data(), limits.row_scales));
   largest_rate = std::max(largest_rate, largest_scaled(rate_.data(), limits.row_scales));
   largest_speed = std::max(largest_speed, largest_scaled(v, limits.coordinate_scales));

@@ -8,7 +8,7 @@
 #include "system/independent_rows.hpp"
 #include "mechanism/laws.hpp"
 #include "mechanism/manifold.hpp"
-#include "mechanism/mechanics.hpp"
+#include "mechanism/multibody_tree.hpp"
 #include "system/configuration.hpp"
 #include "mechanism/rows.hpp"
 #include "system/saddle.hpp"
@@ -62,7 +62,7 @@ class Index2System {
  public:
   Index2System(const void* model, const Tolerances& limits, Description d);
 
-  Mechanics mechanics;
+  MultibodyTree tree;
   Constraints constraints;
   Manifold manifold;
   Counts counts;
@@ -139,7 +139,7 @@ class Index2System {
   // f, the rates and the motions of the last stage of a step; its poses are kept if rows are in use.
   struct LastStage {
     double t = NAN;
-    long motion_stamp = -1;     // of the mechanics
+    long motion_stamp = -1;     // of the tree
     Numbers q, v, s, f, rates;  // (nq,), (nv,), (ns,), (nv,), (ns + 1,)
   } last_stage;
 

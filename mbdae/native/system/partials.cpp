@@ -12,13 +12,13 @@ void Index2System::partials(double t, const double* q, const double* u, const do
   const size_t m = nv, r = rows.in_use().size();
   const std::vector<int>& position = rows.position();
   force_partials(t, q, u, vdot, lam, out, &out.B);
-  out.M.resize(m * m), mechanics.dense_M(out.M.data());
+  out.M.resize(m * m), tree.dense_M(out.M.data());
   counts.M += 1, counts.G += ng > 0;
   out.G.assign(r * m, 0.0);
-  constraints.dense_value(mechanics, q, rows.in_use(), all_G_);
+  constraints.dense_value(tree, q, rows.in_use(), all_G_);
   out.friction.clear();
   if (friction) {  // its partials by q and v are left out: only the convergence of Newton's iteration suffers
-    constraints.dense_value(mechanics, q, rows.others(), all_G_);
+    constraints.dense_value(tree, q, rows.others(), all_G_);
     friction.update_slips(u), friction.partials(all_G_.data(), lam, out.friction);
   }
   for (int k : rows.in_use())
@@ -30,7 +30,7 @@ void Index2System::force_partials(double t, const double* q, const double* u, co
   const size_t n = nv + ns + 1, m = nv, width = 2 * m + ns;
   const double *v = u, *s = u + nv;
   by_q_.resize(m * m), by_v_.resize(m * m);
-  mechanics.partials(q, v, vdot, by_q_.data(), by_v_.data());
+  tree.partials(q, v, vdot, by_q_.data(), by_v_.data());
 
   Numbers now(ns + 1);
   torque(t, q, v, s, f_.data(), now.data());
@@ -69,7 +69,7 @@ const double* Index2System::law_partials(double t, const double* q, const double
   law_partials_.assign((2 * m + ns) * width, 0.0);
   double *conservative = law_partials_.data(), *other = conservative + m * width, *rates = other + m * width;
   for (const Law& law : laws_)
-    law.kind->partials(law, {mechanics, t, q, v, s + law.state},
+    law.kind->partials(law, {tree, t, q, v, s + law.state},
                        {conservative, other, rates + law.state * width, width, 2 * nv + law.state, wrenches});
   return conservative;
 }
@@ -80,7 +80,7 @@ void Index2System::time_partials(double t, const double* q, const double* u, con
   std::fill(out, out + nv + ns + 1, 0.0), std::fill(gt_.begin(), gt_.end(), 0.0);
   for (const Law& law : laws_)
     if (law.kind->time_rate)
-      law.kind->time_rate(law, {mechanics, t, q, v, s + law.state}, {out, other_.data(), out + nv + law.state});
+      law.kind->time_rate(law, {tree, t, q, v, s + law.state}, {out, other_.data(), out + nv + law.state});
   for (int i = 0; i < nv; ++i) out[i] += other_[i];
   constraints.evaluate_g_tt(t, gt_.data());
   out[nv + ns] = dot(other_.data(), v, nv) - dot(gt_.data(), lam, ng);
@@ -97,8 +97,8 @@ void Index2System::closure_partials(const double* q, const double* v, const doub
   for (size_t p = 0; p < constraints.pairs.size(); ++p) {
     const std::vector<int>& own = constraints.of_pair[p];
     if (std::none_of(own.begin(), own.end(), [&](int k) { return position[k] >= 0; })) continue;
-    constraints.pairs[p].update_poses(mechanics);
-    const PairPartials here(mechanics, constraints.pairs[p], B ? v : nullptr);
+    constraints.pairs[p].update_poses(tree);
+    const PairPartials here(tree, constraints.pairs[p], B ? v : nullptr);
     WrenchPartials sum, scratch;
     for (int k : own) {
       if (position[k] < 0) continue;

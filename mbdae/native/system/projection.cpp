@@ -27,8 +27,8 @@ double norm_of(const double* x, const std::vector<double>& scales) {
 
 }  // namespace
 
-bool contradicts(const Index2System& s, double t, const double* v) {
-  const Tolerances& limits = s.mechanics.limits;
+bool violates_velocity_constraints(const Index2System& s, double t, const double* v) {
+  const Tolerances& limits = s.tree.limits;
   if (s.constraints.drivers.empty()) return false;
   Numbers g_t(s.ng, 0.0);
   s.constraints.evaluate_g_t(t, g_t.data());
@@ -44,7 +44,7 @@ bool contradicts(const Index2System& s, double t, const double* v) {
 }
 
 void add_magnitude(const Index2System& s, const double* y, double* size) {
-  const std::vector<double>& scales = s.mechanics.limits.coordinate_scales;
+  const std::vector<double>& scales = s.tree.limits.coordinate_scales;
   const double speed = largest_scaled(y + s.nq, scales);
   for (int i = 0; i < s.nv; ++i) size[i] += scales[i], size[s.nv + i] += scales[i] * speed;
 }
@@ -56,7 +56,7 @@ double largest_move(const Numbers& move, const Numbers& magnitude, int measured,
 }
 
 bool exceeds_rounding(const Index2System& s, const double* rate, const double* v) {
-  const Tolerances& limits = s.mechanics.limits;
+  const Tolerances& limits = s.tree.limits;
   return s.constraints.sticks ||
          norm_of(rate, limits.row_scales) > limits.sum_rounding * largest_scaled(v, limits.coordinate_scales);
 }
@@ -74,7 +74,7 @@ class MinimumNormCorrection {
   // Returns whether it is by the rows in use: if these leave rows open, `insufficient`, and again.
   bool find(const Numbers& r, bool of_q, double* x) {
     const bool by_rows_in_use =
-        suffices_ && !(of_q && rolls()) && s_.saddle.factorize_symmetric(s_.mechanics.limits.truncation);
+        suffices_ && !(of_q && rolls()) && s_.saddle.factorize_symmetric(s_.tree.limits.truncation);
     by_rows_in_use ? s_.saddle.minimum_norm_motion(r.data(), x) : over_all(r, of_q, x);
     return by_rows_in_use;
   }
@@ -86,13 +86,13 @@ class MinimumNormCorrection {
     return std::any_of(rows.begin(), rows.end(), [&](int k) { return !s_.constraints.rows[k].positional; });
   }
   void over_all(const Numbers& r, bool of_q, double* x) {
-    const std::vector<double>& scales = s_.mechanics.limits.row_scales;
+    const std::vector<double>& scales = s_.tree.limits.row_scales;
     Numbers rows(s_.constraints.dense(s_.point.Z));
     for (int k : s_.constraints.all) {  // velocity rows do not constrain q
       const double by = of_q && !s_.constraints.rows[k].positional ? 0 : 1 / scales[k];
       for (int c : s_.constraints.rows[k].columns) rows[static_cast<size_t>(k) * s_.nv + c] *= by;
     }
-    minimum_norm(s_.nv, s_.ng, rows.data(), scaled(r.data(), scales).data(), s_.mechanics.limits.truncation, x);
+    minimum_norm(s_.nv, s_.ng, rows.data(), scaled(r.data(), scales).data(), s_.tree.limits.truncation, x);
     s_.point.solve_root_transposed(x);
   }
 
@@ -102,7 +102,7 @@ class MinimumNormCorrection {
 
 // q becomes the nearest point with g = 0.
 void project_positions(Index2System& s, double t, double* q, std::vector<Numbers>* path) {
-  const Tolerances& limits = s.mechanics.limits;
+  const Tolerances& limits = s.tree.limits;
   Configuration& point = s.point;
   MinimumNormCorrection correction(s);
   auto& [g, gap, next_g, rate, x, nearer] = s.projection;
@@ -116,9 +116,9 @@ void project_positions(Index2System& s, double t, double* q, std::vector<Numbers
     move = largest_scaled(x.data(), limits.coordinate_scales);
     for (double& c : x) c = -c;
     s.manifold.integrate(q, x.data(), nearer.data());
-    s.mechanics.poses(nearer.data());
+    s.tree.poses(nearer.data());
     s.counts.G += 1;
-    s.constraints.value(s.mechanics, nearer.data(), s.constraints.all, point.scratch_G.data(), next_g.data());
+    s.constraints.value(s.tree, nearer.data(), s.constraints.all, point.scratch_G.data(), next_g.data());
     gap = next_g;
     s.constraints.complete_g(t, gap.data());
     if (!(norm_of(gap.data(), limits.row_scales) <
@@ -142,7 +142,7 @@ void project_positions(Index2System& s, double t, double* q, std::vector<Numbers
 
 // v becomes the nearest one with G v + g_t = 0.
 void project_velocities(Index2System& s, double t, double* v) {
-  const Tolerances& limits = s.mechanics.limits;
+  const Tolerances& limits = s.tree.limits;
   MinimumNormCorrection correction(s);
   Numbers &rate = s.projection.rate, &x = s.projection.x;
   rate.resize(s.ng), x.resize(s.nv);
@@ -159,7 +159,7 @@ void project_velocities(Index2System& s, double t, double* v) {
     const bool closed = norm_of(rate.data(), limits.row_scales) < limits.projection_max_remaining * before;
     if (!closed && exceeds_rounding(s, rate.data(), v)) correction.insufficient(), correct();
   }
-  if (contradicts(s, t, v)) throw FallBackToPython();
+  if (violates_velocity_constraints(s, t, v)) throw FallBackToPython();
 }
 
 }  // namespace

@@ -10,7 +10,7 @@ namespace mbdae {
 bool exceeds_rounding(const Index2System& system, const double* rate, const double* v);
 
 // Whether v misses rows of G v + g_t = 0 at the current point; without g_t, that of drivers, all have v = 0 in common.
-bool contradicts(const Index2System& system, double t, const double* v);
+bool violates_velocity_constraints(const Index2System& system, double t, const double* v);
 
 // size (ny,) of y, and what it is measured by where y is near zero: characteristic lengths and the largest speed.
 void add_magnitude(const Index2System& system, const double* y, double* size);

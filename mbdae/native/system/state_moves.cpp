@@ -30,8 +30,8 @@ void Index2System::size(const double* y, double* out) {
   manifold.size(y, out);
   for (int i = 0; i < nv + ns + 1; ++i) out[nv + i] = std::fabs(y[nq + i]);
   if (!driven()) return;
-  mechanics.inertia(y);  // kinetic energy: scale for the work of drivers
-  out[ny - 1] += mechanics.kinetic_energy(y + nq);
+  tree.inertia(y);  // kinetic energy: scale for the work of drivers
+  out[ny - 1] += tree.kinetic_energy(y + nq);
 }
 
 }  // namespace mbdae

@@ -10,7 +10,7 @@ from ...errors import MbdaeError
 from ...solution.solution import Solution
 from ..comparison.comparison import KNOWN_ERROR_RATIO, QUANTITIES
 from ..comparison.reference_motion import ReferenceMotion, Trial
-from ..comparison.run_result import RunResult, read_point
+from ..comparison.run_result import RunResult, read_run_result
 from ..drift.drift import drift
 from ..method_variant import Variant
 from ..workers import Stop
@@ -92,7 +92,7 @@ class MethodRuns:
     @classmethod
     def read(cls, data: Mapping[str, Any]) -> "MethodRuns":
         """Return the runs from JSON data."""
-        points = tuple(read_point(row, tuple(QUANTITIES)) for row in data["points"])
+        points = tuple(read_run_result(row, tuple(QUANTITIES)) for row in data["points"])
         return cls(data["model"], data["method"], points, LongRun(**data["long"]) if data["long"] else None)
 
 

@@ -16,7 +16,7 @@ from ...tabular import Columns, Tabular
 from ...units import display_units, displayed
 from ...units import quantity as quantity_text
 from .ranking import RankingEntry, rank, sentence, targets
-from .run_result import RunResult, nonnegative, read_point
+from .run_result import RunResult, nonnegative, read_run_result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -237,7 +237,7 @@ class Comparison(Tabular):
                 else:
                     data = json.load(file)
             known = {name: nonnegative(x) for name, x in data["uncertainty"].items()}
-            points = tuple(read_point(row, tuple(known)) for row in data["points"])
+            points = tuple(read_run_result(row, tuple(known)) for row in data["points"])
             span = (float(data["t_span"][0]), float(data["t_span"][1]))
             rest = (data["reference"], data["witness"], known, bool(data["complete"]), dict(data["meta"]))
             return cls(data["title"], span, points, *rest)

@@ -85,7 +85,7 @@ class RunResult:
         return out | {"seconds": self.seconds}
 
 
-def read_point(row: Mapping[str, Any], quantities: Sequence[str]) -> RunResult:
+def read_run_result(row: Mapping[str, Any], quantities: Sequence[str]) -> RunResult:
     """Return a run from a row of JSON, or of CSV, where all values are text and None is empty.
 
     Raises:

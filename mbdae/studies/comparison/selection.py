@@ -130,7 +130,7 @@ def checked_steps(steps: Sequence[int], name: str = "steps") -> list[int]:
         InputError: for numbers that are not whole or below 1, or none.
     """
     require(steps, Sequence | np.ndarray, f"{name} is a list of whole numbers")
-    if not len(steps) or any(n < 1 or n != int(n) for n in steps):
+    if not len(steps) or not all(is_number(n) and n >= 1 and n == int(n) for n in steps):
         raise InputError(f"{name} are whole numbers of at least 1, got {steps!r}")
     return sorted({int(n) for n in steps})
 

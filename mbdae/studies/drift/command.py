@@ -25,9 +25,11 @@ LIMIT = click.option(
 )
 
 
-@command("long", TABLE, PLOT, shared=f"methods {RUN} units", subject=TARGETS, more=[start_option, set_option, LIMIT])
+@command(
+    "long_time", TABLE, PLOT, shared=f"methods {RUN} units", subject=TARGETS, more=[start_option, set_option, LIMIT]
+)
 def drift(
-    study: Study, out: Output, targets: tuple[str, ...], limit: float | None, long: bool | None, **options: Any
+    study: Study, out: Output, targets: tuple[str, ...], limit: float | None, long_time: bool | None, **options: Any
 ) -> None:
     """Measure the drift of runs, or of saved solutions. Prints a JSON object, or a list of them for several runs.
 
@@ -39,7 +41,7 @@ def drift(
     if limit is not None and not limit > 0:
         raise InputError(f"--max must be positive, got {limit}")
     sols = _solutions(targets, **options)
-    found = [study(sol, long=bool(long)) for sol in sols]
+    found = [study(sol, long_time=bool(long_time)) for sol in sols]
     if out.paths["plot"]:
         _draw(found, out.paths["plot"])
     if output:

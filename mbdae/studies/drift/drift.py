@@ -200,7 +200,7 @@ def _textbook_drift(sol: Solution, problem: Hessenberg) -> Drift:
     )  # fmt: skip
 
 
-def drift(sol: Solution, *, long: bool = False) -> Drift:
+def drift(sol: Solution, *, long_time: bool = False) -> Drift:
     """Measure the drift of a solution at its times.
 
     Position level: g(t, q) over all rows, monitored and not enforced. Velocity level: G v + g_t. Energy: kinetic and
@@ -210,19 +210,19 @@ def drift(sol: Solution, *, long: bool = False) -> Drift:
 
     Args:
         sol: the solution, of a mechanism or a textbook problem.
-        long: measure the change of conserved momenta, and run back to the start: the error of a symmetric method is
-            rounding.
+        long_time: measure the change of conserved momenta, and run back to the start: the error of a symmetric method
+            is rounding.
 
     Returns:
         Largest and last residuals, and their history.
 
     Raises:
-        InputError: for a solution without times, or another argument; for a textbook problem with ``long``.
+        InputError: for a solution without times, or another argument; for a textbook problem with ``long_time``.
     """
     require(sol, Solution, "drift takes a Solution (see mbdae.solve)")
     require_times(sol)
     if isinstance(sol.problem, Hessenberg):
-        if long:
+        if long_time:
             reject_textbook(sol.problem.title)
         return _textbook_drift(sol, sol.problem)
     mech, r = sol.mechanism, residuals(sol)
@@ -260,8 +260,8 @@ def drift(sol: Solution, *, long: bool = False) -> Drift:
         energy_trend=trend,
         energy_trend_error=trend_error,
         history=history,
-        momenta=momentum_changes(sol) if long else None,
-        reversal=reversal_error(sol) if long else None,
+        momenta=momentum_changes(sol) if long_time else None,
+        reversal=reversal_error(sol) if long_time else None,
         units=units,
     )
 

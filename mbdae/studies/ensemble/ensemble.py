@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ...arguments import as_numbers
 from ...errors import InputError, MbdaeError, as_list, require
 from ...mechanism import Mechanism
-from ...mechanism.model_settings import as_numbers
 from ...solution.signals import find, units
 from ...system import Array
 from ..sweep.sweep_run import NOT_SETTINGS, Maker, Model, check_settings, maker_of

@@ -6,15 +6,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...data_types import JsonObject
-from ...errors import STATUS
+from ...errors import STATUS, SUCCESS
 from ...system import Array
 from ...tabular import Columns, Tabular, align_columns
 from ...units import displayed, unit_name
 from ..sweep.sweep_run import FAILURES
 
 __all__ = ["Ensemble"]
-
-SUCCESS = ("finished", "event")
 
 
 @dataclass

@@ -182,7 +182,7 @@ def _modes(run: RunState, core_run: Any) -> CoreData:
         raise InputError(
             f"{system.mechanism.title}: no switches besides jumps of forces and sampled controllers: {names}"
         )
-    modes.in_core, modes.unswitched = True, changes.always.tolist()
+    modes.in_core, modes.unswitched = True, changes.unswitched.tolist()
     modes.set_switches(changes.core_switches)
     modes_to_core(modes, changes, shortest_step(run))
     return {"switches": changes.core_switches, "guards": np.ravel(modes.states)}

@@ -20,7 +20,7 @@ from ...errors import InputError, UnknownNameError, as_list, require
 from ...file_io import atomic_write
 from ...integrate.simulator.simulator import Simulator
 from ...mechanism import Mechanism
-from ...mechanism.equations.local_ode import most_coordinates
+from ...mechanism.equations.local_ode import max_coordinates
 from ...mechanism.formulations.compiled_systems import CompiledSystem
 from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...solution.problem import mechanism_of
@@ -140,13 +140,13 @@ def export(
     ]
     data["outputs"] = plain_json([output_data(mech, name, x) for name, x in named.items()])
     data["parameters"] = [x.core_data() for x in effects.values()]
-    dependent, shared = _shared_loads(simulator, system.mode)
-    data |= {"states": states, "dependent": dependent, "shared": sorted(shared)}
+    dependent, indeterminate = _indeterminate_rows(simulator, system.mode)
+    data |= {"states": states, "dependent": dependent, "indeterminate": sorted(indeterminate)}
     token = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
     variables = _variables(mech, cells, chosen, effects, named, states)
     variables += event_indicators(1 + variables[-1].reference, count_indicators(data) if "me" in kinds else 0)
     _require_unique_names(variables)
-    differentiable = all(x.kind in DIFFERENTIABLE and not shared & {*x.rows} for x in named.values())
+    differentiable = all(x.kind in DIFFERENTIABLE and not indeterminate & {*x.rows} for x in named.values())
     differentiable &= not system.closure_friction
     description = FmuDescription(
         mech.title,
@@ -212,7 +212,7 @@ def _states(mech: Mechanism, kinds: Sequence[str]) -> int:
     Raises:
         InputError: for a mechanism that is no ordinary differential equation within a mode.
     """
-    return most_coordinates(mech) if "me" in kinds else 0
+    return max_coordinates(mech) if "me" in kinds else 0
 
 
 def _variables(
@@ -252,7 +252,7 @@ def _require_unique_names(variables: Sequence[Variable]) -> None:
             raise InputError(f"{x.causality} {x.name!r} has the name of another variable of the FMU: rename it")
 
 
-def _shared_loads(simulator: Simulator, mode: tuple[int, ...]) -> tuple[int, set[int]]:
+def _indeterminate_rows(simulator: Simulator, mode: tuple[int, ...]) -> tuple[int, set[int]]:
     """Return the number of dependent rows at the start, and the rows whose multipliers are not unique."""
     with simulator.mechanism.workspaces.borrowed() as system:
         system.enter(mode)

@@ -24,7 +24,7 @@ PAGE = output_file("--html", suffixes=PAGES, help="Write one page: signals, resi
 
 
 def _exit_code(found: "Fit") -> int:
-    return FAILED if found.refuted or not found.converged else UNJUDGED if found.untold else HOLDS
+    return FAILED if found.refuted or not found.converged else UNJUDGED if found.unidentifiable else HOLDS
 
 
 @study_command(

@@ -1,6 +1,5 @@
 """Measurements: tables of times and signals, from CSV and Parquet files or as arrays."""
 
-import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,6 +8,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...system import Array
+from ...tabular import read_csv
 from ..sensitivity.cost import real
 from ..sweep.results_file import arrow
 
@@ -94,37 +94,11 @@ def _check_values(found: Recording) -> None:
 
 
 def _read(path: Path) -> dict[str, Any]:
+    if path.suffix != ".parquet":
+        return read_csv(path)
+    parquet = arrow().parquet
     try:
-        return _read_parquet(path) if path.suffix == ".parquet" else _read_csv(path)
-    except InputError:
-        raise
+        table = parquet.read_table(path)
+        return {name: np.array(table[name].to_pylist(), float) for name in table.column_names}
     except Exception as e:  # pyarrow has several exception types
         raise InputError(f"{path} cannot be read: {' '.join(str(e).split())}") from None
-
-
-def _read_parquet(path: Path) -> dict[str, Any]:
-    table = arrow().parquet.read_table(path)
-    return {name: np.array(table[name].to_pylist(), float) for name in table.column_names}
-
-
-def _read_csv(path: Path) -> dict[str, Any]:
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        rows = list(csv.reader(file))
-    if not any(rows[1:]):
-        raise InputError(f"{path}: expected a line of names and lines of numbers")
-    head = [name.strip() for name in rows[0]]
-    if twice := [name for i, name in enumerate(head) if name in head[:i]]:
-        raise InputError(f"{path}: two columns are named {twice[0]!r}")
-    for i, row in enumerate(rows[1:], 2):
-        if row and len(row) != len(head):
-            raise InputError(f"{path}, line {i}: {len(row)} values under {len(head)} names")
-    try:
-        body = np.array([[_value(x) for x in row] for row in rows[1:] if row]).T
-    except ValueError as e:
-        raise InputError(f"{path}: {e}") from None
-    return dict(zip(head, body, strict=True))
-
-
-def _value(text: str) -> float:
-    """Return the number in a cell; nan for an empty one."""
-    return float(text) if text.strip() else np.nan

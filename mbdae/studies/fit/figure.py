@@ -4,13 +4,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...units import displayed
-from ..figures import WIDTH, empty_figure, escaped, fixed_layout
+from ..figures import COLOURS, WIDTH, empty_figure, escaped, fixed_layout
 from .result import Fit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COLOURS = ("#0072B2", "#D55E00")
 HEIGHT = 2.2  # inches per signal
 
 

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
+from ...callbacks import values_text
 from ...errors import InputError, MbdaeError, is_number
 from ...integrate.options.span import checked_span
 from ...integrate.solve import solve
 from ...integrate.trajectory.differentiable_runs import has_jumps
 from ...integrate.trajectory.signal_jacobian import differentiable
 from ...mechanism import Mechanism
-from ...mechanism.callbacks import values_text
 from ...solution.signals import signals as computed_signals
 from ...solution.solution import Solution, uninterrupted
 from ...system import Array

@@ -45,7 +45,7 @@ class Fit(Tabular):
         chi2: sum of squares of residuals in noise levels.
         dof: number of measured values minus number of parameters.
         probability: of a larger chi2 for pure noise; nan without known noise levels.
-        untold: groups of unidentifiable parameters, singly or in a combination.
+        unidentifiable: groups of unidentifiable parameters, singly or in a combination.
         at_bounds: parameters at a bound.
         residuals: for each run, by signal, (computed - measured) / sigma, (n,).
         computed: for each run, by signal, (n,).
@@ -70,7 +70,7 @@ class Fit(Tabular):
     chi2: float
     dof: int
     probability: float
-    untold: list[tuple[str, ...]]
+    unidentifiable: list[tuple[str, ...]]
     at_bounds: list[str]
     residuals: list[dict[str, Array]] = field(repr=False)
     computed: list[dict[str, Array]] = field(repr=False)
@@ -99,7 +99,7 @@ class Fit(Tabular):
     @property
     def success(self) -> bool:
         """Whether the search converged, residuals may be noise, and all parameters are identifiable."""
-        return self.converged and not self.refuted and not self.untold
+        return self.converged and not self.refuted and not self.unidentifiable
 
     def to_dict(self) -> JsonObject:
         """Return JSON data."""
@@ -108,7 +108,7 @@ class Fit(Tabular):
         return {
             **{key: getattr(self, key) for key in scalars},
             "refuted": self.refuted,
-            "untold": [list(group) for group in self.untold],
+            "unidentifiable": [list(group) for group in self.unidentifiable],
             "units": self.units,
             "parameter_units": self.parameter_units,
             "covariance": self.covariance.tolist(),
@@ -188,7 +188,7 @@ class Fit(Tabular):
     def warnings(self) -> list[str]:
         """Return warnings about the values, in words."""
         lines = []
-        for group in self.untold:
+        for group in self.unidentifiable:
             what = "the data do not determine" if len(group) == 1 else "the data determine only a combination of"
             lines.append(f"{what} {', '.join(group)}")
         if self.refuted:

@@ -1,6 +1,5 @@
 """Prescribed motions: runs, tables of joint coordinates, curves of poses at constant speed, or q, v and v'."""
 
-import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -8,15 +7,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from ...arguments import as_numbers
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.assembly.position_search import close_position
 from ...mechanism.closures.closure_error import largest_error
-from ...mechanism.model_settings import as_numbers
 from ...mechanism.tree.frames import find_joint
 from ...mechanism.tree.tree_terms import mode_joints
 from ...solution.solution import Solution
 from ...system import Array
+from ...tabular import read_csv
 from ...tolerances import COARSE, RANK, SEARCH_TOLERANCE
 from ..kinematics.driven_mechanism import start_pose
 from ..kinematics.result import Kinematics
@@ -116,7 +116,7 @@ def _require_same_joints(mech: Mechanism, other: Mechanism) -> None:
 def _from_arrays(mech: Mechanism, motion: Sequence[object]) -> Prescribed:
     t = np.atleast_1d(as_numbers(motion[0]))
     q, v, a = (np.atleast_2d(as_numbers(x)) for x in motion[1:])
-    if t.ndim != 1 or not np.isfinite(t).all():
+    if t.ndim != 1 or not len(t) or not np.isfinite(t).all():
         raise InputError(f"t of a motion is finite and has shape (n,), got {motion[0]!r:.60}")
     for name, x, width in (("q", q, mech.nq), ("v", v, mech.nv), ("a", a, mech.nv)):
         if x.shape != (len(t), width) or not np.isfinite(x).all():
@@ -148,22 +148,7 @@ def read_motion(motion: object) -> Any:
     """
     if not isinstance(motion, str | Path):
         return motion
-    return Solution.load(motion) if Path(motion).suffix == ".npz" else read_table(motion)
-
-
-def read_table(path: str | Path) -> dict[str, Array]:
-    """Read the columns of a .csv file: the first line has their names.
-
-    Raises:
-        InputError: for a file that is missing or invalid.
-    """
-    try:
-        with Path(path).open(newline="", encoding="utf-8") as file:
-            names, *rows = csv.reader(file)
-        values = np.array([[float(x) for x in row] for row in rows if row]).T
-        return dict(zip([n.strip() for n in names], values, strict=True))
-    except (OSError, ValueError) as e:
-        raise InputError(f"{path} is not a table of numbers with a line of names above: {e}") from None
+    return Solution.load(motion) if Path(motion).suffix == ".npz" else read_csv(motion)
 
 
 def _from_table(mech: Mechanism, columns: Mapping[str, object]) -> Prescribed:
@@ -203,7 +188,7 @@ def _joint_columns(columns: Mapping[str, object], single: Mapping[str, object]) 
 
 
 def _check_columns(t: Array, given: Mapping[str, Array]) -> None:
-    if len(t) < 3 or any(x.shape != t.shape or not np.isfinite(x).all() for x in given.values()):
+    if t.ndim != 1 or len(t) < 3 or any(x.shape != t.shape or not np.isfinite(x).all() for x in given.values()):
         raise InputError("columns of a motion are finite, of one length, with at least three times")
     if not (increasing := np.diff(t) > 0).all():
         first, then = t[(i := int(np.argmin(increasing)))], t[i + 1]

@@ -54,11 +54,11 @@ def transmission(
     out, moving = np.full(len(q), np.nan), support(mech.model, body)
     if len(ends) + len(children) != 1:
         return out
-    for i, (pose, tau) in enumerate(zip(q, tangent, strict=True)):
+    for i, (pose, direction) in enumerate(zip(q, tangent, strict=True)):
         G = system.jacobian(pose) * columns / units[:, None]
         if at_branch_point[i]:
             continue
-        if abs(G[-1] @ (tau / columns)) < ZERO_SPEED:  # a dead point: the load on the output is negligible
+        if abs(G[-1] @ (direction / columns)) < ZERO_SPEED:  # a dead point: the load on the output is negligible
             lam = np.append(minimum_norm(G[:-1], mech.nv - 1, -G[-1]), 0.0)
         else:
             lam = minimum_norm(G, mech.nv, -load)
@@ -71,7 +71,7 @@ def transmission(
             wrench = joint_wrenches(system, 0.0, pose, zero, zero, lam, laws=False)
             placement = system.workspace.oMi[children[0]]
             force, point = -placement.rotation @ wrench[children[0] - 1, :3], placement.translation.copy()
-        V = system.workspace.J.reshape(6, -1) @ (tau * moving)
+        V = system.workspace.J.reshape(6, -1) @ (direction * moving)
         v_pin = V[:3] + np.cross(V[3:], point)
         sizes = np.linalg.norm(force) * np.linalg.norm(v_pin)
         if sizes > SOLUTION_ROUNDING:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from ...errors import as_list
 from ...integrate.options.options import require_positive
 from ...solution.problem import mechanism_of
-from ...tolerances import INPUT_DIGITS
 from .dimensions import Dimensions, require_within
 from .live_view import LiveView, ViewSettings
 
@@ -15,6 +14,8 @@ if TYPE_CHECKING:
     from ...mechanism import Mechanism
 
 __all__ = ["live"]
+
+RTOL_DEFAULT = 1e-6
 
 
 def live(
@@ -72,7 +73,7 @@ def live(
     """
     require_positive(speed=speed, fps=fps)
     mech = mechanism_of(model, "live")
-    rtol = INPUT_DIGITS if rtol is None and step is None else rtol
+    rtol = RTOL_DEFAULT if rtol is None and step is None else rtol
     dimensions = Dimensions(mech, parameters or {}, as_list(traces, "traces is a list of frames"))
     require_within(dimensions)
     solver = {"method": method, "step": step, "rtol": rtol}

@@ -56,12 +56,15 @@ class LiveScene:
         level = levels(self.box, self.extent, self.scene.ground)["top"]
         yield set_property(GROUND, "position", [*self.box.mean(axis=0)[:2].tolist(), level])
         yield from drawn([*(d for d in self.drawables if d.style != "closure"), PULL])
-        resting = [(d, m) for d, m in zip(self.drawables, self._start, strict=True) if d.name in self._resting]
-        yield from placed([d for d, _ in resting], [motion for _, motion in resting])
+        yield from self._placed_resting()
 
     def redrawn(self) -> Iterator[dict[str, Any]]:
         """Yield the commands that draw all bodies again, for other dimensions."""
         yield from drawn([d for d in self.drawables if d.style != "closure"])
+        yield from self._placed_resting()
+
+    def _placed_resting(self) -> Iterator[dict[str, Any]]:
+        """Yield the commands that place the drawables that do not move."""
         resting = [(d, m) for d, m in zip(self.drawables, self._start, strict=True) if d.name in self._resting]
         yield from placed([d for d, _ in resting], [motion for _, motion in resting])
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import matrix_balance
 
+from ...arguments import as_numbers
 from ...data_types import JsonObject
 from ...errors import InputError, UnknownNameError, as_list
 from ...mechanism import Mechanism
@@ -16,7 +17,6 @@ from ...mechanism.equilibrium.linearization import LinearMotion
 from ...mechanism.equilibrium.spectrum import spectrum
 from ...mechanism.forces.linear import LinearElement
 from ...mechanism.formats.mechanism_file.parameter_units import function_units
-from ...mechanism.model_settings import as_numbers
 from ...mechanism.signals.effort_signals import named_laws
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...mechanism.tree.frames import WORLD, Pair, anchor, frame_names

@@ -12,7 +12,7 @@ from ...data_types import JsonObject
 from ...errors import InputError, StepError, is_number
 from ...mechanism import Mechanism
 from ...mechanism.equilibrium.linearization import LinearMotion
-from ...mechanism.equilibrium.null_space import close_loops
+from ...mechanism.equilibrium.null_space import project_configuration
 from ...mechanism.equilibrium.spectrum import CERTAIN, Spectrum, spectrum
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...solution.problem import mechanism_of
@@ -134,7 +134,7 @@ class Modes(Tabular):
             x = a / largest * (np.exp(1j * phi) * shape).real
             out[k] = system.manifold.integrate(self.motion.q, x)
             try:
-                out[k] = close_loops(system, self.t, out[k])
+                out[k] = project_configuration(system, self.t, out[k])
             except StepError:  # the replay shows violated closures if the amplitude is too large for them
                 continue
         return out

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq, linear_sum_assignment
 
+from ...arguments import as_numbers
 from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError
 from ...mechanism.equilibrium.spectrum import CERTAIN, Spectrum
 from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
-from ...mechanism.model_settings import as_numbers
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...system import Array
 from ...tabular import Columns, Tabular

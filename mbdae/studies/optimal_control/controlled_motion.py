@@ -182,7 +182,7 @@ class Shooting:
     ) -> tuple[Array, Array]:
         """Record signals on interval k; return times of its nodes, and the derivatives of y at its end."""
         grid, advance = self.grid, self.simulator.differentiated()
-        p, trace, width = advance.parameters, advance.trace, dy.shape[1]
+        p, trajectory, width = advance.parameters, advance.trajectory, dy.shape[1]
         dp, dt = np.zeros((len(p.columns), width)), np.zeros(width)
         for name in grid.names:
             at = grid.columns(name)
@@ -191,18 +191,18 @@ class Shooting:
                 dp[p.column("input of first order", name), at[k]] = 1.0
         if grid.duration is None:
             dt[-1] = 1.0 / (grid.points - 1)
-        along, first = advance.tangents(dy, dp, dt), len(trace.ts) - grid.steps - 1
-        rows = SignalJacobian(trace, self.names) if self.names else None
+        along, first = advance.tangents(dy, dp, dt), len(trajectory.ts) - grid.steps - 1
+        rows = SignalJacobian(trajectory, self.names) if self.names else None
         for j in range(grid.steps + 1):
-            i, time = first + j, float(trace.ts[first + j])
+            i, time = first + j, float(trajectory.ts[first + j])
             moved = dt * (k + j / grid.steps)  # of the node's time
             held = dp + advance.fixed_inputs(moved)
             if rows:
-                trace.enter_node(i)
+                trajectory.enter_node(i)
             for name in self.names:
-                found[name][k, j] = value(trace.system, self.known[name], time, trace.ys[i])
+                found[name][k, j] = value(trajectory.system, self.known[name], time, trajectory.ys[i])
             if rows:
-                by_z = rows.rows(i, time, trace.ys[i]) @ np.vstack([along[i], held, moved])
+                by_z = rows.rows(i, time, trajectory.ys[i]) @ np.vstack([along[i], held, moved])
                 for name, row in zip(self.names, by_z, strict=True):
                     partials[name][k, j] = row
-        return trace.ts[first:], along[-1]
+        return trajectory.ts[first:], along[-1]

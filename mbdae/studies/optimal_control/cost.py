@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...callbacks import call_and_report, function_name
 from ...errors import InputError, is_number
-from ...mechanism.callbacks import call_and_report, function_name
 from ...system import Array
 from ..sensitivity.cost import real
 from .controlled_motion import ControlledMotion

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from ... import backend
+from ...callbacks import call_and_report, values_text
 from ...errors import InputError, is_number
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
-from ...mechanism.callbacks import call_and_report, values_text
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...solution.solution import Solution, uninterrupted
 from ...system import Array
@@ -99,8 +99,8 @@ class RunMotion:
 
     def _gradient(self, i: int) -> Array:
         if i >= len(self.gradients):
-            trace, others = self.parameters.trajectory(self.result, self.values), self.costs[len(self.gradients) :]
-            self.gradients.extend(np.array(list(x.values())) for x in adjoint_gradients(trace, others))
+            trajectory, others = self.parameters.trajectory(self.result, self.values), self.costs[len(self.gradients) :]
+            self.gradients.extend(np.array(list(x.values())) for x in adjoint_gradients(trajectory, others))
         return self.gradients[i]
 
 

@@ -88,14 +88,14 @@ class Flow:
             InputError: for runs without derivatives.
         """
         k, t, y = len(self.parameters), float(sol.nodes[0][0]), sol.nodes[1][0]
-        trace = Trajectory(sol, self.parameters)
+        trajectory = Trajectory(sol, self.parameters)
         dp = np.eye(k, dy.shape[1], dy.shape[1] - k)
-        found = run_tangents(trace, tuple(map(str, range(dy.shape[1]))), dy, dp, section)
-        trace.enter_node(0)
-        first_rate = trace.system.derivative(t, y)[0]
-        trace.enter_node(len(trace.ts) - 1)
-        rate = trace.system.derivative(float(sol.t[-1]), sol.y[-1])[0]
-        dt, energy = found.dt[-1], trace.sensitivity.energy(*trace.system.split(y)).sum(axis=0)[: len(dy)]
+        found = run_tangents(trajectory, tuple(map(str, range(dy.shape[1]))), dy, dp, section)
+        trajectory.enter_node(0)
+        first_rate = trajectory.system.derivative(t, y)[0]
+        trajectory.enter_node(len(trajectory.ts) - 1)
+        rate = trajectory.system.derivative(float(sol.t[-1]), sol.y[-1])[0]
+        dt, energy = found.dt[-1], trajectory.sensitivity.energy(*trajectory.system.split(y)).sum(axis=0)[: len(dy)]
         fixed = found.dy[-1] - np.outer(rate, dt)
         start, states = found.dy[0].copy(), slice(2 * self.mechanism.nv, None)
         start[states] = dy[states]  # before controllers sample

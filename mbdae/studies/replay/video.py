@@ -53,14 +53,14 @@ def film(page: str, path: Path, fps: float, seconds: float, progress: Callable[[
         video.pack(draft, drawn(), fps)
 
 
-def still(page: str, share: float, size: tuple[int, int]) -> "Image":
+def still(page: str, fraction: float, size: tuple[int, int]) -> "Image":
     """Return a picture of a page, (width, height) pixels, at a fraction of the motion from 0 to 1.
 
     Raises:
         InputError: if no browser is found.
         MbdaeError: if the browser draws nothing.
     """
-    k = round(1000 * share)
+    k = round(1000 * fraction)
     return _frames(_browser(), page, k, k + 1, 1001, size)[0]
 
 
@@ -82,7 +82,10 @@ def _frames(browser: str, page: str, first: int, last: int, count: int, size: tu
         command = [browser, *FLAGS.split(), f"--user-data-dir={folder}/profile"]
         if hasattr(os, "geteuid") and os.geteuid() == 0:
             command.append("--no-sandbox")  # not available for root
-        done = subprocess.run([*command, address], capture_output=True, timeout=TIMEOUT, check=False)
+        try:
+            done = subprocess.run([*command, address], capture_output=True, timeout=TIMEOUT, check=False)
+        except subprocess.TimeoutExpired:
+            raise MbdaeError(f"{browser} drew nothing within {TIMEOUT:g} s") from None
     pictures = re.findall(rb"data:image/png;base64,([\w+/=]+)\n", done.stdout)
     if len(pictures) != last - first:
         raise MbdaeError(f"{browser} drew {len(pictures)} of {last - first} frames")

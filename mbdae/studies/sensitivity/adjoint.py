@@ -17,43 +17,45 @@ class NodeCotangents:
     """Cotangents of the nodes of a run from costs of signals.
 
     Args:
-        trace: the run.
+        trajectory: the run.
         t: its times, (n,).
         points: the points at these times, (n, ...).
         weights: for each cost its derivatives with respect to signals by name, (n,) each.
     """
 
-    def __init__(self, trace: Trajectory, t: Array, points: Array, weights: Sequence[Mapping[str, Array]]) -> None:
-        self.trace, self.t, self.points = trace, t, points
+    def __init__(self, trajectory: Trajectory, t: Array, points: Array, weights: Sequence[Mapping[str, Array]]) -> None:
+        self.trajectory, self.t, self.points = trajectory, t, points
         names = list(dict.fromkeys(name for cost in weights for name in cost))
-        self.signals, zero = SignalJacobian(trace, names), np.zeros(len(t))
+        self.signals, zero = SignalJacobian(trajectory, names), np.zeros(len(t))
         given = [[cost.get(name, zero) for name in names] for cost in weights]
         self.weights = np.array(given).reshape(len(weights), len(names), len(t))
-        nodes = trace.sol.before(t) if trace.sol.steps else np.arange(len(t))
-        self.bounds = np.searchsorted(nodes, np.arange(len(trace.ts) + 1))
+        nodes = trajectory.sol.before(t) if trajectory.sol.steps else np.arange(len(t))
+        self.bounds = np.searchsorted(nodes, np.arange(len(trajectory.ts) + 1))
         self.used = np.asarray(self.weights.any(axis=(0, 1)))
 
     def at(self, i: int) -> Cotangents:
         """Return the cotangents of node i, including those from times between it and the next node."""
-        trace, ny, costs = self.trace, self.trace.sensitivity.ny, len(self.weights)
-        out, p, bar_t = np.zeros((costs, ny + trace.n_carry)), np.zeros((costs, trace.sensitivity.k)), np.zeros(costs)
+        trajectory, ny, k = self.trajectory, self.trajectory.sensitivity.ny, self.trajectory.sensitivity.k
+        costs = len(self.weights)
+        out, p, bar_t = np.zeros((costs, ny + trajectory.n_carry)), np.zeros((costs, k)), np.zeros(costs)
         for m in np.flatnonzero(self.used[self.bounds[i] : self.bounds[i + 1]]) + self.bounds[i]:
             t = float(self.t[m])
             rows = self.weights[:, :, m] @ self.signals.rows(i, t, self.points[m])
             p += rows[:, ny:-1]
-            if t == trace.ts[i]:
+            if t == trajectory.ts[i]:
                 out[:, :ny] += rows[:, :ny]
                 bar_t += rows[:, -1]
             else:
-                bars = np.hstack([rows[:, :ny], np.zeros((costs, trace.n_carry))])
-                at, by_p = trace.core.adjoint(trace.core.shortened_step(i, t), np.zeros((2, *bars.shape)), bars)
+                bars = np.hstack([rows[:, :ny], np.zeros((costs, trajectory.n_carry))])
+                step = trajectory.core.shortened_step(i, t)
+                at, by_p = trajectory.core.adjoint(step, np.zeros((2, *bars.shape)), bars)
                 out, p = out + at, p + by_p
         return out, p, bar_t
 
     def between(self, i: int, j: int) -> tuple[Array, Array]:
         """Return the cotangents of nodes i, ..., j - 1, (j - i, costs, ny + nc), and of the parameters, (costs, k)."""
-        width = self.trace.sensitivity.ny + self.trace.n_carry
-        out, p = np.zeros((j - i, len(self.weights), width)), np.zeros((len(self.weights), self.trace.sensitivity.k))
+        sensitivity, costs = self.trajectory.sensitivity, len(self.weights)
+        out, p = np.zeros((j - i, costs, sensitivity.ny + self.trajectory.n_carry)), np.zeros((costs, sensitivity.k))
         times = np.flatnonzero(self.used[self.bounds[i] : self.bounds[j]]) + self.bounds[i]
         for m in np.unique(np.searchsorted(self.bounds, times, side="right") - 1):
             out[m - i], by_p, _ = self.at(m)
@@ -62,43 +64,43 @@ class NodeCotangents:
 
 
 def adjoint_sweep(
-    trace: Trajectory, node_cotangents: NodeCotangents, end: EventTimeDerivative | None
+    trajectory: Trajectory, node_cotangents: NodeCotangents, end: EventTimeDerivative | None
 ) -> tuple[Array, Array]:
     """Return the cotangents of the start y, (costs, ny), and of the parameters, (costs, k).
 
     Args:
-        trace: a run.
+        trajectory: a run.
         node_cotangents: of its nodes from the costs.
         end: the last step, if the run ended in a terminal event.
     """
-    ny, i = trace.sensitivity.ny, len(trace.ts) - 1
+    ny, i = trajectory.sensitivity.ny, len(trajectory.ts) - 1
     bars, p, bar_t = node_cotangents.at(i)
     if not node_cotangents.used.any():  # the costs do not depend on the motion
         return bars[:, :ny], p
     while i > 0:
-        last = end if i + 1 == len(trace.ts) else None
-        if not last and (j := trace.core.segment_start(i)) < i:
-            bars, by_p = _reverse_parts(list(trace.carry_restart_parts(i)), bars, ny)
-            at, more = _reverse_steps(trace, node_cotangents, trace.core.nodes(j, i), bars)
+        last = end if i + 1 == len(trajectory.ts) else None
+        if not last and (j := trajectory.core.segment_start(i)) < i:
+            bars, by_p = _reverse_parts(list(trajectory.carry_restart_parts(i)), bars, ny)
+            at, more = _reverse_steps(trajectory, node_cotangents, trajectory.core.nodes(j, i), bars)
             bars, i, p = at, j, p + by_p + more
             continue
         if last:
             fixed, by_p = last.of_fixed_step(bars[:, :ny].T, bars[:, ny:].T, bar_t)
             bars[:, :ny], p = fixed.T, p + by_p.T
-        bars, by_p = _reverse_parts(last.parts if last else list(trace.step_parts(i - 1)), bars, ny)
+        bars, by_p = _reverse_parts(last.parts if last else list(trajectory.step_parts(i - 1)), bars, ny)
         i -= 1
         at, more, _ = node_cotangents.at(i)
         bars, p = bars + at, p + by_p + more
-    bars, by_p = _reverse_parts(list(trace.start_parts()), bars, ny)
+    bars, by_p = _reverse_parts(list(trajectory.start_parts()), bars, ny)
     return bars[:, :ny], p + by_p
 
 
 def _reverse_steps(
-    trace: Trajectory, node_cotangents: NodeCotangents, nodes: NodeRange, bars: Array
+    trajectory: Trajectory, node_cotangents: NodeCotangents, nodes: NodeRange, bars: Array
 ) -> tuple[Array, Array]:
     """Return the cotangents after a range of compiled steps."""
     at, p = node_cotangents.between(nodes.steps.start, nodes.steps.stop)
-    bars, by_p = trace.core.adjoint(nodes, np.concatenate([at, np.zeros_like(bars)[None]]), bars)
+    bars, by_p = trajectory.core.adjoint(nodes, np.concatenate([at, np.zeros_like(bars)[None]]), bars)
     return bars + at[0], p + by_p
 
 

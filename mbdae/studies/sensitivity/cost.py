@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from ...callbacks import call_and_report, function_name
 from ...errors import InputError, is_number
-from ...mechanism.callbacks import call_and_report, function_name
 from ...solution.signals import signals, units
 from ...solution.solution import Solution
 from ...system import Array

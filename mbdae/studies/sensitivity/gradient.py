@@ -80,9 +80,9 @@ def gradient(
     """
     require(sol, Solution, "gradient takes a Solution (see mbdae.solve)")
     require(start, bool, "start is True or False")
-    trace = Trajectory(sol, bind_parameters(sol, parameters, model))
-    found = run_cost(trace, cost)
-    return Gradient(found.value, adjoint_gradients(trace, [found], start, event)[0])
+    trajectory = Trajectory(sol, bind_parameters(sol, parameters, model))
+    found = run_cost(trajectory, cost)
+    return Gradient(found.value, adjoint_gradients(trajectory, [found], start, event)[0])
 
 
 class RunCost(NamedTuple):
@@ -99,28 +99,28 @@ class RunCost(NamedTuple):
     points: Array
 
 
-def run_cost(trace: Trajectory, cost: Cost) -> RunCost:
+def run_cost(trajectory: Trajectory, cost: Cost) -> RunCost:
     """Evaluate a cost of a trajectory."""
-    sol, at = trace.sol, node_indices(trace.sol)
-    between = np.flatnonzero(sol.t != trace.ts[at])
+    sol, at = trajectory.sol, node_indices(trajectory.sol)
+    between = np.flatnonzero(sol.t != trajectory.ts[at])
     points = sol.y.copy() if len(between) else sol.y
     for k in between:
-        points[k] = trace.between(int(at[k]), float(sol.t[k]))
+        points[k] = trajectory.between(int(at[k]), float(sol.t[k]))
     value, weights = evaluated(cost, Signals(replace(sol, y=points)), len(sol.t))
     return RunCost(value, weights, points)
 
 
 def adjoint_gradients(
-    trace: Trajectory,
+    trajectory: Trajectory,
     costs: Sequence[RunCost],
     start: bool = False,
     event: Event | Callable[..., float] | str | None = None,
 ) -> list[dict[str, float]]:
     """Return derivatives of costs with respect to parameters, and to the start if requested: one sweep backward."""
-    k, ny, end = trace.sensitivity.k, trace.sensitivity.ny, terminal_event(trace, event)
-    cotangents = NodeCotangents(trace, trace.sol.t, costs[0].points, [cost.weights for cost in costs])
-    bars, p = adjoint_sweep(trace, cotangents, end)
-    found = bars @ start_tangent(trace, np.eye(k, k + (ny - 1) * start), start)
+    k, ny, end = trajectory.sensitivity.k, trajectory.sensitivity.ny, terminal_event(trajectory, event)
+    cotangents = NodeCotangents(trajectory, trajectory.sol.t, costs[0].points, [cost.weights for cost in costs])
+    bars, p = adjoint_sweep(trajectory, cotangents, end)
+    found = bars @ start_tangent(trajectory, np.eye(k, k + (ny - 1) * start), start)
     found[:, :k] += p
-    names = [*trace.core.varied.values, *(start_columns(trace) if start else ())]
+    names = [*trajectory.core.varied.values, *(start_columns(trajectory) if start else ())]
     return [dict(zip(names, row, strict=True)) for row in found.tolist()]

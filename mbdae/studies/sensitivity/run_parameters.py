@@ -10,11 +10,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ... import backend
+from ...callbacks import call_and_report
 from ...errors import InputError, StepError, UnknownNameError, is_number, require
 from ...integrate.trajectory.differentiable_runs import require_differentiable
 from ...integrate.trajectory.trajectory import Trajectory
 from ...mechanism import Mechanism
-from ...mechanism.callbacks import call_and_report
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.formats.mechanism_file.loaded_model import parameter_value
 from ...mechanism.formats.mechanism_file.template import Template
@@ -51,7 +51,7 @@ class VaryingParameters:
 
     def __init__(self, make: MechanismFactory) -> None:
         self.make, self.bound = make, 0
-        self.trace: Trajectory | None = None
+        self._last: Trajectory | None = None
 
     def trajectory(self, sol: Solution, values: Mapping[str, float]) -> Trajectory:
         """Return the trajectory of a run with these values; it is valid until the next one is requested.
@@ -59,14 +59,14 @@ class VaryingParameters:
         Raises:
             UnknownNameError, InputError: as `bind_parameters`.
         """
-        if self.trace is None or self.trace.sol is not sol:
-            parameters = self.trace and self.trace.core.varied
+        if self._last is None or self._last.sol is not sol:
+            parameters = self._last and self._last.core.varied
             if parameters and parameters.write(values):
                 _require_directions(parameters, sol)
             else:
                 parameters, self.bound = bind_parameters(sol, values, self.make), self.bound + 1
-            self.trace = Trajectory(sol, parameters)
-        return self.trace
+            self._last = Trajectory(sol, parameters)
+        return self._last
 
 
 def bind_parameters(sol: Solution, names: Names, model: Model) -> Parameters:

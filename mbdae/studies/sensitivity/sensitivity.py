@@ -44,23 +44,23 @@ class Sensitivity(Tabular):
     y: Array
     dy: Array
     dt: Array
-    trace: Trajectory = field(repr=False)
+    trajectory: Trajectory = field(repr=False)
     nodes: Array = field(repr=False)
 
     @property
     def q(self) -> Array:
         """Derivatives of q in the tangent, (n, nv, k), in rad or m per unit of the parameter."""
-        return self.dy[:, : self.trace.system.nv]
+        return self.dy[:, : self.trajectory.system.nv]
 
     @property
     def v(self) -> Array:
         """Derivatives of v, (n, nv, k)."""
-        return self.dy[:, self.trace.system.nv : 2 * self.trace.system.nv]
+        return self.dy[:, self.trajectory.system.nv : 2 * self.trajectory.system.nv]
 
     @property
     def s(self) -> Array:
         """Derivatives of the states of actuators and controllers, (n, ns, k)."""
-        return self.dy[:, 2 * self.trace.system.nv : -1]
+        return self.dy[:, 2 * self.trajectory.system.nv : -1]
 
     @property
     def work(self) -> Array:
@@ -70,10 +70,10 @@ class Sensitivity(Tabular):
     @cached_property
     def lam(self) -> Array:
         """Derivatives of the multipliers of all rows, (n, ng, k), from the hidden constraint."""
-        trace, out = self.trace, np.zeros((len(self.t), self.trace.system.ng, len(self.columns)))
+        trajectory, out = self.trajectory, np.zeros((len(self.t), self.trajectory.system.ng, len(self.columns)))
         for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
-            trace.enter_node(int(self.nodes[i]))
-            found = trace.sensitivity.rate(float(t), y).lam
+            trajectory.enter_node(int(self.nodes[i]))
+            found = trajectory.sensitivity.rate(float(t), y).lam
             out[i] = found @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
         return out
 
@@ -90,7 +90,7 @@ class Sensitivity(Tabular):
             InputError: for one without a derivative.
         """
         require(name, str, "a signal is given by its name")
-        jacobian = SignalJacobian(self.trace, [name])
+        jacobian = SignalJacobian(self.trajectory, [name])
         out = np.zeros((len(self.t), len(self.columns)))
         for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
             row = jacobian.rows(int(self.nodes[i]), float(t), y)[0]
@@ -99,7 +99,7 @@ class Sensitivity(Tabular):
 
     def tabulated(self) -> Columns:
         """Return derivatives of q in the tangent and of v over time, ``d(q.crank)/d(force.spring.stiffness)``."""
-        names = [n[2:] for n in coordinate_units(self.trace.system.mechanism) if n.startswith("v.")]
+        names = [n[2:] for n in coordinate_units(self.trajectory.system.mechanism) if n.startswith("v.")]
         columns: dict[str, Array] = {"t": self.t}
         for letter, x in (("q", self.q), ("v", self.v)):
             pairs = [(i, k) for i in range(len(names)) for k in range(len(self.columns))]
@@ -159,17 +159,17 @@ def sensitivity(
 
 
 def trajectory_sensitivity(
-    trace: Trajectory, start: bool = False, event: Event | Callable[..., float] | str | None = None
+    trajectory: Trajectory, start: bool = False, event: Event | Callable[..., float] | str | None = None
 ) -> Sensitivity:
     """Differentiate a trajectory with bound parameters, see `sensitivity`."""
-    values = trace.core.varied.values
-    columns = (*values, *(start_columns(trace) if start else ()))
+    values = trajectory.core.varied.values
+    columns = (*values, *(start_columns(trajectory) if start else ()))
     dp = np.eye(len(values), len(columns))
-    return run_tangents(trace, columns, start_tangent(trace, dp, start), dp, event)
+    return run_tangents(trajectory, columns, start_tangent(trajectory, dp, start), dp, event)
 
 
 def run_tangents(
-    trace: Trajectory,
+    trajectory: Trajectory,
     columns: tuple[str, ...],
     dy: Array,
     dp: Array,
@@ -178,60 +178,60 @@ def run_tangents(
     """Return the tangents of a run for variations dy (ny, m) of its start and dp (k, m) of the parameters.
 
     Args:
-        trace: the run.
+        trajectory: the run.
         columns: names of the m variations.
         dy: of the start.
         dp: of the parameters.
         event: the terminal event in which the run ended.
     """
-    sol, values, end = trace.sol, trace.core.varied.values, terminal_event(trace, event)
-    carry = np.zeros((trace.n_carry, len(columns)))
-    dy, carry = _apply(trace.start_parts(), dy, carry, dp)
-    out, i, ny = _Tangents(sol, trace, dp), 0, len(dy)
-    while i + 1 < len(trace.ts):
-        j = trace.core.segment_end(i, end is not None)
+    sol, values, end = trajectory.sol, trajectory.core.varied.values, terminal_event(trajectory, event)
+    carry = np.zeros((trajectory.n_carry, len(columns)))
+    dy, carry = _apply(trajectory.start_parts(), dy, carry, dp)
+    out, i, ny = _Tangents(sol, trajectory, dp), 0, len(dy)
+    while i + 1 < len(trajectory.ts):
+        j = trajectory.core.segment_end(i, end is not None)
         if j > i:
-            found = trace.core.tangent(trace.core.nodes(i, j), np.concatenate([dy, carry]).T, dp.T)
+            found = trajectory.core.tangent(trajectory.core.nodes(i, j), np.concatenate([dy, carry]).T, dp.T)
             out.at_nodes(i, found)
             i, dy, carry = i + len(found) - 1, found[-1, :, :ny].T, found[-1, :, ny:].T
-            dy, carry = _apply(trace.carry_restart_parts(i), dy, carry, dp)
+            dy, carry = _apply(trajectory.carry_restart_parts(i), dy, carry, dp)
             continue
         out.at_node(i, dy, carry)
-        if end and i + 2 == len(trace.ts):
+        if end and i + 2 == len(trajectory.ts):
             dh = end.time_derivative(dy, carry, dp)
-            out.dt[sol.t == trace.ts[-1]] = dh
+            out.dt[sol.t == trajectory.ts[-1]] = dh
             dy, carry = end.forward(dy, carry, dp, dh)
         else:
-            dy, carry = _apply(trace.step_parts(i), dy, carry, dp)
+            dy, carry = _apply(trajectory.step_parts(i), dy, carry, dp)
         i += 1
     out.at_node(i, dy, carry)
-    return Sensitivity(values, columns, np.asarray(sol.t), out.y, out.dy, out.dt, trace, out.nodes)
+    return Sensitivity(values, columns, np.asarray(sol.t), out.y, out.dy, out.dt, trajectory, out.nodes)
 
 
 class _Tangents:
     """Points y (n, ...), their derivatives dy (n, ny, k), and dt (n, k) of the times, filled in node by node."""
 
-    def __init__(self, sol: Solution, trace: Trajectory, dp: Array) -> None:
+    def __init__(self, sol: Solution, trajectory: Trajectory, dp: Array) -> None:
         n, k = len(sol.t), dp.shape[1]
-        self.t, self.trace, self.dp = sol.t, trace, dp
+        self.t, self.trajectory, self.dp = sol.t, trajectory, dp
         self.nodes = node_indices(sol)
-        self.bounds = np.searchsorted(self.nodes, np.arange(len(trace.ts) + 1))
-        self.y, self.dy, self.dt = sol.y.copy(), np.zeros((n, trace.sensitivity.ny, k)), np.zeros((n, k))
+        self.bounds = np.searchsorted(self.nodes, np.arange(len(trajectory.ts) + 1))
+        self.y, self.dy, self.dt = sol.y.copy(), np.zeros((n, trajectory.sensitivity.ny, k)), np.zeros((n, k))
 
     def at_node(self, i: int, dy: Array, carry: Array) -> None:
         """Fill in the times from node i up to the next one."""
         for k in range(self.bounds[i], self.bounds[i + 1]):
-            self.y[k], self.dy[k] = _between(self.trace, i, float(self.t[k]), dy, carry, self.dp)
+            self.y[k], self.dy[k] = _between(self.trajectory, i, float(self.t[k]), dy, carry, self.dp)
 
     def at_nodes(self, i: int, found: Array) -> None:
         """Fill in the times from node i up to the last of the m nodes of ``found`` (m, k, ny + ...), excluding it."""
-        trace, ny = self.trace, self.dy.shape[1]
+        trajectory, ny = self.trajectory, self.dy.shape[1]
         times = slice(self.bounds[i], self.bounds[i + len(found) - 1])
         nodes = self.nodes[times]
-        self.y[times], self.dy[times] = trace.ys[nodes], found[nodes - i, :, :ny].transpose(0, 2, 1)
-        for k in np.flatnonzero(self.t[times] != trace.ts[nodes]) + times.start:
+        self.y[times], self.dy[times] = trajectory.ys[nodes], found[nodes - i, :, :ny].transpose(0, 2, 1)
+        for k in np.flatnonzero(self.t[times] != trajectory.ts[nodes]) + times.start:
             m, (dy, carry) = self.nodes[k], np.split(found[self.nodes[k] - i].T, [ny])
-            self.y[k], self.dy[k] = _between(trace, m, float(self.t[k]), dy, carry, self.dp)
+            self.y[k], self.dy[k] = _between(trajectory, m, float(self.t[k]), dy, carry, self.dp)
 
 
 def _apply(maps: Iterable[Any], dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
@@ -246,20 +246,20 @@ def node_indices(sol: Solution) -> Array:
     return sol.before(sol.t) if sol.steps else np.arange(len(sol.t))
 
 
-def start_tangent(trace: Trajectory, dp: Array, start: bool) -> Array:
+def start_tangent(trajectory: Trajectory, dp: Array, start: bool) -> Array:
     """Return derivatives of the start, (ny, k)."""
-    k, ny = trace.sensitivity.k, trace.sensitivity.ny
+    k, ny = trajectory.sensitivity.k, trajectory.sensitivity.ny
     dy = np.zeros((ny, dp.shape[1]))
     if k:
-        dy[:, :k] = trace.at_start("start", lambda: _model_start_derivatives(trace))
+        dy[:, :k] = trajectory.at_start("start", lambda: _model_start_derivatives(trajectory))
     if start:
         dy[:-1, k:] = np.eye(ny - 1)
     return dy
 
 
-def _model_start_derivatives(trace: Trajectory) -> Array:
+def _model_start_derivatives(trajectory: Trajectory) -> Array:
     """Return derivatives of the mechanism's start, (ny, k); zeros for (q, v), or s, if the run began elsewhere."""
-    t, y, s, sensitivity = float(trace.ts[0]), trace.given, trace.system, trace.sensitivity
+    t, y, s, sensitivity = float(trajectory.ts[0]), trajectory.given, trajectory.system, trajectory.sensitivity
     out, model_start, nx = np.zeros((s.ny, sensitivity.k)), np.empty(0), s.nq + s.nv
     if all(p.keeps_start and p.keeps_states for p in sensitivity.parameters.all):
         return out
@@ -272,16 +272,16 @@ def _model_start_derivatives(trace: Trajectory) -> Array:
     return out
 
 
-def _between(trace: Trajectory, i: int, t: float, dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
+def _between(trajectory: Trajectory, i: int, t: float, dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
     """Return the point at time t after node i, and its derivatives."""
-    if t == trace.ts[i]:
-        return trace.ys[i], dy
-    found = trace.core.tangent(trace.core.shortened_step(i, t), np.concatenate([dy, carry]).T, dp.T)
-    return trace.between(i, t), found[-1, :, : len(dy)].T
+    if t == trajectory.ts[i]:
+        return trajectory.ys[i], dy
+    found = trajectory.core.tangent(trajectory.core.shortened_step(i, t), np.concatenate([dy, carry]).T, dp.T)
+    return trajectory.between(i, t), found[-1, :, : len(dy)].T
 
 
-def start_columns(trace: Trajectory) -> list[str]:
-    mech, out = trace.system.mechanism, []
+def start_columns(trajectory: Trajectory) -> list[str]:
+    mech, out = trajectory.system.mechanism, []
     for letter in "qv":
         for name in mech.joint_names:
             n = find_joint(mech.model, name).nv

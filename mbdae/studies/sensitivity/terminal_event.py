@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...callbacks import function_name
 from ...errors import InputError
 from ...finite_differences import numerical_derivative, numerical_jacobian
 from ...integrate.events.event import Event, event_value
 from ...integrate.events.level_crossing import TWO_PI, parse_level_crossing
 from ...integrate.trajectory.signal_jacobian import SignalJacobian
 from ...integrate.trajectory.trajectory import LinearMap, Trajectory, TrajectoryPart
-from ...mechanism.callbacks import function_name
 from ...solution.signal_value import value as signal_value
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
@@ -59,18 +59,18 @@ class EventTimeDerivative:
         return y + np.outer(self.by_y, by_e), np.outer(self.by_p, by_e)
 
 
-def terminal_event(trace: Trajectory, event: object) -> EventTimeDerivative | None:
+def terminal_event(trajectory: Trajectory, event: object) -> EventTimeDerivative | None:
     """Return the last step of a run that ended in an event; None for others.
 
     Args:
-        trace: the run.
+        trajectory: the run.
         event: `mbdae.Event`, or its function, which is differentiated numerically, or signal.
 
     Raises:
         InputError: for a missing or superfluous event, or a signal without a gradient.
         UnknownNameError: for a signal that does not exist.
     """
-    if trace.sol.status != "event":
+    if trajectory.sol.status != "event":
         if event is not None:
             raise InputError("the run did not end in an event: omit event=")
         return None
@@ -78,17 +78,17 @@ def terminal_event(trace: Trajectory, event: object) -> EventTimeDerivative | No
         raise InputError(
             "the run ended in a terminal event, whose time depends on parameters: give its function or signal, event="
         )
-    given, s = getattr(event, "function", event), trace.system
-    last, t, y = len(trace.ts) - 1, float(trace.ts[-1]), trace.ys[-1]
-    parts = list(trace.step_parts(last - 1))
+    given, s = getattr(event, "function", event), trajectory.system
+    last, t, y = len(trajectory.ts) - 1, float(trajectory.ts[-1]), trajectory.ys[-1]
+    parts = list(trajectory.step_parts(last - 1))
     if isinstance(given, str):
         signal, level, _ = parse_level_crossing(given)
-        row = (row_of := SignalJacobian(trace, [signal])).rows(last, t, y)[0]
+        row = (row_of := SignalJacobian(trajectory, [signal])).rows(last, t, y)[0]
         residual = signal_value(s, row_of.signals[0], t, y) - level
         if row_of.signals[0].kind == "angle":
             residual -= TWO_PI * round(residual / TWO_PI)
         return _require_transversal(
-            trace, EventTimeDerivative(parts, float(row[-1]), row[: s.ny], row[s.ny : -1]), given, residual
+            trajectory, EventTimeDerivative(parts, float(row[-1]), row[: s.ny], row[s.ny : -1]), given, residual
         )
     if not callable(given):
         raise InputError(f"an event is a signal or a function of (t, q, v), got {given!r:.60}")
@@ -99,19 +99,21 @@ def terminal_event(trace: Trajectory, event: object) -> EventTimeDerivative | No
     widths = WIDTH * np.append(s.mechanism.motion_scales, np.ones(s.ns + 1))
     by_t = numerical_derivative(lambda x: value(t + x, y), WIDTH / s.mechanism.characteristic_rate)
     by_y = numerical_jacobian(lambda x: value(t, s.add(y, x)), s.ny, widths)
-    return _require_transversal(
-        trace, EventTimeDerivative(parts, by_t, by_y, np.zeros(trace.sensitivity.k)), function_name(given), value(t, y)
-    )
+    end = EventTimeDerivative(parts, by_t, by_y, np.zeros(trajectory.sensitivity.k))
+    return _require_transversal(trajectory, end, function_name(given), value(t, y))
 
 
-def _require_transversal(trace: Trajectory, end: EventTimeDerivative, name: str, value: float) -> EventTimeDerivative:
+def _require_transversal(
+    trajectory: Trajectory, end: EventTimeDerivative, name: str, value: float
+) -> EventTimeDerivative:
     """Return an event derivative after checks: e' != 0, and e = 0 at the end of the run.
 
     Raises:
         InputError: with the name of the event.
     """
-    total_rate = end.by_t + (end.by_y @ end.by_size(np.zeros(trace.sensitivity.ny), np.zeros(trace.n_carry)))[0]
-    t, size = float(trace.ts[-1]), float(np.abs(trace.ts[-1] - trace.ts[0]))
+    rate = end.by_size(np.zeros(trajectory.sensitivity.ny), np.zeros(trajectory.n_carry))
+    total_rate = end.by_t + (end.by_y @ rate)[0]
+    t, size = float(trajectory.ts[-1]), float(np.abs(trajectory.ts[-1] - trajectory.ts[0]))
     if not total_rate:
         raise InputError(
             f"event {name!r} has zero rate at the end of the run, t = {t:.9g} s: its time has no derivative"

@@ -90,7 +90,7 @@ class Continuation:
         self.mode = self.mode.switched(k)
         self.statics = self.mode.statics(self.statics, self.loads)
         try:
-            here = self.balance(self.statics.close(at.here.q, at.here.s), at.here.s, at.u)
+            here = self.balance(self.statics.project(at.here.q, at.here.s), at.here.s, at.u)
             forward = self.tangent(at.u, here, at)
         except (StepError, InputError):
             return None
@@ -156,12 +156,12 @@ class Continuation:
         residual = self.statics.residual
         try:
             u, manifold = at.u + h * at.du, self.statics.system.manifold
-            q = self.statics.close(manifold.integrate(at.here.q, h * at.dq), at.here.s)
+            q = self.statics.project(manifold.integrate(at.here.q, h * at.dq), at.here.s)
             here = self.balance(q, at.here.s, u)
             for _ in range(MAX_CORRECTIONS):
                 size = residual(here)
                 x = self.correction(here, at)
-                q = self.statics.close(manifold.integrate(here.q, here.free.Z @ x[:-1]), here.s)
+                q = self.statics.project(manifold.integrate(here.q, here.free.Z @ x[:-1]), here.s)
                 next_u = u + float(x[-1])
                 there = self.balance(q, here.s, next_u)
                 if size <= ITERATION_ROUNDING and not residual(there) < 0.5 * size:

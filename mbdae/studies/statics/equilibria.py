@@ -89,7 +89,7 @@ def equilibria(
             if all(np.abs(_offsets(mech, e.q[None], here.q)).max() > SAME_STATE for e in out):
                 holding, judged = dict(zip(names, here.holding.tolist(), strict=True)), verdict(search.statics, here)
                 results = here.s, here.lam, holding, search.residual, n, judged, loads
-                out.append(Equilibrium(mech, 0.0, here.q, v, *results, tuple(compress(names, here.shared))))
+                out.append(Equilibrium(mech, 0.0, here.q, v, *results, tuple(compress(names, here.indeterminate))))
     return out
 
 
@@ -164,7 +164,7 @@ def _resting(contacts: Contacts, fixed: Array, curve: Kinematics, s0: Array) -> 
         statics = Statics(mech, 0.0, np.zeros(mech.nv), fixed, mode=contacts.mode({k}))
         for near in _closing_poses(contacts, k, curve):
             try:
-                search = TrustRegion(statics, statics.point(statics.close(near, s0), s0))
+                search = TrustRegion(statics, statics.point(statics.project(near, s0), s0))
             except StepError:
                 continue
             if not search.here.free.Z.shape[1] and not contacts.violated({k}, search.here):
@@ -210,7 +210,7 @@ def _balanced(statics: Statics, curve: Kinematics, s0: Array) -> Iterator[TrustR
     manifold = statics.system.manifold
 
     def along(q: Array, tangent: Array) -> float:
-        rho, free = statics.residual_forces(statics.close(q, s0), s0)
+        rho, free = statics.residual_forces(statics.project(q, s0), s0)
         return float(np.sign((free.U @ tangent) @ (free.U @ free.Z[:, 0])) * rho[0])
 
     for _, q, tangents in _segments(curve):
@@ -221,7 +221,7 @@ def _balanced(statics: Statics, curve: Kinematics, s0: Array) -> Iterator[TrustR
             x, tau = manifold.difference(q[i], q[i + 1]), tangents[i]
             try:
                 c = brentq(lambda c, q=q[i], x=x, tau=tau: along(manifold.integrate(q, c * x), tau), 0, 1)
-                near = statics.close(manifold.integrate(q[i], c * x), s0)
+                near = statics.project(manifold.integrate(q[i], c * x), s0)
                 search = TrustRegion(statics, statics.point(near, s0))
                 found = search.run("any")
             except (StepError, ValueError):

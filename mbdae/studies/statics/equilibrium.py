@@ -52,7 +52,8 @@ class Equilibrium(Tabular):
         iterations: number of trial steps.
         verdict: stability, and its criterion; on contacts, that of the motions in which they stay closed.
         contacts: normal forces in N, or N m, of the stops, ropes and planes on which it rests, by name.
-        shared: names in ``holding`` whose forces are not unique: with those of closures they are of minimum norm.
+        indeterminate: names in ``holding`` whose forces are statically indeterminate: of minimum norm with those of
+            closures.
     """
 
     mechanism: Mechanism
@@ -66,7 +67,7 @@ class Equilibrium(Tabular):
     iterations: int
     verdict: Verdict
     contacts: dict[str, float] = field(default_factory=dict)
-    shared: tuple[str, ...] = ()
+    indeterminate: tuple[str, ...] = ()
 
     @property
     def stability(self) -> str:
@@ -169,9 +170,9 @@ class Equilibrium(Tabular):
         lines += [f"  {n} = {quantity(x, units[n], '.8g')}" for n, x in bent.items()]
         lines += [f"  s.{name} = {x:.8g}" for name, x in zip(self.mechanism.states, self.s, strict=True)]
         lines += [f"  rests on {n} with {quantity(x, self._contact_unit(n), '.8g')}" for n, x in self.contacts.items()]
-        shared = {name: ", not unique (minimum norm)" for name in self.shared}
+        remarks = dict.fromkeys(self.indeterminate, ", not unique (minimum norm)")
         held = {n: quantity(_shown(x), efforts[n], ".8g") for n, x in self.holding.items()}
-        lines += [f"  {n} is held by {x}{shared.get(n, '')}" for n, x in held.items()]
+        lines += [f"  {n} is held by {x}{remarks.get(n, '')}" for n, x in held.items()]
         lines += [self._reaction_text(c.name) for c in self.mechanism.constraints if c.frames]
         return "\n".join([*lines, *([f"  doubtful: {self.warning}"] if self.warning else [])])
 
@@ -231,8 +232,8 @@ def equilibrium(
     q0, speeds, held, names = complete_arguments(mech, q, t, v, hold)
     statics, here, residual, iterations, contacts, _ = balanced_on_contacts(mech, t, speeds, held, q0, find)
     holding = dict(zip(names, here.holding.tolist(), strict=True))
-    judged, shared = verdict(statics, here), tuple(compress(names, here.shared))
-    results = here.q, speeds, here.s, here.lam, holding, residual, iterations, judged, contacts, shared
+    judged, indeterminate = verdict(statics, here), tuple(compress(names, here.indeterminate))
+    results = here.q, speeds, here.s, here.lam, holding, residual, iterations, judged, contacts, indeterminate
     return Equilibrium(mech, t, *results)
 
 

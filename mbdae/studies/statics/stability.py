@@ -104,7 +104,7 @@ def loses_rank(statics: Statics, here: ForceBalance) -> bool:
     x = Z @ y
     try:
         x *= PERTURBATION / np.abs(x / statics.sizes.l).max()
-        q = statics.close(system.manifold.integrate(here.q, x), here.s)
+        q = statics.project(system.manifold.integrate(here.q, x), here.s)
     except StepError:
         return True
     U = system.inertia(statics.t, q)

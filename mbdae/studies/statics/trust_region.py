@@ -67,7 +67,7 @@ class TrustRegion:
 
     def run(self, find: str) -> bool:
         """Iterate until forces balance, in a minimum unless ``find`` is any; return whether they do."""
-        self.here = self.statics.point(self.statics.close(self.here.q, self.here.s), self.here.s)
+        self.here = self.statics.point(self.statics.project(self.here.q, self.here.s), self.here.s)
         while self.iterations < ITERATIONS and self.radius > MIN_RADIUS:
             if self.residual <= NEAR_BALANCE:
                 self.polish()
@@ -175,7 +175,7 @@ class TrustRegion:
         """Return the balance at a displacement y from any point; None if loops cannot be closed."""
         try:
             q = self.statics.system.manifold.integrate(here.q, here.free.Z @ y)
-            return self.statics.point(self.statics.close(q, here.s), here.s)
+            return self.statics.point(self.statics.project(q, here.s), here.s)
         except StepError:
             return None
 

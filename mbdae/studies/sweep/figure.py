@@ -6,7 +6,7 @@ import numpy as np
 
 from ...errors import InputError, UnknownNameError
 from ...units import displayed
-from ..figures import WIDTH, empty_figure, escaped, fixed_layout, logarithmic
+from ..figures import COLOURS, WIDTH, empty_figure, escaped, fixed_layout, logarithmic
 from .table import Sweep
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ COLUMNS = 3
 HEIGHT, MAP_HEIGHT = 2.1, 3.6  # inches of a row of panels, and of a heat map
 DECADES = 100.0  # ratio of the largest and the least value on a logarithmic axis, at least
 FEW_LARGE = 0.25  # of the largest value: the median of values that are spread over decades, at most
-COLOURS = ("#0072B2", "#D55E00")
 
 
 @fixed_layout

@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...callbacks import function_name
 from ...errors import InputError, MbdaeError, UnknownNameError
 from ...mechanism import Mechanism
-from ...mechanism.callbacks import function_name
 from ...solution.signals import signals, units
 from ...solution.solution import Solution
 from ...solution.statistics import Extremum, Integrals, extrema, integrals

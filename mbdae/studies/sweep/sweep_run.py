@@ -10,11 +10,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ...callbacks import call_and_report, function_name
 from ...errors import AssemblyError, InputError, MbdaeError, UnknownNameError, require
 from ...integrate.run.whole_runs import COUNTS
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
-from ...mechanism.callbacks import call_and_report, function_name
 from ...mechanism.formats.mechanism_file.loaded_model import LoadedModel
 from ...mechanism.formats.mechanism_file.template import START, Template, check_start, with_start
 from ..workers import Stop, stop_check

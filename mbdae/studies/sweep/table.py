@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...data_types import JsonObject
-from ...errors import STATUS, InputError, UnknownNameError
+from ...errors import STATUS, SUCCESS, InputError, UnknownNameError
 from ...integrate.run.whole_runs import COUNTS
 from ...tabular import Columns, Tabular, align_columns
 from ...units import displayed, unit_name
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 __all__ = ["Sweep"]
 
 STATE = {"status": "text", "message": "text", "t": "float", **dict.fromkeys(COUNTS, "int"), "backend": "text"}
-SUCCESS = ("finished", "event")
 MAX_ROWS = 12  # as text
 
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from ...system import Array
 from ..mixed import MixedHessenberg
+from .hessenberg_a import hessenberg_a
 
 __all__ = ["mixed_index"]
 
@@ -44,30 +45,23 @@ def mixed_index() -> MixedHessenberg:
         y1, _, z1, u1 = scalars(y, z, u)
         return np.array([u1**3 + u1 - y1 * z1 - y1])
 
-    def g(t, y):
-        y1, y2 = y.tolist()
-        return np.array([y1**2 * y2 - 1])
-
-    def g_y(t, y):
-        y1, y2 = y.tolist()
-        return np.array([[2 * y1 * y2, y1**2]])
-
+    base = hessenberg_a()
     return MixedHessenberg(
         f=f,
-        g=g,
+        g=base.g,
         k=k,
         f_y=f_y,
         f_z=f_z,
         f_u=f_u,
-        g_y=g_y,
-        g_t=lambda t, y: np.zeros(1),
+        g_y=base.g_y,
+        g_t=base.g_t,
         k_y=lambda t, y, z, u: np.array([[-z[0] - 1, 0.0]]),
         k_z=lambda t, y, z, u: np.array([[-y[0]]]),
         k_u=lambda t, y, z, u: np.array([[3 * u.item() ** 2 + 1]]),
-        y0=(1.0, 1.0),
-        z0=(1.0,),
+        y0=base.y0,
+        z0=base.z0,
         u0=(1.0,),
         name="mixed_index",
         title="Problem of mixed index 1 and 2",
-        exact=lambda t: (np.array([np.exp(t), np.exp(-2 * t)]), np.array([np.exp(2 * t)])),
+        exact=base.exact,
     )

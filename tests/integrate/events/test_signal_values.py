@@ -81,7 +81,7 @@ def test_values_are_those_of_the_columns(name, monkeypatch):
     monkeypatch.setattr(mbdae.Mechanism, "system", lambda self: system)  # they share the workspace
     fastest = max((abs(x[-1]) for signal, x in columns.items() if signal.startswith("a.")), default=0.0)
     for k, (signal, known) in enumerate(values.items()):
-        if k % {"column": 53, "load": 7 if mech.nv > 12 else 1}.get(known.kind, 1):  # some of many
+        if k % {"column": 53, "reaction": 7 if mech.nv > 12 else 1}.get(known.kind, 1):  # some of many
             continue
         x = value(system, known, t, y)
         kind = signal.partition(".")[0]

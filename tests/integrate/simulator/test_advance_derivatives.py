@@ -106,12 +106,12 @@ def test_controlled_steps_are_frozen(name, method):
     m = with_input(name)
     states, along = family(name)
     simulator = advance(m, states(0.0), 0.1, None, rtol=1e-7, method=method)
-    trace = simulator.differentiated().trace
-    assert len(trace.ts) > 3
+    trajectory = simulator.differentiated().trajectory
+    assert len(trajectory.ts) > 3
 
     def again(x, du=0.0):
         point = np.append(np.concatenate(states(x)), 0.0)
-        return repeated_run(trace, with_input(name, value=U + du), point)[-1][:-1]
+        return repeated_run(trajectory, with_input(name, value=U + du), point)[-1][:-1]
 
     assert again(0.0) == pytest.approx(end(simulator), abs=1e-10)  # Newton's iteration ends at its tolerance
     found = simulator.tangent(*along)

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from mbdae.errors import StepError
-from mbdae.integrate.events.jumps import MARGIN, Jumps, SmoothInterval
+from mbdae.integrate.events.jumps import Jumps, SmoothInterval
 from mbdae.integrate.steppers.adaptive import Adaptive
 from mbdae.integrate.steppers.fixed import Fixed
 from mbdae.methods.controller import Controller
 from mbdae.system import State, Step
+from mbdae.tolerances import JUMP_MARGIN
 
 
 class Rates:
@@ -29,8 +30,8 @@ class Rates:
     def first_step(self, *_, **__):
         return None  # no compiled core
 
-    def noise(self, y, share):
-        return np.full(self.ny, self.rounding * share)
+    def noise(self, y, relative):
+        return np.full(self.ny, self.rounding * relative)
 
     def add(self, y, x):
         return y + x
@@ -261,7 +262,7 @@ def test_an_interval_that_ends_on_the_grid_has_no_remainder_step(off):
 def test_an_interval_ends_a_few_roundings_before_a_jump_and_the_next_begins_at_it(sign):
     ahead = Jumps(Rates(jumps=[sign * 0.5]), [], sign, sign)
     first = ahead.interval(0.0)
-    margin = MARGIN * ulp(1.0)
+    margin = JUMP_MARGIN * ulp(1.0)
     assert first.stop == first.end == sign * (0.5 - margin)
     # a point belongs to the interval after the jump in time: backwards, the next interval begins before it
     assert first.restart == (0.5 if sign > 0 else -0.5 - margin)
@@ -271,7 +272,7 @@ def test_an_interval_ends_a_few_roundings_before_a_jump_and_the_next_begins_at_i
 @pytest.mark.parametrize("off", [-1e-15, 0.0, 1e-15])
 def test_a_jump_at_the_end_of_the_span_is_not_crossed(off):
     stop, end, restart = Jumps(Rates(), [1.0 + off], 1.0, 1.0).interval(0.0)
-    assert 1.0 + off - stop == pytest.approx(MARGIN * ulp(1.0))
+    assert 1.0 + off - stop == pytest.approx(JUMP_MARGIN * ulp(1.0))
     assert (end, restart) == (1.0, None)
 
 

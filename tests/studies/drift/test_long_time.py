@@ -43,7 +43,7 @@ def test_rates_are_those_of_difference_quotients(model):
 @pytest.mark.parametrize("down", [0.0, -9.81])
 def test_momenta_of_a_free_body(down, tmp_path):
     sol = mbdae.solve(free_body(tmp_path, [0.0, 0.0, down]), (0, 1), method="rattle4", step=0.01)
-    found = mbdae.drift(sol, long=True)
+    found = mbdae.drift(sol, long_time=True)
     kept = FREE if not down else {"momentum.x", "momentum.y", "angular_momentum.origin.z"}
     assert set(found.momenta) == kept
     assert max(found.momenta.values()) < 1e-12
@@ -54,7 +54,7 @@ def test_momenta_of_a_free_body(down, tmp_path):
 )
 def test_the_top_keeps_its_vertical_angular_momentum(method, least, most):
     """A symmetric top has two cyclic coordinates: its precession, and its spin, which every method keeps."""
-    found = mbdae.drift(mbdae.solve("heavy_top", (0, 0.5), method=method, step=0.002), long=True)
+    found = mbdae.drift(mbdae.solve("heavy_top", (0, 0.5), method=method, step=0.002), long_time=True)
     assert set(found.momenta) == {"angular_momentum.origin.z", "p.top.wy"}
     assert least <= found.momenta["angular_momentum.origin.z"] < most
     assert found.momenta["p.top.wy"] < 1e-11
@@ -62,7 +62,7 @@ def test_the_top_keeps_its_vertical_angular_momentum(method, least, most):
 
 def test_a_linkage_on_the_ground_keeps_none():
     sol = mbdae.solve("four_bar", (0, 1), method="pherk6", step=0.02)
-    assert mbdae.drift(sol, long=True).momenta == {}
+    assert mbdae.drift(sol, long_time=True).momenta == {}
     assert mbdae.drift(sol).momenta is None
 
 
@@ -70,7 +70,7 @@ def test_a_linkage_on_the_ground_keeps_none():
     ("method", "least", "most"), [("rattle4", 0, 1e-11), ("pherk6", 1e-9, 1e-3), ("alpha", 1e-4, 1)]
 )
 def test_a_run_back_returns_if_the_method_is_symmetric(method, least, most):
-    found = mbdae.drift(mbdae.solve("four_bar", (0, 2), method=method, step=0.02), long=True)
+    found = mbdae.drift(mbdae.solve("four_bar", (0, 2), method=method, step=0.02), long_time=True)
     assert least <= max(found.reversal) < most
 
 
@@ -78,18 +78,18 @@ def test_a_run_back_that_ends_early_is_said_so():
     sol = mbdae.solve("four_bar", (0, 0.2), method="rattle2", step=0.01)
     sol.settings["step"] = 0.1
     sol.v[-1] *= 100
-    found = mbdae.drift(sol, long=True)
+    found = mbdae.drift(sol, long_time=True)
     assert found.reversal is None
     assert "run back to the start: ended early" in str(found)
 
 
 def test_textbook_problems_are_rejected():
     with pytest.raises(InputError, match="'Point on a circle' is a textbook problem"):
-        mbdae.drift(mbdae.solve("circle", (0, 0.1)), long=True)
+        mbdae.drift(mbdae.solve("circle", (0, 0.1)), long_time=True)
 
 
 def test_on_the_command_line():
-    code, out, _ = call("drift", "heavy_top", "-m", "rattle2", "--step", "0.002", "-t", "0.1", "--long")
+    code, out, _ = call("drift", "heavy_top", "-m", "rattle2", "--step", "0.002", "-t", "0.1", "--long-time")
     assert code == 0
     assert "conserved momenta, relative change: angular_momentum.origin.z" in out
     assert "run back to the start: |dq| " in out

@@ -115,7 +115,7 @@ def test_unidentifiable_parameters_are_named(tmp_path):
     data = measured(path, values, np.linspace(0.1, 0.5, 5), ["q.slider"], **STEP)
     bounds = {name: (10, 200) for name in values}
     found = mbdae.fit(path, bounds, data, sigma=1e-4, spans=(1.0,), **STEP)
-    assert found.untold == [("force.spring.stiffness", "force.other.stiffness")]
+    assert found.unidentifiable == [("force.spring.stiffness", "force.other.stiffness")]
     assert not found.success
     assert np.isinf(found.deviations["force.other.stiffness"])
     assert sum(found.values.values()) == pytest.approx(80.0, rel=1e-5)

@@ -1,4 +1,4 @@
-"""Inverse dynamics with stops, clutches and dry friction: closed rows carry load in a run, none in a given motion."""
+"""Inverse dynamics with stops, clutches and dry friction: closed rows are active in a run, none in a given motion."""
 
 import numpy as np
 import pinocchio as pin

@@ -176,9 +176,11 @@ def pendulum():
         (pendulum, {"t": [0, 2, 1], "upper": [0, 1, 2]}, "upper", "must increase"),
         (pendulum, {"upper": [0, 1, 2]}, "upper", "has a column t"),
         (pendulum, {"t": [0, 1, 2], "upper": [0, 0, 0], "lower": [0, 0, 0]}, None, "name the joints"),
-        (pendulum, "nowhere.csv", "upper", r"nowhere\.csv is not a table"),
+        (pendulum, "nowhere.csv", "upper", r"nowhere\.csv cannot be read"),
         (pendulum, 7, "upper", "a motion is a Solution"),
         (pendulum, ([0.0], [[0, 0, 0]], [[0, 0]], [[0, 0]]), "upper", "q of a motion"),
+        (pendulum, ([], *[np.empty((0, 2))] * 3), "upper", "t of a motion is finite and has shape"),
+        (pendulum, {"t": 0.0, "upper": [0, 1, 2]}, "upper", "with at least three times"),
         (lambda: mbdae.load("four_bar"), ([0.0], *[[[0, 0, 0]]] * 3), "crank", "'pin'"),
     ],
 )
@@ -186,6 +188,16 @@ def test_wrong_input_is_one_line(mech, motion, actuators, words):
     with pytest.raises(InputError, match=words) as reported:
         inverse_dynamics(mech(), motion, actuators)
     assert "\n" not in str(reported.value)
+
+
+def test_a_table_is_read_as_measurements_are(tmp_path):
+    """Also as spreadsheets write it, with the mark of their encoding; a column that occurs twice is ambiguous."""
+    path = tmp_path / "motion.csv"
+    path.write_text("t,upper,upper\n0,0,1\n1,1,1\n2,2,1\n")
+    with pytest.raises(InputError, match="two columns are named 'upper'"):
+        inverse_dynamics(pendulum(), path, "upper")
+    path.write_text("t,upper,lower\n0,0,0\n1,1,0\n2,2,0\n", "utf-8-sig")
+    assert inverse_dynamics(pendulum(), path, ["upper", "lower"]).t.tolist() == [0, 1, 2]
 
 
 def test_wrong_names_and_weights():

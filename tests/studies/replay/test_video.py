@@ -47,6 +47,14 @@ def test_what_a_video_takes_is_said(crank, tmp_path, monkeypatch):
         animate(crank, tmp_path / "run.mp4", plots=())
     with pytest.raises(mbdae.MbdaeError, match="/bin/false drew 0 of"):
         animate(crank, tmp_path / "run.gif", plots=())
+    slow = tmp_path / "slow"
+    slow.write_text("#!/bin/sh\nexec sleep 9\n")
+    slow.chmod(0o755)
+    monkeypatch.setattr(video, "TIMEOUT", 0.01)
+    monkeypatch.setattr(video.shutil, "which", lambda name: str(slow))
+    with pytest.raises(mbdae.MbdaeError, match=r"slow drew nothing within 0\.01 s"):
+        animate(crank, tmp_path / "run.gif", plots=())
+    slow.unlink()
     monkeypatch.setattr(video.shutil, "which", lambda name: None)
     with pytest.raises(InputError, match=r"one of chromium, .*none is found"):
         animate(crank, tmp_path / "run.gif", plots=())

@@ -96,9 +96,9 @@ def test_controlled_runs_with_frozen_steps(rtol):
     template, value, run = runs_of("four_bar", name, 0.2, rtol=rtol, method="radau5")
     found = mbdae.sensitivity(run(value), [name], model=template)
     left = 1e-11 + 1e-2 * rtol
-    assert np.abs(repeated_run(found.trace, template.make({name: value})) - found.y).max() < left
-    assert_derivative(found.dy[..., 0], lambda x: repeated_run(found.trace, template.make({name: x})), value, 10 * left,
-                      mech=found.trace.sol.mechanism)  # fmt: skip
+    assert np.abs(repeated_run(found.trajectory, template.make({name: value})) - found.y).max() < left
+    assert_derivative(found.dy[..., 0], lambda x: repeated_run(found.trajectory, template.make({name: x})), value,
+                      10 * left, mech=found.trajectory.sol.mechanism)  # fmt: skip
 
 
 @pytest.mark.parametrize("form", ["index2", "ggl"])

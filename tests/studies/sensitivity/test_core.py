@@ -137,9 +137,9 @@ def test_one_binding_serves_runs_in_two_modes():
     assert runs[0].modes != runs[1].modes
 
     def derivatives(sol, parameters):
-        trace = trajectory.Trajectory(sol, parameters)
-        nodes = trace.core.nodes(0, 2)
-        return trace.core.tangent(nodes, np.zeros((1, trace.system.ny + trace.n_carry)), np.ones((1, 1)))
+        steps = trajectory.Trajectory(sol, parameters)
+        nodes = steps.core.nodes(0, 2)
+        return steps.core.tangent(nodes, np.zeros((1, steps.system.ny + steps.n_carry)), np.ones((1, 1)))
 
     shared = Parameters(template.make, {name: value}, backend.load())
     for sol in runs:

@@ -7,7 +7,7 @@ import mbdae
 import mbdae.finite_differences as differences
 from mbdae.errors import InputError
 from mbdae.finite_differences import ABOVE, BELOW, STENCIL
-from mbdae.mechanism.discrete_sensitivity.perturbed_mechanisms import FIRST, feasible_stencil
+from mbdae.mechanism.discrete_sensitivity.perturbed_mechanisms import TRIAL_POINTS, feasible_stencil
 from mbdae.mechanism.formats.mechanism_file.template import Template
 
 G, M = 9.81, 2.0
@@ -54,7 +54,7 @@ def path(tmp_path):
     return tmp_path / "slider.toml"
 
 
-@pytest.mark.parametrize("places", FIRST)
+@pytest.mark.parametrize("places", TRIAL_POINTS)
 def test_differences_are_of_order_six_on_either_side(places):
     """Exact for polynomials of degree six, and zero to the bit for constants."""
     for degree in range(7):

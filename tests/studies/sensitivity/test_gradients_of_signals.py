@@ -36,7 +36,7 @@ def wrong(model, name, T, **options):
         return np.array([found[key] for key in known])
 
     size = np.maximum(1.0, np.abs([here[key] for key in known]).max(axis=1))
-    derivatives = SignalJacobian(moves.trace, known)
+    derivatives = SignalJacobian(moves.trajectory, known)
     variations = np.hstack([moves.dy[..., 0], np.ones((len(sol.t), 1)), moves.dt])
     moved = np.array([derivatives.rows(i, sol.t[i], y) @ variations[i] for i, y in enumerate(sol.y)]).T
     least = np.full(len(known), np.inf)

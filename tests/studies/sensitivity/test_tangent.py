@@ -28,7 +28,7 @@ FOUR_BAR = ("joint.crank.mass", "joint.coupler.com.0", "joint.rocker.xyz.0", "fr
 def test_every_method(model, name, T, step, method):
     template, value, run = runs_of(model, name, T, step=step, method=method)
     found = mbdae.sensitivity(run(value), [name], model=template)
-    mech = found.trace.sol.mechanism
+    mech = found.trajectory.sol.mechanism
     assert_derivative(found.dy[..., 0], lambda x: run(x).y, value, 1e-11, mech=mech)
 
 
@@ -69,9 +69,9 @@ def test_controlled_runs_with_frozen_steps(method):
     name = "joint.crank.mass"
     template, value, run = runs_of("four_bar", name, 0.7, rtol=1e-5, method=method)
     found = mbdae.sensitivity(run(value), [name], model=template)
-    assert np.abs(repeated_run(found.trace, template.make({name: value})) - found.y).max() < 1e-11
-    assert_derivative(found.dy[..., 0], lambda x: repeated_run(found.trace, template.make({name: x})), value, 1e-11,
-                      mech=found.trace.sol.mechanism)  # fmt: skip
+    assert np.abs(repeated_run(found.trajectory, template.make({name: value})) - found.y).max() < 1e-11
+    assert_derivative(found.dy[..., 0], lambda x: repeated_run(found.trajectory, template.make({name: x})), value,
+                      1e-11, mech=found.trajectory.sol.mechanism)  # fmt: skip
 
 
 def test_reselected_rows():
@@ -288,6 +288,6 @@ def test_runs_that_share_a_workspace_keep_their_rows():
     alone = mbdae.sensitivity(sol, ["gravity.2"]).lam
     first = mbdae.sensitivity(sol, ["gravity.2"])
     second = mbdae.sensitivity(replace(sol, in_use=[(0, other)]), ["gravity.2"])
-    assert first.trace.system is second.trace.system
+    assert first.trajectory.system is second.trajectory.system
     assert (first.lam == alone).all()
     np.testing.assert_allclose(second.lam, alone, rtol=0, atol=1e-10 * np.abs(alone).max())

@@ -42,14 +42,14 @@ def test_by_its_size(make, options):
     mech = make()
     sol = mbdae.solve(mech, (0.0, 6e-3), **options)
     assert sol.ended, sol.message
-    trace = Trajectory(sol, Parameters(lambda values: mech, {}))
-    i, s = len(trace.ts) - 2, trace.system
-    t, h = float(trace.ts[i + 1]), float(trace.ts[i + 1] - trace.ts[i])
-    zero = np.zeros((s.ny, 1)), np.zeros((trace.n_carry, 1)), np.zeros((0, 1))
-    found = NativeStep(trace.core, i).forward(*zero, np.ones(1))[0][:, 0]
-    end = trace.between(i, t)
+    trajectory = Trajectory(sol, Parameters(lambda values: mech, {}))
+    i, s = len(trajectory.ts) - 2, trajectory.system
+    t, h = float(trajectory.ts[i + 1]), float(trajectory.ts[i + 1] - trajectory.ts[i])
+    zero = np.zeros((s.ny, 1)), np.zeros((trajectory.n_carry, 1)), np.zeros((0, 1))
+    found = NativeStep(trajectory.core, i).forward(*zero, np.ones(1))[0][:, 0]
+    end = trajectory.between(i, t)
     expected = finite_differences.numerical_derivative(
-        lambda x: s.difference(end, trace.between(i, t + x)), WIDTH * h
+        lambda x: s.difference(end, trajectory.between(i, t + x)), WIDTH * h
     )
     size = 1 + np.abs(expected).max()
     np.testing.assert_allclose(found, expected, rtol=0, atol=2e-10 * size)

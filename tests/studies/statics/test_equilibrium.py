@@ -116,7 +116,7 @@ def test_derivatives_of_forces_are_taken_at_equilibria_alone(branch):
 
 @pytest.mark.parametrize("name", ["double_pendulum", "flyball_governor", "snap_toggle", "panda_handle", "heavy_top"])
 def test_an_equilibrium_is_found_again_from_itself(name):
-    """Where no closure carries load the forces themselves vanish there: their residual is rounding."""
+    """Where no closure transmits force the forces themselves vanish there: their residual is rounding."""
     mech = mbdae.load(name)
     first = mbdae.equilibrium(mech)
     for away in (0.0, 1e-13):

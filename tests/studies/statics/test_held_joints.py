@@ -27,7 +27,7 @@ def test_held_joints_stay_at_their_start():
 def test_holding_forces_that_are_not_unique_say_so():
     """Crank and slider of one degree of freedom share the load in any way."""
     both = mbdae.equilibrium("slider_crank", hold=["crank", "slider"])
-    assert both.shared == ("crank", "slider")
+    assert both.indeterminate == ("crank", "slider")
     assert "\n  slider is held by 0.0792" in str(both)
     assert str(both).count(" N, not unique (minimum norm)\n") == 1
-    assert mbdae.equilibrium("slider_crank", hold="crank").shared == ()
+    assert mbdae.equilibrium("slider_crank", hold="crank").indeterminate == ()

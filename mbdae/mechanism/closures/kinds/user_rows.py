@@ -10,12 +10,12 @@ from pydantic import BeforeValidator, Field, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticOmit
 
+from ....callbacks import call_with_views, checked_value, function_name
 from ....data_types import CoreData
 from ....errors import InputError, StepError
 from ....finite_differences import numerical_derivative
 from ....system import Array
 from ....tolerances import INTERPOLATION
-from ...callbacks import call_with_views, checked_value, function_name
 from ...tree.frames import find_joint
 from ..closure import BetweenJoints
 from ..joint_rows import BoundJointRow, JointRow

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from pydantic import Field, ValidationError
 
+from ....callbacks import function_name
 from ....data_types import JsonObject
 from ....errors import InputError
-from ...callbacks import function_name
 from ...checked_table import Table, one_line
 from ...forces import FORCES, PYTHON_FORCES
 from ...forces.actuator import Actuator

@@ -12,97 +12,98 @@ TABLES = (  # of files
 )  # fmt: skip
 
 
-def with_entry(part: object, path: str, value: object, whole: str) -> Any:
+def with_entry(table: object, path: str, value: object, full_path: str) -> Any:
     """Return a copy of a table with another value at the end of a dotted path.
 
     Args:
-        part: a checked table, a list or a dict; the value itself if the path is empty.
-        path: path of the value within ``part``.
+        table: a checked table, a list or a dict; the value itself if the path is empty.
+        path: path of the value within ``table``.
         value: the value.
-        whole: the complete path, for messages.
+        full_path: path from the mechanism on, for messages.
 
     Raises:
         UnknownNameError: for an invalid path.
         InputError: for an invalid value.
     """
-    return with_entries(part, {whole: (path, value)})
+    return with_entries(table, {full_path: (path, value)})
 
 
-def with_entries(part: Any, entries: Mapping[str, tuple[str, Any]]) -> Any:
+def with_entries(table: Any, entries: Mapping[str, tuple[str, Any]]) -> Any:
     """Return a copy of a table with other values at the ends of several dotted paths, none within another.
 
     Args:
-        part: a checked table, a list or a dict; the value itself if the path is empty.
-        entries: by the complete path, for messages: the path of the value within ``part``, and the value.
+        table: a checked table, a list or a dict; the value itself if the path is empty.
+        entries: by the path from the mechanism on, for messages: the path of the value within ``table``, and the value.
 
     Raises:
         UnknownNameError, InputError: as `with_entry`.
     """
     groups: dict[str, dict[str, tuple[str, Any]]] = {}
-    keys = entry_keys(part)
-    for whole, (path, value) in entries.items():
+    keys = entry_keys(table)
+    for full_path, (path, value) in entries.items():
         if not path:
             return value
-        key, rest = _first_key(part, path, whole, keys)
-        groups.setdefault(key, {})[whole] = rest, value
-    if isinstance(part, Table):
-        given = {k: getattr(part, k) for k in part.model_fields_set if k in type(part).model_fields}
+        key, rest = _first_key(table, path, full_path, keys)
+        groups.setdefault(key, {})[full_path] = rest, value
+    if isinstance(table, Table):
+        given = {k: getattr(table, k) for k in table.model_fields_set if k in type(table).model_fields}
         try:
-            return type(part)(**given | {key: with_entries(getattr(part, key), group) for key, group in groups.items()})
+            changed = {key: with_entries(getattr(table, key), group) for key, group in groups.items()}
+            return type(table)(**given | changed)
         except UnknownNameError:
             raise
         except InputError as e:
-            known = any(str(e).startswith(whole) for whole in entries)
+            known = any(str(e).startswith(full_path) for full_path in entries)
             raise InputError(str(e) if known else f"{', '.join(entries)}: {e}") from None
-    if isinstance(part, dict):
-        return {**part, **{key: with_entries(part.get(key), group) for key, group in groups.items()}}
-    return tuple(with_entries(x, groups[str(i)]) if str(i) in groups else x for i, x in enumerate(part))
+    if isinstance(table, dict):
+        return {**table, **{key: with_entries(table.get(key), group) for key, group in groups.items()}}
+    return tuple(with_entries(x, groups[str(i)]) if str(i) in groups else x for i, x in enumerate(table))
 
 
-def first_key(part: object, path: str, whole: str) -> tuple[str, str]:
+def first_key(table: object, path: str, full_path: str) -> tuple[str, str]:
     """Return the first key of a path, which may contain dots, and the rest of the path; list entries are numbered.
 
     Args:
-        part: a checked table, a list or a dict.
-        path: a path within ``part``.
-        whole: the complete path, for messages.
+        table: a checked table, a list or a dict.
+        path: a path within ``table``.
+        full_path: path from the mechanism on, for messages.
 
     Raises:
         UnknownNameError: for an invalid path; lists the valid keys.
         InputError: for a name that several entries of a list have.
     """
-    return _first_key(part, path, whole, entry_keys(part))
+    return _first_key(table, path, full_path, entry_keys(table))
 
 
-def _first_key(part: object, path: str, whole: str, keys: Mapping[str, str]) -> tuple[str, str]:
-    if isinstance(part, dict):  # joint = value: the model checks the names of joints
+def _first_key(table: object, path: str, full_path: str, keys: Mapping[str, str]) -> tuple[str, str]:
+    if isinstance(table, dict):  # joint = value: the model checks the names of joints
         return path, ""
     name = path
     while name not in keys:
         name, dot, _ = name.rpartition(".")
         if not dot:
-            above = whole.removesuffix(path).rstrip(".") or "the mechanism"
+            above = full_path.removesuffix(path).rstrip(".") or "the mechanism"
             raise UnknownNameError(f"entry of {above}", path, keys)
     if not keys[name]:
-        raise InputError(f"{whole}: several entries are named {name!r}: give them different names")
+        raise InputError(f"{full_path}: several entries are named {name!r}: give them different names")
     return keys[name], path[len(name) + 1 :]
 
 
-def entry_at(part: Any, key: str) -> Any:
+def entry_at(table: Any, key: str) -> Any:
     """Return an entry of a table, a list or a dict by its key or index; None if a dict lacks it."""
-    if isinstance(part, dict):
-        return part.get(key)
-    return part[int(key)] if isinstance(part, tuple) else getattr(part, key)
+    if isinstance(table, dict):
+        return table.get(key)
+    return table[int(key)] if isinstance(table, tuple) else getattr(table, key)
 
 
-def entry_keys(part: object) -> dict[str, str]:
+def entry_keys(table: object) -> dict[str, str]:
     """Return the valid next keys of a path, each with its key or index."""
-    if isinstance(part, MechanismFile):
+    if isinstance(table, MechanismFile):
         return {k: k for k in TABLES}
-    if isinstance(part, Table):
-        return {k: k for k in type(part).model_fields}
-    if isinstance(part, tuple):
-        return entry_names(part) or {str(i): str(i) for i in range(len(part))}
+    if isinstance(table, Table):
+        return {k: k for k in type(table).model_fields}
+    if isinstance(table, tuple):
+        return entry_names(table) or {str(i): str(i) for i in range(len(table))}
     return {}
 
 

@@ -28,9 +28,9 @@ from .compiled_model import MjcfModel
 from .equalities import closures_of
 from .file_checks import check_files
 from .geoms import visuals
-from .omissions import left_out
 from .states import from_mujoco
 from .unread_contents import unread
+from .unsupported_features import unsupported_features
 
 REFERENCE = "qpos0"
 COMPILER_LOCK = Lock()  # MuJoCo has one global warning handler for all threads
@@ -84,7 +84,7 @@ def read_mjcf(path: Path, allowed: AllowedPaths, source: Source) -> ImportedMode
         start=start,
         motors=tuple(actuators.motors.values()),
         controls={motor.name: float(control[i]) for i, motor in actuators.motors.items() if control[i]},
-        left_out=(*left_out(c, equalities, actuators.others, actuators.limited, shapeless), *unread(files)),
+        left_out=(*unsupported_features(c, equalities, actuators.others, actuators.limited, shapeless), *unread(files)),
     )
 
 

@@ -1,7 +1,8 @@
 """Contents of an MJCF file that are not read: all except those that MuJoCo compiles into the imported model.
 
 The tables list the attributes that affect bodies, joints, closures, forces, shapes or the start, or are reported by
-`mbdae.mechanism.formats.mjcf.omissions` if they have an effect. All others are reported by their path in the file.
+`mbdae.mechanism.formats.mjcf.unsupported_features` if they have an effect. All others are reported by their path in the
+file.
 """
 
 import xml.etree.ElementTree as ET

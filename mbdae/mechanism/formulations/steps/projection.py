@@ -9,6 +9,7 @@ from ....errors import StepError
 from ....system import Array
 from ....tolerances import CLOSED, NEGLIGIBLE, SUM_ROUNDING, TRUNCATION, VISIBLE
 from ...closures.closure_error import largest_error
+from ...closures.independent_rows import mass_scaled
 
 if TYPE_CHECKING:
     from ...mechanism import Mechanism
@@ -200,5 +201,5 @@ def exceeds_rounding(system: "Index2System", rate: Array, v: Array) -> bool:
 
 def _smallest(U: Array, G: Array, r: Array, scales: Array) -> Array:
     """Return the x (nv,) of smallest |U x| with G x = r (ng,), by truncated least squares with row scales."""
-    B = dgesv(U.T, (G / scales[:, None]).T)[2]
+    B = mass_scaled(U, G / scales[:, None])
     return dgesv(U, np.linalg.lstsq(B.T, r / scales, rcond=TRUNCATION)[0])[2]

@@ -23,7 +23,7 @@ def select_independent_rows(system: "Index2System", t: float, U: Array, G: Array
         return np.empty(0, int)
     if system.rows is not None and (system.rows_frozen or not system.selection_trigger.is_due()):
         return system.rows
-    B = dgesv(U.T, G.T)[2]  # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
+    B = independent_rows.mass_scaled(U, G)
     pivoting = _, diagonal = independent_rows.pivots(B)
     try:
         if system.rank is None:
@@ -70,7 +70,7 @@ def update_independent_rows(system: "Index2System", t: float, state: State) -> S
     system.rows_frozen = True
     rate = G @ v + system.g_t(t)
     if before is not None and not np.array_equal(rows, before):
-        B = dgesv(U.T, G[rows].T)[2]
+        B = independent_rows.mass_scaled(U, G[rows])
         v = v - dgesv(U, B @ dgesv(B.T @ B, rate[rows])[2])[2]
         state = State(np.concatenate([q, v, state.y[system.nq + system.nv :]]), state.carry, state.compensation)
         if state.carry is not None:
@@ -91,13 +91,14 @@ def multiplier_gain(system: "Index2System", t: float, y: Array, z: Array) -> flo
     rows = system.choose_rows(t, U, G)
     if not len(rows):
         return 0.0
-    B = dgesv(U.T, G[rows].T)[2]
+    B = independent_rows.mass_scaled(U, G[rows])
     return float(np.linalg.svd(B, compute_uv=False)[-1] ** -2)
 
 
 def pivot_ratio(system: "Index2System", t: float, y: Array) -> float:
     """Return the ratio of the smallest pivot of the independent rows of G M^-1/2 to the largest; 0 if singular."""
-    B, r = dgesv(system.inertia(t, system.split(y)[0]).T, system.jacobian().T)[2], system.rank or 1
+    U, G, r = system.inertia(t, system.split(y)[0]), system.jacobian(), system.rank or 1
+    B = independent_rows.mass_scaled(U, G)
     if system.ng > independent_rows.MANY_ROWS:
         diagonal = independent_rows.pivots_of_many(B, system.elimination_order, EPS**0.5)[1]
     else:

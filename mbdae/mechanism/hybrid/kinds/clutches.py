@@ -8,7 +8,7 @@ import numpy as np
 from ....tolerances import COINCIDENT
 from ...closures.clutch import Clutch
 from ...tree.frames import find_joint
-from ..switch import Guard, ImpactRow, LoadCandidate, PointFunction, SampledMotion, Switch, UnilateralRow, core_switch
+from ..switch import CandidateRow, Guard, ImpactRow, PointFunction, SampledMotion, Switch, UnilateralRow, core_switch
 
 if TYPE_CHECKING:
     from ....data_types import CoreData
@@ -51,8 +51,8 @@ class OneWayClutch(UnilateralRow):
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         return (ImpactRow(self.row, self.sign),)
 
-    def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
-        return (LoadCandidate.unilateral(self.row, self.sign),)
+    def candidate_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[CandidateRow, ...]:
+        return (CandidateRow.unilateral(self.row, self.sign),)
 
     def core_data(self, system: "Index2System") -> "CoreData":
         return core_switch(self, "clutch", sign=self.sign)
@@ -156,8 +156,8 @@ class Ratchet(OneWayClutch):
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         return (ImpactRow(self.row, self.sign),) if state == LOCKED or self._in_tooth(point) else ()
 
-    def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
-        return super().load_candidates(point, state, tolerance) if state == LOCKED or self._in_tooth(point) else ()
+    def candidate_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[CandidateRow, ...]:
+        return super().candidate_rows(point, state, tolerance) if state == LOCKED or self._in_tooth(point) else ()
 
     def next_state(
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool

@@ -10,7 +10,7 @@ from ....errors import InputError
 from ....tolerances import VISIBLE
 from ...closures.closure import UnilateralClosure
 from ...forces.coulomb_friction import CoulombFriction
-from ..switch import Guard, ImpactRow, LoadCandidate, Switch
+from ..switch import CandidateRow, Guard, ImpactRow, Switch
 from .rolling_stiction import RollingStiction
 from .unilateral import Unilateral
 
@@ -73,12 +73,12 @@ class FrictionalContact(Unilateral):
         found = super().impact_rows(point, min(state, 1), tolerance)
         return (*found, ImpactRow(self.no_slip, 0.0, friction=self.coefficient)) if found else ()
 
-    def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
-        found = super().load_candidates(point, min(state, 1), tolerance)
+    def candidate_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[CandidateRow, ...]:
+        found = super().candidate_rows(point, min(state, 1), tolerance)
         if not found:
             return ()
         sliding_ratio = -self.coefficient * float(self.friction.direction(point)[0]) if self.slips(point) else np.nan
-        return (*found, LoadCandidate(self.no_slip, friction=self.coefficient, sliding_ratio=sliding_ratio))
+        return (*found, CandidateRow(self.no_slip, friction=self.coefficient, sliding_ratio=sliding_ratio))
 
     def slips(self, point: "ModePoint") -> bool:
         """Return whether the contact slides."""

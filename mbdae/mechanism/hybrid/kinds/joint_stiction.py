@@ -8,7 +8,7 @@ from ...closures.brake import Brake
 from ...forces.joint_friction import KineticFrictionElement
 from ...tree.frames import find_joint
 from ..friction_utilisation import friction_utilisation
-from ..switch import Guard, LoadCandidate, Switch, core_switch
+from ..switch import CandidateRow, Guard, Switch, core_switch
 
 if TYPE_CHECKING:
     from ....data_types import CoreData
@@ -72,11 +72,11 @@ class JointStiction(Switch):
             )
         return ()
 
-    def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
+    def candidate_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[CandidateRow, ...]:
         limit = self.spec.static
         if state == STICKING and self.margin(point) < COINCIDENT:
             limit = min(self.spec.kinetic, (1.0 - VISIBLE) * limit)
-        return (LoadCandidate(self.row, -limit, limit),)
+        return (CandidateRow(self.row, -limit, limit),)
 
     def prescribed(self, t: float, q: "Array", v: "Array") -> int:
         return FORWARDS if v[self.column] > 0 else BACKWARDS if v[self.column] < 0 else IDLE

@@ -7,7 +7,7 @@ import numpy as np
 
 from ....tolerances import COINCIDENT
 from ...forces.coulomb_friction import CoulombFriction
-from ..switch import Guard, LoadCandidate, PointFunction, Switch
+from ..switch import CandidateRow, Guard, PointFunction, Switch
 
 if TYPE_CHECKING:
     from ....system import Array
@@ -92,7 +92,7 @@ class RollingStiction(Switch):
             return (Guard("slip", self.name, self.index, self.margin, needs_multipliers=True, load=ratio),)
         return (Guard("zero velocity", self.name, self.index, *self.slip()),) if state == SLIDING else ()
 
-    def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
+    def candidate_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[CandidateRow, ...]:
         if self.slips(point) or (state == STICKING and self.margin(point) < COINCIDENT):
             return ()
         system, before = point.system, point.system.mode
@@ -102,7 +102,7 @@ class RollingStiction(Switch):
         if np.linalg.norm(self.friction_ratio(lam)) > 1.0:
             self._set_slip_direction(point, lam)
             return ()
-        return tuple(LoadCandidate(row) for row in self.no_slip)
+        return tuple(CandidateRow(row) for row in self.no_slip)
 
     def _set_slip_direction(self, point: "ModePoint", lam: "Array") -> None:
         size = float(np.linalg.norm(lam[self.no_slip]))

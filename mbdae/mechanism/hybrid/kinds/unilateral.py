@@ -10,7 +10,7 @@ from ....tolerances import SHORTEST_FLIGHT
 from ...closures.closure import UnilateralClosure
 from ...closures.unilateral_constraint import Stop, UnilateralOptions
 from ...forces.coulomb_friction import CoulombFriction
-from ..switch import Guard, ImpactRow, LoadCandidate, SampledMotion, Switch, UnilateralRow, core_switch
+from ..switch import CandidateRow, Guard, ImpactRow, SampledMotion, Switch, UnilateralRow, core_switch
 
 if TYPE_CHECKING:
     from ...formulations.index2 import Index2System
@@ -77,10 +77,10 @@ class Unilateral(UnilateralRow):
             return ()
         return (ImpactRow(self.row, self.sign, self.restitution), *(ImpactRow(row, 0.0) for row in self.other_rows))
 
-    def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
+    def candidate_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[CandidateRow, ...]:
         if state != CLOSED and self.gap(point) > tolerance * point.system.mechanism.row_scales[self.row]:
             return ()
-        return (LoadCandidate.unilateral(self.row, self.sign), *(LoadCandidate(row) for row in self.other_rows))
+        return (CandidateRow.unilateral(self.row, self.sign), *(CandidateRow(row) for row in self.other_rows))
 
 
 def gaps(point: "ModePoint") -> list[tuple[Switch, float]]:

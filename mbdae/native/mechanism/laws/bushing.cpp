@@ -3,7 +3,7 @@
 #include <limits>
 
 #include "mechanism/frame_law.hpp"
-#include "mechanism/mechanics.hpp"
+#include "mechanism/multibody_tree.hpp"
 
 namespace mbdae::laws {
 

@@ -14,13 +14,13 @@ struct AppliedWrench {
     for (int i = 0; i < 6; ++i) u[i] = law.signals[i].at(at.t);
     Vec3<S> force(u), moment(u + 3);
     if (law.rotating) force = x.Rb * force, moment = x.Rb * moment;
-    if (law.steady) return {wrench_at(x.pb, force), {{}, moment}};
+    if (law.has_potential) return {wrench_at(x.pb, force), {{}, moment}};
     return {{}, wrench_at(x.pb, force, moment)};
   }
 
   static double potential(const Law& law, const Frames<double>& x) {
     double out = 0;
-    for (int i = 0; i < 3 && law.steady; ++i) out -= law.signals[i].at(0) * x.pb[i];
+    for (int i = 0; i < 3 && law.has_potential; ++i) out -= law.signals[i].at(0) * x.pb[i];
     return out;
   }
 };

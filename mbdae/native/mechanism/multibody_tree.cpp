@@ -2,7 +2,7 @@
 #include <iterator>
 #include <stdexcept>
 
-#include "mechanism/mechanics_workspace.hpp"
+#include "mechanism/multibody_tree_workspace.hpp"
 #include "mechanism/tree_coordinates.hpp"
 
 namespace mbdae {
@@ -26,7 +26,7 @@ std::vector<FlexibleBody> bound(std::vector<ModalBody> bodies, const TreeModel& 
 
 }  // namespace
 
-Mechanics::Mechanics(const void* model, const Tolerances& limits_, std::vector<ModalBody> flexible)
+MultibodyTree::MultibodyTree(const void* model, const Tolerances& limits_, std::vector<ModalBody> flexible)
     : limits(limits_) {
   TreeModel m = tree_model(model);
   auto bodies = bound(std::move(flexible), m);
@@ -55,7 +55,7 @@ Mechanics::Mechanics(const void* model, const Tolerances& limits_, std::vector<M
   begin_sweep();
 }
 
-void Mechanics::begin_sweep() {
+void MultibodyTree::begin_sweep() {
   const TreeModel& m = w->model;
   w->M.resize(pattern.rows.size());
   if (!m.tree.empty() && w->flexible.empty())
@@ -67,13 +67,13 @@ void Mechanics::begin_sweep() {
     throw std::invalid_argument("flexible bodies need joints with fixed axes");
 }
 
-bool Mechanics::planar() const { return w->sweep && w->sweep->planar(); }
+bool MultibodyTree::planar() const { return w->sweep && w->sweep->planar(); }
 
-void Mechanics::refresh() {
+void MultibodyTree::refresh() {
   if (w->sweep && !w->sweep->refresh()) w->sweep.reset(), begin_sweep();
 }
 
-void Mechanics::write(const void* model, const Tolerances& limits_, std::vector<ModalBody> flexible) {
+void MultibodyTree::write(const void* model, const Tolerances& limits_, std::vector<ModalBody> flexible) {
   ++motion_stamp_, ++pose_stamp_, limits = limits_;
   if (model == w->source) return refresh();
   auto partials = std::move(w->partials);
@@ -83,7 +83,7 @@ void Mechanics::write(const void* model, const Tolerances& limits_, std::vector<
   w->partials = std::move(partials);
 }
 
-bool Mechanics::has_same_structure(const std::vector<ModalBody>& bodies) const {
+bool MultibodyTree::has_same_structure(const std::vector<ModalBody>& bodies) const {
   const auto same = [](const ModalBody& a, const FlexibleBody& b) {
     return a.joint == b.data.joint && a.modes == b.data.modes && a.nodes.size() == b.data.nodes.size() &&
            a.orthogonal() == b.data.orthogonal();
@@ -91,9 +91,9 @@ bool Mechanics::has_same_structure(const std::vector<ModalBody>& bodies) const {
   return std::equal(bodies.begin(), bodies.end(), w->flexible.begin(), w->flexible.end(), same);
 }
 
-Mechanics::~Mechanics() = default;
+MultibodyTree::~MultibodyTree() = default;
 
-std::vector<Mechanics::Support> Mechanics::supports() const {
+std::vector<MultibodyTree::Support> MultibodyTree::supports() const {
   std::vector<Support> out(frames);
   for (int j = 1; j < joints; ++j) {
     auto& x = out[j].velocities;
@@ -110,7 +110,7 @@ std::vector<Mechanics::Support> Mechanics::supports() const {
   return out;
 }
 
-void Mechanics::use_nodes(const std::vector<int>& used) {
+void MultibodyTree::use_nodes(const std::vector<int>& used) {
   for (FlexibleBody& body : w->flexible) {
     std::vector<bool> nodes(body.data.nodes.size());
     for (int frame : used)
@@ -119,64 +119,64 @@ void Mechanics::use_nodes(const std::vector<int>& used) {
   }
 }
 
-const FlexibleBody::Node* Mechanics::node(int frame, const FlexibleBody*& body, int& i) const {
+const FlexibleBody::Node* MultibodyTree::node(int frame, const FlexibleBody*& body, int& i) const {
   if (frame < joints) return nullptr;
   for (const FlexibleBody& x : w->flexible)
     if (i = frame - x.first_pose, i < static_cast<int>(x.data.nodes.size())) return body = &x, &x.node(i);
   return nullptr;
 }
 
-void Mechanics::inertia(const double* q) {
+void MultibodyTree::inertia(const double* q) {
   ++pose_stamp_;
   w->sweep ? w->sweep->inertia(q, w->poses.data(), w->J.data(), w->M.data())
            : set_M(w->other->inertia(q, w->poses.data(), w->J.data()));
 }
 
-void Mechanics::dynamics(const double* q, const double* v) {
+void MultibodyTree::dynamics(const double* q, const double* v) {
   if (!w->sweep) return inertia(q), bias(q, v);
   ++motion_stamp_, ++pose_stamp_;
   w->sweep->dynamics(q, v, w->poses.data(), w->J.data(), w->M.data(), w->nle.data());
 }
 
-void Mechanics::poses(const double* q) {
+void MultibodyTree::poses(const double* q) {
   ++pose_stamp_;
   w->sweep ? w->sweep->poses(q, w->poses.data(), w->J.data()) : w->other->poses(q, w->poses.data(), w->J.data());
 }
 
-void Mechanics::save_poses() { ++pose_stamp_, std::swap(w->poses, w->saved_poses); }
-void Mechanics::restore_poses() { ++pose_stamp_, w->poses = w->saved_poses; }
+void MultibodyTree::save_poses() { ++pose_stamp_, std::swap(w->poses, w->saved_poses); }
+void MultibodyTree::restore_poses() { ++pose_stamp_, w->poses = w->saved_poses; }
 
-void Mechanics::motions(const double* q, const double* v) { motions(q, v, nullptr); }
+void MultibodyTree::motions(const double* q, const double* v) { motions(q, v, nullptr); }
 
-void Mechanics::motions(const double* q, const double* v, const double* a) {
+void MultibodyTree::motions(const double* q, const double* v, const double* a) {
   ++motion_stamp_, ++pose_stamp_;
   w->sweep ? w->sweep->motions(q, v, a, w->poses.data(), w->J.data())
            : w->other->motions(q, v, a, w->poses.data());
 }
 
-void Mechanics::bias(const double* q, const double* v) {
+void MultibodyTree::bias(const double* q, const double* v) {
   ++motion_stamp_, ++pose_stamp_;
   w->sweep ? w->sweep->inverse(q, v, nullptr, w->poses.data(), w->J.data(), w->nle.data())
            : w->other->bias(q, v, w->nle.data());
 }
 
-void Mechanics::inverse(const double* q, const double* v, const double* a, double* out) {
+void MultibodyTree::inverse(const double* q, const double* v, const double* a, double* out) {
   ++motion_stamp_, ++pose_stamp_;
   w->sweep ? w->sweep->inverse(q, v, a, w->poses.data(), w->J.data(), out)
            : w->other->inverse(q, v, a, w->poses.data(), w->J.data(), out);
 }
 
-void Mechanics::add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a,
+void MultibodyTree::add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a,
                            const double* gravity, double* out) {
   ++motion_stamp_, ++pose_stamp_;
   w->sweep->add_forces(bodies, q, v, a, gravity, w->poses.data(), w->J.data(), out);
 }
 
-std::vector<FlexibleBody> Mechanics::bind(std::vector<ModalBody> bodies) const {
+std::vector<FlexibleBody> MultibodyTree::bind(std::vector<ModalBody> bodies) const {
   return bound(std::move(bodies), w->model);
 }
 
-double Mechanics::potential() const {
+double MultibodyTree::potential() const {
   double out = 0;
   const Vector3 gravity(w->model.gravity);
   for (int j = 1; j < joints; ++j) {
@@ -187,14 +187,14 @@ double Mechanics::potential() const {
   return out;
 }
 
-const double* Mechanics::M() const { return w->M.data(); }
+const double* MultibodyTree::M() const { return w->M.data(); }
 
-void Mechanics::set_M(const double* dense) {
+void MultibodyTree::set_M(const double* dense) {
   for (size_t k = 0; k + 1 < pattern.starts.size(); ++k)
     for (size_t i = pattern.starts[k]; i < pattern.starts[k + 1]; ++i) w->M[i] = dense[k * nv + pattern.rows[i]];
 }
 
-void Mechanics::dense_M(double* out) const {
+void MultibodyTree::dense_M(double* out) const {
   const size_t n = nv;
   std::fill_n(out, n * n, 0.0);
   for (size_t k = 0; k < n; ++k)
@@ -202,7 +202,7 @@ void Mechanics::dense_M(double* out) const {
       out[n * k + pattern.rows[i]] = out[n * pattern.rows[i] + k] = w->M[i];
 }
 
-double Mechanics::kinetic_energy(const double* v) const {
+double MultibodyTree::kinetic_energy(const double* v) const {
   double sum = 0;
   const double* entry = w->M.data();
   for (int k = 0; k < nv; ++k) {
@@ -213,7 +213,7 @@ double Mechanics::kinetic_energy(const double* v) const {
   return sum;
 }
 
-void Mechanics::add_inertial_force(const double* a, double* out) const {
+void MultibodyTree::add_inertial_force(const double* a, double* out) const {
   const double* entry = w->M.data();
   for (int k = 0; k < nv; ++k) {
     out[k] += *entry++ * a[k];
@@ -221,31 +221,31 @@ void Mechanics::add_inertial_force(const double* a, double* out) const {
   }
 }
 
-const double* Mechanics::J() const { return w->J.data(); }
-const double* Mechanics::rotation(int j) const { return &w->poses[12 * j]; }
-const double* Mechanics::position(int j) const { return &w->poses[12 * j + 9]; }
+const double* MultibodyTree::J() const { return w->J.data(); }
+const double* MultibodyTree::rotation(int j) const { return &w->poses[12 * j]; }
+const double* MultibodyTree::position(int j) const { return &w->poses[12 * j + 9]; }
 
-void Mechanics::velocity(int j, double* out) const {
+void MultibodyTree::velocity(int j, double* out) const {
   w->sweep ? w->sweep->velocity(j, out) : w->other->velocity(j, w->poses.data(), out);
 }
 
-void Mechanics::acceleration(int j, double* out) const {
+void MultibodyTree::acceleration(int j, double* out) const {
   w->sweep ? w->sweep->acceleration(j, out) : w->other->acceleration(j, w->poses.data(), out);
 }
 
-void Mechanics::bias_minus_gravity(int j, double* out) const {
+void MultibodyTree::bias_minus_gravity(int j, double* out) const {
   w->sweep ? w->sweep->acceleration(j, out) : w->other->bias_minus_gravity(j, w->poses.data(), out);
 }
 
-void Mechanics::gravity(double* out) const { std::copy_n(w->model.gravity, 3, out); }
+void MultibodyTree::gravity(double* out) const { std::copy_n(w->model.gravity, 3, out); }
 
-void Mechanics::placement(int j, double* R, double* p) const {
+void MultibodyTree::placement(int j, double* R, double* p) const {
   const TreeModel::Joint& x = w->model.joints[j];
   Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R, 3, 3) = w->rotation(x.parent) * Matrix3(x.R);
   Eigen::Map<Eigen::Vector3d>(p, 3) = w->rotation(x.parent) * Vector3(x.p) + w->position(x.parent);
 }
 
-Body Mechanics::body(int j) const {
+Body MultibodyTree::body(int j) const {
   const TreeModel::Joint& x = w->model.joints[j];
   const auto R = w->rotation(j);
   Eigen::Matrix3d I;
@@ -258,22 +258,22 @@ Body Mechanics::body(int j) const {
   return out;
 }
 
-void Mechanics::integrate(const double* q, const double* x, double* out) {
+void MultibodyTree::integrate(const double* q, const double* x, double* out) {
   w->sweep ? mbdae::integrate(w->model.tree, q, x, out) : w->other->integrate(q, x, out);
 }
 
-void Mechanics::difference(const double* q0, const double* q1, double* out) {
+void MultibodyTree::difference(const double* q0, const double* q1, double* out) {
   w->sweep ? mbdae::difference(w->model.tree, q0, q1, out) : w->other->difference(q0, q1, out);
 }
 
-void Mechanics::normalize(double* q) {
+void MultibodyTree::normalize(double* q) {
   w->sweep ? mbdae::normalize(w->model.tree, q) : w->other->normalize(q);
 }
 
-void Mechanics::tangent_map(const double* q, const double* v, double* dq) {
+void MultibodyTree::tangent_map(const double* q, const double* v, double* dq) {
   w->sweep ? mbdae::tangent_map(w->model.tree, q, v, dq) : w->other->tangent_map(q, v, dq);
 }
 
-void Mechanics::neutral(double* q) { w->sweep ? mbdae::neutral(w->model.tree, q) : w->other->neutral(q); }
+void MultibodyTree::neutral(double* q) { w->sweep ? mbdae::neutral(w->model.tree, q) : w->other->neutral(q); }
 
 }  // namespace mbdae

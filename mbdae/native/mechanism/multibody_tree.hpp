@@ -11,11 +11,11 @@
 
 namespace mbdae {
 
-class Mechanics {
+class MultibodyTree {
  public:
   // model: of `tree_model`; it outlives this object.
-  Mechanics(const void* model, const Tolerances& limits, std::vector<ModalBody> flexible);
-  ~Mechanics();
+  MultibodyTree(const void* model, const Tolerances& limits, std::vector<ModalBody> flexible);
+  ~MultibodyTree();
 
   bool planar() const;  // whether all bodies move in parallel planes, and `planar_sweep` computes them
   bool has_same_structure(const std::vector<ModalBody>& flexible) const;  // as many modes and nodes

@@ -1,4 +1,4 @@
-"""Plane curves of bodies, from closures: discs of cams, walls of slots."""
+"""Profiles of cams and slots, drawn on the bodies that carry them: discs and walls."""
 
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple

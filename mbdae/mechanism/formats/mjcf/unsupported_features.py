@@ -9,10 +9,10 @@ from ...imported_model import FRICTION, LIMITS, name_list
 from .compiled_model import FRICTION_FLAGS, LIMIT_FLAGS, MjcfModel
 
 
-def left_out(
+def unsupported_features(
     c: MjcfModel, equalities: Iterable[str], actuators: Iterable[str], limited: Iterable[str], shapes: Iterable[str]
 ) -> list[str]:
-    """Return all features with an effect on motion or appearance that are not carried over, with their names."""
+    """Return all features with an effect on motion or appearance that are not supported, with their names."""
     found: list[tuple[str, Iterable[str]]] = [
         ("contact between geoms", [""] if _may_collide(c) else []),
         *_of_joints(c),

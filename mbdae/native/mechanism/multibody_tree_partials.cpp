@@ -1,11 +1,11 @@
 // Partial derivatives of the inverse dynamics by positions and velocities.
 #include <algorithm>
 
-#include "mechanism/mechanics_workspace.hpp"
+#include "mechanism/multibody_tree_workspace.hpp"
 
 namespace mbdae {
 
-void Mechanics::expand(const void* model) {
+void MultibodyTree::expand(const void* model) {
   const TreeModel tree = tree_model(model);
   std::vector<int> before;
   std::vector<std::vector<int>> own(tree.joints.size() - 1);
@@ -18,12 +18,12 @@ void Mechanics::expand(const void* model) {
   w->partials.reset(new RneaPartials(std::move(before), std::move(own)));
 }
 
-bool Mechanics::has_partial_terms(const double* q, const double* v) const {
+bool MultibodyTree::has_partial_terms(const double* q, const double* v) const {
   const auto& terms = w->terms;
   return !terms.q.empty() && std::equal(q, q + nq, terms.q.data()) && std::equal(v, v + nv, terms.v.data());
 }
 
-void Mechanics::inertia(const double* q, const double* v) {
+void MultibodyTree::inertia(const double* q, const double* v) {
   auto& terms = w->terms;
   poses(q);
   // About a point among the bodies: far from the world's origin, digits would cancel.
@@ -49,9 +49,9 @@ void Mechanics::inertia(const double* q, const double* v) {
   terms.M = w->M;
 }
 
-const double* Mechanics::bias() const { return w->nle.data(); }
+const double* MultibodyTree::bias() const { return w->nle.data(); }
 
-void Mechanics::partials(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone) {
+void MultibodyTree::partials(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone) {
   ++pose_stamp_;
   if (has_partial_terms(q, v) && w->flexible.empty())
     w->M = w->terms.M, w->J = w->terms.J, w->poses = w->terms.poses;

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "math/eigen_types.hpp"
-#include "mechanism/mechanics.hpp"
+#include "mechanism/multibody_tree.hpp"
 #include "mechanism/planar_sweep.hpp"
 #include "mechanism/tree_model.hpp"
 #include "mechanism/tree_sweep.hpp"
@@ -12,7 +12,7 @@ namespace mbdae {
 using Matrix3 = Eigen::Map<const Eigen::Matrix3d>;
 using Vector3 = Eigen::Map<const Eigen::Vector3d>;
 
-struct Mechanics::Workspace {
+struct MultibodyTree::Workspace {
   Workspace(const void* source_, TreeModel m, std::vector<FlexibleBody> flexible_)
       : source(source_), model(std::move(m)), flexible(std::move(flexible_)) {
     size_t frames = model.joints.size(), columns = model.nv;
@@ -36,7 +36,7 @@ struct Mechanics::Workspace {
   std::unique_ptr<Sweep> sweep;
   std::unique_ptr<TreeAlgorithms> other;  // where there is no sweep
   Numbers poses, saved_poses;             // (frames, 12) R by columns, and p
-  Numbers J, M, nle, zero;                // (6, nv and nodes), see `Mechanics::M`, (nv,), (nv,)
+  Numbers J, M, nle, zero;                // (6, nv and nodes), see `MultibodyTree::M`, (nv,), (nv,)
   struct PartialTerms {                // at (q, v), the same for all accelerations
     Numbers q, v, J, about, M, poses;  // J about the world's origin, and about the reference point of the partials
     Numbers dense;                     // (nv, nv) M

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
-from ..errors import InputError, MbdaeError, StepError
-from ..system import Array
+from .errors import InputError, MbdaeError, StepError
+from .system import Array
 
 T = TypeVar("T")
 FORCE = partial(StepError, "force")
@@ -28,11 +28,19 @@ def call_and_report(
     """
     try:
         return work()
-    except MbdaeError:
-        raise
     except Exception as e:
-        at = where()
-        raise error(f"{what} failed{at and f' at {at}'}: {type(e).__name__}: {e}") from e
+        report(e, what, where(), error)
+
+
+def report(e: Exception, what: str, where: str, error: Callable[[str], MbdaeError]) -> NoReturn:
+    """Raise the error of a user function that failed; errors of mbdae remain as they are.
+
+    Raises:
+        MbdaeError: ``error``, with the user's exception as its cause.
+    """
+    if isinstance(e, MbdaeError):
+        raise e
+    raise error(f"{what} failed{where and f' at {where}'}: {type(e).__name__}: {e}") from e
 
 
 def values_text(values: Mapping[str, float]) -> str:
