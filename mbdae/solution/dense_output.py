@@ -142,11 +142,9 @@ class DenseOutput:
         Raises:
             InputError: for a time outside.
         """
-        times, z = as_numbers(t), self.nodes[2]
-        at = times.ravel()
-        points = zip(at.tolist(), list(self.points(at)), self.before(at).tolist(), strict=True)
-        found = [self.at(i).derivative(x, y, z[i])[1] for x, y, i in points]
-        return np.array(found).reshape(*times.shape, z.shape[1])
+        times = as_numbers(t)
+        z = cast(Any, self.resampled(times.ravel())).z
+        return z.reshape(*times.shape, z.shape[1])
 
     def resampled(self, times: Array) -> Self:
         """Return the solution at other times (m,) within its span, by dense output.

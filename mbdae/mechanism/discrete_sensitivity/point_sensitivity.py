@@ -16,9 +16,10 @@ from ...system import Array
 from ...tolerances import INTERPOLATION, ITERATION_ROUNDING, PIVOT_RANK
 from ..assembly.assembly import assemble_start
 from ..hybrid.switches import inactive_rows
-from .acceleration_sensitivity import AccelerationSensitivity
+from .acceleration_sensitivity import AccelerationSensitivity, TimeDerivativePartials
 from .parameter_direction import Parameter
 from .parameter_partials import Parameters
+from .slip_friction_partials import with_slip_friction_partials
 
 if TYPE_CHECKING:
     from ..._native import Parameters as NativeParameters
@@ -54,6 +55,12 @@ class PointSensitivity(AccelerationSensitivity):
         rate = self.rate(t, y, multipliers=False).rate[self.system.nv :, : self.ny + self.k]
         out[self.n_carry - len(rate) :] = rate
         return out
+
+    def multipliers(self, t: float, y: Array) -> tuple[Array, Array, TimeDerivativePartials]:
+        """Return y' (ny,), the multipliers of all rows (ng,) with friction in inactive rows, and their partials."""
+        found, (F, lam) = self.rate(t, y), self.system.derivative(t, y)
+        lam, dlam = with_slip_friction_partials(self, *self.system.split(y), lam[: self.system.ng], found.lam)
+        return F, lam, found._replace(lam=dlam)
 
     def projection(self, t: float, y: Array) -> Array:
         """Return the partials of `mbdae.system.System.restore` at y, (ny, ny + k): each Gauss-Newton step, and v."""

@@ -73,7 +73,7 @@ class Sensitivity(Tabular):
         trace, out = self.trace, np.zeros((len(self.t), self.trace.system.ng, len(self.columns)))
         for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
             trace.enter_node(int(self.nodes[i]))
-            found = trace.sensitivity.rate(float(t), y).lam
+            found = trace.sensitivity.multipliers(float(t), y)[2].lam
             out[i] = found @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
         return out
 
