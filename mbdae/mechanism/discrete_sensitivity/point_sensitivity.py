@@ -81,19 +81,19 @@ class PointSensitivity(AccelerationSensitivity):
             raise StepError("singular", f"the projection at t = {t:.9g} s cannot be differentiated")
         return found[0], found[1].T
 
-    def jump(self, t: float, y: Array) -> Array:
+    def jump(self, t: float, y: Array, late: float = np.inf) -> Array:
         """Return the partials of `mbdae.system.System.jump` at y, (ny, ny + k), by differences of controllers alone."""
         s, out = self.system, np.eye(self.ny, self.ny + self.k)
         if s.ns:
             widths = JUMP_WIDTH * np.append(s.mechanism.motion_scales, np.ones(s.ns))
             moved = numerical_jacobian(
-                lambda x: s.element_states(s.jump(t, s.add(y, np.append(x, 0.0)))), self.ny - 1, widths
+                lambda x: s.element_states(s.jump(t, s.add(y, np.append(x, 0.0)), late)), self.ny - 1, widths
             )
             out[2 * s.nv : -1, : self.ny - 1] = moved
         for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):
             if laws.perturbed and len(laws.at):
                 (q, v), inner = s.split(y), s.element_states(y)[laws.at]
-                found = {k: f.jump(t, q, v, inner) for k, f in laws.perturbed.items()}
+                found = {k: f.jump(t, q, v, inner, late) for k, f in laws.perturbed.items()}
                 out[2 * s.nv + laws.at, self.ny + i] = p.quotient(found)
         return out
 
