@@ -9,6 +9,7 @@ from scipy.special import ellipk, mathieu_a, mathieu_b
 import mbdae
 from mbdae import Driver, JointDamping, JointTorque, Mechanism
 from mbdae.errors import InputError, UnknownNameError
+from mbdae.mechanism.equations.invariance import MotionPoint, symmetries_of
 from mbdae.mechanism.time_functions.time_functions import Harmonic
 from mbdae.studies.periodic.branch_path import BranchPath, Range
 from mbdae.studies.sweep.sweep_run import maker_of
@@ -225,3 +226,13 @@ def test_a_joint_with_the_name_of_a_motion_is_cyclic(name):
     assert key == (name if name == "spin" else f"{name} (joint)")
     assert advance == pytest.approx(2 * np.pi * found.v[1])
     assert found.v[1] > 0.1
+
+
+def test_a_fast_joint_does_not_hide_the_spring_of_another_one():
+    """3e-4 rad/s^2 of a spring besides 1e3 rad/s^2: the joint is not cyclic."""
+    model = empty(0.0)
+    for name in ("slow", "fast"):
+        add_body(model, 0, pin.JointModelRY(), name, inertia=(1.0, 1.0, 1.0))
+    spring, torque = mbdae.JointSpring(joint="slow", stiffness=4e-4), JointTorque(joint="fast", torque=1e3)
+    mech = mbdae.Mechanism(model, forces=[spring, torque])
+    assert symmetries_of(mech, [MotionPoint(0.0, mech.point(), ())]) == ("fast",)
