@@ -13,12 +13,14 @@ FOOT_CONTACT = "heel strike"
 
 
 def main(first: float = 0.001, last: float = 0.017, plot: str | Path | None = None) -> dict[str, float]:
-    """Print the branch of gaits; return the incline at which the period doubles, and the angle there."""
+    """Print the branch of gaits; return the incline at which the period doubles, and the angle there, nan if none."""
     found = mbdae.periodic_branch("simplest_walker", "incline", first, last, rtol=1e-9)
     print(found)
-    doubling = next(b for b in found.bifurcations if b.kind == "doubling")
     if plot:
         draw(found, plot)
+    doubling = next((b for b in found.bifurcations if b.kind == "doubling"), None)
+    if doubling is None:
+        return {"incline": np.nan, "angle": np.nan}
     return {"incline": doubling.value, "angle": doubling.motion.after[FOOT_CONTACT]["q.stance"]}
 
 

@@ -272,8 +272,8 @@ class System(Protocol):
         """
         return sign * np.inf
 
-    def jump(self, t: float, y: Array) -> Array:
-        """Return y (n,) just after time t: equal to y except for components that jump at t."""
+    def jump(self, t: float, y: Array, late: float = np.inf) -> Array:
+        """Return y (n,) just after time t: with the components that jump at t or at most ``late`` roundings before."""
         return y
 
     def size(self, y: Array) -> Array:

@@ -2,6 +2,7 @@
 
 import importlib.util
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -242,6 +243,7 @@ def test_snap_through(capsys):
     assert abs(result["limit"] - 42.91432573122) < 1e-9
     assert result["limit"] < result["run"] < 1.1 * result["limit"]
     assert "snap-through" in capsys.readouterr().out
+    assert np.isnan(example("snap_through").main(end=0.1)["run"])
 
 
 def test_arm_modes(capsys):
@@ -269,6 +271,11 @@ def test_walker(tmp_path, capsys):
     assert found["incline"] == pytest.approx(0.0150884379411, abs=1e-9)
     assert found["angle"] == pytest.approx(0.23716586, abs=1e-7)
     assert "period doubling" in capsys.readouterr().out
+
+
+def test_a_branch_of_gaits_without_a_doubling_is_nan(monkeypatch):
+    monkeypatch.setattr(mbdae, "periodic_branch", lambda *_, **__: SimpleNamespace(bifurcations=[]))
+    assert np.isnan(list(example("walker").main().values())).all()
 
 
 def test_foot_path(tmp_path, capsys):

@@ -15,6 +15,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import NamedTuple
+from urllib.parse import unquote
 
 from ..discovery import models_directory
 from ..errors import InputError
@@ -63,14 +64,17 @@ class AllowedPaths(NamedTuple):
         return package_of(self.folder)
 
     def find(self, name: str) -> Path:
-        """Return the file that a name in the model refers to: a path, possibly with ``package://`` or ``file://``.
+        """Return the file that a name in the model refers to: a path, or a URI with ``package://`` or ``file://``.
+
+        Characters of a URI may be percent-encoded, as ``%20`` for a space.
 
         Raises:
             InputError: if it does not exist, or is not allowed.
         """
         outside = None  # a file that exists, but is not allowed
         try:
-            for candidate in self._candidates(name):
+            uris = (name, unquote(name)) if "://" in name else (name,)
+            for candidate in (path for uri in dict.fromkeys(uris) for path in self._candidates(uri)):
                 path = candidate.resolve()
                 if path.is_file():
                     if self.allows(path):

@@ -14,7 +14,7 @@ from ..errors import InputError, StepError
 from ..mechanism import Mechanism
 from ..system import Array
 from ..tolerances import JUMP_MARGIN, NEGLIGIBLE
-from .sampling import derivatives_at_times, sample_together, set_slip_directions
+from .sampling import sample_together, set_slip_directions
 
 # of the spacing of t: the sides of a jump are closer; far from t = 0 steps are, too, but they change q
 JUMP_DISTANCE = 6 * JUMP_MARGIN
@@ -154,8 +154,8 @@ class DenseOutput:
             InputError: for a time outside.
         """
         times = as_numbers(t)
-        sampled: Any = self.resampled(times.ravel())
-        return derivatives_at_times(sampled)[1].reshape(*times.shape, self.nodes[2].shape[1])
+        z = cast(Any, self.resampled(times.ravel())).z
+        return z.reshape(*times.shape, z.shape[1])
 
     def resampled(self, times: Array) -> Self:
         """Return the solution at other times (m,) within its span, by dense output.

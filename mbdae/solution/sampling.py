@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..mechanism.formulations.slip_friction import has_slip_friction, with_slip_friction
 from ..mechanism.formulations.steps.interpolation import can_sample_at_once, sample_at_once
 from ..system import Array
 
@@ -25,18 +26,17 @@ def split_by_rows(sol: "Solution", nodes: Array) -> list[Array]:
 def derivatives_at_times(sol: "Solution") -> tuple[Array, Array]:
     """Return y' (n, ny) and multipliers (n, nz) at the times of a solution, see `Solution.derivatives`.
 
-    The multipliers of sliding no-slip rows are their friction.
+    The multipliers of slipping joints and sliding no-slip rows are their friction.
     """
     F, z = (np.full((len(sol.t), width), np.nan) for width in (sol.system.ny, sol.system.nz))
     nodes = np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
     for part in split_by_rows(sol, nodes):
         at = sol.at(int(nodes[part[0]]))
         F[part], z[part] = at.derivatives(sol.t[part], sol.y[part], sol.z_own[part])
-        if isinstance(sol.problem, Mechanism) and at.closure_friction.can_stick:
+        if isinstance(sol.problem, Mechanism) and has_slip_friction(at):
             for i in part:
                 q, v = at.split(sol.y[i])
-                at.jacobian(q)
-                z[i, : at.ng] = at.closure_friction.with_sliding_friction(v, z[i, : at.ng])
+                z[i, : at.ng] = with_slip_friction(at, q, v, z[i, : at.ng])
     return F, z
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from ..data_types import CoreData
 from ..errors import InputError, UnknownNameError, require
 from ..mechanism import Mechanism
+from ..mechanism.formulations.slip_friction import with_slip_friction
 from ..mechanism.hybrid.kinds.unilateral import Unilateral
 from ..mechanism.hybrid.mode_point import AllRows
 from ..mechanism.signals.contacts import rolling_closures
@@ -185,9 +186,7 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
     F, lam = system.derivative(t, y)
     if kind == "rate":
         return float(F[signal.i])
-    if system.closure_friction.can_stick:
-        system.jacobian(q)
-        lam = system.closure_friction.with_sliding_friction(v, lam)
+    lam = with_slip_friction(system, q, v, lam)
     if kind in PYTHON_KINDS:
         name, now = list(units(system.mechanism))[signal.i], slice(system.nq + system.nv, -1)
         parts: Any = (np.array(x, ndmin=2) for x in (q, v, y[now], F[system.nv : 2 * system.nv], lam))

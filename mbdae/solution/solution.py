@@ -162,8 +162,8 @@ class Solution(DenseOutput, Tabular):
     def lam(self) -> Array:
         """Multipliers from the hidden constraint 0 = G v' + gamma, (n, ng); of the order of v.
 
-        They act on the mechanism; rows in file order; of minimum norm for redundant rows. Those of sliding no-slip
-        rows, which are inactive, are their friction.
+        They act on the mechanism; rows in file order; of minimum norm for redundant rows. Those of slipping joints and
+        sliding no-slip rows, which are inactive, are their friction.
         """
         return self.z[:, : self.mechanism.ng]
 
@@ -185,13 +185,13 @@ class Solution(DenseOutput, Tabular):
         return contact(self.mechanism, name, self.t, self.q, self.lam)
 
     def effort(self, name: str) -> Effort:
-        """Return torque or force (N m, N) and power (W) of a coupling or a driver, from `lam`.
+        """Return torque or force (N m, N) and power (W) of a coupling, a driver or a joint's friction, from `lam`.
 
         Raises:
             UnknownNameError: for an unknown name.
             InputError: for a closure between frames: see `reaction`.
         """
-        return effort(self.mechanism, name, self.t, self.q, self.lam)
+        return effort(self.mechanism, name, self.t, self.q, self.lam, self.v)
 
     @property
     def redundant(self) -> dict[str, int]:

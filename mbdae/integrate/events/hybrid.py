@@ -111,7 +111,7 @@ class ModeChanges(EventSource):
         self.guards = [tracked(g, at) for s in self.switches for g in s.guards(mode[s.index])]
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
-        """Return the point in the first mode, at the start, or in the next mode, after commanded switches at a jump.
+        """Return the point in the first mode, at the start, or in the next mode, after a jump of commands or loads.
 
         Impacts are resolved first, if a closed contact approaches.
 
@@ -120,7 +120,7 @@ class ModeChanges(EventSource):
             StepError: if an impact has no solution.
         """
         if self.modes:
-            return self._commanded(run, y)
+            return self._after_jump(run, y)
         at = self._point(run.t, y)
         if contact := penetrated(at):
             raise InputError(f"{contact} at the start")
@@ -197,50 +197,44 @@ class ModeChanges(EventSource):
 
         return at
 
-    def _commanded(self, run: "RunState", y: Array) -> Array:
-        if not any(g.is_commanded for g in self._violated(run.t, y)):
+    def _after_jump(self, run: "RunState", y: Array) -> Array:
+        """Return the point in the mode after a jump: the node of the jump is the first one of that mode."""
+        at = self._point(run.t, y)
+        fired = [g.guard for g in self.guards if g.value(at) < -g.rounding]
+        if not fired:
             return y
-        y, mode = self._resolved_mode(run, self._point(run.t, y), set())
-        if mode != self.system.mode:
-            self.modes.append((len(run.ts) - 1, mode))
-        self._enter(mode, run)
+        self._check_chattering(run, fired)
+        y, mode = self._entered(run, at, _separating(fired))
+        self.modes.append((len(run.ts) - 1, mode))
         return y
 
-    def _violated(self, t: float, y: Array) -> list[Guard]:
-        """Return the guards that are negative at a point, after a jump of loads."""
-        at = self._point(t, y)
-        return [g.guard for g in self.guards if g.value(at) < -g.rounding]
+    def _entered(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
+        """Return the point after impacts at a point, in the next mode, which is entered, and that mode."""
+        y, mode = self._resolved_mode(run, at, opened)
+        self._enter(mode, run)
+        return self.system.restore(run.t, y) if run.project else y, mode
+
+    def _check_chattering(self, run: "RunState", fired: list[Guard]) -> None:
+        self.chattering.check(len(run.ts) - 1, run.t, (g.name for g in fired), self.system.mode)
 
     def act(self, run: "RunState") -> bool:
-        """Change the mode, unless the run ends at this node."""
-        if run.time_left() > 0:
-            self._change(run, self.fired)
-        return False
-
-    def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
-        """Change the mode after a jump of loads."""
-        if not mode_changed and (fired := self._violated(run.t, run.ys[-1])):
-            self._change(run, fired)
-
-    def _change(self, run: "RunState", fired: list[Guard]) -> None:
-        """Continue in the next mode: a second node of the run at the same time.
+        """Continue in the next mode with a second node at the same time, unless the run ends at this node.
 
         Raises:
             StepError: in case of chattering, or if an impact has no solution.
         """
-        node = len(run.ts) - 1
-        self.chattering.check(node, run.t, (g.name for g in fired), self.system.mode)
-        run.end_interval(node)
-        self.continue_from(run, self._point(run.t, run.ys[-1]), {g.switch for g in fired if g.kind == "separation"})
+        if run.time_left() > 0:
+            self._check_chattering(run, self.fired)
+            run.end_interval(len(run.ts) - 1)
+            self.continue_from(run, self._point(run.t, run.ys[-1]), _separating(self.fired))
+        return False
+
 
     def continue_from(
         self, run: "RunState", at: ModePoint, opened: set[int], completed: Callable[[Array], Array] = np.asarray
     ) -> None:
         """Continue after impacts at a point, completed by its work: a second node of the run at the same time."""
-        y, mode = self._resolved_mode(run, at, opened)
-        self._enter(mode, run)
-        if run.project:
-            y = self.system.restore(run.t, y)
+        y, mode = self._entered(run, at, opened)
         self.modes.append((len(run.ts), mode))
         run.switch_mode(completed(y))
         self._track(run.t, run.ys[-1])
@@ -288,3 +282,8 @@ class ModeChanges(EventSource):
         out: JsonObject = {"transitions": len(self.modes) - 1, "impacts": len(self.impacts)}
         in_core: JsonObject = {"impacts_in_core": self.impacts_in_core, "transitions_in_core": self.transitions_in_core}
         return out | in_core if run.stepper.backend == "native" else out
+
+
+def _separating(fired: list[Guard]) -> set[int]:
+    """Return the switches whose contacts open."""
+    return {g.switch for g in fired if g.kind == "separation"}

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
 
 MAX_CLUSTER = 100  # jumps that differ only by rounding and count as one
+LATE = 4 * JUMP_MARGIN  # roundings of t between jumps that count as one, and between a jump and a run that begins then
 
 
 class SmoothInterval(NamedTuple):
@@ -85,9 +86,12 @@ class Jumps(EventSource):
         return known and self.sign * t1 + margin < last and not self._coincide(t1, self.sign * last)
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
-        """Return y after jumps of the states of sampled controllers."""
+        """Return y after jumps of the states of sampled controllers.
+
+        A run that ended more than roundings after an instant has sampled there; one that goes on from it does not.
+        """
         self._following = inf, -inf  # an instant that the system counts as this one may be ahead by rounding
-        return self.system.jump(run.t, y)
+        return self.system.jump(run.t, y, LATE if run.t == run.options.t0 else inf)
 
     def interval(self, t: float) -> SmoothInterval:
         """Return the smooth interval that starts at t. Jumps that differ only by rounding count as one.
@@ -95,15 +99,16 @@ class Jumps(EventSource):
         Raises:
             StepError: if more than `MAX_CLUSTER` jumps differ only by rounding.
         """
-        s, margin = self.sign, JUMP_MARGIN * ulp(max(abs(t), abs(self.t1)))
-        _, first = self._cluster(t, 4 * margin)
+        s, rounding = self.sign, ulp(max(abs(t), abs(self.t1)))
+        margin, late = JUMP_MARGIN * rounding, LATE * rounding
+        _, first = self._cluster(t, late)
         ahead = s * (first - self.t1)
-        if ahead > 4 * margin and not self._coincide(self.t1, first):
+        if ahead > late and not self._coincide(self.t1, first):
             return SmoothInterval(self.t1, self.t1, None)
         stop = first - s * margin
-        if ahead >= -4 * margin:
+        if ahead >= -late:
             return SmoothInterval(s * min(s * stop, s * nextafter(self.t1, -s * inf)), self.t1, None)
-        last, _ = self._cluster(first, 4 * margin)
+        last, _ = self._cluster(first, late)
         return SmoothInterval(stop, stop, last if s > 0 else last - margin)
 
     def first_event(self, step: "StepMap") -> Occurrence | None:

@@ -139,7 +139,8 @@ class RunState:
         self.t = t
         self.begin(jumps=jumps)
         self.stepper.restart()
-        self.notify_discontinuity(len(self.ts) - 1)
+        node, changes = len(self.ts) - 1, self.mode_changes
+        self.notify_discontinuity(node, mode_changed=bool(changes and changes.modes[-1][0] == node))
 
     def switch_mode(self, y: Array) -> None:
         """Begin a smooth interval in another mode at y: a second node at the same time."""

@@ -26,6 +26,7 @@ from ...mechanism.hybrid.switches import unswitched_rows
 from ...system import Array
 from ...tolerances import INPUT_DIGITS, RANK, SAME_STATE, VISIBLE
 from ..events.guard_location import guard_unit
+from ..events.jumps import LATE
 from .native_trajectory import NativeStep
 
 if TYPE_CHECKING:
@@ -86,8 +87,9 @@ class ModeJumps:
         before, jumped = trajectory.ys[i], np.eye(ny, ny + self.sensitivity.k + 1)
         if at_known_time := i == 0 or trajectory.ts[i + 1] != t:  # a simulator restarts at its start
             t = float(trajectory.ts[i + 1])
-            jumped[:, :-1] = self.sensitivity.jump(t, before)
-            before = self.system.jump(t, before)
+            late = np.inf if i else LATE
+            jumped[:, :-1] = self.sensitivity.jump(t, before, late)
+            before = self.system.jump(t, before, late)
         point = ModePoint(self.system, self.all_rows, t, before)
         rates, time = np.zeros(ny), np.zeros(ny + self.sensitivity.k)
         if varies := not at_known_time and self._varies(i):

@@ -129,8 +129,8 @@ class SignalJacobian:
     def _rates(self, i: int, t: float, y: Array) -> tuple[Array, Array, Array, Array]:
         """Return Y' and lam of all rows, and their partial derivatives."""
         self.trajectory.enter_node(i)
-        F, lam = self.trajectory.system.derivative(t, y)
-        return F, lam[: self.trajectory.system.ng], *self.trajectory.sensitivity.rate(t, y)
+        F, lam, partials = self.trajectory.sensitivity.multipliers(t, y)
+        return F, lam, *partials
 
     def _columns(self, t: float, y: Array, F: Array, lam: Array, rates: Array, derivatives: Array) -> dict[str, Array]:
         """Return derivatives of the columns of bodies and forces."""

@@ -22,6 +22,7 @@ from ...solution.sampling import set_slip_directions
 from ...solution.solution import Solution
 from ...system import Array, State, System
 from ...tolerances import AGREEMENT, SAME_STATE, ZERO_SPEED
+from ..events.jumps import LATE
 from ..steppers.adaptive import Adaptive
 from ..steppers.fixed import Fixed
 from .checkpoints import Checkpoints, RecordedStates
@@ -157,8 +158,8 @@ class Trajectory:
         self.enter_node(0)
         t, y = float(self.ts[0]), self.given
         if len(self.system.mechanism.states):
-            yield LinearMap(self.sensitivity.jump(t, y), False)
-            y = self.system.jump(t, y)
+            yield LinearMap(self.sensitivity.jump(t, y, LATE), False)
+            y = self.system.jump(t, y, LATE)
         if self.system.mechanism.switches:
             y, impact = self.at_start("initial impact", lambda: self.jumps.at_start(t, y))
             yield LinearMap(impact, False)

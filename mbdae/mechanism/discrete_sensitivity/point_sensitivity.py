@@ -16,9 +16,10 @@ from ...system import Array
 from ...tolerances import INTERPOLATION, ITERATION_ROUNDING, PIVOT_RANK
 from ..assembly.assembly import assemble_start
 from ..hybrid.switches import inactive_rows
-from .acceleration_sensitivity import AccelerationSensitivity
+from .acceleration_sensitivity import AccelerationSensitivity, TimeDerivativePartials
 from .parameter_direction import Parameter
 from .parameter_partials import Parameters
+from .slip_friction_partials import with_slip_friction_partials
 
 if TYPE_CHECKING:
     from ..._native import Parameters as NativeParameters
@@ -55,6 +56,12 @@ class PointSensitivity(AccelerationSensitivity):
         out[self.n_carry - len(rate) :] = rate
         return out
 
+    def multipliers(self, t: float, y: Array) -> tuple[Array, Array, TimeDerivativePartials]:
+        """Return y' (ny,), the multipliers of all rows (ng,) with friction in inactive rows, and their partials."""
+        found, (F, lam) = self.rate(t, y), self.system.derivative(t, y)
+        lam, dlam = with_slip_friction_partials(self, *self.system.split(y), lam[: self.system.ng], found.lam)
+        return F, lam, found._replace(lam=dlam)
+
     def projection(self, t: float, y: Array) -> Array:
         """Return the partials of `mbdae.system.System.restore` at y, (ny, ny + k): each Gauss-Newton step, and v."""
         return self._projected(t, y, True)[1]
@@ -74,19 +81,19 @@ class PointSensitivity(AccelerationSensitivity):
             raise StepError("singular", f"the projection at t = {t:.9g} s cannot be differentiated")
         return found[0], found[1].T
 
-    def jump(self, t: float, y: Array) -> Array:
+    def jump(self, t: float, y: Array, late: float = np.inf) -> Array:
         """Return the partials of `mbdae.system.System.jump` at y, (ny, ny + k), by differences of controllers alone."""
         s, out = self.system, np.eye(self.ny, self.ny + self.k)
         if s.ns:
             widths = JUMP_WIDTH * np.append(s.mechanism.motion_scales, np.ones(s.ns))
             moved = numerical_jacobian(
-                lambda x: s.element_states(s.jump(t, s.add(y, np.append(x, 0.0)))), self.ny - 1, widths
+                lambda x: s.element_states(s.jump(t, s.add(y, np.append(x, 0.0)), late)), self.ny - 1, widths
             )
             out[2 * s.nv : -1, : self.ny - 1] = moved
         for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):
             if laws.perturbed and len(laws.at):
                 (q, v), inner = s.split(y), s.element_states(y)[laws.at]
-                found = {k: f.jump(t, q, v, inner) for k, f in laws.perturbed.items()}
+                found = {k: f.jump(t, q, v, inner, late) for k, f in laws.perturbed.items()}
                 out[2 * s.nv + laws.at, self.ny + i] = p.quotient(found)
         return out
 

@@ -8,6 +8,7 @@ rows G of positions.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -20,9 +21,18 @@ from ..hybrid.mode_point import AllRows
 from ..tree.pinocchio_data import make_data
 from ..tree.tree_terms import require_rigid
 
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
 AXES = {"x": 0, "y": 1, "z": 2}  # of translations in the world
 MOTIONS = (*AXES, "incline", "level", "turn")  # of all bodies: also down and across an incline, and about the vertical
 ITERATIONS = 20
+
+
+def cyclic_joints(mech: "Mechanism") -> dict[str, str]:
+    """Return the joints of one coordinate by their names as symmetries: ``"x (joint)"`` where a motion has theirs."""
+    names = [n for n in mech.joint_names if mech.model.joints[mech.model.getJointId(n)].nv == 1]
+    return {f"{n} (joint)" if n in MOTIONS else n: n for n in names}
 
 
 @dataclass(frozen=True)
@@ -30,7 +40,7 @@ class Symmetry:
     """One continuous symmetry.
 
     Attributes:
-        name: ``"x"``, ``"y"``, ``"z"``, ``"incline"``, ``"level"``, ``"turn"``, or a joint of one coordinate.
+        name: ``"x"``, ``"y"``, ``"z"``, ``"incline"``, ``"level"``, ``"turn"``, or one of `cyclic_joints`.
         system: a workspace.
     """
 
@@ -45,10 +55,10 @@ class Symmetry:
             UnknownNameError: lists the valid names.
         """
         mech = system.mechanism
-        cyclic = [n for n in mech.joint_names if mech.model.joints[mech.model.getJointId(n)].nv == 1]
+        known = (*MOTIONS, *cyclic_joints(mech))
         for name in names:
-            if name not in (*MOTIONS, *cyclic):
-                raise UnknownNameError("symmetry", name, (*MOTIONS, *cyclic))
+            if name not in known:
+                raise UnknownNameError("symmetry", name, known)
         if not set(names).isdisjoint(MOTIONS):
             require_rigid(mech.model, "symmetries")
         if len(set(names)) < len(names):
@@ -159,8 +169,8 @@ class Symmetry:
 
     @property
     def _index(self) -> int:
-        model = self.system.mechanism.model
-        return int(model.joints[model.getJointId(self.name)].idx_v)
+        model, joint = self.system.model, cyclic_joints(self.system.mechanism)[self.name]
+        return int(model.joints[model.getJointId(joint)].idx_v)
 
     @property
     def bodies(self) -> list[int]:

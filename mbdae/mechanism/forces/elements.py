@@ -146,11 +146,14 @@ class ForceElements:
         for (law, _), program in zip(self.bound, programs, strict=True):
             law.attach_program(program)
 
-    def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        """Return s after a jump at time t, (ns,), and set inputs; each law receives the states before the jump."""
+    def jump(self, t: float, q: Array, v: Array, s: Array, late: float = inf) -> Array:
+        """Return s after a jump at time t, (ns,), and set inputs; each law receives the states before the jump.
+
+        Laws that have jumped more than ``late`` roundings before t keep their states.
+        """
         out = s.copy()
         for law, at in self.bound:
-            if law.states:
+            if law.states and not law.has_jumped(t, late):
                 out[at] = law.jump(t, q, v, s, at)
         self.set_inputs(out)
         return out

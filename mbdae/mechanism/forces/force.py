@@ -115,6 +115,10 @@ class ForceElement:
         """Return its states s[at] after a jump at time t; s has those of all laws; kinematics need not be current."""
         return s[at]
 
+    def has_jumped(self, t: float, late: float) -> bool:
+        """Return whether the time of the jump that counts as t lies more than ``late`` roundings before it."""
+        return False
+
     external = False  # it has a state besides s, which another program computes
 
     def input_settings(self, s: Array) -> Mapping[str, InputSetting]:

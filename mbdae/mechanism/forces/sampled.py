@@ -7,7 +7,7 @@ rejected steps evaluate it only once, and the state determines all of the follow
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import floor
+from math import floor, ulp
 from typing import Any
 
 import numpy as np
@@ -139,6 +139,10 @@ class SampledElement(LinearElement):
         return np.concatenate(
             [checked_value(tau, (self.m,), t, what), checked_value(x, (memory,), t, f"{what}, its memory,")]
         )
+
+    def has_jumped(self, t: float, late: float) -> bool:
+        instant = self.offset + round((t - self.offset) * self.rate) / self.rate
+        return t - instant > late * ulp(max(abs(t), abs(self.offset)))
 
     def sampled(self, t: float, q: Array, v: Array, s: Array, at: slice) -> tuple[Array, Array]:
         """Return the new torque and memory at a sampling instant; s has the states of all laws."""

@@ -183,10 +183,10 @@ class Index2System(PinocchioData, RunVariables, System):
         driven = (sign * s for s in self.constraints.breaks if sign * s > sign * t)
         return sign * min(sign * self.laws.breakpoint(t, sign), *driven, inf)
 
-    def jump(self, t: float, y: Array) -> Array:
+    def jump(self, t: float, y: Array, late: float = inf) -> Array:
         """See `mbdae.system.System`: the states of sampled controllers jump."""
         q, v = self.split(y)
-        return np.concatenate([q, v, self.laws.jump(t, q, v, self.element_states(y)), y[-1:]]) if self.ns else y
+        return np.concatenate([q, v, self.laws.jump(t, q, v, self.element_states(y), late), y[-1:]]) if self.ns else y
 
     def chart(self, t: float, y: Array) -> index2_step.Index2Chart:
         if self.closure_friction.turning:

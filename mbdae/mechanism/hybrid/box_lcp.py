@@ -4,7 +4,8 @@
 
 S are the rows that may become active, a the accelerations without them, A = M^-1 projected onto the null space of the
 active rows. Rows with a multiplier between its bounds do not accelerate; rows at a bound accelerate with the sign that
-the bound allows.
+the bound allows. c = S A^1/2 d, unless rows depend on each other that cannot all be active, such as those of a valve
+between its seat and a cam that lifts it.
 
 Source: Moreau (1966), Quadratic programming in mechanics, SIAM J. Control 4.
 """
@@ -13,9 +14,10 @@ import numpy as np
 
 from ...discovery import lazy_import
 from ...system import Array
-from ...tolerances import ROUNDING, TRUNCATION
+from ...tolerances import MODE_ROUNDING, ROUNDING, TRUNCATION
 
 lsq_linear = lazy_import("scipy.optimize", "lsq_linear")
+MAX_SETS = 100  # active sets per row
 WELL_CONDITIONED = 0.1  # of two rows: least squared sine of their angle for a solution by normal equations
 
 
@@ -33,13 +35,15 @@ def solve_box_lcp(C: Array, c: Array, lower: Array, upper: Array) -> Array:
     sizes[~(sizes > TRUNCATION * sizes.max(initial=0.0))] = 1.0
     scale = float(np.linalg.norm(d)) or 1.0
     bounds = lower * sizes / scale, upper * sizes / scale
-    A, b = C / sizes, -d / scale
-    if len(c) == 1:
+    A, b, c = C / sizes, -d / scale, c / (sizes * scale)
+    if np.abs(A.T @ b + c).max(initial=0.0) > MODE_ROUNDING * np.abs(c).max(initial=0.0):
+        x = _of_contradicting_rows(A, c, *bounds)
+    elif len(c) == 1:
         x = np.clip(A[:, 0] @ b, *bounds)
     elif len(c) == 2 and 1 - (A[:, 0] @ A[:, 1]) ** 2 > WELL_CONDITIONED:
         x = _of_two(float(A[:, 0] @ A[:, 1]), (A.T @ b).tolist(), *(x.tolist() for x in bounds))
     else:
-        x = lsq_linear(A, b, bounds, method="bvls", tol=ROUNDING, max_iter=100 * len(c)).x
+        x = lsq_linear(A, b, bounds, method="bvls", tol=ROUNDING, max_iter=MAX_SETS * len(c)).x
     return x * scale / sizes
 
 
@@ -54,3 +58,35 @@ def _of_two(w: float, b: list[float], lower: list[float], upper: list[float]) ->
         value = (bound * bound + other * other) / 2 + w * bound * other - b[i] * bound - b[1 - i] * other
         sides.append((value, (bound, other) if i == 0 else (other, bound)))
     return np.array(min(sides)[1])
+
+
+def _of_contradicting_rows(A: Array, c: Array, lower: Array, upper: Array) -> Array:
+    """Minimise |A x|^2/2 + c x over a box, where c has a part along null directions of A, by active sets.
+
+    Source: J. Nocedal, S. J. Wright, Numerical Optimization (2006), algorithm 16.3.
+    """
+    x, zero = np.clip(np.zeros(len(c)), lower, upper), MODE_ROUNDING * float(np.abs(c).max())
+    free = (lower < x) & (x < upper)
+    for _ in range(MAX_SETS * len(c)):
+        gradient = A.T @ (A @ x) + c
+        step, full = np.zeros(len(c)), 1.0
+        if free.any():
+            d = np.linalg.lstsq(A[:, free].T, gradient[free], rcond=TRUNCATION)[0]
+            along = gradient[free] - A[:, free].T @ d
+            falls = np.abs(along).max() > zero  # without end
+            full = np.inf if falls else 1.0
+            step[free] = -along if falls else np.linalg.lstsq(A[:, free], -d, rcond=TRUNCATION)[0]
+        room = np.where(step > 0, upper, lower) - x
+        reach = np.divide(room, step, out=np.full(len(c), np.inf), where=step != 0)
+        blocking = int(reach.argmin())
+        if reach[blocking] < full:
+            x = x + reach[blocking] * step
+            x[blocking], free[blocking] = upper[blocking] if step[blocking] > 0 else lower[blocking], False
+            continue
+        x = x + step if np.isfinite(full) else x
+        gradient = A.T @ (A @ x) + c
+        release = np.where(free, 0.0, np.where(x <= lower, -gradient, gradient))
+        if not release.max() > zero:
+            break
+        free[release.argmax()] = True
+    return x

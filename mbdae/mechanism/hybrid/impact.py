@@ -101,6 +101,7 @@ class _ImpactProblem:
         frictional: tangential rows.
         approaching: switches whose contacts approach.
         bilateral: indices of the bilateral rows.
+        following: bilateral rows that act once their contact, which separates, approaches: (switch, row).
         violated: bilateral rows whose rate is not zero before the impact.
     """
 
@@ -131,7 +132,11 @@ class _ImpactProblem:
         switched = [s.row for i, s in self._rows(active) if not self.rows_near_contact[i][0].sign]
         zero = EVALUATION_ROUNDING * self.point.speed
         self.violated = [k for k in (*unswitched, *switched) if abs(self.rate[k]) > zero]
-        self.bilateral = [*unswitched, *(s.row for _, s in self._rows(active) if not s.sign and np.isnan(s.friction))]
+        self.bilateral = [*unswitched, *(s.row for _, s in self._other_rows(active))]
+        self.following = self._other_rows(i for i, _ in self.separating)
+
+    def _other_rows(self, which: Iterable[int]) -> list[tuple[int, ImpactRow]]:
+        return [(i, s) for i, s in self._rows(which) if not s.sign and np.isnan(s.friction)]
 
     def make_active_bilateral(self, recent: set[int]) -> None:
         """Treat active contacts without friction as bilateral: they come to rest together."""
@@ -142,9 +147,10 @@ class _ImpactProblem:
 
     def close_slowly_opening(self, resting: Collection[int]) -> None:
         """Bring contacts to rest that open so slowly that their flights are lower than the rounding of their gaps."""
-        rows = [s.row for i, s in self.separating if i in resting]
+        rows = [s.row for i, s in (*self.separating, *self.following) if i in resting]
         self.bilateral, self.violated = [*self.bilateral, *rows], [*self.violated, *rows]
         self.separating = [x for x in self.separating if x[0] not in resting]
+        self.following = [x for x in self.following if x[0] not in resting]
         self.frictional = [x for x in self.frictional if self.rows_near_contact[x[0]][0].row not in rows]
 
     @property
@@ -160,17 +166,21 @@ class _ImpactProblem:
         """
         if not self._velocities_jump(recent):
             return None
-        point, contacts, bilateral = self.point, self.contacts, np.array(self.bilateral, int)
+        point, contacts, bilateral = self.point, self.contacts, self._bilateral_rows()
         rows, signs = np.array([s.row for _, s in contacts], int), np.array([s.sign for _, s in contacts])
         e = np.array([0.0 if i in recent else s.restitution for i, s in contacts])
         G, g_t = point.values[1] / self.scales[:, None], point.values[2] / self.scales
         first = {i: k for k, (i, _) in reversed(list(enumerate(contacts)))}
         friction = [FrictionRow(first[i], G[s.row], float(g_t[s.row]), s.friction) for i, s in self.frictional]
+        followed = [first[i] for i, _ in self.following]
         U, closing = point.system.inertia(point.t, point.q), (signs[:, None] * G[rows], signs * g_t[rows])
         try:
-            return solve_impact(U, G[bilateral], g_t[bilateral], *closing, e, point.v, friction, point.speed)
+            return solve_impact(U, G[bilateral], g_t[bilateral], *closing, e, point.v, friction, point.speed, followed)
         except StepError as reason:
             raise error_with_names(reason, self.switches, point.t, (i for i, _ in contacts)) from None
+
+    def _bilateral_rows(self) -> Array:
+        return np.array([*self.bilateral, *(s.row for _, s in self.following)], int)
 
     def record(self, impact: ImpactSolution) -> Impact | None:
         """Return the impulses by name; None for small velocity projections onto the rows of a mode."""
@@ -217,7 +227,7 @@ class _ImpactProblem:
         slip_speeds = np.abs(speeds[1]) / self.scales
         sliding = tuple(x for x in tangential if slip_speeds[x[0]] > self.rest_speed)
         sticking = [row for row, *_ in set(tangential) - set(sliding)]
-        bilateral = dict.fromkeys([*self.bilateral, *sorted(sticking)])
+        bilateral = dict.fromkeys([*self._bilateral_rows()[stage.acts].tolist(), *sorted(sticking)])
         laws = [(s.row, e, i if s.sign * speeds[0][s.row] < 0 else -1) for i, s, e in contacts]
         rows, restitution, switches = np.array([*laws, *((row, 0.0, -1) for row in bilateral)]).reshape(-1, 3).T
         impulses, at = self._impulses(stage), rows.astype(int)
@@ -233,6 +243,6 @@ class _ImpactProblem:
         """Return the impulses of all rows, (ng,), in their units."""
         impulses = np.zeros(self.point.system.ng)
         impulses[[s.row for _, s in self.contacts]] = np.array([s.sign for _, s in self.contacts]) * impact.p
-        impulses[np.array(self.bilateral, int)] += impact.P
+        impulses[self._bilateral_rows()] += impact.P
         impulses[[s.row for _, s in self.frictional]] = impact.friction
         return impulses / self.scales

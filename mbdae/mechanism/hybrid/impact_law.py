@@ -5,7 +5,8 @@
 Newton's impact law for the approaching contact rows U and the bilateral rows G. v+ is the point closest to v- in the
 mass metric with G v+ + b = 0 and U v+ >= -e U v-: least-distance programming, solved by non-negative least squares. v+
 is unique; of several p without friction the shortest is taken, as for multipliers. Rows that already separate are
-excluded, because energy could increase otherwise; if they approach afterwards, they impact next.
+excluded, because energy could increase otherwise; if they approach afterwards, they impact next, and the no-slip rows
+that follow them act with them.
 
 With friction, the tangential impulse is p_t, |p_t| <= mu p, opposing the slip after the impact, or zero slip
 (`friction_lcp`). Newton's law can then increase the energy for e > 0 (Kane); in that case the run ends.
@@ -54,6 +55,7 @@ class ImpactStage(NamedTuple):
         after: velocities after it, (nv,).
         p: impulses of the contact rows, (m,).
         P: impulses of the bilateral rows, (k,).
+        acts: which of the bilateral rows act, (k,).
         friction: impulses of the friction rows, (n,).
         restitution: coefficients that act, (m,): 0 for rows that do not approach, and after `MAX_IMPACTS`.
     """
@@ -62,6 +64,7 @@ class ImpactStage(NamedTuple):
     after: Array
     p: Array
     P: Array
+    acts: Array
     friction: Array
     restitution: Array
 
@@ -96,6 +99,7 @@ def solve_impact(
     v: Array,
     frictional: Sequence[FrictionRow] = (),
     speed: float = 1.0,
+    followed: Sequence[int] = (),
 ) -> ImpactSolution:
     """Solve the impact problem: Newton restitution, contact rows and bilateral rows, Coulomb friction.
 
@@ -109,12 +113,13 @@ def solve_impact(
         v: velocities before the impact, (nv,).
         frictional: friction rows.
         speed: largest speed of the rows; `MODE_ROUNDING` and `VISIBLE` are fractions of it.
+        followed: contact rows that the last of the bilateral rows follow: these act when the contact does.
 
     Raises:
         StepError: if bilateral rows and contact rows contradict each other, or friction has no solution or increases
             the energy.
     """
-    problem = _Impact(U, bilateral, b, rows, v, frictional, speed)
+    problem = _Impact(U, bilateral, b, rows, v, frictional, speed, followed)
     x, work, rest_speed, stages = U @ v, 0.0, problem.rest_speed, list[ImpactStage]()  # x = M^1/2 v
     for k in range(MAX_IMPACTS + 1):
         rates = problem.BU.T @ x + c
@@ -125,17 +130,18 @@ def solve_impact(
         acting = np.zeros(len(rows))
         acting[which] = np.where(rates[which] < 0, 0.0 if last else e[which], 0.0)
         target = -acting[which] * rates[which] - c[which]
+        problem.select_bilateral(which)
         new, p, q = problem.impact(x, which, target)
         impulse = problem.pinv @ (new - x - problem.BU[:, which] @ p - problem.BT @ q)
         work += problem.work(x + new, which, p, q, impulse)
         total = np.zeros(len(rows))
         total[which] = p
-        stages.append(ImpactStage(v, v := np.linalg.solve(U, new), total, impulse, q, acting))
+        stages.append(ImpactStage(v, v := np.linalg.solve(U, new), total, impulse, problem.acts, q, acting))
         x = new
     start = U @ stages[0].before
     if frictional and work > MODE_ROUNDING * float(start @ start) and not (b.any() or c.any()):
         raise StepError("impact", "Newton's law with friction increases the energy here, for a restitution above 0")
-    total, P, friction = (np.sum(x, axis=0) for x in zip(*(stage[2:5] for stage in stages), strict=True))
+    total, P, friction = (np.sum(x, axis=0) for x in zip(*((s.p, s.P, s.friction) for s in stages), strict=True))
     return ImpactSolution(v, total, P, work, friction, tuple(stages))
 
 
@@ -143,14 +149,28 @@ class _Impact:
     """Rows of an impact in x = M^1/2 v: the columns of bilateral, contact and friction rows BG, BU, BT, (nv, ..)."""
 
     def __init__(
-        self, U: Array, bilateral: Array, b: Array, rows: Array, v: Array, friction: Sequence[FrictionRow], speed: float
+        self,
+        U: Array,
+        bilateral: Array,
+        b: Array,
+        rows: Array,
+        v: Array,
+        friction: Sequence[FrictionRow],
+        speed: float,
+        followed: Sequence[int],
     ) -> None:
         tangents = np.array([x.row for x in friction])
         self.BG, self.BU, self.BT = (mass_scaled(U, X.reshape(-1, len(v))) for X in (bilateral, rows, tangents))
-        self.b, self.frictional = b, friction
-        self.Q, self.pinv = _range(self.BG)
+        self.b, self.frictional, self.followed = b, friction, np.array(followed, int)
         self.rest_speed, self.speed = MODE_ROUNDING * speed, speed
         self.size = float(np.linalg.norm(U @ v))
+
+    def select_bilateral(self, which: Array) -> None:
+        """Select the bilateral rows that act with contact rows ``which``."""
+        self.acts = np.ones(len(self.b), bool)
+        self.acts[len(self.b) - len(self.followed) :] = np.isin(self.followed, which)
+        self.pinv = np.zeros(self.BG.T.shape)
+        self.Q, self.pinv[self.acts] = _range(self.BG[:, self.acts])
 
     def impact(self, x: Array, which: Array, target: Array) -> tuple[Array, Array, Array]:
         """Return x after contact rows ``which`` reach speeds ``target``, their impulses p and those of friction rows.

@@ -197,6 +197,10 @@ class Switch:
         """
         return None
 
+    def slip_friction(self, state: int) -> float:
+        """Return the friction of a joint that slips in a state, as the multiplier of its inactive row."""
+        return 0.0
+
     def core_data(self, system: "Index2System") -> "CoreData | None":
         """Return the core data of the switch in a workspace; None if only Python has it."""
         return None

@@ -1,7 +1,7 @@
 """Reactions: forces and torques of closures, and efforts and powers of drivers, from multipliers."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from ...system import Array
 from ...tolerances import VISIBLE
 from ...units import quantity
 from ..closures import independent_rows
+from ..closures.brake import Brake
 from ..closures.driver import Driver
 from ..tree.frames import skew
 
@@ -57,15 +58,15 @@ class Reaction:
 
 @dataclass(frozen=True)
 class Effort:
-    """Effort of a coupling or a driver, and the power of a driver.
+    """Effort of a coupling or a driver, and the power of a driver; or friction and its power in a joint that sticks.
 
     Attributes:
-        name: of the coupling or driver.
+        name: of the coupling, driver or friction.
         t: times in s, (n,).
         effort: on the first joint, in N m or N; for a driven distance, the force in N that increases it, (n,).
         counter: effort on the second joint if there is one, in N m or N, (n,).
         position: u(t) of a driver in rad or m, zero for a coupling, (n,).
-        power: effort times u'(t), in W, (n,).
+        power: effort times u'(t), or friction times the velocity of its joint, in W, (n,).
         unique: whether the motion determines it.
     """
 
@@ -124,8 +125,8 @@ def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Ar
     return Reaction(name, np.asarray(t), local[0], local[1], force, torque, tuple(unique.tolist()))
 
 
-def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Effort:
-    """Return the effort of a coupling or a driver; arguments as for `reaction`.
+def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Array) -> Effort:
+    """Return the effort of a coupling or a driver, or the friction of a joint that sticks; arguments as for `reaction`.
 
     Raises:
         UnknownNameError: for an unknown name.
@@ -137,7 +138,7 @@ def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Effo
         raise InputError(f"{name!r} connects frames: use its reaction")
     row = rows.start
     with mech.workspaces.borrowed() as system:
-        bound = next((r for r in system.constraints.joint_rows if r.at == row), None)
+        bound: Any = next((r for r in system.constraints.joint_rows if r.at == row), None)
         second = bound.columns[1] if bound and len(bound.columns) > 1 else None
         u, counter = np.empty((len(t), 3)), np.zeros(len(t))
         for i in range(len(t)):
@@ -146,10 +147,8 @@ def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Effo
             counter[i] = lam[i, row] * G[row, second] if second is not None else 0.0
         null_spaces = (multiplier_null_space(system, t[i], q[i]) for i in sample_indices(len(t)))
         unique = all(np.abs(N[row]).max(initial=0.0) < VISIBLE for N in null_spaces)
-    force = lam[:, row]
-    return Effort(
-        name, np.asarray(t), force, None if second is None else counter, u[:, 0], force * u[:, 1], bool(unique)
-    )
+    force, speed = lam[:, row], v[:, bound.columns[0]] if isinstance(spec, Brake) else u[:, 1]
+    return Effort(name, np.asarray(t), force, None if second is None else counter, u[:, 0], force * speed, bool(unique))
 
 
 def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
@@ -177,10 +176,12 @@ def rank(G: Array) -> int:
 
 
 def multiplier_null_space(system: "Index2System", t: float, q: Array) -> Array:
-    """Return the null space of G^T: N (ng, ng - r) with G^T N = 0 and N^T N = 1, r the rank in use."""
+    """Return the null space of G^T: N (ng, n - r), G^T N = 0, N^T N = 1, of n active rows, r the rank in use."""
     U, G = system.inertia(t, q), system.jacobian()
-    r = len(system.choose_rows(t, U, G))
-    return np.linalg.svd(G)[0][:, r:]
+    r, active = len(system.choose_rows(t, U, G)), np.delete(np.arange(len(G)), system.constraints.inactive)
+    N = np.zeros((len(G), len(active) - r))
+    N[active] = np.linalg.svd(G[active])[0][:, r:]
+    return N
 
 
 def sample_indices(n: int) -> Array:

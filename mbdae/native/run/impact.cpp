@@ -77,7 +77,7 @@ std::vector<ModeTransition::ImpactRow> ModeTransition::impact_rows(int i) const 
 bool ModeTransition::resolve_impact(double* y, const std::vector<int>& resting, Transition& out) {
   const std::vector<double>& scales = limits_.row_scales;
   const double speed = speed_, rest = modes_.mode_rounding * speed;
-  std::vector<ImpactRow> contacts, separating, frictional;
+  std::vector<ImpactRow> contacts, separating, frictional, following;
   std::vector<int> bilateral(modes_.unswitched), violated, approaching, near;
   const auto violates = [&](int k) { return std::fabs(rate_[k] / scales[k]) > limits_.evaluation_rounding * speed; };
   std::copy_if(bilateral.begin(), bilateral.end(), std::back_inserter(violated), violates);
@@ -90,7 +90,8 @@ bool ModeTransition::resolve_impact(double* y, const std::vector<int>& resting, 
     if (rows[0].sign != 0) near.push_back(i);
     if (acts && rows[0].sign != 0 && opening < -rest) approaching.push_back(i);
     if (!acts && rows[0].sign != 0 && std::find(resting.begin(), resting.end(), i) != resting.end()) {
-      bilateral.push_back(rows[0].row), violated.push_back(rows[0].row);
+      for (const ImpactRow& x : rows)
+        if (!(x.friction >= 0)) bilateral.push_back(x.row), violated.push_back(x.row);
       continue;
     }
     for (const ImpactRow& x : rows) {
@@ -98,8 +99,8 @@ bool ModeTransition::resolve_impact(double* y, const std::vector<int>& resting, 
         frictional.push_back(x);
       else if (x.sign != 0)
         (acts ? contacts : separating).push_back(x);
-      else if (acts)
-        bilateral.push_back(x.row);
+      else
+        acts ? bilateral.push_back(x.row) : following.push_back(x);
       if (acts && rows[0].sign == 0 && violates(x.row)) violated.push_back(x.row);
     }
   }
@@ -116,7 +117,7 @@ bool ModeTransition::resolve_impact(double* y, const std::vector<int>& resting, 
   for (ImpactRow& x : contacts)
     if (recent(x.element)) x.restitution = 0;
   const Numbers before(rate_);
-  jump(contacts, frictional, bilateral, y, out);
+  jump(contacts, frictional, bilateral, following, y, out);
   double largest = 0;
   for (int k : violated)
     if (std::fabs(before[k] / scales[k]) > limits_.visible * speed) out.engaged.push_back(k);
@@ -138,11 +139,11 @@ bool ModeTransition::resolve_impact(double* y, const std::vector<int>& resting, 
 }
 
 void ModeTransition::jump(const std::vector<ImpactRow>& contacts, const std::vector<ImpactRow>& frictional,
-                          const std::vector<int>& bilateral, double* y, Transition& out) {
+                          const std::vector<int>& bilateral, const std::vector<ImpactRow>& following, double* y,
+                          Transition& out) {
   const int nv = s_.nv;
   const std::vector<double>& scales = limits_.row_scales;
   const double rest = modes_.mode_rounding * speed_;
-  const RowSpace kept(s_, Z_, bilateral);
   double* v = y + s_.nq;
   out.impulses.assign(s_.ng, 0.0);
   const auto move = [&](Numbers z, double factor) {  // v += factor M^-1/2 z
@@ -155,6 +156,11 @@ void ModeTransition::jump(const std::vector<ImpactRow>& contacts, const std::vec
     if (round && std::none_of(contacts.begin(), contacts.end(), [&](auto& x) { return opening(x) < -rest; })) break;
     if (round == modes_.max_impacts) leave_to_python();
     const Numbers start(v, v + nv), rate(rate_);
+    std::vector<int> acting_rows(bilateral);
+    for (const ImpactRow& x : following)
+      for (const ImpactRow& contact : contacts)
+        if (contact.element == x.element && opening(contact) <= rest) acting_rows.push_back(x.row);
+    const RowSpace kept(s_, Z_, acting_rows);
     const Numbers closing = kept.minimum_norm_motion(rate_);
     move(closing, -1);
     std::vector<ImpactRow> acting;

@@ -50,8 +50,9 @@ class ModeTransition {
   // Impact.
   std::vector<ImpactRow> impact_rows(int i) const;
   bool resolve_impact(double* y, const std::vector<int>& resting, Transition& out);
+  // `following`: bilateral rows that act once their contact, which separates, approaches.
   void jump(const std::vector<ImpactRow>& contacts, const std::vector<ImpactRow>& frictional,
-            const std::vector<int>& bilateral, double* y, Transition& out);
+            const std::vector<int>& bilateral, const std::vector<ImpactRow>& following, double* y, Transition& out);
 
   // Mode after the impact.
   void evaluate_forces();

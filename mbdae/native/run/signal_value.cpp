@@ -18,6 +18,8 @@ void PointValues::evaluate_hidden() {
   const Counts counts = s_.counts;
   F_.resize(s_.ny), z_.resize(s_.ng);
   s_.hidden_derivative(t_, y_.data(), F_.data(), z_.data());
+  s_.friction.write_multipliers(z_.data());
+  for (int k = 0; k < s_.ng; ++k) z_[k] += s_.joint_friction[k];
   s_.counts = counts, hidden_current_ = true;
 }
 

@@ -23,7 +23,7 @@ class PointValues {
 
   void set_point(double t, const double* y);
   const Numbers& F() { return evaluate_hidden(), F_; }            // (ny,) y'
-  const Numbers& lam() { return evaluate_hidden(), z_; }          // (ng,) of the hidden constraint
+  const Numbers& lam() { return evaluate_hidden(), z_; }  // (ng,) of the hidden constraint; friction of inactive rows
   const Numbers& gaps() { return evaluate_residuals(), g_; }      // (ng,) g
   const Numbers& rates() { return evaluate_residuals(), rate_; }  // (ng,) G v + g_t
   const Energy& energy() { return evaluate_residuals(), energy_; }

@@ -31,7 +31,8 @@ void set_mode(Index2System& s, const std::vector<Switch>& switches, const Mode& 
     if (x.frictional()) s.friction.set_active(x.interface, mode[i] == sliding);
     if (x.kind != Switch::Kind::stiction) continue;
     sticks |= mode[i] == active;
-    s.set_law_number(x.law, x.column, x.friction * (mode[i] == slips_ahead ? 1 : mode[i] == slips_back ? -1 : 0));
+    const double torque = x.friction * (mode[i] == slips_ahead ? 1 : mode[i] == slips_back ? -1 : 0);
+    s.set_law_number(x.law, x.column, torque), s.joint_friction[x.rows[0]] = -torque;
   }
   s.deactivate_rows(std::move(off), sticks);
 }

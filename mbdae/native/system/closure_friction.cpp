@@ -15,7 +15,7 @@ ClosureFriction::ClosureFriction(const MultibodyTree& m, Constraints& constraint
 void ClosureFriction::use(std::vector<FrictionInterface> interfaces, std::uint8_t* active, double* directions) {
   interfaces_ = std::move(interfaces), active_ = active, directions_ = directions;
   const size_t k = interfaces_.size();
-  e_.assign(k * m_.nv, 0.0), speed_.assign(k, 0.0), factor_ = T_ = speed_;
+  e_.assign(k * m_.nv, 0.0), speed_.assign(k, 0.0), factor_ = T_ = speed_, slips_.assign(2 * k, 0.0);
   all_.assign(constraints_.rows.size(), 0.0), one_ = all_, v_.resize(m_.nv);
   for (const FrictionInterface& p : interfaces_)
     if (p.kind == FrictionInterface::revolute || p.kind == FrictionInterface::prismatic)
@@ -81,6 +81,7 @@ void ClosureFriction::no_slip_wrench(size_t k, const double* v, bool within_step
   } else {
     std::copy(directions, directions + m, now);
   }
+  std::copy(now, now + m, &slips_[2 * k]);
   std::fill(w, w + 6, 0.0);
   for (size_t i = 0; i < m; ++i)
     for (int j = 0; j < 6; ++j) w[j] += now[i] * W[i][j];
@@ -218,6 +219,13 @@ double ClosureFriction::add(const double* G, const double* lam, double* tau) {
   for (size_t i = 0; i < interfaces_.size(); ++i)
     for (int j = 0; j < m_.nv; ++j) tau[j] += T_[i] * e_[i * m_.nv + j];
   return dot(T_.data(), speed_.data(), static_cast<int>(T_.size()));
+}
+
+void ClosureFriction::write_multipliers(double* lam) const {
+  for (size_t k = 0; k < interfaces_.size(); ++k) {
+    const std::vector<int>& no_slip = interfaces_[k].no_slip_rows;
+    for (size_t i = 0; active_[k] && i < no_slip.size(); ++i) lam[no_slip[i]] = T_[k] * slips_[2 * k + i];
+  }
 }
 
 void ClosureFriction::partials(const double* G, const double* lam, Numbers& out) {

@@ -52,6 +52,8 @@ class ClosureFriction {
   double solve(SaddleSystem& saddle, const double* G, const Numbers& Zhat, double* rhs, double* f);
   // Adds friction due to lam (ng,) of the rows in use to tau (nv,), and returns its power.
   double add(const double* G, const double* lam, double* tau);
+  // Writes the friction of the last `solve` as multipliers of inactive no-slip rows into lam (ng,) of all rows.
+  void write_multipliers(double* lam) const;
   // Partials of this by lam: of tau and of the power, (r, nv + 1) by rows.
   void partials(const double* G, const double* lam, Numbers& out);
 
@@ -75,6 +77,7 @@ class ClosureFriction {
   // By rows (k, nv); (d, r) of rows that depend on those in use, and (1 + C C^T)^-1 C
   Numbers e_, C_, P_;
   Numbers speed_, factor_, T_;  // (k,)
+  Numbers slips_;               // (k, 2) directions along no-slip rows, of e
   Numbers all_, one_, v_;              // (ng,), (ng,), (nv,)
 };
 

@@ -24,6 +24,7 @@ Index2System::Index2System(const void* model, const Tolerances& limits, Descript
       nz(formulation == Formulation::ggl ? 2 * ng : ng),
       ny(2 * nv + ns + 1),
       length(nq + nv + ns + 1),
+      joint_friction(ng),
       probe_(std::move(d.probe)),
       alpha_(d.alpha),
       beta_(d.beta),

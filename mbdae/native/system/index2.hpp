@@ -94,6 +94,7 @@ class Index2System {
   void set_law_number(int k, int i, double x) { laws_[k].a[i] = x, last_stage.t = NAN; }  // one of its data
   size_t law_size(int k) const { return k < 0 || k >= static_cast<int>(laws_.size()) ? 0 : laws_[k].a.size(); }
   void set_input(int input, double t, double value, double rate);  // value + rate (t' - t) from now on
+  Numbers joint_friction;  // (ng,) of slipping joints in the mode, as multipliers of their inactive rows
   // Inactive rows of the mode, (ng,), and whether joints stick; then the rows in use must be set.
   void deactivate_rows(std::vector<bool> off, bool sticks);
 

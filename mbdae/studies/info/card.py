@@ -22,6 +22,7 @@ from ...system import Array
 from ...tabular import Tabular
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
 from ...units import displayed, quantity, unit_name
+from .impossible_inertias import impossible_inertias
 from .inertia_source import inertia_source
 from .start_values import by_joint
 
@@ -31,6 +32,7 @@ NOT_MODELLED = (
     "effort and velocity limits",
     "dry joint friction (except joint_friction forces)",
 )
+IMPOSSIBLE = "no rigid body has it, as one principal moment exceeds the sum of the others"
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,7 @@ class Card(Tabular):
         not_modelled: features that the motion ignores.
         fixed: links without a parent joint: their base is fixed to the world.
         inertia: the source of M, nle and J in runs, see `inertia_source`.
+        impossible: joints whose bodies have inertias that no rigid body has, see `impossible_inertias`.
         flexible: frequencies of the modes of each flexible body in rad/s, with its frame at rest.
         vibrations: frequencies of the flexible bodies in rad/s at the start, with the closures, and damping ratios.
         units: of positions and velocities by joint, ``q.crank``.
@@ -96,6 +99,7 @@ class Card(Tabular):
     not_modelled: tuple[str, ...] = NOT_MODELLED
     fixed: tuple[str, ...] = ()
     inertia: str = ""
+    impossible: tuple[str, ...] = ()
     flexible: dict[str, list[float]] = field(default_factory=dict)
     vibrations: tuple[tuple[float, float], ...] = ()
     units: dict[str, str] = field(default_factory=dict)
@@ -115,6 +119,7 @@ class Card(Tabular):
             **({"fixed base": ", ".join(self.fixed)} if self.fixed else {}),
             "closures": "\n".join(closures) or "none",
             "forces": ", ".join(self.forces) or "none",
+            **({"inertia": f"{', '.join(self.impossible)}: {IMPOSSIBLE}"} if self.impossible else {}),
             "gravity": self._gravity(),
             "start": "\n".join([f"|g| = {self.g:.1e}, |G v| = {self.Gv:.1e}", *self._start()]),
             "not modelled": ", ".join(self.not_modelled),
@@ -138,6 +143,8 @@ class Card(Tabular):
         lines += [f"  parameter {p['name']} = {p['value']}: {p['takes']}" for p in self.parameters]
         if self.inertia:
             lines.append(f"  inertia   by {self.inertia}")
+        if self.impossible:
+            lines.append(wrapped(f"  inertia   of {', '.join(self.impossible)}: {IMPOSSIBLE}"))
         if self.solve:
             lines.append(f"  solve     {', '.join(f'{name} = {x}' for name, x in self.solve.items())}")
         if self.motors:
@@ -276,6 +283,7 @@ def card(mech: Mechanism) -> Card:
         solve=mech.settings.given,
         not_modelled=(*NOT_MODELLED, *mech.left_out),
         fixed=tuple(fixed_links(mech.model)),
+        impossible=impossible_inertias(mech),
         inertia=inertia_source(mech),
         units=coordinate_units(mech),
         **_elastic(mech, q),

@@ -47,6 +47,7 @@ class Modes(Tabular):
         motion: the linearised motion: A, and its point q, v, s.
         around: ``"start"``, ``"given"``, ``"equilibrium"`` or ``"steady motion"``.
         spectrum: eigenvalues of A by magnitude, with eigenvectors and rounding errors.
+        locked: velocity indices of the locked coordinates.
     """
 
     mechanism: Mechanism
@@ -54,6 +55,7 @@ class Modes(Tabular):
     motion: LinearMotion
     around: str
     spectrum: Spectrum
+    locked: Array
 
     @property
     def eigenvalues(self) -> Array:
@@ -134,7 +136,7 @@ class Modes(Tabular):
             x = a / largest * (np.exp(1j * phi) * shape).real
             out[k] = system.manifold.integrate(self.motion.q, x)
             try:
-                out[k] = project_configuration(system, self.t, out[k])
+                out[k] = project_configuration(system, self.t, out[k], locked=self.locked)
             except StepError:  # the replay shows violated closures if the amplitude is too large for them
                 continue
         return out
@@ -275,8 +277,8 @@ def modes(
         EquilibriumError: if no equilibrium is found.
     """
     mech = mechanism_of(mech, "modes")
-    _, _, motion, around = operating_point(mech, q, v, t, hold)
+    statics, _, motion, around = operating_point(mech, q, v, t, hold)
     found = spectrum(motion.A, motion.noise)
     size = np.log(np.abs(found.values), out=np.full(len(motion.A), -np.inf), where=found.values != 0)
     order = np.lexsort((-found.values.imag, found.values.real, np.round(size, DIGITS)))
-    return Modes(mech, t, motion, around, found.sorted(order))
+    return Modes(mech, t, motion, around, found.sorted(order), statics.locked)

@@ -5,8 +5,10 @@ from contextlib import suppress
 import numpy as np
 
 from ...errors import InputError, MbdaeError
+from ...mechanism.hybrid.kinds.unilateral import OPEN, gaps
+from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...system import Array
-from ...tolerances import HALF_DIGITS, SOLUTION_ROUNDING, TRUNCATION, VISIBLE
+from ...tolerances import HALF_DIGITS, SOLUTION_ROUNDING, THREE_DIGITS, TRUNCATION, VISIBLE
 from .shooting import Linearisation
 
 MAX_ITERATIONS, MAX_HALVINGS = 30, 8
@@ -33,11 +35,24 @@ def newton(here: Linearisation, tolerance: float) -> Linearisation:
         if here.size <= tolerance and not improved:
             break
     if here.size > tolerance:
-        raise InputError(
-            f"no periodic motion found: Newton's method ends with a gap of {here.size:.3g} between start and end;"
-            " start closer to it, from a run that has settled, or with more parts"
-        )
+        advice = "start closer to it, from a run that has settled, or with more parts"
+        if hit := _contacts_at_ends(here):
+            advice = f"{hit} is hit where a part of the period begins or ends: begin at another phase"
+        gap = f"a gap of {here.size:.3g} between start and end"
+        raise InputError(f"no periodic motion found: Newton's method ends with {gap}; {advice}")
     return here
+
+
+def _contacts_at_ends(here: Linearisation) -> str:
+    """Return the names of open contacts whose gaps are zero at an end of a part, where an impact has no derivative."""
+    found = list[str]()
+    for run in here.runs:
+        for i in (0, len(run.t) - 1):
+            system, scales = run.at(i), run.mechanism.row_scales
+            point = ModePoint(system, AllRows(system), float(run.t[i]), run.y[i])
+            zero = (s for s, gap in gaps(point) if abs(gap) <= THREE_DIGITS * scales[s.row])
+            found += [s.name for s in zero if system.mode[s.index] == OPEN]
+    return " and ".join(map(repr, dict.fromkeys(found)))
 
 
 def _step(here: Linearisation, truncation: float) -> Array:

@@ -60,7 +60,8 @@ def periodic(
         section: signal and level at which a period begins and ends, ``"q.crank > 0.1"`` for rising crossings.
         symmetry: along which the motion advances in a period: ``"x"``, ``"y"``, ``"z"``, ``"incline"`` down inclined
             ground, ``"level"`` across it, ``"turn"`` about the vertical, which is that of gravity, or names of joints
-            on whose angles nothing depends. When left out, all that rows and accelerations follow.
+            on whose angles nothing depends (``"x (joint)"`` for a joint with one of the other names). When left out,
+            all that rows and accelerations follow.
         exchange: joints that change places at the end of a period, joint = other joint, or ``"-"`` and a joint for the
             opposite sign: half a stride of a walker with two equal legs, half a swing of a pendulum.
         parts: of the period that are shot separately; for long or strongly unstable motions.

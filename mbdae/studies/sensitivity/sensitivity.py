@@ -73,7 +73,7 @@ class Sensitivity(Tabular):
         trajectory, out = self.trajectory, np.zeros((len(self.t), self.trajectory.system.ng, len(self.columns)))
         for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
             trajectory.enter_node(int(self.nodes[i]))
-            found = trajectory.sensitivity.rate(float(t), y).lam
+            found = trajectory.sensitivity.multipliers(float(t), y)[2].lam
             out[i] = found @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
         return out
 

@@ -113,15 +113,32 @@ def test_equal_drivers_are_no_contradiction(tmp_path, scene):
     assert sol.success, sol.message
 
 
-def test_contacts_that_are_closed_without_clearance_are_named(tmp_path):
-    """A valve rests on its seat and on a cam: loads are not unique, and neither contact opens where the cam lifts."""
+def valve(folder, *lift):
+    """A valve that a spring presses on its seat, and on a cam without clearance."""
     slides = [body(name, "prismatic", axis=[1.0, 0.0, 0.0]) for name in ("cam", "valve")]
-    tree = load(tmp_path, slides, [])
+    tree = load(folder, slides, [])
     seat = mbdae.Stop(joint="valve", lower=0.0, name="seat")
     contact = mbdae.Stop(joints=("valve", "cam"), coefficients=(0.0, 1.0), lower=0.0, name="contact")
     spring = mbdae.JointTorque(joint="valve", torque=-10.0)
-    lift = Driver.polynomial("cam", [0.0, 0.0, 0.0, 0.1], name="lift")
-    mech = Mechanism(tree.model, forces=[spring], drivers=[lift], stops=[seat, contact])
+    driver = Driver.polynomial("cam", lift, name="lift")
+    return Mechanism(tree.model, forces=[spring], drivers=[driver], stops=[seat, contact])
+
+
+def test_contacts_that_are_closed_without_clearance_are_named(tmp_path):
+    """Loads are not unique at the start, and neither contact opens where the cam lifts."""
+    mech = valve(tmp_path, 0.0, 0.0, 0.0, 0.1)
     sol = mbdae.solve(mech, (0, 1), *mech.assemble())
     assert sol.status == "driver"
     assert "'seat' and 'contact' are closed without clearance between them: give one of them a gap" in sol.message
+
+
+@pytest.mark.usefixtures("back_end")
+def test_a_cam_without_clearance_opens_the_valve(tmp_path):
+    """It accelerates from the start: the seat has no load, the cam that of the spring and of m a."""
+    mech = valve(tmp_path, 0.0, 0.0, 0.5)
+    sol = mbdae.solve(mech, (0, 1), *mech.assemble())
+    assert sol.success, sol.message
+    np.testing.assert_allclose(sol.q[:, 1], sol.t**2 / 2, atol=1e-12)
+    load = sol.signals(["effort.contact", "effort.seat"])
+    np.testing.assert_allclose(load["effort.contact"], 10.0 + mech.model.inertias[2].mass, rtol=1e-9)
+    assert not load["effort.seat"].any()

@@ -115,3 +115,27 @@ def test_a_flight_lower_than_the_rounding_of_its_gap_ends_in_rest(level, speed):
     assert len(sol.modes) < 6
     assert sol.q[-1, 0] == pytest.approx(level, abs=1e-15)
     assert sol.v[-1, 0] == pytest.approx(0, abs=1e-16)
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("height", [0.0, 5e-8])  # an impact at the start, and in a run
+def test_a_wheel_that_has_just_opened_does_not_slip_after_an_impact(height):
+    """A bar slides down onto its end a, which pushes the wheel at b back onto the floor: all of its motion is lost."""
+    model, L, r, inertia = empty(), 0.3, 0.05, 0.03
+    x = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "x")
+    z = model.addJoint(x, pin.JointModelPZ(), pin.SE3.Identity(), "z")
+    bar = add_body(model, z, pin.JointModelRY(), "turn", inertia=(inertia, inertia, inertia))
+    for name, side in (("a", L), ("b", -L)):
+        frame(model, bar, name, side, 0, 0)
+    wheel = {"unilateral": True, "restitution": 0.0}
+    a = Closure.rolling("world", "a", r, name="a", grip="none", **wheel)
+    b = Closure.rolling("world", "b", r, name="b", grip="longitudinal", **wheel)
+    speed, turn = (1e-6 - 0.5) / 2, (1e-6 + 0.5) / (2 * L)
+    q, v = [0.0, r + height / 2, -height / (2 * L)], [-0.1, speed, turn]
+    sol = mbdae.solve(Mechanism(model, [a, b]), (0, 1e-3), q, v, step=1e-4)
+    impact = sol.impacts[0]
+    assert impact.loss == pytest.approx((0.1**2 + speed**2 + inertia * turn**2) / 2, rel=1e-5)
+    difference = (inertia * turn - 0.1 * r) / L
+    expected = [(-speed + difference) / 2, (-speed - difference) / 2, 0.1]
+    np.testing.assert_allclose(impact.rows, expected, rtol=1e-5)
+    assert np.abs(sol.v[-1]).max() < 1e-12

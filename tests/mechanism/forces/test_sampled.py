@@ -72,7 +72,8 @@ def test_a_sampled_run_goes_on_from_any_state():
     """The state is complete: two runs in a row equal one run; the torque is held across the junction."""
     mech = arm(Sampled(lambda t, q, v, x: (-3 * v + x, 0.5 * x + 1), rate=10.0, memory={"x": 0.0}))
     whole = mbdae.solve(mech, (0, 1), rtol=1e-11)
-    for middle in (0.55, 0.5):  # between two instants, and at one: it samples when the second run starts
+    # between two instants, and at one: it samples when the second run starts, and before if the first one ends later
+    for middle in (0.55, 0.5, 0.5 - 1e-15, 0.5 + 1e-11, 0.5 + 1e-14):
         first = mbdae.solve(mech, (0, middle), rtol=1e-11)
         second = mbdae.solve(mech, (middle, 1), first.q[-1], first.v[-1], first.s[-1], rtol=1e-11)
         np.testing.assert_allclose(second.y[-1, :-1], whole.y[-1, :-1], rtol=1e-9)

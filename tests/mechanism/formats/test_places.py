@@ -60,9 +60,14 @@ def drawn(mech):
     return b"".join([meshes[0].data, *meshes[0].companions.values()]) if meshes else None
 
 
-@pytest.mark.parametrize("name", ["../meshes/box.obj", "meshes/box.dae", "package://model/meshes/box.stl"])
+@pytest.mark.parametrize(
+    "name",
+    ["../meshes/box.obj", "meshes/box.dae", "package://model/meshes/box.stl", "file://{model}/meshes/a%20box.stl",
+     "package://model/meshes/a%20box.stl", "file://{model}/meshes/a box.stl"],
+)  # fmt: skip
 def test_meshes_of_the_models_own_folder_are_drawn(model, name):
-    assert drawn(load(model, name)) is not None
+    (model / "meshes" / "box.stl").with_name("a box.stl").write_text(STL)
+    assert drawn(load(model, name.format(model=model))) is not None
 
 
 @pytest.mark.parametrize(

@@ -103,10 +103,17 @@ def test_a_load_that_peaks_above_the_limit_is_seen():
 @pytest.mark.usefixtures("back_end")
 def test_a_load_that_jumps_above_the_limit_starts_a_slip():
     push = JointTorque(joint="x", torque=Steps(points=((0, 0.9), (1, 1.2), (2, -0.9), (3, 0.0))))
-    sol = mbdae.solve(block(push, JointFriction(joint="x", friction=1.0, static=1.1)), (0, 4), rtol=1e-10)
+    mech = block(push, JointFriction(joint="x", friction=1.0, static=1.1))
+    sol = mbdae.solve(mech, (0, 4), rtol=1e-10, events=["effort.x friction < -0.95"])
     assert words(sol) == [("sticking",), ("slipping forwards",), ("sticking",)]
     assert [sol.t[i] for i, _ in sol.modes[1:]] == pytest.approx([1.0, 2 + 0.2 / 1.9], abs=1e-12)
     assert sol.q[-1, 0] == pytest.approx(0.1 + 0.2**2 / 1.9 / 2, abs=1e-12)
+    friction, at = sol.effort("x friction"), np.abs(sol.t - 1.0) < 1e-12
+    assert friction.unique
+    assert friction.effort[at] == pytest.approx([-0.9, -1.0], rel=1e-12)  # one node before the jump, one after it
+    np.testing.assert_allclose(friction.power, friction.effort * sol.v[:, 0])
+    assert sol.multipliers(1.5) == pytest.approx([-1.0])
+    assert sol.events[0][0] == pytest.approx([1.0])
 
 
 @pytest.mark.usefixtures("back_end")

@@ -51,6 +51,21 @@ def test_the_active_set_agrees_with_enumeration(seed):
     np.testing.assert_allclose(acc * size, scaled, atol=1e-8)
 
 
+def test_dependent_rows_that_contradict_each_other_agree_with_enumeration():
+    """Rows of a driven body cannot all be active; accelerations are unique where there are multipliers."""
+    rng, solved = np.random.default_rng(0), 0
+    for _ in range(60):
+        m = rng.integers(2, 5)
+        B = np.outer(rng.normal(size=2), rng.choice([-2.0, -1.0, 1.0, 2.0], m))  # of rank one
+        presses, a = rng.random(m) < 0.6, rng.normal(size=m)
+        lower, upper = np.where(presses, 0.0, -1.0), np.where(presses, INF, 1.0)
+        expected = enumerate_cases(B.T @ B, a, lower, upper)
+        if expected is not None:
+            solved += 1
+            np.testing.assert_allclose(a + B.T @ B @ solve_box_lcp(B, a, lower, upper), expected, atol=1e-8)
+    assert solved > 20
+
+
 def test_a_block_on_an_incline_slides_against_friction():
     B, weight = np.array([[0.5**0.5]]), 7.0  # 2 kg
     (lam,) = solve_box_lcp(B, np.array([weight / 2]), np.array([-5.0]), np.array([5.0]))

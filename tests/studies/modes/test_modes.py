@@ -222,3 +222,13 @@ def test_a_free_body_has_zero_eigenvalues():
     assert np.count_nonzero(found.eigenvalues == 0) == 12
     ball = Mechanism(model, [Closure.point("world", "tip")])
     assert np.count_nonzero(mbdae.modes(ball, ball.assemble(mbdae.load("heavy_top").start[0])[0]).eigenvalues == 0) == 6
+
+
+def test_locked_joints_do_not_move_in_the_cycle_of_a_mode():
+    """Closing the loops moves the others alone."""
+    mech = mbdae.load("stewart_platform")
+    found = mbdae.modes(mech, hold="leg_1")
+    assert len(found.locked) == 2
+    moved = np.array([mech.manifold.difference(found.motion.q, q) for q in found.configurations(0)])
+    assert np.abs(moved[:, found.locked]).max() < 1e-14
+    assert np.abs(moved).max() > 0.2

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from impact_oscillator import E, T, Z, impact_motion, oscillator
+from impact_oscillator import E, S, T, Z, impact_motion, oscillator
 
 import mbdae
+from mbdae.errors import InputError
 
 
 @pytest.mark.parametrize("speed", [0.3, 1.0, 3.0])
@@ -20,6 +21,13 @@ def test_one_impact_per_period(speed):
     assert np.prod(found.multipliers).real == pytest.approx(E**2 * np.exp(-2 * Z * T), rel=1e-9)
     np.testing.assert_allclose(np.poly(found.multipliers), np.poly(exact.monodromy), rtol=1e-9, atol=1e-9)
     assert found.stability == ("stable" if np.abs(np.linalg.eigvals(exact.monodromy)).max() < 1 else "unstable")
+
+
+def test_an_impact_where_the_period_begins_is_one_line():
+    """From the exact state after the impact at t = 0."""
+    exact = impact_motion(1.0)
+    with pytest.raises(InputError, match="'stop' is hit where a part of the period begins or ends: begin at another"):
+        mbdae.periodic(oscillator(exact.force, exact.phase), q=[-S], v=[1.0], rtol=1e-9)
 
 
 def test_slow_impacts_are_found_wherever_they_are_in_a_step():

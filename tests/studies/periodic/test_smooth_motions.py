@@ -1,12 +1,15 @@
 """Periodic motions without events: Mathieu's equation, a rolling disc, a driven linkage, a pendulum."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from bouncing import add_body, empty
 from scipy.special import ellipk, mathieu_a, mathieu_b
 
 import mbdae
 from mbdae import Driver, JointDamping, JointTorque, Mechanism
 from mbdae.errors import InputError, UnknownNameError
+from mbdae.mechanism.equations.invariance import MotionPoint, symmetries_of
 from mbdae.mechanism.time_functions.time_functions import Harmonic
 from mbdae.studies.periodic.branch_path import BranchPath, Range
 from mbdae.studies.sweep.sweep_run import maker_of
@@ -209,3 +212,27 @@ def test_a_motion_without_the_period_of_its_forces_is_rejected(servos, arguments
     for path in servos:
         with pytest.raises(InputError, match="do not repeat themselves after"):
             mbdae.periodic(path, **arguments)
+
+
+@pytest.mark.parametrize("name", ["spin", "turn", "x"])
+def test_a_joint_with_the_name_of_a_motion_is_cyclic(name):
+    """A wheel that turns beside an oscillator: it has neither the axis nor the bodies of that motion."""
+    model = empty(0.0)
+    add_body(model, 0, pin.JointModelPX(), "mass")
+    add_body(model, 0, pin.JointModelRY(), name, inertia=(0.1, 0.1, 0.1))
+    mech = mbdae.Mechanism(model, forces=[mbdae.JointSpring(joint="mass", stiffness=1.0)])
+    found = mbdae.periodic(mech, 2 * np.pi, q=[0.3, 0.0], v=[0.1, 0.4], rtol=1e-9)
+    ((key, advance),) = found.advances.items()
+    assert key == (name if name == "spin" else f"{name} (joint)")
+    assert advance == pytest.approx(2 * np.pi * found.v[1])
+    assert found.v[1] > 0.1
+
+
+def test_a_fast_joint_does_not_hide_the_spring_of_another_one():
+    """3e-4 rad/s^2 of a spring besides 1e3 rad/s^2: the joint is not cyclic."""
+    model = empty(0.0)
+    for name in ("slow", "fast"):
+        add_body(model, 0, pin.JointModelRY(), name, inertia=(1.0, 1.0, 1.0))
+    spring, torque = mbdae.JointSpring(joint="slow", stiffness=4e-4), JointTorque(joint="fast", torque=1e3)
+    mech = mbdae.Mechanism(model, forces=[spring, torque])
+    assert symmetries_of(mech, [MotionPoint(0.0, mech.point(), ())]) == ("fast",)

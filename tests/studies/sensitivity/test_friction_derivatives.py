@@ -130,3 +130,25 @@ def test_closures_that_depend_on_each_other(name):
     loads = np.array([found.signal(signal)[:, 0] for signal in signals])
     assert_derivative(loads, lambda x: columns(run(x), signals), value, 1e-8)
     compare(sol, [name], ["q.crank", "lam.pin.1", "work", "torque.pin.y"])
+
+
+def test_friction_of_a_sliding_wheel():
+    """T = -mu N along the no-slip row, which is inactive: its derivatives by mu are those of mu N."""
+
+    @cache
+    def run(coefficient):
+        model, parent = pin.Model(), 0
+        for joint, name in ((pin.JointModelPX(), "x"), (pin.JointModelPZ(), "z"), (pin.JointModelRY(), "turn")):
+            parent = model.addJoint(parent, joint, pin.SE3.Identity(), name)
+        body = pin.Inertia(1.0, np.array([0.02, 0, 0.01]), np.diag([4e-3, 4e-3, 6e-3]))
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        model.addBodyFrame("hub", parent, pin.SE3.Identity(), 0)
+        floor = Closure.rolling("world", "hub", 0.1, axis=(0, 1, 0), name="floor", grip="longitudinal")
+        mech = Mechanism(model, [floor], [CoulombFriction(closure="floor", coefficient=coefficient, exact=True)])
+        return mbdae.solve(mech, (0, 0.1), np.array([0, 0.1, 0]), np.array([3.0, 0, 0]), step=0.02, method="pherk5")
+
+    found = mbdae.sensitivity(run(0.3), {"coefficient": 0.3}, model=lambda coefficient: run(coefficient).mechanism)
+    signals = "longitudinal.floor", "force.floor.x", "friction.floor", "lam.floor.2"
+    moves = np.array([found.signal(name)[:, 0] for name in signals])
+    assert_derivative(moves, lambda x: columns(run(x), signals), 0.3, 1e-9)
+    assert_derivative(found.lam[..., 0], lambda x: run(x).lam, 0.3, 1e-9)

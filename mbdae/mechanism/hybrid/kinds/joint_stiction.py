@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..mode_point import ModePoint
 
 IDLE, STICKING, FORWARDS, BACKWARDS = 0, 1, 2, 3
+SIGN = {FORWARDS: 1.0, BACKWARDS: -1.0}  # of the velocity
 
 
 class JointStiction(Switch):
@@ -59,8 +60,7 @@ class JointStiction(Switch):
     def guards(self, state: int) -> tuple[Guard, ...]:
         if state == STICKING:
             return (Guard("slip", self.name, self.index, self.margin, needs_multipliers=True, load=self.load),)
-        if state in (FORWARDS, BACKWARDS):
-            sign = 1.0 if state == FORWARDS else -1.0
+        if sign := SIGN.get(state):
             return (
                 Guard(
                     "zero velocity",
@@ -92,7 +92,10 @@ class JointStiction(Switch):
         system.sticks |= state == STICKING
         for law, _ in system.laws.bound:
             if isinstance(law, KineticFrictionElement) and law.name == self.spec.force:
-                law.sign[self.column] = {FORWARDS: 1.0, BACKWARDS: -1.0}.get(state, 0.0)
+                law.sign[self.column] = SIGN.get(state, 0.0)
+
+    def slip_friction(self, state: int) -> float:
+        return -self.spec.kinetic * SIGN.get(state, 0.0)
 
     def core_data(self, system: "Index2System") -> "CoreData":
         laws = [law for law, _ in system.laws.acting]
