@@ -53,9 +53,11 @@ class GuardPartials:
 
     def _along(self, guard: "Guard", j: int) -> float:
         """Return the derivative along one direction: of y, of a parameter, or of time."""
-        h = WIDTH
+        parameters, i = self.sensitivity.parameters.all, j - self.sensitivity.ny
+        h = parameters[i].width if 0 <= i < len(parameters) else WIDTH
         if self.loads:  # guards are linear in all but the loads
-            h /= max(1.0, float(np.abs(self.loads[1][:, j]).max() / (np.abs(self.point.lam).max() + TINY)))
+            change = h * np.abs(self.loads[1][:, j]).max() / (np.abs(self.point.lam).max() + TINY)
+            h /= max(1.0, float(change / WIDTH))
         return float(numerical_derivative(lambda x: guard.value(self._moved(j, x)), h))
 
     def _moved(self, j: int, x: float, rows: AllRows | None = None) -> ModePoint:
