@@ -6,7 +6,7 @@ import pytest
 from bouncing import G, add_body, ball, empty
 
 import mbdae
-from mbdae import Clutch, JointFriction, JointSpring, JointTorque, Mechanism, Stop
+from mbdae import Closure, Clutch, JointFriction, JointSpring, JointTorque, Mechanism, Stop
 from mbdae.errors import InputError
 from mbdae.mechanism.time_functions.time_functions import Polynomial, Steps
 
@@ -91,6 +91,22 @@ def test_a_force_that_overcomes_stiction(unit):
     slips = static / c
     expected = ((T**2 - slips**2) / 2 + (static - F) * static / c**2) / m
     assert found == pytest.approx(expected, rel=1e-9, abs=0)
+
+
+def test_a_narrow_range():
+    """A body of 1 kg takes another one along from its lower end on: v+ = v/2 from t = lower/v on."""
+    model = empty(0.0)
+    for name in ("a", "b"):
+        add_body(model, 0, pin.JointModelPX(), name)
+
+    def carried(lower: float) -> Mechanism:
+        within = {"joint": "a", "windows": [(lower, 0.302)]}
+        return Mechanism(model, [Closure(kind="ratio", joints=("b", "a"), coefficients=(1.0,), within=within)])
+
+    sol = mbdae.solve(carried(0.3), (0.0, 0.5), np.zeros(2), np.array([1.0, 0.0]), **TIGHT)
+    assert len(sol.modes) == 3
+    found = mbdae.sensitivity(sol, {"lower": 0.3}, model=carried).q[-1, :, 0]
+    np.testing.assert_allclose(found, [0.5, -0.5], rtol=0, atol=1e-11)
 
 
 def rejected(match, sol):
