@@ -15,7 +15,7 @@ def resolve_stops(model: pin.Model, stops: Sequence[Stop]) -> tuple[Stop, ...]:
 
     Raises:
         UnknownNameError: for an unknown joint.
-        InputError: for a joint without limits, or an unbounded one.
+        InputError: for a joint without limits, with limits in the wrong order, or an unbounded one.
     """
     out = tuple(resolved for stop in stops for resolved in (_joint_limits(model, stop) if stop.limits else (stop,)))
     for stop in out:
@@ -36,7 +36,9 @@ def _joint_limits(model: pin.Model, stop: Stop) -> Iterator[Stop]:
             continue
         lower, upper = (float(x[joint.idx_q]) for x in (model.lowerPositionLimit, model.upperPositionLimit))
         given = {key: x for key, x in (("lower", lower), ("upper", upper)) if np.abs(x) < np.finfo(float).max}
-        if not given or not lower < upper:
+        if lower > upper:
+            raise InputError(f"joint {name!r} has limits in the wrong order: {lower:g} to {upper:g}")
+        if not given or lower == upper:
             continue
         has_limits = True
         title = f"{stop.name} {name}" if stop.name and not stop.joint else stop.name or f"{name} stop"

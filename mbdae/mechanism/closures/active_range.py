@@ -52,6 +52,12 @@ class ActiveRange(Table):
             deepest = max(deepest, half_width - abs(offset))
         return deepest
 
+    def distances(self, x: float) -> list[float]:
+        """Return the distances of x from the lower and upper end of each window, positive inside the window."""
+        ends = [(end, sign) for low, high in self.windows for end, sign in ((low, 1.0), (high, -1.0))]
+        periods = [round((x - end) / self.period) * self.period if self.period else 0.0 for end, _ in ends]
+        return [sign * (x - end - turns) for (end, sign), turns in zip(ends, periods, strict=True)]
+
     @property
     def shortest(self) -> float:
         """Length of the shortest interval inside or between windows."""

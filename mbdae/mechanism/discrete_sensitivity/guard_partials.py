@@ -16,7 +16,7 @@ from ..hybrid.mode_point import AllRows, ModePoint
 from .impact_sensitivity import row_rate_partials
 
 if TYPE_CHECKING:
-    from ..hybrid.switch import Guard
+    from ..hybrid.switch import Guard, PointFunction
     from .point_sensitivity import PointSensitivity
 
 WIDTH = 1e-3  # relative change of the quantities of a point, for differences of guards
@@ -46,17 +46,21 @@ class GuardPartials:
         if guard.needs_multipliers and self.loads is None:
             at = self.sensitivity.rate(self.point.t, self.point.y)
             self.loads = at.rate, at.lam
-        out = np.array([self._along(guard, j) for j in range(self.n)])
+        piece = int(np.argmin(np.abs(guard.pieces(self.point)))) if guard.pieces else None
+        value = _smooth(guard, piece)
+        out = np.array([self._along(value, j) for j in range(self.n)])
         ny = self.sensitivity.ny
-        out[ny:-1] += self._of_constants(guard)
+        out[ny:-1] += self._of_constants(guard, piece)
         return out
 
-    def _along(self, guard: "Guard", j: int) -> float:
+    def _along(self, guard: "PointFunction", j: int) -> float:
         """Return the derivative along one direction: of y, of a parameter, or of time."""
-        h = WIDTH
+        parameters, i = self.sensitivity.parameters.all, j - self.sensitivity.ny
+        h = parameters[i].width if 0 <= i < len(parameters) else WIDTH
         if self.loads:  # guards are linear in all but the loads
-            h /= max(1.0, float(np.abs(self.loads[1][:, j]).max() / (np.abs(self.point.lam).max() + TINY)))
-        return float(numerical_derivative(lambda x: guard.value(self._moved(j, x)), h))
+            change = h * np.abs(self.loads[1][:, j]).max() / (np.abs(self.point.lam).max() + TINY)
+            h /= max(1.0, float(change / WIDTH))
+        return float(numerical_derivative(lambda x: guard(self._moved(j, x)), h))
 
     def _moved(self, j: int, x: float, rows: AllRows | None = None) -> ModePoint:
         """Return the point moved by x along a direction, with its rows and loads to first order."""
@@ -71,7 +75,7 @@ class GuardPartials:
             vars(out)["derivative"] = F + x * self.loads[0][:, j], lam + x * self.loads[1][:, j]
         return out
 
-    def _of_constants(self, guard: "Guard") -> Array:
+    def _of_constants(self, guard: "Guard", piece: int | None) -> Array:
         """Return the derivatives with respect to parameters in a guard: limits, teeth, ranges, directions of rows."""
         parameters, out = self.sensitivity.parameters, np.zeros(len(self.sensitivity.parameters))
         state = self.point.system.mode[guard.switch]
@@ -80,8 +84,14 @@ class GuardPartials:
             values = {}
             for k, mech in p.perturbed.items():
                 rows = AllRows(parameters.perturbed_systems[i][k]) if guard.kind == "slip" else None
-                other = mech.switches[guard.switch].guards(state)[kinds.index(guard.kind)]
-                other.value(self.first)
-                values[k] = np.array(other.value(self._moved(0, 0.0, rows)))
+                other = _smooth(mech.switches[guard.switch].guards(state)[kinds.index(guard.kind)], piece)
+                other(self.first)
+                values[k] = np.array(other(self._moved(0, 0.0, rows)))
             out[i] = p.quotient(values)
         return out
+
+
+def _smooth(guard: "Guard", piece: int | None) -> "PointFunction":
+    """Return the function of a guard, or one of its smooth pieces."""
+    pieces = guard.pieces
+    return guard.value if pieces is None or piece is None else lambda x: pieces(x)[piece]

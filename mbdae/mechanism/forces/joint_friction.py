@@ -1,6 +1,6 @@
 """Coulomb friction in joints, regularised or exact."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from ...errors import InputError
 from ..key_units import Unit
 from ..tree.frames import find_joints, joint_names
+from ..tree.tree_terms import mode_joints
 from .force import Array, CoreData, Force, ForceElement, Joints
 from .joint_law import Effort, JointElement
 
@@ -42,7 +43,7 @@ class JointFriction(Force):
     outside of runs there is no friction.
 
     Attributes:
-        joint: one joint or several; all joints if omitted.
+        joint: one joint or several; all joints but modes of flexible bodies if omitted.
         friction: N m or N; if omitted, the values of the imported model for each coordinate, URDF
             ``<dynamics friction>`` and MJCF ``frictionloss``.
         velocity: at which regularised friction reaches three quarters of its value, in rad/s or m/s; not too small: the
@@ -84,8 +85,8 @@ class JointFriction(Force):
         """
         if not self.sticks:
             return
-        source, names = self._kinetic_limits(model), self.joint or joint_names(model)
-        for name in [names] if isinstance(names, str) else names:
+        source = self._kinetic_limits(model)
+        for name in self._joints(model):
             (j,) = find_joints(model, name)
             if self.joint and j.nv != 1:
                 raise InputError(f"friction that sticks needs a joint with one velocity; {name!r} has {j.nv}")
@@ -108,9 +109,15 @@ class JointFriction(Force):
             else FrictionElement(self.name, d, self.velocity or DEFAULT_VELOCITY)
         )
 
+    def _joints(self, model: pin.Model) -> Sequence[str]:
+        if self.joint:
+            return [self.joint] if isinstance(self.joint, str) else self.joint
+        modes = set(mode_joints(model))
+        return [name for name in joint_names(model) if name not in modes]
+
     def _kinetic_limits(self, model: pin.Model) -> Array:
         d, source = np.zeros(model.nv), np.array(model.upperDryFrictionLimit)
-        for j in find_joints(model, self.joint or joint_names(model)):
+        for j in find_joints(model, self._joints(model)):
             at = slice(j.idx_v, j.idx_v + j.nv)
             d[at] = source[at] if self.friction is None else self.friction
         return d

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 PointFunction = Callable[["ModePoint"], float]
+PiecesFunction = Callable[["ModePoint"], Sequence[float]]
 LoadFunction = Callable[["ModePoint"], "float | Array"]
 COMMANDS = ("command", "speed step")  # kinds of guards that jump, at known times
 ACTIVE_STATE = 1  # state in which closed, locked, engaged or stuck rows are active
@@ -33,6 +34,7 @@ class Guard(NamedTuple):
         load: the multipliers that steps should resolve: relative to the limit, with sign, for sticking; the multiplier
             itself for a row that separates at 0.
         max_step: the longest step in s in which the guard cannot cross zero twice.
+        pieces: of a guard with kinks, the smooth functions one of which it is at each point.
     """
 
     kind: str
@@ -44,6 +46,7 @@ class Guard(NamedTuple):
     needs_multipliers: bool = False
     load: "LoadFunction | None" = None
     max_step: PointFunction | None = None
+    pieces: PiecesFunction | None = None
 
     @property
     def is_commanded(self) -> bool:

@@ -120,7 +120,6 @@ class ExportedMechanism {
   void evaluate();  // y and x' at (t, x)
   void begin_coordinates();  // with their origin at y
   GuardMonitor::Values guard_values(const double* at, bool advances);
-  bool is_watched(int guard) const;
   void end_flights(const std::vector<int>& fired, Numbers& at);
   std::vector<int> step_back(Numbers& at);  // to the first of the guards that are negative; those that are zero there
   void require_determinate(const std::vector<int>& rows);

@@ -24,15 +24,14 @@ GuardMonitor::Values ExportedMechanism::guard_values(const double* at, bool adva
   return monitor_->values(time(), at, coordinates_->F(), coordinates_->multipliers(), advances);
 }
 
-bool ExportedMechanism::is_watched(int guard) const {
-  const double begins = monitor_->flight_begins(guard);
-  return !(begins - time() > run_.modes.coincident * (begins - run_.modes.last_impact[run_.modes.guards[guard].element]));
-}
-
+// A flight is divided, so that a solver of any step makes flights shorter after each impact.
 double ExportedMechanism::next_event() const {
   double out = INFINITY;
-  for (size_t i = 0; i < run_.modes.guards.size(); ++i)
-    if (const int k = static_cast<int>(i); !is_watched(k)) out = std::min(out, monitor_->flight_begins(k));
+  for (size_t i = 0; i < run_.modes.guards.size(); ++i) {
+    const double begins = monitor_->flight_begins(static_cast<int>(i));
+    const double impact = run_.modes.last_impact[run_.modes.guards[i].element];
+    if (begins - time() > run_.modes.coincident * (begins - impact)) out = std::min(out, begins);
+  }
   return out;
 }
 
@@ -45,7 +44,7 @@ Numbers ExportedMechanism::indicator_values() {
   for (const Switch& x : modes_.switches) at.push_back(next), next += guards_of_switch(x);
   for (size_t i = 0; i < now.guards.size(); ++i) {
     double& place = out[at[run_.modes.guards[i].element]++];
-    if (is_watched(static_cast<int>(i))) place = now.guards[i].f + now.tolerances[i];
+    place = now.guards[i].f + now.tolerances[i];
   }
   return out;
 }
@@ -54,7 +53,7 @@ bool ExportedMechanism::complete_step() {
   bool due = margin() < restart_margin();
   const GuardMonitor::Values now = guard_values(y().data(), true);
   for (size_t i = 0; i < now.guards.size(); ++i)
-    due = due || (is_watched(static_cast<int>(i)) && now.guards[i].f < -now.tolerances[i]);
+    due = due || now.guards[i].f < -now.tolerances[i];
   return due;
 }
 
@@ -67,7 +66,6 @@ std::vector<int> ExportedMechanism::step_back(Numbers& at) {
   double back = 0;
   for (size_t i = 0; i < now.guards.size(); ++i) {
     const auto& [f, rate] = now.guards[i];
-    if (!is_watched(static_cast<int>(i))) continue;
     if (f <= -now.tolerances[i] / 2) out.push_back(static_cast<int>(i));
     if (f < -now.tolerances[i] && rate < 0 && f / rate > back) first = static_cast<int>(i), back = f / rate;
   }

@@ -122,3 +122,13 @@ def test_gradients_of_a_fixed_beam(tmp_path, cantilever, name):
         quotient = numerical_derivative(end, 2e-3) / value
         ours = np.concatenate([found.q[-1], found.v[-1]]).ravel()
         np.testing.assert_allclose(ours, quotient, atol=1e-8 * np.abs(quotient).max())
+
+
+def test_friction_of_all_joints_is_not_one_of_modes(tmp_path):
+    hub = write(tmp_path, HUB.replace("PLANE", "y"))
+    moving = mbdae.load(hub, forces=[mbdae.JointFriction(friction=3.0)])
+    v = np.ones(moving.nv)
+    free, slowed = (np.array(m.system().force(0.0, m.start[0], v, np.empty(0))[0]) for m in (mbdae.load(hub), moving))
+    np.testing.assert_allclose(slowed - free, -3.0 * np.eye(moving.nv)[0], rtol=0, atol=1e-12)
+    sticking = mbdae.load(hub, forces=[mbdae.JointFriction(friction=3.0, exact=True)])
+    assert [c.name for c in sticking.constraints] == ["hub friction"]

@@ -6,9 +6,9 @@ import pytest
 from bouncing import G, add_body, ball, empty
 
 import mbdae
-from mbdae import Clutch, JointSpring, JointTorque, Mechanism, Stop
+from mbdae import Closure, Clutch, JointFriction, JointSpring, JointTorque, Mechanism, Stop
 from mbdae.errors import InputError
-from mbdae.mechanism.time_functions.time_functions import Steps
+from mbdae.mechanism.time_functions.time_functions import Polynomial, Steps
 
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
 
@@ -72,6 +72,41 @@ def test_a_run_that_begins_with_an_impact():
     found = mbdae.sensitivity(sol, start=True).dy[-1]
     np.testing.assert_allclose(found[2:4, 2:4], np.full((2, 2), 0.5), rtol=0, atol=1e-12)
     assert found[-1, 2:4] == pytest.approx([0.2 * (1 - 3.0) / 2, 0.2 * (3.0 - 1) / 2], abs=1e-12)  # work of the impact
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e12])
+def test_a_force_that_overcomes_stiction(unit):
+    """m v' = c t - F from t = F_s/c on, in a unit of force in which parameters are large."""
+    m, c, F, static, T = 2.0 * unit, 3.0 * unit, 0.5 * unit, 0.9 * unit, 1.0
+    model = empty(0.0)
+    add_body(model, 0, pin.JointModelPX(), "x", mass=m)
+    friction = JointFriction(joint="x", friction=F, static=static)
+
+    def pulled(slope: float) -> Mechanism:
+        pull = JointTorque(joint="x", torque=Polynomial(coefficients=(0.0, slope)))
+        return Mechanism(model, forces=[pull, friction])
+
+    sol = mbdae.solve(pulled(c), (0.0, T), np.zeros(1), np.zeros(1), **TIGHT)
+    found = mbdae.sensitivity(sol, {"slope": c}, model=pulled).v[-1, 0, 0]
+    slips = static / c
+    expected = ((T**2 - slips**2) / 2 + (static - F) * static / c**2) / m
+    assert found == pytest.approx(expected, rel=1e-9, abs=0)
+
+
+def test_a_narrow_range():
+    """A body of 1 kg takes another one along from its lower end on: v+ = v/2 from t = lower/v on."""
+    model = empty(0.0)
+    for name in ("a", "b"):
+        add_body(model, 0, pin.JointModelPX(), name)
+
+    def carried(lower: float) -> Mechanism:
+        within = {"joint": "a", "windows": [(lower, 0.302)]}
+        return Mechanism(model, [Closure(kind="ratio", joints=("b", "a"), coefficients=(1.0,), within=within)])
+
+    sol = mbdae.solve(carried(0.3), (0.0, 0.5), np.zeros(2), np.array([1.0, 0.0]), **TIGHT)
+    assert len(sol.modes) == 3
+    found = mbdae.sensitivity(sol, {"lower": 0.3}, model=carried).q[-1, :, 0]
+    np.testing.assert_allclose(found, [0.5, -0.5], rtol=0, atol=1e-11)
 
 
 def rejected(match, sol):

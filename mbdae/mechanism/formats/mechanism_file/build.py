@@ -10,7 +10,7 @@ from ....errors import InputError, UnknownNameError, printable
 from ...checked_table import HUGE
 from ...flexible import attach_flexible
 from ...imported_model import ImportedModel
-from ...tree.frames import WORLD, find_frame, frame_names
+from ...tree.frames import WORLD, find_frame, find_joint, frame_names, joint_names
 from ..body_tables import Body, Flexible, Frame, Source
 from ..joint_tree import JOINT_MODELS, Tree, depth_first, resolve_joints, rotation_from_z
 from .flexible_table import modal_body_of
@@ -79,10 +79,10 @@ def _attach(tree: Tree, file: MechanismFile, parts: Sequence[ImportedModel]) -> 
 
 
 def require_finite(model: pin.Model) -> None:
-    """Require finite inertias and placements, and masses that are not negative.
+    """Require finite inertias and placements, and masses and dampings that are not negative.
 
     Raises:
-        InputError: for an infinite or extremely large value, or a negative mass.
+        InputError: for an infinite or extremely large value, or a negative mass or damping.
     """
     for name, inertia, pose_in_joint in zip(model.names, model.inertias, model.jointPlacements, strict=True):
         numbers = [inertia.mass, *inertia.lever, *inertia.inertia.ravel(), *pose_in_joint.homogeneous.ravel()]
@@ -90,6 +90,10 @@ def require_finite(model: pin.Model) -> None:
             raise InputError(f"the inertia or placement of joint {name!r} is not finite, or beyond {HUGE:g}")
         if inertia.mass < 0:
             raise InputError(f"the mass carried by joint {name!r} is negative: {inertia.mass:g} kg")
+    for name in joint_names(model):
+        joint = find_joint(model, name)
+        if (damping := min(model.damping[joint.idx_v : joint.idx_v + joint.nv])) < 0:
+            raise InputError(f"the damping of joint {name!r} is negative: {damping:g}")
 
 
 def require_printable_names(model: pin.Model) -> None:

@@ -20,6 +20,7 @@ from ..body_tables import WITH_AXIS, Source
 from ..joint_tree import resolve_joints
 from ..reader import KEY, Reader
 from ..recorded import Recorded, unread_phrases
+from .file_checks import check_urdf
 from .loop_closures import add_loop_closures
 from .visuals import one_line, read_visuals
 
@@ -116,11 +117,14 @@ class _Parsed(NamedTuple):
 
 def _parsed(text: str, name: str, free_flyer: bool) -> _Parsed:
     try:
+        tree = ET.fromstring(text)
+        check_urdf(tree, name)
         root = (pin.JointModelFreeFlyer(),) if free_flyer else ()
         model = pin.buildModelFromXML(text, *root)
-        tree = ET.fromstring(text)
         names, axes = joint_names(model), _axes(tree)
         mimics = [m for m in _mimics(tree) if m.joint in names]
+    except InputError:
+        raise
     except (ValueError, RuntimeError, IndexError, ET.ParseError) as e:
         raise InputError(f"{name} is not a URDF that Pinocchio reads: {one_line(e)}") from None
     without_leader = [m.joint for m in mimics if m.other not in names]

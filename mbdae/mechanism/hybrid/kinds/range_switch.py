@@ -8,7 +8,7 @@ from ....tolerances import SAME_STATE, ZERO_SPEED
 from ...closures.active_range import ActiveRange
 from ...closures.closure import Closure
 from ...tree.frames import find_joint
-from ..switch import Guard, ImpactRow, PointFunction, Switch, core_switch
+from ..switch import Guard, ImpactRow, PiecesFunction, PointFunction, Switch, core_switch
 
 if TYPE_CHECKING:
     from ....data_types import CoreData
@@ -65,7 +65,9 @@ class RangeSwitch(Switch):
     def guards(self, state: int) -> tuple[Guard, ...]:
         sign = 1.0 if state == INSIDE else -1.0
         depth: PointFunction = lambda x: sign * self.depth(x)  # noqa: E731
-        return (Guard("range boundary", self.name, self.index, depth, needs_multipliers=True, max_step=self.max_step),)
+        pieces: PiecesFunction = lambda x: [sign * d for d in self.spec.distances(float(x.q[self.q]))]  # noqa: E731
+        boundary = Guard("range boundary", self.name, self.index, depth, needs_multipliers=True, max_step=self.max_step)
+        return (boundary._replace(pieces=pieces),)
 
     def _scale(self, point: "ModePoint") -> float:
         return float(point.system.mechanism.coordinate_scales[self.v])

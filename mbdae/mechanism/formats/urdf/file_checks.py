@@ -1,0 +1,82 @@
+"""Checks before Pinocchio reads a URDF: it leaves out an inertial that it cannot read, and takes links for a tree."""
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+
+from ....errors import InputError
+from ...checked_table import HUGE
+from ..mechanism_file.inertias import checked_inertia
+
+COUNTS = {"xyz": 3, "rpy": 3, "quat_xyzw": 4}
+MOMENTS = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")  # of the symmetric tensor, by rows
+OF_JOINT = (*COUNTS, "lower", "upper", "effort", "velocity", "damping", "friction", "multiplier", "offset")
+
+
+def check_urdf(robot: ET.Element, name: str) -> None:
+    """Check inertias, the numbers of joints, and that links form a tree.
+
+    Args:
+        robot: root element of the file.
+        name: name of the file, for messages.
+
+    Raises:
+        InputError: for a missing or invalid number, an inertia that is not positive semi-definite, or a loop of links.
+    """
+    for link in robot.iterfind("link"):
+        if (inertial := link.find("inertial")) is not None:
+            _require_inertia(inertial, f"link {link.get('name')!r} of {name}")
+    for joint in robot.iterfind("joint"):
+        for e in joint:
+            for key in e.attrib.keys() & OF_JOINT:
+                _numbers(e, key, f"joint {joint.get('name')!r} of {name}")
+    _require_tree(robot, name)
+
+
+def _require_inertia(inertial: ET.Element, of: str) -> None:
+    mass, inertia = (inertial.find(tag) for tag in ("mass", "inertia"))
+    if mass is None or inertia is None:
+        raise InputError(f"the inertial of {of} needs a mass and an inertia")
+    for e in inertial.findall("origin"):
+        for key in e.attrib.keys() & COUNTS:
+            _numbers(e, key, of)
+    tensor = np.reshape([_numbers(inertia, key, of) for key in MOMENTS], (3, 3))
+    checked_inertia(_numbers(mass, "value", of)[0], np.zeros(3), tensor, of)
+
+
+def _numbers(e: ET.Element, key: str, of: str) -> list[float]:
+    """Return the numbers of an attribute.
+
+    Raises:
+        InputError: for any other text.
+    """
+    text, count = e.get(key, ""), COUNTS.get(key, 1)
+    try:
+        out = [float(x) for x in text.split()]
+    except ValueError:
+        out = []
+    if len(out) != count or not all(abs(x) <= HUGE for x in out):
+        what = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise InputError(f"{e.tag}/@{key} of {of} takes {what}, got {text[:60]!r}")
+    return out
+
+
+def _require_tree(robot: ET.Element, name: str) -> None:
+    """Require that each link is the child of one joint at most, and no link its own ancestor."""
+    above: dict[str, tuple[str, str]] = {}  # joint and parent of each link that is a child
+    for joint in robot.iterfind("joint"):
+        ends = [joint.find(tag) for tag in ("parent", "child")]
+        parent, child = ("" if e is None else e.get("link", "") for e in ends)
+        if child in above:
+            raise InputError(
+                f"{name}: link {child!r} is the child of joints {above[child][0]!r} and {joint.get('name')!r}: "
+                "cut the loop at one of them, which a closure replaces"
+            )
+        above[child] = joint.get("name", ""), parent
+    for link in above:
+        seen, at = {link}, link
+        while at in above:
+            at = above[at][1]
+            if at in seen:
+                raise InputError(f"{name}: link {at!r} is its own ancestor")
+            seen.add(at)
