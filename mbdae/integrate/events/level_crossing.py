@@ -191,7 +191,8 @@ class SignalEvent:
         # p(x) = f0 + m0 x + a x^2 + b x^3, p'(x) = m0 + 2 a x + 3 b x^2, where m0 and m1 have opposite signs
         a, b = 3 * (f1 - f0) - 2 * m0 - m1, 2 * (f0 - f1) + m0 + m1
         root = np.sqrt(a * a - 3 * b * m0)
-        x = float(-m0 / (a + np.copysign(root, -m0)))
+        with np.errstate(divide="ignore"):  # the square may underflow
+            x = float(-m0 / (a + np.copysign(root, -m0)))
         return [x] if 0 < x < 1 and (f0 + x * (m0 + x * (a + x * b))) * f0 < 0 else []
 
     def _rates(self, step: "StepMap") -> tuple[Array, Array]:

@@ -49,6 +49,7 @@ def run_to_end(run: RunState, progress: Progress | None) -> tuple[str, str]:
     except KeyboardInterrupt:
         return "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
     if stopped:
+        run.jumps.drop_sampling(run)
         return "event", f"{STATUS['event']} at t = {run.t:.17g}"
     t1 = run.options.t1
     undefined = "" if run.t == t1 else next((x for d in run.problem.drivers if (x := d.outside(t1))), "")
