@@ -17,7 +17,7 @@ from ...mechanism.formulations.index2 import Index2System
 from ...solution.columns import TWO_PI
 from ...solution.signal_value import SignalValue, find_point_signal, value
 from ...system import Array
-from ...tolerances import EPS
+from ...tolerances import EPS, SOLUTION_ROUNDING
 
 if TYPE_CHECKING:
     from ..run.step_map import StepMap
@@ -142,6 +142,11 @@ class SignalEvent:
             self._append_crossing(hits, a, b, step)
         self.advance(step.t1, step.y1, f1)
         return hits
+
+    def reaches(self, step: "StepMap") -> bool:
+        """Return whether the signal is at its level to rounding at the end of the last step, from the right side."""
+        rise = -self.value(step.t, step.y)
+        return abs(self.node[1]) <= SOLUTION_ROUNDING * (1 + abs(self.level)) < abs(rise) and rise * self.direction >= 0
 
     def _append_crossing(
         self, hits: list[EventRoot], a: tuple[float, Array, float], b: tuple[float, Array, float], step: "StepMap"

@@ -65,8 +65,11 @@ def time_loop(run: RunState, progress: Progress | None = None) -> bool:
         acting = _detect_events(run, start, before) if len(run.ts) > before else None
         if acting is None:  # no step was taken, or the last one was rejected
             continue
-        if any(source.act(run) for source in acting):
-            return True
+        for i, source in enumerate(acting):
+            if source.act(run):
+                for later in acting[i + 1 :]:
+                    later.act_at_end(run)
+                return True
         if progress:
             progress(1 - run.time_left() / total)
     return False
