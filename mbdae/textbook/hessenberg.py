@@ -214,17 +214,18 @@ class HessenbergSystem(System):
         return self.value("f", (self.ny,), t, y, z)
 
     def value(self, name: str, shape: tuple[int, ...], *at: Any) -> Array:
-        """Return the value of a function of the problem.
+        """Return the value of a function of the problem, as a new array: it may return the same one at each call.
 
         Raises:
             StepError: if it fails, or returns another shape.
         """
+        t, *arrays = at
         try:
-            out = np.asarray(getattr(self.problem, name)(*at), float)
+            out = np.array(getattr(self.problem, name)(t, *map(_read_only, arrays)), float)
         except MbdaeError:
             raise
         except Exception as e:
-            where = f"{name} of {self.problem.title!r} failed at t = {at[0]:.17g}"
+            where = f"{name} of {self.problem.title!r} failed at t = {t:.17g}"
             raise StepError("force", f"{where}: {type(e).__name__}: {e}") from e
         if out.shape != shape:
             shapes = f"the shape {out.shape}, expected {shape}"
@@ -289,3 +290,9 @@ class HessenbergSystem(System):
         if self.problem.f_z:
             return self.value("f_z", (self.ny, self.nz), t, y, z)
         return jacobian(lambda u: self.evaluate(t, y, u), z)
+
+
+def _read_only(x: Array) -> Array:
+    view = x.view()
+    view.flags.writeable = False
+    return view
