@@ -58,7 +58,7 @@ def errors(method: str, steps: tuple[int, ...] = STEPS) -> np.ndarray:
 def main(steps: tuple[int, ...] = STEPS) -> dict[str, np.ndarray]:
     """Print the tables and return the errors by method."""
     result, refinements = {}, np.divide(steps[1:], steps[:-1])[:, None]
-    print(f"{'':10s} claimed   error of y and its order" + " " * (17 * len(steps) - 21) + "own z")
+    print(f"{'':10s} claimed   error of y and its order" + " " * max(1, 17 * len(steps) - 21) + "own z")
     print(f"{'steps':10s} y  own z " + "".join(f"{n:>12d}     " for n in steps) + f"{steps[-1]:>12d}")
     for family, names in FAMILIES.items():
         print(family)
@@ -70,7 +70,8 @@ def main(steps: tuple[int, ...] = STEPS) -> dict[str, np.ndarray]:
                 f"{x:12.2e} {o:4.1f}" for x, o in zip(e[1:, 0], orders[:, 0], strict=True)
             ]
             m = METHODS[name]
-            print(f"  {name:8s} {m.order}  {m.order_own}     {''.join(cells)}{e[-1, 1]:12.2e} {orders[-1, 1]:4.1f}")
+            own = "".join(f" {x:4.1f}" for x in orders[-1:, 1])
+            print(f"  {name:8s} {m.order}  {m.order_own}     {''.join(cells)}{e[-1, 1]:12.2e}{own}")
     print(f"\n{'statement of the thesis':52s}command")
     for statement, command in COMMANDS:
         print(f"{statement:52s}{command}")

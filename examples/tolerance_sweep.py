@@ -21,6 +21,7 @@ LINKS = {  # name in the model: description, nominal value, standard deviation
     "joint.crank_pin.mass": ("mass of the rod (kg)", 0.4, 0.8e-3),
 }
 FORCE = "peak force.wrist pin"
+FEWEST = len(LINKS) + 2  # runs, for a regression over all links
 
 
 def main(
@@ -39,14 +40,17 @@ def main(
         seed=1,
         **options,
     )
-    force = result[FORCE]
+    finished = np.isfinite(result[FORCE])
+    force = result[FORCE][finished]
+    if len(force) < FEWEST:
+        raise SystemExit(f"{len(LINKS)} links need at least {FEWEST} finished runs, got {len(force)}")
     quantiles = np.quantile(force, [0.05, 0.5, 0.95])
     print(f"{len(result)} runs, {len(result.failed)} failed")
     print(f"largest force in the wrist pin: mean {force.mean():.4f} N, standard deviation {force.std(ddof=1):.4f} N")
     print(f"5, 50 and 95 per cent of the runs stay below {', '.join(f'{x:.4f}' for x in quantiles)} N")
     print(f"\n{'':24}{'correlation':>14}{'N per std':>14}")
-    scaled = np.column_stack([(result[name] - at) / std for name, (_, at, std) in LINKS.items()])
-    sensitivities = np.linalg.lstsq(np.column_stack([np.ones(n), scaled]), force, rcond=None)[0][1:]
+    scaled = np.column_stack([(result[name][finished] - at) / std for name, (_, at, std) in LINKS.items()])
+    sensitivities = np.linalg.lstsq(np.column_stack([np.ones(len(force)), scaled]), force, rcond=None)[0][1:]
     for (words, _, _), x, sensitivity in zip(LINKS.values(), scaled.T, sensitivities, strict=True):
         print(f"{words:24}{np.corrcoef(x, force)[0, 1]:14.3f}{sensitivity:14.4f}")
     if plot:

@@ -9,7 +9,8 @@ from .system import Array
 def as_numbers(value: object) -> Array:
     """Return an argument as an array of numbers; nan for any other, which checks of finite numbers reject."""
     try:
-        return np.asarray(value, float)
+        given = np.asarray(value)
+        return np.array(np.nan) if given.dtype.kind in "bSU" else given.astype(float)
     except (TypeError, ValueError):
         return np.array(np.nan)
 

@@ -54,10 +54,15 @@ def call_with_views(what: str, function: Callable[..., T], t: float | None, *arr
     Raises:
         StepError: if the function raises an error.
     """
-    views = [x.view() for x in arrays]
-    for x in views:
-        x.flags.writeable = False
+    views = map(read_only, arrays)
     return call_and_report(what, lambda: function(*(() if t is None else (t,)), *views), lambda: _time(t), FORCE)
+
+
+def read_only(x: Array) -> Array:
+    """Return a read-only view of an array."""
+    view = x.view()
+    view.flags.writeable = False
+    return view
 
 
 def checked_value(value: Any, shape: tuple[int, ...], t: float | None, what: str) -> Array:

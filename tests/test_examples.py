@@ -223,6 +223,11 @@ def test_tolerance_sweep(tmp_path, capsys):
     assert "standard deviation" in capsys.readouterr().out
 
 
+def test_tolerance_sweep_of_few_runs():
+    with pytest.raises(SystemExit, match="4 links need at least 6 finished runs, got 2"):
+        example("tolerance_sweep").main(n=2, end=0.1, executor="threads")
+
+
 def test_tolerance_stack(capsys):
     errors = example("tolerance_stack").main(100)
     assert max(map(abs, errors.values())) < 3

@@ -9,6 +9,11 @@ def test_thesis_tables_of_any_numbers_of_steps(capsys):
     assert " 3.0 " in next(line for line in capsys.readouterr().out.splitlines() if line.startswith("  radau3 "))
 
 
+def test_thesis_tables_of_one_number_of_steps(capsys):
+    assert example("thesis_tables").main(steps=(20,))["rk4"].shape == (1, 2)
+    assert "statement of the thesis" in capsys.readouterr().out
+
+
 def test_thesis_tables(capsys):
     errors = example("thesis_tables").main(steps=(80, 160))
     order = {name: np.log2(e[-2, 0] / e[-1, 0]) for name, e in errors.items()}

@@ -1,9 +1,11 @@
 """Validated tables of a mechanism file, or written in Python, with error messages of one line."""
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, get_args
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, LiteralString, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+import numpy as np
+from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, ValidationError, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from ..errors import InputError
 from .key_units import Coordinates, Unit, UnitSymbols, declared_unit
@@ -35,13 +37,27 @@ class OneLine(ModelMetaclass):
 
 
 class Table(BaseModel, metaclass=OneLine):
-    """A table whose unknown keys are errors and whose numbers are finite.
+    """A table whose unknown keys are errors and whose numbers are finite; text and true or false are no numbers.
 
     Raises:
         InputError: for invalid values.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _require_own_kinds(cls, given: Any, handler: ModelWrapValidatorHandler["Table"]) -> "Table":
+        table = handler(given)
+        if isinstance(given, Mapping):
+            errors = [
+                InitErrorDetails(type=PydanticCustomError("kind", expected), loc=(key,), input=x)
+                for key, x in given.items()
+                if (expected := _lost_kind(x, getattr(table, key)))
+            ]
+            if errors:
+                raise ValidationError.from_exception_data(cls.__name__, errors)
+        return table
 
     def unit_of(self, key: str) -> Unit | Coordinates | None:
         """Return the unit of the numbers of a key; None for keys without numbers."""
@@ -50,6 +66,22 @@ class Table(BaseModel, metaclass=OneLine):
     def unit_symbols(self) -> UnitSymbols:
         """Return units for further symbols in the units of keys, or for symbols of joints."""
         return {}
+
+
+def _lost_kind(given: Any, found: object) -> LiteralString:
+    """Return what is expected where text, or true or false, became a number, or anything else true or false; else "".
+
+    Pydantic's strict mode is too strict: it rejects lists for tuples, and numbers of numpy.
+    """
+    if isinstance(found, bool):
+        return "" if isinstance(given, bool | np.bool) else "Input should be true or false"
+    if isinstance(found, int | float):
+        return "Input should be a valid number" if isinstance(given, str | bytes | bool | np.bool) else ""
+    if isinstance(found, dict) and isinstance(given, Mapping):
+        return next(filter(None, (_lost_kind(given.get(key), x) for key, x in found.items())), "")
+    if isinstance(found, tuple | list) and isinstance(given, tuple | list):
+        return next(filter(None, map(_lost_kind, given, found)), "")
+    return ""
 
 
 def tables_in(annotation: object) -> list[type[Table]]:

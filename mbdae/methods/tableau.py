@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..data_types import JsonObject
-from ..errors import InputError
+from ..errors import InputError, is_count
 from ..system import State, Step, System
 from ..tolerances import EPS
 from .controller import PI
@@ -83,6 +83,9 @@ class Tableau:
     blend = 1.0  # of two error estimates, see `mbdae.methods.controller.error_norm`
 
     def __post_init__(self) -> None:
+        for key, order in vars(self).items():
+            if key.startswith("order") and not is_count(order, 0):
+                raise InputError(f"tableau {self.name!r}: {key} is a whole number, not negative, got {order!r:.60}")
         for key in ("A", "Ahat"):
             object.__setattr__(self, key, _texts(self.name, key, getattr(self, key)))
         for key in ("b", "b_embedded", "b_companion"):

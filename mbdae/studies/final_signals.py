@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..errors import UnknownNameError
 from ..integrate.run.run_state import RunState
 from ..integrate.run.whole_runs import WholeRuns, why_in_python
 from ..mechanism import Mechanism
@@ -19,8 +20,13 @@ def why_not_in_core(run: RunState, names: Sequence[str]) -> str:
     Args:
         run: one of the runs, before its beginning.
         names: signals.
+
+    Raises:
+        UnknownNameError: for a signal that the mechanism does not have.
     """
     known = signal_values(run.problem) if names and isinstance(run.problem, Mechanism) else {}
+    if unknown := [name for name in names if name not in known]:
+        raise UnknownNameError("signal", unknown[0], known)
     of_a_run = (name for name in names if known[name].kind == "column" and name.partition(".")[0] in OF_A_RUN)
     unwrapped = (name for name in names if known[name].kind == "angle")
     return next((f"signal {name!r}" for name in (*of_a_run, *unwrapped)), "") or why_in_python(run)

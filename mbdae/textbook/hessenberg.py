@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from ..arguments import as_numbers
-from ..callbacks import FORCE, report
+from ..callbacks import FORCE, read_only, report
 from ..errors import InputError, StepError
 from ..hermite import powers, refine
 from ..system import Array, Counts, System
@@ -213,15 +213,16 @@ class HessenbergSystem(System):
         return self.value("f", (self.ny,), t, y, z)
 
     def value(self, name: str, shape: tuple[int, ...], *at: Any) -> Array:
-        """Return the value of a function of the problem.
+        """Return the value of a function of the problem, as a new array: it may return the same one at each call.
 
         Raises:
             StepError: if it fails, or returns another shape.
         """
+        t, *arrays = at
         try:
-            out = np.asarray(getattr(self.problem, name)(*at), float)
+            out = np.array(getattr(self.problem, name)(t, *map(read_only, arrays)), float)
         except Exception as e:
-            report(e, f"{name} of {self.problem.title!r}", f"t = {at[0]:.17g}", FORCE)
+            report(e, f"{name} of {self.problem.title!r}", f"t = {t:.17g}", FORCE)
         if out.shape != shape:
             shapes = f"the shape {out.shape}, expected {shape}"
             raise StepError("force", f"{name} of {self.problem.title!r} returns {shapes}")

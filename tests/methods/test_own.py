@@ -80,6 +80,8 @@ def test_wrong_ones_are_rejected(tmp_path):
         mbdae.solve(mbdae.load("pendulum"), (0, 1), method=Tableau("rk4", A=((),), b=("1",)))
     for text, words in (
         ("name = 1\nA = [[]]\nb = [1]", "a name is a text"),
+        ("name = 'a'\nA = [[]]\nb = [1]\norder = -1", "'a': order is a whole number, not negative, got -1"),
+        ("name = 'a'\nA = [[]]\nb = [1]\norder_own = true", "order_own is a whole number, not negative, got True"),
         ("name = 'x'\nA = [[]]", "needs b"),
         ("name = 'x'\nA = [[]]\nb = [1]\nc = [0]", "unknown key of .*mine.toml 'c'"),
         ("name =", "mine.toml: "),

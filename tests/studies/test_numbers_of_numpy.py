@@ -14,6 +14,21 @@ def test_counts():
     assert not any(is_count(x) for x in (0, -1, 1.0, np.float64(1), True, np.True_, "1", None, [1], np.array([1])))
 
 
+@pytest.mark.parametrize("number", [2, np.int64(2), np.float32(2), np.array(2)])
+def test_tables_and_starts_accept_them(number):
+    assert mbdae.JointDamping(joint="crank", damping=number).damping == 2.0
+    q, _ = mbdae.load("slider_crank").assemble({"crank": number})
+    assert np.isclose(q[0], 2.0)
+
+
+@pytest.mark.parametrize("other", [True, np.True_, "2"])
+def test_text_and_true_are_no_numbers(other):
+    with pytest.raises(InputError, match="damping: Input should be a valid number"):
+        mbdae.JointDamping(joint="crank", damping=other)
+    with pytest.raises(InputError, match="joint 'crank' takes 1 finite configuration values"):
+        mbdae.load("slider_crank").assemble({"crank": other})
+
+
 def test_studies_accept_them(tmp_path):
     assert len(mbdae.kinematics(mbdae.load("slider_crank"), "crank", points=np.int64(5)).q) == 5
     assert number_of_parts(np.int64(3), None) == 3

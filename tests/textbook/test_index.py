@@ -101,6 +101,7 @@ WRONG = {
     "g": (lambda t, y: 1 / 0, "g of 'scalar' failed at t = 0: ZeroDivisionError"),
     "g_y": (lambda t, y: np.ones(1), r"g_y of 'scalar' returns the shape \(1,\), expected \(1, 1\)"),
     "f_y": (lambda t, y, z: 0.0, r"f_y of 'scalar' returns the shape \(\), expected \(1, 1\)"),
+    "f that writes": (lambda t, y, z: np.negative(y, out=y), "f of 'scalar' failed at t = 0: ValueError: .*read-only"),
     "y0": ("start", "y0 of 'scalar' is a list of finite numbers, got 'start'"),
     "z0": ([np.nan], "z0 of 'scalar' is a list of finite numbers"),
 }
@@ -110,7 +111,17 @@ WRONG = {
 def test_wrong_functions_are_named(name):
     value, text = WRONG[name]
     with pytest.raises(InputError, match=text):
-        mbdae.solve(scalar(**{name: value}), (0, 1), method="radau3", step=0.5)
+        mbdae.solve(scalar(**{name.partition(" ")[0]: value}), (0, 1), method="radau3", step=0.5)
+
+
+@pytest.mark.parametrize("method", ["herk3", "radau3"])
+def test_functions_may_return_the_same_array_at_each_call(method):
+    F, r = np.empty(1), np.empty(1)
+    again = scalar(f=lambda t, y, z: np.multiply(z, z, out=F), g=lambda t, y: np.subtract(y, t, out=r))
+    problems = again, scalar(f=lambda t, y, z: z * z)
+    found, expected = (mbdae.solve(p, (0, 1), method=method, step=0.5) for p in problems)
+    np.testing.assert_array_equal(found.y, expected.y)
+    np.testing.assert_array_equal(found.z, expected.z)
 
 
 @pytest.mark.parametrize(("name", "value"), [("g_y", [[2.0]]), ("g_t", [1.0])])

@@ -122,6 +122,18 @@ class Jumps(EventSource):
         run.restart_after_jump(run.interval.restart)
         return False
 
+    def drop_sampling(self, run: "RunState") -> None:
+        """Remove a last node just after controllers were sampled: a run that continues from the end samples them."""
+        if len(run.ts) < 2 or not run.mechanical:
+            return
+        t, gap = run.t, abs(run.t - run.ts[-2])  # 0 at a reset
+        changed, states = run.ys[-1] != run.ys[-2], slice(-1 - run.mechanical.ns, -1)
+        at_jump = 0 < gap <= 8 * JUMP_MARGIN * max(ulp(t), ulp(self.t1))
+        if at_jump and changed.sum() == changed[states].sum() > 0:
+            run.drop_nodes_after(len(run.ts) - 2)
+            run.t = run.ts[-1] = t  # as at the end of a span
+            run.discontinuities -= 1
+
     def _next(self, t: float) -> float:
         s, (first, last) = self.sign, self._following
         if first <= s * t < last:

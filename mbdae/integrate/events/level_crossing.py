@@ -17,7 +17,7 @@ from ...mechanism.formulations.index2 import Index2System
 from ...solution.columns import TWO_PI
 from ...solution.signal_value import SignalValue, find_point_signal, value
 from ...system import Array
-from ...tolerances import EPS
+from ...tolerances import EPS, SOLUTION_ROUNDING
 
 if TYPE_CHECKING:
     from ..run.step_map import StepMap
@@ -143,6 +143,11 @@ class SignalEvent:
         self.advance(step.t1, step.y1, f1)
         return hits
 
+    def reaches(self, step: "StepMap") -> bool:
+        """Return whether the signal is at its level to rounding at the end of the last step, from the right side."""
+        rise = -self.value(step.t, step.y)
+        return abs(self.node[1]) <= SOLUTION_ROUNDING * (1 + abs(self.level)) < abs(rise) and rise * self.direction >= 0
+
     def _append_crossing(
         self, hits: list[EventRoot], a: tuple[float, Array, float], b: tuple[float, Array, float], step: "StepMap"
     ) -> None:
@@ -191,7 +196,8 @@ class SignalEvent:
         # p(x) = f0 + m0 x + a x^2 + b x^3, p'(x) = m0 + 2 a x + 3 b x^2, where m0 and m1 have opposite signs
         a, b = 3 * (f1 - f0) - 2 * m0 - m1, 2 * (f0 - f1) + m0 + m1
         root = np.sqrt(a * a - 3 * b * m0)
-        x = float(-m0 / (a + np.copysign(root, -m0)))
+        with np.errstate(divide="ignore"):  # the square may underflow
+            x = float(-m0 / (a + np.copysign(root, -m0)))
         return [x] if 0 < x < 1 and (f0 + x * (m0 + x * (a + x * b))) * f0 < 0 else []
 
     def _rates(self, step: "StepMap") -> tuple[Array, Array]:

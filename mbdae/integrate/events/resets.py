@@ -51,6 +51,7 @@ class Resets(EventSource):
         self.done: list[tuple[int, str]] = []
         self.times: list[float] = []
         self._found = 0  # event of the last step
+        self._left = ""  # event that a terminal one left undone
         self._checked_until = np.nan  # nan after a jump
 
     @classmethod
@@ -84,7 +85,10 @@ class Resets(EventSource):
         tangency = None if step.t == self._checked_until else jumped
         self._checked_until, hits = step.t1, list[tuple[float, int]]()
         for i, signal in enumerate(self.signals):
-            hits += [(theta, i) for theta, y in signal.zeros(step, tangency) if self._counts(i, step, theta, y)]
+            crossings = signal.zeros(step, tangency)
+            if step.ends and not crossings and signal.reaches(step):
+                crossings = [(1.0, step.y1)]
+            hits += [(theta, i) for theta, y in crossings if self._counts(i, step, theta, y)]
         if not hits:
             return None
         theta, self._found = min(hits)
@@ -123,6 +127,17 @@ class Resets(EventSource):
                 raise StepError("impact", f"{contact} after event {found.reset.name!r}, at t = {run.t:.17g}")
             run.mode_changes.continue_from(run, point, set(), partial(found.with_work, y))
         return False
+
+    def act_at_end(self, run: "RunState") -> None:
+        """Let the state jump if the run goes on; otherwise its end is before the jump, as before an impact."""
+        if run.continues:
+            self.act(run)
+        else:
+            self._left = self.maps[self._found].reset.name
+
+    def warning(self) -> str:
+        """Return which event a terminal one left undone."""
+        return f"before event {self._left!r}, which a run that continues does not repeat" if self._left else ""
 
     def release(self) -> None:
         self.system.mechanism.workspaces.release(self.workspace)

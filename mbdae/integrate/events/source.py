@@ -96,6 +96,9 @@ class EventSource:
         """Handle the last detected event; return whether it ends the run."""
         return False
 
+    def act_at_end(self, run: "RunState") -> None:
+        """Handle the last detected event where another source has just ended the run at the same instant."""
+
     def discard_beyond_end(self, run: "RunState") -> None:
         """Discard events after the last node."""
 

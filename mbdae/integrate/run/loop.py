@@ -49,6 +49,7 @@ def run_to_end(run: RunState, progress: Progress | None) -> tuple[str, str]:
     except KeyboardInterrupt:
         return "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
     if stopped:
+        run.jumps.drop_sampling(run)
         return "event", f"{STATUS['event']} at t = {run.t:.17g}"
     t1 = run.options.t1
     undefined = "" if run.t == t1 else next((x for d in run.problem.drivers if (x := d.outside(t1))), "")
@@ -64,8 +65,11 @@ def time_loop(run: RunState, progress: Progress | None = None) -> bool:
         acting = _detect_events(run, start, before) if len(run.ts) > before else None
         if acting is None:  # no step was taken, or the last one was rejected
             continue
-        if any(source.act(run) for source in acting):
-            return True
+        for i, source in enumerate(acting):
+            if source.act(run):
+                for later in acting[i + 1 :]:
+                    later.act_at_end(run)
+                return True
         if progress:
             progress(1 - run.time_left() / total)
     return False

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...arguments import as_numbers
-from ...errors import InputError, MbdaeError, as_list, require
+from ...errors import InputError, MbdaeError, UnknownNameError, as_list, require
 from ...mechanism import Mechanism
 from ...solution.signals import find, units
 from ...system import Array
@@ -51,7 +51,8 @@ def ensemble(
         v: consistent start velocities, (n, nv), or a common one, (nv,); the model's start when left out.
         parameters: name = values, (n,) each; names as for `mbdae.sweep`. A start of the model depends on them.
         t_span: start and end in s; from 0 to the model's duration when left out.
-        signals: names of signals whose values at the end are returned, see `mbdae.Solution.signals`.
+        signals: names of signals whose values at the end are returned, see `mbdae.Solution.signals`, of the first
+            mechanism that can be made.
         workers: threads; one per processor when left out.
         progress: called with the fraction done and a text.
         settings: arguments of `mbdae.solve`: method, rtol, atol, step, project, ...
@@ -62,8 +63,8 @@ def ensemble(
     Raises:
         UnknownNameError: for a model, parameter, signal or setting that does not exist.
         InputError: for arrays of different lengths, or of the wrong shape. A start that is not consistent, a value of a
-            parameter that is not valid, or a function that fails, is the status ``"input"``, ``"assembly"`` or
-            ``"error"`` of its run.
+            parameter that is not valid, a mechanism without the signals, or a function that fails, is the status
+            ``"input"``, ``"assembly"`` or ``"error"`` of its run.
     """
     check_settings(list(settings), others=(*NOT_SETTINGS, "events"))
     values = _columns(parameters)
@@ -112,7 +113,7 @@ def _columns(parameters: Mapping[str, Any] | None) -> dict[str, Array]:
     out = {}
     for name, values in parameters.items():
         out[name] = as_numbers(values)
-        if out[name].ndim != 1 or not np.isfinite(out[name]).all():
+        if out[name].ndim != 1:
             raise InputError(f"parameter {name!r} takes one number for each run, got {values!r:.60}")
     return out
 
@@ -121,12 +122,11 @@ def _source(model: object, values: dict[str, Array]) -> Mechanism | Maker:
     """Return the mechanism, or its factory for several values of its parameters.
 
     Raises:
-        UnknownNameError, InputError: as `mbdae.load`, and for an unknown parameter.
+        UnknownNameError, InputError: as `mbdae.load`.
     """
     if isinstance(model, Mechanism) and not values:
         return model
     maker = maker_of(model)
-    maker.check({name: x[0].item() for name, x in values.items() if len(x)})
     return maker if values else maker.make({})
 
 
@@ -134,12 +134,17 @@ def _first_made(maker: Maker, values: dict[str, Array]) -> Mechanism:
     """Return the first mechanism that can be made.
 
     Raises:
+        UnknownNameError: for an unknown parameter.
         InputError: if none can be made; names the reason for the last one.
     """
     reason = "there are no values"
     for row in zip(*values.values(), strict=False):
+        given = {name: x.item() for name, x in zip(values, row, strict=True)}
         try:
-            return maker.make({name: x.item() for name, x in zip(values, row, strict=True)})
+            maker.check(given)
+            return maker.make(given)
+        except UnknownNameError:
+            raise
         except MbdaeError as e:
             reason = str(e)
     raise InputError(f"no mechanism can be made of these values: {reason}")

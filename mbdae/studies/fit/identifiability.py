@@ -36,12 +36,13 @@ def precision(J: Array, names: Sequence[str], scale: Array, widths: Array, varia
     determined = sizes > RANK * sizes.max(initial=0.0)
     null = V[~determined] if len(V) == len(names) else np.eye(len(names))
     covariance = (V[determined].T / sizes[determined] ** 2) @ V[determined] * np.outer(scale, scale) * variance
+    combinations = [np.abs(row) > NULL_COMPONENT for row in null]
+    free = np.any([np.zeros(len(names), bool), *combinations], axis=0)
+    covariance[free], covariance[:, free] = np.nan, np.nan  # the pseudo-inverse depends on the scales
+    covariance[free, free] = np.inf
     deviations = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         correlations = covariance / np.outer(deviations, deviations)
-    combinations = [np.abs(row) > NULL_COMPONENT for row in null]
-    for combination in combinations:
-        deviations[combination] = np.inf
     unidentifiable = [members(names, combination) for combination in combinations]
     uncertain = members(names, (widths < deviations) & (deviations < np.inf))
     unidentifiable += [(name,) for name in uncertain]

@@ -41,7 +41,8 @@ def _values(fit: Fit) -> str:
 
 def _correlations(fit: Fit) -> str:
     names = list(fit.values)
-    rows = [[n, *(f"{x:+.3f}" for x in row)] for n, row in zip(names, fit.correlations, strict=True)]
+    cells = [["-" if np.isnan(x) else f"{x:+.3f}" for x in row] for row in fit.correlations]
+    rows = [[n, *row] for n, row in zip(names, cells, strict=True)]
     return elements().captioned("Correlations of the parameters", [["", *names], *rows])
 
 

@@ -40,8 +40,8 @@ class Fit(Tabular):
         model: title.
         values: the parameters at the least sum of squares.
         deviations: their standard deviations; inf if unidentifiable.
-        covariance: (k, k), (J^T J)^-1 of residuals in noise levels.
-        correlations: (k, k).
+        covariance: (k, k), (J^T J)^-1 of residuals in noise levels; inf and nan for unidentifiable parameters.
+        correlations: (k, k); nan for unidentifiable parameters.
         chi2: sum of squares of residuals in noise levels.
         dof: number of measured values minus number of parameters.
         probability: of a larger chi2 for pure noise; nan without known noise levels.

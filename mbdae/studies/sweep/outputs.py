@@ -19,7 +19,6 @@ import numpy as np
 
 from ...callbacks import function_name
 from ...errors import InputError, MbdaeError, UnknownNameError
-from ...mechanism import Mechanism
 from ...solution.signals import signals, units
 from ...solution.solution import Solution
 from ...solution.statistics import Extremum, Integrals, extrema, integrals
@@ -53,14 +52,18 @@ def parse(text: str) -> ParsedOutput:
     )
 
 
-def check(mech: Mechanism, outputs: Sequence[Output], timed: bool) -> None:
+def check(known: Mapping[str, str], outputs: Sequence[Output], timed: bool) -> None:
     """Reject outputs that no run can have.
+
+    Args:
+        known: signals of the runs.
+        outputs: the outputs.
+        timed: whether signals are taken at given times.
 
     Raises:
         UnknownNameError: for a signal or a reduction that does not exist.
         InputError: for a signal without times, or an output that is neither text nor function.
     """
-    known = units(mech) if any(isinstance(x, str) for x in outputs) else {}
     for output in outputs:
         if not isinstance(output, str):
             if not callable(output):
@@ -88,10 +91,12 @@ def evaluate(
 ) -> tuple[dict[str, float], dict[str, Array], dict[str, float]]:
     """Return the outputs of a run: scalars, signals at ``n`` times (nan after its end), results of functions.
 
+    Signals that only other runs have, of more bodies for instance, are left out.
+
     Raises:
         InputError: for a function that fails, or does not return a table of numbers.
     """
-    wanted = [parse(x) for x in outputs if isinstance(x, str)]
+    wanted = [w for x in outputs if isinstance(x, str) and (w := parse(x)).signal in units(sol.mechanism)]
     found = signals(sol, [w.signal for w in wanted if w.reduction in (None, "final")])
     numbers = _reduced(sol, wanted, found)
     samples = {w.text: np.full(n, np.nan) for w in wanted if w.reduction is None and n is not None}

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, suppress
 from dataclasses import replace
@@ -23,14 +23,13 @@ from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...mechanism.formats.mechanism_file.parametric import split as split_name
 from ...mechanism.imported_model import not_carried_over
 from ...solution.provenance import versions
-from ...solution.signals import units
 from ..workers import pool
 from .fingerprint import fingerprint
 from .outputs import Output, check, label, parse
 from .plan import Parameters, Task, names, tasks
 from .results_file import SweepFile
 from .sweep_batch import Batch, batches_of, run_batch
-from .sweep_run import SOLVE, Job, Maker, Model, check_settings, model_title, split
+from .sweep_run import SOLVE, Job, Maker, Model, check_settings, known_signals, model_title, split
 from .table import Sweep, column_kinds, completed
 
 __all__ = ["sweep"]
@@ -80,7 +79,8 @@ def sweep(
             `mbdae.Random` sample.
         t_span: end, or start and end in s; from 0 to the model's duration when left out.
         outputs: results of each run, see `mbdae.studies.sweep.outputs`: ``"q.slider"`` a signal at the times,
-            ``"final q.slider"``, ``"peak force.wrist pin"``, or functions of the Solution that return a table.
+            ``"final q.slider"``, ``"peak force.wrist pin"``, or functions of the Solution that return a table. Runs
+            whose mechanisms do not have a signal that others have are without this output.
         times: number of equidistant times, or the times, at which signals are taken; the ends of steps when left out.
         path: file of the table, ``.parquet``; needs pyarrow.
         seed: the seed of a run follows from this one and its number; a model with a parameter ``seed`` gets it.
@@ -108,7 +108,9 @@ def sweep(
     plan = tasks(parameters, seed)
     job = _job(model, t_span, times, outputs, settings)
     mech = _checked(job, plan)
-    meta = _meta(job, plan, mech)
+    known = known_signals(job, plan, mech)
+    check(known, job.outputs, job.times is not None)
+    meta = _meta(job, plan, mech, known)
     job = replace(job, key=json.dumps(meta["manifest"]))
     with closing(_Collector(meta, None if path is None else Path(path), fresh, progress)) as collector:
         _run(job, [task for task in plan if task.run not in collector.rows], executor, workers, collector)
@@ -160,21 +162,20 @@ class _Collector:
             self.file.close()
 
 
-def _meta(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]:
+def _meta(job: Job, plan: Sequence[Task], mech: Mechanism, known: Mapping[str, str]) -> dict[str, Any]:
     """Return the metadata of a table, see `Sweep`."""
     wanted = [parse(x) for x in job.outputs if isinstance(x, str)]
     numbers, samples = ([w.text for w in wanted if bool(w.reduction) is scalar] for scalar in (True, False))
-    all_units = units(mech) if wanted else {}
     kinds = column_kinds(plan, numbers, samples)
     numeric = [n for n in names(plan) if kinds.get(n) in ("float", "int") and not n.startswith(SOLVE)]
-    known = parameter_units(job.maker(), numeric) | {w.text: all_units[w.signal] for w in wanted}
+    of_columns = parameter_units(job.maker(), numeric) | {w.text: known[w.signal] for w in wanted}
     return {
         "manifest": _manifest(job, plan, mech),
         "kinds": kinds,
         "parameters": names(plan),
         "outputs": numbers,
         "samples": samples,
-        "units": {name: unit for name, unit in known.items() if unit},
+        "units": {name: unit for name, unit in of_columns.items() if unit},
     }
 
 
@@ -227,7 +228,6 @@ def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
     mech = _first_made(job.maker(), plan)
     if mech.remarks:
         warnings.warn(not_carried_over(mech.title, mech.remarks), stacklevel=3)
-    check(mech, job.outputs, job.times is not None)
     return mech
 
 
@@ -241,7 +241,7 @@ def _first_made(maker: Maker, plan: Sequence[Task]) -> Mechanism:
         if mech is not None and tuple(values) in checked:
             continue
         try:
-            maker.check(values)
+            maker.check(values, (f"{SOLVE} ...",))
             checked.add(tuple(values))
             mech = mech or _made(maker, values)
         except UnknownNameError:

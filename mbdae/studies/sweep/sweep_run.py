@@ -1,7 +1,8 @@
 """One run of a sweep, from parameter values to a row, in any thread, process or machine."""
 
 import inspect
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -17,8 +18,9 @@ from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.formats.mechanism_file.loaded_model import LoadedModel
 from ...mechanism.formats.mechanism_file.template import START, Template, check_start, with_start
+from ...solution.signals import units
 from ..workers import Stop, stop_check
-from .outputs import Output, evaluate
+from .outputs import Output, evaluate, parse
 from .plan import Task
 
 Model = str | Path | Mechanism | Callable[..., Mechanism]
@@ -37,8 +39,8 @@ class Maker(Protocol):
 
     parameters: tuple[str, ...]
 
-    def check(self, values: Mapping[str, object]) -> None:
-        """Reject unknown names."""
+    def check(self, values: Mapping[str, object], others: Sequence[str] = ()) -> None:
+        """Reject unknown names; ``others`` are further valid ones, for messages."""
 
     def make(self, values: Mapping[str, object]) -> Mechanism:
         """Return the mechanism with these values."""
@@ -56,14 +58,12 @@ class FunctionMaker:
         self.parameters = tuple(p.name for p in found if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
         self.any = any(p.kind == p.VAR_KEYWORD for p in found)
 
-    def check(self, values: Mapping[str, object]) -> None:
+    def check(self, values: Mapping[str, object], others: Sequence[str] = ()) -> None:
         """See `Maker`."""
         start = [name for name in values if name.startswith(START)]
         for name in values:
             if not (name in self.parameters or name in start or (self.any and name.isidentifier())):
-                raise UnknownNameError(
-                    f"parameter of {self.name}", name, (*self.parameters, "start. ...", "solve. ...")
-                )
+                raise UnknownNameError(f"parameter of {self.name}", name, (*self.parameters, "start. ...", *others))
         if start:
             mech = self.make({name: x for name, x in values.items() if name not in start})
             for name in start:
@@ -197,6 +197,25 @@ def _solved(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
     except InputError as e:
         return {**row, "status": "output", "message": str(e)}
     return {**row, "numbers": numbers, "samples": samples, "more": more}
+
+
+def known_signals(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, str]:
+    """Return signals and their units: those of the first mechanism, and of further ones until all outputs are known.
+
+    Mechanisms that differ in numbers with decimals alone have the same signals.
+    """
+    wanted = {parse(x).signal for x in job.outputs if isinstance(x, str)}
+    maker, known, tried = job.maker(), units(mech) if wanted else {}, set[str]()
+    for task in plan:
+        if wanted <= known.keys():
+            break
+        values, _ = split(task.values, maker, task.seed)
+        kind = repr([(name, x) for name, x in values.items() if not isinstance(x, float | list)])
+        if kind not in tried:
+            with suppress(Exception):  # the row of the run has the message
+                known |= units(maker.make(values))
+                tried.add(kind)
+    return known
 
 
 def check_settings(

@@ -54,6 +54,19 @@ def test_energy_between_the_jumps_gives_the_angles(file):
     assert mbdae.drift(sol).energy_error < 1e-7  # J; energy that is lost counts as work
 
 
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("ending", ["q.rod = 0.4", "q.rod > 0.4"])
+def test_a_simulator_goes_on_after_a_terminal_event_at_a_jump(file, ending):
+    event = mbdae.Event(ending, terminal=True)
+    simulator, expected = mbdae.Simulator(file, rtol=1e-9, events=event), mbdae.solve(file, (0, 3), rtol=1e-9)
+    while simulator.t < 3:
+        simulator.advance(3 - simulator.t)
+    assert len(simulator.solution().resets) == len(expected.resets)
+    np.testing.assert_allclose(simulator.q, expected.q[-1], atol=1e-12)
+    sol = mbdae.solve(file, (0, 3), rtol=1e-9, events=event)
+    assert sol.message.endswith("; before event 'back', which a run that continues does not repeat")
+
+
 @pytest.mark.parametrize("backend", ["native", "python"])
 def test_both_back_ends(file, backend):
     sol = mbdae.solve(file, (0, 3), rtol=1e-9, backend=backend)

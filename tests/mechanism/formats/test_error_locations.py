@@ -29,6 +29,11 @@ BODY = '[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ninertia = [1, 1, 1, 
         ("motor.m = { input = { u = 1 } }", "m.toml: unknown input {'u': 1}; known: none"),
         (".".join(["a"] * 5000) + " = 1", "m.toml: its tables are nested too deeply"),
         ("source = false\n" + BODY, "m.toml: source: Input should be a valid tuple, got 'False'"),
+        (BODY.replace("1.0", "true"), "m.toml: body.a.mass: Input should be a valid number, got 'True'"),
+        (BODY.replace("1.0", '"500"'), "m.toml: body.a.mass: Input should be a valid number, got '500'"),
+        (BODY.replace("1, 1, 1", '1, "1", 1'), "m.toml: body.a.inertia: Input should be a valid number, got"),
+        (BODY + "start.q = { a = false }", "m.toml: start.q: Input should be a valid number, got"),
+        (BODY + "[solve]\nproject = 1", "m.toml: solve.project: Input should be true or false, got '1'"),
     ],
 )
 def test_files(text, words, tmp_path, monkeypatch):

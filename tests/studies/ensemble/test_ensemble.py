@@ -215,26 +215,6 @@ def test_failed_runs_are_reported_each():
     assert "input: an invalid value, for instance run 1" in str(found)
 
 
-def test_values_without_a_mechanism_or_an_assembly_are_failures():
-    values = {"frame.rod_tip.xyz.0": [0.35, 0.01], "start.v.crank": [6.0, 6.0]}
-    found = mbdae.ensemble("slider_crank", None, None, values, (0.0, 0.1))
-    assert found.status == ["finished", "assembly"]
-    assert np.isnan(found.t[1])
-    found = mbdae.ensemble("n_four_bar", parameters={"N": [1, 2]}, t_span=(0.0, 0.1))
-    assert found.status == ["finished", "input"]
-    assert "has 10 coordinates, velocities and states, the first run 6" in found.message[1]
-
-
-def test_a_model_that_fails_for_a_value_is_the_failure_of_its_run():
-    def model(damping):
-        return mbdae.load("four_bar", forces=[mbdae.JointDamping(joint="crank", damping=1 / (1 / damping))])
-
-    found = mbdae.ensemble(model, parameters={"damping": [0.1, 0.0, -0.1]}, t_span=(0.0, 0.1))
-    assert found.status == ["finished", "error", "input"]
-    assert "failed at damping = 0.0: ZeroDivisionError" in found.message[1]
-    assert "error: an unexpected error, for instance run 1" in str(found)
-
-
 def test_too_few_steps_are_a_status():
     mech = mbdae.load("slider_crank")
     found = mbdae.ensemble(mech, None, mech.start[1][None], None, (0.0, 10.0), max_steps=20)

@@ -118,6 +118,8 @@ def test_unidentifiable_parameters_are_named(tmp_path):
     assert found.unidentifiable == [("force.spring.stiffness", "force.other.stiffness")]
     assert not found.success
     assert np.isinf(found.deviations["force.other.stiffness"])
+    np.testing.assert_array_equal(np.diag(found.covariance), np.inf)
+    assert np.isnan(found.correlations).all()
     assert sum(found.values.values()) == pytest.approx(80.0, rel=1e-5)
     assert "only a combination of force.spring.stiffness, force.other.stiffness" in str(found)
 

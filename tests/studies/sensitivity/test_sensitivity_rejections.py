@@ -92,6 +92,11 @@ def test_a_parameter_of_a_function_needs_the_function():
         mbdae.sensitivity(sol, ["N"])
 
 
+def test_settings_of_runs_are_no_parameters(sol):
+    with pytest.raises(UnknownNameError, match=r"unknown parameter 'solve.rtol'; valid: .* joint\. \.\.\.$"):
+        mbdae.sensitivity(sol, ["solve.rtol"])
+
+
 def test_start_is_a_yes_or_no(sol):
     with pytest.raises(InputError, match="start is True or False, got 'a'"):
         mbdae.sensitivity(sol, MASS, start="a")

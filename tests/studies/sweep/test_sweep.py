@@ -240,7 +240,7 @@ def test_failed_runs_are_rows():
     ("arguments", "words"),
     [
         (["slidr_crank", LINKS], "unknown model 'slidr_crank' (did you mean 'slider_crank'?)"),
-        (["slider_crank", {"N": [1]}], "unknown parameter 'N'"),
+        (["slider_crank", {"N": [1]}], "unknown parameter 'N'; valid: duration, gravity, body. ..."),
         (["n_four_bar", {"M": [1]}], "unknown parameter 'M'; valid: N, duration, gravity"),
         (["slider_crank", {"frame.rod.xyz.0": [1]}], "unknown entry of frame 'rod.xyz.0'"),
         (["slider_crank", {"frame.rod_tip.xyz.3": [1]}], "valid: 0, 1, 2"),

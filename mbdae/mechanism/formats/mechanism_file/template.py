@@ -80,8 +80,12 @@ class Template:
         """Return the files for the parameters among ``values``, without visuals."""
         return self._read(_as_text({n: x for n, x in values.items() if n in self.parameters}))
 
-    def check(self, values: Mapping[str, object]) -> None:
+    def check(self, values: Mapping[str, object], others: Sequence[str] = ()) -> None:
         """Reject invalid names.
+
+        Args:
+            values: by name.
+            others: further valid names, for messages.
 
         Raises:
             UnknownNameError: with the valid names.
@@ -92,8 +96,8 @@ class Template:
             if name in self.parameters:
                 continue
             if root not in (*TABLES, "joint") or not (dot or root in WHOLE_TABLES):
-                valid = [f"{t}. ..." for t in (*TABLES, "joint", "solve") if t not in WHOLE_TABLES]
-                raise UnknownNameError("parameter", name, (*self.parameters, *WHOLE_TABLES, *valid))
+                valid = [f"{t}. ..." for t in (*TABLES, "joint") if t not in WHOLE_TABLES]
+                raise UnknownNameError("parameter", name, (*self.parameters, *WHOLE_TABLES, *valid, *others))
             if root == "start":
                 check_start(mech, name)
             elif root == "joint":
