@@ -133,8 +133,8 @@ class ClosureFriction:
         return out
 
     @property
-    def turning(self) -> list[int]:
-        """Indices of the sliding interfaces whose slip has two components: its direction changes within a mode."""
+    def planar_slips(self) -> list[int]:
+        """Indices of sliding interfaces whose slip has two components: its direction changes within a mode."""
         found = np.flatnonzero(self.active).tolist() if self.interfaces else []
         return [k for k in found if self.interfaces[k].force.sticks and len(self.directions[k]) > 1]
 
@@ -143,8 +143,8 @@ class ClosureFriction:
 
         Kinematics must be current.
         """
-        self.constraints.update_wrenches([self.interfaces[k].closure.name for k in self.turning])
-        for k in self.turning:
+        self.constraints.update_wrenches([self.interfaces[k].closure.name for k in self.planar_slips])
+        for k in self.planar_slips:
             slip, size = self._slip(k, v)
             if self._is_clear(size) and slip @ self.directions[k] < 0:
                 self.directions[k][:] = slip / size

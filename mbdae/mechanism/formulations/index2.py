@@ -189,22 +189,19 @@ class Index2System(PinocchioData, RunVariables, System):
         return np.concatenate([q, v, self.laws.jump(t, q, v, self.element_states(y), late), y[-1:]]) if self.ns else y
 
     def chart(self, t: float, y: Array) -> index2_step.Index2Chart:
-        if self.closure_friction.turning:
-            q, v = self.split(y)
-            tree.update_poses(self.model, self.workspace, q)
-            self.closure_friction.begin_step(v)
+        if self.closure_friction.planar_slips:
+            tree.update_poses(self.model, self.workspace, self.split(y)[0])
+            self.closure_friction.begin_step(self.split(y)[1])
         return index2_step.Index2Chart(self, t, y, self.rows_of_step(t, y))
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Return (v, v', s', w') and lam (ng,) from M v' = f + G^T lam, 0 = G v' + gamma."""
         q, v = self.split(y)
         U, (f, rates) = self.inertia(t, q), self.force(t, q, v, self.element_states(y))
-        G = self.jacobian()
-        rows = self.choose_rows(t, U, G)
-        friction = self.closure_friction
-        Gr, slips = G[rows], friction.slip_terms(v, within_step=False) if friction else None
+        rows = self.choose_rows(t, U, G := self.jacobian())
+        slips = self.closure_friction.slip_terms(v, within_step=False) if self.closure_friction else None
         rhs = -self.gamma(q, v, t)[rows] if self.ng else np.empty(0)
-        vdot, lam = self.solve(t, U, G, rows, Gr, f, rhs, rates, slips)
+        vdot, lam = self.solve(t, U, G, rows, G[rows], f, rhs, rates, slips)
         rates[-1] -= lam @ self.g_t(t)[rows]
         return np.concatenate([v, vdot, rates]), self.all_multipliers(U, G, rows, lam)
 

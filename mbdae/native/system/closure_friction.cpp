@@ -39,7 +39,7 @@ void ClosureFriction::update_slips(const double* v, bool within_step) {
   }
 }
 
-bool ClosureFriction::turns() const {
+bool ClosureFriction::has_planar_slip() const {
   for (size_t k = 0; k < interfaces_.size(); ++k)
     if (active_[k] && interfaces_[k].no_slip_rows.size() > 1) return true;
   return false;

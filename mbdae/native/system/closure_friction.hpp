@@ -40,7 +40,7 @@ class ClosureFriction {
   void set_active(int k, bool on) { active_[k] = on; }
   double& direction(int k) { return directions_[2 * k]; }  // of the slip along the first no-slip row
 
-  bool turns() const;  // does a slip with two components exist? Its direction changes within a mode
+  bool has_planar_slip() const;  // does a slip with two components exist? Its direction changes within a mode
   // Sets their directions to those of clear slips at the start of a step where they differ, at current poses: rejected
   // steps turned them.
   void begin_step(const double* v);

@@ -70,7 +70,7 @@ bool Index2System::write(const void* model, const Tolerances& limits, Descriptio
 }
 
 void Index2System::select_rows_of_step(const double* y) {
-  if (friction.turns()) tree.poses(y), friction.begin_step(y + nq);
+  if (friction.has_planar_slip()) tree.poses(y), friction.begin_step(y + nq);
   if (!ng || rows.frozen) return;
   if (!point.is_current(y)) point.evaluate(y, true);
   rows.select_if_triggered(point.Z, point.stamp());
