@@ -7,6 +7,7 @@ import pytest
 import mbdae
 from mbdae import Closure, CoulombFriction, JointTorque, Mechanism
 from mbdae.errors import InputError
+from mbdae.mechanism.hybrid.mode_point import AllRows, ModePoint
 from mbdae.mechanism.time_functions.time_functions import Polynomial
 
 R, M, MU, GRAVITY = 0.1, 1.5, 0.3, 9.81
@@ -85,6 +86,19 @@ def test_a_ball_on_an_incline_rolls_up_to_seven_halves_of_mu(tangent, mode, acce
     a = GRAVITY * np.sin(angle) * acceleration if acceleration else GRAVITY * (np.sin(angle) - MU * np.cos(angle))
     assert {m for _, m in sol.modes} == {(mode,)}
     assert sol.q[-1, 0] == pytest.approx(a * 0.3**2 / 2, rel=1e-11)
+
+
+def test_the_guard_of_a_slip_keeps_its_first_direction():
+    """From rest it is the direction of the impending slip, which later steps change."""
+    mech = ball(exact=True)
+    system, (grip,) = mech.system(), mech.switches
+    value, directions = grip.slip()[0], system.closure_friction.directions[0]
+    rest, moves = (ModePoint(system, AllRows(system), 0.0, np.array([*START, *6 * [v], 0.0])) for v in (0.0, 1.0))
+    directions[:] = [0.6, 0.8]
+    assert value(rest) == 0.0
+    before = value(moves)
+    directions[:] = [0.8, -0.6]
+    assert value(moves) == before != 0.0
 
 
 def test_a_driven_wheel_slips_above_its_friction_limit():

@@ -64,7 +64,7 @@ class RollingStiction(Switch):
 
         def value(point: "ModePoint") -> float:
             if not first:
-                first.append(self.direction(point))
+                first.append(self.direction(point).copy())  # that of an impending slip changes in steps
             return float(point.rate[self.no_slip] @ first[0])
 
         def rate(point: "ModePoint") -> float:
