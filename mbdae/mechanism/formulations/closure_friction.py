@@ -143,9 +143,10 @@ class ClosureFriction:
 
         Kinematics must be current.
         """
-        self.constraints.update_wrenches([self.interfaces[k].closure.name for k in self.planar_slips])
-        for k in self.planar_slips:
-            slip, size = self._slip(k, v)
+        which = self.planar_slips
+        self.constraints.update_wrenches([self.interfaces[k].closure.name for k in which])
+        for k in which:
+            slip, size = self.interfaces[k].no_slip_velocity(v, self.constraints.W)
             if self._is_clear(size) and slip @ self.directions[k] < 0:
                 self.directions[k][:] = slip / size
 
@@ -153,16 +154,11 @@ class ClosureFriction:
         """Update the slip directions of sliding interfaces; return False if one is at rest. W must be current."""
         moving = True
         for k in np.flatnonzero(self.active).tolist():
-            if self.interfaces[k].force.sticks:
-                slip, size = self._slip(k, v)
+            if (p := self.interfaces[k]).force.sticks:
+                slip, size = p.no_slip_velocity(v, self.constraints.W)
                 moving &= self._is_clear(size)
                 self.directions[k][:] = slip / size if self._is_clear(size) else self.directions[k]
         return moving
-
-    def _slip(self, k: int, v: Array) -> tuple[Array, float]:
-        p = self.interfaces[k]
-        slip = self.constraints.W[:, p.no_slip_rows].T @ p.pair.relative(v)
-        return slip, float(np.sqrt(slip @ slip))
 
     def _is_clear(self, speed: float) -> bool:
         """Return whether the speed of a slip is no rounding error."""

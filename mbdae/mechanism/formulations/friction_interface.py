@@ -42,8 +42,7 @@ class FrictionInterface(NamedTuple):
         Within a step, if the slip passes zero the direction is continued, as the mode ends there, and the last
         direction is updated. At other points it is that of a slip that is no rounding error.
         """
-        slip = W[:, self.no_slip_rows].T @ self.pair.relative(v)
-        size = float(np.sqrt(slip @ slip))
+        slip, size = self.no_slip_velocity(v, W)
         if size <= min_speed:
             return last
         direction = slip / size
@@ -55,6 +54,11 @@ class FrictionInterface(NamedTuple):
         if within_step and abs(cosine) > MIN_COSINE:
             last[:] = direction
         return direction
+
+    def no_slip_velocity(self, v: Array, W: Array) -> tuple[Array, float]:
+        """Return the slip along no-slip rows, (m,), and its speed, from the wrenches W (6, ng) of all rows."""
+        slip = W[:, self.no_slip_rows].T @ self.pair.relative(v)
+        return slip, float(np.sqrt(slip @ slip))
 
     def slip(self, v: Array, w: Array) -> tuple[Array, float]:
         """Return e (nv,) and e . v at current kinematics; w (6, m) are the wrenches of the rows."""

@@ -82,12 +82,12 @@ def test_a_force_that_overcomes_stiction(unit):
     add_body(model, 0, pin.JointModelPX(), "x", mass=m)
     friction = JointFriction(joint="x", friction=F, static=static)
 
-    def pulled(slope: float) -> Mechanism:
-        pull = JointTorque(joint="x", torque=Polynomial(coefficients=(0.0, slope)))
+    def pulled(ramp: float) -> Mechanism:
+        pull = JointTorque(joint="x", torque=Polynomial(coefficients=(0.0, ramp)))
         return Mechanism(model, forces=[pull, friction])
 
     sol = mbdae.solve(pulled(c), (0.0, T), np.zeros(1), np.zeros(1), **TIGHT)
-    found = mbdae.sensitivity(sol, {"slope": c}, model=pulled).v[-1, 0, 0]
+    found = mbdae.sensitivity(sol, {"ramp": c}, model=pulled).v[-1, 0, 0]
     slips = static / c
     expected = ((T**2 - slips**2) / 2 + (static - F) * static / c**2) / m
     assert found == pytest.approx(expected, rel=1e-9, abs=0)
