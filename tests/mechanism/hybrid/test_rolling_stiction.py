@@ -79,13 +79,17 @@ def test_friction_never_drives_an_ellipsoid_whose_slip_turns(v, method, back_end
     assert back_end == sol.stats["backend"]
 
 
+@pytest.mark.parametrize("down", [1, -1])
 @pytest.mark.parametrize(("tangent", "mode", "acceleration"), [(1.04, 1, 5 / 7), (1.06, 2, None)])
-def test_a_ball_on_an_incline_rolls_up_to_seven_halves_of_mu(tangent, mode, acceleration):
+def test_a_ball_on_an_incline_rolls_up_to_seven_halves_of_mu(tangent, mode, acceleration, down):
     angle = np.arctan(tangent)  # 7/2 mu = 1.05
-    sol = mbdae.solve(ball(angle, exact=True), (0, 0.3), START, np.zeros(6), rtol=1e-10)
+    sol = mbdae.solve(ball(down * angle, exact=True), (0, 0.3), START, np.zeros(6), rtol=1e-10)
     a = GRAVITY * np.sin(angle) * acceleration if acceleration else GRAVITY * (np.sin(angle) - MU * np.cos(angle))
     assert {m for _, m in sol.modes} == {(mode,)}
-    assert sol.q[-1, 0] == pytest.approx(a * 0.3**2 / 2, rel=1e-11)
+    assert sol.q[-1, 0] == pytest.approx(down * a * 0.3**2 / 2, rel=1e-11)
+    t = sol.t[1] / 2  # at the start the slip has no direction yet
+    assert sol(t).q[0] == pytest.approx(down * a * t**2 / 2, rel=1e-8)
+    assert sol.vdot[0, :3] == pytest.approx([down * a, 0, 0], abs=1e-9)
 
 
 def test_the_guard_of_a_slip_keeps_its_first_direction():
