@@ -37,6 +37,27 @@ SCRIPT = """(async () => {
   return JSON.stringify(log);
 })()"""
 
+WITHOUT = """(() => {
+  const root = nodeOf(mbdae.viewer, "mechanism"), pane = mbdae.viewer.renderer.domElement;
+  const look = () => { mbdae.viewer.render(); return pane.toDataURL(); };
+  nodeOf(mbdae.viewer, "ground").visible = false;
+  const full = look(), hidden = root.children.filter(x => x.visible);
+  for (const x of hidden) x.visible = false;
+  const empty = look();
+  for (const x of hidden) x.visible = true;
+  return [full, empty];
+})()"""
+
+
+def picture_of(url):
+    """The pixels of a data address, (height, width, 3)."""
+    return _pixels(url.partition(",")[2])
+
+
+def _pixels(data):
+    with Image.open(BytesIO(base64.b64decode(data))) as image:
+        return np.asarray(image.convert("RGB"), dtype=int)
+
 
 def changed(a, b):
     """The fraction of pixels that differ."""
@@ -120,9 +141,12 @@ class Tab:
 
     def picture(self):
         """The visible picture, (height, width, 3)."""
-        data = self.call("Page.captureScreenshot", format="png")["data"]
-        with Image.open(BytesIO(base64.b64decode(data))) as image:
-            return np.asarray(image.convert("RGB"), dtype=int)
+        return _pixels(self.call("Page.captureScreenshot", format="png")["data"])
+
+    def drawn(self):
+        """The position of the mechanism in the scene: the pixels that change when it is hidden."""
+        full, empty = map(picture_of, self.evaluate(WITHOUT))
+        return np.abs(full - empty).max(axis=2) > 12
 
 
 class Pipe:

@@ -1,58 +1,15 @@
-"""Pixels of a replay: the mechanism fills the scene, springs stay complete."""
+"""Pixels of a replay: springs stay complete, marks are small."""
 
-import base64
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from io import BytesIO
 from threading import Thread
 
 import numpy as np
-import pytest
 from browser import Chromium
-from PIL import Image
 from scenes import motion
 
 import mbdae
 from mbdae.studies.replay.replay import animate
-
-SEEN = ("slider_crank", "spring_four_bar", "andrews_squeezer", "jansen_walker", "stewart_platform", "bicycle",
-        "cart_pole", "car_axis", "flyball_governor", "panda_handle", "bouncing_chain", "slider_crank_with_stop",
-        "geneva_drive", "ratchet", "stick_slip_slider", "pendulum_on_stop", "woodpecker")  # fmt: skip
-SIZES = (1280, 800), (390, 844)
-WITHOUT = """(() => {
-  const root = nodeOf(mbdae.viewer, "mechanism"), pane = mbdae.viewer.renderer.domElement;
-  const look = () => { mbdae.viewer.render(); return pane.toDataURL(); };
-  nodeOf(mbdae.viewer, "ground").visible = false;
-  const full = look(), hidden = root.children.filter(x => x.visible);
-  for (const x of hidden) x.visible = false;
-  const empty = look();
-  for (const x of hidden) x.visible = true;
-  return [full, empty];
-})()"""
-
-
-def picture_of(url):
-    with Image.open(BytesIO(base64.b64decode(url.partition(",")[2]))) as image:
-        return np.asarray(image.convert("RGB"), dtype=int)
-
-
-def drawn(tab):
-    """The position of the mechanism in the scene: the pixels that change when it is hidden."""
-    full, empty = map(picture_of, tab.evaluate(WITHOUT))
-    return np.abs(full - empty).max(axis=2) > 12
-
-
-@pytest.mark.parametrize("name", SEEN)
-def test_the_mechanism_fills_the_scene(name, tmp_path):
-    mech = mbdae.load(name)
-    end = min(1.0, mech.duration)
-    page = animate(mbdae.solve(mech, (0, end), rtol=1e-4), tmp_path / "run.html", fps=10)
-    with Chromium().open(f"{page.as_uri()}#t={0.3 * end}&shadows=0", SIZES[0]) as tab:
-        for size in SIZES:
-            tab.resize(size)
-            seen = drawn(tab)
-            shares = [np.ptp(np.flatnonzero(seen.any(axis=axis))) / seen.shape[1 - axis] for axis in (0, 1)]
-            assert 0.5 < max(shares) < 1.0, (size, shares)
 
 
 def test_in_a_frame_of_slides_the_address_says_how_it_opens_and_nothing_is_fetched(tmp_path):
@@ -98,7 +55,7 @@ def test_a_stretched_spring_stays_whole(tmp_path):
         with Chromium().open(f"{page.as_uri()}#t=0&camera=front&shadows=0", (900, 300)) as tab:
             for t in (0.0, 0.5, 2.0):
                 tab.evaluate(f"mbdae.seek({t}); 0")
-                columns = np.flatnonzero(drawn(tab).any(axis=0))
+                columns = np.flatnonzero(tab.drawn().any(axis=0))
                 assert (np.diff(columns) == 1).all(), (drawing, t)
                 scale = tab.evaluate("mbdae.view.camera.right - mbdae.view.camera.left")
                 assert np.ptp(columns) / 900 * scale >= 0.99 * (0.1 + t)

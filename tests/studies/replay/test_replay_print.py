@@ -5,8 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from browser import Chromium
-from test_replay_pixels import picture_of
+from browser import Chromium, picture_of
 
 import mbdae
 from mbdae.studies.replay.replay import animate
