@@ -19,9 +19,9 @@ from ...system import Array
 from ...tabular import Columns, Tabular, align_columns
 from ...tolerances import SOLUTION_ROUNDING
 from ...units import displayed, unit_name
-from .branch_following import TracedCurve
-from .pose_curve import BranchPoint
-from .toggles import Toggle, toggle_table, toggles
+from .curve.branch_following import TracedCurve
+from .curve.pose_curve import BranchPoint
+from .curve.toggles import Toggle, toggle_table, toggles
 from .violations import Violation, violation_lines
 
 if TYPE_CHECKING:
