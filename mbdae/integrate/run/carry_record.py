@@ -46,7 +46,7 @@ class CarryRecord:
         self.n += len(block)
 
     def up_to(self, n: int) -> tuple[Array, list[int]] | None:
-        """Return the carries at nodes 0 to n - 1, (n, nc), and the nodes up to n that restart it; None if one is missing."""
+        """Return the carries at nodes 0 to n - 1, (n, nc), and those to n that restart it; None if any is missing."""
         if not 0 < n <= self.n:
             return None
         return np.concatenate(self.blocks)[:n], [i for i in self.restarted if i <= n]
