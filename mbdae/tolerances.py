@@ -50,4 +50,5 @@ VISIBLE = 1e-6  # of the largest speed, load or term: smaller violations do not 
 INTERPOLATION = 1e-5  # of the size of a curve: errors of interpolants and of difference quotients
 COARSE = 1e-4  # of a search interval: a first estimate, which a later step refines
 THREE_DIGITS = 1e-3  # of a length, rad, a rate: numbers that were given with three digits
+SIGNIFICANCE_LEVEL = 1e-6  # of chi-squared tests: residuals that noise exceeds less often are not noise
 NEGLIGIBLE = 1e-3  # of the largest share, of a tolerance, of a unit: contributions without influence on a decision

@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 
 SWITCHED = CoulombFriction, JointFriction  # forces that may have rows or modes
 UNBOUND = {"start", "duration", "source"}  # arguments of which rows, forces and names do not depend
-INDEPENDENT = {"characteristic_length", "row_scales", "q_scales", "coordinate_scales", "joint_names"}  # of these
+# cached properties that do not depend on these
+INDEPENDENT = {"characteristic_length", "row_scales", "q_scales", "coordinate_scales", "joint_names"}
+KEPT = (
+    "closures", "drivers", "stops", "clutches", "resets", "visuals", "title", "duration", "order", "settings", "motors",
+    "left_out", "remarks",
+)  # fmt: skip
 
 
 def variant(mech: "Mechanism", **parts: Any) -> "Mechanism":
@@ -36,20 +41,7 @@ def variant(mech: "Mechanism", **parts: Any) -> "Mechanism":
         forces = named_forces(parts["forces"], mech.drivers)
         if _are_same_kinds(mech.forces, forces) and not any(isinstance(f, SWITCHED) for f in forces):
             return _shared(mech, parts | {"forces": forces})
-    names = (
-        "closures",
-        "drivers",
-        "stops",
-        "clutches",
-        "resets",
-        "visuals",
-        "title",
-        "duration",
-        "order",
-        "settings",
-        "motors",
-    )
-    kept = {name: getattr(mech, name) for name in (*names, "left_out", "remarks")}
+    kept = {name: getattr(mech, name) for name in KEPT}
     given = {"model": mech.model, "forces": mech.forces, "start": mech.start_values, **kept, **parts}
     out = type(mech)(**given)
     if _have_same_structure(mech, out):

@@ -98,8 +98,8 @@ FEATURES = {
 COARSE = {  # resolution of studies
     "statics.equilibria.INPUTS": 1, "statics.equilibria.POINTS": 61, "view.sliders.POSES": 7,
     "replay.plot_panels.POINTS": 50, "replay.replay.MIN_FRAMES": 5, "replay.replay.MAX_FRAMES": 9,
-    "replay.html_page.LEVEL": 0,
-    "statics.continuation.MAX_STEP": 0.3, "kinematics.curve_tracing.PREDICTOR_ERROR": 0.2,
+    "replay.html_page.COMPRESSION_LEVEL": 0,
+    "statics.continuation.MAX_STEP": 0.3, "kinematics.curve.curve_tracing.PREDICTOR_ERROR": 0.2,
 }  # fmt: skip
 ONE_SIDED = ("stop", "rope", "stiction", "clutch", "ratchet", "command", "window")
 BEGAN = "the run began in a singular configuration"

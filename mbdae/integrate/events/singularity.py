@@ -76,7 +76,7 @@ class SingularityMonitor(SingularityLocation):
             raise StepError("rank", f"no step of fixed size begins next to a singular configuration, at t = {t:.17g}")
 
     def _reset_history(self, first: int) -> None:
-        self.zone_entry: int | None = None  # the node at which the ratio became small
+        self.monitored_from: int | None = None  # the node at which the ratio became small
         self.last_attempt, self.stalled_attempts = (np.inf, np.inf), 0  # of a crossing: time ahead, and error
         self._restart_ratios(first)
 
@@ -112,7 +112,7 @@ class SingularityMonitor(SingularityLocation):
     def to_core(self, monitor: "CoreMonitor") -> None:
         """Pass the ratios so far to the core."""
         monitor.largest_ratio, monitor.last_ratio = self.largest, self.ratios[-1]
-        monitor.near_singular = self.zone_entry is not None
+        monitor.near_singular = self.monitored_from is not None
 
     def skip_regular_steps(self, least_pivot_ratio: Array, inspect: bool = True) -> int:
         """Return the number of regular steps before the first suspicious one, given their smallest pivot ratios.
@@ -120,7 +120,7 @@ class SingularityMonitor(SingularityLocation):
         Without ``inspect``, the core has found all of them regular.
         """
         new = np.sqrt(least_pivot_ratio)
-        if self.zone_entry is not None or not len(new):
+        if self.monitored_from is not None or not len(new):
             return 0
         if not inspect:
             self.ratios += new.tolist()
@@ -138,7 +138,7 @@ class SingularityMonitor(SingularityLocation):
 
     def skip_regular_intervals(self, least_pivot_ratio: Array, inspect: bool) -> bool:
         """Return whether all steps of several smooth intervals are regular; if so, skip them."""
-        if inspect or self.zone_entry is not None:
+        if inspect or self.monitored_from is not None:
             return False
         self.ratios, self.largest = [np.inf], max(self.largest, float(np.sqrt(least_pivot_ratio.max(initial=0.0))))
         return True
@@ -170,9 +170,9 @@ class SingularityMonitor(SingularityLocation):
         if last:
             self._inspect_end(run)
         near = self._is_near(run)
-        if near and self.zone_entry is None:
-            self.zone_entry = len(run.ts) - 2
-        if self.zone_entry is not None and (last or not near):
+        if near and self.monitored_from is None:
+            self.monitored_from = len(run.ts) - 2
+        if self.monitored_from is not None and (last or not near):
             self._leave(run)
         return bool(near and self.control and self.closing and not ends)
 
@@ -193,7 +193,7 @@ class SingularityMonitor(SingularityLocation):
     def _is_near(self, run: "RunState") -> bool:
         """Return whether the ratio at the last node is small, and is about to vanish or has vanished."""
         before, here = self.ratios[-2:]
-        falls = falls_to_zero(before, here) or (self.zone_entry is not None and here >= before)
+        falls = falls_to_zero(before, here) or (self.monitored_from is not None and here >= before)
         limit = MONITORED_RATIO * self.largest
         return here < limit and falls and self._ratio(run.ts[-1], run.ys[-1]) < limit
 
@@ -205,31 +205,31 @@ class SingularityMonitor(SingularityLocation):
         """
         self.ratios.append(np.inf)
         self._inspect_step(run, len(self.ratios) - 2)
-        if self.zone_entry is not None:
+        if self.monitored_from is not None:
             self._leave(run)
 
     def _leave(self, run: "RunState") -> None:
         """Return to normal steps, after a check of the branch."""
-        self.check_branch(run, self.zone_entry or 0, len(run.ts) - 1)
-        self.zone_entry, self.last_attempt, self.stalled_attempts = None, (np.inf, np.inf), 0
+        self.check_branch(run, self.monitored_from or 0, len(run.ts) - 1)
+        self.monitored_from, self.last_attempt, self.stalled_attempts = None, (np.inf, np.inf), 0
         if self.control:
             self.control.cap = np.inf
 
     def is_idle(self, run: "RunState", t1: float) -> bool:
         """Return whether the run is neither near a singular configuration nor at the start of an interval."""
-        return self.zone_entry is None and len(run.ts) - 1 != self.origin
+        return self.monitored_from is None and len(run.ts) - 1 != self.origin
 
     def replace_step(self, run: "RunState") -> bool:
         """Near a singular configuration, limit the next step, or cross the configuration and return True."""
         begins = len(run.ts) - 1 == self.origin
-        if self.control is None or (self.zone_entry is None and not begins):
+        if self.control is None or (self.monitored_from is None and not begins):
             return False
         self.control.cap = np.inf
         here, time_ahead = self._time_to_singularity(run, begins)
         if not time_ahead < np.inf:
             return False
-        if self.zone_entry is None:
-            self.zone_entry = self.origin
+        if self.monitored_from is None:
+            self.monitored_from = self.origin
         self.control.cap = APPROACH * time_ahead
         if here > CROSSING_RATIO * self.largest or time_ahead > RETRY_SHARE * self.last_attempt[0]:
             return False
@@ -243,8 +243,8 @@ class SingularityMonitor(SingularityLocation):
         self.last_attempt, self.stalled_attempts = (np.inf, np.inf), 0
         self._restart_ratios(len(run.ts) - 1)
         if self._ratio(found.t, found.y) >= (MONITORED_RATIO if run.time_left() else SINGULAR_RATIO) * self.largest:
-            self.check_branch(run, self.zone_entry, len(run.ts) - 1)
-            self.zone_entry = None
+            self.check_branch(run, self.monitored_from, len(run.ts) - 1)
+            self.monitored_from = None
         return True
 
     def _attempt(self, run: "RunState", time_ahead: float) -> SingularityCrossing | None:

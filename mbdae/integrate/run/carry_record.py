@@ -15,7 +15,7 @@ class CarryRecord:
         self.restarted: list[int] = []
 
     def capacity_left(self, n: int) -> int:
-        """Return for how many nodes after the first n carries can be stored."""
+        """Return at how many nodes after the first n the carries can be stored."""
         return max(MAX_STORED - n, 0)
 
     def store(self, i: int, carry: object, restarted: bool = False) -> None:
@@ -24,7 +24,13 @@ class CarryRecord:
             self.extend(i, carry[None], [0] if restarted else [])
 
     def extend(self, first: int, carries: Array, restarted: list[int]) -> None:
-        """Store the carries of several nodes, (k, nc), some of them restarted, unless there are none just before."""
+        """Store the carries at nodes from ``first`` on, (k, nc), in place of stored ones; none after a gap.
+
+        Args:
+            first: first of the nodes.
+            carries: the carries.
+            restarted: which of the nodes, counted from ``first``, restart the carry.
+        """
         while self.n > first:
             block = self.blocks.pop()
             self.n -= len(block)
@@ -33,15 +39,14 @@ class CarryRecord:
         if self.n != first or (first and carries.shape[1] != self.blocks[0].shape[1]):
             return
         self._append(carries)
-        if restarted or self.restarted:
-            self.restarted = [i for i in self.restarted if i < first] + [first + i for i in restarted]
+        self.restarted = [i for i in self.restarted if i < first] + [first + i for i in restarted]
 
     def _append(self, block: Array) -> None:
         self.blocks.append(block)
         self.n += len(block)
 
     def up_to(self, n: int) -> tuple[Array, list[int]] | None:
-        """Return the carries at the first n nodes, (n, nc), and the restarted ones; None if one is not stored."""
+        """Return the carries at nodes 0 to n - 1, (n, nc), and those to n that restart it; None if any is missing."""
         if not 0 < n <= self.n:
             return None
         return np.concatenate(self.blocks)[:n], [i for i in self.restarted if i <= n]

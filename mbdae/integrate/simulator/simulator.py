@@ -188,13 +188,13 @@ class Simulator(DifferentiableAdvance):
         if not (is_number(dt) and dt > 0):
             raise InputError(f"dt must be a positive number in s, got {dt!r:.60}")
         if not self.recorded and self._current.stepper.node_count(self._current) > MAX_NODES:
-            self._restarted()
+            self._begin_new_run()
         self._last = self._differentiated = None
         started, begin, node = perf_counter(), self.t, self._current.stepper.node_count(self._current) - 1
         target = self._on_grid(begin + dt)
         end = end_of_tables(self.mechanism.drivers, begin, target)
         try:
-            restarts, stopped = self._restarts(dt), False
+            restarts, stopped = self._apply_inputs(dt), False
             if restarts or not self._current.stepper.continue_unrecorded(self._current, end):
                 with np.errstate(over="ignore", invalid="ignore"):
                     restarts, stopped = self._loop(end, restarts)
@@ -213,7 +213,7 @@ class Simulator(DifferentiableAdvance):
         self.status, self._fresh = "event" if stopped else "running", False
         return self.status
 
-    def _restarts(self, dt: float) -> bool:
+    def _apply_inputs(self, dt: float) -> bool:
         """Let the inputs follow what was set, over dt; return whether the method restarts."""
         carries = getattr(self._current.tableau, "carries", False)
         return self._settings.apply(self.t, dt) | (self.restart and carries and not self._fresh)
@@ -251,17 +251,17 @@ class Simulator(DifferentiableAdvance):
         Raises:
             InputError: for a simulator that has stopped, or with an FMU that cannot save its state.
         """
-        state = self._restarted()
+        state = self._begin_new_run()
         state.require_external()
         return state
 
-    def _restarted(self) -> SimulatorState:
+    def _begin_new_run(self) -> SimulatorState:
         """Return the state, after a new run has begun there."""
         self._require_running()
         settings, run = self._settings, self._run
         saved = snapshot(run), self.inputs.values, dict(settings.wanted), self.start, self._origin, self._fresh
         state = SimulatorState(*saved, external_states(run))
-        earlier = [*self._earlier, self._made()] if self.recorded else []
+        earlier = [*self._earlier, self._solution_of_run()] if self.recorded else []
         self.restore(state)
         if self.recorded:
             self._earlier, self._settings = earlier, settings
@@ -290,11 +290,11 @@ class Simulator(DifferentiableAdvance):
         o = self.options
         return Origin(self.mechanism.title, str(o.method.name), o.formulation, o.step)
 
-    def _made(self) -> Solution:
+    def _solution_of_run(self) -> Solution:
         status = "finished" if self.status in ("running", "event") else self.status
         return make_solution(self._run, self.mechanism, status, self.message, self.seconds)
 
     def solution(self) -> Solution:
         """Return the recorded steps as a solution of `mbdae.solve`; inputs are functions of time with their history."""
-        out = joined([*self._earlier, self._made()])
+        out = joined([*self._earlier, self._solution_of_run()])
         return replace(out, problem=self.inputs.recorded(out.t, out.y, self._settings.history))

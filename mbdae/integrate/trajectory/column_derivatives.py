@@ -52,15 +52,15 @@ def _flattened(rows: Array) -> Array:
     return rows.reshape(-1, rows.shape[-1])
 
 
-def _loads(motion: MotionTangent) -> Array:
+def _reactions(motion: MotionTangent) -> Array:
     values, derivatives = reaction_derivatives(motion)
     world, local = derivatives
     size = magnitude_derivatives(values[0], world)
     return _flattened(np.concatenate([size[:, :, None], world, local], axis=2))
 
 
-def _speeds(motion: MotionTangent) -> Array:
-    """Return derivatives of positions, and of velocities after their magnitudes."""
+def _positions_and_velocities(motion: MotionTangent) -> Array:
+    """Return derivatives of positions, then of velocities, after those of their magnitudes."""
     values, derivatives = frame_motion_derivatives(motion, moving_frames(motion.mechanism))
     return np.concatenate([_flattened(derivatives[0]), _with_magnitude(values[1], derivatives[1])])
 
@@ -92,11 +92,11 @@ FAMILIES = (
     DerivativeFamily(lambda mech: [f"contact.{c.name}.{x}" for c in rolling_closures(mech) for x in "xyz"],
            lambda motion: _flattened(path_derivatives(motion)), False),
     DerivativeFamily(_contact_names, lambda motion: _flattened(contact_derivatives(motion)), True),
-    DerivativeFamily(reaction_units, _loads, True),
+    DerivativeFamily(reaction_units, _reactions, True),
     DerivativeFamily(lambda mech: list(unilateral_rows(mech)), gap_derivatives, False),
     DerivativeFamily(lambda mech: [f"power.{d.name}" for d in mech.drivers], driver_power_derivatives, True),
     DerivativeFamily(effort_units, effort_derivatives, False),
-    DerivativeFamily(lambda mech: _frame_columns(mech, False), _speeds, False),
+    DerivativeFamily(lambda mech: _frame_columns(mech, False), _positions_and_velocities, False),
     DerivativeFamily(lambda mech: _frame_columns(mech, True), _accelerations, True),
     DerivativeFamily(lambda mech: MOMENTUM, momentum_derivatives, False),
     DerivativeFamily(lambda mech: deformation_units(mech.model), deformation_derivatives, False),

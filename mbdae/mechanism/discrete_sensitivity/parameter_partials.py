@@ -144,16 +144,16 @@ class Parameters:
                 kept[inactive_rows(s.mechanism.switches, mode)] = 0.0
                 update_motions(s.model, s.workspace, q, v, np.zeros(s.nv))
                 update_poses(s.model, s.workspace, q)
-                own, pulls = kept[rows.at], rows.forces(t, kept)
-                moves = [{k: x * own for k, x in kind.items()} for kind in (rows.rates(t, v), rows.biases(t, v))]
-                kinds = [x for x in (laws.values(t, q, v, inner), pulls, *moves) if x]
+                active, forces = kept[rows.at], rows.forces(t, kept)
+                rates = [{k: x * active for k, x in kind.items()} for kind in (rows.rates(t, v), rows.biases(t, v))]
+                kinds = [x for x in (laws.values(t, q, v, inner), forces, *rates) if x]
                 found.append({k: np.concatenate([x[k].ravel() for x in kinds]) for k in near})
             return {k: np.array([x[k] for x in found]).T for k in near}
 
-        held = converged_difference(sampled, p.h)
-        if not held.discrepancy <= INTERPOLATION:
+        found = converged_difference(sampled, p.h)
+        if not found.discrepancy <= INTERPOLATION:
             raise InputError(f"parameter {p.name!r} has no derivative along this run: differences do not converge")
-        p.use_width(held.h)
+        p.use_width(found.h)
 
     def enter(self, mode: Mode) -> None:
         """Enter another mode; partials of its inactive rows are 0."""

@@ -5,10 +5,11 @@ rows of closures whose g is in m. The search is therefore independent of the siz
 kilometres.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 
 from ...system import Array
 from ...tolerances import COINCIDENT
@@ -18,7 +19,8 @@ from ..tree.joints import translation_components
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-LENGTHS = ("length", "radius", "tyre", "radii", "semi_axes", "centre", "surface_radius", "lead")  # of closures, in m
+# keys of closures with values in m
+CLOSURE_LENGTHS = ("length", "radius", "tyre", "radii", "semi_axes", "centre", "surface_radius", "lead")
 
 
 def characteristic_length(mech: "Mechanism") -> float:
@@ -54,18 +56,11 @@ def q_scales(mech: "Mechanism") -> Array:
 def linkage_lengths(mech: "Mechanism") -> Iterator[float]:
     """Yield lengths in m between joints and the points where closures act, and lengths of closures."""
     model = mech.model
-    ground = model.jointPlacements[min(1, model.njoints - 1)].translation
-
-    def size(joint: int, p: Array) -> float:
-        return float(np.linalg.norm(p if joint else p - ground))
-
     for parent, placement in list(zip(model.parents, model.jointPlacements, strict=True))[1:]:
-        yield size(parent, placement.translation)
+        yield _distance(model, parent, placement.translation)
     for spec in mech.constraints:
-        for name in spec.frames or ():
-            a = anchor(model, name)
-            yield size(a.joint, a.p)
-        yield from (abs(x) for key in LENGTHS for x in _numbers(getattr(spec, key, None)))
+        yield from _frame_distances(model, spec.frames or ())
+        yield from (abs(x) for key in CLOSURE_LENGTHS for x in _numbers(getattr(spec, key, None)))
         profile = getattr(spec, "profile", None)
         yield max((abs(x) for x in _numbers(profile.model_dump())), default=0.0) if profile else 0.0
 
@@ -74,14 +69,23 @@ def _body_lengths(mech: "Mechanism") -> Iterator[float]:
     """Yield sizes of the bodies, and distances of the points where forces act."""
     model = mech.model
     yield from (float(np.linalg.norm(f.placement.translation)) for f in model.frames if f.parentJoint)
-    ground = model.jointPlacements[min(1, model.njoints - 1)].translation
     for force in mech.forces:
-        for a in (anchor(model, name) for name in getattr(force, "frames", None) or ()):
-            yield float(np.linalg.norm(a.p if a.joint else a.p - ground))
+        yield from _frame_distances(model, getattr(force, "frames", None) or ())
     for body in list(model.inertias)[1:]:
         yield float(np.linalg.norm(body.lever))
         if body.mass > 0:
             yield float(np.sqrt(np.abs(body.inertia).max() / body.mass))
+
+
+def _frame_distances(model: pin.Model, names: Iterable[str]) -> Iterator[float]:
+    """Yield the distances of frames from their joints, see `_distance`."""
+    for a in (anchor(model, name) for name in names):
+        yield _distance(model, a.joint, a.p)
+
+
+def _distance(model: pin.Model, joint: int, p: Array) -> float:
+    """Return the distance of a point p (3,) of a body from its joint; of the ground, from its first joint."""
+    return float(np.linalg.norm(p if joint else p - model.jointPlacements[min(1, model.njoints - 1)].translation))
 
 
 def _numbers(value: object) -> Iterator[float]:

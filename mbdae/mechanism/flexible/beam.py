@@ -97,11 +97,11 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
         shear = bending / shear_stiffness if shear_stiffness else 0.0
         directions.append(Direction(grid, axis, ends, bending / per_length, shear, gyration.get(axis, 0.0)))
     positions = _positions(nodes or {"A": 0.0, "B": length})
-    places = {name: grid.node(x, name) for name, x in positions.items()}
-    shapes = _chosen(directions, modes, loads, places)
+    elements_at = {name: grid.node(x, name) for name, x in positions.items()}
+    shapes = _lowest_shapes(directions, modes, loads, elements_at)
     r, masses, Phi = shapes.points(per_length, gyration)
     Phi2 = shapes.shortening_at_points(len(r)) if stiffening else None
-    found = {name: _node(shapes, (*places[name], x), stiffening, young, fibre) for name, x in positions.items()}
+    found = {name: _node(shapes, (*elements_at[name], x), stiffening, young, fibre) for name, x in positions.items()}
     body = ModalBody.of_points(r, masses, Phi, per_length * length * shapes.squares, damping, found, Phi2)
     if polar_moment:
         body.I0[0, 0] = density * polar_moment * length
@@ -133,15 +133,15 @@ def _moments(second_moment: float | Sequence[float]) -> dict[str, float]:
     return {axis: real(x, f"beam: second_moment along {axis}", positive=True) for axis, x in moments.items()}
 
 
-def _chosen(
-    directions: Sequence[Direction], modes: int, loads: Sequence[str], places: Mapping[str, tuple[int, float]]
+def _lowest_shapes(
+    directions: Sequence[Direction], modes: int, loads: Sequence[str], elements_at: Mapping[str, tuple[int, float]]
 ) -> Shapes:
     """Return the lowest modes of all directions, and deflections under loads, by frequency."""
     number = sum(d.free for d in directions)
     if modes > number:
         elements = directions[0].grid.elements
         raise InputError(f"beam: {elements} elements have {number} modes with these ends, got modes = {modes}")
-    known = [_loads(d, places) for d in directions]
+    known = [_loads(d, elements_at) for d in directions]
     require_loads(loads, [load for table in known for load in table])
     normal = [d.normal_modes(min(modes, d.free)) for d in directions]
     lowest = np.argsort(np.concatenate([squares for squares, _ in normal]), kind="stable")[:modes]
@@ -155,10 +155,10 @@ def _chosen(
     return Shapes.of(directions, columns)
 
 
-def _loads(d: Direction, places: Mapping[str, tuple[int, float]]) -> dict[str, Array]:
+def _loads(d: Direction, elements_at: Mapping[str, tuple[int, float]]) -> dict[str, Array]:
     """Return the loads along a direction by name: the weight, and forces and moments on nodes."""
     out = {f"gravity {d.axis}": d.weight()}
-    for name, (e, s) in places.items():
+    for name, (e, s) in elements_at.items():
         v, theta, _, _ = d.rows(e, s)
         out[f"force {d.axis} {name}"] = v
         if d.axis in TURNS:

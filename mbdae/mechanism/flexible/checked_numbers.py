@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...arguments import as_numbers
 from ...errors import InputError, UnknownNameError
 from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING
@@ -45,11 +46,8 @@ def integer(value: Any, what: str, least: int) -> int:
 
 def as_array(value: Any) -> Array:
     """Return an array of finite numbers; nan (scalar) for anything else."""
-    try:
-        a = np.asarray(value, float)
-    except (TypeError, ValueError):
-        return np.array(np.nan)
-    return a if np.isfinite(a).all() and not isinstance(value, str) else np.array(np.nan)
+    a = as_numbers(value)
+    return a if np.isfinite(a).all() else np.array(np.nan)
 
 
 def array(value: Any, what: str, shape: tuple[int, ...]) -> Array:

@@ -117,23 +117,23 @@ def read_tables(text: str, name: str) -> RobotTables:
         raise InputError(f"{name}: {one_line(e, lambda path: list(RobotTables.model_fields), given)}") from None
     if tables.type is None:
         tables = tables.model_copy(update={"type": ("6d",) * len(tables.closed_loop)})
-    _same_length(name, "closed_loop", tables.closed_loop, "type", tables.type or ())
-    _same_length(name, "joint_name", tables.joint_name, "joint_type", tables.joint_type)
+    _require_same_length(name, "closed_loop", tables.closed_loop, "type", tables.type or ())
+    _require_same_length(name, "joint_name", tables.joint_name, "joint_type", tables.joint_type)
     if duplicates := {n for n in tables.joint_name if tables.joint_name.count(n) > 1}:
         raise InputError(f"{name}: joint_name has {', '.join(sorted(duplicates))} more than once")
     for t in tables.type or ():
-        _one_of(name, "type", t.lower(), CLOSURES)
+        _require_known(name, "type", t.lower(), CLOSURES)
     for t in tables.joint_type:
-        _one_of(name, "joint_type", t.upper(), [*KINDS, FIXED])
+        _require_known(name, "joint_type", t.upper(), [*KINDS, FIXED])
     return tables
 
 
-def _same_length(name: str, key: str, values: tuple[Any, ...], other: str, others: tuple[Any, ...]) -> None:
+def _require_same_length(name: str, key: str, values: tuple[Any, ...], other: str, others: tuple[Any, ...]) -> None:
     if len(values) != len(others):
         raise InputError(f"{name}: {key} has {len(values)} entries, {other} has {len(others)}: one for each")
 
 
-def _one_of(name: str, key: str, value: str, valid: Any) -> None:
+def _require_known(name: str, key: str, value: str, valid: Any) -> None:
     if value not in valid:
         raise InputError(f"{name}: {key} {value[:40]!r}; known: {', '.join(valid)}")
 

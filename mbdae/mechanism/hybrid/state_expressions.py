@@ -108,18 +108,21 @@ class Expression:
         Raises:
             StepError: if it is not a finite real number.
         """
-        found = self._evaluated(t, {name: complex(y[self.columns[name][0]]) for name in self.names})
+        found = self._evaluated(t, self._coordinates(y))
         if not np.isfinite(found.real) or found.imag:
             raise StepError("nonfinite", f"{self.text!r} is {found:.6g} at t = {t:.17g}")
         return found.real
 
     def partials(self, t: float, y: Array, ny: int) -> Array:
         """Return the derivatives with respect to y in its tangent and to t, (ny + 1,)."""
-        out, values = np.zeros(ny + 1), {name: complex(y[self.columns[name][0]]) for name in self.names}
+        out, values = np.zeros(ny + 1), self._coordinates(y)
         for name, x in values.items():
             out[self.columns[name][1]] = self._evaluated(t, {**values, name: x + 1j * TINY}).imag / TINY
         out[-1] = self._evaluated(t + 1j * TINY, values).imag / TINY
         return out
+
+    def _coordinates(self, y: Array) -> dict[str, complex]:
+        return {name: complex(y[self.columns[name][0]]) for name in self.names}
 
     def _evaluated(self, t: complex, values: Mapping[str, complex]) -> complex:
         try:

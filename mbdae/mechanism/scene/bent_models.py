@@ -12,10 +12,10 @@ from ..tree.tree_terms import copied, flexible_bodies
 
 
 def with_rods(model: pin.Model) -> pin.Model:
-    """Return a model whose workspaces have entries for the ends of rods, in the order of bodies, behind all nodes."""
+    """Return a model whose workspaces have entries for the ends of rods, in the order of bodies, after all nodes."""
     bodies = flexible_bodies(model)
     rods = [{str(i): node for i, node in enumerate(rod_nodes(model, body))} for body in bodies]
-    return _with(model, [*bodies, *(_of_nodes(body, nodes) for body, nodes in zip(bodies, rods, strict=True))])
+    return _with_bodies(model, [*bodies, *(_with_nodes(body, nodes) for body, nodes in zip(bodies, rods, strict=True))])
 
 
 def rod_nodes(model: pin.Model, body: FlexibleBody) -> list[Node]:
@@ -41,11 +41,11 @@ def enlarged(model: pin.Model, factor: float | None) -> pin.Model:
     def moved(node: Node) -> Node:
         return replace(node, Phi=factor * node.Phi, Phi2=None if node.Phi2 is None else factor * node.Phi2)
 
-    bodies = flexible_bodies(model)
-    return _with(model, [_of_nodes(x, {name: moved(node) for name, node in x.modal.nodes.items()}) for x in bodies])
+    nodes = [{name: moved(node) for name, node in x.modal.nodes.items()} for x in flexible_bodies(model)]
+    return _with_bodies(model, list(map(_with_nodes, flexible_bodies(model), nodes)))
 
 
-def _with(model: pin.Model, bodies: list[FlexibleBody]) -> pin.Model:
+def _with_bodies(model: pin.Model, bodies: list[FlexibleBody]) -> pin.Model:
     if not bodies:
         return model
     out = copied(model)
@@ -53,5 +53,5 @@ def _with(model: pin.Model, bodies: list[FlexibleBody]) -> pin.Model:
     return out
 
 
-def _of_nodes(body: FlexibleBody, nodes: Mapping[str, Node]) -> FlexibleBody:
+def _with_nodes(body: FlexibleBody, nodes: Mapping[str, Node]) -> FlexibleBody:
     return body.with_numbers(replace(body.modal, nodes=nodes))

@@ -182,10 +182,10 @@ class _ColouredCollada(Collada):
 
     def triangles(self) -> Iterator[Piece]:
         """Yield each group of triangles, as placed by the scene."""
-        for geometry, place, materials in self.instances():
+        for geometry, placement, materials in self.instances():
             for corners, uv, symbol in self._groups(geometry):
                 material = self._material_of(materials.get(symbol, symbol))
-                yield Piece(corners @ place[:3, :3].T + place[:3, 3], material, uv)
+                yield Piece(corners @ placement[:3, :3].T + placement[:3, 3], material, uv)
 
     def _material_of(self, name: str) -> Material:
         material = self.named.get(name)

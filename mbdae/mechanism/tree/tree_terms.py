@@ -152,8 +152,8 @@ def inverse(model: pin.Model, data: pin.Data, q: Array, v: Array, a: Array) -> A
     """Return M v' + nle(q, v) for v' = a, (nv,)."""
     if not bound_bodies(data):
         return pin.rnea(model, data, q, v, a)
-    nle, M = bias(model, data, q, v).copy(), update_inertia(model, data, q)
-    return nle + np.triu(M) @ a + np.triu(M, 1).T @ a
+    nle = bias(model, data, q, v).copy()
+    return nle + symmetric(update_inertia(model, data, q)) @ a
 
 
 def gravity_potential(model: pin.Model, data: pin.Data, q: Array) -> float:

@@ -7,18 +7,21 @@ namespace mbdae {
 
 namespace {
 
-struct Plane {  // a vector in the plane, along the first and the second direction of its basis
+struct Vector2 {  // along the first and the second direction of the basis of the plane
   double x = 0, y = 0;
 };
 
-struct Twist {  // of the plane: a motion, velocity of the reference point and rate of the angle; or force and moment
-  double x = 0, y = 0, turn = 0;
+// Featherstone's planar vectors: linear and angular velocity or acceleration of a motion; force and moment.
+struct PlanarVector {
+  double x = 0, y = 0, angular = 0;
 };
 
-inline double dot(const Twist& a, const Twist& b) { return a.x * b.x + a.y * b.y + a.turn * b.turn; }
+inline double dot(const PlanarVector& a, const PlanarVector& b) {
+  return a.x * b.x + a.y * b.y + a.angular * b.angular;
+}
 
-inline void add(Twist& to, const Twist& column, double factor) {
-  to.x += factor * column.x, to.y += factor * column.y, to.turn += factor * column.turn;
+inline void add(PlanarVector& to, const PlanarVector& column, double factor) {
+  to.x += factor * column.x, to.y += factor * column.y, to.angular += factor * column.angular;
 }
 
 class PlanarSweep final : public Sweep {
@@ -47,14 +50,14 @@ class PlanarSweep final : public Sweep {
     outward<false, true, false>(q, nullptr, nullptr, poses, J), inward<true, false>(M, nullptr);
   }
   void dynamics(const double* q, const double* v, double* poses, double* J, double* M, double* nle) override {
-    fall(-1), outward<true, true, true>(q, v, nullptr, poses, J), inward<true, true>(M, nle);
+    set_base_acceleration(-1), outward<true, true, true>(q, v, nullptr, poses, J), inward<true, true>(M, nle);
   }
   void inverse(const double* q, const double* v, const double* a, double* poses, double* J, double* out) override {
-    fall(-1), outward<true, false, true>(q, v, a, poses, J), inward<false, true>(nullptr, out);
+    set_base_acceleration(-1), outward<true, false, true>(q, v, a, poses, J), inward<false, true>(nullptr, out);
     for (size_t k = 0; a && k < columns_.size(); ++k) out[k] += armature_[k] * a[k];
   }
   void motions(const double* q, const double* v, const double* a, double* poses, double* J) override {
-    fall(0), outward<true, false, false>(q, v, a, poses, J);
+    set_base_acceleration(0), outward<true, false, false>(q, v, a, poses, J);
   }
   void velocity(int joint, double* out) const override {
     const Body& x = bodies_[carrier_[joint]];
@@ -62,47 +65,48 @@ class PlanarSweep final : public Sweep {
   }
   void acceleration(int joint, double* out) const override {
     const Body& x = bodies_[carrier_[joint]];
-    shift(joint, x.A, across_acceleration_, out);
+    shift(joint, x.A, normal_acceleration_, out);
   }
 
  private:
   struct Joint {  // and its child body, where all angles are zero
     double sense = 0;                           // of the rotation about the normal
-    Plane offset, slides[2], lever;             // from the parent's position; of translations; of the centre of mass
+    Vector2 offset, slides[2], lever;           // from the parent's position; of translations; of the centre of mass
     double mass = 0, inertia = 0;               // about the centre
     double fixed[9] = {}, cosine[9] = {}, sine[9] = {};  // R = fixed + cos cosine + sin sine, by columns
-    double across[3] = {};                      // the position's part along the normal
+    double normal_offset[3] = {};               // of the position, along the normal
   };
   struct Body {
     double c = 1, s = 0;       // of its angle
-    Plane arm, position, from;  // from the root's position; in the world; in the world when V and A were evaluated
-    Twist V, A, f;             // about the root's position, as all below: motion; wrench of the subtree
+    Vector2 arm, position, from;  // from the root's position; in the world; in the world when V and A were evaluated
+    PlanarVector V, A, f;         // about the root's position, as all below: motion; wrench of the subtree
     double mass = 0, inertia = 0;  // of the subtree
-    Plane moment;
+    Vector2 moment;
   };
 
-  static Plane rotated(const Body& body, const Plane& x) {
+  static Vector2 rotated(const Body& body, const Vector2& x) {
     return {body.c * x.x - body.s * x.y, body.s * x.x + body.c * x.y};
   }
   // Apart from the sweep, so that the compiler knows that no array overlaps.
-  static void turn(const double* fixed, const double* cosine, const double* sine, double c, double s,
+  static void rotation(const double* fixed, const double* cosine, const double* sine, double c, double s,
                    double* __restrict R) {
     for (int i = 0; i < 9; ++i) R[i] = fixed[i] + c * cosine[i] + s * sine[i];
   }
-  Plane in_plane(const double* x) const { return {mbdae::dot(first_, x), mbdae::dot(second_, x)}; }
+  Vector2 in_plane(const double* x) const { return {mbdae::dot(first_, x), mbdae::dot(second_, x)}; }
   void to_world(double x, double y, double* out) const {
     for (int i = 0; i < 3; ++i) out[i] = x * first_[i] + y * second_[i];
   }
-  void fall(double factor) {  // the world accelerates against gravity
-    bodies_[0].A = {factor * weight_.x, factor * weight_.y, 0}, across_acceleration_ = factor * across_weight_;
+  void set_base_acceleration(double factor) {  // against gravity, whose forces are then those of inertia
+    bodies_[0].A = {factor * planar_gravity_.x, factor * planar_gravity_.y, 0};
+    normal_acceleration_ = factor * normal_gravity_;
   }
-  void shift(int joint, const Twist& x, double across, double* out) const {  // to the world's origin
-    const Plane& from = bodies_[model_[carrier_[joint]].root].from;
-    to_world(x.x + from.y * x.turn, x.y - from.x * x.turn, out);
-    for (int i = 0; i < 3; ++i) out[i] += across * normal_[i], out[3 + i] = x.turn * normal_[i];
+  void shift(int joint, const PlanarVector& x, double normal, double* out) const {  // to the world's origin
+    const Vector2& from = bodies_[model_[carrier_[joint]].root].from;
+    to_world(x.x + from.y * x.angular, x.y - from.x * x.angular, out);
+    for (int i = 0; i < 3; ++i) out[i] += normal * normal_[i], out[3 + i] = x.angular * normal_[i];
   }
   void set_basis(const double* axis);
-  bool read(size_t j, const double* R0, const double* parent_R0);
+  bool read_joint(size_t j, const double* R0, const double* parent_R0);
   template <bool with_motion, bool with_inertia, bool with_wrench>
   void outward(const double* q, const double* v, const double* a, double* poses, double* J);
   template <bool with_inertia, bool with_wrench>
@@ -117,12 +121,12 @@ class PlanarSweep final : public Sweep {
   const double *gravity_, *armature_;
   const double tolerance_;
   double first_[3] = {}, second_[3] = {}, normal_[3] = {};  // the basis of the plane, and first x second
-  Plane weight_;
-  double across_weight_ = 0, across_acceleration_ = 0;
+  Vector2 planar_gravity_;
+  double normal_gravity_ = 0, normal_acceleration_ = 0;
   std::vector<int> carrier_;  // of each joint of the model: its index
   std::vector<Joint> joints_;
   std::vector<Body> bodies_;
-  std::vector<Twist> columns_;  // (nv,) of J, about the root's position
+  std::vector<PlanarVector> columns_;  // (nv,) of J, about the root's position
   std::vector<std::array<double, 9>> zero_;  // rotations where all angles are zero, by columns
 };
 
@@ -142,24 +146,24 @@ void PlanarSweep::set_basis(const double* axis) {
 }
 
 bool PlanarSweep::refresh() {
-  bool based = false;
+  bool has_basis = false;
   for (size_t j = 1; j < model_.size(); ++j) {
     const TreeJoint& m = model_[j];
     const double* before = zero_[m.parent].data();
     for (int k = 0; k < 3; ++k) rotate_by_columns(before, m.R + 3 * k, &zero_[j][3 * k]);
-    if (based || m.rotation == TreeJoint::none) continue;
+    if (has_basis || m.rotation == TreeJoint::none) continue;
     double axis[3];
     rotate_by_columns(zero_[j].data(), m.axis, axis);
-    set_basis(axis), based = true;
+    set_basis(axis), has_basis = true;
   }
-  if (!based) return false;
-  weight_ = in_plane(gravity_), across_weight_ = mbdae::dot(normal_, gravity_);
+  if (!has_basis) return false;
+  planar_gravity_ = in_plane(gravity_), normal_gravity_ = mbdae::dot(normal_, gravity_);
   for (size_t j = 1; j < model_.size(); ++j)
-    if (!read(j, zero_[j].data(), zero_[model_[j].parent].data())) return false;
+    if (!read_joint(j, zero_[j].data(), zero_[model_[j].parent].data())) return false;
   return true;
 }
 
-bool PlanarSweep::read(size_t j, const double* R0, const double* parent_R0) {
+bool PlanarSweep::read_joint(size_t j, const double* R0, const double* parent_R0) {
   const TreeJoint& m = model_[j];
   Joint& x = joints_[j];
   double a[3];
@@ -180,7 +184,7 @@ bool PlanarSweep::read(size_t j, const double* R0, const double* parent_R0) {
   }
   rotate_by_columns(parent_R0, m.p, a), x.offset = in_plane(a);
   const double along = mbdae::dot(a, normal_);
-  for (int i = 0; i < 3; ++i) x.across[i] = joints_[m.parent].across[i] + along * normal_[i];
+  for (int i = 0; i < 3; ++i) x.normal_offset[i] = joints_[m.parent].normal_offset[i] + along * normal_[i];
   for (int k = 0; k < 3; ++k) {
     const double part = mbdae::dot(normal_, R0 + 3 * k);
     cross(normal_, R0 + 3 * k, x.sine + 3 * k);
@@ -198,13 +202,13 @@ bool PlanarSweep::read(size_t j, const double* R0, const double* parent_R0) {
 inline void PlanarSweep::update_pose(const TreeJoint& m, const Joint& x, const double* q, const Body& before,
                                      Body& here) {
   const double* at = q + m.q;
-  Plane step = rotated(before, x.offset);
+  Vector2 step = rotated(before, x.offset);
   for (int k = 0; k < m.translations; ++k) {
-    const Plane slide = rotated(before, x.slides[k]);
+    const Vector2 slide = rotated(before, x.slides[k]);
     step.x += *at * slide.x, step.y += *at++ * slide.y;
   }
   here.position = {before.position.x + step.x, before.position.y + step.y};
-  here.arm = m.parent ? Plane{before.arm.x + step.x, before.arm.y + step.y} : Plane{};
+  here.arm = m.parent ? Vector2{before.arm.x + step.x, before.arm.y + step.y} : Vector2{};
   here.c = before.c, here.s = before.s;
   if (m.rotation == TreeJoint::none) return;
   const bool angle = m.rotation == TreeJoint::angle;
@@ -216,7 +220,7 @@ inline void PlanarSweep::update_pose(const TreeJoint& m, const Joint& x, const d
 inline void PlanarSweep::update_columns(const TreeJoint& m, const Joint& x, const Body& here, bool rooted, double* J) {
   int k = m.v;
   for (int i = 0; i < m.translations; ++i, ++k) {
-    const Plane slide = rotated(here, x.slides[i]);
+    const Vector2 slide = rotated(here, x.slides[i]);
     if (rooted) columns_[k] = {slide.x, slide.y, 0};
     to_world(slide.x, slide.y, J + 6 * k), std::fill_n(J + 6 * k + 3, 3, 0.0);
   }
@@ -228,12 +232,13 @@ inline void PlanarSweep::update_columns(const TreeJoint& m, const Joint& x, cons
 
 template <bool with_inertia, bool with_wrench>
 inline void PlanarSweep::add_body(const Joint& x, Body& here) {
-  const Plane lever = rotated(here, x.lever), c{here.arm.x + lever.x, here.arm.y + lever.y};
+  const Vector2 lever = rotated(here, x.lever), c{here.arm.x + lever.x, here.arm.y + lever.y};
   if (with_wrench) {  // mass times the acceleration of the centre, and Euler's equation
-    const Twist &V = here.V, &A = here.A;
-    const Plane u{V.x - V.turn * c.y, V.y + V.turn * c.x};
-    here.f.x = x.mass * (A.x - A.turn * c.y - V.turn * u.y), here.f.y = x.mass * (A.y + A.turn * c.x + V.turn * u.x);
-    here.f.turn = x.inertia * A.turn + c.x * here.f.y - c.y * here.f.x;
+    const PlanarVector &V = here.V, &A = here.A;
+    const Vector2 u{V.x - V.angular * c.y, V.y + V.angular * c.x};
+    here.f.x = x.mass * (A.x - A.angular * c.y - V.angular * u.y);
+    here.f.y = x.mass * (A.y + A.angular * c.x + V.angular * u.x);
+    here.f.angular = x.inertia * A.angular + c.x * here.f.y - c.y * here.f.x;
   }
   if (with_inertia) {
     here.mass = x.mass, here.moment = {x.mass * c.x, x.mass * c.y};
@@ -251,17 +256,17 @@ void PlanarSweep::outward(const double* q, const double* v, const double* a, dou
     update_pose(m, x, q, before, here), update_columns(m, x, here, with_motion || with_inertia || with_wrench, J);
     if (m.joint >= 0) {
       double* pose = poses + 12 * m.joint;
-      turn(x.fixed, x.cosine, x.sine, here.c, here.s, pose);
+      rotation(x.fixed, x.cosine, x.sine, here.c, here.s, pose);
       to_world(here.position.x, here.position.y, pose + 9);
-      for (int i = 0; i < 3; ++i) pose[9 + i] += x.across[i];
+      for (int i = 0; i < 3; ++i) pose[9 + i] += x.normal_offset[i];
     }
     if (with_motion) {
-      Twist own, A = before.A;
+      PlanarVector own, A = before.A;
       for (int k = m.v; k < m.v + m.nv; ++k) add(own, columns_[k], v[k]);
-      const Twist& V = before.V;
-      A.x += V.y * own.turn - V.turn * own.y, A.y += V.turn * own.x - V.x * own.turn;
+      const PlanarVector& V = before.V;
+      A.x += V.y * own.angular - V.angular * own.y, A.y += V.angular * own.x - V.x * own.angular;
       for (int k = m.v; a && k < m.v + m.nv; ++k) add(A, columns_[k], a[k]);
-      here.V = {V.x + own.x, V.y + own.y, V.turn + own.turn}, here.A = A, here.from = here.position;
+      here.V = {V.x + own.x, V.y + own.y, V.angular + own.angular}, here.A = A, here.from = here.position;
     }
     if (with_inertia || with_wrench) add_body<with_inertia, with_wrench>(x, here);
   }
@@ -273,11 +278,11 @@ void PlanarSweep::inward(double* M, double* nle) {
     const TreeJoint& m = model_[j];
     const Body& own = bodies_[j];
     for (int k = m.v; k < m.v + m.nv; ++k) {
-      const Twist& J = columns_[k];
+      const PlanarVector& J = columns_[k];
       if (with_wrench) nle[k] = dot(own.f, J);
       if (!with_inertia) continue;
-      const Twist F{own.mass * J.x - J.turn * own.moment.y, own.mass * J.y + J.turn * own.moment.x,
-                    own.inertia * J.turn + own.moment.x * J.y - own.moment.y * J.x};
+      const PlanarVector F{own.mass * J.x - J.angular * own.moment.y, own.mass * J.y + J.angular * own.moment.x,
+                           own.inertia * J.angular + own.moment.x * J.y - own.moment.y * J.x};
       for (size_t i = pattern_.starts[k]; i < pattern_.starts[k + 1]; ++i) M[i] = dot(F, columns_[pattern_.rows[i]]);
       M[pattern_.starts[k]] += armature_[k];
     }

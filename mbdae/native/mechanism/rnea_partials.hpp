@@ -28,7 +28,8 @@ class RneaPartials {
 
  private:
   // Of a body, or of the subtree of a joint: inertia (mass, moment, and about the origin: xx, xy, yy, xz, yz, zz),
-  // momentum h, wrench f, and S: its wrench for a motion x of its parent is D x = (2 x h, S x - h x x).
+  // momentum h = (p, L), wrench f, and S: its wrench for a motion of its parent with the angular velocity w is
+  // D w = (2 w x p, S w + w x L).
   struct InertiaTerms {
     double mass = 0, moment[3] = {}, I[6] = {};
     Six h{}, f{};

@@ -45,8 +45,8 @@ class Sweep {
   // The numbers of the model may have changed; false: another sweep is needed.
   virtual bool refresh() { return true; }
   virtual bool planar() const { return false; }
-  // Poses (joints and nodes, 12), R by columns and p, of which the first is that of the world, and J (6, nv and nodes) by columns at the
-  // world's origin.
+  // Poses (joints and nodes, 12), R by columns and p, of which the first is that of the world, and J (6, nv and nodes)
+  // by columns at the world's origin.
   virtual void poses(const double* q, double* poses, double* J) = 0;
   // The same, and the entries of M, see `InertiaPattern`.
   virtual void inertia(const double* q, double* poses, double* J, double* M) = 0;

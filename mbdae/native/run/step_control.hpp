@@ -20,10 +20,10 @@ struct Proposal {
   double h, t_next;
 };
 
-// Step-size control. The first four change from step to step.
+// Memory of step-size control, which changes from step to step.
 struct StepMemory {
   double h = 0;           // s: the next step
-  double uncut_size = 0;         // s: the step size before truncation at the end of an interval
+  double uncut_size = 0;  // s: the step size before truncation at the end of an interval
   double last = 0;        // error norm of the last step
   bool rejected = false;  // was the last step?
 };

@@ -3,6 +3,14 @@
 
 namespace mbdae {
 
+namespace {
+
+void require(bool valid) {
+  if (!valid) reject("the state is not one of this mechanism");
+}
+
+}  // namespace
+
 Numbers ExportedMechanism::guards() const {
   Numbers out;
   for (const Guard& x : run_.modes.guards) out.insert(out.end(), {x.size, x.level, x.return_time, x.unit});
@@ -11,10 +19,9 @@ Numbers ExportedMechanism::guards() const {
 
 void ExportedMechanism::set_guards(const Numbers& guards) {
   Modes& modes = run_.modes;
-  if (modes.mode.size() != modes.switches.size() || modes.last_impact.size() != modes.switches.size())
-    reject("the state is not one of this mechanism");
+  require(modes.mode.size() == modes.switches.size() && modes.last_impact.size() == modes.switches.size());
   modes.guards = guards_of(modes.switches, modes.mode);
-  if (guards.size() != 4 * modes.guards.size()) reject("the state is not one of this mechanism");
+  require(guards.size() == 4 * modes.guards.size());
   const double* at = guards.data();
   for (Guard& x : modes.guards) x.size = at[0], x.level = at[1], x.return_time = at[2], x.unit = at[3], at += 4;
 }
@@ -42,12 +49,12 @@ Numbers ExportedMechanism::state() {
 void ExportedMechanism::set_state(const Numbers& state) {
   size_t at = 0;
   const auto next = [&] {
-    if (at >= state.size()) reject("the state is not one of this mechanism");
+    require(at < state.size());
     return state[at++];
   };
   const auto list = [&] {
     const double size = next();
-    if (!(size >= 0 && size <= double(state.size() - at))) reject("the state is not one of this mechanism");
+    require(size >= 0 && size <= double(state.size() - at));
     Numbers out(state.begin() + at, state.begin() + at + static_cast<size_t>(size));
     return at += out.size(), out;
   };
@@ -63,13 +70,12 @@ void ExportedMechanism::set_state(const Numbers& state) {
   const Numbers values = list(), wanted = list(), origin = list(), x = list(), rows = list(), slips = list(), mode = list();
   run.modes.mode.assign(mode.begin(), mode.end()), run.modes.last_impact = list();
   const Numbers guards = list();
-  if (run.state.y.size() != start_.y.size() || values.size() != values_.size() || wanted.size() != wanted_.size() ||
-      static_cast<int>(x.size()) != states_)
-    reject("the state is not one of this mechanism");
+  require(run.state.y.size() == start_.y.size() && values.size() == values_.size() && wanted.size() == wanted_.size() &&
+          static_cast<int>(x.size()) == states_);
   std::vector<Setting> settings;
   for (size_t k = 0; k < inputs.size(); ++k) {
     const Numbers u = list();
-    if (u.size() != 3) reject("the state is not one of this mechanism");
+    require(u.size() == 3);
     settings.push_back({u[0], u[1], u[2]});
   }
   const bool rebuild = !started() || values != values_;

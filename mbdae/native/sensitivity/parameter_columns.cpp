@@ -5,7 +5,8 @@ namespace mbdae {
 
 namespace {
 
-void inertial(const double* x, const double* V, double* out) {  // dI V of ten inertial parameters, in the body's axes
+// dI V of ten inertial parameters, in the body's axes.
+void inertial_momentum(const double* x, const double* V, double* out) {
   const double *m = x + 1, *I = x + 4, *w = V + 3;
   double arm[3];
   cross(w, m, arm), cross(m, V, out + 3);
@@ -70,7 +71,7 @@ void Parameters::inertia_columns(int component, Numbers& P) const {
   double V[6], A[6], W[6], h[6], rotated[6];
   world_poses_[component].to_local(V_[j].data(), V), world_poses_[component].to_local(A_[j].data(), A);
   for (const Direction* d : along_[component]) {
-    inertial(d->x.data(), A, W), inertial(d->x.data(), V, h), wrench_cross(V, h, rotated);
+    inertial_momentum(d->x.data(), A, W), inertial_momentum(d->x.data(), V, h), wrench_cross(V, h, rotated);
     for (int i = 0; i < 6; ++i) W[i] += rotated[i];
     world_poses_[component].wrench_to_world(W, h);
     subtract_wrench(j, h, &P[d->parameter * n_]);
@@ -118,8 +119,8 @@ void Parameters::placement_columns(int component, Numbers& P) {
   }
 }
 
-double Parameters::moving(const Pair& pair, const WrenchPartials& t, const Moving& by, const double* xi, double* dF,
-                               double* within) const {
+double Parameters::wrench_change(const Pair& pair, const WrenchPartials& t, const MovedFrame& by, const double* xi,
+                                 double* dF, double* within) const {
   const int a = pair.a.joint, b = pair.b.joint;
   const ModelComponent& x = components_[by.component];
   double V[6], rotated[6], power = 0;
@@ -146,12 +147,12 @@ double Parameters::moving(const Pair& pair, const WrenchPartials& t, const Movin
 void Parameters::pair_columns(const ActingWrench& w, Numbers& P) const {
   const Pair& pair = *w.pair;
   const double* J = s_.tree.J();
-  for (const Moving& by : moved_frames_.at(&pair)) {
+  for (const MovedFrame& by : moved_frames_.at(&pair)) {
     const ModelComponent& x = components_[by.component];
     for (const Direction* d : along_[by.component]) {
       double xi[6], dF[6], within[6];
       world_poses_[by.component].to_world(d->x.data(), xi);
-      const double power = moving(pair, w.partials, by, xi, dF, within);
+      const double power = wrench_change(pair, w.partials, by, xi, dF, within);
       double* out = &P[d->parameter * n_];
       if (!w.conservative) out[n_ - 1] += power;
       for (size_t k = 0; k < pair.columns.size(); ++k) {
@@ -166,14 +167,14 @@ void Parameters::pair_columns(const ActingWrench& w, Numbers& P) const {
 
 void Parameters::row_columns(const LinearisationPoint::ConstraintPoint& constrained, const Pair& pair, size_t r,
                              Numbers& Q) const {
-  for (const Moving& by : moved_frames_.at(&pair))
+  for (const MovedFrame& by : moved_frames_.at(&pair))
     for (const Direction* d : along_[by.component]) {
       double xi[6], dF[6], within[6];
       world_poses_[by.component].to_world(d->x.data(), xi);
       for (const auto& [at, t] : requested_)
         Q[d->parameter * r + at] += constrained.weight * (constrained.kind == LinearisationPoint::ConstraintPoint::g
                                                               ? (by.second ? 1 : -1) * dot6(t->F, xi)
-                                                              : moving(pair, *t, by, xi, dF, within));
+                                                              : wrench_change(pair, *t, by, xi, dF, within));
     }
 }
 

@@ -6,7 +6,7 @@ namespace mbdae {
 namespace {
 
 // Adds the partials of U . I A by the ten inertial parameters, in the body's axes, times a factor.
-void inertial(const double* U, const double* A, double factor, double* out) {
+void add_inertial_gradient(const double* U, const double* A, double factor, double* out) {
   double first[3], second[3];
   cross(A + 3, U, first), cross(A, U + 3, second);
   const double *w = U + 3, *a = A + 3;
@@ -17,17 +17,17 @@ void inertial(const double* U, const double* A, double factor, double* out) {
   out[9] += factor * w[2] * a[2];
 }
 
-void add_motion(const WorldPose& at, const double* g, double* out) {  // of partials by a motion in the world
+void add_frame_gradient(const WorldPose& at, const double* g, double* out) {  // of partials by a motion in the world
   double rotated[3], all[6];
   cross(g, at.p, rotated);
   for (int i = 0; i < 3; ++i) rotated[i] += g[3 + i];
-  transposed(at.R, g, all), transposed(at.R, rotated, all + 3);
+  rotate_by_columns(at.R, g, all), rotate_by_columns(at.R, rotated, all + 3);
   for (int i = 0; i < 6; ++i) out[i] += all[i];
 }
 
 }  // namespace
 
-void Parameters::twists(const double* v) {
+void Parameters::update_virtual_velocities(const double* v) {
   const double* J = s_.tree.J();
   for (int j = 1; j < s_.tree.joints; ++j) {
     U_[j] = U_[s_.tree.parents[j]];
@@ -36,7 +36,7 @@ void Parameters::twists(const double* v) {
   }
 }
 
-void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X,
+void Parameters::add_wrench_gradient(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X,
                        std::vector<Numbers>& sums) {
   const int a = pair.a.joint, b = pair.b.joint;
   Six relative, by_a{}, by_b{}, damping{};
@@ -46,7 +46,7 @@ void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vec
       by_a[j] += relative[i] * t.Da[6 * i + j], by_b[j] += relative[i] * t.Db[6 * i + j];
       if (t.damped) damping[j] += relative[i] * t.C[6 * i + j];
     }
-  for (const Moving& m : moved_frames_.at(&pair)) {
+  for (const MovedFrame& m : moved_frames_.at(&pair)) {
     const ModelComponent& x = components_[m.component];
     Six g = m.second ? by_b : by_a;
     if (x.kind == ModelComponent::placement) {
@@ -61,20 +61,20 @@ void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vec
         for (int i = 0; i < 6; ++i) g[i] += m.second ? rotated[i] : -rotated[i];
       }
     }
-    add_motion(world_poses_[m.component], g.data(), sums[m.component].data());
+    add_frame_gradient(world_poses_[m.component], g.data(), sums[m.component].data());
   }
 }
 
-void Parameters::shifted(const Pair& pair, const double* F, std::vector<Numbers>& sums) {
-  for (const Moving& m : moved_frames_.at(&pair)) {
+void Parameters::add_gap_gradient(const Pair& pair, const double* F, std::vector<Numbers>& sums) {
+  for (const MovedFrame& m : moved_frames_.at(&pair)) {
     Six g;
     for (int i = 0; i < 6; ++i) g[i] = m.second ? F[i] : -F[i];
-    add_motion(world_poses_[m.component], g.data(), sums[m.component].data());
+    add_frame_gradient(world_poses_[m.component], g.data(), sums[m.component].data());
   }
 }
 
 // The joint's subtree is held, and the rest of the tree moved by -xi: U, V, A there become U x xi, ...
-void Parameters::bodies() {
+void Parameters::update_virtual_momenta() {
   const int joints = s_.tree.joints;
   for (int j = 1; j < joints; ++j) {
     double VU[6], IVU[6], rotated[6];
@@ -98,14 +98,14 @@ void Parameters::contract(const LinearisationPoint& point, const double* above, 
   const MultibodyTree& m = s_.tree;
   const int nv = s_.nv;
   if (kinematic_) {
-    twists(above);
-    if (!inertial_joints_.empty()) bodies();
+    update_virtual_velocities(above);
+    if (!inertial_joints_.empty()) update_virtual_momenta();
     for (const ActingWrench& w : point.wrenches) {
       if (moved_frames_.at(w.pair).empty()) continue;
       const double power = w.conservative ? 0 : above[n_ - 1];
       for (int j = 0; j < m.joints; ++j)
         for (int i = 0; i < 6; ++i) X_[j][i] = U_[j][i] + power * V_[j][i];
-      moved(*w.pair, w.partials, X_, sums);
+      add_wrench_gradient(*w.pair, w.partials, X_, sums);
     }
   }
   for (size_t i = 0; i < components_.size(); ++i) {
@@ -120,7 +120,7 @@ void Parameters::contract(const LinearisationPoint& point, const double* above, 
       world_poses_[i].to_local(U_[x.id].data(), U), world_poses_[i].to_local(V_[x.id].data(), V),
           world_poses_[i].to_local(A_[x.id].data(), A);
       motion_cross(V, U, VU);
-      inertial(U, A, -1, to), inertial(VU, V, 1, to);
+      add_inertial_gradient(U, A, -1, to), add_inertial_gradient(VU, V, 1, to);
     }
     if (x.kind == ModelComponent::placement) {
       const int p = m.parents[x.id];
@@ -134,7 +134,7 @@ void Parameters::contract(const LinearisationPoint& point, const double* above, 
       for (int k = 0; k < 6; ++k) g[k] += rotated[k];
       wrench_cross(A_[p].data(), H_[x.id].data(), rotated);
       for (int k = 0; k < 6; ++k) g[k] += rotated[k];
-      add_motion(world_poses_[i], g.data(), to);
+      add_frame_gradient(world_poses_[i], g.data(), to);
     }
   }
 }

@@ -27,7 +27,8 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
   columns_.resize(m.joints), subtree_.resize(m.joints), joint_of_.resize(s.nv);
   has_ancestor_.assign(m.joints, std::vector<bool>(m.joints, false));
   for (int j = 1; j < m.joints; ++j) {
-    columns_[j].assign(supports[j].velocities.begin() + supports[m.parents[j]].velocities.size(), supports[j].velocities.end());
+    const auto &all = supports[j].velocities, &before = supports[m.parents[j]].velocities;
+    columns_[j].assign(all.begin() + before.size(), all.end());
     for (int c : columns_[j]) joint_of_[c] = j;
     for (int i = j; i; i = m.parents[i]) has_ancestor_[j][i] = true, subtree_[i].push_back(j);
     subtree_[0].push_back(j);
@@ -41,7 +42,7 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
   for (const ModelComponent& x : components_) {
     kinematic_ = kinematic_ || x.kind != ModelComponent::armature;
     placing_ = placing_ || x.kind == ModelComponent::placement;
-    moving_ = moving_ || placing_ || x.kind == ModelComponent::frame;
+    move_frames_ = move_frames_ || placing_ || x.kind == ModelComponent::frame;
     if (x.kind == ModelComponent::inertia) use(x.id);
     if (x.kind != ModelComponent::placement && x.kind != ModelComponent::gravity) continue;
     for (int j : subtree_[x.kind == ModelComponent::placement ? x.id : 0]) {
@@ -52,7 +53,7 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
   const auto find = [&](const std::vector<Pair>& pairs, bool of_laws) {
     for (size_t p = 0; p < pairs.size(); ++p) {
       const int a = pairs[p].a.joint, b = pairs[p].b.joint;
-      std::vector<Moving>& found = moved_frames_[&pairs[p]];
+      std::vector<MovedFrame>& found = moved_frames_[&pairs[p]];
       for (int i = 0; i < static_cast<int>(components_.size()); ++i) {
         const ModelComponent& x = components_[i];
         if (x.kind == ModelComponent::frame && x.of_law == of_laws && x.id == static_cast<int>(p))
@@ -75,7 +76,7 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
   body_.resize(m.joints);
 }
 
-void Parameters::pose(const LinearisationPoint& point) {
+void Parameters::update_poses(const LinearisationPoint& point) {
   if (kinematic_ || !changed_.empty()) s_.tree.poses(point.q.data());
 }
 
@@ -85,10 +86,10 @@ void Parameters::evaluate_terms(const LinearisationPoint& point) {
     double g[3] = {0, 0, 0};
     if (point.loaded) m.gravity(g);
     for (int i = 0; i < 3; ++i) A_[0][i] = -g[i];
-    motions<true>(point.u.data(), point.vdot.data());
+    update_motions<true>(point.u.data(), point.vdot.data());
     for (int j : inertial_joints_) body_[j] = m.body(j);
-    if (placing_) momenta();
-    locate();
+    if (placing_) update_momenta();
+    update_world_poses();
   }
   if (!changed_.empty()) evaluate_changed(point);
 }
@@ -110,8 +111,8 @@ void Parameters::evaluate_changed(const LinearisationPoint& point) {
       if (weight)
         for (int l = 0; l < 3; ++l) gravity[l] = point.loaded ? c.gravity[l] : 0;
       std::fill(other.begin(), other.end(), 0.0);
-      m.add_forces(c.bodies, point.q.data(), weight ? rest.data() : v, weight ? rest.data() : point.vdot.data(), gravity,
-                   other.data());
+      m.add_forces(c.bodies, point.q.data(), weight ? rest.data() : v, weight ? rest.data() : point.vdot.data(),
+                   gravity, other.data());
       for (size_t l = 0; l < nv; ++l) P[l] -= other[l];
     }
     for (const PerturbedLaws& near : c.laws) {
@@ -169,7 +170,7 @@ void Parameters::add(const LinearisationPoint& point, const Numbers& above, cons
   const IndependentRows& rows = point.rows ? *point.rows : s_.rows;
   const std::vector<int>& position = rows.position();
   const size_t costs = sums_.size(), n = n_, r = rows.in_use().size();
-  pose(point);
+  update_poses(point);
   if (!point.at_rest) evaluate_terms(point);
   for (size_t c = 0; c < costs && !point.at_rest; ++c) contract(point, &above[c * n], sums_[c].components);
   for_constraint_points(point, point.q, [&](const LinearisationPoint::ConstraintPoint& constrained, const Pair& pair) {
@@ -177,9 +178,9 @@ void Parameters::add(const LinearisationPoint& point, const Numbers& above, cons
       WrenchPartials sum;
       for (const auto& [at, t] : requested_) sum.add(constrained.weight * nu[c * r + at], *t);
       if (constrained.kind == LinearisationPoint::ConstraintPoint::g)
-        shifted(pair, sum.F, sums_[c].components);
+        add_gap_gradient(pair, sum.F, sums_[c].components);
       else
-        moved(pair, sum, V_, sums_[c].components);
+        add_wrench_gradient(pair, sum, V_, sums_[c].components);
     }
   });
   for (size_t c = 0; c < costs; ++c)

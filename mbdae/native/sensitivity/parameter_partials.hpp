@@ -56,7 +56,7 @@ struct ChangedElement {
   std::vector<PerturbedLaws> laws;
   std::vector<PerturbedRows> rows;
   std::vector<FlexibleBody> bodies;  // with the rates of their numbers
-  Numbers gravity;                   // the rate of gravity, which then acts alone on bodies with their numbers; or empty
+  Numbers gravity;  // the rate of gravity, which then acts alone on bodies with their numbers; or empty
 };
 
 class Parameters {
@@ -65,7 +65,7 @@ class Parameters {
              std::vector<ChangedElement> changed);
 
   size_t count() const { return count_; }
-  bool moving() const { return moving_; }  // of placements or frames
+  bool move_frames() const { return move_frames_; }  // do placements or frames change?
 
   // Partials of friction that depends on multipliers, computed in Python at (q, v, lam): K (n, nv), D (n, n), P (k, n).
   using Friction = std::function<void(const Numbers& q, const Numbers& v, const Numbers& lam, Numbers& K, Numbers& D,
@@ -73,14 +73,15 @@ class Parameters {
   Friction friction;
 
   void begin(size_t costs);  // of a sum of cotangents for each cost
-  void add(const LinearisationPoint& point, const Numbers& above, const Numbers& nu);  // P^T above + Q^T nu, (costs, n), (costs, r)
+  // P^T above + Q^T nu, (costs, n), (costs, r)
+  void add(const LinearisationPoint& point, const Numbers& above, const Numbers& nu);
   void add_columns(const Numbers& P, const Numbers& above);                           // P (k, n)
   void end(double* p);                                                   // adds the sums to p (costs, k)
   void forces(const LinearisationPoint& point, Numbers& P);                          // P (k, n), J and poses current
   void rows(const LinearisationPoint& point, Numbers& Q, const Numbers& q);          // Q (k, r), the same at q
 
  private:
-  struct Moving {  // components that move only one frame of a pair
+  struct MovedFrame {  // components that move only one frame of a pair
     int component;
     bool second;  // of the second one
   };
@@ -89,25 +90,27 @@ class Parameters {
     const WrenchPartials* partials;
   };
 
-  void pose(const LinearisationPoint& point);             // J and poses, if needed
+  void update_poses(const LinearisationPoint& point);     // J and poses, if needed
   void evaluate_terms(const LinearisationPoint& point);   // all other terms, and changed_P_, with current poses
   void evaluate_changed(const LinearisationPoint& point);                         // changed_P_
   void add_changed_rows(const LinearisationPoint::ConstraintPoint& constrained);  // adds to changed_Q_
   template <bool accelerated>
-  void motions(const double* v, const double* a);  // V_, and A_
-  void momenta();                                  // of V_ and A_
-  void locate();                                   // world_poses_
+  void update_motions(const double* v, const double* a);  // V_, and A_
+  void update_momenta();                                  // F_ and h_
+  void update_world_poses();
   // At each constraint point, computes changed_Q_, and calls each(constrained, pair) with requested_ of the pairs moved
   // by placements and frames; poses are current at q.
   template <class F>
   void for_constraint_points(const LinearisationPoint& point, const Numbers& q, const F& each);
 
   void contract(const LinearisationPoint& point, const double* above, std::vector<Numbers>& sums);
-  void twists(const double* v);                                  // U_
-  void bodies();                                                 // of U_
-  // Partials of F . (X_b - X_a) by motions of placements and frames; velocities V_ for a damped wrench.
-  void moved(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X, std::vector<Numbers>& sums);
-  void shifted(const Pair& pair, const double* F, std::vector<Numbers>& sums);  // of F . d_b - F . d_a
+  void update_virtual_velocities(const double* v);  // U_
+  void update_virtual_momenta();                    // H_ and C_
+  // Adds the partials of F . (X_b - X_a) by motions of placements and frames; velocities V_ for a damped wrench.
+  void add_wrench_gradient(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X,
+                           std::vector<Numbers>& sums);
+  // The same of F . d_b - F . d_a.
+  void add_gap_gradient(const Pair& pair, const double* F, std::vector<Numbers>& sums);
 
   void inertia_columns(int component, Numbers& P) const;
   void placement_columns(int component, Numbers& P);
@@ -117,8 +120,8 @@ class Parameters {
                    Numbers& Q) const;
   // Change of a wrench due to xi of a frame, or of a placement with its subtree: dF for the rest of the tree, `within`
   // for the subtree. Returns the partial of F . (V_b - V_a).
-  double moving(const Pair& pair, const WrenchPartials& t, const Moving& by, const double* xi, double* dF,
-                double* within) const;
+  double wrench_change(const Pair& pair, const WrenchPartials& t, const MovedFrame& by, const double* xi, double* dF,
+                       double* within) const;
   void subtract_wrench(int joint, const double* W, double* P) const;  // P -= J^T W with the columns that move a joint
   void subtract_subtree_wrenches(int joint, double* P);  // the same of W_ on bodies of its subtree, by columns there
 
@@ -128,8 +131,8 @@ class Parameters {
   const std::vector<ModelComponent> components_;
   const std::vector<Direction> directions_;
   std::vector<ChangedElement> changed_;
-  std::map<const Pair*, std::vector<Moving>> moved_frames_;  // of all pairs
-  bool moving_ = false, placing_ = false, kinematic_ = false, rows_change_ = false;
+  std::map<const Pair*, std::vector<MovedFrame>> moved_frames_;  // of all pairs
+  bool move_frames_ = false, placing_ = false, kinematic_ = false, rows_change_ = false;
   bool rows_move_ = false;                            // with placements and frames
   std::vector<std::vector<int>> columns_;             // of J, of each joint
   std::vector<int> joint_of_;                         // (nv,) of each column
@@ -144,8 +147,9 @@ class Parameters {
   std::vector<Sums> sums_;         // the cotangents of each cost
   Numbers changed_P_, changed_Q_;  // of changed laws and rows: (changed, n), (changed, ng)
 
-  std::vector<Six> V_, A_, U_, X_;      // by joint; A minus gravity
-  std::vector<Six> F_, H_, C_, h_, W_;  // by joint: of its subtree, except h_ of the body alone
+  // By joint: velocity, acceleration minus gravity, velocity U of the virtual motion, and U + power V. Of its subtree:
+  // wrench I A + V x* h, I U, V x* I U - U x* h - I (V x U), and a change of the wrench; of its body alone h = I V.
+  std::vector<Six> V_, A_, U_, X_, F_, H_, C_, W_, h_;
   std::vector<Body> body_;
   std::vector<WorldPose> world_poses_;  // of all components
   std::vector<RequestedRow> requested_;
@@ -164,18 +168,17 @@ void Parameters::for_constraint_points(const LinearisationPoint& point, const Nu
     current_q = &constrained.q;
     if (rows_change_) add_changed_rows(constrained);
     if (!rows_move_) continue;
-    if (constrained.kind != LinearisationPoint::ConstraintPoint::g) motions<false>(constrained.v.data(), nullptr);
-    locate();
+    const bool at_position = constrained.kind == LinearisationPoint::ConstraintPoint::g;
+    if (!at_position) update_motions<false>(constrained.v.data(), nullptr);
+    update_world_poses();
     for (size_t p = 0; p < s_.constraints.pairs.size(); ++p) {
       Pair& pair = s_.constraints.pairs[p];
       if (moved_frames_.at(&pair).empty()) continue;
       requested_.clear();
       for (int k : s_.constraints.of_pair[p]) {
         if (position[k] < 0) continue;
-        requested_.push_back({position[k], constrained.kind == LinearisationPoint::ConstraintPoint::g
-                                               ? &gaps_[k]
-                                               : &constrained.wrench_partials[k]});
-        if (constrained.kind != LinearisationPoint::ConstraintPoint::g) continue;
+        requested_.push_back({position[k], at_position ? &gaps_[k] : &constrained.wrench_partials[k]});
+        if (!at_position) continue;
         pair.update_poses(m);
         s_.constraints.rows[k].wrench(pair, gaps_[k].F);
       }

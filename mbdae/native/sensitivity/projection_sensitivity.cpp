@@ -75,7 +75,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   constrained.weight = 1;
   if (c.of_v) constrained.v.assign(v, v + nv);
   c.moved = largest(x.data(), nv) > s_.tree.limits.evaluation_rounding;
-  const bool requested = parameters_.moving();
+  const bool requested = parameters_.move_frames();
   if (c.of_v)
     s_.closure_partials(q, v, nullptr, nullptr, &c.Bv, nullptr, requested ? &constrained.wrench_partials : nullptr);
   if (!c.of_v) {

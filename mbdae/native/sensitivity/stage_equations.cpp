@@ -54,7 +54,7 @@ void StageEquations::take(const double* y0, const StageValues& at, const Indepen
 
 void StageEquations::constraints(const double* y0, const StageValues& at) {
   const int nv = s_.nv, nq = s_.nq, ny = s_.ny;
-  const bool requested = parameters_.moving();
+  const bool requested = parameters_.move_frames();
   LinearisationPoint::ConstraintPoint constrained{at.that, Numbers(nq), Numbers(nv),
                                                   LinearisationPoint::ConstraintPoint::rate, 1};
   s_.manifold.integrate(y0, at.xhat.data(), constrained.q.data());
@@ -105,7 +105,7 @@ void StageEquations::motion(const double* y0, const StageValues& at) {
   for (int i = 0; position_rows_ && i < nv; ++i) speed[i] += at.slip[i];
   s_.manifold.integrate_partials(at.x.data(), speed.data(), integrate_partials_);
   s_.force_partials(at.t, o.q.data(), o.u.data(), o.vdot.data(), o.lam.data(), at_, nullptr,
-                    parameters_.moving() ? &o.wrenches : nullptr);
+                    parameters_.move_frames() ? &o.wrenches : nullptr);
   std::fill(G_.begin(), G_.end(), 0.0);
   s_.constraints.dense_value(s_.tree, o.q.data(), s_.constraints.all, G_);
   by_unknowns.topLeftCorner(ny, ny).setIdentity();
@@ -159,7 +159,7 @@ void StageEquations::positions(const StageValues& at) {
   by_q_.assign(static_cast<size_t>(nv) * nv, 0.0), by_v_ = by_q_;
   Numbers by_mu(by_q_);
   s_.closure_partials(o.q.data(), zero.data(), o.lam.data(), by_mu.data(), nullptr,
-                      parameters_.moving() ? &o.wrenches : nullptr, nullptr, position_rows_);
+                      parameters_.move_frames() ? &o.wrenches : nullptr, nullptr, position_rows_);
   s_.tree.partials(o.q.data(), zero.data(), at.slip.data(), by_q_.data(), by_v_.data(), true);
   x.block(first, 0, nv, nv) = RowsIn(by_q_.data(), nv, nv) - RowsIn(by_mu.data(), nv, nv);
   y.block(first, 0, nv, nv) = x.block(first, 0, nv, nv);

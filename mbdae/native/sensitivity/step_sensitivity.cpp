@@ -43,7 +43,7 @@ void StepSensitivity::record_stage(int i, double t, double that, double factor, 
   k.lam.assign(s_.ng, 0.0);
   for (int row : s_.rows.in_use()) k.lam[row] = lam_[row];
   s_.manifold.integrate_partials(x_.data(), v_.data(), k.integrate_partials);
-  const bool requested = parameters_ && parameters_->moving();
+  const bool requested = parameters_ && parameters_->move_frames();
   if (!s_.rows.in_use().empty()) {
     k.constraint_points.resize(1);
     LinearisationPoint::ConstraintPoint& constrained = k.constraint_points[0];
@@ -68,7 +68,7 @@ void StepSensitivity::forward(int directions, double* moved, const double* dp, c
   const size_t k = forward_ ? parameters_->count() : 0, size = static_cast<size_t>(directions) * ny;
   const size_t width = ny + (a_.explicit_first ? nc : 0);
   const bool moves = k > 0;
-  dF_.assign(n * size, 0.0), x_bar_.resize(ny), xhat_bar_.resize(ny), p_.resize(nc), dx_end_.resize(below);
+  dF_.assign(n * size, 0.0), x_bar_.resize(ny), xhat_bar_.resize(ny), P_dp_.resize(nc), Q_dp_.resize(below);
   if (a_.explicit_first)
     for (int d = 0; d < directions; ++d) {
       std::copy_n(moved + d * width + nv_, nv_, &dF_[d * ny]);
@@ -87,16 +87,16 @@ void StepSensitivity::forward(int directions, double* moved, const double* dp, c
         }
       }
       if (moves) {
-        std::fill(p_.begin(), p_.end(), 0.0), std::fill(dx_end_.begin(), dx_end_.end(), 0.0);
+        std::fill(P_dp_.begin(), P_dp_.end(), 0.0), std::fill(Q_dp_.begin(), Q_dp_.end(), 0.0);
         for (size_t l = 0; l < k; ++l) {
           const double w = dp[d * k + l];
           if (w == 0) continue;
-          for (int c = 0; c < nc; ++c) p_[c] += w * P_[i][l * nc + c];
-          for (int c = 0; c < below; ++c) dx_end_[c] += w * Q_[i][l * below + c];
+          for (int c = 0; c < nc; ++c) P_dp_[c] += w * P_[i][l * nc + c];
+          for (int c = 0; c < below; ++c) Q_dp_[c] += w * Q_[i][l * below + c];
         }
       }
-      stage.forward(x_bar_.data(), xhat_bar_.data(), moved + d * width, moves ? p_.data() : nullptr,
-                    moves ? dx_end_.data() : nullptr, &dF_[i * size + d * ny]);
+      stage.forward(x_bar_.data(), xhat_bar_.data(), moved + d * width, moves ? P_dp_.data() : nullptr,
+                    moves ? Q_dp_.data() : nullptr, &dF_[i * size + d * ny]);
     }
   }
   Numbers own(nv_), rotated(nv_);

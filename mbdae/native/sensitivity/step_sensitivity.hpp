@@ -12,12 +12,14 @@ namespace mbdae {
 
 class StepSensitivity final : public HalfExplicitStep, public StepMap {
  public:
-  StepSensitivity(Index2System& system, Parameters* parameters, const Tableau& a, bool forward = false);  // otherwise reverse
+  // forward: for tangents; otherwise for cotangents
+  StepSensitivity(Index2System& system, Parameters* parameters, const Tableau& a, bool forward = false);
 
   // The same without partials, if they are not requested.
   void repeat(double t, double h, const State& in, State& out, bool partials);
   void repeat(double t, double h, const State& in, State& out) override { repeat(t, h, in, out, true); }
-  void forward(int directions, double* moved, const double* dp, const double* dh, const double* dt) override;  // dh, dt: not supported
+  // dh and dt are not supported: `CoupledStages` has them.
+  void forward(int directions, double* moved, const double* dp, const double* dh, const double* dt) override;
   void reverse(int costs, double* bar) override;
 
  private:
@@ -29,7 +31,7 @@ class StepSensitivity final : public HalfExplicitStep, public StepMap {
   double h_ = 0;
   std::vector<std::unique_ptr<StageSensitivity>> stages_;
   std::vector<IntegratePartialsBlock> end_;
-  Numbers dF_, dx_end_, x_bar_, xhat_bar_, p_;
+  Numbers dF_, Q_dp_, x_bar_, xhat_bar_, P_dp_;
   std::vector<Numbers> P_, Q_;  // of stages, for tangents
   Numbers above_, nu_;          // of a stage, for cotangents: (costs, n), (costs, r)
 };

@@ -14,18 +14,14 @@ inline void momentum(const Body& b, const double* V, double* out) {  // I V
   for (int i = 0; i < 3; ++i) out[3 + i] += dot(b.I + 3 * i, V + 3);
 }
 
-inline void transposed(const double* R, const double* x, double* out) {
-  for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
-}
-
 struct WorldPose {  // a body, a joint placement, or a frame, in the world; R by rows
   double R[9], p[3];
 
-  void to_local(const double* X, double* out) const {  // from the world to its axes
+  void to_local(const double* X, double* out) const {  // a motion from the world to its axes; R^T is R by columns
     double moved[3];
     cross(X + 3, p, moved);
     for (int i = 0; i < 3; ++i) moved[i] += X[i];
-    transposed(R, moved, out), transposed(R, X + 3, out + 3);
+    rotate_by_columns(R, moved, out), rotate_by_columns(R, X + 3, out + 3);
   }
 
   void to_world(const double* x, double* out) const {  // a motion from its axes to the world's

@@ -24,6 +24,7 @@ from ...mechanism.formulations.equation_partials import GAMMA_WIDTH
 from ...solution.signal_value import SignalValue
 from ...tolerances import CLOSED
 
+DERIVED = ("states", "transitions", "nodes", "row_changes", "after_jumps")  # attributes of structs that are no fields
 RESTART_MARGIN = 0.5  # of the range of local coordinates: beyond, others are due
 
 
@@ -200,8 +201,6 @@ def _attributes(struct: Any, core: str) -> Any:
     found = {name: getattr(struct, name) for name in dir(struct) if not name.startswith("_")}
     return {name: _attributes(x, core) for name, x in found.items() if not callable(x) and name not in DERIVED}
 
-
-DERIVED = ("states", "transitions", "nodes", "row_changes", "after_jumps")  # attributes that are no fields
 
 
 def output_data(mech: Mechanism, name: str, signal: SignalValue) -> CoreData:

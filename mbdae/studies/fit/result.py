@@ -10,7 +10,7 @@ from ...data_types import JsonObject
 from ...file_io import write_page
 from ...system import Array
 from ...tabular import Columns, Tabular
-from ...tolerances import SOLUTION_ROUNDING, THREE_DIGITS, VISIBLE
+from ...tolerances import SIGNIFICANCE_LEVEL, SOLUTION_ROUNDING, THREE_DIGITS
 from ...units import displayed
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__: list[str] = []
 
-IMPROBABLE = VISIBLE  # probability of chi-squared below which residuals are not noise
 MAX_CORRELATION = 0.999  # correlation above which only a combination of two parameters is identifiable
 
 
@@ -94,7 +93,7 @@ class Fit(Tabular):
     @property
     def refuted(self) -> bool:
         """Whether the residuals are not noise: a false minimum, or an inadequate model."""
-        return bool(self.probability < IMPROBABLE)
+        return bool(self.probability < SIGNIFICANCE_LEVEL)
 
     @property
     def success(self) -> bool:

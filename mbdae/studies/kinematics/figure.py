@@ -8,18 +8,19 @@ from ...mechanism.tree.coordinate_units import coordinate_units
 from ...tolerances import COINCIDENT, SOLUTION_ROUNDING
 from ...units import displayed, unit_name
 from ..figures import COLOURS, QUANTITY_NAMES, WIDTH, curve_style, empty_figure, escaped, fixed_layout, legend_right
-from .result import Kinematics, monotonic_segments
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from .result import Kinematics
 
 CUTOFF = 50.0  # times the median rate: larger values near dead points are not drawn
 PARTS = ("q.", "v.", "a.")
 
 
 @fixed_layout
-def curves(found: Kinematics) -> "Figure":
+def curves(found: "Kinematics") -> "Figure":
     """Draw coordinates, velocities and accelerations per unit of the drive, and the transmission angle over the input.
 
     Curves are cut at dead points, where rates are unbounded; dotted lines mark dead points, dashed ones branch points.
@@ -63,7 +64,7 @@ def _label(ax: "Axes", part: str, kind: str, unit: str) -> None:
         legend_right(ax, labelspacing=0.3)
 
 
-def _mark_points(axes: np.ndarray, found: Kinematics) -> None:
+def _mark_points(axes: np.ndarray, found: "Kinematics") -> None:
     """Draw dotted lines at dead points, dashed ones at branch points."""
     for ax in axes:
         for u, _ in found.dead_points:
@@ -72,11 +73,11 @@ def _mark_points(axes: np.ndarray, found: Kinematics) -> None:
             ax.axvline(displayed(b.u, found.unit)[0], color="0.5", lw=0.7, ls="--")
 
 
-def _curve(ax: "Axes", found: Kinematics, values: np.ndarray, label: str, i: int) -> None:
+def _curve(ax: "Axes", found: "Kinematics", values: np.ndarray, label: str, i: int) -> None:
     """Draw one signal, with a gap at each dead point."""
     limit = CUTOFF * float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
     values = np.where(np.abs(values) < SOLUTION_ROUNDING, 0.0, values)
     shown = np.where(np.abs(values) > limit, np.nan, values) if limit and found.dead_points else values
     style, u = curve_style(i) | {"color": COLOURS[i % len(COLOURS)]}, displayed(found.u, found.unit)[0]
-    for k, part in enumerate(monotonic_segments(found)):
+    for k, part in enumerate(found.monotonic_segments):
         ax.plot(u[part], shown[part], label=label if k == 0 else None, **style)

@@ -14,11 +14,11 @@ from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tolerances import SMALLEST_PART
 from ...units import quantity
-from .branch_following import TracedCurve, is_same_point, other_branches
-from .curve_sampling import branch_point_on_curve, events, sample
-from .curve_tracing import follow
+from .curve.branch_following import TracedCurve, is_same_point, other_branches
+from .curve.curve_sampling import branch_point_on_curve, events, sample
+from .curve.curve_tracing import follow
+from .curve.pose_curve import MAX_TRAVEL, BranchPoint, CurvePoint, PoseCurve
 from .driven_mechanism import Hold, driven_mechanism, input_at, omitted_elements, require_one_dof, start_pose
-from .pose_curve import MAX_TRAVEL, BranchPoint, CurvePoint, PoseCurve
 from .result import CurveSegment, Kinematics
 from .transmission_angle import default_output, transmission
 from .violations import curve_violations

@@ -16,8 +16,8 @@ from ...mechanism.tree.frames import find_joint
 from ...mechanism.tree.joints import angle_components, translation_components
 from ...system import Array
 from ...tolerances import RANK, SAME_POSE
-from .circuits import circuit
-from .pose_curve import PoseCurve
+from .curve.circuits import circuit
+from .curve.pose_curve import PoseCurve
 
 HITS = 3  # of each mode, by random starts
 MISS_PROBABILITY = 0.01  # of a mode that is as likely as the others

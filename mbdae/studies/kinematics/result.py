@@ -19,9 +19,9 @@ from ...system import Array
 from ...tabular import Columns, Tabular, align_columns
 from ...tolerances import SOLUTION_ROUNDING
 from ...units import displayed, unit_name
-from .branch_following import TracedCurve
-from .pose_curve import BranchPoint
-from .toggles import Toggle, toggle_table, toggles
+from .curve.branch_following import TracedCurve
+from .curve.pose_curve import BranchPoint
+from .curve.toggles import Toggle, toggle_table, toggles
 from .violations import Violation, violation_lines
 
 if TYPE_CHECKING:
@@ -252,6 +252,15 @@ class Kinematics(Tabular):
             "table": {name: column.tolist() for name, column in self.signals().items()},
         }
 
+    @property
+    def monotonic_segments(self) -> list[slice]:
+        """Slices of poses between dead points, over which the input is monotonic."""
+        out = []
+        for x in self.segments:
+            inner = (x.first + 1 + np.flatnonzero(~self.moving[x.first + 1 : x.last - 1])).tolist()
+            out += [slice(a, b + 1) for a, b in pairwise([x.first, *inner, x.last - 1])]
+        return out
+
     def plot(self, path: str | Path | None = None) -> "Figure":
         """Draw coordinates, rates and the transmission angle over the input; saved if a path is given.
 
@@ -289,12 +298,3 @@ class Kinematics(Tabular):
             low, high = (np.degrees(f(self.transmission)).round(6) for f in (np.nanmin, np.nanmax))
             lines.append(f"  transmission angle at {self.output}: {low:.4g} to {high:.4g} degrees")
         return "\n".join([*lines, *(f"  {x}" for x in (align_columns(self.toggle_table()) if self.listed else []))])
-
-
-def monotonic_segments(found: Kinematics) -> list[slice]:
-    """Return slices of poses between dead points, over which the input is monotonic."""
-    out = []
-    for x in found.segments:
-        ends = [x.first, *(x.first + 1 + np.flatnonzero(~found.moving[x.first + 1 : x.last - 1])).tolist(), x.last - 1]
-        out += [slice(a, b + 1) for a, b in pairwise(ends)]
-    return out

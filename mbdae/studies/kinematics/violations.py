@@ -15,7 +15,7 @@ from ...mechanism.hybrid.switch import SampledMotion, Switch
 from ...system import Array
 from ...tolerances import CLOSED, HALF_DIGITS, VISIBLE
 from ...units import displayed, quantity, unit_name
-from .pose_curve import PoseCurve
+from .curve.pose_curve import PoseCurve
 
 CONSISTENT = 1e-2  # of the cubic's depth: largest difference to the depth on the curve
 NEWTON_STEPS = 5  # from a root of the cubic

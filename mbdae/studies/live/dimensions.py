@@ -15,8 +15,8 @@ from ...system import Array
 from ...units import displayed, unit_name
 from ..figures import COLOURS
 from ..kinematics.kinematics import kinematics
-from ..replay.animation_tracks import TRACE, drawn_path
-from ..replay.threejs import node, set_property
+from ..replay.animation_tracks import TRACE, path_commands
+from ..replay.threejs import node_path, set_property
 from ..view.sliders import independent
 from .controls import checked_ranges, slider
 
@@ -98,14 +98,14 @@ class Dimensions:
         found = kinematics(free, drive, hold=others, q=q, points=POSES)
         points_of = dict(zip(self.traces, frame_paths(mech.model, self.traces, found.q), strict=True))
         for i, (name, points) in enumerate(points_of.items()):
-            yield from drawn_path(node(f"path {name}"), points, COLOURS[i % len(COLOURS)], TRACE * extent)
+            yield from path_commands(node_path(f"path {name}"), points, COLOURS[i % len(COLOURS)], TRACE * extent)
 
     def drawn(self, q: Array, extent: float) -> tuple[list[dict[str, Any]], str]:
         """Return the commands of `paths`, or those that hide the paths, and the reason."""
         try:
             return list(self.paths(q, extent)), ""
         except MbdaeError as e:
-            names = [node(f"path {name}{end}") for name in self.traces for end in ("", " line")]
+            names = [node_path(f"path {name}{end}") for name in self.traces for end in ("", " line")]
             return [set_property(name, "visible", False) for name in names], f"the path is not drawn: {e}"
 
     def controls(self) -> Iterator[dict[str, Any]]:

@@ -9,8 +9,8 @@ from ...mechanism.scene.coarse import coarse
 from ...mechanism.scene.drawables import Drawable, Track, aligned_quaternions, drawables, motions, primitive
 from ...mechanism.scene.visible import VisiblePoints, bounds
 from ...system import Array
-from ..replay.stage import GROUND, SUN, levels, stage
-from ..replay.threejs import drawn, placed, set_property
+from ..replay.surroundings import GROUND, SUN, ground_levels, surroundings
+from ..replay.threejs import draw_commands, pose_commands, set_property
 
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene
@@ -49,35 +49,35 @@ class LiveScene:
 
     def commands(self) -> Iterator[dict[str, Any]]:
         """Yield the commands that draw the scene, without marks of closures."""
-        yield from stage(self.extent)
+        yield from surroundings(self.extent)
         sun = self.box.mean(axis=0) + self.extent * SUN_AT
         yield set_property(f"{SUN}/<object>", "position", sun.tolist())
         yield set_property(f"{SUN}/<object>", "castShadow", self.shadows)
-        level = levels(self.box, self.extent, self.scene.ground)["top"]
+        level = ground_levels(self.box, self.extent, self.scene.ground)["top"]
         yield set_property(GROUND, "position", [*self.box.mean(axis=0)[:2].tolist(), level])
-        yield from drawn([*(d for d in self.drawables if d.style != "closure"), PULL])
+        yield from draw_commands([*(d for d in self.drawables if d.style != "closure"), PULL])
         yield from self._placed_resting()
 
     def redrawn(self) -> Iterator[dict[str, Any]]:
         """Yield the commands that draw all bodies again, for other dimensions."""
-        yield from drawn([d for d in self.drawables if d.style != "closure"])
+        yield from draw_commands([d for d in self.drawables if d.style != "closure"])
         yield from self._placed_resting()
 
     def _placed_resting(self) -> Iterator[dict[str, Any]]:
         """Yield the commands that place the drawables that do not move."""
         resting = [(d, m) for d, m in zip(self.drawables, self._start, strict=True) if d.name in self._resting]
-        yield from placed([d for d, _ in resting], [motion for _, motion in resting])
+        yield from pose_commands([d for d, _ in resting], [motion for _, motion in resting])
 
     def coarsen(self) -> Iterator[dict[str, Any]]:
         """Yield the commands that draw the bodies with fewer triangles, for a page that is slow."""
         self.drawables, self.coarse = coarse(self.drawables, COARSE), True
-        yield from drawn([d for d in self.drawables if d.style != "closure"])
+        yield from draw_commands([d for d in self.drawables if d.style != "closure"])
 
     def frame(self, q: Array, line: Array | None) -> Iterator[dict[str, Any]]:
         """Yield the commands that move the scene to q (nq,), and a line (2, 3) if a point is pulled."""
         moved = zip(self.drawables, motions(self.scene, q[None]), strict=True)
         shown = [(d, motion) for d, motion in moved if d.style != "closure" and d.name not in self._resting]
-        yield from placed([d for d, _ in shown], [motion for _, motion in shown])
+        yield from pose_commands([d for d, _ in shown], [motion for _, motion in shown])
         yield set_property("/mechanism/pull", "visible", line is not None)
         if line is not None:
             way, width = line[1] - line[0], 0.5 * self.scene.width
@@ -87,4 +87,4 @@ class LiveScene:
                 "rotation": Track(aligned_quaternions(way[None])),
                 "scale": Track(scale),
             }
-            yield from placed([PULL], [motion])
+            yield from pose_commands([PULL], [motion])

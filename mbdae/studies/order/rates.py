@@ -15,7 +15,9 @@ import numpy as np
 from ...system import Array
 from .result import ObservedOrder
 
-REFINEMENTS, LAST, MARGIN, ABOVE = 4, 2, 0.2, 100.0
+REFINEMENTS, LAST = 4, 2  # of the step: to which a slope is fitted; the last ones, if rates rise above the claim
+MARGIN = 0.2  # by which a slope may be below the claim
+ABOVE = 100.0  # times rounding and the uncertainty of the reference: smaller errors do not count
 LARGE = 0.1  # of the change of a quantity: larger errors are not dominated by the leading order
 CONSTANT = 0.1  # spread of the last slopes below which finer steps add nothing
 
@@ -48,13 +50,14 @@ def fit(
         else:
             what = f"{counted} above {ABOVE:g} times rounding"
         return ObservedOrder(quantity, claimed, None, f"cannot be judged: {what}", *record)
-    x, y = np.log2(ns[end - 1 - REFINEMENTS : end]), -np.log2(errors[end - 1 - REFINEMENTS : end])
+    first = end - 1 - REFINEMENTS
+    x, y = np.log2(ns[first:end]), -np.log2(errors[first:end])
     last, verdict = judged(x, y, claimed - MARGIN)
     if not verdict:
         changing = ", ".join(f"{rate:.2f}" for rate in np.diff(y) / np.diff(x))
         return ObservedOrder(quantity, claimed, None, f"cannot be judged: rates still change, {changing}", *record)
-    if verdict == "misses" and errors[end - 1 - REFINEMENTS] > LARGE * change > 0:
-        what = f"errors are up to {errors[end - 1 - REFINEMENTS]:.1e}, where it changes by {change:.1e}"
+    if verdict == "misses" and errors[first] > LARGE * change > 0:
+        what = f"errors are up to {errors[first]:.1e}, where it changes by {change:.1e}"
         return ObservedOrder(quantity, claimed, None, f"cannot be judged: {what}", *record)
     return ObservedOrder(
         quantity, claimed, slope(x[-1 - last :], y[-1 - last :]), verdict, *record, (end - 1 - last, end)

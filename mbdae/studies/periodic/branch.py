@@ -19,7 +19,6 @@ from ...units import displayed, quantity
 from ..sweep.sweep_run import maker_of
 from .branch_path import FIRST_STEP, BranchPath, Range
 from .guess import guess_of
-from .newton import newton, require_motion
 from .periodic import (
     GAP,
     RTOL,
@@ -30,7 +29,8 @@ from .periodic import (
     start_point,
 )
 from .result import Bifurcation, BranchMotion, multiplier_text
-from .shooting import Cycle
+from .shooting.cycle import Cycle
+from .shooting.newton import newton, require_motion
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

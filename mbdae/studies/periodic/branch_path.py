@@ -1,6 +1,7 @@
 """Continuation of periodic motions over a parameter.
 
-The equations of shooting rho(x, T, sigma, p) = 0 (`mbdae.studies.periodic.shooting`) are a curve of unit tangent tau,
+The equations of shooting rho(x, T, sigma, p) = 0 (`mbdae.studies.periodic.shooting.cycle`) are a curve
+of unit tangent tau,
 
     A tau = 0,   predictor h tau,   corrector [A; tau^T] dz = [-rho; 0]
 
@@ -29,12 +30,12 @@ from ...system import Array
 from ...tolerances import EVALUATION_ROUNDING, HALF_DIGITS, SMALLEST_PART
 from ..path_location import locate
 from ..sweep.sweep_run import Maker
-from .exchange import Exchange
-from .flow import Flow
 from .grazing import GrazingMonitor
 from .motion import motion_of
 from .result import Bifurcation, BranchMotion
-from .shooting import Cycle, Guess, Linearisation
+from .shooting.cycle import Cycle, Guess, Linearisation
+from .shooting.exchange import Exchange
+from .shooting.flow import Flow
 
 FIRST_STEP, MAX_STEP, MIN_STEP = 0.02, 0.1, SMALLEST_PART  # in rad, characteristic lengths, parts of the range
 MAX_POINTS, MAX_CORRECTIONS, MAX_HALVINGS, GROWTH, MIN_COSINE = 500, 8, 10, 1.5, 0.9

@@ -10,12 +10,13 @@ from ...solution.signals import units as signal_units
 from ...system import Array
 from ...units import displayed, quantity, unit_name
 from ..figures import COLOURS, WIDTH, empty_figure, escaped, fixed_layout
-from .branch import Branch
-from .result import PeriodicMotion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from .branch import Branch
+    from .result import PeriodicMotion
 
 SHORT = {
     "fold": "fold",
@@ -27,7 +28,7 @@ SHORT = {
 
 
 @fixed_layout
-def motion(found: PeriodicMotion) -> "Figure":
+def motion(found: "PeriodicMotion") -> "Figure":
     """Draw one period in the phase planes of the joints of one coordinate, and the multipliers at the unit circle."""
     figure = empty_figure(WIDTH, 3.2)
     columns, units, _ = found.tabulated()
@@ -53,7 +54,7 @@ def _phase_planes(axes: "Axes", columns: Mapping[str, Array], units: Mapping[str
 
 
 @fixed_layout
-def branch(found: Branch, signal: str) -> "Figure":
+def branch(found: "Branch", signal: str) -> "Figure":
     """Draw extrema of a signal, the magnitudes of the multipliers over the parameter, and their paths."""
     figure = empty_figure(WIDTH, 2.6)
     amplitude, magnitude, plane = figure.subplots(1, 3)

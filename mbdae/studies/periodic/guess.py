@@ -11,11 +11,11 @@ from ...mechanism.equations.invariance import MotionPoint, is_invariant, shift_u
 from ...mechanism.equations.symmetry import Symmetry
 from ...solution.solution import Solution
 from ...system import Array
-from .exchange import Exchange
-from .flow import Flow
 from .period import is_autonomous, period_of_functions
 from .returns import points_of
-from .shooting import Cycle, Guess
+from .shooting.cycle import Cycle, Guess
+from .shooting.exchange import Exchange
+from .shooting.flow import Flow
 
 MAX_EVENTS = 9  # at the start of a run, between which a period with several events begins
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from ...system import Array
 from ...tolerances import HALF_DIGITS, SAME_STATE
-from .multipliers import on_quotient, periodic_eigenvalues
 from .result import Neutral, PeriodicMotion
-from .shooting import Linearisation
+from .shooting.cycle import Linearisation
+from .shooting.multipliers import on_quotient, periodic_eigenvalues
 
 
 def motion_of(found: Linearisation) -> PeriodicMotion:

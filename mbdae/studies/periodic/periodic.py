@@ -13,14 +13,14 @@ from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING, VISIBLE
-from .flow import Flow
 from .guess import guess_of, number_of_parts
 from .motion import motion_of
-from .newton import newton, require_motion
 from .period import has_period, is_autonomous
 from .result import PeriodicMotion
 from .returns import CycleStart, points_of, start_from_run
-from .shooting import Cycle, Guess, Linearisation
+from .shooting.cycle import Cycle, Guess, Linearisation
+from .shooting.flow import Flow
+from .shooting.newton import newton, require_motion
 
 __all__ = ["periodic"]
 

@@ -18,7 +18,7 @@ from ...tabular import Columns, Tabular
 from ...tolerances import HALF_DIGITS
 from ...units import quantity
 from .section import section_of
-from .shooting import Linearisation
+from .shooting.cycle import Linearisation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

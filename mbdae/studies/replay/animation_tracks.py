@@ -8,12 +8,13 @@ import numpy as np
 from ...errors import InputError, as_list
 from ...mechanism.scene.bent_models import enlarged
 from ...mechanism.scene.drawables import Drawable, Motion, Track, aligned_quaternions, drawables, motions, primitive
+from ...mechanism.scene.visible import sampled
 from ...mechanism.signals.contacts import contact_path, rolling_closures
 from ...mechanism.tree.frames import frame_paths, joint_paths
 from ...system import Array
 from ...tolerances import COINCIDENT, NEGLIGIBLE, TINY
 from ..figures import COLOURS
-from .threejs import attribute, buffers, node, set_object, set_property, typed
+from .threejs import buffer_attribute, buffer_geometry, node_path, set_object, set_property, typed_array
 
 if TYPE_CHECKING:
     from ...mechanism import Mechanism
@@ -29,8 +30,8 @@ SMOOTH = 0.1  # rad between pieces of a path
 CONTACT_PREFIX = "contact."
 
 
-class Moving(NamedTuple):
-    """Parts and their motions, below a path of the viewer."""
+class MovingParts(NamedTuple):
+    """Drawables and their motions, below a path of the viewer's tree."""
 
     parts: list[Drawable]
     motions: list[Motion]
@@ -42,11 +43,10 @@ def rgba_of(colour: str, opacity: float = 1.0) -> tuple[float, ...]:
     return (*(int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)), opacity)
 
 
-def gaps(scene: "Scene", q: Array) -> list[dict[str, Any]]:
+def closure_gaps(scene: "Scene", q: Array) -> list[dict[str, Any]]:
     """Return closures with the largest visible gap in m over configurations q (m, nq), None if it is not visible."""
-    sample = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), 400)).astype(int))]
-    distances = np.linalg.norm(np.diff(scene.end_points(scene.marks, sample), axis=2)[:, :, 0], axis=2)
-    marks = [node(part.name) for part in drawables(scene) if part.style == "closure"]
+    distances = np.linalg.norm(np.diff(scene.end_points(scene.marks, sampled(q, 400)), axis=2)[:, :, 0], axis=2)
+    marks = [node_path(part.name) for part in drawables(scene) if part.style == "closure"]
     return [
         {
             "name": m.name,
@@ -57,7 +57,7 @@ def gaps(scene: "Scene", q: Array) -> list[dict[str, Any]]:
     ]
 
 
-def bodies(scene: "Scene", model: Any) -> dict[str, int]:
+def followable_bodies(scene: "Scene", model: Any) -> dict[str, int]:
     """Return bodies that the camera can follow, the heaviest first, each with one of its shapes."""
     weight = {name: model.inertias[i].mass for i, name in enumerate(model.names) if i}
     out: dict[str, int] = {}
@@ -69,7 +69,7 @@ def bodies(scene: "Scene", model: Any) -> dict[str, int]:
 
 def ghosts(
     sol: "Solution", scene: "Scene", others: Mapping[str, "Solution"], times: Array
-) -> list[tuple[str, str, Moving]]:
+) -> list[tuple[str, str, MovingParts]]:
     """Return other solutions in a scene at the same times (m,): names, colours, and what moves.
 
     Raises:
@@ -87,7 +87,8 @@ def ghosts(
             for p, m in found
             if p.style == "body" and any(np.ptp(t.values[inside], axis=0).any() for t in m.values())
         ]
-        out.append((name, colour, Moving([p for p, _ in moving], [m for _, m in moving], f"/mechanism/ghost {i + 1}")))
+        parts, tracks = [p for p, _ in moving], [m for _, m in moving]
+        out.append((name, colour, MovingParts(parts, tracks, f"/mechanism/ghost {i + 1}")))
     return out
 
 
@@ -172,11 +173,11 @@ def _largest_corner(points: Array) -> float:
     return float(np.arccos(np.clip(cosines, -1.0, 1.0)).max(initial=0.0))
 
 
-def drawn_path(path: str, points: Array, colour: str, radius: float) -> Iterator[dict[str, Any]]:
+def path_commands(path: str, points: Array, colour: str, radius: float) -> Iterator[dict[str, Any]]:
     """Yield the commands that draw a path (m, 3): a thin line, and cylinders of which those so far are shown."""
     rgba, mark = int(colour[1:], 16), {"transparent": True, "depthTest": False}
     line = {"uuid": "line", "type": "LineBasicMaterial", "color": rgba, "opacity": 0.5, **mark}
-    data = {"attributes": {"position": attribute(points)}}
+    data = {"attributes": {"position": buffer_attribute(points)}}
     yield set_object(f"{path} line", {
         "geometries": [{"uuid": "g", "type": "BufferGeometry", "data": data}],
         "materials": [line],
@@ -193,21 +194,22 @@ def drawn_path(path: str, points: Array, colour: str, radius: float) -> Iterator
         [radius * x, radius * np.cross(z, x), (lengths + radius)[:, None] * z, (ends[1:] + ends[:-1]) / 2], axis=1
     )
     matrices[:, 3, 3] = 1
-    solid = {"uuid": "g", "type": "BufferGeometry", "data": buffers(primitive("box", (1.6, 1.6, 1.0)))}
+    solid = {"uuid": "g", "type": "BufferGeometry", "data": buffer_geometry(primitive("box", (1.6, 1.6, 1.0)))}
     yield set_object(path, {
         "geometries": [solid],
         "materials": [{"uuid": "m", "type": "MeshBasicMaterial", "color": rgba, **mark}],
         "object": {
             "uuid": "o", "type": "InstancedMesh", "geometry": "g", "material": "m", "renderOrder": 500,
-            "frustumCulled": False, "count": len(steps), "instanceMatrix": {"array": typed(matrices, "float32")},
+            "frustumCulled": False, "count": len(steps),
+            "instanceMatrix": {"array": typed_array(matrices, "float32")},
         },
     })  # fmt: skip
     for name in (path, f"{path} line"):
         yield set_property(f"{name}/<object>", "castShadow", False)
 
 
-def drawn_so_far(path: str, points: Array, times: Array) -> list[dict[str, Any]]:
-    """Return the animation of a path (m, 3) of `drawn_path` over times (m,) in s."""
+def path_clips(path: str, points: Array, times: Array) -> list[dict[str, Any]]:
+    """Return the animation of a path (m, 3) of `path_commands` over times (m,) in s."""
     if len(points) < 2:
         return []
     pieces = min(len(points) - 1, PIECES)
@@ -249,12 +251,12 @@ def arrows(
     return {"largest": float(np.nanmax(lengths, initial=0.0)), "forces": forces}
 
 
-def drawn_arrows(forces: Mapping[str, Any], extent: float) -> Moving:
-    """Return shafts and heads of the forces of `arrows`, each from its point of application."""
-    out, width = Moving([], [], "/mechanism/force"), SHAFT * extent
+def arrow_parts(forces: Mapping[str, Any], extent: float) -> MovingParts:
+    """Return shafts and heads of the arrows of forces, each from its point of application."""
+    out, width = MovingParts([], [], "/mechanism/force"), SHAFT * extent
     for force in forces["forces"]:
         length = np.linalg.norm(force["values"], axis=1) * LONGEST * extent / (forces["largest"] or 1.0)
-        turn = aligned_quaternions(force["values"])
+        rotation = aligned_quaternions(force["values"])
         unit = force["values"] / np.maximum(np.linalg.norm(force["values"], axis=1), TINY)[:, None]
         tip, shown = np.minimum(9 * width, 0.6 * length), Track((length > 0.1 * width)[:, None].astype(float))
         for name, kind, low, high, radius in (
@@ -266,7 +268,7 @@ def drawn_arrows(forces: Mapping[str, Any], extent: float) -> Moving:
             name = f"{force['name'].replace('/', '|')} {name}"
             out.parts.append(Drawable(name, primitive(kind, (1.0, 1.0)), rgba=rgba_of(force["colour"]), style="mark"))
             out.motions.append({
-                "position": Track(middle), "rotation": Track(turn), "scale": Track(size), "visible": shown,
+                "position": Track(middle), "rotation": Track(rotation), "scale": Track(size), "visible": shown,
             })  # fmt: skip
     return out
 

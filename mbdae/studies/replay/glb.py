@@ -11,8 +11,8 @@ import numpy as np
 
 from ...mechanism.scene.drawables import GREY, Drawable, Motion, Solid, Track, Vertices, drawables, motions
 from ...system import Array
-from .animation_tracks import Moving
-from .mode_tracks import drawn_marks
+from .animation_tracks import MovingParts
+from .mode_tracks import mark_parts
 
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene
@@ -130,8 +130,8 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks:
         marks: balls at active contacts, and for a quarter of a second at impacts.
     """
     animation = _Animation(title, np.abs(times - times[0]), speed)
-    drawn = Moving(drawables(scene), motions(scene, q), "")
-    marked = drawn_marks(marks if len(times) > 1 else (), times, speed, scene.width)
+    drawn = MovingParts(drawables(scene), motions(scene, q), "")
+    marked = mark_parts(marks if len(times) > 1 else (), times, speed, scene.width)
     for part, motion in (*zip(drawn.parts, drawn.motions, strict=True), *zip(*marked[:2], strict=True)):
         if part.style != "closure" and part.solid.surfaces:
             animation.add(part, motion)

@@ -20,78 +20,84 @@ from ...errors import InputError
 from ...mechanism.scene.drawables import Motion, Solid, drawables
 from ...mechanism.scene.visible import FAR, VisiblePoints, bounds, sampled
 from ...system import Array
-from . import animation_tracks as tracks
-from .animation_tracks import Moving, drawn_path, drawn_so_far
-from .stage import cell, levels, stage
-from .threejs import ROOT, animations, drawn, node, packed, placed, typed
+from .animation_tracks import TRACE, MovingParts, arrow_parts, followable_bodies, path_clips, path_commands
+from .surroundings import grid_spacing, ground_levels, surroundings
+from .threejs import ROOT, animation_clips, draw_commands, node_path, pose_commands, quantized_geometry, typed_array
 
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene
 
-LEVEL = 6  # of compression: 9 takes nine times as long for 3 % of a page with meshes
+COMPRESSION_LEVEL = 6  # 9 takes nine times as long for 3 % of a page with meshes
 SCRIPTS = ("scene", "camera", "plots", "controls", "linkage", "sliders", "print")
 
 
-class Extra(NamedTuple):
-    """Contents of a page besides the drawables of its scene."""
+class Extras(NamedTuple):
+    """Contents of a scene besides its drawables.
 
-    moving: Sequence[Moving] = ()
+    Attributes:
+        moving: ghosts, and marks of switches.
+        traces: paths, see `animation_tracks.traces`.
+        forces: arrows, see `animation_tracks.arrows`.
+        legend: colours and texts.
+    """
+
+    moving: Sequence[MovingParts] = ()
     traces: Sequence[Mapping[str, Any]] = ()
     forces: Mapping[str, Any] = {"largest": 0.0, "forces": ()}
     legend: Sequence[Mapping[str, str]] = ()
 
 
-NO_EXTRAS = Extra()
+NO_EXTRAS = Extras()
 
 
 def scene_data(
-    scene: "Scene", model: object, shown: Sequence[Motion], times: Array, seen: Array, extra: Extra = NO_EXTRAS
+    scene: "Scene", model: object, shown: Sequence[Motion], times: Array, seen: Array, extras: Extras = NO_EXTRAS
 ) -> dict[str, Any]:
     """Return the data of a scene for the page.
 
     Args:
         scene: the scene, with lengths of rails and springs.
         model: the tree.
-        shown: motions of its parts.
+        shown: motions of its drawables.
         times: of their frames, from 0 in s, (m,).
         seen: configurations that should be visible, (n, nq).
-        extra: other moving parts, paths and forces.
+        extras: other contents.
     """
-    motion_points, bodies = VisiblePoints(scene, sampled(seen)), tracks.bodies(scene, model)
-    whole = motion_points.visible()
-    near = {name: motion_points.visible(k) for name, k in bodies.items()}
-    first = next(iter(near), "")
-    far = bool(first) and whole.moves and whole.extent > FAR * near[first].extent
+    seen, bodies = sampled(seen), followable_bodies(scene, model)
+    points = VisiblePoints(scene, seen)
+    all_visible = points.visible()
+    visible_with = {name: points.visible(k) for name, k in bodies.items()}
+    heaviest, extent = next(iter(bodies), ""), all_visible.extent
+    travels = bool(heaviest) and all_visible.moves and extent > FAR * visible_with[heaviest].extent
     solids: list[Solid] = []
-    own = tracks.Moving(drawables(scene), list(shown), ROOT)
-    all_moving = [own, *extra.moving, tracks.drawn_arrows(extra.forces, whole.extent)]
-    commands = list(stage(whole.extent))
-    for moving in all_moving:
-        commands += [*drawn(moving.parts, solids, moving.root), *placed(*moving[:2], root=moving.root)]
-    clips = [x for moving in all_moving for x in animations(*moving[:2], moving.root)]
-    for trace in extra.traces:
+    own = MovingParts(drawables(scene), list(shown), ROOT)
+    commands, clips = list(surroundings(extent)), []
+    for parts, motions, root in (own, *extras.moving, arrow_parts(extras.forces, extent)):
+        commands += [*draw_commands(parts, solids, root), *pose_commands(parts, motions, root=root)]
+        clips += animation_clips(parts, motions, root)
+    for trace in extras.traces:
         path = f"{ROOT}/trace/{trace['name'].replace('/', '|')}"
-        commands += drawn_path(path, trace["points"], trace["colour"], tracks.TRACE * whole.extent)
-        clips += drawn_so_far(path, trace["points"], times)
+        commands += path_commands(path, trace["points"], trace["colour"], TRACE * extent)
+        clips += path_clips(path, trace["points"], times)
     return {
-        "geometries": [packed(solid) for solid in solids],
+        "geometries": [quantized_geometry(solid) for solid in solids],
         "commands": commands,
         "animations": clips,
-        "times": typed(times, "float32"),
-        "extent": whole.extent,
-        "flat": ("side", "front", "top", "3d")[whole.thin],
-        "far": first if far else "",
-        "cell": cell(whole.extent),
-        "levels": levels(bounds(scene, sampled(seen)), whole.extent, scene.ground),
-        "visible": {name: typed(x.points, "float32") for name, x in {"": whole, **near}.items()},
-        "bodies": [{"name": name, "path": node(own.parts[k].name)} for name, k in bodies.items()],
-        "legend": list(extra.legend),
+        "times": typed_array(times, "float32"),
+        "extent": extent,
+        "flat": ("side", "front", "top", "3d")[all_visible.thin],
+        "far": heaviest if travels else "",
+        "cell": grid_spacing(extent),
+        "levels": ground_levels(bounds(scene, seen), extent, scene.ground),
+        "visible": {name: typed_array(x.points, "float32") for name, x in {"": all_visible, **visible_with}.items()},
+        "bodies": [{"name": name, "path": node_path(own.parts[k].name)} for name, k in bodies.items()],
+        "legend": list(extras.legend),
     }
 
 
-def document(title: str, payload: Mapping[str, object]) -> str:
+def html_document(title: str, payload: Mapping[str, object]) -> str:
     """Return the page with a title and its data."""
-    filling = {
+    fields = {
         "title": html.escape(title),
         "style": _asset("replay.css"),
         "plotstyle": _asset("vendor/uPlot.min.css"),
@@ -100,10 +106,10 @@ def document(title: str, payload: Mapping[str, object]) -> str:
         "plots": _plots(),
         "scene": _compressed(umsgpack.packb(payload)),
     }
-    return re.sub(r"{{(\w+)}}", lambda key: filling[key[1]], _asset("replay.htm"))
+    return re.sub(r"{{(\w+)}}", lambda match: fields[match[1]], _asset("replay.htm"))
 
 
-def frame(text: str, height: int = 520) -> str:
+def inline_frame(text: str, height: int = 520) -> str:
     """Return a page as an inline frame for a notebook or another page."""
     style = f"width: 100%; height: {height}px; border: 0"
     return f'<iframe srcdoc="{html.escape(text)}" title="replay" style="{style}"></iframe>'
@@ -141,7 +147,7 @@ def _plots() -> str:
 
 
 def _compressed(data: bytes) -> str:
-    return base64.b64encode(gzip.compress(data, LEVEL, mtime=0)).decode("ascii")
+    return base64.b64encode(gzip.compress(data, COMPRESSION_LEVEL, mtime=0)).decode("ascii")
 
 
 def _asset(name: str) -> str:

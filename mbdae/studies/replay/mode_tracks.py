@@ -10,7 +10,7 @@ from ...mechanism.signals.contacts import contact_path, rolling_closures
 from ...mechanism.tree.frames import frame_paths, joint_paths
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
-from .animation_tracks import Moving, rgba_of
+from .animation_tracks import MovingParts, rgba_of
 
 if TYPE_CHECKING:
     from ...mechanism import Mechanism
@@ -43,7 +43,7 @@ class ModeTrack(NamedTuple):
     strength: list[float]
 
 
-def drawn_marks(marks: Sequence[ModeTrack], times: Array, speed: float, width: float) -> Moving:
+def mark_parts(marks: Sequence[ModeTrack], times: Array, speed: float, width: float) -> MovingParts:
     """Return balls at active contacts, and for a quarter of a second of viewing at impacts.
 
     Args:
@@ -52,7 +52,7 @@ def drawn_marks(marks: Sequence[ModeTrack], times: Array, speed: float, width: f
         speed: seconds of motion per second of viewing.
         width: of links in m; balls have three times this radius.
     """
-    out = Moving([], [], "/mechanism/mode")
+    out = MovingParts([], [], "/mechanism/mode")
     for mark in marks:
         for kind, colour, scales in (
             ("active", ACTIVE_COLOUR, _active_scales(mark, times)),

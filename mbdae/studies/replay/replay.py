@@ -14,10 +14,10 @@ from ...mechanism.scene.visible import sampled
 from ...units import quantity
 from ..figures import COLOURS
 from . import animation_tracks as tracks
-from .html_page import Extra, document, frame, scene_data
-from .mode_tracks import drawn_marks, mode_legend, mode_tracks_of
+from .html_page import Extras, html_document, inline_frame, scene_data
+from .mode_tracks import mark_parts, mode_legend, mode_tracks_of
 from .plot_panels import Plot, PlotPanel, Signal, panes
-from .threejs import chosen, typed
+from .threejs import selectable_clips, typed_array
 from .video import VIDEO, film
 
 __all__ = ["animate"]
@@ -149,8 +149,8 @@ def page(
     bent = mechanism.scene.enlarged(deformation)
     scene = bent.travelled(q)
     if follow:
-        _check_known("body", follow, list(tracks.bodies(scene, mechanism.model)))
-    own, offsets = motions(scene, q), np.abs(times - times[0])
+        _check_known("body", follow, list(tracks.followable_bodies(scene, mechanism.model)))
+    shown, offsets = motions(scene, q), np.abs(times - times[0])
     others = dict(tracks.choices(sol, scene, choices, times))
     drawn_ghosts = tracks.ghosts(sol, bent, ghosts, times)
     marks = [] if choices else mode_tracks_of(sol, q)
@@ -160,29 +160,29 @@ def page(
         return q if at is times else sol(at)[0]
 
     paths = tracks.traces(mechanism, traces, configurations, times, deformation)
-    extra = Extra(
-        [*(moving for _, _, moving in drawn_ghosts), drawn_marks(marks, times, speed, scene.width)],
+    extras = Extras(
+        [*(moving for _, _, moving in drawn_ghosts), mark_parts(marks, times, speed, scene.width)],
         paths,
         forces,
         [*_legend(drawn_ghosts, paths, forces), *mode_legend(marks)],
     )
-    shown = {name: found for name, (found, _) in others.items()}
+    choice_motions = {name: found for name, (found, _) in others.items()}
     seen = np.concatenate([sampled(q), *(sampled(x) for _, x in others.values())])
     payload = {
-        **scene_data(scene, mechanism.model, own, offsets, seen, extra),
-        "choices": chosen(drawables(scene), own, shown, offsets),
+        **scene_data(scene, mechanism.model, shown, offsets, seen, extras),
+        "choices": selectable_clips(drawables(scene), shown, choice_motions, offsets),
         "frames": len(times),
         "start": float(times[0]),
         "end": float(times[-1]),
         "speed": float(speed),
-        "gaps": tracks.gaps(scene, q),
+        "gaps": tracks.closure_gaps(scene, q),
         "camera": camera,
         "follow": follow,
         "marked": closures,
         "ghosts": [{"name": name, "colour": colour} for name, colour, _ in drawn_ghosts],
         "panes": [_pane(p) for p in panes(sol, plots, signals or {}, ghosts.values())],
     }
-    return document(mechanism.title, payload)
+    return html_document(mechanism.title, payload)
 
 
 def _legend(
@@ -234,7 +234,7 @@ def notebook(sol: "Solution") -> str:
     if len(text) > NOTEBOOK:
         size = f"{len(text) / 1e6:.0f} MB"
         return f"<p>{html.escape(repr(sol))}<br>The replay has {size}: mbdae.animate(sol, 'run.html') writes it.</p>"
-    return frame(text)
+    return inline_frame(text)
 
 
 def _frames(sol: "Solution", rate: float, most: int | None) -> tuple[np.ndarray, np.ndarray]:
@@ -259,8 +259,8 @@ def _pane(pane: PlotPanel) -> dict[str, Any]:
         {
             "name": {"g": "|g|", "Gv": "|G v|"}.get(c.name, c.name),
             "ghost": c.ghost,
-            "t": typed(c.t, "float64"),
-            "y": typed(c.y, "float32"),
+            "t": typed_array(c.t, "float64"),
+            "y": typed_array(c.y, "float32"),
         }
         for c in pane.curves
     ]

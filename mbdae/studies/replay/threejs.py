@@ -14,7 +14,7 @@ ROOT = "/mechanism"
 EXTENSION = {  # msgpack types of the arrays of JavaScript
     "int8": 0x11, "uint8": 0x12, "uint16": 0x14, "int32": 0x15, "uint32": 0x16, "float32": 0x17, "float64": 0x18,
 }  # fmt: skip
-NAMES = {"int8": "Int8Array", "uint16": "Uint16Array", "uint32": "Uint32Array", "float32": "Float32Array"}
+ARRAY_TYPES = {"int8": "Int8Array", "uint16": "Uint16Array", "uint32": "Uint32Array", "float32": "Float32Array"}
 TRACKS = {  # of a motion: object below the path, property, type
     "position": ("", ".position", "vector"),
     "rotation": ("", ".quaternion", "quaternion"),
@@ -23,16 +23,16 @@ TRACKS = {  # of a motion: object below the path, property, type
     "stretch": ("/<object>", ".morphTargetInfluences[0]", "number"),
 }
 DISCRETE = 2300  # three.js' InterpolateDiscrete
-MARK = 10**6  # layer over all closures
+MARK_LAYER = 10**6  # over all closures
 MIME = {b"\xff\xd8\xff": "image/jpeg", b"GIF8": "image/gif"}  # by the first bytes; all others: png
 
 
-def typed(values: object, dtype: str) -> umsgpack.Ext:
+def typed_array(values: object, dtype: str) -> umsgpack.Ext:
     """Return a flattened numpy array as a typed array of JavaScript; dtype is a key of ``EXTENSION``."""
     return umsgpack.Ext(EXTENSION[dtype], np.ascontiguousarray(values, dtype=dtype).tobytes())
 
 
-def node(part: str, root: str = ROOT) -> str:
+def node_path(part: str, root: str = ROOT) -> str:
     """Return the path of a part in the viewer's tree."""
     return f"{root}/{part}"
 
@@ -48,7 +48,9 @@ def set_property(path: str, name: str, value: object) -> dict[str, Any]:
     return {"type": "set_property", "path": path, "property": name, "value": value}
 
 
-def drawn(parts: Sequence[Drawable], solids: list[Solid] | None = None, root: str = ROOT) -> Iterator[dict[str, Any]]:
+def draw_commands(
+    parts: Sequence[Drawable], solids: list[Solid] | None = None, root: str = ROOT
+) -> Iterator[dict[str, Any]]:
     """Yield the commands that draw parts.
 
     Args:
@@ -60,7 +62,7 @@ def drawn(parts: Sequence[Drawable], solids: list[Solid] | None = None, root: st
     for k, part in enumerate(parts):
         if not part.solid.surfaces:
             continue
-        path = node(part.name, root)
+        path = node_path(part.name, root)
         yield set_object(path, _object(part, k, len(parts) - k, solids))
         if part.style != "body":
             yield set_property(f"{path}/<object>", "castShadow", False)
@@ -73,7 +75,7 @@ def _object(part: Drawable, k: int, layer: int, solids: list[Solid] | None) -> d
     colours *= len(part.solid.surfaces) // len(colours)
     images = [b"" if part.rgba else surface.image for surface in part.solid.surfaces]
     if solids is None:
-        geometry: dict[str, Any] = {"data": buffers(part.solid)}
+        geometry: dict[str, Any] = {"data": buffer_geometry(part.solid)}
     else:
         if part.solid not in solids:
             solids.append(part.solid)
@@ -94,7 +96,7 @@ def _object(part: Drawable, k: int, layer: int, solids: list[Solid] | None) -> d
             "geometry": "geometry",
             "material": [f"material {i}" for i in range(len(colours))],
             "matrix": np.diag([*part.scale, 1.0]).ravel().tolist(),
-            "renderOrder": {"closure": layer, "mark": MARK}.get(part.style, 0),
+            "renderOrder": {"closure": layer, "mark": MARK_LAYER}.get(part.style, 0),
             "frustumCulled": part.solid.stretch is None,
         },
     }
@@ -106,14 +108,14 @@ def material(rgba: Sequence[float], style: str, k: int = 0) -> dict[str, Any]:
     out = {"color": colour, "opacity": float(rgba[3]), "transparent": rgba[3] < 1, "side": 2}
     phong = {"type": "MeshPhongMaterial", "shininess": 40, "specular": 0x1C1C1C}
     if style == "body":
-        return {**out, **phong, **_offset(0, -4 * (k % 12))}
+        return {**out, **phong, **_polygon_offset(0, -4 * (k % 12))}
     if style == "ghost":  # where both coincide, the body is visible
-        return {**out, **phong, **_offset(2, 8), "depthWrite": False}
+        return {**out, **phong, **_polygon_offset(2, 8), "depthWrite": False}
     over = {"depthTest": False, "transparent": True, "side": 0}
     return {**out, **(phong if style == "closure" else {"type": "MeshBasicMaterial"}), **over}
 
 
-def _offset(factor: float, units: float) -> dict[str, Any]:
+def _polygon_offset(factor: float, units: float) -> dict[str, Any]:
     return {"polygonOffset": True, "polygonOffsetFactor": factor, "polygonOffsetUnits": units}
 
 
@@ -122,22 +124,22 @@ def _url(image: bytes) -> str:
     return f"data:{kind};base64,{base64.b64encode(image).decode('ascii')}"
 
 
-def attribute(values: Array, dtype: str = "float32", **more: Any) -> dict[str, Any]:
-    """Return an attribute of a geometry, (n, k) numbers."""
-    return {"itemSize": values.shape[1], "type": NAMES[dtype], "array": typed(values, dtype), **more}
+def buffer_attribute(values: Array, dtype: str = "float32", **more: Any) -> dict[str, Any]:
+    """Return a BufferAttribute of three.js with values (n, k)."""
+    return {"itemSize": values.shape[1], "type": ARRAY_TYPES[dtype], "array": typed_array(values, dtype), **more}
 
 
-def buffers(solid: Solid) -> dict[str, Any]:
-    """Return the data of a geometry, with a group of triangles for each surface."""
+def buffer_geometry(solid: Solid) -> dict[str, Any]:
+    """Return the data of a BufferGeometry of three.js, with a group of triangles for each surface."""
     found = solid.vertices
     points = np.concatenate([v.points for v in found])
     directions = np.rint(127 * np.concatenate([v.normals for v in found]))
     out: dict[str, Any] = {
         "attributes": {
-            "position": attribute(points),
-            "normal": attribute(directions, "int8", normalized=True),
+            "position": buffer_attribute(points),
+            "normal": buffer_attribute(directions, "int8", normalized=True),
         },
-        "index": {"type": "Uint32Array", "array": typed(_index(found), "uint32")},
+        "index": {"type": "Uint32Array", "array": typed_array(_index(found), "uint32")},
         "groups": [
             {"start": int(start), "count": len(v.corners), "materialIndex": k}
             for k, (v, start) in enumerate(zip(found, np.cumsum([0, *(len(v.corners) for v in found)]), strict=False))
@@ -145,9 +147,9 @@ def buffers(solid: Solid) -> dict[str, Any]:
     }
     if any(v.uv is not None for v in found):
         uv = [np.zeros((len(v.points), 2)) if v.uv is None else v.uv for v in found]
-        out["attributes"]["uv"] = attribute(np.concatenate(uv))
+        out["attributes"]["uv"] = buffer_attribute(np.concatenate(uv))
     if solid.stretch is not None and found[0].stretch is not None:
-        out |= {"morphAttributes": {"position": [attribute(found[0].stretch)]}, "morphTargetsRelative": True}
+        out |= {"morphAttributes": {"position": [buffer_attribute(found[0].stretch)]}, "morphTargetsRelative": True}
     return out
 
 
@@ -156,7 +158,7 @@ def _index(found: Sequence[Vertices]) -> Array:
     return np.concatenate([v.corners + start for v, start in zip(found, starts, strict=False)])
 
 
-def packed(solid: Solid) -> dict[str, Any]:
+def quantized_geometry(solid: Solid) -> dict[str, Any]:
     """Return the data of a geometry for a page, a third of the size.
 
     Points are 16 bits for each axis, in fractions of their bounding box: 1e-5 of its edges. The index of a corner is
@@ -165,13 +167,13 @@ def packed(solid: Solid) -> dict[str, Any]:
     points = np.concatenate([v.points for v in solid.vertices])
     low, high = points.min(axis=0).astype(float), points.max(axis=0).astype(float)
     span = np.where(high > low, high - low, 1.0)
-    data = buffers(solid)
-    data["attributes"]["position"]["array"] = typed(np.rint((points - low) / span * 65535), "uint16")
-    data["index"]["array"] = typed(np.diff(_index(solid.vertices), prepend=0), "int32")
+    data = buffer_geometry(solid)
+    data["attributes"]["position"]["array"] = typed_array(np.rint((points - low) / span * 65535), "uint16")
+    data["index"]["array"] = typed_array(np.diff(_index(solid.vertices), prepend=0), "int32")
     return {"low": low.tolist(), "span": span.tolist(), "data": data}
 
 
-def animations(
+def animation_clips(
     parts: Sequence[Drawable], motions: Sequence[Motion], root: str = ROOT, moving: Sequence[bool] | None = None
 ) -> list[dict[str, Any]]:
     """Return the animations of the parts that move, over seconds; the page adds the times of frames.
@@ -186,13 +188,13 @@ def animations(
     for k, (part, motion) in enumerate(zip(parts, motions, strict=True)):
         tracks = {key: t for key, t in motion.items() if (t.moves if moving is None else moving[k])}
         for below in ("", "/<object>") if part.solid.surfaces else ():
-            found = [_track(key, track) for key, track in tracks.items() if TRACKS[key][0] == below]
+            found = [_clip_track(key, track) for key, track in tracks.items() if TRACKS[key][0] == below]
             if found:
-                out.append({"path": node(part.name, root) + below, "clip": {"fps": 1, "tracks": found}})
+                out.append({"path": node_path(part.name, root) + below, "clip": {"fps": 1, "tracks": found}})
     return out
 
 
-def chosen(
+def selectable_clips(
     parts: Sequence[Drawable],
     shown: Sequence[Motion],
     others: Mapping[str, Sequence[Motion]],
@@ -212,8 +214,8 @@ def chosen(
     for name, found in others.items():
         count = len(next(iter(found[0].values())).values) if found else 1
         at = np.linspace(0, 1, count) if times is None else times
-        clips = animations(parts, found, moving=moving)
-        out.append({"name": name, "times": typed(at, "float32"), "animations": clips})
+        clips = animation_clips(parts, found, moving=moving)
+        out.append({"name": name, "times": typed_array(at, "float32"), "animations": clips})
     return out
 
 
@@ -223,22 +225,22 @@ def _differ(found: Sequence[Motion]) -> bool:
     return any(t.moves or not np.array_equal(t.values[0], found[0][key].values[0]) for key, t in tracks)
 
 
-def _track(key: str, track: Track) -> dict[str, Any]:
+def _clip_track(key: str, track: Track) -> dict[str, Any]:
     _, name, kind = TRACKS[key]
-    values = [bool(x) for x in track.values.ravel()] if kind == "bool" else typed(track.values, "float32")
+    values = [bool(x) for x in track.values.ravel()] if kind == "bool" else typed_array(track.values, "float32")
     out = {"name": name, "type": kind, "values": values}
     out |= {"interpolation": DISCRETE} if track.sudden or kind == "bool" else {}
-    return out if track.times is None else out | {"times": typed(track.times, "float32")}
+    return out if track.times is None else out | {"times": typed_array(track.times, "float32")}
 
 
-def placed(
+def pose_commands(
     parts: Sequence[Drawable], motions: Sequence[Motion], k: int = 0, root: str = ROOT
 ) -> Iterator[dict[str, Any]]:
     """Yield the commands that move parts to frame k of their motions, by the tracks over frames."""
     for part, motion in zip(parts, motions, strict=True):
         if not part.solid.surfaces:
             continue
-        path = node(part.name, root)
+        path = node_path(part.name, root)
         if "position" in motion:
             scale = motion["scale"].values[k] if "scale" in motion and motion["scale"].times is None else np.ones(3)
             matrix = transform(motion["position"].values[k], motion["rotation"].values[k], scale)

@@ -14,7 +14,7 @@ from ..drift.figure import drifts
 from ..method_variant import run_labels
 from ..order.figure import convergence
 from ..replay.figure import posture
-from ..replay.html_page import frame
+from ..replay.html_page import inline_frame
 from ..replay.replay import pace
 from ..replay.replay import page as replay_page
 from ..solve.figure import motion
@@ -59,7 +59,7 @@ def _run(report: "Report") -> str:
     sol = report.sol
     speed = pace(sol)
     ended, counts = map(str.strip, str(sol).splitlines())
-    replay = Markup(frame(replay_page(sol, fps=30.0, speed=speed), 660))
+    replay = Markup(inline_frame(replay_page(sol, fps=30.0, speed=speed), 660))
     text = elements().run(run_labels(sol)[1], ended, counts, speed)
     return text + replay + image(motion(sol), "motion over time") + actuator_table(sol)
 

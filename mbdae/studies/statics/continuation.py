@@ -119,7 +119,7 @@ class Continuation:
         if there.du * here.du < 0:
             at = self.located(here, h, lambda p: p.du)[1]
             return [(at, self._point("limit", at, at.dq[None] / np.linalg.norm(at.here.free.U @ at.dq)))]
-        if here.bent is None or there.bent is None:
+        if here.curvature is None or there.curvature is None:
             if there.sign * here.sign > 0:
                 return []
             at = self.located(here, h, lambda p: p.sign)[1]
@@ -128,11 +128,12 @@ class Continuation:
 
     def _branches(self, here: PathPoint, there: PathPoint, h: float) -> list[tuple[PathPoint, CriticalPoint]]:
         """Return the branch points of a step: roots of one or several eigenvalues."""
-        assert here.bent is not None
-        assert there.bent is not None
-        regular = here if here.bent.flat <= there.bent.flat else there  # an end of the step may be a branch point
-        flat = min(here.bent.flat, there.bent.flat)
-        numbers = range(*sorted((here.bent.negative, there.bent.negative)))
+        a, b = here.curvature, there.curvature
+        assert a is not None
+        assert b is not None
+        regular = here if a.flat <= b.flat else there  # an end of the step may be a branch point
+        flat = min(a.flat, b.flat)
+        numbers = range(*sorted((a.negative, b.negative)))
         roots = [self.located(here, h, lambda p, k=k: eigenvalue(p, k, flat)) for k in numbers]  # type: ignore[misc]
         out: list[tuple[PathPoint, CriticalPoint]] = []
         roots.sort(key=lambda root: root[0])
@@ -220,8 +221,8 @@ class Continuation:
         basis = np.linalg.qr(null)[0].T
         neutral = np.linalg.svd(basis - np.outer(basis @ x, x))[2][: len(basis) - 1]
         sign = float(np.linalg.slogdet(np.vstack([rows + neutral[:, :-1].T @ neutral, x]))[0])
-        bent = curvature(here.H, here.noise) if symmetric(here.H, here.noise) else None
-        return PathPoint(u, here, tau[:-1] * self.l, float(tau[-1]), bent, sign)
+        found = curvature(here.H, here.noise) if symmetric(here.H, here.noise) else None
+        return PathPoint(u, here, tau[:-1] * self.l, float(tau[-1]), found, sign)
 
     def located(self, at: PathPoint, h: float, value: Callable[[PathPoint], float]) -> tuple[float, PathPoint]:
         """Return the step length at a sign change of a value, and the point."""
@@ -236,20 +237,20 @@ def eigenvalue(p: PathPoint, k: int, flat: int) -> float:
         k: index of the eigenvalue, in ascending order.
         flat: number of eigenvalues that are zero along the path.
     """
-    bent = p.bent
-    if bent is None or bent.negative <= k < bent.negative + bent.flat - flat:
+    found = p.curvature
+    if found is None or found.negative <= k < found.negative + found.flat - flat:
         return 0.0
-    return float(bent.values[k if k < bent.negative else k + bent.flat])
+    return float(found.values[k if k < found.negative else k + found.flat])
 
 
 def buckling_shapes(at: PathPoint, m: int, before: PathPoint) -> Array:
     """Return m M-orthonormal motions without stiffness, which have stiffness at the point before, (m, nv)."""
-    assert at.bent is not None
-    assert before.bent is not None
-    U, flat = at.here.free.U, before.bent.flat
-    cluster = np.abs(at.bent.values).argsort()[: m + flat]
-    shapes = U @ at.here.free.Z @ np.linalg.qr(at.bent.vectors[:, cluster])[0]
+    assert at.curvature is not None
+    assert before.curvature is not None
+    U, flat = at.here.free.U, before.curvature.flat
+    cluster = np.abs(at.curvature.values).argsort()[: m + flat]
+    shapes = U @ at.here.free.Z @ np.linalg.qr(at.curvature.vectors[:, cluster])[0]
     if flat:
-        free = np.linalg.qr(U @ before.here.free.Z @ before.bent.vectors[:, before.bent.signs == 0])[0]
+        free = np.linalg.qr(U @ before.here.free.Z @ before.curvature.vectors[:, before.curvature.signs == 0])[0]
         shapes = np.linalg.svd(shapes - free @ (free.T @ shapes), full_matrices=False)[0][:, :m]
     return np.linalg.solve(U, shapes).T

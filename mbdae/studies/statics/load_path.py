@@ -202,7 +202,7 @@ def load_path(
     points, critical, complete = continuation.run(rest.here)
     unstable = [curvature(p.here.H, p.here.noise).negative for p in points]
     factor, q = np.array([first + (last - first) * p.u for p in points]), np.array([p.here.q for p in points])
-    potential = all(p.bent is not None for p in points)
+    potential = all(p.curvature is not None for p in points)
     forces = _normal_forces(contacts, np.array([p.here.lam for p in points]))
     return LoadPath(mech, load, factor, q, np.array(unstable), tuple(critical), complete, potential, forces)
 

@@ -47,7 +47,7 @@ class PathPoint(NamedTuple):
         u: the fraction of the factor's range.
         here: the force balance.
         dq, du: the tangent.
-        bent: eigenvalues of H and their signs; None for forces without a potential.
+        curvature: eigenvalues of H and their signs; None for forces without a potential.
         sign: of the determinant of the corrector's matrix.
     """
 
@@ -55,5 +55,5 @@ class PathPoint(NamedTuple):
     here: ForceBalance
     dq: Array
     du: float
-    bent: Curvature | None
+    curvature: Curvature | None
     sign: float

@@ -126,11 +126,11 @@ class TrustRegion:
         for _ in range(RELAXATIONS):
             if there is None or np.linalg.norm(there.rho) <= np.linalg.norm(self.here.rho):
                 break
-            bent = curvature(there.H, there.noise)
-            d = np.divide(bent.vectors.T @ there.rho, bent.values, out=np.zeros(len(there.H)), where=bent.signs > 0)
-            sizes = np.abs(there.free.Z @ bent.vectors / self.units[:, None]).max(0)
+            found = curvature(there.H, there.noise)
+            d = np.divide(found.vectors.T @ there.rho, found.values, out=np.zeros(len(there.H)), where=found.signs > 0)
+            sizes = np.abs(there.free.Z @ found.vectors / self.units[:, None]).max(0)
             d[sizes * np.abs(d) > SHORT * length] = 0.0
-            nearer = self.at(there, bent.vectors @ d)
+            nearer = self.at(there, found.vectors @ d)
             if nearer is None or not np.linalg.norm(nearer.rho) < np.linalg.norm(there.rho):
                 break
             there = nearer

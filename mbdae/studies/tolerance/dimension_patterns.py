@@ -5,12 +5,12 @@ from fnmatch import fnmatchcase
 from itertools import product
 
 from ...errors import UnknownNameError
+from ...mechanism.equations.characteristic_length import CLOSURE_LENGTHS
 from ...mechanism.formats.mechanism_file.template import Template
 from ...mechanism.tree.frames import joint_names
 
 WILDCARDS = "*?["
 ENTRIES = ("xyz", "rpy")
-CLOSURE_KEYS = ("length", "lead", "radius", "tyre", "surface_radius")
 
 
 def expand_patterns(make: object, tolerances: Mapping[str, float]) -> tuple[dict[str, float], set[str]]:
@@ -45,6 +45,6 @@ def _dimensions(make: Template) -> Iterator[str]:
     placed = [*(f"frame.{x.name}" for x in recipe.file.frame), *(f"body.{x.name}" for x in recipe.file.body), *joints]
     for name, entry, i in product(placed, ENTRIES, range(3)):
         yield f"{name}.{entry}.{i}"
-    for closure, key in product(recipe.file.closure, CLOSURE_KEYS):
-        if isinstance(getattr(closure, key, None), float):
+    for closure, key in product(recipe.file.closure, CLOSURE_LENGTHS):
+        if isinstance(getattr(closure, key, None), float):  # not radii and semi-axes, which are several
             yield f"closure.{closure.name}.{key}"

@@ -6,7 +6,6 @@ import numpy as np
 
 from ...units import displayed, unit_name
 from ..figures import COLOURS, WIDTH, curve_style, empty_figure, escaped, fixed_layout, legend_right
-from ..kinematics.result import monotonic_segments
 from .deviations import PATH
 from .result import Tolerance
 
@@ -48,7 +47,7 @@ def _deviations(ax: "Axes", found: Tolerance, m: int, name: str) -> None:
     visible = np.where(worst > CUTOFF * np.nanmedian(worst), np.nan, 1.0)
     sizes, of_parameters = [*found.tolerances, *found.clearances], len(found.tolerances)
     largest = sorted(sizes.index(x.name) for x in found.contributions(name)[: len(COLOURS) - 1])
-    for first, part in enumerate(monotonic_segments(found.curve)):
+    for first, part in enumerate(found.curve.monotonic_segments):
         u = displayed(found.curve.u[part], over)[0]
         for values, (colour, label), alpha in ((worst, WORST, 1.0), (found.statistical[m], STATISTICAL, 0.35)):
             shown = displayed((visible * values)[part], unit)[0]

@@ -15,7 +15,7 @@ from ...mechanism.tree.frames import find_joint
 from ...mechanism.tree.joints import joint_transform, subspace
 from ...mechanism.tree.tree_terms import flexible_bodies
 from ...system import Array
-from ..replay.threejs import node, typed
+from ..replay.threejs import node_path, typed_array
 from .sliders import Slider, limits_of, value_of
 
 ROWS = ("dot_product_1", "dot_product_2", "distance", "coordinate", "sum")  # kinds that the page supports
@@ -43,7 +43,7 @@ def linkage(mech: Mechanism, scene: Scene, q: Array, sliders: Sequence[Slider]) 
         "pairs": [[{"joint": last[a["joint"]], "turn": a["R"], "at": a["p"]} for a in pair] for pair in pairs],
         "rows": rows,
         "held": [find_joint(mech.model, s.joint).idx_v for s in sliders],
-        "curves": [typed(np.array([mech.manifold.difference(q, x) for x in s.q]), "float32") for s in sliders],
+        "curves": [typed_array(np.array([mech.manifold.difference(q, x) for x in s.q]), "float32") for s in sliders],
         "limits": _limits(mech),
         "parts": _attachments(scene, last),
     }
@@ -91,7 +91,7 @@ def _attachments(scene: Scene, last: Sequence[int]) -> list[dict[str, Any]]:
         on += [((s.first, s.second), s.length)] * (s.coil + 2 * s.tube)
     return [
         {
-            "path": node(part.name),
+            "path": node_path(part.name),
             "on": [{"joint": last[joint], "place": _matrix(place)} for joint, place in anchors],
             "kind": part.name.rpartition(" ")[2] if part.name.startswith("spring/") else "link",
             "length": length,

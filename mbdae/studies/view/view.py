@@ -15,8 +15,8 @@ from ...solution.problem import mechanism_of
 from ...system import Array
 from ...units import displayed, quantity
 from ..replay import animation_tracks as tracks
-from ..replay.html_page import document, frame, scene_data
-from ..replay.threejs import chosen
+from ..replay.html_page import html_document, inline_frame, scene_data
+from ..replay.threejs import selectable_clips
 from .linkage import linkage
 from .sliders import MAX_SLIDERS, Slider, sliders
 
@@ -77,16 +77,16 @@ class View:
         own, moved = motions(scene, start), {s.joint: motions(scene, s.q) for s in self.sliders}
         payload = {
             **scene_data(scene, self.mechanism.model, own, np.zeros(1), reached),
-            "choices": chosen(drawables(scene), own, moved),
+            "choices": selectable_clips(drawables(scene), own, moved),
             "frames": 1,
             **{"start": 0.0, "end": 1.0, "speed": 1.0},
-            "gaps": tracks.gaps(scene, reached),
+            "gaps": tracks.closure_gaps(scene, reached),
             **{"camera": None, "follow": "", "marked": False, "ghosts": [], "panes": []},
             "sliders": [_slider_data(s) for s in self.sliders],
             "linkage": linked,
             "note": self._note(linked is not None),
         }
-        return document(self.mechanism.title, payload)
+        return html_document(self.mechanism.title, payload)
 
     def _note(self, linked: bool) -> str:
         mech = self.mechanism
@@ -110,7 +110,7 @@ class View:
         write_page(path, self.page, "a view")
 
     def _repr_html_(self) -> str:
-        return frame(self.page())
+        return inline_frame(self.page())
 
 
 def view(mech: Mechanism | str | Path, q: Array | None = None) -> View:

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import mbdae
 from mbdae.mechanism.scene.bent_models import enlarged
-from mbdae.studies.replay.animation_tracks import gaps, traces
+from mbdae.studies.replay.animation_tracks import closure_gaps, traces
 
 LENGTH, SPAN = 0.9, np.linspace(0, 1, 9)  # of the coupler; ends of elements
 
@@ -53,7 +53,7 @@ def test_displacements_are_enlarged(four_bar, factor):
     local = (ends_of_rods(scene, q, "coupler")[:, 0] - p) @ R
     np.testing.assert_allclose(local[:, 1], factor * amplitude * np.sin(np.pi * SPAN[:-1]), atol=0.01 * amplitude)
     shortening = np.pi**2 * amplitude**2 / (4 * LENGTH)
-    (gap,) = gaps(scene, q[None])
+    (gap,) = closure_gaps(scene, q[None])
     assert gap["open"] == pytest.approx(abs(factor - 1) * shortening, rel=1e-3)
     (path,) = traces(mech, ["coupler.middle"], lambda t: np.tile(q, (len(t), 1)), np.arange(2.0), factor)
     assert ((path["points"][0] - p) @ R)[1] == pytest.approx(factor * amplitude, rel=1e-4)

@@ -14,8 +14,8 @@ from mbdae.errors import AssemblyError, InputError, StepError
 from mbdae.mechanism.closures.constraints import Constraints
 from mbdae.mechanism.tree.frames import frame_paths
 from mbdae.mechanism.tree.joints import angle_components
+from mbdae.studies.kinematics.curve.pose_curve import PoseCurve
 from mbdae.studies.kinematics.driven_mechanism import driven_mechanism
-from mbdae.studies.kinematics.pose_curve import PoseCurve
 
 COMMANDS = ("kinematics four_bar --drive rocker --points 20", "assembly-modes four_bar --drive crank")
 LEGS = [f"piston_{i}" for i in range(2, 7)]

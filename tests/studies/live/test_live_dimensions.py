@@ -45,7 +45,7 @@ def test_a_length_closes_the_loop_again(four_bar):
 def test_paths_are_those_of_the_present_lengths(four_bar, monkeypatch):
     found, drawn = Dimensions(four_bar, {COUPLER: (1.2, 2.8)}, ["coupler_tip", "coupler_bar"]), {}
     monkeypatch.setattr(
-        "mbdae.studies.live.dimensions.drawn_path",
+        "mbdae.studies.live.dimensions.path_commands",
         lambda path, points, colour, radius: drawn.update({path: points}) or [],
     )
     q, _ = found.change(COUPLER, 1.8, *found.mechanism.start)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mbdae.studies.periodic.multipliers import on_quotient, periodic_eigenvalues
+from mbdae.studies.periodic.shooting.multipliers import on_quotient, periodic_eigenvalues
 
 
 def orthogonal(rng, n):

@@ -84,7 +84,7 @@ def load(
     with with_error_context("" if forces or any(more.values()) else str(path), recipe.file, recipe.parts):
         mech = make(recipe, [f for f in forces if not isinstance(f, FORCES)])
     if recipe.file.start.assemble and any(p.start.guess for p in recipe.parts):
-        _remark_open(mech, recipe.name)
+        _warn_if_open(mech, recipe.name)
     return mech
 
 
@@ -166,7 +166,7 @@ def _read(
     return MechanismFile(source=(Source(file=found.name),), title=name), ()
 
 
-def _remark_open(mech: Mechanism, name: str) -> None:
+def _warn_if_open(mech: Mechanism, name: str) -> None:
     """Warn if a source specifies all joint values and violates a closure; assembly will move the joints."""
     gap = mech.gap_as_given
     if gap and gap.relative > INPUT_DIGITS:
@@ -226,10 +226,10 @@ def mechanism_from_file(
 
 def recipe_from_mechanism(mech: Mechanism) -> Recipe:
     """Return the files of a mechanism, without visuals."""
-    said: dict[str, Any] = mech.source or {}
-    file = MechanismFile.model_validate(said["file"])
-    parts = [replace(restored(record()), visuals=None) for record in said["parts"]]
-    return Recipe(file, said["name"], parts, mech.motors, mech.left_out, said["parameters"])
+    source: dict[str, Any] = mech.source or {}
+    file = MechanismFile.model_validate(source["file"])
+    parts = [replace(restored(record()), visuals=None) for record in source["parts"]]
+    return Recipe(file, source["name"], parts, mech.motors, mech.left_out, source["parameters"])
 
 
 def table_of(file: MechanismFile) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 
 from ....errors import InputError
 from ....file_io import read_text
@@ -45,7 +45,7 @@ class CutLoops(Table):
 
     closures: tuple[CutHinge, ...] = ()
     dependent: tuple[str, ...] = ()
-    independent: tuple[str, ...] = Field(default=())
+    independent: tuple[str, ...] = ()
 
 
 def add_loop_closures(part: ImportedModel, path: Path, allowed: AllowedPaths) -> ImportedModel:

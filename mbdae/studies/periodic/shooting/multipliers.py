@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import schur
 
-from ...system import Array
-from ...tolerances import RANK, SUM_ROUNDING
+from ....system import Array
+from ....tolerances import RANK, SUM_ROUNDING
 
 MAX_SWEEPS = 100
 

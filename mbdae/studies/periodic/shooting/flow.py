@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError
-from ...integrate.events.event import Event
-from ...integrate.solve import solve
-from ...integrate.trajectory.trajectory import Trajectory
-from ...mechanism import Mechanism
-from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ...solution.solution import Solution
-from ...system import Array
-from ..sensitivity.sensitivity import run_tangents
+from ....errors import InputError
+from ....integrate.events.event import Event
+from ....integrate.solve import solve
+from ....integrate.trajectory.trajectory import Trajectory
+from ....mechanism import Mechanism
+from ....mechanism.discrete_sensitivity.parameter_partials import Parameters
+from ....solution.solution import Solution
+from ....system import Array
+from ...sensitivity.sensitivity import run_tangents
 
 LONGEST = 20.0  # of the expected duration: a run must return to its section within it
 

@@ -2,7 +2,7 @@
 
 Unknown: the states at k nodes of a period, the period T unless it is given, advances sigma along symmetries,
 
-    0 = x(phi_i(y_i)) - x_i+1,   i < k - 1;      0 = x(S g(sigma) P phi_k-1(y_k-1)) - x_0
+    0 = x(phi_i(y_i)) - x_i+1,   i < k - 1;      0 = x(g(sigma) S P phi_k-1(y_k-1)) - x_0
 
 with coordinates x of states near y_i+1 (`mbdae.mechanism.equations.local_coordinates`): closures are not among the
 equations. S takes full turns and pitches of ratchets from joints, P exchanges joints. An autonomous motion without a
@@ -16,12 +16,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ...errors import InputError
-from ...mechanism.equations.local_coordinates import LocalCoordinates
-from ...mechanism.equations.symmetry import Symmetry
-from ...mechanism.formulations.index2 import Index2System
-from ...system import Array
-from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
+from ....errors import InputError
+from ....mechanism.equations.local_coordinates import LocalCoordinates
+from ....mechanism.equations.symmetry import Symmetry
+from ....mechanism.formulations.index2 import Index2System
+from ....system import Array
+from ....tolerances import AGREEMENT, SOLUTION_ROUNDING
 from .exchange import Exchange
 from .flow import Flow, FlowTangent, require_same_rows
 
@@ -138,25 +138,17 @@ class Linearisation:
         directions: list[Array] = []
         for symmetry, sigma in zip(self.cycle.symmetries, self.at.sigma.tolist(), strict=True):
             moved = symmetry.moved(q, sigma)
-            turn = symmetry.tangent(q, moved, sigma)
-            directions = [turn @ w for w in directions]
-            D, v, q = turn @ D, turn @ v, moved
+            differential = symmetry.tangent(q, moved, sigma)
+            directions = [differential @ w for w in directions]
+            D, v, q = differential @ D, differential @ v, moved
             directions.append(symmetry.direction(q))
         y[:nq], y[nq : nq + nv] = q, v
-        whole = np.eye(s.ny)
-        whole[:nv, :nv] = whole[nv : 2 * nv, nv : 2 * nv] = D
+        tangent_map = np.eye(s.ny)
+        tangent_map[:nv, :nv] = tangent_map[nv : 2 * nv, nv : 2 * nv] = D
         w = np.zeros((s.ny, len(directions)))
-        w[:nv] = np.array(directions).reshape(-1, nv).T
-        w[nv : 2 * nv] = self._turned_velocities(y)
-        return y, whole, w
-
-    def _turned_velocities(self, y: Array) -> Array:
-        """Return d(v)/d(sigma), (nv, m), of the closing at its end, by the action of each symmetry near sigma = 0."""
-        s, (q, v) = self.system, self.system.split(y)
-        out = np.zeros((s.nv, len(self.cycle.symmetries)))
         for k, symmetry in enumerate(self.cycle.symmetries):
-            out[:, k] = symmetry.velocity_change(q, v)
-        return out
+            w[:nv, k], w[nv : 2 * nv, k] = directions[k], symmetry.velocity_change(q, v)
+        return y, tangent_map, w
 
     @cached_property
     def residual(self) -> Array:
@@ -165,18 +157,18 @@ class Linearisation:
         ends = [*(run.y[-1] for run in self.runs[:-1]), self.closing[0]]
         return np.concatenate([chart.coordinates_of(y) - chart.x0 for chart, y in zip(charts, ends, strict=True)])
 
-    def _into_next(self, i: int, dy: Array) -> Array:
+    def _at_next_node(self, i: int, dy: Array) -> Array:
         """Return tangents at the end of part i in coordinates of the next node, (n, m)."""
         k = self.cycle.parts
         if i < k - 1:
             return self.charts[i + 1].coordinate_tangents(self.runs[i].y[-1], dy)
-        y, whole, _ = self.closing
-        return self.charts[0].coordinate_tangents(y, whole @ dy)
+        y, tangent_map, _ = self.closing
+        return self.charts[0].coordinate_tangents(y, tangent_map @ dy)
 
     @cached_property
     def factors(self) -> list[Array]:
         """Tangents over each part at fixed times, (n, n): their product is the monodromy matrix."""
-        return [self._into_next(i, end.fixed[:, : self.n]) for i, end in enumerate(self.tangents)]
+        return [self._at_next_node(i, end.fixed[:, : self.n]) for i, end in enumerate(self.tangents)]
 
     def flow_direction(self, i: int) -> Array:
         """Return y' at node i in its coordinates, (n,)."""
@@ -204,16 +196,16 @@ class Linearisation:
         A = np.zeros((n * k, n * k + period + m + self.p))
         for i, end in enumerate(self.tangents):
             rows, following = slice(i * n, (i + 1) * n), (i + 1) % k
-            whole = self._into_next(i, end.on_section)
-            A[rows, i * n : (i + 1) * n] += whole[:, :n]
+            transition = self._at_next_node(i, end.on_section)
+            A[rows, i * n : (i + 1) * n] += transition[:, :n]
             A[rows, following * n : (following + 1) * n] -= np.eye(n)
             if period:
-                A[rows, n * k] = self._into_next(i, end.rate[:, None])[:, 0] / k
+                A[rows, n * k] = self._at_next_node(i, end.rate[:, None])[:, 0] / k
             if self.p:
                 nodes = self.charts[following].coordinate_tangents(
                     self.at.nodes[following], self.tangents[following].start[:, n:]
                 )
-                A[rows, n * k + period + m :] = whole[:, n:] - nodes
+                A[rows, n * k + period + m :] = transition[:, n:] - nodes
         y, _, w = self.closing
         A[n * (k - 1) :, n * k + period : n * k + period + m] = self.charts[0].coordinate_tangents(y, w)
         phases = np.zeros((period + m, A.shape[1]))

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError, require
-from ...mechanism import Mechanism
-from ...system import Array
+from ....errors import InputError, UnknownNameError, require
+from ....mechanism import Mechanism
+from ....system import Array
 
 
 class Exchange:

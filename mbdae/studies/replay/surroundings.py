@@ -6,24 +6,24 @@ from typing import Any
 import numpy as np
 
 from ...system import Array
-from .threejs import attribute, set_object, set_property
+from .threejs import buffer_attribute, set_object, set_property
 
-GONE = (
+REMOVED = (  # of the viewer's defaults
     "Lights/SpotLight", "Lights/PointLightNegativeX", "Lights/PointLightPositiveX", "Lights/AmbientLight",
     "Lights/FillLight", "Grid", "Axes",
 )  # fmt: skip
 SUN, SKY = "/Lights/Sun", "/Lights/Sky"
 GROUND = "/ground"
-RADIUS = 5.0  # of the ground, in extents of the mechanism
+GROUND_RADIUS = 5.0  # in extents of the mechanism
 SHADOW_BIAS = -1 / 2500  # of the depth of the light: no shadows of a surface on itself
 GAP = 0.004  # between the lowest point and the ground, in extents
-MANY = 30  # cells on one side: beyond, every second line is drawn
-LINE = (0.663, 0.702, 0.741)
+DENSE_GRID = 30  # cells on one side: beyond, every second line is drawn
+LINE_COLOUR = (0.663, 0.702, 0.741)
 
 
-def stage(extent: float) -> Iterator[dict[str, Any]]:
+def surroundings(extent: float) -> Iterator[dict[str, Any]]:
     """Yield the commands for a mechanism of an extent in m; page and live view place sun and ground."""
-    for path in GONE:
+    for path in REMOVED:
         yield {"type": "delete", "path": f"/{path}"}
     yield set_property("/Background", "top_color", [0.97, 0.98, 0.99])
     yield set_property("/Background", "bottom_color", [0.86, 0.885, 0.91])
@@ -38,37 +38,37 @@ def stage(extent: float) -> Iterator[dict[str, Any]]:
     yield from _ground(extent)
 
 
-def cell(extent: float) -> float:
-    """Return the width of the squares on the ground in m: 1, 2 or 5 times a power of ten."""
+def grid_spacing(extent: float) -> float:
+    """Return the spacing of the grid on the ground in m: 1, 2 or 5 times a power of ten."""
     decade = 10.0 ** np.floor(np.log10(extent / 5))
     return float(decade * next(k for k in (5, 2, 1) if k == 1 or k * decade <= extent / 5))
 
 
-def levels(box: Array, extent: float, ground: float | None) -> dict[str, float]:
+def ground_levels(box: Array, extent: float, ground: float | None) -> dict[str, float]:
     """Return the position of the ground along x, y or z, by view: below, or behind the box (2, 3) of a motion."""
     below = box[0, 2] - GAP * extent if ground is None else ground
     return {"front": box[1, 1] + GAP * extent, "side": box[0, 0] - GAP * extent, "top": below, "3d": below}
 
 
 def _ground(extent: float) -> Iterator[dict[str, Any]]:
-    """Yield a disc that receives shadows, and a net that fades towards its edge."""
-    radius = RADIUS * extent
+    """Yield a disc that receives shadows, and a grid that fades towards its edge."""
+    radius = GROUND_RADIUS * extent
     disc = {"uuid": "disc", "type": "MeshLambertMaterial", "color": 0xF6F7F9, "opacity": 0.62}
     yield set_object(f"{GROUND}/disc", {
         "geometries": [{"uuid": "geometry", "type": "CircleGeometry", "radius": radius, "segments": 64}],
         "materials": [{**disc, "transparent": True, "depthWrite": False}],
         "object": _object("Mesh", "disc", renderOrder=-9),
     })  # fmt: skip
-    points, fade = _net(radius, cell(extent))
-    colours = np.column_stack([np.tile(LINE, (len(points), 1)), fade])
-    yield set_object(f"{GROUND}/net", {
+    points, fade = _grid(radius, grid_spacing(extent))
+    colours = np.column_stack([np.tile(LINE_COLOUR, (len(points), 1)), fade])
+    yield set_object(f"{GROUND}/grid", {
         "geometries": [{"uuid": "geometry", "type": "BufferGeometry", "data": {
-            "attributes": {"position": attribute(points), "color": attribute(colours)}}}],
+            "attributes": {"position": buffer_attribute(points), "color": buffer_attribute(colours)}}}],
         "materials": [{"uuid": "line", "type": "LineBasicMaterial", "vertexColors": True, "transparent": True,
                        "depthWrite": False}],
         "object": _object("LineSegments", "line", renderOrder=-8),
     })  # fmt: skip
-    for name in ("disc", "net"):
+    for name in ("disc", "grid"):
         yield set_property(f"{GROUND}/{name}/<object>", "castShadow", False)
 
 
@@ -76,13 +76,13 @@ def _object(kind: str, material: str, **more: Any) -> dict[str, Any]:
     return {"uuid": kind, "type": kind, "geometry": "geometry", "material": material, **more}
 
 
-def _net(radius: float, width: float) -> tuple[Array, Array]:
-    """Return the ends (2 n, 3) of line pieces between the nodes of a net, and their opacities (2 n,)."""
-    cells = int(radius // width)
+def _grid(radius: float, spacing: float) -> tuple[Array, Array]:
+    """Return the ends (2 n, 3) of line pieces between the nodes of a grid, and their opacities (2 n,)."""
+    cells = int(radius // spacing)
     i, j = np.meshgrid(np.arange(-cells, cells + 1), np.arange(-cells, cells), indexing="ij")
-    kept = (np.hypot(i, j) <= cells) & ((i % 2 == 0) | (cells <= MANY))
+    kept = (np.hypot(i, j) <= cells) & ((i % 2 == 0) | (cells <= DENSE_GRID))
     i, j = i[kept], j[kept]
     up = np.stack([np.column_stack([i, j]), np.column_stack([i, j + 1])], axis=1)
-    ends = width * np.concatenate([up, up[:, :, ::-1]]).reshape(-1, 2)
+    ends = spacing * np.concatenate([up, up[:, :, ::-1]]).reshape(-1, 2)
     fade = 0.75 * np.maximum(0, 1 - np.linalg.norm(ends, axis=1) / radius) ** 1.5
     return np.column_stack([ends, np.zeros(len(ends))]), fade

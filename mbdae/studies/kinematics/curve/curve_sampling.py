@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from ...errors import StepError
-from ...tolerances import COARSE, COINCIDENT, INTERPOLATION, ROUNDING, SAME_STATE, SOLUTION_ROUNDING, ZERO_SPEED
+from ....errors import StepError
+from ....tolerances import COARSE, COINCIDENT, INTERPOLATION, ROUNDING, SAME_STATE, SOLUTION_ROUNDING, ZERO_SPEED
 from .pose_curve import BranchPoint, CurvePoint, PoseCurve
 
 SMALL, TANGENCY = 0.5, 1.5  # of the largest sigma, of its change over a step: smaller minima may be double roots

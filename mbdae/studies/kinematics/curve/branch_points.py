@@ -7,10 +7,10 @@ have. A vector N y is tangent to a branch if y^T N^T K_u N y = 0 with K_u = d(G^
 import numpy as np
 from scipy.linalg import null_space
 
-from ...errors import StepError
-from ...system import Array
-from ...tolerances import AGREEMENT, EVALUATION_ROUNDING, RANK, SOLUTION_ROUNDING, VISIBLE
-from .driven_mechanism import constraint_hessian
+from ....errors import StepError
+from ....system import Array
+from ....tolerances import AGREEMENT, EVALUATION_ROUNDING, RANK, SOLUTION_ROUNDING, VISIBLE
+from ..driven_mechanism import constraint_hessian
 from .pose_curve import BranchPoint, CurvePoint, PoseCurve
 
 NEWTON_STEPS = 6  # onto a branch point

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ... import tolerances as tol
-from ...errors import StepError
+from .... import tolerances as tol
+from ....errors import StepError
 from .branch_points import branch_point
 from .pose_curve import MAX_TRAVEL, PoseCurve
 

@@ -19,13 +19,13 @@ import numpy as np
 from scipy.linalg.lapack import dgesdd
 from scipy.optimize import brentq
 
-from ... import tolerances as tol
-from ...data_types import JsonObject
-from ...errors import StepError
-from ...system import Array
+from .... import tolerances as tol
+from ....data_types import JsonObject
+from ....errors import StepError
+from ....system import Array
 
 if TYPE_CHECKING:
-    from ...mechanism.formulations.index2 import Index2System
+    from ....mechanism.formulations.index2 import Index2System
 
 MIN_COSINE = 0.9  # smallest cosine between tangents, and between left null spaces, at both ends of a step
 ITERATIONS = 12

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from ...errors import StepError
-from ...system import Array
-from ...tolerances import COINCIDENT, SAME_POSE, ZERO_SPEED
+from ....errors import StepError
+from ....system import Array
+from ....tolerances import COINCIDENT, SAME_POSE, ZERO_SPEED
 from .curve_tracing import follow
 from .pose_curve import MAX_TRAVEL, CurvePoint, PoseCurve
 
 if TYPE_CHECKING:
-    from ...mechanism.formulations.index2 import Index2System
+    from ....mechanism.formulations.index2 import Index2System
 
 
 class Circuit(NamedTuple):

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import StepError
-from ...system import Array
-from ...tolerances import SAME_POSE
+from ....errors import StepError
+from ....system import Array
+from ....tolerances import SAME_POSE
 from .curve_sampling import Events, events
 from .curve_tracing import follow
 from .pose_curve import MIN_COSINE, BranchPoint, CurvePoint, PoseCurve

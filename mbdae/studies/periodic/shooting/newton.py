@@ -4,12 +4,12 @@ from contextlib import suppress
 
 import numpy as np
 
-from ...errors import InputError, MbdaeError
-from ...mechanism.hybrid.kinds.unilateral import OPEN, gaps
-from ...mechanism.hybrid.mode_point import AllRows, ModePoint
-from ...system import Array
-from ...tolerances import HALF_DIGITS, SOLUTION_ROUNDING, THREE_DIGITS, TRUNCATION, VISIBLE
-from .shooting import Linearisation
+from ....errors import InputError, MbdaeError
+from ....mechanism.hybrid.kinds.unilateral import OPEN, gaps
+from ....mechanism.hybrid.mode_point import AllRows, ModePoint
+from ....system import Array
+from ....tolerances import HALF_DIGITS, SOLUTION_ROUNDING, THREE_DIGITS, TRUNCATION, VISIBLE
+from .cycle import Linearisation
 
 MAX_ITERATIONS, MAX_HALVINGS = 30, 8
 GAIN = 0.1  # of the residual: less is rounding

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...mechanism import Mechanism
-from ...mechanism.tree.frames import find_joint
-from ...system import Array
-from ...tabular import rounded_zero
-from ...tolerances import SAME_POSE, ZERO_SPEED
-from ...units import displayed
+from ....mechanism import Mechanism
+from ....mechanism.tree.frames import find_joint
+from ....system import Array
+from ....tabular import rounded_zero
+from ....tolerances import SAME_POSE, ZERO_SPEED
+from ....units import displayed
 from .branch_following import TracedCurve
 from .pose_curve import CurvePoint
 
