@@ -27,7 +27,7 @@ TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
 TIME_SPACINGS = 2  # roundings of t: tolerance of the time of an event
 RELATIVE_TOLERANCE = 4 * EPS  # of theta: tolerance of the time of an event
-ON_A_SIDE = 1e-150  # of a level: a signal at it to rounding that counts as being on one side; its products do not underflow
+ON_A_SIDE = float(np.sqrt(np.finfo(float).tiny))  # of a signal at its level to rounding; products do not underflow
 DEPARTURE_WIDTH = 1e-3  # of a step
 MAX_ITERATIONS = 100  # of Brent's method, which bisects in the worst case
 EventRoot = tuple[float, Array]

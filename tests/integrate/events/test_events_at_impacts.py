@@ -58,7 +58,12 @@ mass = 1.0
 v = { a = 3.7, b = 3.7 }
 """
 STOP = f'[[stop]]\njoint = "{{0}}"\nupper = {LEVEL}\nrestitution = 1.0\n'
-TURN = f'[[event]]\nname = "turn {{0}}"\nsignal = "{{1}}.{{0}}{{2}} {LEVEL}"\nstate = {{{{ "v.{{0}}" = "-v.{{0}}" }}}}\n'
+TURN = f"""
+[[event]]
+name = "turn {{0}}"
+signal = "{{1}}.{{0}}{{2}} {LEVEL}"
+state = {{{{ "v.{{0}}" = "-v.{{0}}" }}}}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +102,7 @@ def test_an_event_at_a_jump_of_another_body_is_found(pair, jump, event):
 
 
 def test_events_after_a_jump_within_the_same_step_are_found_once(pair):
-    """The step to 1 s ends at the jump: what was found behind it is found on the next step."""
+    """The step beyond ends at the jump: events after the jump are found on the next step only."""
     functions = ["v.b > 3.0", "v.b = 0.0", lambda t, q, v: v[1] - 1.0]
     sol = mbdae.solve(pair(TURN.format("a", "q", " >")), (0, 0.4), rtol=1e-4, events=functions)
     for (times, _), exact in zip(sol.events, ([], [3.7 / G], [2.7 / G]), strict=True):
