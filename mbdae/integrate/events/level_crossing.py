@@ -27,6 +27,8 @@ TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
 TIME_SPACINGS = 2  # roundings of t: tolerance of the time of an event
 RELATIVE_TOLERANCE = 4 * EPS  # of theta: tolerance of the time of an event
+ON_A_SIDE = float(np.sqrt(np.finfo(float).tiny))  # of a signal at its level to rounding; products do not underflow
+DEPARTURE_WIDTH = 1e-3  # of a step
 MAX_ITERATIONS = 100  # of Brent's method, which bisects in the worst case
 EventRoot = tuple[float, Array]
 
@@ -57,18 +59,32 @@ def parse_level_crossing(text: str) -> LevelCrossing:
     return LevelCrossing(found["signal"], level, DIRECTIONS[found["sign"]])
 
 
-def crossing_at_jump(before: float, after: float, direction: int, tangency: float) -> tuple[bool, float]:
+def crossing_at_jump(
+    before: float, after: float, direction: int, tangency: float, side: float = 0.0
+) -> tuple[bool, float]:
     """Return whether a value crosses or touches zero at a jump, and the value after the jump, without its rounding.
+
+    A value that comes from one side, is zero to rounding, and has not crossed yet, returns with the sign of this side:
+    it crosses after the jump if it leaves to the other side.
 
     Args:
         before: the value before the jump.
         after: the value after the jump.
         direction: 1 for rising crossings, -1 for falling crossings, 0 for both.
         tangency: values on both sides of a jump with magnitudes up to this are a tangency.
+        side: sign of the value from which it comes in the last step; 0 if it does not matter.
     """
     if max(abs(before), abs(after)) <= tangency:
-        return before != 0 and not direction, 0.0
+        if not direction:
+            return before != 0, 0.0
+        crossed = side * direction < 0 <= before * direction  # at the end of the last step
+        return False, ON_A_SIDE * (direction if crossed else side)
     return before != 0 and before * after <= 0 and direction * (after - before) >= 0, after
+
+
+def early_samples(f0: float) -> list[float]:
+    """Return theta of a sample that shows to which side a value leaves the level, from its value at the start."""
+    return [DEPARTURE_WIDTH] if abs(f0) <= ON_A_SIDE else []
 
 
 class SignalEvent:
@@ -84,6 +100,7 @@ class SignalEvent:
     def __init__(self, system: Index2System, signal: SignalValue, level: float, direction: int) -> None:
         self.system, self.signal, self.level, self.direction = system, signal, level, direction
         self.node = (np.nan, np.nan, 0.0)  # the last node: time, value, rate of an angle
+        self.side = 0.0  # of the level, from which the signal comes in the last step; 0 if it does not matter
 
     @classmethod
     def from_text(cls, system: Index2System, mechanism: Mechanism, text: str, direction: int) -> "SignalEvent":
@@ -101,12 +118,25 @@ class SignalEvent:
 
     def start_at(self, t: float, y: Array) -> None:
         """Start tracking at a point; an angle starts between -pi and pi."""
-        f = value(self.system, self.signal, t, y) - self.level
-        self.node = (t, f, self._speed(y))
+        self.advance(t, y, value(self.system, self.signal, t, y) - self.level)
 
     def advance(self, t: float, y: Array, f: float) -> None:
         """Continue tracking from a point, given the value there."""
         self.node = (t, f, self._speed(y))
+
+    def pass_level(self, t: float, y: Array) -> None:
+        """Continue tracking from an event: the signal has crossed its level."""
+        self.side = float(self.direction)
+        self.advance(t, y, 0.0)
+
+    def wait(self, t: float, y: Array) -> None:
+        """Continue tracking from an event of another signal: if this one is at its level, it has not crossed it."""
+        f = self.value(t, y)
+        self.advance(t, y, f if abs(f) > self._rounding else ON_A_SIDE * self.side)
+
+    @property
+    def _rounding(self) -> float:
+        return SOLUTION_ROUNDING * (1 + abs(self.level))
 
     def _speed(self, y: Array) -> float:
         return float(y[self.system.nq + self.signal.rate]) if self.signal.kind == "angle" else 0.0
@@ -129,12 +159,15 @@ class SignalEvent:
         hits: list[EventRoot] = []
         if tangency is not None:
             tangency *= 1 + abs(self.level)
-            crosses, f = crossing_at_jump(self.node[1], self.value(step.t, step.y), self.direction, tangency)
+            f = self.value(step.t, step.y)
+            crosses, f = crossing_at_jump(self.node[1], f, self.direction, tangency, self.side)
             hits += [(0.0, step.y)] if crosses else []
             self.advance(step.t, step.y, f)
         f0, f1 = self.node[1], self.value(step.t1, step.y1)
+        if abs(f0) > self._rounding:
+            self.side = np.sign(f0)
         samples = [(0.0, step.y, f0)]
-        for theta in self._interior_extrema(step, f0, f1):
+        for theta in [*early_samples(f0), *self._interior_extrema(step, f0, f1)]:
             y = step.point(theta)
             samples.append((theta, y, self.value(step.t + theta * step.h, y)))
         samples.append((1.0, step.y1, f1))
@@ -146,7 +179,7 @@ class SignalEvent:
     def reaches(self, step: "StepMap") -> bool:
         """Return whether the signal is at its level to rounding at the end of the last step, from the right side."""
         rise = -self.value(step.t, step.y)
-        return abs(self.node[1]) <= SOLUTION_ROUNDING * (1 + abs(self.level)) < abs(rise) and rise * self.direction >= 0
+        return abs(self.node[1]) <= self._rounding < abs(rise) and rise * self.direction >= 0
 
     def _append_crossing(
         self, hits: list[EventRoot], a: tuple[float, Array, float], b: tuple[float, Array, float], step: "StepMap"

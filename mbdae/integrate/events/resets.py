@@ -114,8 +114,7 @@ class Resets(EventSource):
             raise StepError("switching", f"event {found.reset.name!r} repeats without end at t = {run.t:.17g}")
         run.end_interval(len(run.ts) - 1)
         for i, signal in enumerate(self.signals):  # the last step was longer before the event
-            at = run.t, run.ys[-1]
-            signal.advance(*at, 0.0 if i == self._found else signal.value(*at))
+            (signal.pass_level if i == self._found else signal.wait)(run.t, run.ys[-1])
         self.done.append((len(run.ts), found.reset.name))
         y = run.ys[-1]
         if run.mode_changes is None:

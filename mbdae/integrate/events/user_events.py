@@ -17,7 +17,7 @@ from ...errors import InputError, StepError
 from ...system import Array, State, Step
 from ...tolerances import AGREEMENT, ROUNDING, SOLUTION_ROUNDING
 from .event import Event, event_value
-from .level_crossing import SignalEvent, crossing_at_jump
+from .level_crossing import SignalEvent, crossing_at_jump, early_samples
 from .source import EventSource, Occurrence
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ class UserEvents(EventSource):
         self.checked_in_core = self.stopped = False  # for the last steps; whether it found a terminal event
         self.found: list[list[tuple[float, Array]]] = [[] for _ in events]
         self._last_values: dict[int, float] = {}
+        self._sides: dict[int, float] = {}  # of zero, from which the functions come in the last step
         self._checked_until = np.nan  # time up to which steps were checked; nan after an impact
 
     @classmethod
@@ -72,9 +73,24 @@ class UserEvents(EventSource):
             return
         self.origin = t, y = run.t, run.state.y
         self._checked_until = t
-        self._last_values = {i: self.evaluate(e, t, y) for i, e in self.functions.items()}
+        self._evaluate_functions(t, y)
+        self._sides = dict.fromkeys(self.functions, 0.0)
         for signal in self.signals.values():
             signal.start_at(t, y)
+
+    def _evaluate_functions(self, t: float, y: Array) -> None:
+        self._last_values = {i: self.evaluate(e, t, y) for i, e in self.functions.items()}
+
+    def discard_beyond_end(self, run: "RunState") -> None:
+        """Discard events of a step that another source has truncated; events at its end remain."""
+        if not run.sign * (self._checked_until - run.t) > 0:
+            return
+        t, y, limit = run.t, run.ys[-1], run.sign * run.t + AGREEMENT * max(1.0, abs(run.t))
+        self._checked_until = t
+        self.found = [[(when, x) for when, x in hits if run.sign * when <= limit] for hits in self.found]
+        self._evaluate_functions(t, y)
+        for signal in self.signals.values():
+            signal.advance(t, y, signal.value(t, y))
 
     def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
         """Check for crossings at an impact, at the start of the next step."""
@@ -158,7 +174,7 @@ class UserEvents(EventSource):
             if stop and (theta - stop[0]) * abs(h) > tolerance:
                 break
             at_start = t == self.origin[0] and theta * abs(h) <= tolerance
-            if theta == 0 and self.found[i] and abs(t - self.found[i][-1][0]) <= tolerance:
+            if theta * abs(h) <= tolerance and self.found[i] and abs(t - self.found[i][-1][0]) <= tolerance:
                 continue  # found before the impact
             self.found[i].append(self.origin if at_start else (t + theta * h, y))
             if self.events[i].terminal and not at_start and stop is None:
@@ -181,8 +197,11 @@ class UserEvents(EventSource):
     def _zeros(self, i: int, event: Event, step: "StepMap", tangency: float | None) -> list[float]:
         zeros, theta0, g0 = [], 0.0, self._last_values[i]
         if tangency is not None:
-            crosses, g0 = crossing_at_jump(g0, self.evaluate(event, step.t, step.y), event.direction, tangency)
+            g = self.evaluate(event, step.t, step.y)
+            crosses, g0 = crossing_at_jump(g0, g, event.direction, tangency, self._sides[i])
             zeros = [0.0] if crosses else []
+        if abs(g0) > SOLUTION_ROUNDING:
+            self._sides[i] = np.sign(g0)
         known = {0.0: g0}
 
         def value(theta: float) -> float:
@@ -190,7 +209,7 @@ class UserEvents(EventSource):
                 known[theta] = self.evaluate(event, step.t + theta * step.h, step.dense(theta))
             return known[theta]
 
-        for theta1 in SAMPLES:
+        for theta1 in [*early_samples(g0), *SAMPLES]:
             g1 = value(theta1)
             direction = np.sign(g1) if g0 == 0 else np.sign(g1 - g0)
             if event.direction * direction >= 0:

@@ -116,6 +116,7 @@ class PointSensitivity(AccelerationSensitivity):
         inactive, all_open = s.constraints.inactive, inactive_rows(mech.switches, (0,) * len(mech.switches))
         s.constraints.inactive = all_open  # a start is assembled without unilateral rows
         G, positional = s.jacobian(q), s.constraints.positional
+        B = s.constraints.partials(v, np.zeros(s.ng))[1]
         s.constraints.inactive = inactive
         assembled, every = bool(s.ng and mech.start_values.assemble), np.arange(nv)
         fixed_q, fixed_v = assemble_start(mech, t)[2:] if assembled else (every, every)
@@ -134,9 +135,7 @@ class PointSensitivity(AccelerationSensitivity):
         g = self.parameters.row_partials(t, q, np.zeros(nv))[1]
         residual = (G @ out[:nv] + g)[positional]
         out[free_q] -= np.linalg.pinv(G[np.ix_(positional, free_q)], rcond=PIVOT_RANK) @ residual
-        pin.computeJointJacobians(s.model, s.workspace, q)
-        B, Q = s.constraints.partials(v, np.zeros(s.ng))[1], self.parameters.row_partials(t, q, v)[0]
-        residual = G @ out[nv : 2 * nv] + B @ out[:nv] + Q
+        residual = G @ out[nv : 2 * nv] + B @ out[:nv] + self.parameters.row_partials(t, q, v)[0]
         out[nv + free_v] -= np.linalg.pinv(G[:, free_v], rcond=PIVOT_RANK) @ residual
         return out
 

@@ -128,11 +128,11 @@ void Parameters::evaluate_changed(const LinearisationPoint& point) {
       P[n - 1] += near.weight * dot(other.data(), v, static_cast<int>(nv));
     }
     for (const PerturbedRows& near : c.rows) {
-      G.assign(c.at.size() * nv, 0.0), speed.assign(c.at.size(), 0.0);
+      G.assign(near.rows->start.back(), 0.0), speed.assign(c.at.size(), 0.0);
       near.rows->value(m, point.q.data(), near.rows->all, G.data()), near.rows->evaluate_g_t(point.t, speed.data());
       for (size_t l = 0; l < c.at.size(); ++l) {
         const double w = near.weight * point.lam[c.at[l]];
-        for (size_t k = 0; k < nv; ++k) P[k] += w * G[l * nv + k];
+        near.rows->add(static_cast<int>(l), G, w, P);
         P[n - 1] -= w * speed[l];
       }
     }
@@ -140,12 +140,11 @@ void Parameters::evaluate_changed(const LinearisationPoint& point) {
 }
 
 void Parameters::add_changed_rows(const LinearisationPoint::ConstraintPoint& constrained) {
-  const size_t nv = s_.nv;
   Numbers G, g;
   for (size_t i = 0; i < changed_.size(); ++i)
     for (const PerturbedRows& near : changed_[i].rows) {
       const std::vector<int>& at = changed_[i].at;
-      G.assign(at.size() * nv, 0.0), g.assign(at.size(), 0.0);
+      G.assign(near.rows->start.back(), 0.0), g.assign(at.size(), 0.0);
       near.rows->value(s_.tree, constrained.q.data(), near.rows->all, G.data(), g.data());
       if (constrained.kind == LinearisationPoint::ConstraintPoint::g) {
         near.rows->complete_g(constrained.t, g.data());
@@ -153,7 +152,7 @@ void Parameters::add_changed_rows(const LinearisationPoint::ConstraintPoint& con
         std::fill(g.begin(), g.end(), 0.0);
         if (constrained.kind == LinearisationPoint::ConstraintPoint::rate)
           near.rows->evaluate_g_t(constrained.t, g.data());
-        for (size_t l = 0; l < at.size(); ++l) g[l] += dot(&G[l * nv], constrained.v.data(), static_cast<int>(nv));
+        for (size_t l = 0; l < at.size(); ++l) g[l] += near.rows->times(static_cast<int>(l), G, constrained.v.data());
       }
       for (size_t l = 0; l < at.size(); ++l) changed_Q_[i * s_.ng + at[l]] += constrained.weight * near.weight * g[l];
     }

@@ -14,11 +14,12 @@ def balanced(statics: Statics, q: Array, find: str) -> tuple[ForceBalance, float
 
     Raises:
         EquilibriumError: if no equilibrium is found.
-        InputError: for speeds that are not steady.
+        InputError: for speeds that are not steady, or a force between points that coincide.
     """
     mech = statics.mech
     try:
         search = TrustRegion(statics, statics.point(q, np.array(list(mech.states.values()))))
+        statics.system.laws.require_directions()
         found = search.run(find)
     except StepError as e:
         raise EquilibriumError(f"no equilibrium: {e}", q.tolist(), np.inf, "") from e

@@ -131,7 +131,7 @@ def test_a_spring_between_coincident_points_has_no_derivative(tmp_path, more, ba
         mbdae.sensitivity(run, start=True)
     with pytest.raises(InputError, match=LOST):
         mbdae.gradient(run, lambda s: (0.0, {}), ["force.spring.stiffness"])
-    for study in (mbdae.linearize, mbdae.modes):
+    for study in (mbdae.linearize, mbdae.modes, mbdae.equilibrium):
         with pytest.raises(InputError, match=LOST):
             study(mech, np.zeros(1))
     path.write_text(hung(0.41, more))

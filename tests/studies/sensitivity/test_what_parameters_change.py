@@ -59,6 +59,48 @@ def test_a_projection_is_differentiated_even_without_a_violation(method):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
 
 
+GEARED = """
+[[body]]
+name = "idle"
+parent = "world"
+joint = "prismatic"
+mass = 1.0
+[[body]]
+name = "slide"
+parent = "world"
+joint = "prismatic"
+axis = [1, 0, 1]
+mass = 2.0
+[[body]]
+name = "wheel"
+parent = "slide"
+joint = "revolute"
+axis = [0, 1, 0]
+mass = 0.5
+inertia = [0.01, 0.02, 0.01, 0, 0, 0]
+[[closure]]
+name = "rack"
+kind = "coupling"
+joints = ["wheel", "slide"]
+coefficients = [0.1, 3.0]
+[start]
+q = { slide = 0.4 }
+v = { slide = 1.0 }
+"""
+
+
+def test_the_coefficient_of_a_row_that_has_not_all_joints(tmp_path):
+    """(m + I c^2) a = -m g/sqrt(2) with c = 3, and the body before both has no part in it; forward and backward."""
+    (tmp_path / "geared.toml").write_text(GEARED)
+    sol = mbdae.solve(tmp_path / "geared.toml", (0.0, 0.1), step=0.05, project=True)
+    m, inertia, c, name = 2.5, 0.02, 3.0, "closure.rack.coefficients.1"
+    expected = 0.1 * m * 9.81 / np.sqrt(2) * 2 * inertia * c / (m + inertia * c * c) ** 2
+    last = np.eye(len(sol.t))[-1]
+    backward = mbdae.gradient(sol, lambda signals: (signals["v.slide"][-1], {"v.slide": last}), [name]).gradient[name]
+    assert mbdae.sensitivity(sol, [name]).signal("v.slide")[-1] == pytest.approx([expected], rel=1e-9)
+    assert backward == pytest.approx(expected, rel=1e-9)
+
+
 @pytest.mark.native
 def test_partials_keep_their_digits_far_from_the_origin():
     """The same tree at the origin and a kilometre away: M, and partials of M v' + nle, do not depend on it."""
