@@ -46,8 +46,7 @@ def test_fixed_steps(name, options):
 @pytest.mark.parametrize("options", CONTROLLED, ids=str)
 @pytest.mark.parametrize("name", SMOOTH)
 def test_controlled_steps(name, options):
-    rtol = 1e-4 if options.get("method") == "rk4" else 1e-6  # of order 2 in multipliers: many steps
-    native, python = both(model(name), (0, 0.25 * SPANS.get(name, 0.5)), rtol=rtol, **options)
+    native, python = both(model(name), (0, 0.25 * SPANS.get(name, 0.5)), rtol=1e-4, **options)
     assert (native.stats["backend"], native.status, python.status) == ("native", "finished", "finished")
     assert (native.stats["steps"], native.stats["rejected"]) == (python.stats["steps"], python.stats["rejected"])
     assert_near(native.y[-1], python.y[-1], 1e-9)  # step sizes follow the rounding of small errors
