@@ -16,7 +16,7 @@ T = {"andrews_squeezer": 0.01, "humanoid_stance": 0.02, "flyball_governor": 0.02
 @pytest.mark.parametrize("model", SMOOTH)
 def test_every_model(model):
     mech = mbdae.load(model)
-    sol = mbdae.solve(mech, (0.0, T.get(model, 0.2)), rtol=1e-5)
+    sol = mbdae.solve(mech, (0.0, T.get(model, 0.1)), rtol=1e-5)
     assert sol.ended, sol.message
     signals = [f"q.{mech.joint_names[0]}", *(f"v.{name}" for name in mech.joint_names[-2:]), "energy"]
     names = [name for name in without_works(mech) if name.startswith((*signals, "s."))]
