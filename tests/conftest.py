@@ -17,6 +17,7 @@ from mbdae.studies import workers
 signal.signal(
     signal.SIGINT, signal.default_int_handler
 )  # a shell switches Ctrl-C off in what it runs in the background
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # with it, each child compiles mbdae
 os.environ["PYTHONSAFEPATH"] = "1"  # children import the installed mbdae, not the source tree of the working directory
 
 if backend.load() is None:  # reported in the header, not by a warning that fails the first test to run a simulation
