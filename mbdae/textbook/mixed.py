@@ -129,5 +129,7 @@ class MixedSystem(HessenbergSystem):
     def _total(self, argument: int, t: float, y: Array, z: Array) -> Array:
         y, z = read_only(y), read_only(z)
         at = t, y, z, self.local(t, y, z)
-        by_u = -np.linalg.solve(self._partials("k", 3, at), self._partials("k", argument, at))
-        return self._partials("f", argument, at) + self._partials("f", 3, at) @ by_u
+        *_, minus_by, info = dgesv(self._partials("k", 3, at), self._partials("k", argument, at))
+        if info:
+            raise StepError("singular", f"k_u of {self.problem.title!r} is singular at t = {t:.17g}")
+        return self._partials("f", argument, at) - self._partials("f", 3, at).dot(minus_by)
