@@ -6,7 +6,7 @@ from driven import DRIVEN
 from mechanism.closures.test_closure_kinds import CASES, mechanism
 from mechanism.forces.test_force_runs import IN_BOTH
 from motions import distance, free_loop, levels, run, slopes, start_of
-from native.test_native import BEGUN, SPANS, assert_near, assert_same, both, model
+from native.test_native import BEGUN, JUMPING, SPANS, assert_near, assert_same, both, model
 from smooth import SMOOTH
 
 import mbdae
@@ -71,7 +71,7 @@ def test_driven_mechanisms(name, options):
 @pytest.mark.parametrize("options", [GGL, GGL | {"method": "radau3"}, INDEX1], ids=str)
 @pytest.mark.parametrize("force", IN_BOTH.values(), ids=IN_BOTH.keys())
 def test_every_force(force, options):
-    assert_same(*both(mbdae.load("four_bar", forces=[force]), (0, 0.5), step=0.046, **options), 1e-10, 1e-8)
+    assert_same(*both(mbdae.load("four_bar", forces=[force]), JUMPING, step=0.046, **options), 1e-10, 1e-8)
 
 
 @pytest.mark.parametrize("name", CASES)
