@@ -32,9 +32,9 @@ def reference(four_bar):
 @pytest.mark.parametrize(
     ("method", "order", "ns", "backend"),
     [
-        ("herk5", 4.8, (512, 1024, 2048), "native"),
-        ("pherk5", 4.8, (512, 1024, 2048), "native"),
-        ("pherk6", 5.7, (256, 512, 1024), "native"),
+        ("herk5", 4.8, (512, 1024, 2048, 4096), "native"),
+        ("pherk5", 4.8, (512, 1024, 2048, 4096), "native"),
+        ("pherk6", 5.7, (256, 512, 1024, 2048), "native"),
         ("herk5", 4.8, (64, 128, 256), "python"),
         ("pherk5", 4.8, (64, 128, 256), "python"),
         ("pherk6", 5.7, (64, 128, 256), "python"),
