@@ -59,9 +59,11 @@ def call_with_views(what: str, function: Callable[..., T], t: float | None, *arr
 
 
 def read_only(x: Array) -> Array:
-    """Return a read-only view of an array."""
+    """Return a read-only view of an array; the array itself if it is read-only."""
+    if not x.flags.writeable:
+        return x
     view = x.view()
-    view.flags.writeable = False
+    view.setflags(write=False)
     return view
 
 

@@ -4,8 +4,9 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ..linear_solve import factorized
+from ..linear_solve import factorized, least_squares
 from ..system import Array, Counts, Solver
+from ..tolerances import EPS
 
 
 class ProblemFunctions(Protocol):
@@ -103,7 +104,7 @@ class HessenbergChart:
         """Return y, and z, after a Gauss-Newton step for a given x' = f(t, y, z), with f_z at the end of the step."""
         s, y = self.system, self.y + x
         if dx is not None:
-            z = z + np.linalg.lstsq(s.f_z(t, y, z), dx - s.f(t, y, z))[0]
+            z = z + least_squares(s.f_z(t, y, z), dx - s.f(t, y, z), EPS)
             self.system.store_z(y, z)  # otherwise z may not converge, and is no guess
         return y, z
 

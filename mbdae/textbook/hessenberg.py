@@ -238,13 +238,14 @@ class HessenbergSystem(System):
 
     def solve(self, t: float, y: Array, residual: Function, derivative: Function, factor: float, start: Array) -> Array:
         """Solve 0 = residual(f(t, y, z)) for z by Newton's method to rounding, with derivative = d residual/dF."""
-        z, last = start.copy(), np.inf
+        y, z, last = read_only(y), start.copy(), np.inf  # one view for all calls
         for _ in range(30):
-            F = self.f(t, y, z)
+            known = read_only(z)
+            F = self.f(t, y, known)
             r, rate = residual(F), derivative(F)
             self.counts.solves += 1
             self.counts.factorizations += 1
-            *_, dz, info = dgesv(factor * rate.dot(self.f_z(t, y, z)), r)
+            *_, dz, info = dgesv(factor * rate.dot(self.f_z(t, y, known)), r)
             if info:
                 break
             z = z - dz

@@ -13,6 +13,7 @@ from math import isfinite
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
+from ..callbacks import read_only
 from ..errors import StepError
 from ..system import Array
 from ..tolerances import BELOW_ROUNDING, ROUNDING, SEARCH_TOLERANCE
@@ -96,14 +97,14 @@ class MixedSystem(HessenbergSystem):
         at = t, y.tobytes(), z.tobytes()
         if at == self._at:
             return self._u
-        u, last = self._u, np.inf
+        y, z, u, last = read_only(y), read_only(z), self._u, np.inf  # one view for all calls
         for _ in range(ITERATIONS):
             k = self.value("k", u.shape, t, y, z, u)
             *_, du, info = dgesv(self._partials("k", 3, (t, y, z, u)), k)
             size = largest(du)
             if info or not isfinite(size):
                 break
-            u = u - du
+            u = read_only(u - du)
             magnitude = largest(u)
             stalls = last <= 2 * size and size <= SEARCH_TOLERANCE * (1 + magnitude)
             if size <= ROUNDING * magnitude or is_last(size, last, BELOW_ROUNDING * magnitude) or stalls:
@@ -126,6 +127,9 @@ class MixedSystem(HessenbergSystem):
         return self._total(2, t, y, z)
 
     def _total(self, argument: int, t: float, y: Array, z: Array) -> Array:
+        y, z = read_only(y), read_only(z)
         at = t, y, z, self.local(t, y, z)
-        by_u = -np.linalg.solve(self._partials("k", 3, at), self._partials("k", argument, at))
-        return self._partials("f", argument, at) + self._partials("f", 3, at) @ by_u
+        *_, minus_by, info = dgesv(self._partials("k", 3, at), self._partials("k", argument, at))
+        if info:
+            raise StepError("singular", f"k_u of {self.problem.title!r} is singular at t = {t:.17g}")
+        return self._partials("f", argument, at) - self._partials("f", 3, at).dot(minus_by)

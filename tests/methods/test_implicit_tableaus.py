@@ -13,6 +13,7 @@ from mbdae.methods import METHODS
 from mbdae.methods.implicit_tableau import ImplicitTableau
 from mbdae.methods.order.assumptions import assumptions
 from mbdae.methods.order.conditions import check_conditions
+from mbdae.studies.order.measurement import Measurement
 from mbdae.system import Counts, State, System
 from mbdae.textbook.problems import hessenberg_a
 
@@ -191,7 +192,8 @@ def test_order_says_what_does_not_converge():
     assert "(0: does not converge)" in out
 
 
-def test_a_claim_that_fails_is_refuted():
+def test_a_claim_that_fails_is_refuted(monkeypatch):
+    monkeypatch.setattr(Measurement, "largest", 4000)
     bold = replace(METHODS["gauss2"], name="bold", order_own=1)
     study = mbdae.order(hessenberg_a(), [bold])
     assert study.refuted

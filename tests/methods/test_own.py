@@ -51,13 +51,14 @@ def test_a_run_with_it_is_saved_whole(ralston, back, tmp_path):
     assert mbdae.methods.method_from_settings(loaded.settings).arrays.A.tolist() == ralston.arrays.A.tolist()
 
 
+@pytest.mark.usefixtures("forked_workers")
 def test_studies_take_it(ralston, tmp_path):
     (tmp_path / "mine.toml").write_text(RALSTON)
     mech = mbdae.load("four_bar")
     study = mbdae.order(mech, [ralston])
     assert study.holds
     assert list(study.orders) == ["ralston3"]
-    options = {"steps": [100, 200], "repeats": 0}
+    options = {"steps": [50, 100], "repeats": 0}
     one = mbdae.compare(mech, (0, 0.2), methods=[ralston, "herk2"], **options)
     two = mbdae.compare(mech, (0, 0.2), methods=[str(tmp_path / "mine.toml"), "herk2"], workers=2, **options)
     assert one.methods == ["ralston3", "herk2"]

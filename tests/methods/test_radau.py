@@ -84,7 +84,7 @@ def reference(name, T):
 
 
 @pytest.mark.parametrize("problem", ["pendulum", "four_bar", "hessenberg_a"])
-@pytest.mark.parametrize(("name", "counts"), [("radau1", (500, 1000)), ("radau3", (200, 400)), ("radau5", (80, 160))])
+@pytest.mark.parametrize(("name", "counts"), [("radau1", (250, 500)), ("radau3", (100, 200)), ("radau5", (80, 160))])
 def test_observed_orders(problem, name, counts):
     model, T, m = hessenberg_a() if problem == "hessenberg_a" else mbdae.load(problem), 1.0, method(name)
     errors = []

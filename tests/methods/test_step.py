@@ -107,11 +107,11 @@ def observed(method, steps):
 @pytest.mark.parametrize(
     ("method", "order", "own", "steps"),
     [
-        ("herk1", 1, 1, [80, 160, 320]),
-        ("herk2", 2, 1, [160, 320, 640]),
+        ("herk1", 1, 1, [40, 80, 160]),
+        ("herk2", 2, 1, [80, 160, 320]),
         ("herk3", 3, 2, [320, 640, 1280]),
-        ("pherk3", 3, 3, [80, 160, 320]),
-        ("pherk4", 4, 4, [40, 80, 160]),
+        ("pherk3", 3, 3, [40, 80, 160]),
+        ("pherk4", 4, 4, [20, 40, 80]),
     ],
 )
 def test_orders_on_a_problem_with_a_known_solution(method, order, own, steps):
@@ -121,8 +121,8 @@ def test_orders_on_a_problem_with_a_known_solution(method, order, own, steps):
 
 @pytest.mark.parametrize(("method", "plain"), [("kutta3", 3), ("rk4", 4), ("rule38", 4)])
 def test_classical_methods_lose_their_order(method, plain):
-    errors, _ = observed(method, [80, 160, 320])
-    found = np.log2(errors[-2] / errors[-1])
+    errors, _ = observed(method, [160, 320])
+    found = np.log2(errors[0] / errors[1])
     assert 1.8 < found < 2.4 < plain
 
 

@@ -50,16 +50,26 @@ int main() {
 compiler = pytest.mark.skipif(not COMPILER, reason="needs a C++ compiler")
 
 
-def compiled(tmp_path, law):
+@pytest.fixture(scope="module")
+def words(tmp_path_factory):
+    """The command of the compiler, with the headers of laws compiled once."""
+    folder, header = tmp_path_factory.mktemp("headers"), "mechanism/joint_law.hpp"
+    sources = ROOT / "mbdae" / "native"
+    words = [COMPILER, "-std=c++17", "-O0", "-Wall", "-Wextra", "-Werror", "-I", str(sources)]
+    (folder / "law.hpp").write_text(f'#include "{header}"\n')
+    subprocess.run([*words, "-x", "c++-header", "law.hpp", "-o", "law.hpp.gch"], cwd=folder, check=True)
+    return [*words, "-include", str(folder / "law.hpp")]
+
+
+def compiled(tmp_path, words, law):
     (tmp_path / "drag.cpp").write_text(law)
     (tmp_path / "try.cpp").write_text(HARNESS)
-    words = [COMPILER, "-std=c++17", "-O0", "-Wall", "-Wextra", "-Werror", "-I", str(ROOT / "mbdae" / "native")]
     return subprocess.run([*words, "try.cpp", "-o", "try"], cwd=tmp_path, capture_output=True, text=True)
 
 
 @compiler
-def test_the_law_has_the_derivatives_of_its_force(tmp_path):
-    done = compiled(tmp_path, LAW)
+def test_the_law_has_the_derivatives_of_its_force(tmp_path, words):
+    done = compiled(tmp_path, words, LAW)
     assert not done.returncode, done.stderr
     lines = subprocess.run([tmp_path / "try"], capture_output=True, text=True, check=True).stdout.splitlines()
     for line, v in zip(lines, (-3.0, -0.2, 0.5, 4.0), strict=True):
@@ -84,27 +94,27 @@ def test_the_force_in_python_has_the_derivatives_of_its_formula():
 
 @compiler
 @pytest.mark.parametrize("kind", ["{is_valid, JointLaw<Drag>::add}", "{is_valid, JointLaw<Drag>::add, nullptr}"])
-def test_a_law_without_derivatives_does_not_compile(tmp_path, kind):
+def test_a_law_without_derivatives_does_not_compile(tmp_path, words, kind):
     law = LAW.replace("= joint_law<Drag>(is_valid)", kind)
-    done = compiled(tmp_path, law)
+    done = compiled(tmp_path, words, law)
     assert done.returncode
     assert re.search(r"(use of|call to) deleted", done.stderr), done.stderr
     assert "LawKind" in done.stderr
 
 
 @compiler
-def test_a_conservative_part_without_a_potential_does_not_compile(tmp_path):
+def test_a_conservative_part_without_a_potential_does_not_compile(tmp_path, words):
     formula = "static S effort", "return -law.a[0] * abs(v) * v;"
     conservative = "static Effort<S> effort", "return {-law.a[0] * v, 0};"
     law = LAW
     for before, after in zip(formula, conservative, strict=True):
         assert before in law
         law = law.replace(before, after)
-    done = compiled(tmp_path, law)
+    done = compiled(tmp_path, words, law)
     assert done.returncode
     assert "a conservative part needs its potential" in done.stderr
     potential = "static double potential(const Law&, const ForcePoint&) { return 0; }\n\nextern"
-    done = compiled(tmp_path, law.replace("extern", potential).replace("(is_valid)", "(is_valid, potential)"))
+    done = compiled(tmp_path, words, law.replace("extern", potential).replace("(is_valid)", "(is_valid, potential)"))
     assert not done.returncode, done.stderr
 
 

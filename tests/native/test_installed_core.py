@@ -27,9 +27,9 @@ print(json.dumps([mbdae.__file__, sol.stats["backend"], backend.status(), [str(x
 
 @pytest.fixture
 def clone(tmp_path):
-    """Sources without a core, as git has them."""
+    """Sources without a core, as git has them; with their bytecode, which Python would compile at each start."""
     folder = tmp_path / "clone"
-    built = shutil.ignore_patterns("_native*.so", "_native*.txt", "__pycache__")
+    built = shutil.ignore_patterns("_native*.so", "_native*.txt")
     shutil.copytree(SOURCES, folder / "mbdae", ignore=built)
     (folder / "models").symlink_to(SOURCES.parent / "models")
     return folder

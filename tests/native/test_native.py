@@ -26,6 +26,8 @@ SPANS = {  # s; 0.5 s for the others; the impact of the chain is located beyond 
     "flexible_slider_crank": 2e-4, "flyball_governor": 0.002, "heavy_top": 0.1, "humanoid_stance": 0.02,
     "rattleback": 0.1, "sleeping_top": 0.05, "spatial_slider_crank": 0.25, "woodpecker": 0.01,
 }  # fmt: skip
+LATE = ("geneva_drive", "pendulum_on_stop", "slider_crank_with_stop", "stick_slip_slider")  # events beyond a quarter
+JUMPING = 0.25, 0.45  # s: forces step at 0.3 s and have a kink at 0.4 s
 BEGUN = 0.1  # of a span, in runs that compare steps and need no events: two steps, the second with a carry
 # A sleeve of 5e-9 kg m^2 rests against its pole, and its velocity is rounding of some 1e-14 rad/s, which must not
 # determine the step after an impact: an atol of 1e-8 rad/s makes 3e-7 of it, where the maximum growth of steps begins.
@@ -38,8 +40,8 @@ def model(name):
 
 
 def span(name):
-    """End of a run, s: with the events of a model; a quarter of it without."""
-    return SPANS.get(name, 0.5) * (1.0 if model(name).switches else 0.25)
+    """End of a run, s: with the events of a model; a quarter of it if that has them all."""
+    return SPANS.get(name, 0.5) * (1.0 if name in LATE else 0.25)
 
 
 def both(mech, *arguments, **options):
@@ -81,11 +83,9 @@ def test_fixed_steps(name, method):
 @pytest.mark.parametrize("options", [{"method": "herk5"}, {"method": "rk4"}, {"project": True}], ids=str)
 @pytest.mark.parametrize("name", IN_CORE)
 def test_controlled_steps(name, options):
-    T = span(name)
-    rtol = 1e-4 if options.get("method") == "rk4" else 1e-6  # of order 2 in multipliers: many steps
     # the first steps of a run are short: their errors are rounding only, and would determine the next ones
-    options = options | {"rtol": rtol, "atol": ATOL.get(name), "first_step": SPANS.get(name, 0.5) / 20}
-    native, python = both(model(name), (0, T), **options)
+    options = options | {"rtol": 1e-4, "atol": ATOL.get(name), "first_step": SPANS.get(name, 0.5) / 20}
+    native, python = both(model(name), (0, span(name)), **options)
     assert native.status == python.status == "finished"
     assert (native.stats["steps"], native.stats["rejected"]) == (python.stats["steps"], python.stats["rejected"])
     assert_near(native.y[-1], python.y[-1], 1e-11)  # step sizes follow the rounding of small errors
@@ -105,8 +105,8 @@ def test_driven_mechanisms(name):
 @pytest.mark.parametrize("force", IN_BOTH.values(), ids=IN_BOTH.keys())
 def test_every_force(force):
     mech = mbdae.load("four_bar", forces=[force])
-    assert_same(*both(mech, (0, 0.5), step=0.046))
-    assert_same(*both(mech, (0, 0.5), step=0.046, method="rule38", jumps=[0.31]))
+    assert_same(*both(mech, JUMPING, step=0.046))
+    assert_same(*both(mech, JUMPING, step=0.046, method="rule38", jumps=[0.31]))
 
 
 def test_gears_of_unbounded_joints_are_projected_in_the_core(monkeypatch):

@@ -16,6 +16,7 @@ import mbdae
 from mbdae import Closure, Driver, Mechanism
 
 RADIUS = 0.1
+FARTHER = 1e3 * FAR  # s: smallest steps of 2e-6 s, where the ends of runs are known less precisely than by dead points
 NAMES = r"('one' and 'other'|'other' and 'one').* contradict each other"
 
 
@@ -54,7 +55,7 @@ SCENES = {"same joint": same_joint, "gears": gears, "wheel": wheel}
 @pytest.mark.parametrize(("c", "p"), [(0.5, 2), (0.5, 4), (1e-3, 3)])
 @pytest.mark.parametrize("scene", SCENES)
 def test_a_run_ends_where_drivers_part(tmp_path, scene, c, p, method):
-    sol = mbdae.solve(SCENES[scene](tmp_path, c, p), (0, FAR), method=method, max_steps=2000)
+    sol = mbdae.solve(SCENES[scene](tmp_path, c, p), (0, FARTHER), method=method, max_steps=2000)
     assert sol.status in ("driver", "newton")
     np.testing.assert_array_less(c * sol.t[-1] ** p, 1e-6)
     assert re.search(NAMES, sol.message), sol.message

@@ -16,7 +16,7 @@ T = {"andrews_squeezer": 0.01, "humanoid_stance": 0.02, "flyball_governor": 0.02
 @pytest.mark.parametrize("model", SMOOTH)
 def test_every_model(model):
     mech = mbdae.load(model)
-    sol = mbdae.solve(mech, (0.0, T.get(model, 0.2)), rtol=1e-5)
+    sol = mbdae.solve(mech, (0.0, T.get(model, 0.1)), rtol=1e-5)
     assert sol.ended, sol.message
     signals = [f"q.{mech.joint_names[0]}", *(f"v.{name}" for name in mech.joint_names[-2:]), "energy"]
     names = [name for name in without_works(mech) if name.startswith((*signals, "s."))]
@@ -27,7 +27,7 @@ def test_every_model(model):
 @pytest.mark.parametrize("method", ["herk2", "herk4", "pherk5", "arnold4", "hedop5"])
 @pytest.mark.parametrize("options", [{"step": 0.03}, {"rtol": 1e-4}, {"step": 0.03, "project": True}])
 def test_methods_and_steps(method, options):
-    sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 0.6), method=method, **options)
+    sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 0.3), method=method, **options)
     compare(sol, ["joint.crank.mass", "start.q.crank"], ["q.crank", "lam.pin.1"], start=True)
 
 
