@@ -79,10 +79,17 @@ class SignalEvent:
         signal: the signal.
         level: the level.
         direction: 1 for rising crossings, -1 for falling crossings, 0 for both.
+
+    Attributes:
+        rounding: a velocity that remains this close to the level in a step has not changed: sticking joints.
     """
 
     def __init__(self, system: Index2System, signal: SignalValue, level: float, direction: int) -> None:
         self.system, self.signal, self.level, self.direction = system, signal, level, direction
+        self.rounding, i = 0.0, signal.i - system.nq
+        if signal.kind == "y" and 0 <= i < system.nv:
+            mech = system.mechanism
+            self.rounding = SOLUTION_ROUNDING * (abs(level) + mech.coordinate_scales[i] * mech.characteristic_rate)
         self.node = (np.nan, np.nan, 0.0)  # the last node: time, value, rate of an angle
 
     @classmethod
@@ -133,6 +140,9 @@ class SignalEvent:
             hits += [(0.0, step.y)] if crosses else []
             self.advance(step.t, step.y, f)
         f0, f1 = self.node[1], self.value(step.t1, step.y1)
+        if max(abs(f0), abs(f1)) <= self.rounding:
+            self.advance(step.t1, step.y1, 0.0)
+            return hits
         samples = [(0.0, step.y, f0)]
         for theta in self._interior_extrema(step, f0, f1):
             y = step.point(theta)

@@ -105,6 +105,7 @@ class UserEvents(EventSource):
                 "signal": s.signal.core_data(),
                 "level": s.level,
                 "direction": s.direction,
+                "rounding": s.rounding,
                 "terminal": self.events[i].terminal,
             }
             for i, s in self.signals.items()
