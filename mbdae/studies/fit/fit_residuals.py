@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...callbacks import values_text
-from ...errors import InputError, MbdaeError, is_number
+from ...errors import InputError, MbdaeError, UnknownNameError, is_number
 from ...integrate.options.span import checked_span
 from ...integrate.solve import solve
 from ...integrate.trajectory.differentiable_runs import has_jumps
@@ -51,6 +51,8 @@ class FitResiduals:
             level = levels.get(name)
             if not (is_number(level) and level > 0):
                 raise InputError(f"the noise level of {name!r} must be given and positive: sigma={{{name!r}: ...}}")
+        if unused := [name for name in levels if name not in names_used]:
+            raise UnknownNameError("measured signal in sigma", unused[0], names_used)
         self.sigma = {name: float(levels[name]) for name in names_used}
         self._cached: tuple[tuple[tuple[float, ...], float] | None, list[Solution]] = (None, [])
         self._size, self._derivatives = 0, dict[tuple[tuple[float, ...], float], Array]()
