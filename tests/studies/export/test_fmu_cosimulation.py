@@ -72,7 +72,7 @@ def test_a_controller_is_sampled_once_at_each_instant(tmp_path):
 
 
 def test_a_start_just_after_an_instant_is_that_of_a_run(tmp_path):
-    """At an instant, but for rounding, a controller samples; 1e-11 s after it waits for the next one."""
+    """A controller samples at an instant; 1e-11 s after it, it waits for the next one."""
     servo = mbdae.JointPID(joint="crank", kp=20.0, rate=10.0, reference=1.0)
     m = mbdae.load("slider_crank")
     m = mbdae.Mechanism(m.model, m.closures, [servo], start=m.start_values)
