@@ -6,11 +6,16 @@ from .errors import InputError
 from .system import Array
 
 
+def is_real(x: Array) -> bool:
+    """Return whether an array has real numbers: no booleans, texts, complex numbers or dates."""
+    return x.dtype.kind not in "bSUcmM"
+
+
 def as_numbers(value: object) -> Array:
     """Return an argument as an array of numbers; nan for any other, which checks of finite numbers reject."""
     try:
         given = np.asarray(value)
-        return np.array(np.nan) if given.dtype.kind in "bSU" else given.astype(float)
+        return given.astype(float) if is_real(given) else np.array(np.nan)
     except (TypeError, ValueError):
         return np.array(np.nan)
 

@@ -6,6 +6,7 @@ from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
+from .arguments import is_real
 from .errors import InputError, MbdaeError, StepError
 from .system import Array
 
@@ -71,11 +72,11 @@ def checked_value(value: Any, shape: tuple[int, ...], t: float | None, what: str
     """Return the value of a user function as a new array.
 
     Raises:
-        StepError: for another shape, or values that are not finite.
+        StepError: for another shape, or values that are not finite real numbers.
     """
     when = _at(t, ",")
     try:
-        if value is None or np.iscomplexobj(value):
+        if value is None or not is_real(np.asarray(value)):
             raise TypeError
         out: Array = np.array(value, float)  # a copy: the function may return the same array at each call
     except (TypeError, ValueError):

@@ -8,12 +8,14 @@ import os
 import re
 import warnings
 from collections.abc import Callable, Iterator
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from .errors import InputError
 
+MODEL_LIST = "models.json"  # in the folder of the models: their sizes and parameters, by tests/key_tables.py
 LIBRARY_FILES = ("mechanism.toml", "mechanism.py")  # in the folder of a model that comes with mbdae
 PACKAGE = Path(__file__).resolve().parent
 
@@ -89,6 +91,23 @@ def models_directory() -> Path:
     if not found:
         raise InputError(f"the models folder is missing next to {PACKAGE}")
     return found[0]
+
+
+@cache  # the list of files of a distribution takes 20 ms to read
+def robots_directory() -> Path:
+    """Return the folder of robot descriptions that example-robot-data installs."""
+    from importlib.metadata import PackageNotFoundError, distribution  # slow to import
+
+    try:
+        files = distribution("example-robot-data").files or []
+    except PackageNotFoundError:
+        what = "this needs the robots of the package 'example-robot-data', which is not installed"
+        raise InputError(f"{what}: pip install example-robot-data") from None
+    urdf = next((f for f in files if f.suffix == ".urdf" and "robots" in f.parts), None)
+    if urdf is None:
+        raise InputError("example-robot-data is installed without robots")
+    depth = len(urdf.parts) - urdf.parts.index("robots") - 1
+    return Path(str(urdf.locate())).parents[depth - 1]
 
 
 def model_names() -> list[str]:

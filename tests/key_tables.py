@@ -1,10 +1,12 @@
 """The kinds of closures and forces, and all keys of mechanism files in Markdown, from the classes that check them.
 
-`models/README.md` holds them between comments, `mbdae/__init__.py` the public names for editors. Rewrite both by
+`models/README.md` holds them between comments, `models/models.json` what `mbdae models` prints, `mbdae/__init__.py` the
+public names for editors. Rewrite all by
 
     python tests/key_tables.py
 """
 
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,14 +16,17 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 import mbdae
+from mbdae.discovery import LIBRARY_FILES, MODEL_LIST
 from mbdae.mechanism.checked_table import Table, tables_in
 from mbdae.mechanism.closures import KINDS, rows_and_summary
 from mbdae.mechanism.closures.closure import Closure
 from mbdae.mechanism.forces import FORCES
 from mbdae.mechanism.formats.mechanism_file.schema import MechanismFile
+from mbdae.mechanism.formats.model_library import ROBOTS
 from mbdae.mechanism.time_functions.time_functions import TIME_FUNCTIONS
 
 PAGE = Path(__file__).parent.parent / "models" / "README.md"
+LISTED = PAGE.parent / MODEL_LIST
 WRITTEN = r"(?<=<!-- {0}: written by tests/key_tables.py -->\n).*(?=<!-- end of {0} -->)"
 PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 LIMITS = {"ge": ">= {}", "gt": "> {}", "min_length": "{} or more"}
@@ -139,6 +144,19 @@ def editors(text: str) -> str:
     return re.sub(r"(?<=for editors and type checkers\n)(    from .*\n)+", lines, text)
 
 
+def models() -> str:
+    """The models that come with mbdae: sizes, parameters with their valid values, and whether they need robots."""
+    out = []
+    for name in mbdae.model_names():
+        m = mbdae.load(name)
+        sizes = {"nq": m.nq, "nv": m.nv, "ng": m.ng, "dof": mbdae.info(m).dof}
+        parameters = {p["name"]: p["takes"] for p in m.source["parameters"]}
+        files = [path for file in LIBRARY_FILES if (path := PAGE.parent / name / file).is_file()]
+        robots = any(ROBOTS in path.read_text() for path in files)
+        out.append({"name": name, "title": m.title, "sizes": sizes, "parameters": parameters, "robots": robots})
+    return "[\n" + ",\n".join(map(json.dumps, out)) + "\n]\n"
+
+
 def _attributes(doc: str) -> dict[str, str]:
     section = re.search(r"\n( *)Attributes:\n(.*?)(?=\n\s*\n|\Z)", doc, re.S)
     if not section:
@@ -151,5 +169,6 @@ def _attributes(doc: str) -> dict[str, str]:
 
 if __name__ == "__main__":
     PAGE.write_text(page(PAGE.read_text()))
+    LISTED.write_text(models())
     SOURCE = Path(mbdae.__file__)
     SOURCE.write_text(editors(SOURCE.read_text()))

@@ -11,13 +11,11 @@ packages, and from folders given by the user.
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from functools import cache
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote
 
-from ..discovery import models_directory
+from ..discovery import models_directory, robots_directory
 from ..errors import InputError
 
 MANIFEST = "package.xml"
@@ -146,18 +144,3 @@ def installed_folders() -> list[Path]:
     with suppress(InputError):
         packages.append(robots_directory().resolve())
     return [*packages, models_directory().resolve()]
-
-
-@cache  # the list of files of a distribution takes 20 ms to read
-def robots_directory() -> Path:
-    """Return the folder of robot descriptions that example-robot-data installs."""
-    try:
-        files = distribution("example-robot-data").files or []
-    except PackageNotFoundError:
-        what = "this needs the robots of the package 'example-robot-data', which is not installed"
-        raise InputError(f"{what}: pip install example-robot-data") from None
-    urdf = next((f for f in files if f.suffix == ".urdf" and "robots" in f.parts), None)
-    if urdf is None:
-        raise InputError("example-robot-data is installed without robots")
-    depth = len(urdf.parts) - urdf.parts.index("robots") - 1
-    return Path(str(urdf.locate())).parents[depth - 1]

@@ -10,7 +10,7 @@ from ..errors import UnknownNameError, as_list
 from ..mechanism import Driver
 from ..mechanism.signals.contacts import rolling_closures
 from ..mechanism.signals.deformation import deformation, deformation_units
-from ..mechanism.signals.effort_signals import driver_powers, effort_units, efforts
+from ..mechanism.signals.effort_signals import brake_rows, driver_powers, effort_units, efforts, friction_powers
 from ..mechanism.signals.momentum import MOMENTUM, SHAKING, momentum, shaking_force
 from ..mechanism.tree.coordinate_units import acceleration_units, coordinate_units
 from ..system import Array
@@ -86,12 +86,12 @@ def effort_rows(mech: "Mechanism") -> dict[str, int]:
 
 def _effort_units(mech: "Mechanism") -> Units:
     efforts = {f"effort.{name}": "N" if mech.row_units[i] == "m" else "N m" for name, i in effort_rows(mech).items()}
-    return efforts | {f"power.{d.name}": "W" for d in mech.drivers}
+    return efforts | {f"power.{name}": "W" for name in (*(d.name for d in mech.drivers), *brake_rows(mech))}
 
 
 def _efforts(sol: "Solution") -> dict[str, Array]:
     out = {f"effort.{name}": sol.lam[:, i] for name, i in effort_rows(sol.mechanism).items()}
-    return out | driver_powers(sol.mechanism, sol.t, sol.lam)
+    return out | driver_powers(sol.mechanism, sol.t, sol.lam) | friction_powers(sol.mechanism, sol.v, sol.lam)
 
 
 def _energies(sol: "Solution") -> dict[str, Array]:
@@ -148,11 +148,11 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
     ``torque.<name>`` (N, N m) of joints, closures and driven distances: the magnitude, with suffix ``.x .y .z`` the
     components along world axes, with ``.1 .2 .3`` along local axes, see
     `mbdae.mechanism.signals.joint_wrenches.reaction_wrenches`; ``effort.<name>``, the generalised force of couplings
-    and drivers (N, N m), ``power.<driver>`` (W); of forces ``torque``, ``force``, ``power`` and ``deflection.<force>``;
-    ``work.<name>`` of drivers and forces since the start in J, see `mbdae.solution.work_columns` and
-    `mbdae.mechanism.signals.effort_signals`; of rolling bodies ``contact.<closure>.x`` in m, ``normal``,
-    ``longitudinal`` and ``lateral.<closure>`` in N, and ``friction.<closure>``, the friction coefficient required not
-    to slip.
+    and drivers (N, N m), ``power`` of drivers and of joints that stick (W); of forces ``torque``, ``force``, ``power``
+    and ``deflection.<force>``; ``work.<name>`` of drivers and forces since the start in J, see
+    `mbdae.solution.work_columns` and `mbdae.mechanism.signals.effort_signals`; of rolling bodies
+    ``contact.<closure>.x`` in m, ``normal``, ``longitudinal`` and ``lateral.<closure>`` in N, and
+    ``friction.<closure>``, the friction coefficient required not to slip.
 
     ``position``, ``velocity`` and ``acceleration.<frame>.x`` of the origins of frames in the world (m, per s, per s^2),
     the magnitudes of the last two without ``.x``; ``com.x`` in m, the centre of mass of the mechanism, ``momentum.x``

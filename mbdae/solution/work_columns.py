@@ -3,9 +3,8 @@
     W(t) = integral from the first node to t of power dt
 
 by the Chebyshev series of the power on each step, see `mbdae.solution.statistics`, whose antiderivatives are exact. The
-sum over all forces and drivers is the change of the kinetic energy and of the potential energy of gravity, without
-dissipation by rows (dry friction of sticking joints, friction proportional to closure forces) and without impacts, in
-which constraints act by impulses.
+sum over all forces, drivers and joints that stick is the change of the kinetic energy and of the potential energy of
+gravity, without friction proportional to closure forces and without impacts, in which constraints act by impulses.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from ..mechanism.signals.effort_signals import effort_units
+from ..mechanism.signals.effort_signals import brake_rows, effort_units
 from ..system import Array
 
 if TYPE_CHECKING:
@@ -45,9 +44,9 @@ class StepIntegrals(NamedTuple):
 
 
 def actuators(mech: "Mechanism") -> list[str]:
-    """Return the names of forces and drivers with a power."""
+    """Return the names of forces, drivers and joints that stick with a power."""
     forces = [name.removeprefix(POWER) for name in effort_units(mech) if name.startswith(POWER)]
-    return [*forces, *(d.name for d in mech.drivers)]
+    return [*forces, *(d.name for d in mech.drivers), *brake_rows(mech)]
 
 
 def work_units(mech: "Mechanism") -> dict[str, str]:

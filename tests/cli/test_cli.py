@@ -6,7 +6,6 @@ import shlex
 import signal
 import subprocess
 import sys
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -116,7 +115,6 @@ def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeyp
     assert {arguments.split()[0] for arguments in every} == set(cli.commands)
     (tmp_path / "sweep.toml").write_text('model = "pendulum"\nend = 0.1\n[grid]\nsolve.rtol = [1e-3, 1e-6]\n')
     monkeypatch.setenv("FORCE_COLOR", "1")  # as on machines that run tests
-    monkeypatch.setattr("mbdae.mechanism.load", cache(mbdae.load))  # of `models`, with and without --json
     for arguments in every:
         results = []
         for more in ([], ["--json"]):
@@ -216,7 +214,7 @@ def test_a_stopped_run_is_written(tmp_path):
 @pytest.mark.parametrize(
     ("module", "arguments"),
     [
-        *((name, "models") for name in ("pinocchio", "scipy", "click")),
+        *((name, "info pendulum") for name in ("pinocchio", "scipy", "click")),
         ("matplotlib", "solve pendulum -t 0.1 --plot a.png"),
     ],
 )

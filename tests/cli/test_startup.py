@@ -50,6 +50,12 @@ def test_help_and_version_import_no_numbers(arguments, word):
     assert not packages & HEAVY
 
 
+def test_the_list_of_models_loads_none():
+    out, packages = imported("models")
+    assert "Planar four-bar linkage" in out
+    assert packages & HEAVY == {"rich"}
+
+
 def test_runs_without_curves_events_and_modes_import_little_of_scipy():
     program = """import sys, mbdae
 mbdae.solve(mbdae.load("pendulum"), (0, 0.1))

@@ -185,6 +185,7 @@ def test_order_of_the_explicit_part(name):
 def test_order_reduction_is_reported():
     assert "y, no constraints   claimed 4, found 4" in str(report("rk4"))
     assert "no constraints" not in str(report("pherk5"))
+    assert not check_conditions(replace(METHODS["herk2"], order=100_000)).holds  # at once
     assert not check_conditions(replace(METHODS["rk4"], order_ode=5)).holds
     own = method(replace(METHODS["rk4"], name="rk4_without_claims", order=0, order_linear=0, order_own=0, order_ode=0))
     assert (own.order, own.order_linear, own.order_ode) == (2, 3, 4)

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 import mbdae
-from mbdae.mechanism.formats.model_library import robots_directory
+from mbdae.discovery import robots_directory
 
 URDF = "double_pendulum_description/urdf/double_pendulum_simple.urdf"
 ACCURACY = {"mujoco": 1e-7, "exudyn": 1e-8}  # achieved accuracy: rad, m

@@ -81,9 +81,8 @@ class Jumps(EventSource):
     def is_idle(self, run: "RunState", t1: float) -> bool:
         """Return whether no jump lies before t1, or within rounding after it."""
         first, last = self._following
-        margin = 8 * JUMP_MARGIN * max(ulp(run.t), ulp(t1))
         known = first <= self.sign * run.t and run.interval.stop == run.interval.end
-        return known and self.sign * t1 + margin < last and not self._coincide(t1, self.sign * last)
+        return known and self.sign * t1 + _width(run.t, t1) < last and not self._coincide(t1, self.sign * last)
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
         """Return y after jumps of the states of sampled controllers.
@@ -128,7 +127,7 @@ class Jumps(EventSource):
             return
         t, gap = run.t, abs(run.t - run.ts[-2])  # 0 at a reset
         changed, states = run.ys[-1] != run.ys[-2], slice(-1 - run.mechanical.ns, -1)
-        at_jump = 0 < gap <= 8 * JUMP_MARGIN * max(ulp(t), ulp(self.t1))
+        at_jump = 0 < gap <= _width(t, self.t1)
         if at_jump and changed.sum() == changed[states].sum() > 0:
             run.drop_nodes_after(len(run.ts) - 2)
             run.t = run.ts[-1] = t  # as at the end of a span
@@ -160,6 +159,11 @@ class Jumps(EventSource):
                 return t, following
             t = following
         raise StepError("step_size", f"jumps follow one another too closely at t = {t:.17g}: a sampling rate too high?")
+
+
+def _width(t: float, t1: float) -> float:
+    """Return the largest distance in s of the nodes on both sides of a jump at t, in a span that ends at t1."""
+    return 2 * LATE * max(ulp(t), ulp(t1))
 
 
 def _knots(run: "RunState", t0: float, t1: float) -> Sequence[float]:

@@ -95,10 +95,17 @@ class SignalEvent:
         signal: the signal.
         level: the level.
         direction: 1 for rising crossings, -1 for falling crossings, 0 for both.
+
+    Attributes:
+        unchanged_within: a velocity that remains this close to the level in a step has not changed: sticking joints.
     """
 
     def __init__(self, system: Index2System, signal: SignalValue, level: float, direction: int) -> None:
         self.system, self.signal, self.level, self.direction = system, signal, level, direction
+        self.unchanged_within, i = 0.0, signal.i - system.nq
+        if signal.kind == "y" and 0 <= i < system.nv:
+            speed = system.mechanism.coordinate_scales[i] * system.mechanism.characteristic_rate
+            self.unchanged_within = SOLUTION_ROUNDING * (abs(level) + speed)
         self.node = (np.nan, np.nan, 0.0)  # the last node: time, value, rate of an angle
         self.side = 0.0  # of the level, from which the signal comes in the last step; 0 if it does not matter
 
@@ -164,6 +171,9 @@ class SignalEvent:
             hits += [(0.0, step.y)] if crosses else []
             self.advance(step.t, step.y, f)
         f0, f1 = self.node[1], self.value(step.t1, step.y1)
+        if max(abs(f0), abs(f1)) <= self.unchanged_within:
+            self.advance(step.t1, step.y1, 0.0)
+            return hits
         if abs(f0) > self._rounding:
             self.side = np.sign(f0)
         samples = [(0.0, step.y, f0)]

@@ -121,6 +121,7 @@ class UserEvents(EventSource):
                 "signal": s.signal.core_data(),
                 "level": s.level,
                 "direction": s.direction,
+                "unchanged_within": s.unchanged_within,
                 "terminal": self.events[i].terminal,
             }
             for i, s in self.signals.items()

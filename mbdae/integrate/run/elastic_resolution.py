@@ -26,6 +26,7 @@ SAMPLES = 9  # nodes at which the vibrations are computed, the first one among t
 SIZES = 48  # of steps, at which R is evaluated; interpolated between them
 QUOTIENT_WIDTH = 1e-3  # of 1/w: time between the two points of a rate
 MAX_ERROR = 0.05  # of the largest rate of a vibration: a larger error is a vibration that is not resolved
+AMPLIFIED = 10.0  # of a vibration: growth over a run that has diverged
 LIMITING = 0.2  # h w: smaller steps are not those that a vibration needs
 OSCILLATING = 0.3  # damping ratio: with a larger one a vibration ends within a cycle
 
@@ -52,13 +53,32 @@ class Vibrations(NamedTuple):
 
 def unresolved_vibrations(sol: Solution, found: Vibrations) -> str:
     """Return which vibrations of flexible bodies a run does not resolve; empty if there are none."""
-    s, ts = sol.settings, sol.nodes[0]
-    method = method_from_settings(s) if "tableau" in s else find_method(s["formulation"], s["method"])
+    s, ts, method = sol.settings, sol.nodes[0], _method(sol)
     sizes = np.abs(np.diff(ts))
     errors = np.array([_error(found, k, ts, sizes, method) for k in range(len(found.names))])
     which = ", ".join(found.names[(errors > found.tolerance) & (errors > MAX_ERROR * found.largest)])
     smaller = f"take a smaller {'step' if 'step' in s else 'rtol'}, damp it or drop it"
     return f"not resolved: {which}, whose vibration {s['method']} damps or delays: {smaller}" if which else ""
+
+
+def _method(sol: Solution) -> Any:
+    s = sol.settings
+    return method_from_settings(s) if "tableau" in s else find_method(s["formulation"], s["method"])
+
+
+def amplified_vibrations(sol: Solution) -> str:
+    """Return which vibrations of flexible bodies the fixed steps of a run amplify; empty if there are none."""
+    (ts, ys, _), h, method = sol.nodes, sol.settings.get("step"), _method(sol)
+    if not (h and isinstance(method, RungeKutta | ExplicitMethod) and flexible_bodies(sol.mechanism.model)):
+        return ""
+    try:
+        modes = elastic_modes(sol.system, ts[0], ys[0, : sol.system.nq])
+    except StepError:
+        return ""
+    factors = np.abs(stability_function(method, h * _exponents(modes)))
+    which = ", ".join(_names(modes)[factors ** len(ts) > AMPLIFIED])
+    remedy = "take a smaller step, damp it or drop it"
+    return f"the run diverges: steps of {h:g} s amplify {which}: {remedy}" if which else ""
 
 
 def limiting_vibration(sol: Solution, found: Vibrations) -> str:
@@ -88,8 +108,19 @@ def find_vibrations(sol: Solution) -> Vibrations | None:
     largest = np.maximum(rates.max(axis=0), speeds)  # at rest the deflections have the tolerance
     relative = VISIBLE if "step" in sol.settings else min(sol.settings["rtol"], COARSE)
     tolerance = relative * np.maximum(largest, w * deflections).max()
-    names = [f"{label} ({float(f'{x:.3g}'):g} rad/s)" for label, x in zip(modes.labels, w, strict=True)]
-    return Vibrations(modes, np.array(names), nodes, rates, largest, tolerance)
+    return Vibrations(modes, _names(modes), nodes, rates, largest, tolerance)
+
+
+def _names(modes: ElasticModes) -> Array:
+    """Return labels with frequencies, (m,)."""
+    listed = zip(modes.labels, modes.frequencies, strict=True)
+    return np.array([f"{label} ({float(f'{x:.3g}'):g} rad/s)" for label, x in listed])
+
+
+def _exponents(modes: ElasticModes) -> Array:
+    """Return the exponents of the vibrations in 1/s, (m,): -zeta w + i w sqrt(1 - zeta^2)."""
+    ratios = np.minimum(modes.ratios, 1.0)
+    return modes.frequencies * (-ratios + 1j * np.sqrt(1 - ratios**2))
 
 
 def _oscillation(system: Index2System, modes: ElasticModes, t: float, y: Array) -> Array:
@@ -110,13 +141,12 @@ def _oscillation(system: Index2System, modes: ElasticModes, t: float, y: Array) 
 
 def _error(found: Vibrations, k: int, ts: Array, h: Array, method: Any) -> float:
     """Return the largest error of the rate of vibration k: summed over steps, while it oscillates."""
-    w, ratio = found.modes.frequencies[k], min(found.modes.ratios[k], 1.0)
-    z = w * complex(-ratio, np.sqrt(1 - ratio**2))
+    z = _exponents(found.modes)[k]
     sizes = np.geomspace(max(h.min(), TINY), h.max() * (1 + NEGLIGIBLE), SIZES)
     errors = np.interp(h, sizes, step_error(method, z * sizes))
     total, worst = np.concatenate([[0.0], np.cumsum(errors)]), 0.0
     for i, rate in zip(found.nodes[:-1], found.rates[:-1, k], strict=True):
-        decay = np.exp(-ratio * w * np.abs(ts[i + 1 :] - ts[i]))
+        decay = np.exp(z.real * np.abs(ts[i + 1 :] - ts[i]))
         worst = max(worst, float((rate * decay * np.minimum(total[i + 1 :] - total[i], 1.0)).max()))
     return worst
 
@@ -125,6 +155,11 @@ def step_error(method: Any, z: Array) -> Array:
     """Return |R(z) exp(-z) - 1| of steps of a method, (n,); |z|^(p + 1)/12 of one without stages, of order p."""
     if not isinstance(method, RungeKutta | ExplicitMethod):
         return np.abs(z) ** (method.order + 1) / 12
+    return np.abs(stability_function(method, z) - np.exp(z)) / np.maximum(np.abs(np.exp(z)), TINY)
+
+
+def stability_function(method: RungeKutta | ExplicitMethod, z: Array) -> Array:
+    """Return R(z) of a method, (n,)."""
     A, b = method.arrays.A, method.arrays.b
     stages = np.linalg.solve(np.eye(len(b)) - np.multiply.outer(z, A), np.ones((len(b), 1)))[..., 0]
-    return np.abs(1 + z * (stages @ b) - np.exp(z)) / np.maximum(np.abs(np.exp(z)), TINY)
+    return 1 + z * (stages @ b)

@@ -26,6 +26,7 @@ from .step_map import StepMap
 Progress = Callable[[float], None]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a diverging run is reported by its status
 def run_to_end(run: RunState, progress: Progress | None) -> tuple[str, str]:
     """Run to the end of the span or as far as possible; return status and message.
 
@@ -33,11 +34,10 @@ def run_to_end(run: RunState, progress: Progress | None) -> tuple[str, str]:
         InputError: for a force that fails at the start.
     """
     try:
-        with np.errstate(over="ignore", invalid="ignore"):  # a diverging run is reported by its status
-            run.begin(ahead=True)
-            stopped = time_loop(run, progress)
-            for source in run.sources:
-                source.finish(run)
+        run.begin(ahead=True)
+        stopped = time_loop(run, progress)
+        for source in run.sources:
+            source.finish(run)
     except StepError as e:
         if isinstance(e, EventError):
             run.drop_nodes_after(e.node)

@@ -10,10 +10,11 @@ import numpy as np
 from ...errors import StepError
 from ...solution.solution import Problem, Solution
 from ...system import Array
-from .elastic_resolution import find_vibrations, limiting_vibration
+from .elastic_resolution import amplified_vibrations, find_vibrations, limiting_vibration
 from .run_diagnostics import accuracy_warnings
 from .run_state import RunState
 
+DIVERGED = ("singular", "rank", "nonfinite", "newton", "chart")  # ends of runs that may have diverged
 log = logging.getLogger("mbdae")
 
 
@@ -39,6 +40,8 @@ def make_solution(run: RunState, problem: Problem, status: str, message: str, se
             out.status, out.message = "doubtful", warnings
         elif vibrations and (limit := limiting_vibration(full, vibrations)):
             out.message = f"{out.message}; {limit}"
+    elif run.mechanical and status in DIVERGED and (why := amplified_vibrations(full)):
+        out.message = f"{why} ({out.message})"
     log.info(
         "%s: %s, %s steps by %s (%s back end), %.3g s: %s",
         problem.title, out.status, stats["steps"], settings["method"], stats["backend"], seconds, out.message,

@@ -14,6 +14,7 @@ from ...mechanism.signal_derivatives import (
     driver_power_derivatives,
     effort_derivatives,
     frame_motion_derivatives,
+    friction_power_derivatives,
     gap_derivatives,
     momentum_derivatives,
     path_derivatives,
@@ -23,7 +24,7 @@ from ...mechanism.signal_derivatives import (
 )
 from ...mechanism.signals.contacts import rolling_closures
 from ...mechanism.signals.deformation import deformation_units
-from ...mechanism.signals.effort_signals import effort_units
+from ...mechanism.signals.effort_signals import brake_rows, effort_units
 from ...mechanism.signals.momentum import MOMENTUM, SHAKING
 from ...solution.columns import CONTACT, frame_units, moving_frames, reaction_units
 from ...system import Array
@@ -95,6 +96,7 @@ FAMILIES = (
     DerivativeFamily(reaction_units, _reactions, True),
     DerivativeFamily(lambda mech: list(unilateral_rows(mech)), gap_derivatives, False),
     DerivativeFamily(lambda mech: [f"power.{d.name}" for d in mech.drivers], driver_power_derivatives, True),
+    DerivativeFamily(lambda mech: [f"power.{name}" for name in brake_rows(mech)], friction_power_derivatives, True),
     DerivativeFamily(effort_units, effort_derivatives, False),
     DerivativeFamily(lambda mech: _frame_columns(mech, False), _positions_and_velocities, False),
     DerivativeFamily(lambda mech: _frame_columns(mech, True), _accelerations, True),

@@ -21,7 +21,7 @@ from ...mechanism.discrete_sensitivity.guard_partials import GuardPartials
 from ...mechanism.discrete_sensitivity.impact_sensitivity import impact_partials, row_rate_partials
 from ...mechanism.hybrid.impact import row_impacts
 from ...mechanism.hybrid.mode_point import AllRows, ModePoint
-from ...mechanism.hybrid.switch import Guard
+from ...mechanism.hybrid.switch import COMMANDS, Guard
 from ...mechanism.hybrid.switches import unswitched_rows
 from ...system import Array
 from ...tolerances import INPUT_DIGITS, RANK, SAME_STATE, VISIBLE
@@ -186,7 +186,7 @@ class ModeJumps:
         m = max(k for k in self.first_nodes if k <= i)
         first = ModePoint(self.system, self.all_rows, float(self.trajectory.ts[m]), self.trajectory.ys[m])
         mode = self.system.mode
-        guards = [g for s in self.switches for g in s.guards(mode[s.index]) if not g.is_commanded]
+        guards = [g for s in self.switches for g in s.guards(mode[s.index]) if g.kind not in COMMANDS]
         for g in guards:
             g.value(first)
         partials = GuardPartials(self.sensitivity, first, point)

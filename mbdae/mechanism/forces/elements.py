@@ -18,6 +18,11 @@ BoundLaw = tuple[ForceElement, slice]
 """A law and the slice of its states in s."""
 
 
+def coincident(name: str) -> InputError:
+    """Return the error of derivatives of a force whose points coincide."""
+    return InputError(f"force {name!r} has no direction where its points coincide: no derivative")
+
+
 class ForceElements:
     """All force laws of a workspace; their states are concatenated to s (ns,).
 
@@ -66,7 +71,7 @@ class ForceElements:
         """
         for law, _ in self.bound:
             if law.direction_undefined():
-                raise InputError(f"force {law.name!r} has no direction where its points coincide: no derivative")
+                raise coincident(law.name)
 
     def torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
         """Return tau (nv,), and s' and the power of non-conservative forces, (ns + 1,)."""

@@ -10,7 +10,7 @@ from ...tolerances import EVALUATION_ROUNDING
 from ..key_units import Unit
 from ..time_functions.time_functions import Constant, TimeFunction
 from ..tree.frames import Pair, anchor, skew, unit_gap
-from ..tree.wrench_partials import line_wrench_partials
+from ..tree.wrench_partials import gap_wrench_partials, line_wrench_partials
 from .force import Array, ArrayOrZero, CoreData, Force, ForceElement, PairElement, WrenchPartials
 
 
@@ -57,27 +57,33 @@ class SpringDamperElement(PairElement):
     def __init__(self, spec: SpringDamper, pair: Pair) -> None:
         super().__init__(spec.name, [spec.force])
         self.spec, self.pair = spec, pair
+        if spec.stiffness * spec.length or spec.force != Constant(value=0.0):
+            self.flipping = spec.frames
 
     def direction_undefined(self) -> bool:
         self.pair.locate()
-        (a, b), spec = (self.pair.pa, self.pair.pb), self.spec
-        linear = not (spec.damping or spec.stiffness * spec.length or spec.force != Constant(value=0.0))
-        return not linear and bool(np.abs(b - a).max() <= EVALUATION_ROUNDING * (1 + np.abs(a).max()))
+        a, b = self.pair.pa, self.pair.pb
+        directed = self.spec.damping or self.flipping
+        return bool(directed and np.abs(b - a).max() <= EVALUATION_ROUNDING * (1 + np.abs(a).max()))
+
+    def spring_force(self, n: Array) -> Array:
+        """Return the force of the spring on b, (3,), for the unit vector n from a to b; linear for length 0."""
+        return -self.spec.stiffness * (self.pair.pb - self.pair.pa - self.spec.length * n)
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[Array, ArrayOrZero]:
         self.pair.locate()
-        distance, n = unit_gap(self.pair)
-        line = self.pair.torque(np.concatenate([n, skew(self.pair.pb) @ n]))  # d' = line . v
-        other = self.spec.force.at(t)
+        P, n = skew(self.pair.pb), unit_gap(self.pair)[1]
+        spring, other = self.spring_force(n), self.spec.force.at(t)
+        line = self.pair.torque(np.concatenate([n, P @ n]))  # d' = line . v
         if self.spec.damping:
             other -= self.spec.damping * float(line @ v)
-        return -self.spec.stiffness * (distance - self.spec.length) * line, other * line if other else 0.0
+        return self.pair.torque(np.concatenate([spring, P @ spring])), other * line if other else 0.0
 
     def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
-        spec, (w, Da, Db) = self.spec, line_wrench_partials(self.pair)
-        T, other = spec.stiffness * (unit_gap(self.pair)[0] - spec.length), spec.force.at(t) - spec.damping * w.dot(V)
-        K, D = spec.stiffness * np.outer(w, w), -spec.damping * w[:, None]
-        spring = WrenchPartials(-T * w, K - T * Da, -K - T * Db, np.zeros((6, 6)))
+        spec, (w, Da, Db), (distance, n) = self.spec, line_wrench_partials(self.pair), unit_gap(self.pair)
+        N = -spec.stiffness * (np.eye(3) - spec.length / distance * (np.eye(3) - np.outer(n, n)))
+        spring = WrenchPartials(*gap_wrench_partials(self.pair, self.spring_force(n), N), np.zeros((6, 6)))
+        other, D = spec.force.at(t) - spec.damping * w.dot(V), -spec.damping * w[:, None]
         return spring, WrenchPartials(other * w, other * Da + D * V.dot(Da), other * Db + D * V.dot(Db), D * w)
 
     def wrench_time_rate(self, t: float) -> Array:

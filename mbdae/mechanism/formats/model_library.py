@@ -4,9 +4,8 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
-from ...discovery import LIBRARY_FILES, is_model_name, model_names, models_directory
+from ...discovery import LIBRARY_FILES, is_model_name, model_names, models_directory, robots_directory
 from ...errors import InputError, UnknownNameError
-from ..allowed_paths import robots_directory
 from .readers import CONVERTERS, MECHANISM, PARAMETRIC, SOURCES
 
 ROBOTS, DESCRIPTIONS = "example-robot-data:", "robot_descriptions"

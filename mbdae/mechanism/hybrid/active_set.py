@@ -15,7 +15,7 @@ from ...system import Array
 from ...tolerances import MODE_ROUNDING, SOLUTION_ROUNDING, TRUNCATION, ZERO_SPEED
 from ..closures.independent_rows import mass_scaled
 from .friction_lcp import FrictionBound, solve_friction_lcp
-from .impact_law import project_out
+from .impact_law import project_out, range_and_inverse
 from .switch import CandidateRow
 from .switches import error_with_names
 from .undecided_rows import LoadsAfterStep, rows_that_stay_active
@@ -189,10 +189,7 @@ class _ActiveSet:
         B = mass_scaled(point.system.inertia(point.t, point.q), point.G)
         switched = {row for s, state in zip(self.switches, base, strict=True) for row in s.active_rows(state)}
         kept = np.array([*self.unswitched, *sorted(switched)], int)
-        if not len(kept):
-            return B, np.zeros((len(B), 0))
-        left, sizes, _ = np.linalg.svd(B[:, kept], full_matrices=False)
-        return B, left[:, sizes > TRUNCATION * sizes[:1]]
+        return B, range_and_inverse(B[:, kept])[0]
 
 
 def _releases(candidates: tuple[CandidateRow, ...]) -> bool:

@@ -170,7 +170,7 @@ class _Impact:
         self.acts = np.ones(len(self.b), bool)
         self.acts[len(self.b) - len(self.followed) :] = np.isin(self.followed, which)
         self.pinv = np.zeros(self.BG.T.shape)
-        self.Q, self.pinv[self.acts] = _range(self.BG[:, self.acts])
+        self.Q, self.pinv[self.acts] = range_and_inverse(self.BG[:, self.acts])
 
     def impact(self, x: Array, which: Array, target: Array) -> tuple[Array, Array, Array]:
         """Return x after contact rows ``which`` reach speeds ``target``, their impulses p and those of friction rows.
@@ -218,7 +218,7 @@ def project_out(Q: Array, B: Array) -> Array:
     return B - Q @ (Q.T @ B)
 
 
-def _range(B: Array) -> tuple[Array, Array]:
+def range_and_inverse(B: Array) -> tuple[Array, Array]:
     """Return an orthonormal basis of the range of B (n, k), (n, r), and the pseudoinverse of B, (k, n)."""
     if not B.shape[1]:
         return np.zeros((len(B), 0)), np.zeros((0, len(B)))

@@ -48,11 +48,6 @@ class Guard(NamedTuple):
     max_step: PointFunction | None = None
     pieces: PiecesFunction | None = None
 
-    @property
-    def is_commanded(self) -> bool:
-        """Whether the guard jumps, at known times."""
-        return self.kind in COMMANDS
-
 
 class ImpactRow(NamedTuple):
     """A row that takes part in an impact.

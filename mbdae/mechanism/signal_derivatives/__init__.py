@@ -2,7 +2,7 @@
 
 from .contacts import contact_derivatives, path_derivatives
 from .deformation import deformation_derivatives
-from .efforts import driver_power_derivatives, effort_derivatives
+from .efforts import driver_power_derivatives, effort_derivatives, friction_power_derivatives
 from .frame_motions import frame_motion_derivatives
 from .gaps import gap_derivatives, unilateral_rows
 from .momentum import momentum_derivatives, shaking_derivatives
@@ -17,6 +17,7 @@ __all__ = [
     "driver_power_derivatives",
     "effort_derivatives",
     "frame_motion_derivatives",
+    "friction_power_derivatives",
     "gap_derivatives",
     "momentum_derivatives",
     "path_derivatives",

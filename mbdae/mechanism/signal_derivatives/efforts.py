@@ -6,7 +6,7 @@ from ...system import Array
 from ..forces.bushing import BushingElement
 from ..forces.elements import ForceElements
 from ..forces.force import ForceElement, PairElement
-from ..signals.effort_signals import named_laws
+from ..signals.effort_signals import brake_rows, named_laws
 from ..tree.frames import point_velocities, unit_gap
 from ..tree.manifold import inverse_jacobian, skew
 from .motion_tangent import MotionTangent
@@ -38,6 +38,12 @@ def driver_power_derivatives(motion: MotionTangent) -> Array:
                 row = row + lam * p.quotient(near)[0] * dp
         out.append(row)
     return np.array(out).reshape(-1, len(motion.d.t))
+
+
+def friction_power_derivatives(motion: MotionTangent) -> Array:
+    """Return the derivatives of the columns of `mbdae.mechanism.signals.effort_signals.friction_powers`, (n, m)."""
+    rows, d = brake_rows(motion.mechanism).values(), motion.d
+    return np.array([motion.v[i] * d.lam[row] + motion.lam[row] * d.v[i] for row, i in rows])
 
 
 def _joint_force(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]:

@@ -6,8 +6,9 @@ force actuator between two points has its tension ``force.<name>``, positive whe
 wrench has force and torque on its second frame, at its origin: the magnitude, and ``.x .y .z`` along the world's axes.
 ``power.<name>`` in W is the power of the force on the mechanism. ``deflection.<name>`` is that of a spring from its
 rest length or angle, and ``deflection.<name>.x`` to ``.rz`` of a bushing in axes of the first frame. If a joint,
-closure or driver has the same name, "(force)" is appended to that of the force. Dry friction of sticking joints, and
-friction proportional to closure forces, do not follow from the state: they are outputs of rows, ``effort.<name>``.
+closure or driver has the same name, "(force)" is appended to that of the force. Dry friction of joints that stick, and
+friction proportional to closure forces, do not follow from the state: they are outputs of rows, ``effort.<name>``, the
+former with ``power.<joint> friction``.
 """
 
 from typing import TYPE_CHECKING
@@ -15,10 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...system import Array
+from ..closures.brake import Brake
 from ..forces.elements import ForceElements
 from ..forces.force import ForceElement, PairElement
 from ..tree.coordinate_units import coordinate_units
-from ..tree.frames import joint_names, skew, unit_gap
+from ..tree.frames import find_joint, joint_names, skew, unit_gap
 from ..tree.tree_terms import update_poses
 
 if TYPE_CHECKING:
@@ -84,6 +86,17 @@ def driver_powers(mech: "Mechanism", t: Array, lam: Array) -> dict[str, Array]:
         rates = np.array([system.constraints.motion(float(x))[1] for x in t]).reshape(len(t), -1)
     rows = {d.name: mech.rows_of(d.name)[0] for d in mech.drivers}
     return {f"power.{name}": lam[:, i] * rates[:, i] for name, i in rows.items()}
+
+
+def brake_rows(mech: "Mechanism") -> dict[str, tuple[int, int]]:
+    """Return row and velocity index of each joint with dry friction that sticks."""
+    brakes = [c for c in mech.constraints if isinstance(c, Brake)]
+    return {c.name: (mech.rows_of(c.name)[0], find_joint(mech.model, c.joint).idx_v) for c in brakes}
+
+
+def friction_powers(mech: "Mechanism", v: Array, lam: Array) -> dict[str, Array]:
+    """Return ``power.<joint> friction`` in W, (n,) each; lam has the friction of slipping joints."""
+    return {f"power.{name}": lam[:, row] * v[:, i] for name, (row, i) in brake_rows(mech).items()}
 
 
 def _force_outputs(law: ForceElement, t: float, v: Array, tau: Array) -> list[float]:

@@ -154,14 +154,15 @@ def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Arra
 def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
     """Return closures and drivers with non-unique reactions, and the number of their redundant rows.
 
-    The number is m - (rank of all rows - rank of the rows of the others). Trivial rows, such as the out-of-plane row of
-    a planar loop, count, too.
+    The number is m - (rank of all rows - rank of the rows of the others), of m active rows: rows of open contacts have
+    no reaction. Trivial rows, such as the out-of-plane row of a planar loop, count, too.
     """
     with mech.workspaces.borrowed() as system:
-        G = mass_scaled_jacobian(system, t, q)
+        G, inactive = mass_scaled_jacobian(system, t, q), system.constraints.inactive
     r, out = rank(G), {}
     for c in mech.constraints:
-        out[c.name] = c.m - (r - rank(np.delete(G, mech.rows_of(c.name), axis=0)))
+        rows = mech.rows_of(c.name)
+        out[c.name] = len(np.setdiff1d(rows, inactive)) - (r - rank(np.delete(G, rows, axis=0)))
     return {name: n for name, n in out.items() if n}
 
 

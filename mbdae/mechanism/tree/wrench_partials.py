@@ -141,10 +141,15 @@ def _rate_partial(rate: Rate, pair: Pair, d: Array, dV: Array, *, moves_b: bool)
 def line_wrench_partials(pair: Pair) -> tuple[Array, Array, Array]:
     """Return w = (n, p_b x n) (6,) with the unit vector n from a to b, and Da, Db (6, 6): dw = Da d_a + Db d_b."""
     distance, n = unit_gap(pair)
-    N, P = (np.eye(3) - np.outer(n, n)) / distance, skew(pair.pb)
+    return gap_wrench_partials(pair, n, (np.eye(3) - np.outer(n, n)) / distance)
+
+
+def gap_wrench_partials(pair: Pair, F: Array, N: Array) -> tuple[Array, Array, Array]:
+    """Return w = (F, p_b x F) (6,) with dF = N d(p_b - p_a), N (3, 3), and Da, Db (6, 6): dw = Da d_a + Db d_b."""
+    P = skew(pair.pb)
     to_wrench = np.concatenate([np.eye(3), P])
     Da, Db = (to_wrench.dot(np.hstack([N, -N.dot(p)])) for p in (skew(pair.pa), P))
-    return to_wrench.dot(n), -Da, Db + moved_line_partials(pair.pb, n[:, None])[0]
+    return to_wrench.dot(F), -Da, Db + moved_line_partials(pair.pb, F[:, None])[0]
 
 
 def moved_line_partials(p: Array, n: Array) -> Array:

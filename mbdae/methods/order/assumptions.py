@@ -12,7 +12,7 @@ from ..tableau import Row
 
 @dataclass(frozen=True)
 class Assumptions:
-    """Largest k up to which each assumption holds; C and Chat are checked up to the method's order.
+    """Largest k up to which each assumption holds; C and Chat are checked up to the method's order, at most 2 stages.
 
     Attributes:
         B: sum_i b_i c_i^(k-1) = 1/k for k = 1..B.
@@ -43,7 +43,7 @@ def assumptions(tableau: RungeKutta) -> Assumptions:
         tableau: the method.
 
     Returns:
-        The largest k of each; for rows at most the method's order, since a row of zeros satisfies all.
+        The largest k of each; for rows at most the claimed order, since a row of zeros satisfies all.
     """
     tolerance = PUBLISHED_DECIMALS if tableau.rounded else 0.0
     A, Ahat, b = tableau.exact_A, tableau.exact_Ahat, tableau.exact_b
@@ -66,11 +66,11 @@ def assumptions(tableau: RungeKutta) -> Assumptions:
     def largest(holds: Callable[[int], bool], bound: int) -> int:
         return next((k for k in range(1, bound + 1) if not holds(k)), bound + 1) - 1
 
+    bound = 2 * len(b)  # n nodes integrate no polynomial of degree 2 n exactly
     C, Chat = (
-        tuple(largest(quadrature(row, node), tableau.order) for row, node in zip(M, nodes, strict=True))
+        tuple(largest(quadrature(row, node), min(bound, tableau.order)) for row, node in zip(M, nodes, strict=True))
         for M, nodes in ((A, c), (Ahat, chat))
     )
-    bound = 2 * len(b)  # n nodes integrate no polynomial of degree 2 n exactly
     return Assumptions(largest(quadrature(b, Fraction(1)), bound), C, Chat, largest(transposed, bound))
 
 

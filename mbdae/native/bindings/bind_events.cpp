@@ -61,7 +61,7 @@ void bind_events(nb::module_& m) {
             e.events = PyReader().read<std::vector<SignalEvent>>(events);
             e.nodes.assign(e.events.size(), Node());
           },
-          nb::arg("events"), "Set the events: dicts of a signal, its level, the direction, and whether it is terminal.")
+          nb::arg("events"), "Set the events: dicts of a signal, its level, direction and width without change, and whether it is terminal.")
       .def("set_nodes", set_nodes, nb::arg("nodes"), "Set the current time, value and rate of each event.")
       .def_prop_ro("nodes",
                    [](const Events& e) {

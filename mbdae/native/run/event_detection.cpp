@@ -45,7 +45,9 @@ class Search {
       check_interval({0, y, node_.f}, {0, y, f});
       set_node(step_.t, y.data(), f);
     }
-    const double f0 = node_.f, f1 = value(step_.t1, step_.y1), theta = extremum(f0, f1);
+    const double f0 = node_.f, f1 = value(step_.t1, step_.y1);
+    if (std::max(std::fabs(f0), std::fabs(f1)) <= event_.unchanged_within) return set_node(step_.t1, step_.y1, 0);
+    const double theta = extremum(f0, f1);
     if (!(theta > 0) && f0 * f1 > 0) return set_node(step_.t1, step_.y1, f1);
     const Numbers y(step_.y, step_.y + s_.length), y1(step_.y1, step_.y1 + s_.length);
     std::vector<Sample> samples = {{0, y, f0}};

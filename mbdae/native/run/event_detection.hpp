@@ -16,9 +16,10 @@ struct SignalEvent {
   SignalValue signal;
   double level = 0;
   int direction = 0;  // 1 for upward crossings, -1 for downward crossings, 0 for both
+  double unchanged_within = 0;  // a value this close to the level at both ends of a step has not changed
   bool terminal = false;
 
-  FIELDS(signal, level, direction, terminal)
+  FIELDS(signal, level, direction, unchanged_within, terminal)
 };
 
 // A located event: which event, its time, and the point (length,).

@@ -34,19 +34,19 @@ bool Jumps::last_of_cluster(const std::vector<SampledController>& samplers, doub
 
 bool Jumps::next_interval(const std::vector<SampledController>& samplers, double t, SmoothInterval& interval) {
   const double s = interval.sign, scale = std::max(std::fabs(t), std::fabs(interval.t1));
-  const double gap = margin * (std::nextafter(scale, INFINITY) - scale);
+  const double rounding = std::nextafter(scale, INFINITY) - scale, gap = margin * rounding, cluster = late() * rounding;
   double from, after;
-  if (!last_of_cluster(samplers, t, s, 4 * gap, from)) return false;
+  if (!last_of_cluster(samplers, t, s, cluster, from)) return false;
   const double first = next(samplers, from, s), stop = first - s * gap;
   const double ahead = s * (first - interval.t1);
   const bool coincide = std::isfinite(first) && next(samplers, interval.t1, s) != first;  // seen from t1
-  if (ahead > 4 * gap && !coincide) {
+  if (ahead > cluster && !coincide) {
     interval.stop = interval.end = interval.t1, restart = NAN;
-  } else if (ahead >= -4 * gap) {  // a run that continues begins with the jump: stop differs from end
+  } else if (ahead >= -cluster) {  // a run that continues begins with the jump: stop differs from end
     interval.stop = s * std::min(s * stop, s * std::nextafter(interval.t1, -s * INFINITY));
     interval.end = interval.t1, restart = NAN;
   } else {
-    if (!last_of_cluster(samplers, first, s, 4 * gap, after)) return false;
+    if (!last_of_cluster(samplers, first, s, cluster, after)) return false;
     interval.stop = interval.end = stop, restart = s > 0 ? after : after - gap;
   }
   interval.t = t;

@@ -17,6 +17,8 @@ struct Jumps {
 
   FIELDS(in_core, times, margin, max_cluster, restart)
 
+  double late() const { return 4 * margin; }  // roundings between jumps that count as one, and to a start just after one
+
   // The interval from t on, and the start of the next one; false where jumps follow one another too closely.
   bool next_interval(const std::vector<SampledController>& samplers, double t, SmoothInterval& interval);
 

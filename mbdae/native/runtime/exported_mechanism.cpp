@@ -156,7 +156,7 @@ void ExportedMechanism::begin_interval(double t1, bool jumped, bool samples) {
     Numbers F(s.ny), z(s.ng);
     State next;
     next.y = y();
-    if (samples) s.apply_jumps(time(), next.y.data());
+    if (samples) s.apply_jumps(time(), next.y.data(), time() == run_.grid.t0 ? run_.jumps.late() : INFINITY);
     s.update_independent_rows(time(), next);
     s.derivative(time(), next.y.data(), F.data(), z.data());
     next.carry = s.carry(F), run_.state = std::move(next), run_.monitor.last_ratio = INFINITY;

@@ -145,7 +145,8 @@ class Index2System {
   } last_stage;
 
   std::vector<SampledController> samplers;
-  void apply_jumps(double t, double* y);  // to just after t, where t is a sampling instant
+  // To just after t, where t is a sampling instant; see `SampledController::has_jumped`.
+  void apply_jumps(double t, double* y, double late = INFINITY);
   struct {
     Numbers g, gap, next_g, rate, x, nearer;  // (ng,) four times, (nv,), (nq,)
   } projection;  // scratch of `project_state`

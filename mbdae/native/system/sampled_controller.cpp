@@ -1,5 +1,6 @@
 #include "system/sampled_controller.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "system/index2.hpp"
@@ -9,6 +10,11 @@ namespace mbdae {
 
 double SampledController::next(double t) const {
   return offset + (std::floor((t - offset) * rate + coincide) + 1) / rate;
+}
+
+bool SampledController::has_jumped(double t, double late) const {
+  const double scale = std::max(std::fabs(t), std::fabs(offset)), rounding = std::nextafter(scale, INFINITY) - scale;
+  return t - (offset + std::nearbyint((t - offset) * rate) / rate) > late * rounding;
 }
 
 void SampledController::sample(double t, const double* y, int nq, int nv, double* after) const {
@@ -22,9 +28,10 @@ void SampledController::sample(double t, const double* y, int nq, int nv, double
   if (states > 1) after[1] = s[1] + error * (1 / rate);
 }
 
-void Index2System::apply_jumps(double t, double* y) {
+void Index2System::apply_jumps(double t, double* y, double late) {
   const Numbers before(y, y + length);
-  for (const SampledController& x : samplers) x.sample(t, before.data(), nq, nv, y + nq + nv + x.state);
+  for (const SampledController& x : samplers)
+    if (!x.has_jumped(t, late)) x.sample(t, before.data(), nq, nv, y + nq + nv + x.state);
   if (!finite(y, length)) throw FallBackToPython();
   const double* s = y + nq + nv;
   for (const SampledController& x : samplers)

@@ -33,6 +33,7 @@ struct SampledController {
   FIELDS(kind, rate, offset, coincide, state, states, reference, a, x, v, inputs)
 
   double next(double t) const;  // the first instant after t
+  bool has_jumped(double t, double late) const;  // more than `late` roundings of t before t, at the nearest instant
   // s (states,) after time t from y = (q, v, s, ...) before it, if that is an instant.
   void sample(double t, const double* y, int nq, int nv, double* after) const;
 };

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...callbacks import values_text
-from ...errors import InputError, MbdaeError, is_number
+from ...errors import InputError, MbdaeError, UnknownNameError, is_number
 from ...integrate.options.span import checked_span
 from ...integrate.solve import solve
 from ...integrate.trajectory.differentiable_runs import has_jumps
@@ -45,13 +45,7 @@ class FitResiduals:
             outside = r.t[(r.t < start) | (r.t > end)]
             if len(outside):
                 raise InputError(f"{r.name}: t = {outside[0]:g} s is outside the span, {start:g} to {end:g} s")
-        names_used = [name for r in recordings for name in r.columns]
-        levels = sigma if isinstance(sigma, Mapping) else dict.fromkeys(names_used, 1.0 if sigma is None else sigma)
-        for name in names_used:
-            level = levels.get(name)
-            if not (is_number(level) and level > 0):
-                raise InputError(f"the noise level of {name!r} must be given and positive: sigma={{{name!r}: ...}}")
-        self.sigma = {name: float(levels[name]) for name in names_used}
+        self.sigma = _noise_levels(sigma, [name for r in recordings for name in r.columns])
         self._cached: tuple[tuple[tuple[float, ...], float] | None, list[Solution]] = (None, [])
         self._size, self._derivatives = 0, dict[tuple[tuple[float, ...], float], Array]()
         self.rejected, self.all_rejected = list[str](), list[str]()  # reasons of trials of a search, and of all
@@ -158,3 +152,20 @@ class _WithFixed:
     def make(self, values: Mapping[str, object]) -> Mechanism:
         """Return the mechanism with these values and the fixed ones."""
         return self.base.make({**self.known, **values})
+
+
+def _noise_levels(sigma: float | Mapping[str, float] | None, names: list[str]) -> dict[str, float]:
+    """Return the noise levels of the measured signals.
+
+    Raises:
+        InputError: for one that is missing or not positive.
+        UnknownNameError: for one of another signal.
+    """
+    levels = sigma if isinstance(sigma, Mapping) else dict.fromkeys(names, 1.0 if sigma is None else sigma)
+    for name in names:
+        level = levels.get(name)
+        if not (is_number(level) and level > 0):
+            raise InputError(f"the noise level of {name!r} must be given and positive: sigma={{{name!r}: ...}}")
+    if unused := [name for name in levels if name not in names]:
+        raise UnknownNameError("measured signal in sigma", unused[0], names)
+    return {name: float(levels[name]) for name in names}

@@ -246,14 +246,13 @@ def card(mech: Mechanism) -> Card:
     by_name, speeds = by_joint(system, 0.0, mech.point())
     g, Gv = mech.residual(q, v)
     loaded, gap = mech.given[0], mech.gap_as_given
-    switching = {row for switch in mech.switches for row in switch.rows}
     closures = (
         {
             "name": c.name,
             "kind": spec_kind(c),
             "joins": list(c.between),
             "rows": c.m,
-            "dependent": 0 if mech.rows_of(c.name)[0] in switching else dependent.get(c.name, 0),
+            "dependent": dependent.get(c.name, 0),
         }
         for c in mech.constraints
     )
@@ -262,7 +261,7 @@ def card(mech: Mechanism) -> Card:
         nq=mech.nq,
         nv=mech.nv,
         ng=mech.ng,
-        switched=len(switching),
+        switched=len({row for switch in mech.switches for row in switch.rows}),
         rank=len(rows),
         dof=mech.nv - len(rows),
         position_dof=mech.nv - (positions if not mech.positional.all() else len(rows)),

@@ -1,6 +1,6 @@
 """Sub-commands ``info`` and ``models``."""
 
-from collections.abc import Mapping
+import json
 from typing import Any
 
 import click
@@ -10,7 +10,7 @@ from ...cli.completion import completed, problems
 from ...cli.model import chosen_model, set_option, start_option
 from ...cli.options import SHARED
 from ...cli.output import emit, print_table
-from ...discovery import model_names
+from ...discovery import MODEL_LIST, models_directory, robots_directory
 from ...errors import InputError
 
 
@@ -38,29 +38,24 @@ def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], a
 @SHARED["json"]
 def models(textbook: bool, as_json: bool) -> None:
     """List the models that come with mbdae."""
-    from ...textbook.problems import TEXTBOOK
-
     if textbook:
+        from ...textbook.problems import TEXTBOOK
+
         problems = [(name, make()) for name, make in TEXTBOOK.items()]
         print_table([{"name": n, "title": p.title, "ny": len(p.y0), "nz": len(p.z0)} for n, p in problems], as_json)
         return
-    print_table([_row(name, as_json) for name in model_names()], as_json)
+    listed = json.loads((models_directory() / MODEL_LIST).read_text("utf-8"))
+    print_table([_row(**model, complete=as_json) for model in listed], as_json)
 
 
-def _row(name: str, as_json: bool) -> dict[str, Any]:
-    """Return the sizes of a model; instead of its title, the reason why it cannot be loaded here."""
-    from ...mechanism import load
-    from .card import card
-
+def _row(
+    name: str, title: str, sizes: dict[str, int], parameters: dict[str, str], robots: bool, complete: bool
+) -> dict[str, Any]:
+    """Return the title and sizes of a model, or why it cannot be loaded here; valid values if ``complete``."""
     try:
-        m = load(name)
-    except InputError as e:  # robots of a package that is not installed
-        return {"name": name, "title": str(e)} | dict.fromkeys(("nq", "nv", "ng", "dof", "parameters"))
-    sizes = {"nq": m.nq, "nv": m.nv, "ng": m.ng, "dof": card(m).dof}
-    return {"name": name, "title": m.title, **sizes, "parameters": _parameters(m.source or {}, as_json) or None}
-
-
-def _parameters(source: Mapping[str, Any], complete: bool) -> str:
-    """Return the names of parameters, with their valid values if ``complete``."""
-    listed = [(p["name"], p["takes"]) for p in source["parameters"]]
-    return "; ".join(f"{name}: {takes}" for name, takes in listed) if complete else ", ".join(n for n, _ in listed)
+        if robots:
+            robots_directory()
+    except InputError as e:
+        return {"name": name, "title": str(e)} | dict.fromkeys((*sizes, "parameters"))
+    words = "; ".join(f"{name}: {takes}" for name, takes in parameters.items()) if complete else ", ".join(parameters)
+    return {"name": name, "title": title, **sizes, "parameters": words or None}

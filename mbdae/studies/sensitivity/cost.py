@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ...arguments import is_real
 from ...callbacks import call_and_report, function_name
 from ...errors import InputError, is_number
 from ...solution.signals import signals, units
@@ -99,10 +100,10 @@ def real(x: object) -> Array:
     """Return real numbers as an array.
 
     Raises:
-        TypeError, ValueError: for anything else, also complex numbers and dates.
+        TypeError, ValueError: for anything else.
     """
     found = np.asarray(x)
-    if found.dtype.kind in "cmM":
+    if not is_real(found):
         raise TypeError(f"expected real numbers, got {found.dtype}")
     return found.astype(float)
 

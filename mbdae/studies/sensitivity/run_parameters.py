@@ -16,8 +16,10 @@ from ...integrate.trajectory.differentiable_runs import require_differentiable
 from ...integrate.trajectory.trajectory import Trajectory
 from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
+from ...mechanism.forces.elements import coincident
 from ...mechanism.formats.mechanism_file.loaded_model import parameter_value
 from ...mechanism.formats.mechanism_file.template import Template
+from ...mechanism.tree.frames import frame_paths
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COINCIDENT
@@ -27,6 +29,7 @@ _BOUND: WeakKeyDictionary[Mechanism, dict[Any, Parameters]] = WeakKeyDictionary(
 """Cache of the last parameters of a mechanism; their workspaces belong to one thread."""
 
 CHECKS = 9  # points of a run at which parameters are checked
+HALVINGS = 16  # of a step whose ends differ in a direction by more than 90 degrees: the interpolant has no more digits
 
 Names = Sequence[str] | Mapping[str, float]
 Model = Any  # str | Path | Maker | Callable[..., Mechanism] | None
@@ -85,6 +88,30 @@ def bind_parameters(sol: Solution, names: Names, model: Model) -> Parameters:
 
 def _require_directions(parameters: Parameters, sol: Solution) -> None:
     parameters.require_directions(float(sol.nodes[0][0]), sol.nodes[1][0][: sol.mechanism.nq])
+    for law, _ in parameters.system.laws.bound:
+        if law.flipping and _passes(sol, law.flipping):
+            raise coincident(law.name)
+
+
+def _passes(sol: Solution, frames: tuple[str, str]) -> bool:
+    """Return whether the origins of two frames pass each other: steps skip a rotation of the line between them."""
+
+    def gap(q: Array) -> Array:
+        a, b = frame_paths(sol.mechanism.model, frames, np.atleast_2d(q))
+        return b - a
+
+    def skips(start: float, end: float, a: Array, b: Array, halvings: int) -> bool:
+        if a @ b > 0 or start == end:
+            return False
+        if not halvings:
+            return True
+        middle = (start + end) / 2
+        (x,) = gap(sol(middle).q)
+        return skips(start, middle, a, x, halvings - 1) or skips(middle, end, x, b, halvings - 1)
+
+    t, x = sol.nodes[0], gap(sol.nodes[1][:, : sol.mechanism.nq])
+    reversals = np.flatnonzero((x[1:] * x[:-1]).sum(axis=1) <= 0)
+    return any(skips(t[i], t[i + 1], x[i], x[i + 1], HALVINGS) for i in reversals)
 
 
 def _cached_parameters(sol: Solution, names: Names, model: Model) -> Parameters:

@@ -264,3 +264,14 @@ def test_what_a_sampled_controller_does_wrong_is_said_as_in_python():
     assert (native.status, native.message) == (python.status, python.message)
     assert native.status == "force"
     assert native.t[-1] == pytest.approx(python.t[-1])
+
+
+@pytest.mark.usefixtures("back_end")
+def test_a_velocity_that_remains_at_its_level_to_rounding_does_not_cross_it():
+    """The joints stick until 0.063 s, and the platform does not rotate: both with speeds of some 1e-16 1/s."""
+    events = ["v.crank", "v.slider < 0", "v.slider > 0"]
+    sol = mbdae.solve(mbdae.load("stick_slip_slider"), (0, 0.07), events=events)
+    assert len(sol.modes) == 2
+    assert [len(times) for times, _ in sol.events] == [0, 0, 0]
+    sol = mbdae.solve(mbdae.load("delta_robot"), (0, 0.05), events=[f"v.platform.w{x}" for x in "xyz"])
+    assert [len(times) for times, _ in sol.events] == [0, 0, 0]

@@ -53,6 +53,15 @@ def test_a_vibration_that_is_not_resolved_is_named(options):
     assert sol.message.startswith(f"{UNRESOLVED} {options['method']} damps or delays: take a smaller ")
 
 
+def test_a_run_that_diverges_names_the_vibrations_that_its_steps_amplify():
+    """Steps of h w = 5.1, 6.6 and 22.6 of modes 2 to 4."""
+    sol = run(method="pherk6", step=1e-3)
+    assert sol.status == "singular"
+    words = "the run diverges: steps of 0.001 s amplify mode 2 of rod (5110 rad/s), mode 3 of rod (6620 rad/s), mode 4"
+    assert sol.message.startswith(words)
+    assert "drop it (the mass matrix is singular at joint 'rod', t = 0.00209155" in sol.message
+
+
 def test_the_error_of_a_vibration_is_estimated():
     """At rtol 1e-6, against sixteen thousand steps: the rate of the upper mode is off by 3.5 % of its largest value."""
     mech, _, q, v = slider_crank()

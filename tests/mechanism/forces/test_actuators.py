@@ -206,6 +206,8 @@ def test_wrong_arguments(make, words):
 FAILING = {
     "torque of actuator 'a' returned shape": Actuator(lambda *y: np.ones(5), lambda t, q, v, s: s, {"x": 0}, "a"),
     "rate of actuator 'a' returned": Actuator(lambda t, q, v, s: 0 * v, lambda t, q, v, s: s + np.nan, {"x": 0.0}, "a"),
+    "torque of actuator 'a' returned ['1']": Actuator(lambda *y: ["1"], lambda t, q, v, s: s, {"x": 0.0}, "a"),
+    "controller 'c' returned [True]": Sampled(lambda t, q, v: [True], rate=5, name="c"),
     "controller 'c' returned shape": Sampled(lambda t, q, v: np.ones(7), rate=5, name="c"),
     "controller 'c' with a memory returns": Sampled(lambda t, q, v, x: -v, rate=5, memory={"x": 0}, name="c"),
     "controller 'c', its memory, returned": Sampled(lambda t, q, v, x: (-v, [1, 2]), rate=5, memory={"x": 0}, name="c"),

@@ -19,6 +19,9 @@ FIXED = '<joint name="again" type="fixed"><parent link="{}"/><child link="{}"/><
     ("old", "new", "said"),
     [
         ('"1.5"', '"nan"', "mass/@value of link 'arm' of r.urdf takes a finite number, got 'nan'"),
+        ('"1.5"', '"1_000"', "mass/@value of link 'arm' of r.urdf takes a finite number, got '1_000'"),
+        ('type="revolute"', 'type="ball"', "'hinge' of r.urdf has type 'ball', expected one of continuous, revolute, "),
+        (' effort="0"', "", "^joint 'hinge' of r.urdf is revolute and needs a limit with effort$"),
         ('"0 0 1"', '"0,0,1"', "origin/@xyz of link 'arm' of r.urdf takes 3 finite numbers, got '0,0,1'"),
         (' izz="0.1"', "", "inertia/@izz of link 'arm' of r.urdf takes a finite number, got ''"),
         ('<mass value="1.5"/>', "", "the inertial of link 'arm' of r.urdf needs a mass and an inertia"),
@@ -31,8 +34,9 @@ FIXED = '<joint name="again" type="fixed"><parent link="{}"/><child link="{}"/><
         ('lower="-1"', 'lower="2"', "joint 'hinge' has limits in the wrong order: 2 to 1"),
     ],
 )
-def test_mistakes_of_a_urdf_are_named(tmp_path, old, new, said):
+def test_mistakes_of_a_urdf_are_named(tmp_path, capfd, old, new, said):
     (tmp_path / "r.urdf").write_text(URDF.replace(old, new, 1))
     (tmp_path / "r.toml").write_text('source = "r.urdf"\n[[stop]]\nlimits = true\n')
     with pytest.raises(InputError, match=said):
         mbdae.load(tmp_path / "r.toml")
+    assert capfd.readouterr().err == ""

@@ -43,6 +43,12 @@ def test_a_block_on_a_spring_turns_and_sticks_where_it_must(static, back_end):
     assert mbdae.drift(sol).energy_relative < 1e-10
     lost = 20 * 0.25 - 20 * turns[-1][1] ** 2
     assert mbdae.drift(sol).work_end == pytest.approx(-lost, rel=1e-11)
+    found = sol.signals(["power.x friction", "work.x friction", "v.x"])
+    np.testing.assert_allclose(found["power.x friction"], -1.3 * np.abs(found["v.x"]), rtol=1e-12, atol=1e-13)
+    assert found["work.x friction"][-1] == pytest.approx(-lost, rel=1e-9)
+    tangent, moves = mbdae.sensitivity(sol, start=True), np.abs(found["v.x"]) > 1e-6
+    expected = -1.3 * np.sign(found["v.x"])[:, None] * tangent.signal("v.x")
+    np.testing.assert_allclose(tangent.signal("power.x friction")[moves], expected[moves], rtol=1e-9, atol=1e-11)
 
 
 def test_a_slider_crank_with_two_joints_that_stick(back_end):

@@ -159,6 +159,8 @@ def test_undetermined_reactions_are_reported():
     assert all(r.unique[3:])  # a point takes no torque
     assert "not unique: F" in str(r)
     assert sol.redundant == {"pin": 1}
+    stop = mbdae.solve(mbdae.load("slider_crank_with_stop"), (0, 0.01), rtol=1e-6)
+    assert stop.redundant == {"wrist pin": 1}  # an open stop has no reaction
 
 
 def test_names_and_sorts_are_checked():

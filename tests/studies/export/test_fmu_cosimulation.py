@@ -71,6 +71,21 @@ def test_a_controller_is_sampled_once_at_each_instant(tmp_path):
         assert found == pytest.approx(expected.q[0], abs=1e-4)
 
 
+def test_a_start_just_after_an_instant_is_that_of_a_run(tmp_path):
+    """A controller samples at an instant; 1e-11 s after it, it waits for the next one."""
+    servo = mbdae.JointPID(joint="crank", kp=20.0, rate=10.0, reference=1.0)
+    m = mbdae.load("slider_crank")
+    m = mbdae.Mechanism(m.model, m.closures, [servo], start=m.start_values)
+    unit = mbdae.export(m, tmp_path / "servo.fmu", kind="cs", outputs=["v.crank"], rtol=1e-8)
+    ends = []
+    for start in (0.3, 0.3 + 1e-11):
+        master = Master(unit, "cs", t=start)
+        master.step(start, 0.05)
+        ends.append(mbdae.solve(m, (start, start + 0.05), rtol=1e-8).v[-1, 0])
+        assert master.get("v.crank") == pytest.approx(ends[-1], abs=1e-7)
+    assert abs(ends[1] - ends[0]) > 1e-3
+
+
 @pytest.mark.parametrize("name", ["joint.slider.mass", "gravity.2"])
 def test_a_parameter_is_set_before_the_initialization(name, tmp_path):
     m = mbdae.load("slider_crank")

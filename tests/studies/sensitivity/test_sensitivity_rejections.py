@@ -1,5 +1,7 @@
 """Invalid input of sensitivities and gradients, in one line; forces without direction have no derivative."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from sprung_arm import ARM
@@ -139,14 +141,28 @@ def test_a_spring_between_coincident_points_has_no_derivative(tmp_path, more, ba
     assert np.abs(apart.dy).max() < 100
 
 
+def test_a_force_that_flips_as_its_points_pass_has_no_derivative(tmp_path):
+    """The arm swings by 0.2 rad through the anchor in two steps: a spring of length 0.3 flips, a damper does not."""
+    path, start = tmp_path / "arm.toml", {"q": {"arm": -0.1}, "v": {"arm": 1.0}}
+    for more in ("length = 0.3", "force = 2.0", "damping = 1.0"):
+        path.write_text(hung(0.4, more))
+        mech = mbdae.load(path)
+        run = mbdae.solve(mech, (0.0, 0.2), *mech.assemble(**start), step=0.09)
+        with pytest.raises(InputError, match=LOST) if more != "damping = 1.0" else nullcontext():
+            mbdae.sensitivity(run, start=True)
+
+
 def test_a_spring_of_zero_rest_length_has_derivatives_everywhere(tmp_path):
     """F = -k (b - a): its stiffness is k in all directions; other lengths, forces and holding efforts have none."""
     path = tmp_path / "arm.toml"
     path.write_text(hung(0.4, ""))
     mech = mbdae.load(path)
-    assert mbdae.linearize(mech, np.zeros(1)).A[1, 0] == pytest.approx(-10 * 0.4**2 / (0.1 + 2 * 0.5**2))
+    stiffness = 10 * 0.4**2 / (0.1 + 2 * 0.5**2)  # of theta'' = -stiffness theta + O(theta^3)
+    assert mbdae.linearize(mech, np.zeros(1)).A[1, 0] == pytest.approx(-stiffness)
     run = mbdae.solve(mech, (0.0, 0.02), step=0.01)
-    assert np.abs(mbdae.sensitivity(run, ["force.spring.stiffness"], start=True).dy).max() < 10
+    found = mbdae.sensitivity(run, ["force.spring.stiffness"], start=True)
+    assert np.abs(found.dy).max() < 10
+    assert found.dy[-1, 1, 1] == pytest.approx(-np.sqrt(stiffness) * np.sin(0.02 * np.sqrt(stiffness)), rel=1e-6)
     with pytest.raises(InputError, match=LOST):
         mbdae.sensitivity(run, {"force.spring.force": 0.0})
     path.write_text(hung(0.4, "length = 0.3"))

@@ -1,6 +1,7 @@
 """Checks before Pinocchio reads a URDF: it leaves out an inertial that it cannot read, and takes links for a tree."""
 
 import xml.etree.ElementTree as ET
+from collections.abc import Collection
 
 import numpy as np
 
@@ -10,18 +11,21 @@ from ..mechanism_file.inertias import checked_inertia
 
 COUNTS = {"xyz": 3, "rpy": 3, "quat_xyzw": 4}
 MOMENTS = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")  # of the symmetric tensor, by rows
+LIMITED = ("revolute", "prismatic")
 OF_JOINT = (*COUNTS, "lower", "upper", "effort", "velocity", "damping", "friction", "multiplier", "offset")
 
 
-def check_urdf(robot: ET.Element, name: str) -> None:
-    """Check inertias, the numbers of joints, and that links form a tree.
+def check_urdf(robot: ET.Element, name: str, types: Collection[str]) -> None:
+    """Check inertias, the numbers and types of joints, and that links form a tree.
 
     Args:
         robot: root element of the file.
         name: name of the file, for messages.
+        types: known types of joints.
 
     Raises:
-        InputError: for a missing or invalid number, an inertia that is not positive semi-definite, or a loop of links.
+        InputError: for a missing or invalid number, another type, an inertia that is not positive semi-definite, or a
+            loop of links.
     """
     for link in robot.iterfind("link"):
         if (inertial := link.find("inertial")) is not None:
@@ -30,7 +34,23 @@ def check_urdf(robot: ET.Element, name: str) -> None:
         for e in joint:
             for key in e.attrib.keys() & OF_JOINT:
                 _numbers(e, key, f"joint {joint.get('name')!r} of {name}")
+        _require_type(joint, f"joint {joint.get('name')!r} of {name}", types)
     _require_tree(robot, name)
+
+
+def _require_type(joint: ET.Element, of: str, types: Collection[str]) -> None:
+    """Require a known type, and the limits that the format requires.
+
+    Raises:
+        InputError: without one of them.
+    """
+    if (kind := joint.get("type", "")) not in types:
+        raise InputError(f"{of} has type {kind[:60]!r}, expected one of {', '.join(types)}")
+    if kind in LIMITED:
+        limit = joint.find("limit")
+        missing = [key for key in ("effort", "velocity") if limit is None or key not in limit.attrib]
+        if missing:
+            raise InputError(f"{of} is {kind} and needs a limit with {' and '.join(missing)}")
 
 
 def _require_inertia(inertial: ET.Element, of: str) -> None:
@@ -52,7 +72,7 @@ def _numbers(e: ET.Element, key: str, of: str) -> list[float]:
     """
     text, count = e.get(key, ""), COUNTS.get(key, 1)
     try:
-        out = [float(x) for x in text.split()]
+        out = [float(x) for x in text.split()] if "_" not in text else []  # Python's 1_000 makes a link massless
     except ValueError:
         out = []
     if len(out) != count or not all(abs(x) <= HUGE for x in out):

@@ -118,7 +118,7 @@ class _Parsed(NamedTuple):
 def _parsed(text: str, name: str, free_flyer: bool) -> _Parsed:
     try:
         tree = ET.fromstring(text)
-        check_urdf(tree, name)
+        check_urdf(tree, name, OF_KIND)
         root = (pin.JointModelFreeFlyer(),) if free_flyer else ()
         model = pin.buildModelFromXML(text, *root)
         names, axes = joint_names(model), _axes(tree)
