@@ -214,7 +214,7 @@ def equation_of_motion(centre: float) -> np.ndarray:
         return np.array([T + (1e-4 + 0.12 * centre**2) / 2, V])
 
     def rate(t: float, y: np.ndarray) -> list[float]:
-        (T, _), (dT, dV) = energies(y[0]).real, energies(y[0] + 1e-30j).imag / 1e-30
+        (T, _), (dT, dV) = (found := energies(y[0] + 1e-30j)).real, found.imag / 1e-30
         return [y[1], -(dT * y[1] ** 2 + dV) / (2 * T)]
 
     found = solve_ivp(rate, (0, 5), [0, 6], method="DOP853", rtol=1e-13, atol=1e-13, t_eval=TIMES).y[0]

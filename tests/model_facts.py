@@ -84,8 +84,7 @@ class Facts:
         system, permanent = mech.system(), [c.name for c in mech.closures if not (c.is_unilateral or c.within)]
         rows = np.array([r for name in permanent for r in mech.rows_of(name)], int)
 
-        def null(q: np.ndarray) -> np.ndarray:
-            G = system.closures(q, 0.0)[1][rows]
+        def null(G: np.ndarray) -> np.ndarray:
             return np.linalg.svd(G)[2][np.linalg.matrix_rank(G, tol=RANK) :].T if len(rows) else np.eye(mech.nv)
 
         def pose(x: np.ndarray) -> np.ndarray:
@@ -93,14 +92,15 @@ class Facts:
 
         def unbalanced(x: np.ndarray) -> np.ndarray:
             q = pose(x)
-            Z = null(q)
+            gaps, G = system.closures(q, 0.0)
+            Z = null(G[rows])
             f = system.force(0.0, q, np.zeros(mech.nv), states)[0]
-            g = np.where(mech.positional, system.closures(q, 0.0)[0], 0.0)[rows]
+            g = np.where(mech.positional, gaps, 0.0)[rows]
             return np.concatenate([Z @ (Z.T @ f), 100 * g])
 
         def falls(q: np.ndarray) -> bool:
             """Whether the potential energy is lower to both sides of the pose in one of 20 directions."""
-            Z, still = null(q), np.zeros(mech.nv)
+            Z, still = null(system.closures(q, 0.0)[1][rows]), np.zeros(mech.nv)
             for z in (Z @ np.random.default_rng(0).standard_normal((Z.shape[1], 20))).T:
                 poses = [mech.manifold.integrate(q, h * z) for h in (1e-3, -1e-3)]
                 closed = [system.restore(0.0, np.concatenate([x, still, states, [0.0]]))[: mech.nq] for x in poses]

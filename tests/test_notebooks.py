@@ -8,24 +8,42 @@ import pytest
 nbformat = pytest.importorskip("nbformat")
 nbclient = pytest.importorskip("nbclient")
 pytest.importorskip("ipykernel")
+jupyter_client = pytest.importorskip("jupyter_client")
 
 NOTEBOOKS = Path(__file__).parent.parent / "examples" / "notebooks"
 SECONDS = 300  # on a busy machine; alone each takes less than 20
 
 
 @pytest.fixture(scope="module")
-def ran(tmp_path_factory):
-    """Run a notebook once in a separate folder; return the outputs of each code cell, by type."""
+def execute():
+    """Run a notebook in a folder, in one kernel for all, which imports once; every notebook begins without names."""
+    kernel = jupyter_client.KernelManager()
+
+    def run(book, folder, **hooks):
+        book.cells.insert(0, nbformat.v4.new_code_cell(f"%reset -f\n%cd -q {folder}"))
+        where = {"metadata": {"path": str(folder)}}
+        client = nbclient.NotebookClient(book, km=kernel, timeout=SECONDS, resources=where)
+        for name, hook in hooks.items():
+            setattr(client, name, hook(getattr(client, name)))
+        client.execute()
+        client.kc.stop_channels()
+        del book.cells[0]
+        return [cell for cell in book.cells if cell.cell_type == "code"]
+
+    yield run
+    kernel.shutdown_kernel(now=True)
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory, execute):
+    """Run a notebook once in a separate folder; return its code cells with their outputs."""
     done = {}
 
     def run(name):
         if name not in done:
-            book = nbformat.read(NOTEBOOKS / f"{name}.ipynb", 4)
             folder = tmp_path_factory.mktemp(name)
-            client = nbclient.NotebookClient(book, timeout=SECONDS, resources={"metadata": {"path": str(folder)}})
-            client.execute()
+            done[name] = execute(nbformat.read(NOTEBOOKS / f"{name}.ipynb", 4), folder)
             assert not list(folder.iterdir())
-            done[name] = [cell for cell in book.cells if cell.cell_type == "code"]
         return done[name]
 
     return run
@@ -48,7 +66,7 @@ def test_a_notebook_runs_and_says_nothing_on_the_side(path, ran):
         assert all(data["text/html"] == "" for data in bars), "a bar of progress is gone"
 
 
-def test_a_bar_of_progress_shows_how_far_it_is_and_goes(tmp_path):
+def test_a_bar_of_progress_shows_how_far_it_is_and_goes(execute, tmp_path):
     code = """
 import time, mbdae
 with mbdae.progress_bar("<begin>") as progress:
@@ -58,11 +76,11 @@ with mbdae.progress_bar("<begin>") as progress:
 """
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code)])
     said = []
-    client = nbclient.NotebookClient(book, timeout=SECONDS, resources={"metadata": {"path": str(tmp_path)}})
-    with pytest.MonkeyPatch.context() as patch:
-        keep = client.process_message
-        patch.setattr(client, "process_message", lambda msg, *rest: (said.append(msg), keep(msg, *rest))[1])
-        client.execute()
+
+    def heard(keep):
+        return lambda message, *rest: (said.append(message), keep(message, *rest))[1]
+
+    (cell,) = execute(book, tmp_path, process_message=heard)
     bars = [m["content"]["data"]["text/html"] for m in said if m["msg_type"] in ("display_data", "update_display_data")]
     assert bars == [
         "<progress></progress> &lt;begin&gt;",
@@ -71,7 +89,7 @@ with mbdae.progress_bar("<begin>") as progress:
         "<progress></progress> the end",
         "",
     ]
-    assert [output.data["text/html"] for output in book.cells[0].outputs] == [""]
+    assert [output.data["text/html"] for output in cell.outputs] == [""]
 
 
 def test_simulate(ran):

@@ -1,5 +1,6 @@
 """Startup time: completion, versions and help come without numpy or Pinocchio."""
 
+import json
 import os
 import re
 import shutil
@@ -22,30 +23,61 @@ from mbdae.textbook.problems import TEXTBOOK
 
 HEAVY = {"numpy", "scipy", "pinocchio", "pydantic", "matplotlib", "meshcat", "rich"}
 PROGRAM = """
-import os, sys
-try:
-    sys.argv[0] = "mbdae"
-    from mbdae.__main__ import main
-    main()
-finally:
-    print(*sorted({name.partition(".")[0] for name in sys.modules}), file=sys.stderr)
+import contextlib, io, json, os, sys
+from mbdae.__main__ import main
+sys.argv[0] = "mbdae"
+said = []
+for arguments, environment in json.loads(sys.argv.pop()):
+    os.environ.update(environment)
+    sys.argv[1:] = arguments
+    out = io.TextIOWrapper(io.BytesIO())
+    with contextlib.redirect_stdout(out), contextlib.suppress(SystemExit):
+        main()
+    out.flush()
+    said.append(out.buffer.getvalue().decode())
+    for name in environment:
+        del os.environ[name]
+print(json.dumps([said, sorted({name.partition(".")[0] for name in sys.modules})]))
 """
+HELP = [(["--version"], mbdae.__version__), (["--help"], "Simulate a model"), (["solve", "-h"], "--rtol")]
+TYPED = [
+    ("sol", ["solve"]),
+    ("solve slid", ["slider_crank"]),
+    ("solve --for", ["--formulation"]),
+    ("solve --formulation in", ["index1", "index2"]),
+    ("order pendulum -m herk", ["herk1", "herk2", "herk3", "herk4", "herk5"]),
+    ("drift fek", ["fekete"]),
+]
 
 
-def imported(*arguments, **environment):
-    """The output of a call of mbdae, and the packages that it imports."""
-    command = [sys.executable, "-c", PROGRAM, *arguments]
-    done = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, timeout=60)
-    return done.stdout, set(done.stderr.split())
+def asked(shell, typed):
+    """The environment in which a shell asks for completions."""
+    *before, last = ["mbdae", *typed.split()]
+    word = str(len(before)) if shell == "zsh" else last
+    return {"COMP_WORDS": " ".join([*before, last]), "COMP_CWORD": word, "_MBDAE_COMPLETE": f"{shell}_complete"}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [(["--version"], mbdae.__version__), (["--help"], "Simulate a model"), (["solve", "-h"], "--rtol")],
-)
-def test_help_and_version_import_no_numbers(arguments, word):
-    out, packages = imported(*arguments)
-    assert word in out
+def imported(*calls):
+    """The outputs of calls of mbdae with arguments and an environment, and the packages that they import."""
+    command = [sys.executable, "-c", PROGRAM, json.dumps(calls)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    said, packages = json.loads(done.stdout)
+    return said, set(packages)
+
+
+def test_help_and_version_import_no_numbers():
+    said, packages = imported(*((arguments, {}) for arguments, _ in HELP))
+    for out, (_, word) in zip(said, HELP, strict=True):
+        assert word in out
+    assert "click" in packages
+    assert not packages & HEAVY
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_completion_imports_no_numbers(shell):
+    said, packages = imported(*(([], asked(shell, typed)) for typed, _ in TYPED))
+    for out, (_, words) in zip(said, TYPED, strict=True):
+        assert sorted({*re.split(r"[,\t\n]", out)} & {*words}) == words, out
     assert "click" in packages
     assert not packages & HEAVY
 
@@ -62,27 +94,6 @@ mbdae.solve(mbdae.load("pendulum"), (0, 0.1))
 print(*{f"scipy.{x}" for x in ("interpolate", "optimize", "integrate", "sparse", "special")} & set(sys.modules))"""
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "\n"
-
-
-@pytest.mark.parametrize(
-    ("typed", "words"),
-    [
-        ("sol", ["solve"]),
-        ("solve slid", ["slider_crank"]),
-        ("solve --for", ["--formulation"]),
-        ("solve --formulation in", ["index1", "index2"]),
-        ("order pendulum -m herk", ["herk1", "herk2", "herk3", "herk4", "herk5"]),
-        ("drift fek", ["fekete"]),
-    ],
-)
-def test_completion_imports_no_numbers(typed, words):
-    *before, last = ["mbdae", *typed.split()]
-    asked = {"COMP_WORDS": " ".join([*before, last]), "COMP_CWORD": last}
-    for shell, given in (("zsh", {"COMP_CWORD": str(len(before))}), ("fish", {})):
-        out, packages = imported(**asked | given, _MBDAE_COMPLETE=f"{shell}_complete")
-        assert sorted({*re.split(r"[,\t\n]", out)} & {*words}) == words, out
-        assert "click" in packages
-        assert not packages & HEAVY
 
 
 def suggested(*words):

@@ -164,13 +164,15 @@ class _Impact:
         self.b, self.frictional, self.followed = b, friction, np.array(followed, int)
         self.rest_speed, self.speed = MODE_ROUNDING * speed, speed
         self.size = float(np.linalg.norm(U @ v))
+        self.acts, self.pinv, self.Q = np.zeros(len(b), bool), np.zeros(self.BG.T.shape), np.zeros((len(v), 0))
 
     def select_bilateral(self, which: Array) -> None:
         """Select the bilateral rows that act with contact rows ``which``."""
-        self.acts = np.ones(len(self.b), bool)
-        self.acts[len(self.b) - len(self.followed) :] = np.isin(self.followed, which)
-        self.pinv = np.zeros(self.BG.T.shape)
-        self.Q, self.pinv[self.acts] = range_and_inverse(self.BG[:, self.acts])
+        acts = np.ones(len(self.b), bool)
+        acts[len(self.b) - len(self.followed) :] = np.isin(self.followed, which)
+        if not np.array_equal(acts, self.acts):
+            self.acts, self.pinv = acts, np.zeros(self.BG.T.shape)
+            self.Q, self.pinv[acts] = range_and_inverse(self.BG[:, acts])
 
     def impact(self, x: Array, which: Array, target: Array) -> tuple[Array, Array, Array]:
         """Return x after contact rows ``which`` reach speeds ``target``, their impulses p and those of friction rows.

@@ -9,15 +9,15 @@ import mbdae
 from mbdae.finite_differences import numerical_derivative, numerical_jacobian
 
 SPANS = {
-    "slider_crank": 0.8,
-    "four_bar": 1.0,
-    "bricard": 2.0,  # dependent rows
+    "slider_crank": 0.4,
+    "four_bar": 0.4,
+    "bricard": 1.0,  # dependent rows
     "n_four_bar": 0.3,
     "panda_handle": 0.2,
     "stewart_platform": 0.02,
     "heavy_top": 0.05,  # a free body, several charts
     "rolling_disc": 1.0,  # rolling, several charts
-    "differential_drive": 1.0,
+    "differential_drive": 0.5,
     "dual_arm": 0.02,  # states of controllers, dependent rows
 }
 SMOOTH = ("four_bar", "bricard", "heavy_top", "panda_handle", "rolling_disc", "dual_arm")

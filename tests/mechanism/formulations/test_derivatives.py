@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from chains import JOINTS, close, random_q, tree
 
-from mbdae import Bushing, Closure, Driver, Mechanism, SpringDamper, finite_differences
+from mbdae import Bushing, Closure, Driver, Mechanism, SpringDamper, backend, finite_differences
 from mbdae.mechanism.closures import KINDS
 from mbdae.mechanism.closures.constraints import Constraints
 from mbdae.mechanism.closures.rows import FrameRows
@@ -63,12 +63,19 @@ def test_closures_on_every_kind_of_joint(kind):
     def at(x):
         return pin.integrate(model, q, x)
 
-    turned = finite_differences.numerical_jacobian(
-        lambda x: s.jacobian(at(x)), nv, 4e-4
+    def rows(q, v):
+        """G and gamma; twenty times faster by the core."""
+        found = fast.rows_of_all_modes(0.3, q, v)
+        return found[1::2] if found else (s.jacobian(q), s.gamma(q, v, 0.3))
+
+    fast = mech.system(native=backend.load())
+    for found, own in zip(rows(q, v), (s.jacobian(q), s.gamma(q, v, 0.3)), strict=True):
+        close(found, own, 1e-14)
+    turned, bias_q = (
+        finite_differences.numerical_jacobian(lambda x, i=i: rows(at(x), v)[i], nv, 4e-4) for i in (0, 1)
     )  # (ng, nv, nv): G_ik by q_m in [i, k, m]
-    bias_q = finite_differences.numerical_jacobian(lambda x: s.gamma(at(x), v, 0.3), nv, 4e-4)
-    bias_v = [(s.gamma(q, v + e, 0.3) - s.gamma(q, v - e, 0.3)) / 2 for e in np.eye(nv)]  # gamma is quadratic in v
-    Gdot = finite_differences.numerical_derivative(lambda e: s.jacobian(at(e * v)), 4e-4)
+    bias_v = [(rows(q, v + e)[1] - rows(q, v - e)[1]) / 2 for e in np.eye(nv)]  # gamma is quadratic in v
+    Gdot = finite_differences.numerical_derivative(lambda e: rows(at(e * v), v)[0], 4e-4)
     gamma_q, gamma_v = gamma_partials(s, q, v)
     lam, whole = rng.standard_normal(mech.ng), np.zeros((nv, nv))
     K, B = s.constraints.partials(v, lam)

@@ -23,7 +23,7 @@ import resource, sys
 import mbdae
 resource.setrlimit(resource.RLIMIT_AS, (4 * 10**9,) * 2)
 backend, method, loops = sys.argv[1:]
-sol = mbdae.solve(mbdae.load("n_four_bar", N=int(loops)), (0, 0.02), step=0.01, method=method, backend=backend)
+sol = mbdae.solve(mbdae.load("n_four_bar", N=int(loops)), (0, 0.02), step=0.02, method=method, backend=backend)
 if sys.platform == "linux":  # where ru_maxrss begins with that of the process that started this one
     peak = next(1024 * int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmHWM"))
 else:
@@ -48,7 +48,7 @@ def child(program, *arguments):
     return subprocess.run([sys.executable, "-c", program, *arguments], capture_output=True, text=True, env=environment)
 
 
-HUNDREDS = [("native", "herk3", 300), ("python", "herk3", 300), ("python", "radau1", 150)]
+HUNDREDS = [("native", "herk3", 200), ("python", "herk3", 200), ("python", "radau1", 150)]
 
 
 @pytest.mark.parametrize(("name", "method", "loops"), HUNDREDS)

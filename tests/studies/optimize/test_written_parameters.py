@@ -56,7 +56,7 @@ def cost(signals):
 @pytest.mark.parametrize(("names", "often"), [*((x, 1) for x in ONCE.values()), *((x, 3) for x in AGAIN.values())])
 def test_gradients_are_those_of_mechanisms_new_mechanism(four_bar, names, often):
     make = LoadedModel(four_bar)
-    run = runs(make, (0.0, 0.2), SETTINGS)
+    run = runs(make, (0.0, 0.1), SETTINGS)
     first = {name: parameter_value(make, name) for name in names}
     found = []
     for i in (0, 1, 0):  # there and back
@@ -68,7 +68,7 @@ def test_gradients_are_those_of_mechanisms_new_mechanism(four_bar, names, often)
         scale = np.abs(list(expected.gradient.values())).max()
         np.testing.assert_allclose(at.derivatives(), list(expected.gradient.values()), rtol=0, atol=1e-10 * scale)
         other_make = LoadedModel(other).make(values)
-        np.testing.assert_array_equal(mbdae.solve(other_make, (0.0, 0.2), **SETTINGS).y, motion.result.y)
+        np.testing.assert_array_equal(mbdae.solve(other_make, (0.0, 0.1), **SETTINGS).y, motion.result.y)
         found.append(motion.result.y)
     assert motion.parameters.bound == often
     np.testing.assert_array_equal(found[0], found[2])
