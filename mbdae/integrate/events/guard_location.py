@@ -100,8 +100,6 @@ def first_guard_root(
         at: function of theta that returns the point there.
         thetas: values of theta at which loads are sampled.
     """
-    if ended := [g.guard for g in guards if g.guard.ends and g.guard.ends(at(0.0))]:
-        return 0.0, ended
     theta, fired = 2.0, list[Guard]()
     tolerance = 4 * _time_tolerance(step)
     candidates = [(guard, _negative_fraction(guard, step, at, thetas)) for guard in guards]
