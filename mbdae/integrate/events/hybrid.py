@@ -8,6 +8,7 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import InputError, StepError
 from ...mechanism.closures.independent_rows import AMBIGUOUS_UNDERWAY
+from ...mechanism.formulations.closure_friction import smallest_slip
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.hybrid.active_set import select_mode
 from ...mechanism.hybrid.impact import Impact, resolve_impact
@@ -16,7 +17,6 @@ from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...mechanism.hybrid.switch import Guard
 from ...mechanism.hybrid.switches import describe_mode, unswitched_rows
 from ...system import Array
-from ...tolerances import ZERO_SPEED
 from .chattering import Chattering
 from .core_modes import CoreTransition, core_switches
 from .guard_location import TrackedGuard, first_guard_root
@@ -45,6 +45,7 @@ class ModeChanges(EventSource):
 
     Args:
         system: workspace of the run, for a mechanism with switches.
+        rtol: relative tolerance of its steps, 0 for fixed steps.
 
     Attributes:
         modes: the modes, each with its first node.
@@ -53,9 +54,9 @@ class ModeChanges(EventSource):
         checked_in_core: whether the core has checked the last steps.
     """
 
-    def __init__(self, system: Index2System) -> None:
+    def __init__(self, system: Index2System, rtol: float) -> None:
         self.system, self.all_rows = system, AllRows(system)
-        system.set_min_slip_speed(ZERO_SPEED * system.mechanism.characteristic_speed)
+        system.set_min_slip_speed(smallest_slip(system.mechanism, rtol))
         self.switches = system.mechanism.switches
         self.unswitched = unswitched_rows(self.switches, system.ng)
         self.modes: list[tuple[int, Mode]] = []
@@ -81,7 +82,7 @@ class ModeChanges(EventSource):
             )
         if run.sign < 0:
             raise InputError(f"{name!r}: a run with modes cannot go backward in time: impacts are irreversible")
-        return cls(run.mechanical)
+        return cls(run.mechanical, 0.0 if run.options.step else run.options.rtol)
 
     def _point(self, t: float, y: Array) -> ModePoint:
         return ModePoint(self.system, self.all_rows, t, y)
@@ -164,6 +165,8 @@ class ModeChanges(EventSource):
     def _first_root(self, step: "StepMap") -> tuple[float, list[Guard]]:
         """Return theta at which the mode ends, and the guards that are zero there; (2, []) if it does not end."""
         at, run = self._points(step), step.run
+        if ended := [g.guard for g in self.guards if g.guard.ends and g.guard.ends(at(0.0))]:
+            return 0.0, ended
         fixed = run.stepper.any_size and not run.stepper.controls
         thetas = resolving_step(self.guards, interpolated_points(step, at), abs(step.h)) if fixed else QUARTERS
         theta, fired = first_guard_root(self.guards, step, at, thetas)

@@ -16,12 +16,13 @@ from ... import backend
 from ...errors import InputError, StepError
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.discrete_sensitivity.point_sensitivity import PointSensitivity
+from ...mechanism.formulations.closure_friction import smallest_slip
 from ...methods import method_from_settings
 from ...methods.runge_kutta import RungeKutta
 from ...solution.sampling import set_slip_directions
 from ...solution.solution import Solution
 from ...system import Array, State, System
-from ...tolerances import AGREEMENT, SAME_STATE, ZERO_SPEED
+from ...tolerances import AGREEMENT, SAME_STATE
 from ..events.jumps import LATE
 from ..steppers.adaptive import Adaptive
 from ..steppers.fixed import Fixed
@@ -89,7 +90,7 @@ class Trajectory:
         defaults = {"q": q, "v": v, "s": list(mech.states.values())}  # for files without these settings
         self.given = np.concatenate([*(settings.get(name) or x for name, x in defaults.items()), [0.0]])
         self.system: Any = parameters.workspace(settings["formulation"], backend.load())
-        self.system.set_min_slip_speed(ZERO_SPEED * mech.characteristic_speed)
+        self.system.set_min_slip_speed(smallest_slip(mech, settings.get("rtol", 0.0)))
         self._enter(0, parameters)
         self.controlled = "step" not in settings
         if self.controlled:

@@ -29,9 +29,20 @@ from ..forces.coulomb_friction import CoulombFriction
 from .friction_interface import CLEAR_SLIP, ROTATIONAL, FrictionInterface, unit_direction
 
 if TYPE_CHECKING:
+    from ..mechanism import Mechanism
     from .index2 import Index2System
 
 ITERATIONS = 50
+SLIP_ERROR = 3.0  # times rtol and the characteristic speed: errors of a run rotate slower slips
+
+
+def smallest_slip(mechanism: "Mechanism", rtol: float) -> float:
+    """Return the speed in m/s below which a slip has no direction in a run with this tolerance, 0 for fixed steps.
+
+    A slip in two directions comes to rest along the other forces, to which it rotates at the rate F / (m |v|): error
+    control does not resolve this rotation where |v| is as small as the errors.
+    """
+    return max(ZERO_SPEED, SLIP_ERROR * rtol) * mechanism.characteristic_speed
 
 
 class ClosureFriction:
@@ -147,7 +158,7 @@ class ClosureFriction:
         self.constraints.update_wrenches([self.interfaces[k].closure.name for k in which])
         for k in which:
             slip, size = self.interfaces[k].no_slip_velocity(v, self.constraints.W)
-            if self._is_clear(size) and slip @ self.directions[k] < 0:
+            if self.is_clear(size) and slip @ self.directions[k] < 0:
                 self.directions[k][:] = slip / size
 
     def update_slip_directions(self, v: Array) -> bool:
@@ -156,12 +167,12 @@ class ClosureFriction:
         for k in np.flatnonzero(self.active).tolist():
             if (p := self.interfaces[k]).force.sticks:
                 slip, size = p.no_slip_velocity(v, self.constraints.W)
-                moving &= self._is_clear(size)
-                self.directions[k][:] = slip / size if self._is_clear(size) else self.directions[k]
+                moving &= self.is_clear(size)
+                self.directions[k][:] = slip / size if self.is_clear(size) else self.directions[k]
         return moving
 
-    def _is_clear(self, speed: float) -> bool:
-        """Return whether the speed of a slip is no rounding error."""
+    def is_clear(self, speed: float) -> bool:
+        """Return whether the speed of a slip is no error of rounding or of the run."""
         return speed > CLEAR_SLIP * self.min_slip_speed
 
     def with_sliding_friction(self, v: Array, lam: Array) -> Array:

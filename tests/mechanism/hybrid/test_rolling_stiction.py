@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.integrate import quad
 
 import mbdae
 from mbdae import Closure, CoulombFriction, JointTorque, Mechanism
@@ -92,11 +93,40 @@ def test_a_ball_on_an_incline_rolls_up_to_seven_halves_of_mu(tangent, mode, acce
     assert sol.vdot[0, :3] == pytest.approx([down * a, 0, 0], abs=1e-9)
 
 
+@pytest.mark.parametrize(("ratio", "method", "rtol", "backend"), [
+    (0.5, "pherk5", 1e-6, "native"), (0.9, "pherk6", 1e-8, "native"), (0.97, "pherk5", 1e-6, "native"),
+    (0.97, "pherk6", 1e-4, "native"), (0.6, "pherk5", 1e-5, "python")])  # fmt: skip
+def test_a_block_launched_across_an_incline_comes_to_rest(ratio, method, rtol, backend):
+    """v = v_0 tan(p/2)^k / sin p, k = mu/tan(incline), at the angle p to the line of greatest descent, into which it
+    turns; displacements are integrals of v^2 (cos p, sin p)/(g sin(incline) sin p) over p."""
+    angle, speed = np.arctan(MU * ratio), 0.7
+    model = pin.Model()
+    model.gravity.linear = GRAVITY * np.array([np.sin(angle), 0, -np.cos(angle)])
+    j = model.addJoint(0, pin.JointModelTranslation(), pin.SE3.Identity(), "block")
+    model.appendBodyToJoint(j, pin.Inertia(M, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    model.addBodyFrame("centre", j, pin.SE3.Identity(), 0)
+    floor = Closure.rolling("world", "centre", radius=R, name="floor")
+    mech = Mechanism(model, [floor], [CoulombFriction(closure="floor", coefficient=MU, exact=True)])
+    end = 1.5 * speed / (GRAVITY * np.cos(angle) * MU * (1 - ratio**2))  # it rests after 2/3 of it
+    given = {"method": method, "rtol": rtol, "backend": backend, "max_steps": 800}
+    sol = mbdae.solve(mech, (0, end), np.array([0, 0, R]), np.array([0, speed, 0]), **given)
+    assert (sol.status, sol.modes[-1][1]) == ("finished", (1,))
+    assert sol.t[sol.modes[-1][0]] == pytest.approx(2 / 3 * end, rel=30 * rtol / (1 - ratio))
+
+    def displacement(function):
+        v = lambda p: speed * np.tan(p / 2) ** (1 / ratio) / np.sin(p)  # noqa: E731
+        return quad(lambda p: v(p) ** 2 * function(p) / (GRAVITY * np.sin(angle)), 0, np.pi / 2, epsabs=1e-13)[0]
+
+    exact = displacement(lambda p: 1 / np.tan(p)), displacement(lambda _: 1.0)
+    assert sol.q[-1, :2] == pytest.approx(exact, abs=10 * rtol)
+    assert np.abs(sol.v[-1]).max() < 1e-12
+
+
 def test_the_guard_of_a_slip_keeps_its_first_direction():
     """From rest it is the direction of the impending slip, which later steps change."""
     mech = ball(exact=True)
     system, (grip,) = mech.system(), mech.switches
-    value, directions = grip.slip()[0], system.closure_friction.directions[0]
+    value, directions = grip.slip_guard().value, system.closure_friction.directions[0]
     rest, moves = (ModePoint(system, AllRows(system), 0.0, np.array([*START, *6 * [v], 0.0])) for v in (0.0, 1.0))
     directions[:] = [0.6, 0.8]
     assert value(rest) == 0.0

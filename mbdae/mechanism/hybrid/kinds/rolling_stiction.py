@@ -58,23 +58,33 @@ class RollingStiction(Switch):
         """Return the stiction margin as a fraction of the limit."""
         return 1.0 - float(np.linalg.norm(self.friction_ratio(point.lam)))
 
-    def slip(self) -> tuple[PointFunction, PointFunction]:
-        """Return the slip velocity along its direction at the first evaluation, and its rate, as functions."""
-        first: list[Array] = []
+    def slip_guard(self) -> Guard:
+        """Return the guard of a slip: its velocity along its direction at the first evaluation."""
+        first: list[tuple[float, Array]] = []  # time and direction
 
         def value(point: "ModePoint") -> float:
             if not first:
-                first.append(self.direction(point).copy())  # that of an impending slip changes in steps
-            return float(point.rate[self.no_slip] @ first[0])
+                first.append((point.t, self.direction(point).copy()))  # that of an impending slip changes in steps
+            return float(point.rate[self.no_slip] @ first[0][1])
 
-        def rate(point: "ModePoint") -> float:
-            return sum(x * point.acceleration(row) for x, row in zip(first[0], self.no_slip, strict=True))
+        def dies_out(point: "ModePoint") -> bool:
+            if self.slips(point) or point.t == first[0][0]:
+                return False
+            return float(point.rate[self.no_slip] @ self._acceleration(point)) < 0
 
-        return value, rate
+        rate: PointFunction = lambda x: float(self._acceleration(x) @ first[0][1])  # noqa: E731
+        ends = dies_out if len(self.no_slip) > 1 else None  # it passes zero at the distance of the errors of the run
+        return Guard("zero velocity", self.name, self.index, value, rate, ends=ends)
+
+    def _acceleration(self, point: "ModePoint") -> "Array":
+        return np.array([point.acceleration(row) for row in self.no_slip])
 
     def slips(self, point: "ModePoint") -> bool:
         """Return whether the contact slides."""
-        return bool(np.linalg.norm(point.rate[self.no_slip]) > TRANSVERSE * point.velocity_tolerance(self.no_slip[0]))
+        speed = float(np.linalg.norm(point.rate[self.no_slip]))
+        if len(self.no_slip) > 1 and not point.system.closure_friction.is_clear(speed):
+            return False
+        return speed > TRANSVERSE * point.velocity_tolerance(self.no_slip[0])
 
     def is_at_rest(self, point: "ModePoint", row: int) -> bool:
         return not self.slips(point)
@@ -90,7 +100,7 @@ class RollingStiction(Switch):
         if state == STICKING:
             ratio = lambda x: self.friction_ratio(x.lam)  # noqa: E731
             return (Guard("slip", self.name, self.index, self.margin, needs_multipliers=True, load=ratio),)
-        return (Guard("zero velocity", self.name, self.index, *self.slip()),) if state == SLIDING else ()
+        return (self.slip_guard(),) if state == SLIDING else ()
 
     def candidate_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[CandidateRow, ...]:
         if self.slips(point) or (state == STICKING and self.margin(point) < COINCIDENT):
