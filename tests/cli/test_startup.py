@@ -83,7 +83,7 @@ def test_completion_imports_no_numbers(shell):
 
 
 def test_the_list_of_models_loads_none():
-    out, packages = imported("models")
+    (out,), packages = imported((["models"], {}))
     assert "Planar four-bar linkage" in out
     assert packages & HEAVY == {"rich"}
 

@@ -62,7 +62,7 @@ def test_wrong_signals_are_rejected():
     system = mech.system(native=native)
     events = native.Run().events
     right = SignalValue("y", 1, 1).core_data()
-    event = {"signal": right, "level": 0.0, "direction": 0, "rounding": 0.0, "terminal": False}
+    event = {"signal": right, "level": 0.0, "direction": 0, "unchanged_within": 0.0, "terminal": False}
     events.set_events([event])
     for wrong in (
         [event | {"signal": right | {"kind": "speed"}}],

@@ -26,28 +26,28 @@ from .step_map import StepMap
 Progress = Callable[[float], None]
 
 
-@np.errstate(over="ignore", invalid="ignore")  # a diverging run is reported by its status
 def run_to_end(run: RunState, progress: Progress | None) -> tuple[str, str]:
     """Run to the end of the span or as far as possible; return status and message.
 
     Raises:
         InputError: for a force that fails at the start.
     """
-    try:
-        run.begin(ahead=True)
-        stopped = time_loop(run, progress)
-        for source in run.sources:
-            source.finish(run)
-    except StepError as e:
-        if isinstance(e, EventError):
-            run.drop_nodes_after(e.node)
-        if e.status == "force" and len(run.ts) == 1:  # no step was taken: an error in the law
-            raise InputError(str(e)) from e
-        for source in run.sources:
-            e = source.explain(run, e)
-        return e.status, str(e)
-    except KeyboardInterrupt:
-        return "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
+    with np.errstate(over="ignore", invalid="ignore"):  # a diverging run is reported by its status
+        try:
+            run.begin(ahead=True)
+            stopped = time_loop(run, progress)
+            for source in run.sources:
+                source.finish(run)
+        except StepError as e:
+            if isinstance(e, EventError):
+                run.drop_nodes_after(e.node)
+            if e.status == "force" and len(run.ts) == 1:  # no step was taken: an error in the law
+                raise InputError(str(e)) from e
+            for source in run.sources:
+                e = source.explain(run, e)
+            return e.status, str(e)
+        except KeyboardInterrupt:
+            return "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
     if stopped:
         run.jumps.drop_sampling(run)
         return "event", f"{STATUS['event']} at t = {run.t:.17g}"

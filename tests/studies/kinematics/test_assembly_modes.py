@@ -14,7 +14,7 @@ import mbdae
 from mbdae import Closure, Mechanism, assembly_modes
 from mbdae.errors import InputError
 from mbdae.mechanism.model_settings import Start
-from mbdae.studies.kinematics import circuits
+from mbdae.studies.kinematics.curve import circuits
 
 SCRIPTS = Path(__file__).parents[3] / "examples" / "benchmarks"
 
