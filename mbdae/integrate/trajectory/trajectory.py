@@ -90,7 +90,7 @@ class Trajectory:
         defaults = {"q": q, "v": v, "s": list(mech.states.values())}  # for files without these settings
         self.given = np.concatenate([*(settings.get(name) or x for name, x in defaults.items()), [0.0]])
         self.system: Any = parameters.workspace(settings["formulation"], backend.load())
-        self.system.set_min_slip_speed(smallest_slip(mech, settings.get("rtol", 0.0)))
+        self.system.set_min_slip_speed(smallest_slip(mech, 0.0))
         self._enter(0, parameters)
         self.controlled = "step" not in settings
         if self.controlled:

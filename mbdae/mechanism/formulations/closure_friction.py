@@ -37,7 +37,7 @@ SLIP_ERROR = 3.0  # times rtol and the characteristic speed: errors of a run rot
 
 
 def smallest_slip(mechanism: "Mechanism", rtol: float) -> float:
-    """Return the speed in m/s below which a slip has no direction in a run with this tolerance, 0 for fixed steps.
+    """Return the speed in m/s below which a slip has no direction in a run with this tolerance, 0 for rounding alone.
 
     A slip in two directions comes to rest along the other forces, to which it rotates at the rate F / (m |v|): error
     control does not resolve this rotation where |v| is as small as the errors.
