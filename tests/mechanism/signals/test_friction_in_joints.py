@@ -177,5 +177,7 @@ def test_a_sliding_ball_has_full_friction():
     along = np.array([signals[f"force.pin.{x}"] for x in "xy"])
     momentum = 1.5 * np.array([signals[f"acceleration.centre.{x}"] for x in "xy"])
     np.testing.assert_allclose(np.linalg.norm(along, axis=0)[slides], MU * 1.5 * GRAVITY, rtol=1e-9)
-    np.testing.assert_allclose(along, momentum, atol=1e-8)
+    ends = np.isclose(sol.t, sol.t[sol.modes[1][0]], atol=1e-12)  # the slip is 1e-9 m/s: its direction has seven digits
+    np.testing.assert_allclose(along[:, ~ends], momentum[:, ~ends], atol=1e-8)
+    np.testing.assert_allclose(along[:, ends], momentum[:, ends], atol=1e-6)
     assert np.abs(along[:, ~slides]).max() < 1e-6
