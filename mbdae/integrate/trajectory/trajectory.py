@@ -139,16 +139,15 @@ class Trajectory:
             InputError: for a slip that has several components, whose direction changes.
         """
         friction = self.system.closure_friction
-        for k in np.flatnonzero(friction.active):
-            if friction.interfaces[k].force.sticks and len(friction.directions[k]) > 1:
-                name = friction.interfaces[k].closure.name
-                raise InputError(f"closure {name!r} slides in two directions: no derivative of the run")
+        if planar := friction.planar_slips:
+            name = friction.interfaces[planar[0]].closure.name
+            raise InputError(f"closure {name!r} slides in two directions: no derivative of the run")
         starts = [first for first, _ in self.sol.modes]
         at = bisect_right(starts, i)
         last = starts[at] if at < len(starts) else len(self.ys)
         set_slip_directions(self.system, self.ys[starts[at - 1] : last])
-        for found in (parameters.system, *(s for near in parameters.perturbed_systems for s in near.values())):
-            found.closure_friction.slip_directions[:] = friction.slip_directions
+        for other in (parameters.system, *(s for near in parameters.perturbed_systems for s in near.values())):
+            other.closure_friction.slip_directions[:] = friction.slip_directions
 
     def state(self, i: int) -> State:
         """Return the state at which the step from node i starts."""

@@ -73,8 +73,12 @@ class RollingStiction(Switch):
             return float(point.rate[self.no_slip] @ self._acceleration(point)) < 0
 
         rate: PointFunction = lambda x: float(self._acceleration(x) @ first[0][1])  # noqa: E731
-        ends = dies_out if len(self.no_slip) > 1 else None  # it passes zero at the distance of the errors of the run
+        ends = dies_out if self._is_planar else None  # it passes zero at the distance of the errors of the run
         return Guard("zero velocity", self.name, self.index, value, rate, ends=ends)
+
+    @property
+    def _is_planar(self) -> bool:
+        return len(self.no_slip) > 1
 
     def _acceleration(self, point: "ModePoint") -> "Array":
         return np.array([point.acceleration(row) for row in self.no_slip])
@@ -82,7 +86,7 @@ class RollingStiction(Switch):
     def slips(self, point: "ModePoint") -> bool:
         """Return whether the contact slides."""
         speed = float(np.linalg.norm(point.rate[self.no_slip]))
-        if len(self.no_slip) > 1 and not point.system.closure_friction.is_clear(speed):
+        if self._is_planar and not point.system.closure_friction.is_clear(speed):
             return False
         return speed > TRANSVERSE * point.velocity_tolerance(self.no_slip[0])
 
