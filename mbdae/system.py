@@ -42,10 +42,20 @@ class Counts:
         """The counts by name."""
         return dict(vars(self))
 
-    def add(self, *counts: int) -> None:
+    def add(
+        self,
+        f: int, M: int, G: int,
+        solves: int, factorizations: int, projections: int, state_projections: int, newton: int,
+    ) -> None:  # fmt: skip
         """Add counts, in their order."""
-        own = vars(self)
-        own.update(zip(own, map(int.__add__, own.values(), counts), strict=True))
+        self.f += f
+        self.M += M
+        self.G += G
+        self.solves += solves
+        self.factorizations += factorizations
+        self.projections += projections
+        self.state_projections += state_projections
+        self.newton += newton
 
 
 class State(NamedTuple):

@@ -80,8 +80,8 @@ class RunOptions(NamedTuple):
             UnknownNameError: for an unknown method or option.
         """
         given = _given_options(given)
-        if not isinstance(most := given.get("max_steps", 1), Integral):
-            raise InputError(f"max_steps must be an integer, got {most!r}")
+        if "max_steps" in given and not isinstance(given["max_steps"], Integral):
+            raise InputError(f"max_steps must be an integer, got {given['max_steps']!r}")
         if "step" in given and (controls := [name for name in CONTROL_SETTINGS if name in given]):
             raise InputError(f"step fixes the size of all steps: give it, or {', '.join(controls)}, not both")
         c = complete_settings(problem, given)
@@ -119,8 +119,8 @@ def _given_options(arguments: Mapping[str, Any]) -> dict[str, Any]:
         if name not in DEFAULTS:
             raise UnknownNameError("option", name, DEFAULTS)
     given = {name: x for name, x in arguments.items() if x is not None}
-    require_positive(**{name: given[name] for name in (*STEP_SIZES, "max_steps") if name in given})
-    return given | {name: float(given[name]) for name in STEP_SIZES if name in given}
+    require_positive(**{name: x for name, x in given.items() if name in STEP_SIZES or name == "max_steps"})
+    return {name: float(x) if name in STEP_SIZES else x for name, x in given.items()}
 
 
 def require_positive(**values: float | None) -> None:

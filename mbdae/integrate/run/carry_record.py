@@ -39,7 +39,8 @@ class CarryRecord:
         if self.n != first or (first and carries.shape[1] != self.blocks[0].shape[1]):
             return
         self._append(carries)
-        self.restarted = [i for i in self.restarted if i < first] + [first + i for i in restarted]
+        if restarted or self.restarted:
+            self.restarted = [i for i in self.restarted if i < first] + [first + i for i in restarted]
 
     def _append(self, block: Array) -> None:
         self.blocks.append(block)
@@ -49,4 +50,6 @@ class CarryRecord:
         """Return the carries at nodes 0 to n - 1, (n, nc), and those to n that restart it; None if any is missing."""
         if not 0 < n <= self.n:
             return None
-        return np.concatenate(self.blocks)[:n], [i for i in self.restarted if i <= n]
+        if len(self.blocks) > 1:
+            self.blocks = [np.concatenate(self.blocks)]
+        return self.blocks[0][:n], [i for i in self.restarted if i <= n]

@@ -1,6 +1,8 @@
 """Post-run accuracy checks: constraints, redundant rows, energy, contacts, preconditions, flexible bodies."""
 
+from collections.abc import Callable, Sequence
 from math import isfinite
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -9,15 +11,19 @@ from ...mechanism.closures.preconditions import closures_with_preconditions, los
 from ...mechanism.flexible.linear_range import beyond_linear
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.formulations.steps.projection import contradicting_rows
+from ...mechanism.mechanism import Mechanism
 from ...mechanism.signals.contacts import first_negative, rolling_closures
 from ...mechanism.signals.reactions import mass_scaled_jacobian
+from ...mechanism.tree.tree_terms import flexible_bodies
 from ...solution.columns import energy_balance, energy_error
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import AMBIGUOUS_PIVOT, NEGLIGIBLE, VISIBLE
 from ..steppers.solvers import SOLVERS
 from .elastic_resolution import Vibrations, unresolved_vibrations
-from .skipped_shapes import skipped_shape
+from .skipped_shapes import shaped_closures, skipped_shape, tables_over_time
+
+Check = Callable[[Solution, Index2System], str]
 
 POSITION_TOLERANCE = 0.01  # rad or characteristic lengths
 ENERGY_TOLERANCE = 0.1  # of the energy that is exchanged
@@ -33,7 +39,8 @@ def accuracy_warnings(sol: Solution, system: Index2System, vibrations: Vibration
         system: its workspace, which recorded the residuals of all rows at the ends of all steps.
         vibrations: those of its flexible bodies.
     """
-    inaccurate, others = ([text for check in checks if (text := check(sol, system))] for checks in CHECKS)
+    inaccurate = [text for check in CHECKS if (text := check(sol, system))]
+    others = [text for check in _checks_of_features(system) if (text := check(sol, system))]
     if inaccurate:
         others.insert(0, f"{'; '.join(inaccurate)}: {_remedy(sol, system)}")
     if vibrations and (unresolved := unresolved_vibrations(sol, vibrations)):
@@ -97,8 +104,6 @@ def energy_imbalance(sol: Solution, system: Index2System) -> str:
 
 def lost_preconditions(sol: Solution, system: Index2System) -> str:
     """Return which closure lost a precondition, and when; empty if none."""
-    if not closures_with_preconditions(sol.mechanism):
-        return ""
     ts, ys, _ = sol.nodes
     some = _spread(len(ts), PRECONDITION_NODES)
     return lost_precondition(system, ts[some], ys[some, : system.nq])
@@ -136,10 +141,8 @@ def lift_off(sol: Solution, system: Index2System) -> str:
     The multipliers of the method select candidates; those of the hidden constraint decide.
     """
     mech, (ts, _, zs) = sol.mechanism, sol.nodes
-    if not (closures := rolling_closures(mech)):
-        return ""
     found, switched = [], {row for s in mech.switches for row in s.rows}
-    for closure in closures:
+    for closure in rolling_closures(mech):
         row = mech.rows_of(closure.name)[0]
         if closure.contact is False or row in switched or not (zs[1:, row] < 0).any():
             continue
@@ -163,7 +166,7 @@ def large_deflections(sol: Solution, system: Index2System) -> str:
 
 
 def are_accurate(system: Index2System, extremes: Array, t: Array, y: Array) -> Array:
-    """Return whether runs pass the first tuple of `CHECKS`, (k,); where they hardly move, some may count as inaccurate.
+    """Return whether runs pass `CHECKS`, (k,); where they hardly move, some may count as inaccurate.
 
     Args:
         system: a workspace of their mechanism.
@@ -184,7 +187,20 @@ def _spread(n: int, most: int) -> Array | slice:
     return slice(None) if n <= most else np.unique(np.linspace(0, n - 1, most).astype(int))
 
 
-CHECKS = (
-    (violated_closures, violated_velocity_rows, energy_imbalance),  # a higher accuracy is the remedy
-    (dependent_rows_changed, lift_off, lost_preconditions, large_deflections, skipped_shape),
-)
+def _checks_of_features(system: Index2System) -> Sequence[Check]:
+    """Return the checks of what a mechanism has."""
+    mech = system.mechanism
+    if mech not in _OF_FEATURES:
+        features = {
+            dependent_rows_changed: mech.ng,
+            lift_off: rolling_closures(mech),
+            lost_preconditions: closures_with_preconditions(mech),
+            large_deflections: flexible_bodies(mech.model),
+            skipped_shape: [*shaped_closures(mech), *tables_over_time(system)],
+        }
+        _OF_FEATURES[mech] = [check for check, found in features.items() if found]
+    return _OF_FEATURES[mech]
+
+
+CHECKS: Sequence[Check] = violated_closures, violated_velocity_rows, energy_imbalance  # a higher accuracy is the remedy
+_OF_FEATURES: WeakKeyDictionary[Mechanism, Sequence[Check]] = WeakKeyDictionary()  # mechanisms are immutable

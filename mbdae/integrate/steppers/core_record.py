@@ -96,7 +96,8 @@ class _CoreSteps:
         while i < n:
             regular = n - i
             if monitor and not self.unchecked:
-                regular = monitor.skip_regular_steps(self.least_pivot_ratio[i : n - end], self.suspicious)
+                ratios, continues = self.least_pivot_ratio[i:n], self.run.continues
+                regular = monitor.skip_regular_steps(ratios, self.suspicious, end, continues)
             if regular:
                 self._extend(i, i + regular)
                 i += regular

@@ -43,6 +43,9 @@ class ForceElements:
         self.acting: list[BoundLaw] = [(law, at) for law, at in self.bound if not isinstance(law, LinearElement)]
         if linear:
             self.acting.insert(0, (Linear(linear, model, self.ns), slice(0, self.ns)))
+        self._external = [(law, at) for law, at in self.bound if law.external]
+        jumps = ForceElement.breakpoint
+        self._over_time = [law for law, _ in self.bound if law.signals or type(law).breakpoint is not jumps]
         self._without_potential = [type(law).potential is ForceElement.potential for law, _ in self.acting]
 
     def attached(self, system: "Index2System") -> Self:
@@ -126,21 +129,20 @@ class ForceElements:
 
     def breaks(self) -> list[float]:
         """Return the times at which functions of time in the laws are not smooth."""
-        return sorted({x for law, _ in self.bound for signal in law.signals for x in signal.breaks})
+        return sorted({x for law in self._over_time for signal in law.signals for x in signal.breaks})
 
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, at which a law may jump; sign * inf if none."""
-        return sign * min((sign * law.breakpoint(t, sign) for law, _ in self.bound), default=inf)
+        return sign * min((sign * law.breakpoint(t, sign) for law in self._over_time), default=inf)
 
     def external_states(self, s: Array) -> dict[str, bytes | None]:
         """Return the states of laws that another program computes, by their names; None if it cannot save them."""
-        return {law.name: law.save(s[at]) for law, at in self.bound if law.external}
+        return {law.name: law.save(s[at]) for law, at in self._external}
 
     def set_inputs(self, s: Array, notify: bool = True) -> None:
         """Set inputs that laws set from their states; see `Input.set`."""
-        for law, at in self.bound:
-            if law.external:
-                law.set_inputs(s[at], notify)
+        for law, at in self._external:
+            law.set_inputs(s[at], notify)
 
     def detach_programs(self) -> list[object]:
         """Return the external programs of all laws, which they do not use any more; None for laws without one."""
