@@ -35,7 +35,8 @@ class Guard(NamedTuple):
             itself for a row that separates at 0.
         max_step: the longest step in s in which the guard cannot cross zero twice.
         pieces: of a guard with kinks, the smooth functions one of which it is at each point.
-        ends: whether the state ends at the start of a step, where errors hide the zero of the function; None: nowhere.
+        ends: whether the state ends at the start of a step, where errors hide the zero of the function, given the fixed
+            size of steps in s, 0 with step-size control; None: nowhere.
     """
 
     kind: str
@@ -48,7 +49,7 @@ class Guard(NamedTuple):
     load: "LoadFunction | None" = None
     max_step: PointFunction | None = None
     pieces: PiecesFunction | None = None
-    ends: Callable[["ModePoint"], bool] | None = None
+    ends: Callable[["ModePoint", float], bool] | None = None
 
 
 class ImpactRow(NamedTuple):

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ..mode_point import ModePoint
 
 IDLE, STICKING, SLIDING = 0, 1, 2
+MAX_ROTATION, STABLE = 0.1, 2.0  # of a slip by a fixed step, in rad; h times its rate, of explicit methods
 TRANSVERSE = 10  # velocity tolerances: when the slip ends in its direction, errors of the run remain transverse to it
 
 
@@ -67,10 +68,19 @@ class RollingStiction(Switch):
                 first.append((point.t, self.direction(point).copy()))  # that of an impending slip changes in steps
             return float(point.rate[self.no_slip] @ first[0][1])
 
-        def dies_out(point: "ModePoint") -> bool:
-            if self.slips(point) or point.t == first[0][0]:
+        def dies_out(point: "ModePoint", h: float) -> bool:
+            slips = self.slips(point)
+            if h and slips:  # a fixed step may pass zero in the direction to which the slip has rotated
+                first[0] = first[0][0], self.direction(point)
+            if point.t == first[0][0] or (slips and not h):
                 return False
-            return float(point.rate[self.no_slip] @ self._acceleration(point)) < 0
+            slip = point.rate[self.no_slip]
+            if not slip @ self._acceleration(point) < 0:
+                return False
+            if slips and self._is_unresolved(point, h):
+                friction = point.system.closure_friction
+                point.system.set_min_slip_speed(max(float(np.linalg.norm(slip)), friction.min_slip_speed))
+            return not self.slips(point)
 
         rate: PointFunction = lambda x: float(self._acceleration(x) @ first[0][1])  # noqa: E731
         ends = dies_out if self._is_planar else None  # it passes zero at the distance of the errors of the run
@@ -79,6 +89,21 @@ class RollingStiction(Switch):
     @property
     def _is_planar(self) -> bool:
         return len(self.no_slip) > 1
+
+    def _is_unresolved(self, point: "ModePoint", h: float) -> bool:
+        """Return whether steps of size h do not resolve the rotation of a slip, at the rate friction / (m |v|)."""
+        slip, acceleration = point.rate[self.no_slip], self._acceleration(point)
+        speed = float(np.linalg.norm(slip))
+        across = acceleration - slip * (slip @ acceleration) / speed**2
+        if not h * np.linalg.norm(across) > MAX_ROTATION * speed:
+            return False
+        active = point.system.closure_friction.active
+        active[self.friction_index] = False
+        try:
+            without = self._acceleration(type(point)(point.system, point.all_rows, point.t, point.y))
+        finally:
+            active[self.friction_index] = True
+        return h * float(np.linalg.norm(acceleration - without)) > STABLE * speed
 
     def _acceleration(self, point: "ModePoint") -> "Array":
         return np.array([point.acceleration(row) for row in self.no_slip])
