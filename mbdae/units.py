@@ -121,7 +121,7 @@ class Units:
         if "," in unit:
             return
         whole = [x for x in COMPOSITE if SI[x] in self.chosen]
-        pattern = re.compile("|".join([*(rf"{re.escape(x)}(?![\w^])" for x in whole), "/", SYMBOL.pattern]))
+        pattern = re.compile("|".join([*(rf"(?<!/){re.escape(x)}(?![\w^])" for x in whole), "/", SYMBOL.pattern]))
         sign = 1
         for found in pattern.finditer(unit):
             if found[0] == "/":

@@ -19,6 +19,7 @@ CONVERTED = [  # unit in SI, value, chosen units, value and unit as they are sho
     ("rad", np.pi, "deg", 180.0, "deg"),
     ("rad/s", 100 * np.pi, "rpm", 3000.0, "rpm"),
     ("rad/s", 100 * np.pi, "deg", 18000.0, "deg/s"),
+    ("N m/rad/s", 2.0, "rpm,deg", 2.0 * np.pi / 180, "N m/deg/s"),  # of an integral gain: not per rad/s
     ("N m", 1.3558179483314004, "lbf ft", 1.0, "lbf ft"),
     ("N m", 2.0, "mm", 2000.0, "N mm"),
     ("N m/rad", np.pi / 180, "N m,deg", (np.pi / 180) ** 2, "N m/deg"),

@@ -19,12 +19,13 @@ from ...methods import RungeKutta, method_from_settings
 from ...methods.explicit import ExplicitMethod
 from ...solution.solution import Solution
 from ...system import Array
-from ...tolerances import COARSE, NEGLIGIBLE, TINY, VISIBLE
+from ...tolerances import COARSE, EVALUATION_ROUNDING, NEGLIGIBLE, TINY, VISIBLE
 from ..steppers.solvers import find_method
 
 SAMPLES = 9  # nodes at which the vibrations are computed, the first one among them
 SIZES = 48  # of steps, at which R is evaluated; interpolated between them
 QUOTIENT_WIDTH = 1e-3  # of 1/w: time between the two points of a rate
+RATE_ROUNDING = EVALUATION_ROUNDING / QUOTIENT_WIDTH  # of the speed of the mechanism, the root of 2 T: of such a rate
 MAX_ERROR = 0.05  # of the largest rate of a vibration: a larger error is a vibration that is not resolved
 AMPLIFIED = 10.0  # of a vibration: growth over a run that has diverged
 LIMITING = 0.2  # h w: smaller steps are not those that a vibration needs
@@ -41,6 +42,7 @@ class Vibrations(NamedTuple):
         rates: of the oscillation, (n, m), in m sqrt(kg)/s.
         largest: largest rate of the oscillation or modal velocity over the nodes, (m,).
         tolerance: of these rates.
+        errors: of these rates that step-size control allows, (m,): a method may excite such vibrations itself.
     """
 
     modes: ElasticModes
@@ -49,6 +51,7 @@ class Vibrations(NamedTuple):
     rates: Array
     largest: Array
     tolerance: float
+    errors: Array
 
 
 def unresolved_vibrations(sol: Solution, found: Vibrations) -> str:
@@ -101,14 +104,18 @@ def find_vibrations(sol: Solution) -> Vibrations | None:
         if not len(w := modes.frequencies):
             return None
         rates = np.array([_oscillation(system, modes, ts[i], ys[i]) for i in nodes])
+        kinetic = max(system.energy(*system.split(ys[i]))[0] for i in nodes)
     except StepError:
         return None
     of_v = system.nq + modes.at
     deflections, speeds = (np.abs(ys[:, at] @ modes.rows.T).max(axis=0) for at in (modes.iq, of_v))
     largest = np.maximum(rates.max(axis=0), speeds)  # at rest the deflections have the tolerance
     relative = VISIBLE if "step" in sol.settings else min(sol.settings["rtol"], COARSE)
-    tolerance = relative * np.maximum(largest, w * deflections).max()
-    return Vibrations(modes, _names(modes), nodes, rates, largest, tolerance)
+    rounding = RATE_ROUNDING * np.sqrt(2 * kinetic)
+    tolerance = max(relative * np.maximum(largest, w * deflections).max(), rounding)
+    atol = np.asarray(sol.settings.get("atol", 0.0))
+    errors = (1 + w) * (atol[modes.at] if atol.ndim else atol).max()  # of eta' and of w eta
+    return Vibrations(modes, _names(modes), nodes, rates, largest, tolerance, errors)
 
 
 def _names(modes: ElasticModes) -> Array:
@@ -140,12 +147,16 @@ def _oscillation(system: Index2System, modes: ElasticModes, t: float, y: Array) 
 
 
 def _error(found: Vibrations, k: int, ts: Array, h: Array, method: Any) -> float:
-    """Return the largest error of the rate of vibration k: summed over steps, while it oscillates."""
+    """Return the largest error of the rate of vibration k: summed over steps, while it oscillates.
+
+    After the start only vibrations count that are larger than errors of the run.
+    """
     z = _exponents(found.modes)[k]
     sizes = np.geomspace(max(h.min(), TINY), h.max() * (1 + NEGLIGIBLE), SIZES)
     errors = np.interp(h, sizes, step_error(method, z * sizes))
     total, worst = np.concatenate([[0.0], np.cumsum(errors)]), 0.0
-    for i, rate in zip(found.nodes[:-1], found.rates[:-1, k], strict=True):
+    rates = np.where((found.nodes == 0) | (found.rates[:, k] > found.errors[k]), found.rates[:, k], 0.0)
+    for i, rate in zip(found.nodes[:-1], rates[:-1], strict=True):
         decay = np.exp(z.real * np.abs(ts[i + 1 :] - ts[i]))
         worst = max(worst, float((rate * decay * np.minimum(total[i + 1 :] - total[i], 1.0)).max()))
     return worst

@@ -153,6 +153,8 @@ class RunState:
 
     def continue_to(self, t1: float) -> None:
         """Move the end of the run, which has reached its former one."""
+        if self.state.carry is None and getattr(self.tableau, "carries", False):  # the last node ended no step
+            self._start_at(self.ys[-1])
         self.t1 = t1
         self.jumps.extend(self, t1)
         self.interval = self.jumps.interval(self.t)

@@ -139,9 +139,7 @@ class Trajectory:
             InputError: for a slip that has several components, whose direction changes.
         """
         friction = self.system.closure_friction
-        if planar := friction.planar_slips:
-            name = friction.interfaces[planar[0]].closure.name
-            raise InputError(f"closure {name!r} slides in two directions: no derivative of the run")
+        friction.reject_planar_slips("the run")
         starts = [first for first, _ in self.sol.modes]
         at = bisect_right(starts, i)
         last = starts[at] if at < len(starts) else len(self.ys)

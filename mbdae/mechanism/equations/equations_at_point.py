@@ -102,11 +102,12 @@ class EquationsAtPoint:
         return f"<equations of {self.mechanism.title} at t = {self.t:.9g} s>"
 
     def _with(self, evaluate: "Callable[[Index2System], Result]") -> Result:
-        """Return the result of a function of a workspace in this mode, with kinematics at q."""
+        """Return the result of a function of a workspace in this mode, with kinematics at q and slips along v."""
         pool = self.mechanism.workspaces
         system = pool.acquire(native=self.native)
         system.enter(self.mode)
         system.jacobian(self.q)
+        system.closure_friction.update_slip_directions(self.v)
         found = evaluate(system)
         pool.release(system)
         return found
@@ -253,6 +254,7 @@ class EquationsAtPoint:
     @cached_property
     def _rates(self) -> TimeDerivativePartials:
         def evaluate(system: "Index2System") -> TimeDerivativePartials:
+            system.closure_friction.reject_planar_slips("v' and lam")
             none = Parameters(lambda _: self.mechanism, {}, system=system)
             return AccelerationSensitivity(system, none).rate(self.t, self.y)
 
@@ -272,7 +274,7 @@ class EquationsAtPoint:
         motions: a warning reports others.
 
         Raises:
-            InputError: unless all are finite numbers of the right shapes.
+            InputError: unless all are finite numbers of the right shapes; for a contact that slides in two directions.
             StepError: if the constraints or the mass matrix are singular there.
         """
         m, dt = self.mechanism, number("dt", dt)

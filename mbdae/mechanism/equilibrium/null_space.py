@@ -50,9 +50,9 @@ class NullSpace(NamedTuple):
     scale: Array
 
     @property
-    def rcond(self) -> float:
-        """Smallest over largest of the singular values that are not zero, whose number is the rank; 1 without rows."""
-        return float(self.S[-1] / self.S[0]) if len(self.S) else 1.0
+    def smallest(self) -> float:
+        """Smallest of the singular values that are not zero, whose number is the rank; 1 without rows."""
+        return float(self.S[-1]) if len(self.S) else 1.0
 
     def multipliers(self, f: Array) -> Array:
         """Return the minimum-norm lam (m,) with f + G^T lam = M Z x: inertial forces along the null space."""

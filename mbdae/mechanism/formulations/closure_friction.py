@@ -149,6 +149,12 @@ class ClosureFriction:
         found = np.flatnonzero(self.active).tolist() if self.interfaces else []
         return [k for k in found if self.interfaces[k].force.sticks and len(self.directions[k]) > 1]
 
+    def reject_planar_slips(self, what: str) -> None:
+        """Raise an InputError if an interface slides in two directions: its friction has no partial derivatives."""
+        if planar := self.planar_slips:
+            name = self.interfaces[planar[0]].closure.name
+            raise InputError(f"closure {name!r} slides in two directions: no derivative of {what}")
+
     def begin_step(self, v: Array) -> None:
         """Set directions to those of clear slips at the start of a step where they differ: rejected steps turned them.
 

@@ -109,7 +109,7 @@ def loses_rank(statics: Statics, here: ForceBalance) -> bool:
         return True
     U = system.inertia(statics.t, q)
     neighbour = statics.free(U, q, here.s)[0]
-    return len(neighbour.S) > len(here.free.S) or here.free.rcond < RANK_DROP * neighbour.rcond
+    return len(neighbour.S) > len(here.free.S) or here.free.smallest < RANK_DROP * neighbour.smallest
 
 
 def _classified(unstable: int, neutral: int, w: Array, by: str) -> Verdict:

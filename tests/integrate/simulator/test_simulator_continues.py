@@ -19,6 +19,19 @@ def test_after_a_terminal_event_steps_lead_to_the_grid_again(backend):
     assert np.diff(simulator.solution().t).max() <= 2e-3 * (1 + 1e-9)
 
 
+def test_an_event_on_the_dense_output_is_continued():
+    """A light ball falls and rolls: next to the free flight its rows seem nearly dependent."""
+    model = empty()
+    add_body(model, 0, pin.JointModelFreeFlyer(), "ball", 1.0, (0, 0, 0), (1e-5, 1e-5, 1e-5))
+    mech = mbdae.Mechanism(model, [mbdae.Closure.rolling("world", "ball", 0.1, name="floor", unilateral=True)])
+    start = np.array([0, 0, 0.15, 0, 0, 0, 1.0]), np.array([1.0, 0, 0, 0, 0, 0])
+    event = mbdae.Event("position.ball.x = 0.15", terminal=True)
+    simulator = mbdae.Simulator(mech, 0.0, *start, events=event)
+    assert [simulator.advance(0.1), simulator.advance(0.1)] == ["running", "event"]
+    simulator.advance(0.3 - simulator.t)
+    assert simulator.q == pytest.approx(mbdae.solve(mech, (0, 0.3), *start).q[-1], abs=1e-8)
+
+
 def test_a_state_of_another_simulator_is_rejected_and_nothing_is_lost():
     simulator, other = (mbdae.Simulator(name, step=1e-3) for name in ("four_bar", "slider_crank"))
     simulator.advance(0.01)

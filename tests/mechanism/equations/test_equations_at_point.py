@@ -167,6 +167,73 @@ def test_rows_of_a_stop_act_in_their_mode():
     assert kept.G @ kept.vdot + kept.gamma == pytest.approx(0.0, abs=1e-12)
 
 
+SLIDING_BOX = """
+[[body]]
+name = "x"
+joint = "prismatic"
+axis = [1, 0, 0]
+parent = "world"
+[[body]]
+name = "z"
+joint = "prismatic"
+parent = "x"
+[[body]]
+name = "box"
+parent = "z"
+axis = [0, 1, 0]
+mass = 1.0
+com = [0.01, 0, 0.02]
+inertia = [0.01, 0.02, 0.01, 0, 0, 0]
+[[frame]]
+name = "edge"
+parent = "box"
+xyz = [-0.2, 0, -0.1]
+[[closure]]
+name = "floor"
+kind = "rolling"
+frames = ["world", "edge"]
+radius = 0.01
+grip = "longitudinal"
+unilateral = true
+[[force]]
+kind = "coulomb_friction"
+closure = "floor"
+coefficient = 0.2
+exact = true
+"""
+
+
+@pytest.mark.parametrize("speed", [-1.0, 1.0])
+def test_friction_of_a_sliding_contact_has_derivatives_along_its_slip(tmp_path, speed):
+    (tmp_path / "box.toml").write_text(SLIDING_BOX)
+    mech, dq = mbdae.load(tmp_path / "box.toml", assemble=False), np.array([0.3, -0.2, 1.0])
+    q, v, sliding = np.array([0.0, 0.07, 0.2]), np.array([speed, 0.1, 0.5]), (2,)
+
+    def values(h):
+        point = mech.at(0.0, q + h * dq, v + h * dq, mode=sliding)
+        return np.concatenate([point.vdot, point.lam])
+
+    found = mech.at(0.0, q, v, mode=sliding).jvp(dq, dq)
+    assert np.concatenate(found) == pytest.approx(numerical_derivative(values, 1e-3), abs=1e-7)
+
+
+def test_a_slip_in_two_directions_has_no_derivative():
+    ball = mbdae.Mechanism(
+        free_body(), [mbdae.Closure.rolling("world", "ball", radius=0.1, name="floor")],
+        [mbdae.CoulombFriction(closure="floor", coefficient=0.3, exact=True)],
+    )  # fmt: skip
+    with pytest.raises(mbdae.MbdaeError, match="'floor' slides in two directions: no derivative of v' and lam"):
+        ball.at(0.0, np.array([0, 0, 0.1, 0, 0, 0, 1.0]), np.ones(6), mode=(2,)).jvp(np.ones(6), np.ones(6))
+
+
+def free_body():
+    model = pin.Model()
+    j = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "ball")
+    model.appendBodyToJoint(j, pin.Inertia(1.5, np.zeros(3), 0.006 * np.eye(3)), pin.SE3.Identity())
+    model.addBodyFrame("ball", j, pin.SE3.Identity(), 0)
+    return model
+
+
 def test_python_computes_what_the_core_does_not_support(monkeypatch):
     def refuse(*_, **__):
         raise NotCompiled("a force of another package")

@@ -63,6 +63,21 @@ def test_close_to_a_singular_configuration_there_is_no_verdict(angle):
         mbdae.modes(*sprung(angle))
 
 
+def test_where_the_only_row_vanishes_there_is_no_verdict():
+    """Two hanging links, and a bar as long as both from a cart to their end, in line: no motion stretches it."""
+    model = empty()
+    upper = add_body(model, 0, pin.JointModelRY(), "upper", 1.0, (0, 0, 0), (0.1, 0.1, 0.1))
+    down = pin.SE3(np.eye(3), np.array([0, 0, -1.0]))
+    lower = add_body(model, upper, pin.JointModelRY(), "lower", 1.0, (0, 0, -1), (0.1, 0.1, 0.1), down)
+    model.addBodyFrame("end", lower, down, 0)
+    add_body(model, 0, pin.JointModelPX(), "cart")
+    spring = JointSpring(joint="cart", stiffness=STIFFNESS)
+    mech = Mechanism(model, [Closure.distance("cart", "end", 2.0)], [spring], title="Chain")
+    assert mbdae.equilibrium(mech, np.zeros(3)).stability == "singular"
+    with pytest.raises(InputError, match="lose rank in this pose"):
+        mbdae.modes(mech, np.array([0.0, 0.0, 1e-12]))  # rounding
+
+
 @pytest.mark.parametrize("angle", [1e-4, 1e-2, 0.5])
 def test_further_away_there_is(angle):
     found = mbdae.equilibrium(*sprung(angle))
