@@ -25,6 +25,16 @@ def ball(angle=0.0, **friction):
     return Mechanism(model, [floor], [CoulombFriction(closure="floor", coefficient=MU, **friction)])
 
 
+def slide_down_a_ball(backend):
+    """Return the solution of a ball that slides down a fixed one of radius 0.9 m, and the angles of its path."""
+    near = ball(exact=True)
+    top = Closure.rolling("world", "centre", radius=R, surface="sphere", surface_radius=1.0 - R, name="floor")
+    s, c = np.sin(0.6), np.cos(0.6)
+    start = {"guess": {"ball": [s, 0, c, 0, 0, 0, 1]}, "guess_v": {"ball": [1.5 * c, 0, -1.5 * s, 0, 0, 0]}}
+    sol = mbdae.solve(Mechanism(near.model, [top], near.forces, start=start), (0, 0.06), rtol=1e-9, backend=backend)
+    return sol, np.arctan2(sol.q[:, 0], sol.q[:, 2])
+
+
 PEBBLE = """
 [[body]]
 name = "pebble"
@@ -120,6 +130,17 @@ def test_a_block_launched_across_an_incline_comes_to_rest(ratio, method, rtol, b
     exact = displacement(lambda p: 1 / np.tan(p)), displacement(lambda _: 1.0)
     assert sol.q[-1, :2] == pytest.approx(exact, abs=10 * rtol)
     assert np.abs(sol.v[-1]).max() < 1e-12
+
+
+def test_a_ball_slides_down_a_ball(back_end):
+    """(w^2)' = 2 g (sin p - mu cos p) + 2 mu w^2 over the angle p, on a circle of 1 m; tangents vary continuously."""
+    sol, p = slide_down_a_ball(back_end)
+    assert [m for _, m in sol.modes] == [(2,)]
+    assert p[0] < np.arccos(0.8) < p[-1]
+    a = GRAVITY * (4 * MU**2 - 2) / (1 + 4 * MU**2)
+    particular = a * np.cos(p) + 2 * MU * (a - GRAVITY) * np.sin(p)
+    squares = particular + (1.5**2 - particular[0]) * np.exp(2 * MU * (p - p[0]))
+    assert (sol.v[:, :3] ** 2).sum(1) == pytest.approx(squares, rel=1e-8)
 
 
 def test_the_guard_of_a_slip_keeps_its_first_direction():
