@@ -12,7 +12,7 @@ from ..mechanism.signals.contacts import contact, contact_path, rolling_closures
 from ..mechanism.tree.coordinate_units import component_suffixes
 from ..mechanism.tree.frames import WORLD, find_joint, frame_motions, frame_names
 from ..system import Array
-from ..tolerances import AGREEMENT, COARSE
+from ..tolerances import AGREEMENT, COARSE, SOLUTION_ROUNDING
 from .sampling import residuals_and_energies
 
 if TYPE_CHECKING:
@@ -42,20 +42,32 @@ class Residuals(NamedTuple):
     potential: Array
 
 
-def energy_balance(mech: "Mechanism", v: Array, kinetic: Array, potential: Array, work: Array) -> tuple[Array, float]:
+def energy_balance(sol: "Solution", kinetic: Array, potential: Array, work: Array) -> tuple[Array, float]:
     """Return E - E_0 - W in J, (n,), and the reference energy in J, which is 0 at rest.
 
     Args:
-        mech: the mechanism, whose characteristic lengths and rate define when velocities are zero.
-        v: velocities at all nodes of the run, (k, nv): at some of them it may be at rest.
-        kinetic: kinetic energy in J, (n,).
+        sol: the run.
+        kinetic: kinetic energy at some of its times in J, (n,).
         potential: potential energy in J, (n,).
         work: work of non-conservative forces in J, (n,).
     """
-    error, scale = energy_error(kinetic, potential, work)
-    fastest = np.abs(v / mech.coordinate_scales).max(initial=0.0)
-    moves = fastest > MOVING * gravity_rate(mech) > 0.0 or not fastest <= AGREEMENT * mech.characteristic_rate
-    return error, float(scale) if moves else 0.0
+    error, exchanged = energy_error(kinetic, potential, work)
+    return error, 0.0 if _is_at_rest(sol, float(exchanged)) else float(exchanged)
+
+
+def _is_at_rest(sol: "Solution", exchanged: float) -> bool:
+    """Return whether speeds at all nodes, and the energy exchanged in J, are no more than errors of the run.
+
+    They are compared with the characteristic rate, and with the kinetic energy at such speeds: a slow motion may
+    exchange more.
+    """
+    mech, y = sol.mechanism, sol.nodes[1]
+    fastest = np.abs(y[:, mech.nq : mech.nq + mech.nv] / mech.coordinate_scales).max(initial=0.0)
+    accuracy = max(AGREEMENT, sol.settings.get("rtol", 0.0))
+    if fastest > max(MOVING, accuracy) * gravity_rate(mech) > 0.0 or not fastest <= accuracy * mech.characteristic_rate:
+        return False
+    v = mech.characteristic_rate * mech.coordinate_scales
+    return exchanged <= max(accuracy**2, SOLUTION_ROUNDING) * float(v @ mech.mass_matrix(y[-1, : mech.nq]) @ v) / 2
 
 
 def energy_error(kinetic: Array, potential: Array, work: Array) -> tuple[Array, Array]:

@@ -94,8 +94,7 @@ def energy_imbalance(sol: Solution, system: Index2System) -> str:
         return ""  # at most the energy exchanged
     with np.errstate(over="ignore", invalid="ignore"):
         kinetic, potential = energies.T
-        v = ys[:, system.nq : system.nq + system.nv]
-        error, exchanged = energy_balance(system.mechanism, v, kinetic, potential, some[:, -1])
+        error, exchanged = energy_balance(sol, kinetic, potential, some[:, -1])
         relative = float(np.abs(error).max() / exchanged) if exchanged else 0.0
     if relative <= ENERGY_TOLERANCE:
         return ""

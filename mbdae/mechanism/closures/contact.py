@@ -25,8 +25,6 @@ from ..tree.frames import Pair, cross
 from .line_rows import LineRows, Lines, at_rest, unit
 from .rows import displaced, rotated
 
-POLAR = 0.8  # n . z on a sphere: above, tangents are constructed from x instead of z
-
 
 class ContactKinematics(NamedTuple):
     """Nearest points of body and surface, and their rates; columns (3, 1)."""
@@ -67,7 +65,6 @@ class ConvexBody:
             "tyre": self.tyre,
             "curve": self.curve,
             "parallel": PARALLEL,
-            "polar": POLAR,
             "axle": list(self.axle or nil),
             "squares": [a * a for a in self.semi_axes or nil],
             "centre": list(self.centre),
@@ -111,6 +108,9 @@ class ConvexBody:
         if self.surface == "cylinder":
             along = (z * d).sum()
             d, dd = d - along * z, dd - along * dz - ((dz * d).sum() + (z * dd).sum()) * z
+        if not (d * d).sum():
+            where = "the centre of its sphere" if self.surface == "sphere" else "the axis of its cylinder"
+            raise StepError("singular", f"a rolling body lies in {where}: the surface has no normal there")
         n, dn = unit(d, dd)
         return (n, dn) if self.curve > 0 else (-n, -dn)
 
@@ -125,7 +125,11 @@ class ConvexBody:
         return pair.Rb.dot(np.array(self.axle)[:, None])
 
     def heading(self, pair: Pair, n: Array, dn: Array) -> tuple[Array, Array]:
-        """Return a tangent and its rate: forwards for a wheel; else x of a on a plane, or around the z axis of a."""
+        """Return a tangent and its rate: forwards for a wheel; else x of a on a plane, or around the z axis of a.
+
+        On a sphere it is x of a, reflected at the plane that maps z of a to -n: it varies continuously along motions
+        that do not meet n = -z, since the direction of a slip is kept in components along the tangents.
+        """
         if self.axle:
             s = self.axis(pair)
             ahead, rate = cross_with_rate(s, rotated(pair.Vb, s), n, dn)
@@ -134,8 +138,15 @@ class ConvexBody:
         x, z = pair.Ra[:, :1], pair.Ra[:, 2:]
         if self.surface == "plane":
             return x, rotated(pair.Va, x)
-        d = x if self.surface == "sphere" and abs((n * z).sum().real) > POLAR else z
-        return unit(*cross_with_rate(d, rotated(pair.Va, d), n, dn))
+        dx, dz = rotated(pair.Va, x), rotated(pair.Va, z)
+        if self.surface == "cylinder":
+            return unit(*cross_with_rate(z, dz, n, dn))
+        w = n + z
+        if not np.sqrt((w * w).sum()).real > PARALLEL:
+            return unit(*cross_with_rate(x, dx, n, dn))
+        u, du = unit(w, dn + dz)
+        along, rate = (u * x).sum(), (du * x).sum() + (u * dx).sum()
+        return x - 2.0 * along * u, dx - 2.0 * (rate * u + along * du)
 
 
 class ContactHeightRow(LineRows):

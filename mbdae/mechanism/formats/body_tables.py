@@ -41,7 +41,9 @@ class Body(Frame):
     Attributes:
         name: name of the joint, the link and the frame at the joint.
         joint: kind of the joint; a continuous joint is unbounded, a translation has the coordinates x, y and z.
-        axis: axis of a revolute, continuous or prismatic joint, or normal of the plane of a planar joint.
+            Velocities of free and planar joints are along the axes of the moving body.
+        axis: axis of a revolute, continuous or prismatic joint, or normal of the plane of a planar joint: x and y in
+            the plane are those of the frame, rotated as z is onto the normal, x and -z for [0, 1, 0].
         mass: mass in kg.
         com: centre of mass in the body's frame, in m.
         inertia: ixx, iyy, izz, ixy, ixz, iyz about the centre of mass, in kg m^2.

@@ -43,10 +43,15 @@ Contact<S> contact_of(const Shape& shape, const Frames<S>& x) {
     if (shape.rim > 0) out.p = out.p - shape.rim * cross(out.ahead, axle);
   } else if (shape.surface == Shape::Surface::plane) {
     out.ahead = column(x.Ra, 0);
+  } else if (shape.surface == Shape::Surface::cylinder) {
+    out.ahead = cross(column(x.Ra, 2), n), normalize(out.ahead);
   } else {
-    Vec3<double> d = column(x.Ra, 2);
-    if (shape.surface == Shape::Surface::sphere && std::fabs(value(dot(n, d))) > shape.polar) d = column(x.Ra, 0);
-    out.ahead = cross(d, n), normalize(out.ahead);
+    const Vec3<double> ahead = column(x.Ra, 0);
+    Vec3<S> w = n + column(x.Ra, 2);
+    if (value(normalize(w)) > shape.parallel)
+      out.ahead = ahead - 2 * dot(w, ahead) * w;
+    else
+      out.ahead = cross(ahead, n), normalize(out.ahead);
   }
   out.left = cross(n, out.ahead);
   return out;

@@ -16,9 +16,9 @@ struct Shape {
   Surface surface = Surface::plane;
   double rim = 0, tyre = 0, curve = 0;  // radii; that of the surface is negative where the body rolls inside
   double axle[3] = {0, 0, 0}, squares[3] = {0, 0, 0}, centre[3] = {0, 0, 0};  // squares: of semi-axes
-  double parallel = 0, polar = 0;                                             // thresholds
+  double parallel = 0;                                                        // threshold
 
-  FIELDS(body, surface, rim, tyre, curve, axle, squares, centre, parallel, polar)
+  FIELDS(body, surface, rim, tyre, curve, axle, squares, centre, parallel)
 };
 
 // The normal towards b, the lowest point, the tangents ahead and to the left.

@@ -75,8 +75,8 @@ def fit(
         data: a table ``{"t": ..., "q.slider": ...}`` with columns named as the signals of `mbdae.Solution.signals`, a
             CSV or Parquet file, or a list of them: several runs with the same parameters.
         signals: columns to use; all when left out.
-        sigma: noise level of all signals, or by name, in their units. Without, standard deviations follow from the
-            residuals, and the fit cannot be refuted.
+        sigma: noise level of all signals, or by name, in their units. Without, all signals have the weight 1, standard
+            deviations follow from the residuals of each signal, and the fit cannot be refuted.
         scales: typical changes of the parameters; a tenth of the range when left out.
         t_span: start of the runs, and the latest time of data; 0 and the last of them when left out.
         spans: fractions of the samples that are fitted successively; ``(1,)`` for all at once.
@@ -256,8 +256,7 @@ def _result(search: _Search, attempts: list[Attempt]) -> Fit:
     x, problem.fraction = np.array(list(best.values.values())), 1.0
     r, J, names = problem.residuals(x), problem.jacobian(x) * scale, problem.names
     chi2, dof = float(r @ r), len(r) - len(x)
-    variance = 1.0 if problem.noise_known or dof <= 0 else chi2 / dof
-    found = precision(J, names, scale, high - low, variance)
+    found = precision(J, names, scale, high - low, r, None if problem.noise_known else problem.signals())
     near = SEARCH_TOLERANCE * (high - low) + INPUT_DIGITS * scale
     at_bounds = list(members(names, (x - low < near) | (high - x < near)))
     sols = problem.simulate(x)

@@ -114,6 +114,12 @@ class FitResiduals:
         out = np.concatenate(parts)
         return out[~np.isnan(np.concatenate([data[:n] for data in record.columns.values()]))]
 
+    def signals(self) -> Array:
+        """Return the index of the signal of each residual of all samples, (n,)."""
+        columns = [(name, data) for record in self.recordings for name, data in record.columns.items()]
+        index = {name: i for i, name in enumerate(dict.fromkeys(name for name, _ in columns))}
+        return np.repeat([index[name] for name, _ in columns], [np.count_nonzero(~np.isnan(x)) for _, x in columns])
+
     def jacobian(self, x: Array) -> Array:
         """Return derivatives of the residuals, (n, k), cached for the last x.
 

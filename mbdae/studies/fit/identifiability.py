@@ -22,20 +22,26 @@ class Precision(NamedTuple):
     unidentifiable: list[tuple[str, ...]]
 
 
-def precision(J: Array, names: Sequence[str], scale: Array, widths: Array, variance: float) -> Precision:
-    """Return the precision of parameters from the Jacobian of the residuals.
+def precision(
+    J: Array, names: Sequence[str], scale: Array, widths: Array, r: Array, signals: Array | None
+) -> Precision:
+    """Return the precision of parameters from the residuals and their Jacobian.
 
     Args:
         J: (n, k) by parameters in their scales.
         names: of the parameters.
         scale: of the parameters, (k,).
         widths: of their ranges between the bounds, (k,).
-        variance: of a residual.
+        r: residuals, (n,).
+        signals: index of the signal of each residual, (n,), if each signal has its own unknown variance; None if all
+            variances are 1.
     """
-    _, sizes, V = np.linalg.svd(J, full_matrices=False)
+    U, sizes, V = np.linalg.svd(J, full_matrices=False)
     determined = sizes > RANK * sizes.max(initial=0.0)
     null = V[~determined] if len(V) == len(names) else np.eye(len(names))
-    covariance = (V[determined].T / sizes[determined] ** 2) @ V[determined] * np.outer(scale, scale) * variance
+    U, inverse = U[:, determined], V[determined].T / sizes[determined]
+    variances = np.ones(len(r)) if signals is None else _variances(r, signals, (U * U).sum(1), len(names))
+    covariance = inverse @ (U.T * variances) @ U @ inverse.T * np.outer(scale, scale)
     combinations = [np.abs(row) > NULL_COMPONENT for row in null]
     free = np.any([np.zeros(len(names), bool), *combinations], axis=0)
     covariance[free], covariance[:, free] = np.nan, np.nan  # the pseudo-inverse depends on the scales
@@ -48,6 +54,16 @@ def precision(J: Array, names: Sequence[str], scale: Array, widths: Array, varia
     unidentifiable += [(name,) for name in uncertain]
     unidentifiable += [(names[i], names[j]) for i, j in _correlated_pairs(correlations, deviations / widths)]
     return Precision(covariance, correlations, deviations, list(dict.fromkeys(unidentifiable)))
+
+
+def _variances(r: Array, signals: Array, leverages: Array, k: int) -> Array:
+    """Return the variances of residuals (n,), one for each signal: its sum of squares over its degrees of freedom.
+
+    A signal with less than one has that of all; without any, variances are 1.
+    """
+    squares, dof = np.bincount(signals, r * r), np.bincount(signals, 1.0 - leverages)
+    mean = squares.sum() / (len(r) - k) if len(r) > k else 1.0
+    return np.divide(squares, dof, out=np.full(len(dof), mean), where=(dof >= 1.0) & (len(r) > k))[signals]
 
 
 def members(names: Sequence[str], chosen: Array) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """Operating point of a linearisation."""
 
+import warnings
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from ...mechanism.equilibrium.linearization import LinearMotion, linearize_at, r
 from ...system import Array
 from ...tolerances import CLOSED
 from ..statics.contacts import Contacts, balanced_on_contacts
-from ..statics.equilibrium import complete_arguments, require_time, velocities, velocity_labels
+from ..statics.equilibrium import complete_arguments, frozen_drivers, require_time, velocities, velocity_labels
 from ..statics.stability import loses_rank
 
 if TYPE_CHECKING:
@@ -61,9 +62,16 @@ def operating_point(
         raise InputError(f"{mech.title!r} has no degree of freedom left{where}: it has no modes")
     if loses_rank(statics, here):
         raise InputError(f"the closures of {mech.title!r} lose rank in this pose: motions near it cannot be linearised")
+    _warn_of_frozen_drivers(statics, here)
     statics.system.inertia(t, here.q)
     statics.system.laws.require_directions()
     return statics, here, linearize_at(statics, here), kind
+
+
+def _warn_of_frozen_drivers(statics: Statics, here: ForceBalance) -> None:
+    if frozen := frozen_drivers(statics.mech, here.q, statics.v, statics.t):
+        remedy = "a steady motion has speeds of joints, v={...} or --v joint=value"
+        warnings.warn(f"this linearisation freezes {', '.join(frozen)}: {remedy}", stacklevel=4)
 
 
 def _locked_text(mech: Mechanism, locked: Array) -> str:

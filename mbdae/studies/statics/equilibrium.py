@@ -22,7 +22,7 @@ from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
-from ...tolerances import ROUNDING, SOLUTION_ROUNDING
+from ...tolerances import ROUNDING, SOLUTION_ROUNDING, VISIBLE
 from ...units import quantity
 from .contacts import balanced_on_contacts
 from .stability import Verdict, verdict
@@ -174,6 +174,7 @@ class Equilibrium(Tabular):
         held = {n: quantity(_shown(x), efforts[n], ".8g") for n, x in self.holding.items()}
         lines += [f"  {n} is held by {x}{remarks.get(n, '')}" for n, x in held.items()]
         lines += [self._reaction_text(c.name) for c in self.mechanism.constraints if c.frames]
+        lines += [f"  frozen: {text}" for text in frozen_drivers(self.mechanism, self.q, self.v, self.t)]
         return "\n".join([*lines, *([f"  doubtful: {self.warning}"] if self.warning else [])])
 
     def _reaction_text(self, name: str) -> str:
@@ -255,6 +256,18 @@ def complete_arguments(
     fixed = [i for name in as_list(hold, "hold is a list of joints") for i in velocities(mech, name)]
     held = np.unique(np.array([*fixed, *moving], int))
     return start, speeds, held, velocity_labels(mech, held)
+
+
+def frozen_drivers(mech: Mechanism, q: Array, v: Array, t: float) -> list[str]:
+    """Return the drivers whose speeds at time t are not those of v, with these speeds."""
+    system, found = mech.system(), []
+    along, speeds = system.jacobian(q) @ v, -system.g_t(t)
+    for driver in mech.drivers:
+        row = mech.rows_of(driver.name)[0]
+        if abs(along[row] - speeds[row]) > VISIBLE * abs(speeds[row]):
+            speed = quantity(speeds[row], f"{mech.row_units[row]}/s")
+            found.append(f"{driver.name!r} at t = {quantity(t, 's')}, without its speed of {speed}")
+    return found
 
 
 def require_time(t: object) -> None:

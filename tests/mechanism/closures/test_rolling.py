@@ -139,6 +139,12 @@ def ball_on_a_ball(tmp_path, **more):
     return load(tmp_path, [body("ball", inertia=0.4 * r * r)], [roll], start={"guess": guess})
 
 
+def test_a_ball_in_the_centre_of_a_ball_cannot_be_assembled(tmp_path):
+    roll = Closure.rolling("world", "ball", 0.1, surface="sphere", surface_radius=0.5, name="top")
+    with pytest.raises(mbdae.MbdaeError, match="'top': a rolling body lies in the centre of its sphere"):
+        _ = load(tmp_path, [body("ball")], [roll]).start
+
+
 def test_a_ball_that_may_lift_leaves_a_ball(tmp_path):
     sol = mbdae.solve(ball_on_a_ball(tmp_path, unilateral=True), (0, 0.9), rtol=1e-10)
     assert sol.success

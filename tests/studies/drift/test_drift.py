@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from links import arm
+from links import C, M, arm
 
 import mbdae
 from mbdae import JointDamping
@@ -47,6 +47,25 @@ def test_at_rest_the_relative_error_is_zero_in_the_history_too():
     sol = mbdae.solve(mech, (0, 1), mbdae.equilibrium(mech).q, np.zeros(1))
     found = mbdae.drift(sol)
     assert found.energy_scale == found.energy_relative == found.history.energy.max() == 0.0
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-8])
+def test_a_run_from_an_equilibrium_is_at_rest(rtol):
+    """Long steps amplify rounding up to the tolerance: energies of such speeds are no violated balance."""
+    mech = mbdae.load("four_bar")
+    sol = mbdae.solve(mech, (0, 10), mbdae.equilibrium(mech).q, np.zeros(3), rtol=rtol)
+    assert sol.status == "finished"
+    assert np.abs(sol.v).max() > 1e-10
+    assert mbdae.drift(sol).energy_scale == 0.0
+
+
+def test_a_slow_descent_is_no_rest():
+    """Slower than rtol of its characteristic rate, a damped link sinks by half a radian."""
+    mech = arm(JointDamping(joint="arm", damping=1e5))
+    sol = mbdae.solve(mech, (0, 1e4), np.array([0.3]), np.array([5.6e-5]), rtol=1e-3, method="radau5")
+    assert np.abs(sol.v).max() < 1e-3 * mech.characteristic_rate
+    fallen = M * 9.81 * C * (np.sin(sol.q[-1, 0]) - np.sin(0.3))
+    assert mbdae.drift(sol).energy_scale == pytest.approx(fallen, rel=1e-3)
 
 
 @pytest.mark.parametrize("model", ["circle", "four_bar"])

@@ -17,6 +17,7 @@ from mbdae.mechanism.formats.model_library import find
 from mbdae.studies.fit.data import records
 from mbdae.studies.fit.fit import SPANS
 from mbdae.studies.fit.fit_residuals import FitResiduals
+from mbdae.studies.fit.identifiability import precision
 
 COMMANDS = (
     "solve four_bar -t 0.4 --step 0.02 -o fit.csv",
@@ -52,6 +53,18 @@ def crank(folder, more=""):
     path = folder / "crank.toml"
     path.write_text(text + FORCES + more)
     return path
+
+
+def test_deviations_without_noise_levels_are_those_of_repeated_fits():
+    """Each of two signals determines one parameter; their noise differs tenfold."""
+    rng, signals = np.random.default_rng(3), np.repeat([0, 1], 30)
+    J = rng.standard_normal((60, 2)) * np.where(signals[:, None] == [0, 1], 1.0, 0.1)
+    noise = np.array([1.0, 10.0])[signals, None] * rng.standard_normal((60, 400))
+    x = np.linalg.pinv(J) @ noise
+    found = [precision(J, "ab", np.ones(2), np.full(2, 1e3), r, signals).covariance for r in (noise - J @ x).T]
+    assert np.sqrt(np.mean(found, 0).diagonal()) == pytest.approx(x.std(1), rel=0.1)
+    one = precision(J, "ab", np.ones(2), np.full(2, 1e3), r := noise[:, 0] - J @ x[:, 0], 0 * signals).covariance
+    assert one == pytest.approx(np.linalg.inv(J.T @ J) * (r @ r) / 58, rel=1e-12)
 
 
 def test_three_parameters_of_a_noisy_slider_crank(tmp_path):

@@ -207,6 +207,17 @@ def test_passing_an_equilibrium_is_no_steady_motion():
     assert not found.motion.v.any()
 
 
+def test_frozen_drivers_are_named_with_their_speeds():
+    """A governor whose shaft is driven: its balls hang down unless the speed is given, and no force holds them up."""
+    governor = mbdae.load("flyball_governor", drivers=[mbdae.Driver.at_speed("shaft", SPEED)])
+    with pytest.warns(UserWarning, match=r"freezes 'shaft driver' at t = 0 s, without its speed of 6.28319 rad/s"):
+        mbdae.modes(governor)
+    assert "frozen: 'shaft driver' at t = 0 s, without its speed" in str(mbdae.equilibrium(governor))
+    moving = mbdae.modes(governor, v={"shaft": SPEED})
+    held = mbdae.modes(mbdae.load("flyball_governor"), v={"shaft": SPEED}, hold="shaft")
+    assert moving.eigenvalues == pytest.approx(held.eigenvalues, rel=1e-9)
+
+
 def test_a_pose_in_which_closures_lose_rank_is_rejected():
     mech = Template("n_four_bar?N=1").make({"gravity": [0.0, 0.0, 0.0]})
     with pytest.raises(InputError, match="lose rank"):

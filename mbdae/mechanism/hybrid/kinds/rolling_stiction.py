@@ -155,7 +155,11 @@ class RollingStiction(Switch):
             return STICKING
         if point.system.mode[self.index] == STICKING:
             self._set_slip_direction(point, point.lam)
-        point.system.closure_friction.directions[self.friction_index][:] = self.direction(point)
+        friction = point.system.closure_friction
+        friction.directions[self.friction_index][:] = self.direction(point)
+        if self._is_planar:
+            point.system.jacobian(point.y[: point.system.nq])
+            friction.require_tangents(self.friction_index)
         return SLIDING
 
     def enter(self, system: "Index2System", state: int) -> None:
