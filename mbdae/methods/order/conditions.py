@@ -65,7 +65,7 @@ def check_conditions(tableau: RungeKutta, max_order: int | None = None) -> Condi
         return Embedded(name, checks[2 if tableau.project_embedded else 0], *checks)
 
     at_stage = b in tableau.exact_Ahat
-    weight, own_weight = weights.sums(b), weights.last if at_stage else weights.ends(b)
+    weight, own_weight = weights.sums(b), weights.last if at_stage else weights.sums_at_end(b)
     own = _search(own_weight, trees_z, max_order - 1 if max_order else tableau.order_own + (not at_stage), tolerance)
     rows = {"b_embedded": tableau.b_embedded, "b_companion": tableau.b_companion}
     claims = ["order", "order_linear", "order_own", "order_embedded"]

@@ -72,7 +72,7 @@ class Weights:
         """Return phi or psi at the last stage."""
         return self._number(self.stages(tree), self.n - 1)
 
-    def ends(self, b: Row) -> Weight:
+    def sums_at_end(self, b: Row) -> Weight:
         """Return the function tree -> psi of z_1 = R(infinity) z_0 + sum_ij b_i w_ij Z_j.
 
         It is that of a stage whose row of Ahat is b.
