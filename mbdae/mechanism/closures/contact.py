@@ -23,7 +23,7 @@ from ...system import Array
 from ...tolerances import PARALLEL, ROUNDING
 from ..tree.frames import Pair, cross
 from .line_rows import LineRows, Lines, at_rest, unit
-from .rows import displaced, rotated
+from .rows import displaced, inner, rotated
 
 
 class ContactKinematics(NamedTuple):
@@ -82,19 +82,19 @@ class ConvexBody:
             c = R.dot(np.array(self.centre)[:, None])
             Dn = D.dot(n)
             spin = dn - rotated(w, n)
-            size = np.sqrt((n * Dn).sum())
+            size = np.sqrt(inner(n, Dn))
             dDn = rotated(w, Dn) + D.dot(spin)
             grad = Dn / size
             return ContactKinematics(
-                n, pb + c - grad, dn, vb + rotated(w, c) - (dDn - grad * ((grad * spin).sum())) / size
+                n, pb + c - grad, dn, vb + rotated(w, c) - (dDn - grad * inner(grad, spin)) / size
             )
         p, dp = pb - self.tyre * n, vb - self.tyre * dn
         if self.rim and self.axle:
             s = self.axis(pair)
-            ds, along = rotated(pair.Vb, s), (n * s).sum()
+            ds, along = rotated(pair.Vb, s), inner(n, s)
             m = n - along * s
             _require_inclined(m)
-            u, du = unit(m, dn - ((dn * s).sum() + (n * ds).sum()) * s - along * ds)
+            u, du = unit(m, dn - (inner(dn, s) + inner(n, ds)) * s - along * ds)
             p, dp = p - self.rim * u, dp - self.rim * du
         return ContactKinematics(n, p, dn, dp)
 
@@ -106,9 +106,9 @@ class ConvexBody:
             return z, dz
         d, dd = _offset(pair)
         if self.surface == "cylinder":
-            along = (z * d).sum()
-            d, dd = d - along * z, dd - along * dz - ((dz * d).sum() + (z * dd).sum()) * z
-        if not (d * d).sum():
+            along = inner(z, d)
+            d, dd = d - along * z, dd - along * dz - (inner(dz, d) + inner(z, dd)) * z
+        if not inner(d, d):
             where = "the centre of its sphere" if self.surface == "sphere" else "the axis of its cylinder"
             raise StepError("singular", f"a rolling body lies in {where}: the surface has no normal there")
         n, dn = unit(d, dd)
@@ -117,7 +117,7 @@ class ConvexBody:
     def height(self, pair: Pair) -> float:
         """Return the gap in m."""
         contact = self.contact_kinematics(at_rest(pair))
-        height = float((contact.n * (contact.p - pair.pa[:, None])).sum())
+        height = float(inner(contact.n, contact.p - pair.pa[:, None]))
         return height if self.surface == "plane" else height - self.curve
 
     def axis(self, pair: Pair) -> Array:
@@ -142,10 +142,10 @@ class ConvexBody:
         if self.surface == "cylinder":
             return unit(*cross_with_rate(z, dz, n, dn))
         w = n + z
-        if not np.sqrt((w * w).sum()).real > PARALLEL:
+        if not np.sqrt(inner(w, w)).real > PARALLEL:
             return unit(*cross_with_rate(x, dx, n, dn))
         u, du = unit(w, dn + dz)
-        along, rate = (u * x).sum(), (du * x).sum() + (u * dx).sum()
+        along, rate = inner(u, x), inner(du, x) + inner(u, dx)
         return x - 2.0 * along * u, dx - 2.0 * (rate * u + along * du)
 
 
@@ -200,5 +200,5 @@ def _offset(pair: Pair) -> tuple[Array, Array]:
 
 
 def _require_inclined(x: Array) -> None:
-    if not np.sqrt((x * x).sum()).real > PARALLEL:
+    if not np.sqrt(inner(x, x)).real > PARALLEL:
         raise StepError("singular", "the wheel lies flat: it has no lowest point")

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...system import Array
 from ..tree.frames import Pair, cross, wrench_matrix
-from .rows import AT_REST, FrameRows
+from .rows import AT_REST, FrameRows, inner
 
 
 class Lines(NamedTuple):
@@ -88,6 +88,6 @@ def at_rest(pair: Pair) -> Pair:
 
 def unit(x: Array, dx: Array) -> tuple[Array, Array]:
     """Return x/|x| and its rate, for a column x (3, 1) and its rate; supports complex steps."""
-    size = np.sqrt((x * x).sum())
+    size = np.sqrt(inner(x, x))
     e = x / size
-    return e, (dx - e * (e * dx).sum()) / size
+    return e, (dx - e * inner(e, dx)) / size

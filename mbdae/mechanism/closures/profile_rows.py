@@ -13,7 +13,7 @@ from ...system import Array
 from ..tree.frames import Pair
 from .line_rows import LineRows, Lines, at_rest
 from .profiles import PlaneCurve
-from .rows import displaced, rotated
+from .rows import displaced, inner, rotated
 
 
 class Roller(LineRows):
@@ -60,7 +60,7 @@ class FlatFace(LineRows):
 
     def residual(self, pair: Pair) -> Array:
         e, p = self.lines(at_rest(pair))[:2]
-        return np.array([(e * (pair.pb[:, None] - p)).sum()])
+        return np.array([inner(e, pair.pb[:, None] - p)])
 
     def lines(self, pair: Pair) -> Lines:
         Ra, e = pair.Ra, pair.Rb.dot(self.normal)

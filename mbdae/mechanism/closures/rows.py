@@ -156,12 +156,17 @@ class Distance(FrameRows):
         distance, n = unit_gap(pair)
         dpb = displaced(pair.Vb, pair.pb)
         dd, n = dpb - displaced(pair.Va, pair.pa), n[:, None]
-        dn = (dd - n * (n * dd).sum()) / distance
+        dn = (dd - n * inner(n, dd)) / distance
         return np.concatenate([dn, cross(dpb, n) + cross(pair.pb[:, None], dn)])
 
     def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
         _, Da, Db = line_wrench_partials(pair)
         return Da[None], Db[None]
+
+
+def inner(a: np.ndarray, b: np.ndarray) -> float:
+    """Return a . b of two columns (3, 1), real or complex: the sum of their products takes three times as long."""
+    return a.ravel().dot(b.ravel())
 
 
 def rotated(V: np.ndarray, n: np.ndarray) -> np.ndarray:

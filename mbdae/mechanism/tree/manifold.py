@@ -169,13 +169,17 @@ class Manifold:
         """Return d/ds J(x + s dx) v at s = 0, (nv,), term by term from the series."""
         out = np.zeros_like(v)
         for _, s, ad, _ in self.group_joints:
-            X, dX = ad(x[s]), ad(dx[s])
-            square, dsquare = X @ X, dX @ X + X @ dX
-            out[s] += 0.5 * (dX @ v[s])
-            term, dterm = v[s], np.zeros_like(v[s])
+            if not dx[s].any():
+                continue
+            X, dX, term = ad(x[s]), ad(dx[s]), v[s]
+            square, dsquare, dterm = X.dot(X), dX.dot(X) + X.dot(dX), np.zeros_like(term)
+            rate, small = 0.5 * dX.dot(term), BELOW_ROUNDING * np.abs(term).max()
             for b in SERIES:
-                term, dterm = square @ term, dsquare @ term + square @ dterm
-                out[s] += b * dterm
+                term, dterm = square.dot(term), dsquare.dot(term) + square.dot(dterm)
+                rate += b * dterm
+                if max(np.abs(term).max(), np.abs(dterm).max()) * abs(b) <= small:
+                    break
+            out[s] = rate
         return out
 
     def coordinate_partials(self, q: np.ndarray) -> np.ndarray:

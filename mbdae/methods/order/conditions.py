@@ -34,11 +34,10 @@ from ..tableau import Row, Tableau
 from .assumptions import assumptions
 from .condition_report import Check, ConditionReport, Embedded, Failure
 from .trees import RootedTree, iterate_y, plain_trees, trees_z
-from .weights import Weights
+from .weights import Weight, Weights
 
 MAX_PROVEN_ORDER = 5  # the highest order that is checked for a tableau without claims
 
-Weight = Callable[[RootedTree], Number]
 Trees = Callable[[int], Iterable[RootedTree]]
 
 
@@ -59,20 +58,20 @@ def check_conditions(tableau: RungeKutta, max_order: int | None = None) -> Condi
         return _search(weight, trees, max_order or highest, tolerance)
 
     def embedded(name: str, row: Row) -> Embedded:
-        unprojected, projected_weight = (lambda t: weights.sum(row, t)), _projected(weights, b, row)
+        unprojected, projected_weight = weights.sums(row), _projected(weights, b, row)
         checks = [
             search(f, trees, tableau.order) for f in (unprojected, projected_weight) for trees in (iterate_y, _linear_y)
         ]
         return Embedded(name, checks[2 if tableau.project_embedded else 0], *checks)
 
     at_stage = b in tableau.exact_Ahat
-    own_weight = weights.last if at_stage else lambda u: weights.end(b, u)
+    weight, own_weight = weights.sums(b), weights.last if at_stage else weights.sums_at_end(b)
     own = _search(own_weight, trees_z, max_order - 1 if max_order else tableau.order_own + (not at_stage), tolerance)
     rows = {"b_embedded": tableau.b_embedded, "b_companion": tableau.b_companion}
     claims = ["order", "order_linear", "order_own", "order_embedded"]
     ode = None
     if isinstance(tableau, Tableau):
-        ode = search(lambda t: weights.sum(b, t), plain_trees, tableau.order_ode + 1)
+        ode = search(weight, plain_trees, tableau.order_ode + 1)
         claims.append("order_ode")
 
     def conditions(trees: Trees, order: int) -> tuple[Check, Check | None]:
@@ -80,9 +79,6 @@ def check_conditions(tableau: RungeKutta, max_order: int | None = None) -> Condi
 
         def along_fz(normal: bool) -> Trees:
             return lambda n: (t for t in trees(n) if normal == (not t.sons_y and len(t.sons_z) == 1))
-
-        def weight(t: RootedTree) -> Number:
-            return weights.sum(b, t)
 
         if at_stage:
             return search(weight, trees, order + 1), None
@@ -118,7 +114,7 @@ def with_proven_orders(tableau: Tableau) -> Tableau:
     weights, b, tolerance = Weights(tableau), tableau.exact_b, PUBLISHED_DECIMALS if tableau.rounded else 0.0
 
     def found(row: Row, trees: Trees) -> int:
-        return _search(lambda t: weights.sum(row, t), trees, MAX_PROVEN_ORDER, tolerance).order
+        return _search(weights.sums(row), trees, MAX_PROVEN_ORDER, tolerance).order
 
     order = found(b, iterate_y)
     if not order:
@@ -142,10 +138,9 @@ def _search(weight: Weight, trees: Trees, highest: int, tolerance: float) -> Che
     for order in range(1, highest + 1):
         passed = counted
         for tree in trees(order):
-            left, right = weight(tree), 1 / tree.gamma
-            size = float(left - right)
-            if left - right and abs(size) > tolerance:
-                failure = Failure(str(tree), order, _short(left), str(right), size)
+            size = float(weight(tree) - 1 / tree.gamma)
+            if abs(size) > tolerance:
+                failure = Failure(str(tree), order, _short(weight(tree)), str(1 / tree.gamma), size)
                 return Check(order - 1, passed, largest, failure)
             counted, largest = counted + 1, max(largest, abs(size))
     return Check(highest, counted, largest, None)
@@ -161,19 +156,20 @@ def _projected(weights: Weights, b: Row, row: Row) -> Weight:
     The last term adds, for every fat son u_j of the root, the product over the other sons at (y_1, Z_n) times the
     weight of u_j in mu; by 0 = g, the weight of [u]_y, u = [t_1..]_z, is the product of those of the t_i.
     """
+    row_weight, end_weight = weights.sums(row), weights.sums(b)
 
     @cache
     def projected_weight(tree: RootedTree) -> Number:
-        value = weights.sum(row, tree)
+        value = row_weight(tree)
         for j, u in enumerate(tree.sons_z):
-            others = [weights.sum(b, t) for t in tree.sons_y]
+            others = [end_weight(t) for t in tree.sons_y]
             others += [weights.last(x) for x in tree.sons_z[:j] + tree.sons_z[j + 1 :]]
             value = value + prod(others, start=Fraction(1)) * multiplier_weight(u)
         return value
 
     @cache
     def multiplier_weight(u: RootedTree) -> Number:
-        return prod((projected_weight(t) for t in u.sons_y), start=Fraction(1)) - weights.sum(row, u)
+        return prod((projected_weight(t) for t in u.sons_y), start=Fraction(1)) - row_weight(u)
 
     return projected_weight
 

@@ -4,7 +4,9 @@ Vectors over the stages are integers over one common denominator; over Q(sqrt d)
 parts followed by its irrational ones. A sub-tree is evaluated once.
 """
 
+from collections.abc import Callable
 from fractions import Fraction
+from functools import cache
 from math import gcd, lcm, prod
 from typing import NamedTuple
 
@@ -12,6 +14,8 @@ from ..exact_numbers import Number, Surd, regular_inverse
 from ..runge_kutta import RungeKutta
 from ..tableau import Row
 from .trees import RootedTree
+
+Weight = Callable[[RootedTree], Number]
 
 
 class Vector(NamedTuple):
@@ -59,19 +63,22 @@ class Weights:
                 self._phi[tree] = self._product(factors + [self.stages(u) for u in tree.sons_z])
         return self._phi[tree]
 
-    def sum(self, row: Row, tree: RootedTree) -> Number:
-        """Return sum_i row_i phi_i(tree) or of psi_i for a fat tree, the row padded with zeros."""
-        padded = [*row, *[Fraction(0)] * (self.n - len(row))]
-        return self._number(self._apply(self._matrix([padded]), self.stages(tree)), 0)
+    def sums(self, row: Row) -> Weight:
+        """Return the function tree -> sum_i row_i phi_i, or of psi_i for a fat tree; the row is padded with zeros."""
+        matrix = self._matrix([[*row, *[Fraction(0)] * (self.n - len(row))]])
+        return cache(lambda tree: self._number(self._apply(matrix, self.stages(tree)), 0))
 
     def last(self, tree: RootedTree) -> Number:
         """Return phi or psi at the last stage."""
         return self._number(self.stages(tree), self.n - 1)
 
-    def end(self, b: Row, tree: RootedTree) -> Number:
-        """Return psi of z_1 = R(infinity) z_0 + sum_ij b_i w_ij Z_j: that of a stage whose row of Ahat is b."""
+    def sums_at_end(self, b: Row) -> Weight:
+        """Return the function tree -> psi of z_1 = R(infinity) z_0 + sum_ij b_i w_ij Z_j.
+
+        It is that of a stage whose row of Ahat is b.
+        """
         columns = zip(*self.W, strict=True)
-        return self.sum([sum((x * w for x, w in zip(b, col, strict=True)), start=Fraction(0)) for col in columns], tree)
+        return self.sums([sum((x * w for x, w in zip(b, col, strict=True)), start=Fraction(0)) for col in columns])
 
     def _memo(self, known: dict[RootedTree, Vector], matrix: "_Matrix", tree: RootedTree) -> Vector:
         if tree not in known:
@@ -96,7 +103,7 @@ class Weights:
 
     def _apply(self, matrix: "_Matrix", v: Vector) -> Vector:
         x = v.numbers
-        return _reduced([sum(a * x[j] for j, a in row) for row in matrix.rows], matrix.denominator * v.denominator)
+        return _reduced([sum([a * x[j] for j, a in row]) for row in matrix.rows], matrix.denominator * v.denominator)
 
     def _product(self, factors: list[Vector]) -> Vector:
         x, n = self._ones.numbers, self.n

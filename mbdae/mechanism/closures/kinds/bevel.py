@@ -14,7 +14,7 @@ from ...tree.frames import Pair, cross
 from ..closure import Axis, Z
 from ..fixed_axes import FixedAxisClosure
 from ..line_rows import LineRows, Lines, unit
-from ..rows import displaced, rotated, unit_axis
+from ..rows import displaced, inner, rotated, unit_axis
 
 Radii = tuple[float, float]
 
@@ -94,7 +94,7 @@ class Bevel(LineRows):
         ka, kb = pair.Ra.dot(self.a), pair.Rb.dot(self.b)
         dka, dkb = rotated(pair.Va, ka), rotated(pair.Vb, kb)
         across = cross(ka, kb)
-        if not np.sqrt((across * across).sum()).real > PARALLEL:
+        if not np.sqrt(inner(across, across)).real > PARALLEL:
             raise StepError("singular", "its axes are parallel: use kind 'gear'")
         e, de = unit(across, cross(dka, kb) + cross(ka, dkb))
         n = np.hstack([cross(e, ka), cross(kb, e), e])
