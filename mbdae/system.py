@@ -42,20 +42,10 @@ class Counts:
         """The counts by name."""
         return dict(vars(self))
 
-    def add(
-        self,
-        f: int, M: int, G: int,
-        solves: int, factorizations: int, projections: int, state_projections: int, newton: int,
-    ) -> None:  # fmt: skip
+    def add(self, *counts: int) -> None:
         """Add counts, in their order."""
-        self.f += f
-        self.M += M
-        self.G += G
-        self.solves += solves
-        self.factorizations += factorizations
-        self.projections += projections
-        self.state_projections += state_projections
-        self.newton += newton
+        for name, n in zip(vars(self), counts, strict=True):
+            vars(self)[name] += n
 
 
 class State(NamedTuple):

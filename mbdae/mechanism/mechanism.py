@@ -287,17 +287,13 @@ class Mechanism(DynamicsTerms):
         Raises:
             InputError: for wrong shapes, values that are not finite, or a state that is not consistent.
         """
-        nq, ns = self.model.nq, len(self.states)
-        y = np.zeros(nq + self.model.nv + ns + 1)
-        if ns or s is not None:
-            y[-1 - ns : -1] = list(self.states.values()) if s is None else vector(self.title, "s", s, ns)
+        s0 = np.array(list(self.states.values())) if s is None else vector(self.title, "s", s, len(self.states))
         if q is None and v is None:
-            y[:nq], y[nq : -1 - ns] = self.start_at(t)
-            return y
-        y[:nq] = self.configuration(self.start_at(t)[0] if q is None else q)
-        y[nq : -1 - ns] = self.start_at(t)[1] if v is None else vector(self.title, "v", v, self.nv)
-        require_consistent(self, y[:nq], y[nq : -1 - ns], t, gap)
-        return y
+            return np.concatenate([*self.start_at(t), s0, [0.0]])
+        q0 = self.configuration(self.start_at(t)[0] if q is None else q)
+        v0 = self.start_at(t)[1] if v is None else vector(self.title, "v", v, self.nv)
+        require_consistent(self, q0, v0, t, gap)
+        return np.concatenate([q0, v0, s0, [0.0]])
 
     def vector(self, name: str, value: object, n: int) -> Array:
         """Return a value as n finite numbers, see `mbdae.mechanism.model_settings.vector`."""

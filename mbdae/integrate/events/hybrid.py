@@ -8,7 +8,7 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import InputError, StepError
 from ...mechanism.closures.independent_rows import AMBIGUOUS_UNDERWAY
-from ...mechanism.formulations.closure_friction import smallest_slip
+from ...mechanism.formulations.friction_interface import smallest_slip
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.hybrid.active_set import select_mode
 from ...mechanism.hybrid.impact import Impact, resolve_impact

@@ -114,30 +114,18 @@ class SingularityMonitor(SingularityLocation):
         monitor.largest_ratio, monitor.last_ratio = self.largest, self.ratios[-1]
         monitor.near_singular = self.monitored_from is not None
 
-    def skip_regular_steps(self, least_pivot_ratio: Array, inspect: bool, end: bool, continues: bool) -> int:
-        """Return the number of regular steps before the first suspicious one.
+    def skip_regular_steps(self, least_pivot_ratio: Array, inspect: bool = True) -> int:
+        """Return the number of regular steps before the first suspicious one, given their smallest pivot ratios.
 
-        Args:
-            least_pivot_ratio: smallest pivot ratios of the steps, (n,).
-            inspect: whether to inspect them; if not, the core has found all of them regular.
-            end: whether the run ends with the last one: then it is left to `inspect`, unless its ratio is large.
-            continues: whether the run continues beyond this end.
+        Without ``inspect``, the core has found all of them regular.
         """
-        if self.monitored_from is not None:
-            return 0
         new = np.sqrt(least_pivot_ratio)
-        if not inspect:
-            ratios = new.tolist()
-            self.largest = max(self.largest, *ratios)
-            if end and ratios[-1] < SUSPICIOUS_RATIO * self.largest:
-                del ratios[-1]
-            elif end and not continues:  # as in `_inspect_end`
-                ratios.append(ratios[-1])
-            self.ratios += ratios
-            return min(len(ratios), len(new))
-        new = new[: len(new) - end]
-        if not len(new):
+        if self.monitored_from is not None or not len(new):
             return 0
+        if not inspect:
+            self.ratios += new.tolist()
+            self.largest = max(self.largest, float(new.max()))
+            return len(new)
         largest = np.maximum(np.maximum.accumulate(new), self.largest)
         ratios = np.concatenate([[0.0], self.ratios[-2:], new])  # 0: there is no step before the first one
         earlier, before = ratios[-len(new) - 2 : -2], ratios[-len(new) - 1 : -1]

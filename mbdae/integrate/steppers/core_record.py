@@ -96,8 +96,7 @@ class _CoreSteps:
         while i < n:
             regular = n - i
             if monitor and not self.unchecked:
-                ratios, continues = self.least_pivot_ratio[i:n], self.run.continues
-                regular = monitor.skip_regular_steps(ratios, self.suspicious, end, continues)
+                regular = monitor.skip_regular_steps(self.least_pivot_ratio[i : n - end], self.suspicious)
             if regular:
                 self._extend(i, i + regular)
                 i += regular

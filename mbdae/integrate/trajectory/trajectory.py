@@ -16,7 +16,7 @@ from ... import backend
 from ...errors import InputError, StepError
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.discrete_sensitivity.point_sensitivity import PointSensitivity
-from ...mechanism.formulations.closure_friction import smallest_slip
+from ...mechanism.formulations.friction_interface import smallest_slip
 from ...methods import method_from_settings
 from ...methods.runge_kutta import RungeKutta
 from ...solution.sampling import set_slip_directions

@@ -145,8 +145,8 @@ class ConvexBody:
         if not np.sqrt(inner(w, w)).real > PARALLEL:
             return unit(*cross_with_rate(x, dx, n, dn))
         u, du = unit(w, dn + dz)
-        along, rate = inner(u, x), inner(du, x) + inner(u, dx)
-        return x - 2.0 * along * u, dx - 2.0 * (rate * u + along * du)
+        along, change = inner(u, x), inner(du, x) + inner(u, dx)
+        return x - 2.0 * along * u, dx - 2.0 * (change * u + along * du)
 
 
 class ContactHeightRow(LineRows):

@@ -29,20 +29,9 @@ from ..forces.coulomb_friction import CoulombFriction
 from .friction_interface import CLEAR_SLIP, ROTATIONAL, FrictionInterface, unit_direction
 
 if TYPE_CHECKING:
-    from ..mechanism import Mechanism
     from .index2 import Index2System
 
 ITERATIONS = 50
-SLIP_ERROR = 3.0  # times rtol and the characteristic speed: errors of a run rotate slower slips
-
-
-def smallest_slip(mechanism: "Mechanism", rtol: float) -> float:
-    """Return the speed in m/s below which a slip has no direction in a run with this tolerance, 0 for rounding alone.
-
-    A slip in two directions comes to rest along the other forces, to which it rotates at the rate F / (m |v|): error
-    control does not resolve this rotation where |v| is as small as the errors.
-    """
-    return max(ZERO_SPEED, SLIP_ERROR * rtol) * mechanism.characteristic_speed
 
 
 class ClosureFriction:
@@ -185,7 +174,8 @@ class ClosureFriction:
         """
         p = self.interfaces[k]
         if np.linalg.norm(self.constraints.W[:3, p.rows.start] + p.pair.Ra[:, 2]) <= PARALLEL:
-            where = f"the normal is -z of frame {p.closure.frames[0]!r}, and tangents are undefined: rotate this frame"
+            frame = (p.closure.frames or ("",))[0]
+            where = f"the normal is -z of frame {frame!r}, and tangents are undefined: rotate this frame"
             raise StepError("singular", f"{p.closure.name!r} begins to slide where {where}")
 
     def is_clear(self, speed: float) -> bool:

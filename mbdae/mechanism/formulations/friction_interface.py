@@ -1,12 +1,12 @@
 """One friction interface: direction and speed of slip."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ...data_types import CoreData
 from ...system import Array
-from ...tolerances import TINY
+from ...tolerances import TINY, ZERO_SPEED
 from ..closures.closure import Closure, Z
 from ..closures.contact import ContactHeightRow
 from ..closures.line_rows import at_rest
@@ -14,9 +14,22 @@ from ..closures.rows import unit_axis
 from ..forces.coulomb_friction import CoulombFriction
 from ..tree.frames import Pair, cross
 
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
 ROTATIONAL = ("revolute", "spherical")  # friction torques, in a bearing with a radius
 CLEAR_SLIP = 10.0  # times the speed below which a slip has no direction: above, it is no rounding error
+SLIP_ERROR = 3.0  # times rtol and the characteristic speed: errors of a run rotate slower slips
 MIN_COSINE = 0.7  # of the rotation of a slip within one step: below, its direction is not reliable
+
+
+def smallest_slip(mechanism: "Mechanism", rtol: float) -> float:
+    """Return the speed in m/s below which a slip has no direction in a run with this tolerance, 0 for rounding alone.
+
+    A slip in two directions comes to rest along the other forces, to which it rotates at the rate F / (m |v|): error
+    control does not resolve this rotation where |v| is as small as the errors.
+    """
+    return max(ZERO_SPEED, SLIP_ERROR * rtol) * mechanism.characteristic_speed
 
 
 class FrictionInterface(NamedTuple):
