@@ -27,6 +27,7 @@ from ...solution.problem import mechanism_of
 from ...solution.provenance import versions
 from ...solution.signal_value import SignalValue, find_point_signal
 from ...solution.signals import units
+from ...system import Array
 from ...tolerances import AGREEMENT
 from .core_file import core_data, count_indicators, native_system, output_data, plain_json, require_exportable, run_data
 from .model_description import KINDS, FmuDescription, Variable, event_indicators
@@ -131,7 +132,13 @@ def export(
     cells = simulator.inputs.cells
     chosen = _checked_names("input", cells if inputs is None else inputs, cells)
     named = _outputs(mech, outputs, kinds)
-    effects = parameter_effects(simulator.inputs, _checked_names("parameter", parameters, None), system.native)
+
+    def start_of(other: Mechanism) -> Array:
+        begun = Simulator(other, record=False, backend="native", **settings)
+        return np.concatenate([begun.mode, begun.q, begun.v, begun.s])
+
+    varied = _checked_names("parameter", parameters, None)
+    effects = parameter_effects(simulator.inputs, varied, system.native, start_of)
     states = _states(mech, kinds)
     data = core_data(native_system(simulator.mechanism, system.native)) | run_data(simulator, system)
     by_rate = simulator.inputs.by_rate

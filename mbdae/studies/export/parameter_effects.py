@@ -1,6 +1,6 @@
 """How the data of a mechanism depend on its parameters: a number of the data is linear in each of them, or constant."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import ModuleType
 from typing import NamedTuple
 
@@ -8,9 +8,11 @@ import numpy as np
 
 from ...data_types import CoreData
 from ...errors import InputError
+from ...mechanism import Mechanism
 from ...mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
 from ...mechanism.inputs import Inputs
-from ...tolerances import SOLUTION_ROUNDING
+from ...system import Array
+from ...tolerances import SAME_STATE, SOLUTION_ROUNDING
 from .core_file import core_data, native_system, numbers_of
 
 STEPS = (0.25, 0.5)  # of a parameter, or of 1: where linear dependence is verified
@@ -36,12 +38,21 @@ class ParameterEffects(NamedTuple):
         return {"value": self.value, "effects": [{"path": list(p), "by": x} for p, x in self.effects.items()]}
 
 
-def parameter_effects(inputs: Inputs, names: Sequence[str], native: ModuleType) -> dict[str, ParameterEffects]:
+def parameter_effects(
+    inputs: Inputs, names: Sequence[str], native: ModuleType, start_of: Callable[[Mechanism], Array]
+) -> dict[str, ParameterEffects]:
     """Return the parameters of these dotted names.
+
+    Args:
+        inputs: of the mechanism.
+        names: of the parameters.
+        native: the compiled core.
+        start_of: returns the mode and the point at which a simulation begins, which the data keep.
 
     Raises:
         UnknownNameError: for an unknown name.
-        InputError: for parameters on which the data do not depend linearly, each alone and all together.
+        InputError: for parameters on which the data do not depend linearly, each alone and all together, or on which
+            the start depends.
     """
     if not names:
         return {}
@@ -53,12 +64,16 @@ def parameter_effects(inputs: Inputs, names: Sequence[str], native: ModuleType) 
         found = numbers_of(core_data(native_system(made, native)))
         return {path: x for path, x in found.items() if not any(part in KEPT for part in path[:2])}
 
-    start, out, shifts = data({}), {}, {}
+    start, out, shifts, begin = data({}), {}, {}, start_of(inputs.original)
     for name, value in values.items():
         first, second = (step * (abs(value) or 1.0) for step in STEPS)
         near, far = data({name: value + first}), data({name: value + second})
         by = _effects_of(name, start, near, first)
         _require_linear(name, start, far, {path: second * x for path, x in by.items()})
+        other = start_of(template.make({**values, name: value + first}))
+        if np.abs(other - begin).max() > SAME_STATE * (1 + np.abs(begin).max()):
+            text = f"parameter {name!r} changes the start, by assembly or an impact: it cannot be exported"
+            raise InputError(text)
         out[name], shifts[name] = ParameterEffects(value, by), first
     if len(names) > 1:
         total: dict[Path, float] = {}

@@ -84,6 +84,21 @@ def test_a_parameter_that_is_not_linear(tmp_path):
         mbdae.export(mbdae.load("four_bar"), tmp_path / "x.fmu", parameters=["joint.rocker.rpy.2"])
 
 
+def test_a_parameter_on_which_the_start_depends(tmp_path):
+    """A cart runs against a clutch that pushes another one: the impact at the start depends on the masses."""
+    carts = "".join(
+        f'[[body]]\nname = "{x}"\nparent = "world"\njoint = "prismatic"\naxis = [1, 0, 0]\nmass = 1.0\n' for x in "ab"
+    )
+    clutch = '[[clutch]]\nname = "push"\njoints = ["a", "b"]\ndirection = -1\n'
+    (tmp_path / "carts.toml").write_text(f"{carts}{clutch}[start]\nv = {{ a = 1.0 }}\n")
+    mech = mbdae.load(tmp_path / "carts.toml")
+    text = "parameter 'body.a.mass' changes the start, by assembly or an impact: it cannot be exported"
+    with pytest.raises(InputError, match=text):
+        mbdae.export(mech, tmp_path / "x.fmu", parameters=["body.a.mass"])
+    at_rest = {"q": np.zeros(2), "v": np.zeros(2)}
+    assert mbdae.export(mech, tmp_path / "x.fmu", parameters=["body.a.mass"], **at_rest).parameters == ("body.a.mass",)
+
+
 def test_the_command_writes_it(tmp_path):
     path = tmp_path / "press.fmu"
     code, out, _ = call(
