@@ -101,7 +101,7 @@ EVERY = (
     "solve four_bar -t 0.5 -o run.npz",
     "drift run.npz",
     "drift run.npz run.npz",
-    "order hessenberg_a -m herk1",
+    "order hessenberg_a -m herk1 -t 0.2",
     "check-gradients pendulum -m herk2 -t 0.2 --steps 10",
     "compare pendulum -t 0.1 -m pherk5,herk3 --rtol 1e-3 --repeats 1",
     "report pendulum -t 0.2 -m ggl:herk3 --rtol 1e-4 --repeats 1 -o report.html",
