@@ -45,8 +45,9 @@ BRIEF = {  # options of commands whose output is not shown: they end by themselv
     "periodic-branch simplest_walker": ("--rtol", "1e-8"),
     "order hessenberg_a": ("-t", "0.2"), "atlas": ("--rtol", "1e-3", "--refinements", "1"),
 }  # fmt: skip
-COARSE = {  # resolution of replays
-    "replay.MIN_FRAMES": 5, "replay.MAX_FRAMES": 9, "plot_panels.POINTS": 50, "html_page.COMPRESSION_LEVEL": 0,
+COARSE = {  # resolution of studies
+    "replay.replay.MIN_FRAMES": 5, "replay.replay.MAX_FRAMES": 9, "replay.plot_panels.POINTS": 50,
+    "replay.html_page.COMPRESSION_LEVEL": 0, "statics.equilibria.POINTS": 61,
 }  # fmt: skip
 OUTSIDE = ("python3", "pip", ".", "pytest", "python")  # commands of sh blocks that are not run here
 
@@ -106,7 +107,7 @@ def run_block(block: Block, names: dict, monkeypatch) -> None:
 def test_blocks(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for constant, value in COARSE.items():
-        monkeypatch.setattr(f"mbdae.studies.replay.{constant}", value)
+        monkeypatch.setattr(f"mbdae.studies.{constant}", value)
     names: dict = {"__name__": "page"}
     files = [file[1] for block in blocks(page) if (file := FILE.match(block.code))]
     assert all(sum(block.code.count(file) for block in blocks(page)) > 1 for file in files), "a file that nothing reads"

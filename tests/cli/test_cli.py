@@ -115,6 +115,7 @@ def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeyp
     assert {arguments.split()[0] for arguments in every} == set(cli.commands)
     (tmp_path / "sweep.toml").write_text('model = "pendulum"\nend = 0.1\n[grid]\nsolve.rtol = [1e-3, 1e-6]\n')
     monkeypatch.setenv("FORCE_COLOR", "1")  # as on machines that run tests
+    monkeypatch.setattr("mbdae.studies.statics.equilibria.POINTS", 61)
     for arguments in every:
         results = []
         for more in ([], ["--json"]):
