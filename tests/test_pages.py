@@ -39,10 +39,15 @@ BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.S | re.M)
 FILE = re.compile(r"(?:#|<!--) (\S+\.(?:toml|py|urdf|xml))( -->)?\n")
 TEXT = {page: (ROOT / page).read_text() for page in PAGES}
 BRIEF = {  # options of commands whose output is not shown: they end by themselves, and take no times of whole runs
-    "live": ("--seconds", "0.5"), "compare": ("--repeats", "0"), "compare four_bar": ("-t", "0.1"),
+    "live": ("--seconds", "0.5"), "compare": ("--repeats", "0"), "compare four_bar": ("-t", "0.02"),
     "solve four_bar -t 10 ": ("-t", "1"),
     "periodic woodpecker": ("--help",),  # test_woodpecker_cycle runs it
     "periodic-branch simplest_walker": ("--rtol", "1e-8"),
+    "order hessenberg_a": ("-t", "0.2"), "atlas": ("--rtol", "1e-3", "--refinements", "1"),
+}  # fmt: skip
+COARSE = {  # resolution of studies
+    "replay.replay.MIN_FRAMES": 5, "replay.replay.MAX_FRAMES": 9, "replay.plot_panels.POINTS": 50,
+    "replay.html_page.COMPRESSION_LEVEL": 0, "statics.equilibria.POINTS": 61,
 }  # fmt: skip
 OUTSIDE = ("python3", "pip", ".", "pytest", "python")  # commands of sh blocks that are not run here
 
@@ -101,6 +106,8 @@ def run_block(block: Block, names: dict, monkeypatch) -> None:
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)])
 def test_blocks(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    for constant, value in COARSE.items():
+        monkeypatch.setattr(f"mbdae.studies.{constant}", value)
     names: dict = {"__name__": "page"}
     files = [file[1] for block in blocks(page) if (file := FILE.match(block.code))]
     assert all(sum(block.code.count(file) for block in blocks(page)) > 1 for file in files), "a file that nothing reads"

@@ -94,9 +94,7 @@ def _all_signals(mech: Mechanism) -> dict[str, SignalValue]:
         out[f"force.{name}"] = SignalValue("force", rows=tuple(rows))
         out[f"torque.{name}"] = SignalValue("torque", rows=tuple(mech.rows_of(name)))
     out |= _contact_forces(mech)
-    for name in moving_frames(mech):
-        frame = frame_index(mech.model, name)
-        out |= {f"position.{name}.{axis}": SignalValue("position", i, rows=(frame,)) for i, axis in enumerate("xyz")}
+    out |= _positions(mech)
     out |= {f"effort.{name}": SignalValue("lam", rows=(i,)) for name, i in effort_rows(mech).items()}
     out |= {f"gap.{s.name}": SignalValue("gap", s.index) for s in mech.switches if isinstance(s, Unilateral)}
     reactions = reaction_units(mech)
@@ -120,6 +118,15 @@ def _coordinates(mech: Mechanism) -> dict[str, SignalValue]:
         rates = [j.idx_v + k if j.nq == j.nv else -1 for k in range(j.nq)]
         q |= {f"q.{name}{x}": SignalValue("y", j.idx_q + k, rates[k]) for k, x in enumerate(of_q)}
     return q | v
+
+
+def _positions(mech: Mechanism) -> dict[str, SignalValue]:
+    """Positions of all frames."""
+    out: dict[str, SignalValue] = {}
+    for name in moving_frames(mech):
+        frame = frame_index(mech.model, name)
+        out |= {f"position.{name}.{axis}": SignalValue("position", i, rows=(frame,)) for i, axis in enumerate("xyz")}
+    return out
 
 
 def _contact_forces(mech: Mechanism) -> dict[str, SignalValue]:
@@ -155,7 +162,8 @@ def find_point_signal(mech: Mechanism, name: str) -> SignalValue:
         InputError: for a signal of a whole run, the mode or the impulses of a switch.
     """
     require(name, str, "a signal is given by its name")
-    if mech not in _KNOWN and name in (own := _coordinates(mech)):  # all signals take longer than all else of a load
+    alike = _positions if name.startswith("position.") else _coordinates
+    if mech not in _KNOWN and name in (own := alike(mech)):  # all signals take longer than all else of a load
         return own[name]
     known = signal_values(mech)
     found = find_signal(mech, name, known)
