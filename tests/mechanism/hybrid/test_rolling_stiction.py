@@ -25,11 +25,11 @@ def ball(angle=0.0, **friction):
     return Mechanism(model, [floor], [CoulombFriction(closure="floor", coefficient=MU, **friction)])
 
 
-def slide_down_a_ball(backend):
+def slide_on_a_ball(backend, angle=0.6):
     """Return the solution of a ball that slides down a fixed one of radius 0.9 m, and the angles of its path."""
     near = ball(exact=True)
     top = Closure.rolling("world", "centre", radius=R, surface="sphere", surface_radius=1.0 - R, name="floor")
-    s, c = np.sin(0.6), np.cos(0.6)
+    s, c = np.sin(angle), np.cos(angle)
     start = {"guess": {"ball": [s, 0, c, 0, 0, 0, 1]}, "guess_v": {"ball": [1.5 * c, 0, -1.5 * s, 0, 0, 0]}}
     sol = mbdae.solve(Mechanism(near.model, [top], near.forces, start=start), (0, 0.06), rtol=1e-9, backend=backend)
     return sol, np.arctan2(sol.q[:, 0], sol.q[:, 2])
@@ -134,13 +134,20 @@ def test_a_block_launched_across_an_incline_comes_to_rest(ratio, method, rtol, b
 
 def test_a_ball_slides_down_a_ball(back_end):
     """(w^2)' = 2 g (sin p - mu cos p) + 2 mu w^2 over the angle p, on a circle of 1 m; tangents vary continuously."""
-    sol, p = slide_down_a_ball(back_end)
+    sol, p = slide_on_a_ball(back_end)
     assert [m for _, m in sol.modes] == [(2,)]
     assert p[0] < np.arccos(0.8) < p[-1]
     a = GRAVITY * (4 * MU**2 - 2) / (1 + 4 * MU**2)
     particular = a * np.cos(p) + 2 * MU * (a - GRAVITY) * np.sin(p)
     squares = particular + (1.5**2 - particular[0]) * np.exp(2 * MU * (p - p[0]))
     assert (sol.v[:, :3] ** 2).sum(1) == pytest.approx(squares, rel=1e-8)
+
+
+def test_no_slip_begins_where_tangents_are_undefined():
+    """Its direction would be another one along the tangents of the next step: a wrong friction without a message."""
+    sol, _ = slide_on_a_ball("native", np.pi)
+    assert (sol.status, len(sol.t)) == ("singular", 1)
+    assert "'floor grip' begins to slide where the normal is -z of its first frame" in sol.message
 
 
 def test_the_guard_of_a_slip_keeps_its_first_direction():
