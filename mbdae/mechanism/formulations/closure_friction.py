@@ -20,7 +20,7 @@ import numpy as np
 from ...data_types import CoreData
 from ...errors import InputError, StepError, UnknownNameError
 from ...system import Array
-from ...tolerances import PARALLEL, ROUNDING, SOLUTION_ROUNDING, TINY, ZERO_SPEED
+from ...tolerances import ROUNDING, SOLUTION_ROUNDING, TINY, ZERO_SPEED
 from ..closures.closure import Closure, kinds_of
 from ..closures.constraints import Constraints
 from ..closures.independent_rows import minimum_norm
@@ -165,18 +165,6 @@ class ClosureFriction:
                 moving &= self.is_clear(size)
                 self.directions[k][:] = slip / size if self.is_clear(size) else self.directions[k]
         return moving
-
-    def require_tangents(self, k: int) -> None:
-        """Require continuous tangents at a contact: slip directions have components along them. G must be current.
-
-        Raises:
-            StepError: opposite to the z axis of a sphere.
-        """
-        p = self.interfaces[k]
-        if np.linalg.norm(self.constraints.W[:3, p.rows.start] + p.pair.Ra[:, 2]) <= PARALLEL:
-            frame = (p.closure.frames or ("",))[0]
-            where = f"the normal is -z of frame {frame!r}, and tangents are undefined: rotate this frame"
-            raise StepError("singular", f"{p.closure.name!r} begins to slide where {where}")
 
     def is_clear(self, speed: float) -> bool:
         """Return whether the speed of a slip is no error of rounding or of the run."""

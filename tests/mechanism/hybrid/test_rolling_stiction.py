@@ -165,7 +165,7 @@ def test_no_slip_begins_where_tangents_are_undefined():
     """Its direction would be another one along the tangents of the next step: a wrong friction without a message."""
     sol, _ = slide_on_a_ball("native", np.pi)
     assert (sol.status, len(sol.t)) == ("singular", 1)
-    assert "'floor' begins to slide where the normal is -z of frame 'world'" in sol.message
+    assert "'floor grip' begins to slide where the normal is -z of its first frame" in sol.message
 
 
 def test_the_guard_of_a_slip_keeps_its_first_direction():

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....tolerances import COINCIDENT
+from ....errors import StepError
+from ....tolerances import COINCIDENT, PARALLEL
 from ...forces.coulomb_friction import CoulombFriction
 from ..switch import CandidateRow, Guard, PointFunction, Switch
 
@@ -155,12 +156,22 @@ class RollingStiction(Switch):
             return STICKING
         if point.system.mode[self.index] == STICKING:
             self._set_slip_direction(point, point.lam)
-        friction = point.system.closure_friction
-        friction.directions[self.friction_index][:] = self.direction(point)
+        point.system.closure_friction.directions[self.friction_index][:] = self.direction(point)
         if self._is_planar:
-            point.system.jacobian(point.y[: point.system.nq])
-            friction.require_tangents(self.friction_index)
+            self._require_tangents(point.system, point.y)
         return SLIDING
+
+    def _require_tangents(self, system: "Index2System", y: "Array") -> None:
+        """Require continuous tangents at a contact: slip directions have components along them.
+
+        Raises:
+            StepError: opposite to the z axis of a sphere.
+        """
+        system.jacobian(system.split(y)[0])
+        surface = system.closure_friction.interfaces[self.friction_index].pair
+        if np.linalg.norm(system.constraints.W[:3, self.normal] + surface.Ra[:, 2]) <= PARALLEL:
+            where = "the normal is -z of its first frame, and tangents are undefined: rotate this frame"
+            raise StepError("singular", f"{self.name!r} begins to slide where {where}")
 
     def enter(self, system: "Index2System", state: int) -> None:
         system.closure_friction.active[self.friction_index] = state == SLIDING
