@@ -2,6 +2,7 @@
 
 import numpy as np
 from chains import random_q, tree
+from shared import shared_model
 
 import mbdae
 from mbdae import Closure, Mechanism
@@ -25,7 +26,7 @@ def start_of(mech):
 
 
 def model(name):
-    return free_loop() if name == "free_loop" else mbdae.load(name)
+    return free_loop() if name == "free_loop" else shared_model(name)
 
 
 def run(mech, T, **options):

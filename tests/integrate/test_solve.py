@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from chains import rod, tree
+from shared import shared_model
 
 import mbdae
 from mbdae import Closure, MbdaeError, Mechanism, Solution
@@ -17,7 +18,7 @@ T = 0.4  # s
 
 @pytest.fixture(scope="module")
 def four_bar():
-    return mbdae.load("four_bar")
+    return shared_model("four_bar")
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ import driven
 import numpy as np
 import pytest
 from scipy.optimize import fsolve
+from shared import shared_model
 
 import mbdae
 from mbdae.errors import InputError
@@ -24,13 +25,13 @@ ROUNDING = 1e-13
 
 @cache
 def reference(name):
-    return mbdae.solve(mbdae.load(name), (0, SPANS[name]), method="pherk6", step=SPANS[name] / 400)
+    return mbdae.solve(shared_model(name), (0, SPANS[name]), method="pherk6", step=SPANS[name] / 400)
 
 
 @pytest.mark.parametrize("name", SPANS)
 @pytest.mark.parametrize("used", [*NAMES, "alpha0.5"])
 def test_order_2_of_q_v_and_multipliers(name, used):
-    mech, best, errors = mbdae.load(name), reference(name), []
+    mech, best, errors = shared_model(name), reference(name), []
     for n in (80, 160):
         sol = mbdae.solve(mech, (0, SPANS[name]), method=used, step=SPANS[name] / n)
         at = slice(n // 4, None, n // 4)
@@ -84,7 +85,7 @@ def independent(rho, h, n):
 @pytest.mark.parametrize("rho", [0.0, 0.6, 1.0])
 def test_an_independent_implementation_agrees(rho):
     q, v = {"ball": [-0.6, 0.0, -0.8]}, {"ball": [0.8, 0.0, -0.6]}
-    mech = mbdae.load("pendulum")
+    mech = shared_model("pendulum")
     sol = mbdae.solve(mech, (0, 0.4), *mech.assemble(q, v), method=f"alpha{rho}", step=0.02)
     assert np.abs(sol.q - independent(rho, 0.02, 20)).max() < 1e-9
 
@@ -96,7 +97,7 @@ def test_steps_are_those_of_exudyn(rho, speed):
     pytest.importorskip("exudyn", reason="exudyn is not installed: pip install 'mbdae[crosscheck]'")
     from crosscheck_exudyn import four_bar_tree
 
-    mech, h, n = mbdae.load("four_bar"), 0.01, 50
+    mech, h, n = shared_model("four_bar"), 0.01, 50
     q, v = mech.assemble(None, {"crank": speed})
     angles, speeds, rates, force = four_bar_tree(q, v, h, n, rho)
     system, y = mech.system(), mech.point(q, v)
@@ -116,7 +117,7 @@ def test_steps_are_those_of_exudyn(rho, speed):
 @pytest.mark.parametrize("name", ["alpha", "alpha0.5", "hht"])
 def test_errors_and_steps_follow_the_tolerance(name, backend):
     """The errors are proportional to rtol, so numbers of steps to rtol^-1/2, and few steps are rejected."""
-    mech, best, steps = mbdae.load("four_bar"), reference("four_bar"), []
+    mech, best, steps = shared_model("four_bar"), reference("four_bar"), []
     for rtol in (1e-3, 1e-4):
         sol = mbdae.solve(mech, (0, 0.5), method=name, rtol=rtol, atol=rtol, backend=backend)
         assert sol.stats["backend"] == backend
@@ -137,7 +138,7 @@ def test_controlled_steps_of_both_back_ends(name):
 
 
 def test_the_error_estimate_is_the_difference_to_the_explicit_step():
-    mech, m, h = mbdae.load("double_pendulum"), METHODS["alpha"], 1e-3
+    mech, m, h = shared_model("double_pendulum"), METHODS["alpha"], 1e-3
     system, y, (q, v) = mech.system(), mech.point(), mech.start
     F = system.derivative(0.0, y)[0][mech.nv :]
     step = m.controlled_step(system, 0.0, h, State(y, np.concatenate([F, F, [h]])))
@@ -182,7 +183,7 @@ def test_controllers_with_states():
 
 
 def test_another_step_size_keeps_the_order():
-    mech, best, errors = mbdae.load("four_bar"), reference("four_bar"), []
+    mech, best, errors = shared_model("four_bar"), reference("four_bar"), []
     for n in (60, 120):
         stops = np.array([0.4]) * SPANS["four_bar"] + 0.37 * SPANS["four_bar"] / n  # off the grid
         sol = mbdae.solve(mech, (0, SPANS["four_bar"]), method="alpha0.2", step=SPANS["four_bar"] / n, jumps=stops)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae.methods.controller import Controller, error_norm
@@ -65,7 +66,7 @@ def test_steps_change_within_limits():
 
 @pytest.mark.usefixtures("back_end")
 def test_a_step_that_a_jump_cuts_short_is_not_the_size_of_the_next():
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     plain = mbdae.solve(mech, (0, 1), rtol=1e-6)
     middle = len(plain.t) // 2
     cut = mbdae.solve(mech, (0, 1), rtol=1e-6, jumps=[plain.t[middle] + 1e-7])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae.hermite import fit, nodes, powers, refine
@@ -37,7 +38,7 @@ def test_each_sweep_raises_the_order_by_one(sweeps):
 @pytest.mark.parametrize("order", [4, 5, 6, 7])
 def test_a_step_of_a_mechanism_is_read_at_the_wanted_order(order):
     """Errors of v decrease as h^(order + 1), those of q by one more, between points and rates of a tight reference."""
-    mech, t, errors = mbdae.load("pendulum"), 0.3, []
+    mech, t, errors = shared_model("pendulum"), 0.3, []
     for h in (0.1, 0.05):
         times = [t, t + 0.4 * h, t + h]
         y0, y, y1 = mbdae.solve(mech, (0, t + h), method="pherk6", step=0.0025, t_eval=times).y
@@ -62,7 +63,7 @@ def test_between_steps_the_order_is_that_of_the_steps(method, steps):
 
 @pytest.mark.parametrize("order", range(3, 10))
 def test_problems_offer_every_order(order):
-    for problem, method in ((TEXTBOOK["hessenberg_a"](), "pherk5"), (mbdae.load("four_bar"), "pherk6")):
+    for problem, method in ((TEXTBOOK["hessenberg_a"](), "pherk5"), (shared_model("four_bar"), "pherk6")):
         sol = mbdae.solve(problem, (0, 1), method=method, rtol=1e-8)
         exact = sol.point(0.5123)
         sol.settings["dense_order"] = order

@@ -7,6 +7,7 @@ import pytest
 from chains import random_q, tree
 from motions import distance, model, run
 from scipy.integrate import DOP853
+from shared import shared_model
 
 import mbdae
 from mbdae import Mechanism
@@ -97,11 +98,11 @@ def test_controlled_runs_agree_with_index2(name):
 
 def test_work_is_fewer_evaluations_than_scipys_for_the_same_steps():
     """The evaluation at the end of a step is reused by the next one."""
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     sol = run(mech, 1.0, method="dop853", formulation="index1", step=0.05)
     assert sol.stats["solves"] == 12 * sol.stats["steps"] + 1
 
 
 def test_it_is_no_method_of_index2():
     with pytest.raises(mbdae.MbdaeError, match="'dop853' belongs to formulation 'index1'"):
-        mbdae.solve(mbdae.load("four_bar"), (0, 1), method="dop853")
+        mbdae.solve(shared_model("four_bar"), (0, 1), method="dop853")

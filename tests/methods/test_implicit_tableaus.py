@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from commands import call
+from shared import shared_model
 
 import mbdae
 from mbdae.errors import InputError
@@ -139,7 +140,7 @@ T = 0.22  # s
 @cache
 def reference(model):
     """q, v and lam at five times."""
-    best = mbdae.solve(mbdae.load(model), (0, T), method="pherk6", step=T / 400)
+    best = mbdae.solve(shared_model(model), (0, T), method="pherk6", step=T / 400)
     return tuple(x[::100] for x in (best.q, best.v, best.lam))
 
 
@@ -149,7 +150,7 @@ def reference(model):
 @every
 def test_orders_on_mechanisms(name, model, formulation):
     """Bricard's mechanism has a redundant row; positions may be more accurate than claimed."""
-    mech, m, (q, v, lam) = mbdae.load(model), METHODS[name], reference(model)
+    mech, m, (q, v, lam) = shared_model(model), METHODS[name], reference(model)
     errors = []
     steps = 32 if name == "sdirk2" else 8  # its z reaches its order late
     for n in (steps, 2 * steps):
@@ -164,7 +165,7 @@ def test_orders_on_mechanisms(name, model, formulation):
 
 
 def test_back_ends_agree():
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     for name in ("lobatto_iiic3", "sdirk2"):
         ends = [mbdae.solve(mech, (0, 0.4), method=name, step=0.02, backend=b) for b in ("native", "python")]
         assert [sol.stats["backend"] for sol in ends] == ["native", "python"]
@@ -219,6 +220,6 @@ def test_rejections():
     code, _, err = call("solve", "four_bar", "-m", "gauss2")
     assert code != 0
     assert err == "mbdae: method 'gauss2' takes fixed steps: give a step\n"
-    sol = mbdae.solve(mbdae.load("four_bar"), (0, 0.1), method="sdirk2", step=0.01)
+    sol = mbdae.solve(shared_model("four_bar"), (0, 0.1), method="sdirk2", step=0.01)
     with pytest.raises(InputError, match="derivatives of runs are those of half-explicit methods and Radau IIA"):
         mbdae.sensitivity(sol, start=True)

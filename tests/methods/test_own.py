@@ -4,6 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae import Tableau
@@ -40,7 +41,7 @@ def test_claims_that_are_left_out_are_proven(name):
 def test_a_run_with_it_is_saved_whole(ralston, back, tmp_path):
     if back == "native" and mbdae.backend.load() is None:
         pytest.skip("there is no core")
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     sol = mbdae.solve(mech, (0, 0.2), method=ralston, step=0.01, backend=back)
     again = mbdae.solve(mech, (0, 0.2), method="herk2", step=0.01, backend=back)
     assert np.abs(sol.y[-1] - again.y[-1]).max() > 1e-9
@@ -54,7 +55,7 @@ def test_a_run_with_it_is_saved_whole(ralston, back, tmp_path):
 @pytest.mark.usefixtures("forked_workers")
 def test_studies_take_it(ralston, tmp_path):
     (tmp_path / "mine.toml").write_text(RALSTON)
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     study = mbdae.order(mech, [ralston])
     assert study.holds
     assert list(study.orders) == ["ralston3"]
@@ -78,7 +79,7 @@ def test_wrong_ones_are_rejected(tmp_path):
     with pytest.raises(InputError, match="a row has more than 1 entries"):
         Tableau("a", A=((),), b=("1/2", "1/2"))
     with pytest.raises(InputError, match="'rk4' is the name of a method of mbdae"):
-        mbdae.solve(mbdae.load("pendulum"), (0, 1), method=Tableau("rk4", A=((),), b=("1",)))
+        mbdae.solve(shared_model("pendulum"), (0, 1), method=Tableau("rk4", A=((),), b=("1",)))
     for text, words in (
         ("name = 1\nA = [[]]\nb = [1]", "a name is a text"),
         ("name = 'a'\nA = [[]]\nb = [1]\norder = -1", "'a': order is a whole number, not negative, got -1"),
@@ -100,6 +101,6 @@ def test_wrong_ones_are_rejected(tmp_path):
     with pytest.raises(InputError, match=r"^\S*mine.toml: a name is a text of one line"):
         read_tableau(tmp_path / "mine.toml")
     with pytest.raises(InputError, match="cannot read"):
-        mbdae.order(mbdae.load("pendulum"), ["gone.toml"])
+        mbdae.order(shared_model("pendulum"), ["gone.toml"])
     with pytest.raises(UnknownNameError, match="unknown method"):
-        mbdae.order(mbdae.load("pendulum"), ["gone"])
+        mbdae.order(shared_model("pendulum"), ["gone"])

@@ -1,6 +1,7 @@
 """Steps of Radau IIA with large rotations."""
 
 import numpy as np
+from shared import shared_model
 
 import mbdae
 from mbdae.methods import method
@@ -9,7 +10,7 @@ from mbdae.system import State
 
 def test_steps_in_which_bodies_turn_far_are_solved():
     """A chain whirls by 0.8 rad in a step after its impacts: partials at one point are not enough for all stages."""
-    mech = mbdae.load("bouncing_chain")
+    mech = shared_model("bouncing_chain")
     coarse, fine = (mbdae.solve(mech, (0, 0.3), method="radau5", step=h) for h in (0.025, 0.0015))
     assert coarse.success, coarse.message
     assert np.abs(coarse.v).max() * 0.025 > 0.7
@@ -20,7 +21,7 @@ def test_steps_in_which_bodies_turn_far_are_solved():
 
 def test_a_start_takes_partials_from_the_middle_of_the_predicted_step():
     """Those of the start itself give a contraction of 0.9 where these give 0.4."""
-    mech = mbdae.load("bouncing_chain")
+    mech = shared_model("bouncing_chain")
     y = np.concatenate([[0.09, 0.17, 0.56, -0.6, -0.045, -1.26, -4.78, -11.6, 6.4, 6.7, 0.0]])
     system = mech.system()
     method("radau5").step(system, 0.0, 0.0165, State(y))

@@ -10,6 +10,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae.methods import method
@@ -26,7 +27,7 @@ BACKENDS = [pytest.param("native", marks=pytest.mark.native), "python"]
 
 def sample(name, n, run):
     """q, v, both lam at common times."""
-    sol = mbdae.solve(mbdae.load(name), (0, SPANS[name]), step=SPANS[name] / n, **run)
+    sol = mbdae.solve(shared_model(name), (0, SPANS[name]), step=SPANS[name] / n, **run)
     assert sol.ended, sol.message
     at = np.arange(1, ENDS + 1) * (n // ENDS)
     hidden = [sol.at(int(i)).derivative(sol.t[i], sol.y[i], sol.z_own[i])[1] for i in at]
@@ -40,7 +41,7 @@ def reference(name):
 
 
 def errors(name, n, run):
-    manifold, found, best = mbdae.load(name).manifold, sample(name, n, run), reference(name)
+    manifold, found, best = shared_model(name).manifold, sample(name, n, run), reference(name)
     turned = [manifold.difference(b, a) for a, b in zip(found[0], best[0], strict=True)]
     return np.array([np.abs(turned).max(), *(np.abs(a - b).max() for a, b in zip(found[1:], best[1:], strict=True))])
 

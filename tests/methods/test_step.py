@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae.errors import StepError
@@ -135,7 +136,7 @@ def mechanism_step(system, method, t, h, y):
 @pytest.mark.usefixtures("back_end")
 @every
 def test_a_step_is_a_function_of_its_arguments(tableau):
-    mech = mbdae.load("slider_crank")
+    mech = shared_model("slider_crank")
     y = mech.point()
     system = mech.system()
     first = mechanism_step(system, tableau.name, 0.0, 1e-2, y)
@@ -168,7 +169,7 @@ def test_a_textbook_step_is_a_function_of_its_arguments(method):
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("name", [n for n, m in TABLEAUS.items() if m.b_embedded])
 def test_the_error_estimate_has_the_order_it_is_used_with(name):
-    tableau, mech = TABLEAUS[name], mbdae.load("four_bar")
+    tableau, mech = TABLEAUS[name], shared_model("four_bar")
     y = mech.point(*mech.assemble({"crank": 0.9}, {"crank": 2.0}))
     sizes = []
     for h in (0.01, 0.005):
@@ -261,7 +262,7 @@ def test_rounding_errors_are_added_to_the_next_step():
 @pytest.mark.usefixtures("back_end")
 def test_rejected_steps_leave_no_trace():
     # a run that starts with a hopeless first step is, from its first accepted step on, the run with that step given
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     forced = mbdae.solve(mech, (0, 1), rtol=1e-7, first_step=1.0)
     assert forced.stats["rejected"] > 0
     smooth = mbdae.solve(mech, (0, 1), rtol=1e-7, first_step=float(forced.t[1]))
@@ -271,7 +272,7 @@ def test_rejected_steps_leave_no_trace():
 
 @pytest.mark.usefixtures("back_end")
 def test_multipliers_of_the_method_have_their_order():
-    mech, end = mbdae.load("pendulum"), 0.5
+    mech, end = shared_model("pendulum"), 0.5
     exact_end = mbdae.solve(mech, (0, end), method="pherk6", step=end / 400)
     for method, claim in (("herk3", 2), ("pherk4", 4), ("pherk5", 4)):
         errors = []

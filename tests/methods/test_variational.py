@@ -5,6 +5,7 @@ from functools import cache
 import driven
 import numpy as np
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae import JointDamping, backend
@@ -23,7 +24,7 @@ ROUNDING = 1e-13
 
 @cache
 def reference(name):
-    sol = mbdae.solve(mbdae.load(name), (0, SPANS[name]), method="pherk6", step=SPANS[name] / 800)
+    sol = mbdae.solve(shared_model(name), (0, SPANS[name]), method="pherk6", step=SPANS[name] / 800)
     return sol.y[-1]
 
 
@@ -48,14 +49,14 @@ def observed(mech, method, T, n, end, order_of_ends=2):
 @pytest.mark.parametrize("method", NAMES)
 @pytest.mark.parametrize("name", SPANS)
 def test_orders(name, method):
-    slope = observed(mbdae.load(name), method, SPANS[name], STEPS[method], reference(name))
+    slope = observed(shared_model(name), method, SPANS[name], STEPS[method], reference(name))
     assert slope > METHODS[method].order - 0.2
 
 
 @pytest.mark.parametrize("method", ["rattle2", "rattle6"])
 @pytest.mark.parametrize("name", SPANS)
 def test_a_step_back_returns_and_loops_stay_closed(name, method):
-    mech = mbdae.load(name)
+    mech = shared_model(name)
     system, state = steps_of(mech, method, 0.02, 4)
     there = METHODS[method].step(system, 0.02, 0.01, State(state.y))
     back = METHODS[method].step(system, 0.03, -0.01, State(there.state.y))
@@ -68,7 +69,7 @@ def test_a_step_back_returns_and_loops_stay_closed(name, method):
 
 @pytest.mark.parametrize("name", ["four_bar", "heavy_top", "stewart_platform"])
 def test_newton_converges_quadratically(name):
-    system, _ = steps_of(mbdae.load(name), "rattle4", 0.1, 10)
+    system, _ = steps_of(shared_model(name), "rattle4", 0.1, 10)
     substeps = 10 * len(METHODS["rattle4"].weights)
     assert 2 <= system.counts.newton / substeps < 3.8
 
@@ -116,7 +117,7 @@ def test_damping_keeps_order_and_symmetry():
 
 
 def test_the_energy_of_long_runs_is_bounded():
-    mech = mbdae.load("pendulum")
+    mech = shared_model("pendulum")
     sol = mbdae.solve(mech, (0, 120), method="rattle2", step=0.05)
     energy = np.array([sum(mech.system().energy(q, v)) for q, v in zip(sol.q[::4], sol.v[::4], strict=True)])
     third = len(energy) // 3

@@ -11,6 +11,7 @@ from pathlib import Path
 import pinocchio as pin
 import pytest
 from click.testing import CliRunner
+from shared import shared_model
 
 import mbdae
 from mbdae import backend
@@ -143,7 +144,7 @@ def test_info_names_versions_and_back_end():
     names = ("mbdae", "pin", "numpy", "scipy")
     assert alone.splitlines() == [*(f"{name} {version(name)}" for name in names), line]
     assert json.loads(json_alone) == {"versions": {n: version(n) for n in names}, "backend": backend.status()}
-    assert model.splitlines() == [*str(mbdae.info(mbdae.load("pendulum"))).splitlines(), line]
+    assert model.splitlines() == [*str(mbdae.info(shared_model("pendulum"))).splitlines(), line]
     assert json.loads(json_model)["backend"] == backend.status()
 
 

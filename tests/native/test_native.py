@@ -1,7 +1,6 @@
 """The compiled core against Python: the same trajectories, evaluations, statuses and tableaus."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -11,6 +10,7 @@ from driven import DRIVEN
 from in_core import IN_CORE
 from mechanism.closures.test_closure_kinds import CASES, mechanism
 from mechanism.forces.test_force_runs import IN_BOTH
+from shared import shared_model
 
 import mbdae
 from mbdae import Closure, Driver, Mechanism, backend
@@ -32,11 +32,6 @@ BEGUN = 0.1  # of a span, in runs that compare steps and need no events: two ste
 # A sleeve of 5e-9 kg m^2 rests against its pole, and its velocity is rounding of some 1e-14 rad/s, which must not
 # determine the step after an impact: an atol of 1e-8 rad/s makes 3e-7 of it, where the maximum growth of steps begins.
 ATOL = {"woodpecker": 1e-6}
-
-
-@cache
-def model(name):
-    return mbdae.load(name)
 
 
 def span(name):
@@ -75,7 +70,7 @@ def test_fixed_steps(name, method):
     T, several = SPANS.get(name, 0.5), method in ("herk4", "pherk5")
     end = span(name) if several else BEGUN * T
     for options in ({}, {"project": True}) if several else ({},):
-        native, python = both(model(name), (0, end), method=method, step=T / 20, **options)
+        native, python = both(shared_model(name), (0, end), method=method, step=T / 20, **options)
         assert python.ended
         assert_same(native, python)
 
@@ -85,7 +80,7 @@ def test_fixed_steps(name, method):
 def test_controlled_steps(name, options):
     # the first steps of a run are short: their errors are rounding only, and would determine the next ones
     options = options | {"rtol": 1e-4, "atol": ATOL.get(name), "first_step": SPANS.get(name, 0.5) / 20}
-    native, python = both(model(name), (0, span(name)), **options)
+    native, python = both(shared_model(name), (0, span(name)), **options)
     assert native.status == python.status == "finished"
     assert (native.stats["steps"], native.stats["rejected"]) == (python.stats["steps"], python.stats["rejected"])
     assert_near(native.y[-1], python.y[-1], 1e-11)  # step sizes follow the rounding of small errors
@@ -123,7 +118,7 @@ def test_gears_of_unbounded_joints_are_projected_in_the_core(monkeypatch):
 
 
 def test_spans_in_both_directions_and_parts():
-    mech = model("four_bar")
+    mech = shared_model("four_bar")
     for options in (
         {"t_span": (1.0, 0.0), "step": 0.01},
         {"t_span": (0.0, 1.0), "step": 0.01, "t_eval": np.linspace(0.05, 0.97, 31)},
@@ -138,13 +133,13 @@ def test_spans_in_both_directions_and_parts():
 
 
 def test_failing_runs_have_the_same_message():
-    bar = model("four_bar")
+    bar = shared_model("four_bar")
     late = lambda t, q, v: np.full(3, np.nan if t > 0.4 else 0.0)  # noqa: E731
     wrong = lambda t, q, v: np.zeros(3 if t < 0.4 else 2)  # noqa: E731
     for mech, options in (
         (bar, {"step": 0.5, "method": "herk1"}),
-        (model("n_four_bar"), {"step": 0.011, "method": "pherk5"}),
-        (model("flyball_governor"), {"step": 0.0125}),
+        (shared_model("n_four_bar"), {"step": 0.011, "method": "pherk5"}),
+        (shared_model("flyball_governor"), {"step": 0.0125}),
         (mbdae.load("four_bar", forces=[late]), {"step": 0.011}),
         (mbdae.load("four_bar", forces=[wrong]), {"step": 0.011}),
     ):
@@ -216,7 +211,7 @@ def test_every_joint(kind):
 
 
 def test_a_point_near_the_last_stage_is_computed_for_itself():
-    mech = model("four_bar")
+    mech = shared_model("four_bar")
     y, core = mech.point(), mech.system(native=backend.load())
     carry = core.carry(*core.derivative(0.0, y))
     for away in (0.0, 1e-12, 1e-9, 1e-4):

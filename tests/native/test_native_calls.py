@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from shared import shared_model
 from test_native import assert_same, both
 
 import mbdae
@@ -89,7 +90,7 @@ def test_a_function_that_knows_its_run_is_collected():
 
 
 def test_threads_share_a_mechanism():
-    mech = mbdae.load("stewart_platform")
+    mech = shared_model("stewart_platform")
     run = lambda step: mbdae.solve(mech, (0, 0.5), step=step, backend="native").y  # noqa: E731
     steps = [0.01, 0.007, 0.005, 0.003]
     with ThreadPoolExecutor(2) as pool:
@@ -98,7 +99,7 @@ def test_threads_share_a_mechanism():
 
 
 def test_a_mechanism_is_pickled_after_a_run():
-    mech = mbdae.load("pendulum")
+    mech = shared_model("pendulum")
     sol = mbdae.solve(mech, (0, 0.1), step=0.01, backend="native")
     again = mbdae.solve(pickle.loads(pickle.dumps(mech)), (0, 0.1), step=0.01, backend="native")
     np.testing.assert_array_equal(again.y, sol.y)
@@ -150,7 +151,7 @@ def test_an_event_on_a_multiplier_takes_forces_from_the_last_stage():
 @pytest.mark.parametrize("method", ["herk3", "pherk6"])
 def test_time_slices_do_not_affect_the_result(method, monkeypatch):
     """Between slices Python checks for Ctrl-C: on a busy machine after other steps than on an idle one."""
-    mech, found = mbdae.load("jansen_walker"), []
+    mech, found = shared_model("jansen_walker"), []
     for seconds in (1e9, 0.0):
         monkeypatch.setattr(native, "CHECK_INTERVAL", seconds)
         found.append(mbdae.solve(mech, (0.0, 0.2), method=method, rtol=1e-5, project=True))

@@ -6,7 +6,8 @@ from driven import DRIVEN
 from mechanism.closures.test_closure_kinds import CASES, mechanism
 from mechanism.forces.test_force_runs import IN_BOTH
 from motions import distance, free_loop, levels, run, slopes, start_of
-from native.test_native import BEGUN, JUMPING, SPANS, assert_near, assert_same, both, model
+from native.test_native import BEGUN, JUMPING, SPANS, assert_near, assert_same, both
+from shared import shared_model
 from smooth import SMOOTH
 
 import mbdae
@@ -30,14 +31,14 @@ CONTROLLED = [GGL | {"method": "pherk5"}, GGL | {"method": "rk4"}, INDEX1, INDEX
 @pytest.mark.parametrize("name", SMOOTH)
 def test_fixed_steps(name, options):
     T = BEGUN * SPANS.get(name, 0.5)
-    native, python = both(model(name), (0, T), step=T / (20 * BEGUN), **options)
+    native, python = both(shared_model(name), (0, T), step=T / (20 * BEGUN), **options)
     assert (native.stats["backend"], native.status, native.message) == ("native", python.status, python.message)
     implicit = options["method"] == "radau5"
     tolerances = (1e-10, 1e-9, 1e-8) if implicit else (1e-12, 1e-11, 1e-10)
     for a, b, tolerance in zip(*((s.y, s.lam, s.z_own) for s in (native, python)), tolerances, strict=True):
         assert_near(a, b, tolerance)
     if python.ended and options["formulation"] == "ggl":
-        g, Gv = model(name).system().residual(T, native.q[-1], native.v[-1])
+        g, Gv = shared_model(name).system().residual(T, native.q[-1], native.v[-1])
         assert np.abs(g).max(initial=0) <= 1e-13
         rotates_fast = name == "heavy_top" and implicit  # 0.75 rad in a step limit the iteration, in index 2 too
         assert np.abs(Gv).max(initial=0) <= (1e-11 if rotates_fast else 1e-13) * (1 + np.abs(native.v).max())
@@ -46,7 +47,7 @@ def test_fixed_steps(name, options):
 @pytest.mark.parametrize("options", CONTROLLED, ids=str)
 @pytest.mark.parametrize("name", SMOOTH)
 def test_controlled_steps(name, options):
-    native, python = both(model(name), (0, 0.25 * SPANS.get(name, 0.5)), rtol=1e-4, **options)
+    native, python = both(shared_model(name), (0, 0.25 * SPANS.get(name, 0.5)), rtol=1e-4, **options)
     assert (native.stats["backend"], native.status, python.status) == ("native", "finished", "finished")
     assert (native.stats["steps"], native.stats["rejected"]) == (python.stats["steps"], python.stats["rejected"])
     assert_near(native.y[-1], python.y[-1], 1e-9)  # step sizes follow the rounding of small errors
@@ -55,7 +56,7 @@ def test_controlled_steps(name, options):
 @pytest.mark.parametrize("name", ["four_bar", "heavy_top", "bricard", "stewart_platform"])
 def test_controlled_steps_of_radau(name):
     """Rounding determines the last iterations, and with small errors the step sizes."""
-    native, python = both(model(name), (0, 0.3 * SPANS.get(name, 0.5)), rtol=1e-6, method="radau5", **GGL)
+    native, python = both(shared_model(name), (0, 0.3 * SPANS.get(name, 0.5)), rtol=1e-6, method="radau5", **GGL)
     assert native.status == python.status == "finished"
     assert abs(native.stats["steps"] - python.stats["steps"]) <= 1
     assert_near(native.y[-1], python.y[-1], 1e-7)
@@ -110,7 +111,7 @@ CURVED = [("four_bar", 1.0, (50, 100, 200)), ("free_loop", 0.5, (10, 20, 40))]
 @pytest.mark.parametrize(("name", "T", "steps"), CURVED)
 @pytest.mark.parametrize("method", ["herk3", "pherk4", "herk5", "radau3", "radau5"])
 def test_ggl_keeps_the_order(name, T, steps, method):
-    mech = free_loop() if name == "free_loop" else model(name)
+    mech = free_loop() if name == "free_loop" else shared_model(name)
     observed = slopes(mech, T, steps, method=method, backend="native", **GGL)
     assert min(observed) >= METHODS[method].order_linear - 0.2, observed
 
@@ -119,7 +120,7 @@ def test_long_steps_are_taken_without_python(monkeypatch):
     """Controlled steps over many loops; Python is not called, and both levels are satisfied to rounding."""
     monkeypatch.setattr(PythonStepper, "advance", None)
     for options in (GGL, GGL | {"method": "radau5"}, INDEX1, INDEX1 | {"project": True}):
-        sol = run(model("four_bar"), 5.0, rtol=1e-6, backend="native", **options)
+        sol = run(shared_model("four_bar"), 5.0, rtol=1e-6, backend="native", **options)
         if options is not INDEX1:
             assert max(levels(sol)) <= 1e-12
         assert sol.stats["backend"] == "native"
@@ -127,7 +128,7 @@ def test_long_steps_are_taken_without_python(monkeypatch):
 
 @pytest.mark.parametrize("method", ["RK45", "DOP853", "Radau", "LSODA"])
 def test_scipys_methods_take_accelerations_from_the_core(method):
-    mech, options = model("four_bar"), {"formulation": "index1", "method": method, "baumgarte": (3.0, 2.0)}
+    mech, options = shared_model("four_bar"), {"formulation": "index1", "method": method, "baumgarte": (3.0, 2.0)}
     native, python = both(mech, (0, 0.5), rtol=1e-6, **options)
     assert (native.stats["backend"], native.stats["steps"]) == ("native", python.stats["steps"])
     assert abs(native.stats["f"] - python.stats["f"]) <= 0.1 * python.stats["f"]

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shared import shared_model
 
 import mbdae
 from mbdae import backend
@@ -43,7 +44,7 @@ def tableau_arrays(name="pherk5"):
 
 @pytest.fixture
 def system():
-    bound = mbdae.load("four_bar").system(native=backend.load())
+    bound = shared_model("four_bar").system(native=backend.load())
     bound.derivative(0.0, bound.mechanism.point())
     return bound
 
@@ -140,7 +141,7 @@ def test_wrong_limits_are_rejected():
     """Missing ones, unknown ones, and invalid numbers: a core never computes with undefined thresholds."""
     make = backend.load().Tolerances
     seen = {}
-    core_tolerances(SimpleNamespace(Tolerances=lambda **given: seen.update(given)), mbdae.load("four_bar"))
+    core_tolerances(SimpleNamespace(Tolerances=lambda **given: seen.update(given)), shared_model("four_bar"))
     make(**seen)
     for wrong in ({k: x for k, x in seen.items() if k != "tiny"}, seen | {"grow": 1.0}, seen | {"tiny": "wide"}):
         with pytest.raises(REFUSED):

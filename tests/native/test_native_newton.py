@@ -3,6 +3,7 @@
 import driven
 import numpy as np
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae import JointDamping, JointPID, SpringDamper
@@ -13,10 +14,10 @@ pytestmark = pytest.mark.native
 
 SPRING = SpringDamper(frames=("world", "coupler_tip"), stiffness=20.0, length=0.2, damping=0.5)
 MECHANISMS = {
-    "four_bar": lambda: mbdae.load("four_bar"),
-    "heavy_top": lambda: mbdae.load("heavy_top"),
-    "bricard": lambda: mbdae.load("bricard"),
-    "stewart_platform": lambda: mbdae.load("stewart_platform"),
+    "four_bar": lambda: shared_model("four_bar"),
+    "heavy_top": lambda: shared_model("heavy_top"),
+    "bricard": lambda: shared_model("bricard"),
+    "stewart_platform": lambda: shared_model("stewart_platform"),
     "damped four-bar": lambda: mbdae.load("four_bar", forces=[JointDamping(joint="crank", damping=0.4)]),
     "four-bar at a spring": lambda: mbdae.load("four_bar", forces=[SPRING]),
     "crane": driven.crane,
@@ -59,7 +60,7 @@ def test_states_and_friction_of_closures():
 
 def test_sizes_of_steps_change_the_carry():
     """Jumps between smooth intervals restart it, a shorter last step rescales it, as in Python."""
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     runs = [
         mbdae.solve(mech, (0, 0.305), method="alpha0.2", step=0.02, jumps=[0.111], backend=b)
         for b in ("native", "python")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae import backend
@@ -39,7 +40,7 @@ def test_many_rows_are_projected_as_few():
 
 def test_rows_that_the_rows_in_use_leave_open_are_closed():
     """At a flat four-bar one of the rows in use decides too little: all rows are closed by the pseudoinverse."""
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     q, v = mech.assemble(q={"crank": 1e-3})
     y = np.concatenate([q, v, [0.0]])
     native = mech.system(native=backend.load())

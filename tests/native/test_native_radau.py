@@ -8,8 +8,9 @@ import pytest
 from driven import DRIVEN
 from in_core import IN_CORE
 from mechanism.forces.test_force_runs import IN_BOTH
-from native.test_native import JUMPING, SPANS, assert_near, assert_same, both, model, span
+from native.test_native import JUMPING, SPANS, assert_near, assert_same, both, span
 from scipy.linalg import null_space
+from shared import shared_model
 
 import mbdae
 from mbdae import backend
@@ -39,7 +40,7 @@ def steps(mech, method, h, n, native):
 @pytest.mark.parametrize("name", IN_CORE)
 def test_single_steps(name):
     """Equal to rounding; as many iterations, or up to two more where rounding decides their end."""
-    mech, h = model(name), SPANS.get(name, 0.5) / 1000
+    mech, h = shared_model(name), SPANS.get(name, 0.5) / 1000
     for s in (1, 2, 3, 4):
         found, expected = (steps(mech, RadauIIA(s), h, 2, native) for native in (True, False))
         for k, (a, b) in enumerate(zip(found, expected, strict=True)):
@@ -53,7 +54,7 @@ def test_single_steps(name):
 @pytest.mark.parametrize("name", ["four_bar", "heavy_top"])
 def test_a_step_adds_the_rounding_error_of_the_previous_one(name):
     """A compensation far larger than rounding moves the end of the step by the same amount, along the closures."""
-    mech, method, found = model(name), RadauIIA(3), []
+    mech, method, found = shared_model(name), RadauIIA(3), []
     system = mech.system()
     start = system.update_independent_rows(0.0, State(mech.point())).y
     end = method.step(system, 0.0, 1e-3, State(start, None)).state.y
@@ -74,7 +75,7 @@ def test_a_step_adds_the_rounding_error_of_the_previous_one(name):
 @pytest.mark.parametrize("name", IN_CORE)
 def test_fixed_steps(name):
     T = span(name)
-    native, python = both(model(name), (0, T), method="radau5", step=SPANS.get(name, 0.5) / 20)
+    native, python = both(shared_model(name), (0, T), method="radau5", step=SPANS.get(name, 0.5) / 20)
     assert (native.stats["backend"], native.status, native.message) == ("native", python.status, python.message)
     for a, b, tolerance in (
         (native.y, python.y, 1e-10),
@@ -87,8 +88,8 @@ def test_fixed_steps(name):
 @pytest.mark.parametrize("name", IN_CORE)
 def test_controlled_steps(name):
     T = span(name)
-    python = mbdae.solve(model(name), (0, T), method="radau5", rtol=1e-5, backend="python")
-    native = mbdae.solve(model(name), (0, T), method="radau5", rtol=1e-5, backend="native")
+    python = mbdae.solve(shared_model(name), (0, T), method="radau5", rtol=1e-5, backend="python")
+    native = mbdae.solve(shared_model(name), (0, T), method="radau5", rtol=1e-5, backend="native")
     assert native.status == python.status == "finished"
     assert abs(native.stats["steps"] - python.stats["steps"]) <= 1 + 0.02 * python.stats["steps"]
     assert_near(native.y[-1], python.y[-1], 1e-6)
@@ -107,7 +108,7 @@ def test_every_force(force):
 
 def test_fifteen_stages():
     """They reach rounding on a spherical joint, with steps in which five stages have an error."""
-    solve = partial(mbdae.solve, model("heavy_top"), (0, 0.01), backend="native")
+    solve = partial(mbdae.solve, shared_model("heavy_top"), (0, 0.01), backend="native")
     reference = solve(method="radau13", step=0.0005).y[-1]
     errors = [np.abs(solve(method=name, step=0.005).y[-1] - reference).max() for name in ("radau5", "radau29")]
     assert errors[1] < 1e-10 < errors[0], errors
@@ -117,14 +118,14 @@ def test_failing_iterations_leave_the_step_to_python(monkeypatch):
     asked = []
     advance = PythonStepper.advance
     monkeypatch.setattr(PythonStepper, "advance", lambda self, *args: asked.append(1) or advance(self, *args))
-    native, python = both(model("four_bar"), (0, 3), method="radau5", step=0.5)
+    native, python = both(shared_model("four_bar"), (0, 3), method="radau5", step=0.5)
     assert (native.status, native.message) == (python.status, python.message)
     assert asked
 
 
 def test_steps_after_impacts_are_those_of_python():
     """Bodies whirl by 0.8 rad in a step: the core leaves such steps to Python."""
-    native, python = both(model("bouncing_chain"), (0, 0.3), method="radau5", step=0.025)
+    native, python = both(shared_model("bouncing_chain"), (0, 0.3), method="radau5", step=0.025)
     assert (native.status, native.stats["backend"]) == (python.status, "native")
     assert [i.where for i in native.impacts] == [i.where for i in python.impacts]
     assert len(native.impacts) == 5
@@ -160,7 +161,7 @@ def test_failing_iterations_under_control_are_tried_shorter_in_the_core(monkeypa
 @pytest.mark.parametrize("turn", [0.25, 0.75, 1.0])
 def test_far_turns_leave_velocities_where_they_belong(turn):
     """Then Newton's iterations hardly damp rounding errors, in directions without any other excitation."""
-    mech = mbdae.load("heavy_top")
+    mech = shared_model("heavy_top")
     for sol in both(mech, (0, 0.15), method="radau5", step=turn / 150):
         rate = np.array([mech.residual(q, v, t)[1] for t, q, v in zip(sol.t, sol.q, sol.v, strict=True)])
         assert np.abs(rate).max() < 1e-13

@@ -6,6 +6,7 @@ from chains import random_q
 from driven import DRIVEN
 from in_core import IN_CORE
 from mechanism.forces.test_force_runs import IN_BOTH
+from shared import shared_model
 
 import mbdae
 from mbdae import backend
@@ -44,7 +45,7 @@ def test_driven_mechanisms(name):
 
 @pytest.mark.parametrize("name", IN_CORE)
 def test_models(name):
-    compare(mbdae.load(name))
+    compare(shared_model(name))
 
 
 def test_drift_is_computed_in_the_core(monkeypatch):
@@ -58,7 +59,7 @@ def test_drift_is_computed_in_the_core(monkeypatch):
 
 
 def test_wrong_signals_are_rejected():
-    native, mech = backend.load(), mbdae.load("four_bar")
+    native, mech = backend.load(), shared_model("four_bar")
     system = mech.system(native=native)
     events = native.Run().events
     right = SignalValue("y", 1, 1).core_data()

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from shared import shared_model
 
-import mbdae
 from mbdae import backend
 from mbdae.mechanism.discrete_sensitivity.core_parameters import ModelComponent
 from mbdae.methods import METHODS
@@ -14,7 +14,7 @@ REFUSED = (ValueError, RuntimeError)
 
 @pytest.fixture
 def system():
-    bound = mbdae.load("four_bar").system(native=backend.load())
+    bound = shared_model("four_bar").system(native=backend.load())
     bound.derivative(0.0, bound.mechanism.point())
     bound.expand()
     return bound
@@ -47,7 +47,7 @@ def test_what_does_not_fit_is_rejected(system):
         system.core.adjoint(*nodes, extra[:-1], first[:1])
     with pytest.raises(REFUSED):
         system.core.adjoint(*nodes, extra, first[:1, :-1])
-    other = mbdae.load("four_bar").system(native=backend.load())
+    other = shared_model("four_bar").system(native=backend.load())
     other.expand()
     with pytest.raises(ValueError, match="another core"):
         other.core.tangent(*nodes, first, np.empty((3, 0)))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae import _native
@@ -22,7 +23,7 @@ def both(mech: mbdae.Mechanism):
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("project", [True, False])
 def test_the_start_is_that_of_python(name, project):
-    core, python, y = both(mbdae.load(name))
+    core, python, y = both(shared_model(name))
     found, expected = core.start(0.0, y, project), python.start(0.0, y, project)
     for a, b in zip(found, expected, strict=True):
         assert np.abs(a - b).max(initial=0) <= 1e-8 * (1 + np.abs(b).max(initial=0))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae.solution.signal_value import signal_values
@@ -83,7 +84,7 @@ def test_works_and_impacts_are_the_change_of_the_energy():
     """Between and through impacts on a stop: works of a damper and a torque less the losses of impacts."""
     forces = [mbdae.JointDamping(name="oil", joint="rod", damping=0.02),
               mbdae.JointTorque(name="push", joint="rod", torque=0.4)]  # fmt: skip
-    model = mbdae.load("pendulum_on_stop")
+    model = shared_model("pendulum_on_stop")
     mech = mbdae.Mechanism(model.model, model.closures, forces, stops=model.stops, start=model.start_values)
     sol = mbdae.solve(mech, (0, 2), rtol=1e-11, atol=1e-13)
     found, losses = sol.signals() | sol.signals(["work.oil", "work.push"]), [x.loss for x in sol.impacts]

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.integrate import simpson
+from shared import shared_model
 from signal_names import without_works
 
 import mbdae
@@ -31,7 +32,7 @@ FORCES = {
 
 
 def run(force, model="four_bar", t_eval=TIMES):
-    mech = mbdae.load(model)
+    mech = shared_model(model)
     own = mbdae.Mechanism(
         mech.model, mech.closures, [force] if force else mech.forces, drivers=mech.drivers, start=mech.start_values
     )
@@ -106,7 +107,7 @@ def test_frames_and_momentum_follow_their_definitions():
 @pytest.mark.parametrize("name", ["slider_crank", "stewart_platform", "heavy_top"])
 def test_the_shaking_force_is_the_rate_of_momentum(name):
     times = np.arange(-3, 4) * 1e-3 + 0.05
-    sol = mbdae.solve(mbdae.load(name), (0.0, 0.06), rtol=1e-12, t_eval=times)
+    sol = mbdae.solve(shared_model(name), (0.0, 0.06), rtol=1e-12, t_eval=times)
     found = sol.signals()
     c, p, h = (np.array([found[f"{word}.{x}"] for x in "xyz"]) for word in ("com", "momentum", "angular_momentum"))
     about_origin = h + np.cross(c.T, p.T).T
@@ -119,7 +120,7 @@ def test_the_shaking_force_is_the_rate_of_momentum(name):
 
 def test_counterweights_balance_a_four_bar():
     """Berkof, Lowen (1969): with the coupler's mass in its middle, half of it is balanced at each side."""
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     model = mech.model.copy()
     crank, coupler, rocker = (model.getJointId(name) for name in ("crank", "coupler", "rocker"))
     tip, end = (model.frames[model.getFrameId(name)].placement.translation for name in ("rocker_tip", "coupler_tip"))
@@ -136,7 +137,7 @@ def test_counterweights_balance_a_four_bar():
 
 
 def test_drivers_have_their_power():
-    mech = mbdae.load("slider_crank")
+    mech = shared_model("slider_crank")
     drive = mbdae.Driver(name="drive", joint="crank", speed=2.0)
     driven = mbdae.Mechanism(mech.model, mech.closures, drivers=[drive], start=mech.start_values)
     sol = mbdae.solve(driven, (0, 0.5))
@@ -147,7 +148,7 @@ def test_drivers_have_their_power():
 
 @pytest.mark.parametrize("model", ["slider_crank", "bicycle", "double_pendulum", "flyball_governor", "spring_four_bar"])
 def test_every_name_has_a_unit_and_a_value_at_a_point(model):
-    mech = mbdae.load(model)
+    mech = shared_model(model)
     sol = mbdae.solve(mech, (0, 0.02))
     assert set(signal_values(mech)) == set(units(mech))
     known = without_works(mech)
@@ -165,7 +166,7 @@ def test_every_name_has_a_unit_and_a_value_at_a_point(model):
 
 
 def test_names_and_beginnings_choose():
-    sol = mbdae.solve(mbdae.load("slider_crank"), (0, 0.1))
+    sol = mbdae.solve(shared_model("slider_crank"), (0, 0.1))
     assert list(signals(sol, ["position.rod_tip", "g"])) == [*(f"position.rod_tip.{x}" for x in "xyz"), "g"]
     assert list(signals(sol, "q")) == ["q.crank", "q.crank_pin", "q.slider"]
     with pytest.raises(UnknownNameError, match="did you mean"):

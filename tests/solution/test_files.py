@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae.errors import InputError
@@ -22,7 +23,7 @@ DATA = Path(__file__).parents[1] / "data"
 
 @pytest.fixture(scope="module")
 def sol():
-    return mbdae.solve(mbdae.load("four_bar"), (0, 2), rtol=1e-8)
+    return mbdae.solve(shared_model("four_bar"), (0, 2), rtol=1e-8)
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +62,7 @@ def test_what_was_saved_is_read_again(sol, tmp_path):
 
 def test_events_are_read_again(tmp_path):
     texts = ["v.crank = 0", "lam.pin.1 > 1e9", lambda t, q, v: t - 0.5]
-    sol = mbdae.solve(mbdae.load("four_bar"), (0, 4), events=texts, t_eval=[0.0, 1.0])
+    sol = mbdae.solve(shared_model("four_bar"), (0, 4), events=texts, t_eval=[0.0, 1.0])
     sol.save(tmp_path / "run.npz")
     again = mbdae.Solution.load(tmp_path / "run.npz")
     assert [len(t) for t, _ in sol.events][1:] == [0, 1]

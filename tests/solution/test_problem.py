@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
@@ -51,7 +52,7 @@ def test_a_name_is_taken_where_a_mechanism_is(name):
 
 
 def test_runs_and_studies_by_name_are_those_of_the_mechanism():
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     path = LIBRARY / "four_bar"
     for given in ("four_bar", path, str(path / "mechanism.toml")):
         np.testing.assert_array_equal(mbdae.solve(given, (0, 0.1)).y, mbdae.solve(mech, (0, 0.1)).y)
@@ -60,7 +61,7 @@ def test_runs_and_studies_by_name_are_those_of_the_mechanism():
     assert len(long) > len(short), "with parameters behind the name"
     np.testing.assert_array_equal(mbdae.kinematics(path, "crank").q, mbdae.kinematics(mech, "crank").q)
     np.testing.assert_array_equal(mbdae.modes("spring_four_bar").eigenvalues,
-                                  mbdae.modes(mbdae.load("spring_four_bar")).eigenvalues)  # fmt: skip
+                                  mbdae.modes(shared_model("spring_four_bar")).eigenvalues)  # fmt: skip
 
 
 def low(signals):

@@ -6,6 +6,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae.errors import InputError
@@ -16,7 +17,7 @@ SMALL = 60e6  # bytes, a small fraction of the unpacked size of each file
 @pytest.fixture(scope="module")
 def arrays(tmp_path_factory):
     path = tmp_path_factory.mktemp("sizes") / "run.npz"
-    mbdae.solve(mbdae.load("four_bar"), (0, 0.1), events=["t = 0.05"]).save(path)
+    mbdae.solve(shared_model("four_bar"), (0, 0.1), events=["t = 0.05"]).save(path)
     with np.load(path) as file:
         return dict(file)
 

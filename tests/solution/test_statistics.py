@@ -9,6 +9,7 @@ import pytest
 from bouncing import add_body, empty
 from click.testing import CliRunner
 from scipy.integrate import quad
+from shared import shared_model
 
 import mbdae
 from mbdae.__main__ import cli
@@ -73,13 +74,13 @@ def test_backwards_the_integral_has_the_other_sign(oscillator):
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
 def test_a_peak_depends_on_the_error_of_the_run_not_on_its_steps(rtol):
     # the largest force of this pin is between steps: at the ends of steps it is missed by 6.9 % at 1e-4
-    sol = mbdae.solve(mbdae.load("four_bar"), (0, 2), rtol=rtol)
+    sol = mbdae.solve(shared_model("four_bar"), (0, 2), rtol=rtol)
     assert sol.statistics("force.crank").maximum["force.crank"].value == pytest.approx(209.7408129, rel=max(rtol, 2e-8))
 
 
 def test_the_peak_is_the_value_at_the_end_of_a_run_to_it():
     def force(end):
-        sol = mbdae.solve(mbdae.load("four_bar"), (0, end), rtol=1e-12, atol=1e-12)
+        sol = mbdae.solve(shared_model("four_bar"), (0, end), rtol=1e-12, atol=1e-12)
         return sol.signals("force.crank")["force.crank"][-1]
 
     before, there, after = (force(0.5786564 + dt) for dt in (-1e-3, 0.0, 1e-3))
@@ -89,7 +90,7 @@ def test_the_peak_is_the_value_at_the_end_of_a_run_to_it():
 
 def test_a_value_just_before_an_impact_counts():
     # a point on a rod of 1 m falls from 1.2 rad to the stop at 0.3 rad, with restitution 0.7 or that of the file
-    sol = mbdae.solve(mbdae.load("pendulum_on_stop"), (0, 0.8), rtol=1e-10, atol=1e-12)
+    sol = mbdae.solve(shared_model("pendulum_on_stop"), (0, 0.8), rtol=1e-10, atol=1e-12)
     s = sol.statistics(["v.rod", "impulse.rod stop", "gap.rod stop"])
     speed = np.sqrt(2 * 9.81 * (np.cos(0.3) - np.cos(1.2)))
     assert s.minimum["v.rod"].value == pytest.approx(-speed, rel=1e-9)
@@ -100,7 +101,7 @@ def test_a_value_just_before_an_impact_counts():
 
 
 def test_mean_is_that_of_quadrature():
-    sol = mbdae.solve(mbdae.load("four_bar"), (0, 0.5), rtol=1e-9)
+    sol = mbdae.solve(shared_model("four_bar"), (0, 0.5), rtol=1e-9)
     exact = sum(quad(lambda t: sol(t).v[0], a, b, epsabs=1e-13)[0] for a, b in itertools.pairwise(sol.t))
     name = f"v.{sol.mechanism.joint_names[0]}"
     assert sol.statistics(name).integrals[name].integral == pytest.approx(exact, rel=1e-9)

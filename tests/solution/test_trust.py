@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from shared import shared_model
 
 import mbdae
 from mbdae.__main__ import cli
@@ -12,7 +13,7 @@ MODELS = [("bricard", 3.0), ("n_four_bar", 1.5), ("four_bar", 1.0), ("stewart_pl
 
 
 def run(name, T, **options):
-    return mbdae.solve(mbdae.load(name), (0, T), **options)
+    return mbdae.solve(shared_model(name), (0, T), **options)
 
 
 def questions(sol):
@@ -83,7 +84,7 @@ def test_velocities_meet_all_rows_at_every_node(name, options):
     "name", ["bricard", "four_bar", "slider_crank", "jansen_walker?legs=1", "heavy_top", "dual_arm"]
 )
 def test_a_run_goes_on_from_where_another_ended(name, rtol, project):
-    mech = mbdae.load(name)
+    mech = shared_model(name)
     sol = mbdae.solve(mech, (0, 0.5), rtol=rtol, project=project)
     onward = mbdae.solve(mech, (0.5, 0.6), sol.q[-1], sol.v[-1], rtol=rtol, project=project)
     assert onward.ended, onward.message
@@ -102,7 +103,7 @@ def test_tight_tolerances_do_not_control_rounding(name, T, rtol):
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("options", [{"project": False}, {"step": 1e-3}, {}, {"formulation": "ggl"}])
 def test_drivers_that_contradict_each_other_are_no_success(options):
-    free = mbdae.load("four_bar")
+    free = shared_model("four_bar")
     q, v = free.assemble(v={"crank": 1.0})
     drivers = [mbdae.Driver.at_speed(n, v[i], start=q[i]) for i, n in ((0, "crank"), (2, "rocker"))]
     sol = mbdae.solve(mbdae.load("four_bar", drivers=drivers), (0, 1), **options)
@@ -114,7 +115,7 @@ def test_drivers_that_contradict_each_other_are_no_success(options):
 @pytest.mark.parametrize("options", [{"method": "radau5"}, {"method": "pherk5"}, {"method": "herk3"}, {"step": 0.01}])
 def test_projected_runs_name_the_drivers_that_contradict_each_other(options):
     """Two speeds that suit each other at the start alone."""
-    free = mbdae.load("slider_crank")
+    free = shared_model("slider_crank")
     q, v = free.assemble(v={"crank": 6.0})
     drivers = [mbdae.Driver.at_speed(n, v[i], start=q[i]) for i, n in ((0, "crank"), (1, "crank_pin"))]
     mech = mbdae.load("slider_crank", drivers=drivers)
@@ -167,11 +168,11 @@ def test_nonsense_is_no_success(options):
 
 
 def test_a_doubtful_run_names_the_open_closure_and_the_remedy():
-    sol = mbdae.solve(mbdae.load("four_bar"), (0, 10), step=0.2, method="herk3")
+    sol = mbdae.solve(shared_model("four_bar"), (0, 10), step=0.2, method="herk3")
     assert (sol.status, sol.success, sol.ended) == ("doubtful", False, True)
     assert "'pin'" in sol.message
     assert "take a smaller step, or project=True" in sol.message
-    assert mbdae.solve(mbdae.load("four_bar"), (0, 10), rtol=1e-3).success
+    assert mbdae.solve(shared_model("four_bar"), (0, 10), rtol=1e-3).success
 
 
 def test_a_t_eval_that_cannot_be_read_is_no_success(monkeypatch):

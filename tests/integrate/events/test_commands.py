@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from bouncing import add_body, empty
+from shared import shared_model
 
 import mbdae
 from mbdae import Clutch, Driver, JointDamping, JointTorque, Mechanism
@@ -123,7 +124,7 @@ def test_wrong_commands_are_rejected():
 
 def test_a_clutch_may_close_at_the_end_of_the_span():
     """The last step is one rounding long: the guard is located once."""
-    m = mbdae.load("slider_crank")
+    m = shared_model("slider_crank")
     lock = Clutch(name="lock", joint="crank", engaged=Steps(points=((0.0, 0.0), (0.02, 1.0))))
     mech = Mechanism(m.model, closures=m.closures, clutches=[lock])
     sol = mbdae.solve(mech, (0, 0.02), *m.start, method="herk3", rtol=1e-3)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from bodies import body, load
 from motions import FAR
+from shared import shared_model
 from unit_systems import UNIT_SYSTEMS
 
 import mbdae
@@ -28,7 +29,7 @@ def pair(mech, one, other, begin, rates, c, p):
 
 
 def same_joint(_, c, p):
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     return pair(mech, "crank", "crank", float(mech.start[0][0]), (1.0, 1.0), c, p)
 
 
@@ -87,7 +88,7 @@ def test_runs_that_project_nothing_name_them_at_the_end(tmp_path, scene, options
 @pytest.mark.parametrize("name", ["four_bar", "bricard"])
 def test_a_driven_overconstrained_loop_is_no_contradiction(name, options, formulation):
     """Its redundant rows are kept to the drift of the run alone."""
-    mech = mbdae.load(name)
+    mech = shared_model(name)
     driver = Driver.at_speed(mech.model.names[1], 0.5, start=mech.start[0][0])
     sol = mbdae.solve(mbdae.load(name, drivers=[driver]), (0, 1), formulation=formulation, **options)
     assert "contradict" not in sol.message

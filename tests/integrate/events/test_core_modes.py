@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from bouncing import G, R, add_body, empty, lever
 from scipy.optimize import lsq_linear
+from shared import shared_model
 
 import mbdae
 from mbdae import Mechanism, Stop
@@ -61,7 +62,7 @@ def test_the_core_resolves_all_transitions(runs):
 )
 def test_both_back_ends_agree_under_step_size_control(name, end):
     """Steps that do not resolve a load are rejected, in the core, too."""
-    mech = mbdae.load(name)
+    mech = shared_model(name)
     native, python = (mbdae.solve(mech, (0, end), rtol=1e-7, backend=backend) for backend in ("native", "python"))
     assert [mode for _, mode in native.modes] == [mode for _, mode in python.modes]
     assert native.stats["transitions_in_core"] == native.stats["transitions"] >= 2
@@ -74,7 +75,7 @@ def test_both_back_ends_agree_under_step_size_control(name, end):
 
 def test_a_chain_comes_to_rest_on_closed_contacts():
     """Through accumulations of impacts, and impacts of a contact while others are closed."""
-    mech = mbdae.load("bouncing_chain")
+    mech = shared_model("bouncing_chain")
     native, python = (mbdae.solve(mech, (0, 0.6), backend=backend) for backend in ("native", "python"))
     assert [mode for _, mode in native.modes] == [mode for _, mode in python.modes]
     assert [x.where for x in native.impacts] == [x.where for x in python.impacts]  # without impulses by rounding
@@ -131,7 +132,7 @@ def test_a_simulator_goes_through_the_same_impacts():
     simulator = mbdae.Simulator("pendulum_on_stop", method="pherk5", step=0.01)
     for _ in range(40):
         simulator.advance(0.05)
-    other = mbdae.solve(mbdae.load("pendulum_on_stop"), (0, 2.0), method="pherk5", step=0.01, jumps=())
+    other = mbdae.solve(shared_model("pendulum_on_stop"), (0, 2.0), method="pherk5", step=0.01, jumps=())
     assert [x.t for x in simulator.solution().impacts] == pytest.approx([x.t for x in other.impacts], abs=1e-12)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from bodies import body, load
 from motions import FAR
+from shared import shared_model
 from unit_systems import UNIT_SYSTEMS
 
 import mbdae
@@ -21,7 +22,7 @@ TEXT = "{} cannot be followed beyond a dead point at t = ([-.0-9e]+), where velo
 
 def driven(name, joint, rate, **more):
     """A model with a joint at a constant speed from its start, that start, and the joint's value there."""
-    plain = mbdae.load(name)
+    plain = shared_model(name)
     q0, at = plain.start[0], list(plain.joint_names).index(joint)
     mech = mbdae.load(name, drivers=[Driver.polynomial(joint, [q0[at], rate], name="drive")], **more)
     return mech, *mech.assemble(q0), q0[at]
@@ -93,7 +94,7 @@ def test_the_distance_of_an_arm_that_swings(tmp_path):
 
 
 def test_another_speed_without_bound_is_no_dead_point():
-    plain = mbdae.load("slider_crank")
+    plain = shared_model("slider_crank")
     u = plain.start[0][0] + 1
     motion = [lambda t: u - np.sqrt(1 - t), lambda t: 0.5 / np.sqrt(1 - t), lambda t: 0.25 / (1 - t) ** 1.5]
     mech = Mechanism(plain.model, plain.closures, drivers=[Driver.function("crank", *motion)])
@@ -104,7 +105,7 @@ def test_another_speed_without_bound_is_no_dead_point():
 
 def test_closures_that_lose_rank_alone_are_no_dead_point():
     """The rods of two arms become parallel: the left null space has no component of a driver, except for rounding."""
-    plain = mbdae.load("delta_robot")
+    plain = shared_model("delta_robot")
     rates = {"arm_1": 1.0, "arm_2": 0.1, "arm_3": 0.1}
     drivers = [Driver.polynomial(arm, [0.35, rate]) for arm, rate in rates.items()]
     mech = Mechanism(plain.model, plain.closures, drivers=drivers)
@@ -120,7 +121,7 @@ def test_closures_that_lose_rank_alone_are_no_dead_point():
 
 def test_a_driver_that_is_nearly_at_rest_there():
     """It would come to rest at t = 1, beyond the dead point by a millionth of its way."""
-    plain = mbdae.load("slider_crank")
+    plain = shared_model("slider_crank")
     q0, at = plain.start[0], list(plain.joint_names).index("slider")
     way = (REACH - q0[at]) * (1 + 1e-6)
     mech = mbdae.load("slider_crank", drivers=[Driver.polynomial("slider", [q0[at], 2 * way, -way], name="drive")])

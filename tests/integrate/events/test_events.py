@@ -1,23 +1,21 @@
 """Events on a swinging pendulum, against its period from the elliptic integral and a tight reference."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 from links import arm
 from scipy.special import ellipk
+from shared import shared_model
 from smooth import SMOOTH
 
 import mbdae
 from mbdae.mechanism.time_functions.time_functions import Steps
 from mbdae.mechanism.tree.tree_terms import flexible_bodies
 
-model = cache(mbdae.load)
 QUARTER = float(ellipk(0.5)) / np.sqrt(9.81)  # from horizontal rest to the lowest point: K(sin 45 degrees) / omega
 
 
 def run(T=6, **options):
-    return mbdae.solve(mbdae.load("pendulum"), (0, T), **{"rtol": 1e-10, "atol": 1e-12, **options})
+    return mbdae.solve(shared_model("pendulum"), (0, T), **{"rtol": 1e-10, "atol": 1e-12, **options})
 
 
 @pytest.mark.parametrize("method", ["pherk5", "herk5", "pherk6", "radau5"])
@@ -47,17 +45,17 @@ def test_direction_and_terminal():
     assert sol.success
     assert abs(sol.t[-1] - QUARTER) < 1e-10
     assert len(sol.events[1][0]) == 0
-    again = mbdae.solve(mbdae.load("pendulum"), (sol.t[-1], 6), sol.q[-1], sol.v[-1], rtol=1e-9, events=upward)
+    again = mbdae.solve(shared_model("pendulum"), (sol.t[-1], 6), sol.q[-1], sol.v[-1], rtol=1e-9, events=upward)
     assert abs(again.t[-1] - 5 * QUARTER) < 1e-8  # a run may start on the surface where another one ended
 
 
 @pytest.mark.usefixtures("back_end")
 def test_several_in_one_step():
     marks = [mbdae.Event(lambda t, q, v, c=c: t - c) for c in (0.311, 0.312, 0.313)]
-    sol = mbdae.solve(mbdae.load("pendulum"), (0, 1), method="herk3", step=0.1, events=marks)
+    sol = mbdae.solve(shared_model("pendulum"), (0, 1), method="herk3", step=0.1, events=marks)
     assert [e[0][0] for e in sol.events] == pytest.approx([0.311, 0.312, 0.313], abs=1e-12)
     twice = mbdae.Event(lambda t, q, v: (t - 0.21) * (t - 0.29))
-    sol = mbdae.solve(mbdae.load("pendulum"), (0, 1), method="herk3", step=0.1, events=twice)
+    sol = mbdae.solve(shared_model("pendulum"), (0, 1), method="herk3", step=0.1, events=twice)
     assert sol.events[0][0] == pytest.approx([0.21, 0.29], abs=1e-12)
 
 
@@ -75,7 +73,7 @@ def test_functions_with_attributes_as_in_scipy():
 @pytest.mark.parametrize("options", [{}, {"project": True}, {"formulation": "ggl"}], ids=str)
 def test_closures_hold_in_a_terminal_event(name, options):
     """The event: the fastest coordinate passes its value at three fifths of the span."""
-    mech = model(name)
+    mech = shared_model(name)
     vibrates = bool(flexible_bodies(mech.model))
     options = {"rtol": 1e-8 if vibrates else 1e-4, **options}
     system, end = mech.system(), min(mech.duration, 0.01 if vibrates else 0.15)
@@ -102,7 +100,7 @@ def test_closures_hold_in_a_terminal_event(name, options):
 def test_the_time_of_a_terminal_event_has_the_order_of_the_method(method, order):
     lowest, errors = mbdae.Event(lambda t, q, v: q[0], terminal=True), []
     for n in (20, 40, 80):
-        sol = mbdae.solve(mbdae.load("pendulum"), (0, 0.7), method=method, step=0.7 / n, events=lowest)
+        sol = mbdae.solve(shared_model("pendulum"), (0, 0.7), method=method, step=0.7 / n, events=lowest)
         assert abs(sol.q[-1][0]) < 1e-14
         errors.append(abs(sol.t[-1] - QUARTER))
     slopes = -np.diff(np.log2(errors))

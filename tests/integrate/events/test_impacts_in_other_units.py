@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from shared import shared_model
 from unit_systems import UNIT_SYSTEMS
 
 import mbdae
@@ -14,7 +15,7 @@ REST = 1e-6  # s
 
 def load(name):
     """The model with the duration of the shortest flight as a number, which has a unit."""
-    mech = mbdae.load(name)
+    mech = shared_model(name)
     stops = [s.model_copy(update={"rest": REST}) for s in mech.stops]
     closures = [c.model_copy(update={"rest": REST}) if c.is_unilateral else c for c in mech.closures]
     return Mechanism(mech.model, closures, mech.forces, drivers=mech.drivers, stops=stops, start=mech.start_values)

@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae import Reset
@@ -210,7 +211,7 @@ def test_what_does_not_know_events_says_so(file):
 
 def test_impacts_of_closures_conserve_angular_momentum_about_the_new_foot():
     """At the strike of the compass walker only the new foot gives an impulse; point masses, by hand."""
-    mech = mbdae.load("compass_gait")
+    mech = shared_model("compass_gait")
     sol = mbdae.solve(mech, (0, 1), rtol=1e-10)
     i, _ = sol.resets[0]
 

@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 from chains import tree
 from scipy.special import ellipk
+from shared import shared_model
 
 import mbdae
 from mbdae import Event, Mechanism, Sampled
@@ -30,7 +31,7 @@ def slide(**options):
 @pytest.mark.parametrize("method", ["herk3", "pherk4", "herk5", "pherk5", "radau5"])
 def test_the_time_has_the_order_of_the_method(method):
     """A pendulum from rest to its lowest point, by the elliptic integral; with a terminal event and without."""
-    mech, ending, passing = mbdae.load("pendulum"), [], []
+    mech, ending, passing = shared_model("pendulum"), [], []
     for n in (20, 40, 80):
         for event, errors in ((Event("q.ball.x", terminal=True), ending), ("q.ball.x = 0", passing)):
             sol = mbdae.solve(mech, (0, 0.7), method=method, step=0.7 / n, events=event)
@@ -47,7 +48,7 @@ def test_both_back_ends_find_every_signal():
     spans = {"slider_crank": 0.05, "heavy_top": 0.05, "flyball_governor": 0.005}  # s
     spans |= dict.fromkeys(("stewart_platform", "dual_arm"), 0.02)
     for name, end in spans.items():
-        mech = mbdae.load(name)
+        mech = shared_model(name)
         span, options = (0, end), {"step": end / 8, "method": "herk3"}
         plain = mbdae.solve(mech, span, **options)
         system, points = mech.system(), list(zip(plain.t, plain.y, strict=True))
@@ -108,7 +109,7 @@ def test_angles_count_turns(options):
 @pytest.mark.parametrize("options", [{"rtol": 1e-5}, {"step": 0.01}, {"step": 0.01, "method": "herk4"}], ids=str)
 @pytest.mark.parametrize("name", ["slider_crank", "stewart_platform", "four_bar"])
 def test_a_terminal_event_ends_where_closures_hold(name, options):
-    mech = mbdae.load(name)
+    mech = shared_model(name)
     joint = next(n for n in signal_values(mech) if n.startswith("q."))
     plain = mbdae.solve(mech, (0, 0.2), **options)
     x = plain.signals(joint)[joint]
@@ -192,7 +193,7 @@ def test_signals_and_functions_together_are_watched_in_python():
         return q[2] + 0.5
 
     options = {"rtol": 1e-9, "events": ["q.ball.z = -0.5", height]}
-    sol = mbdae.solve(mbdae.load("pendulum"), (0, 2), **options)
+    sol = mbdae.solve(shared_model("pendulum"), (0, 2), **options)
     np.testing.assert_allclose(sol.events[0][0], sol.events[1][0], atol=1e-7)
     assert sol.stats["events"] == "python: event 'height' is a function"
 
@@ -213,7 +214,7 @@ def test_signals_and_functions_together_are_watched_in_python():
 )
 def test_wrong_events(event, message):
     with pytest.raises(InputError) as found:
-        mbdae.solve(mbdae.load("four_bar"), (0, 1), events=event)
+        mbdae.solve(shared_model("four_bar"), (0, 1), events=event)
     assert message in str(found.value)
     assert "\n" not in str(found.value)
 
@@ -270,8 +271,8 @@ def test_what_a_sampled_controller_does_wrong_is_said_as_in_python():
 def test_a_velocity_that_remains_at_its_level_to_rounding_does_not_cross_it():
     """The joints stick until 0.063 s, and the platform does not rotate: both with speeds of some 1e-16 1/s."""
     events = ["v.crank", "v.slider < 0", "v.slider > 0"]
-    sol = mbdae.solve(mbdae.load("stick_slip_slider"), (0, 0.07), events=events)
+    sol = mbdae.solve(shared_model("stick_slip_slider"), (0, 0.07), events=events)
     assert len(sol.modes) == 2
     assert [len(times) for times, _ in sol.events] == [0, 0, 0]
-    sol = mbdae.solve(mbdae.load("delta_robot"), (0, 0.05), events=[f"v.platform.w{x}" for x in "xyz"])
+    sol = mbdae.solve(shared_model("delta_robot"), (0, 0.05), events=[f"v.platform.w{x}" for x in "xyz"])
     assert [len(times) for times, _ in sol.events] == [0, 0, 0]

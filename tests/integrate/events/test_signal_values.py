@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from linkages import bar, point
+from shared import shared_model
 from smooth import SMOOTH
 
 import mbdae
@@ -14,7 +15,7 @@ from mbdae.solution.work_columns import WORK
 @pytest.mark.native
 def test_evaluating_signals_does_not_change_a_run():
     """To the last bit, with changes of rows in use and points close to one another."""
-    mech = mbdae.load("bricard")
+    mech = shared_model("bricard")
     lam = next(n for n in signal_values(mech) if n.startswith("lam."))
     for options in ({"formulation": "ggl"}, {"method": "radau5"}, {"step": 0.01}):
         events = (), (f"{lam} = 1e9", "kinetic = -1")
@@ -39,7 +40,7 @@ def test_forces_at_a_point_are_found_once_for_all_events():
 @pytest.mark.usefixtures("back_end")
 def test_multipliers_are_those_of_the_hidden_constraint():
     """Without the contribution of Baumgarte's terms to those of the steps: as in `Solution.lam`."""
-    mech, options = mbdae.load("four_bar"), {"formulation": "index1", "method": "dop853", "baumgarte": (20.0, 20.0)}
+    mech, options = shared_model("four_bar"), {"formulation": "index1", "method": "dop853", "baumgarte": (20.0, 20.0)}
     lam = mbdae.solve(mech, (0, 1), rtol=1e-4, **options).signals("lam.pin.1")["lam.pin.1"]
     level = float(lam[0] + lam.max()) / 2
     sol = mbdae.solve(mech, (0, 1), rtol=1e-4, events=f"lam.pin.1 = {level!r}", **options)
@@ -92,7 +93,7 @@ def test_values_are_those_of_the_columns(name, monkeypatch):
 
 
 def test_a_signal_missing_in_the_core_is_monitored_in_python():
-    mech = mbdae.load("rolling_disc")
+    mech = shared_model("rolling_disc")
     text = next(n for n in signal_values(mech) if n.startswith("contact.") and n.endswith(".x"))
     plain = mbdae.solve(mech, (0, 0.2))
     x = plain.signals(text)[text]
@@ -106,7 +107,7 @@ def test_a_signal_missing_in_the_core_is_monitored_in_python():
 
 def test_accelerations_and_loads_of_joints_are_signals():
     """Accelerations in the core, joint reactions in Python, as the statistics report."""
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     plain = mbdae.solve(mech, (0, 0.2))
     known = {"a.crank": True, "force.crank": False, "force.rocker.z": False, "force.pin.x": False}
     for text, compiled in known.items():
@@ -122,7 +123,7 @@ def test_accelerations_and_loads_of_joints_are_signals():
 @pytest.mark.usefixtures("back_end")
 def test_gaps_are_signals_of_events_and_modes_are_not():
     """The stop of the pendulum is at 0.3 rad, so its gap is q - 0.3."""
-    mech = mbdae.load("pendulum_on_stop")
+    mech = shared_model("pendulum_on_stop")
     gap, angle = (mbdae.solve(mech, (0, 1.6), events=e) for e in ("gap.rod stop < 0.1", "q.rod < 0.4"))
     assert len(gap.events[0][0]) == len(gap.impacts) == 2
     assert gap.events[0][0] == pytest.approx(angle.events[0][0], abs=1e-12)

@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from click.testing import CliRunner
+from shared import shared_model
 
 import mbdae
 from mbdae.__main__ import cli
@@ -86,7 +87,7 @@ def test_loops_that_have_drifted_open_stop_before(options):
 
 @pytest.mark.parametrize("rtol", [1e-6, 1e-8])
 def test_tiny_implicit_steps_do_not_go_astray_in_silence(rtol):
-    sol = mbdae.solve(mbdae.load("n_four_bar"), (4, 5), *later(), rtol=rtol, method="radau5", project=True)
+    sol = mbdae.solve(shared_model("n_four_bar"), (4, 5), *later(), rtol=rtol, method="radau5", project=True)
     assert sol.success or sol.status == "rank"
     assert np.ptp(cranks(sol), axis=1).max() < 1e-6
 
@@ -99,7 +100,7 @@ def test_nor_do_runs_that_stay_near_singular_configurations():
 
 
 def later():
-    sol = mbdae.solve(mbdae.load("n_four_bar"), (0, 4), rtol=1e-9, project=True)
+    sol = mbdae.solve(shared_model("n_four_bar"), (0, 4), rtol=1e-9, project=True)
     return sol.q[-1], sol.v[-1]
 
 
@@ -146,7 +147,7 @@ def test_a_start_in_a_singular_configuration_is_rejected_when_the_rank_rises(opt
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "panda_handle"])
 def test_regular_motions_have_none(name):
-    assert mbdae.solve(mbdae.load(name), (0, 2), rtol=1e-6).singular == []
+    assert mbdae.solve(shared_model(name), (0, 2), rtol=1e-6).singular == []
 
 
 @pytest.mark.usefixtures("back_end")

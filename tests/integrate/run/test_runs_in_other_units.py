@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 import pytest
+from shared import shared_model
 from unit_systems import UNIT_SYSTEMS
 
 import mbdae
@@ -18,7 +19,7 @@ WITHIN = 1e-9
 @cache
 def model(name):
     """A mechanism, and the same one in other units."""
-    mech = mbdae.load(name)
+    mech = shared_model(name)
     return mech, [(units, units.mechanism(mech)) for units in UNIT_SYSTEMS[1:]]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from click.testing import CliRunner
+from shared import shared_model
 
 import mbdae
 from mbdae import METHODS, Bushing, JointDamping, JointPID, JointSpring, Mechanism, model_names
@@ -21,12 +22,12 @@ SINE = {"kind": "harmonic", "amplitude": 0.2, "omega": 3.0}
 
 
 def governor():
-    return mbdae.load("flyball_governor"), None, None
+    return shared_model("flyball_governor"), None, None
 
 
 def crank_on_rubber(stiffness, damping, stretch=0.0):
     """A slider-crank whose wrist pin is a bushing, stretched at the start by an offset in m."""
-    base = mbdae.load("slider_crank")
+    base = shared_model("slider_crank")
     rubber = Bushing(
         frames=("rod_tip", "slider_pin"), stiffness=(stiffness,) * 3 + (0,) * 3, damping=(damping,) * 3 + (0,) * 3
     )

@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae import MbdaeError
@@ -16,7 +17,7 @@ LOOP = ("time_loop", "accept", "advance", "_march", "record_steps", "store", "_r
 
 @pytest.fixture(scope="module")
 def four_bar():
-    return mbdae.load("four_bar")
+    return shared_model("four_bar")
 
 
 def consistent(sol):
@@ -196,7 +197,7 @@ def test_progress_rises_to_one(four_bar):
 @pytest.mark.parametrize("method", ["herk3", "herk5", "pherk5", "radau5"])
 def test_steps_never_fall_below_the_rounding_of_time(method):
     """The speed grows without bound at a finite time: steps decrease towards it, each accepted."""
-    plain = mbdae.load("four_bar")
+    plain = shared_model("four_bar")
     _, v = plain.assemble(v={"crank": 3.0})
     mech = mbdae.load("four_bar", forces=[lambda t, q, v: 1e3 * v**3])
     sol = mbdae.solve(mech, (0, 1e6), v=v, method=method)
@@ -219,7 +220,7 @@ def test_steps_never_fall_below_the_rounding_of_time(method):
     ],
 )
 def test_an_event_that_fails_loses_nothing(event, status, said):
-    sol = mbdae.solve(mbdae.load("four_bar"), (0, 1), events=event)
+    sol = mbdae.solve(shared_model("four_bar"), (0, 1), events=event)
     assert sol.status == status
     assert "event" in sol.message
     assert said in sol.message
@@ -232,7 +233,7 @@ def test_an_event_that_fails_loses_nothing(event, status, said):
 )
 def test_a_run_that_overflows_reports_it_once(model, options):
     """Numbers overflow: the status reports it, without numpy warnings."""
-    sol = consistent(mbdae.solve(mbdae.load(model), (0, 50), **options))
+    sol = consistent(mbdae.solve(shared_model(model), (0, 50), **options))
     assert sol.status == "nonfinite"
 
 
@@ -249,7 +250,7 @@ def test_a_start_whose_accelerations_overflow_is_a_status(four_bar, options, bac
 @pytest.mark.native
 def test_a_run_after_an_interrupted_one_with_modes():
     """At any line of the record: nodes and modes of an interrupted run are those of the whole one, as is a next run."""
-    mech = mbdae.load("woodpecker")
+    mech = shared_model("woodpecker")
     whole = mbdae.solve(mech, (0, 0.1), rtol=1e-6)
     found = set()
     for line in range(1, 120, 7):

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from chains import rod
 from frozen import repeated_run
+from shared import shared_model
 
 import mbdae
 from mbdae import Input, JointTorque, Mechanism
@@ -18,14 +19,9 @@ U, SET, DT, STEPS = 0.7, 1.3, 8e-3, 4
 STATE = ("q", "v", "s")
 
 
-@cache
-def model(name):
-    return mbdae.load(name)
-
-
 def with_input(name, hold="zero", value=U):
     """A model with an input torque on its first joint of one velocity."""
-    m = model(name)
+    m = shared_model(name)
     single = [j for j in m.joint_names if sum(m.coordinate_joint(i) == j for i in range(m.nv)) == 1]
     forces = [JointTorque(joint=single[0], torque=Input(name="motor", hold=hold, value=value))] if single else []
     return Mechanism(m.model, m.closures, [*m.forces, *forces], drivers=m.drivers, start=m.start_values)
@@ -170,9 +166,9 @@ def test_advances_compose():
 )
 def test_parameters(name, parameter):
     template = Template(name)
-    q, v = mbdae.load(name).start
+    q, v = shared_model(name).start
     value = parameter_value(template, parameter)
-    simulator = advance(mbdae.load(name), (q, v))
+    simulator = advance(shared_model(name), (q, v))
     found = simulator.tangent(parameters={parameter: 1.0})
     m = simulator.mechanism
     quotient = difference(m, lambda x: end(advance(template.make({parameter: value + x}), (q, v))), 1e-2)

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from chains import rod
+from shared import shared_model
 
 import mbdae
 from mbdae import Input, JointTorque, Mechanism
@@ -18,8 +19,8 @@ H = 1e-3
 def model(name):
     """A model; the arm has a sampled controller, so that its states jump."""
     if name != "arm":
-        return mbdae.load(name)
-    mech = mbdae.load("four_bar")
+        return shared_model(name)
+    mech = shared_model("four_bar")
     law = mbdae.Sampled(lambda t, q, v, x: (-0.5 * v[:1] + x, x + 0.01), rate=77.0, memory={"k": 0.0}, joints="crank")
     return Mechanism(mech.model, mech.closures, [law], start=mech.start_values)
 
@@ -85,7 +86,7 @@ def test_a_restored_simulator_continues_bit_by_bit(name, options):
 
 
 def test_controlled_steps_end_at_each_advance():
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     simulator = mbdae.Simulator(mech, rtol=1e-9)
     exact = mbdae.solve(mech, (0.0, 0.4), rtol=1e-12)
     for t in (0.1, 0.17, 0.4):
@@ -250,7 +251,7 @@ def test_a_stopped_simulator_says_why():
 
 
 def crank_driven(**keys):
-    mech = mbdae.load("slider_crank")
+    mech = shared_model("slider_crank")
     driver = mbdae.Driver(joint="crank", name="drive", **keys)
     return Mechanism(mech.model, mech.closures, drivers=[driver], start=mech.start_values)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from bodies import body, load
 from numpy import cos, pi, sin
+from shared import shared_model
 
 import mbdae
 from mbdae import Closure
@@ -34,7 +35,7 @@ def test_a_nodding_disc_obeys_eulers_equations():
 
 
 def test_a_disc_circles_steadily():
-    sol = mbdae.solve(mbdae.load("rolling_disc"), (0, 5), rtol=1e-10)
+    sol = mbdae.solve(shared_model("rolling_disc"), (0, 5), rtol=1e-10)
     np.testing.assert_allclose(pi / 2 - sol.q[:, 5], 1.1, atol=1e-12)
     contact, n = sol.contact("ground"), -2.47147875926918
     assert sol.v[0, 5] + 4 * cos(1.1) == pytest.approx(n, abs=1e-14)
@@ -251,7 +252,7 @@ def test_they_end_a_run_that_would_brake_the_car_to_keep_them(options, tmp_path)
 
 def test_a_wheel_lets_position_rows_alone_move_the_start(tmp_path):
     """Assembly with all coordinates except height and pitch of the bicycle held moves nothing else."""
-    mech = mbdae.load("bicycle")
+    mech = shared_model("bicycle")
     q0 = mech.start[0].copy()
     q0[2] += 0.01
     q, _ = mech.assemble(q0, mech.start[1])

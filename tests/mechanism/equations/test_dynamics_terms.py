@@ -5,6 +5,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from chains import JOINTS
+from shared import shared_model
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
@@ -15,7 +16,7 @@ from mbdae.studies.info.info import info
 
 @pytest.mark.parametrize("name", ["four_bar", "bricard", "humanoid_stance"])
 def test_terms_agree_with_energy_and_closures(name):
-    mech = mbdae.load(name)
+    mech = shared_model(name)
     q, v = mech.start
     v = np.random.default_rng(0).normal(size=mech.nv)
     M = mech.mass_matrix(q)
@@ -29,7 +30,7 @@ def test_terms_agree_with_energy_and_closures(name):
 
 
 def test_frames_are_where_closures_meet():
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     q, v = mech.start
     tip, R = mech.frame(q, "coupler_tip")
     np.testing.assert_allclose(tip, mech.frame(q, "rocker_tip")[0], atol=1e-12)

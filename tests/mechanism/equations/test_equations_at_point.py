@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import scipy.linalg
+from shared import shared_model
 
 import mbdae
 from mbdae.errors import NotCompiled
@@ -133,7 +134,7 @@ def test_a_point_is_independent_of_later_points(mech, state):
 
 
 def test_wrong_input_is_named():
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     q, _ = mech.start
     for wrong in [(0.0, q[:2]), (np.nan, q), ("a", q), ([0.0], q), (0.0, q, np.full(3, np.nan)), (0.0, q, None, [1.0])]:
         with pytest.raises(mbdae.MbdaeError, match=r"^[^\n]+$"):
@@ -142,7 +143,7 @@ def test_wrong_input_is_named():
         mech.at(mode=(1,))
     for mode in (1, None, (1.0,), "1"):
         with pytest.raises(mbdae.MbdaeError, match="a mode is the state of each switch"):
-            mbdae.load("pendulum_on_stop").at(mode=mode)
+            shared_model("pendulum_on_stop").at(mode=mode)
     with pytest.raises(mbdae.MbdaeError, match="dq"):
         mech.at().jvp([1.0], np.zeros(3))
     with pytest.raises(mbdae.MbdaeError, match="dt is a finite number, got nan"):
@@ -150,7 +151,7 @@ def test_wrong_input_is_named():
 
 
 def test_a_direction_that_leaves_dependent_constraints_is_named():
-    mech = mbdae.load("bricard")
+    mech = shared_model("bricard")
     point, v = mech.at(), np.zeros(mech.nv)
     with pytest.warns(UserWarning, match="become independent along"):
         point.jvp(np.eye(mech.nv)[0], v)
@@ -158,7 +159,7 @@ def test_a_direction_that_leaves_dependent_constraints_is_named():
 
 
 def test_rows_of_a_stop_act_in_their_mode():
-    mech = mbdae.load("pendulum_on_stop")
+    mech = shared_model("pendulum_on_stop")
     q, v = mech.start
     free, kept = mech.at(0.0, q, v), mech.at(0.0, q, v, mode=(1,) * len(mech.switches))
     assert not free.G.any()

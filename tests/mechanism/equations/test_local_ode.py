@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from driven import crane, platform
 from scipy.integrate import solve_ivp
+from shared import shared_model
 
 import mbdae
 from mbdae.finite_differences import numerical_derivative, numerical_jacobian
@@ -52,7 +53,7 @@ TOLERANCES = {"DOP853": (1e-11, 1e-9), "LSODA": (1e-9, 1e-6)}  # rtol, and bound
 @pytest.mark.parametrize("solver", TOLERANCES)
 @pytest.mark.parametrize("name", SPANS)
 def test_solvers_of_odes_reach_the_end_without_drift(name, solver):
-    mech, T = mbdae.load(name), SPANS[name]
+    mech, T = shared_model(name), SPANS[name]
     rtol, bound = TOLERANCES[solver]
     expected = mbdae.solve(mech, (0.0, T), method="pherk6", rtol=1e-12, atol=1e-13)
     (q, v, s), charts, worst = run(mech, T, solver, rtol=rtol, atol=0.01 * rtol)
@@ -73,7 +74,7 @@ def displaced(mech, backend="auto"):
 @pytest.mark.parametrize("backend", ["native", "python"])
 @pytest.mark.parametrize("name", [*SMOOTH, *DRIVEN])
 def test_jacobians_are_derivatives(name, backend):
-    mech = DRIVEN[name]() if name in DRIVEN else mbdae.load(name)
+    mech = DRIVEN[name]() if name in DRIVEN else shared_model(name)
     ode, x = displaced(mech, backend)
     T = 0.02 if name in DRIVEN else 0.1
     J, by_t, _ = ode.jacobian(T, x)
@@ -84,7 +85,7 @@ def test_jacobians_are_derivatives(name, backend):
 
 
 def test_other_coordinates_are_the_same_state():
-    mech = mbdae.load("panda_handle")
+    mech = shared_model("panda_handle")
     ode, x = displaced(mech)
     other = ode.restart(0.0, x)
     for a, b in zip(ode.state(0.0, x), other.state(0.0, other.x0), strict=True):
@@ -94,14 +95,14 @@ def test_other_coordinates_are_the_same_state():
 
 
 def test_a_point_far_away_is_reached_on_the_branch_of_the_origin():
-    mech = mbdae.load("slider_crank")
+    mech = shared_model("slider_crank")
     ode, sol = mech.ode(), mbdae.solve(mech, (0.0, 1.0), rtol=1e-9)
     x = np.append(ode._N.T @ ((sol.q[-1] - sol.q[0]) / mech.coordinate_scales), ode.x0[1:])
     assert ode.state(0.0, x)[0] == pytest.approx(sol.q[-1], abs=1e-7)
 
 
 def test_beyond_the_coordinates_is_said():
-    mech = mbdae.load("panda_handle")  # an arm that holds a handle turns only so far
+    mech = shared_model("panda_handle")  # an arm that holds a handle turns only so far
     ode = mech.ode()
     x = ode.x0.copy()
     x[0] += 20.0
@@ -111,7 +112,7 @@ def test_beyond_the_coordinates_is_said():
 
 
 def test_wrong_points_are_one_line():
-    ode = mbdae.load("four_bar").ode()
+    ode = shared_model("four_bar").ode()
     for t, x in [(np.nan, ode.x0), (0.0, ode.x0[:1]), (0.0, [*ode.x0, 1.0]), (0.0, np.nan * ode.x0)]:
         for call in (ode, ode.state, ode.margin, ode.jacobian, ode.restart):
             with pytest.raises(mbdae.MbdaeError, match=r"^[^\n]*(four-bar|t is a finite|x is not finite)[^\n]*$"):
@@ -120,7 +121,7 @@ def test_wrong_points_are_one_line():
 
 def with_inputs(name):
     """Mechanisms with a torque at a joint as an input, and a setpoint of a servo."""
-    mech = mbdae.load(name)
+    mech = shared_model(name)
     joint = {"four_bar": "crank", "panda_handle": "panda_joint2", "bricard": "rod_2"}[name]
     servo = mbdae.JointPID(joint=joint, kp=30.0, ki=4.0, reference=mbdae.Input(name="goal", value=0.2, hold="first"))
     torque = mbdae.JointTorque(joint=joint, torque=mbdae.Input(name="motor", value=1.5))
@@ -166,7 +167,7 @@ def test_wrong_inputs_are_one_line():
     for u in ([1.0], [1.0, np.nan], "motor"):
         with pytest.raises(mbdae.MbdaeError, match=r"^[^\n]*u [^\n]*$"):
             ode(0.0, ode.x0, u)
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     drive = mbdae.Driver(joint="crank", speed=mbdae.Input(name="pace", hold="first"))
     with pytest.raises(mbdae.MbdaeError, match=r"^[^\n]*rate of input 'pace'[^\n]*$"):
         mbdae.Mechanism(mech.model, mech.closures, drivers=[drive], start=mech.start_values).ode()
@@ -174,7 +175,7 @@ def test_wrong_inputs_are_one_line():
 
 def test_modes_are_rejected():
     with pytest.raises(mbdae.MbdaeError, match=r"^[^\n]*modes[^\n]*$"):
-        mbdae.load("pendulum_on_stop").ode()
-    mech = mbdae.load("four_bar")
+        shared_model("pendulum_on_stop").ode()
+    mech = shared_model("four_bar")
     with pytest.raises(mbdae.MbdaeError, match="closure"):
         mech.ode(0.0, mech.start[0] + 0.1)

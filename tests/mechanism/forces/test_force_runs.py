@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae import (
@@ -65,7 +66,8 @@ def test_energy_balance_closes(name, back_end):
     sol = mbdae.solve(mech, (0, 0.35), method="pherk6", rtol=1e-12)
     report = mbdae.drift(sol)
     assert sol.success
-    assert np.abs(sol.v[-1] - mbdae.solve(mbdae.load("four_bar"), (0, 0.35)).v[-1]).max() > 1e-3  # the force is active
+    free = mbdae.solve(shared_model("four_bar"), (0, 0.35))
+    assert np.abs(sol.v[-1] - free.v[-1]).max() > 1e-3  # the force is active
     assert report.energy_relative < 1e-11
 
 

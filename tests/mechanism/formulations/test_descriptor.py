@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from chains import free_force, jacobian, rates, rod
+from shared import shared_model
 
 import mbdae
 from mbdae import Closure, Mechanism, finite_differences
@@ -17,7 +18,7 @@ from mbdae.system import State
 
 def moving(name):
     """A mechanism in motion on its closures."""
-    mech = mbdae.load(name)
+    mech = shared_model(name)
     q = mech.start[0]
     return mech, *mech.assemble(q, np.random.default_rng(1).uniform(-1, 1, mech.nv))
 
@@ -62,7 +63,7 @@ def test_panda_handle_against_a_dense_solve():
     [("pendulum", 1), ("four_bar", 2), ("slider_crank", 2), ("andrews_squeezer", 6), ("panda_handle", 5)],
 )
 def test_rank_is_found(name, rank):
-    mech = mbdae.load(name)
+    mech = shared_model(name)
     system = mech.system()
     system.derivative(0.0, mech.point())
     assert system.rank == rank
@@ -73,7 +74,7 @@ def test_rank_is_found(name, rank):
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "andrews_squeezer"])
 def test_multipliers_of_dependent_rows_have_the_smallest_norm(name):
-    sol = mbdae.solve(mbdae.load(name), (0, 1e-3), step=1e-4)
+    sol = mbdae.solve(shared_model(name), (0, 1e-3), step=1e-4)
     mech = sol.mechanism
     for values in (sol.lam, sol.lam_own):
         for q, lam in zip(sol.q[1:], values[1:], strict=True):
@@ -187,7 +188,7 @@ def test_rows_fixed_at_the_start_fail(other_cut, monkeypatch):
 
 
 def test_matrices_of_a_perturbed_point_are_not_reused_in_a_step():
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     system, given = mech.system(), []
     F, z = system.derivative(0.0, mech.point())
     end = METHODS["pherk4"].step(system, 0.0, 1e-2, State(mech.point(), system.carry(F, z))).state.y
@@ -286,6 +287,6 @@ def test_work_has_the_order_of_the_method(method, order):
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("name", ["pendulum", "slider_crank", "four_bar"])
 def test_energy_is_kept(name):
-    sol = mbdae.solve(mbdae.load(name), (0, 2), rtol=1e-10)
+    sol = mbdae.solve(shared_model(name), (0, 2), rtol=1e-10)
     assert drift(sol).energy_relative < 1e-8
     assert drift(sol).Gv_max < 1e-11

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from click.testing import CliRunner
 from motions import ALL, distance, free_loop, levels, model, run, start_of
+from shared import shared_model
 
 import mbdae
 from mbdae import Mechanism, finite_differences
@@ -45,7 +46,7 @@ def test_index1_raw_coordinates_move_with_the_tangent_map():
 
 
 def test_baumgarte_reduces_the_drift():
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     options = {"method": "RK45", "formulation": "index1", "rtol": 1e-6}
     plain, stabilised = run(mech, 10.0, **options), run(mech, 10.0, baumgarte=(10.0, 10.0), **options)
     assert levels(plain)[0] > 20 * levels(stabilised)[0]
@@ -54,7 +55,7 @@ def test_baumgarte_reduces_the_drift():
 
 def test_baumgarte_residuals_obey_their_equation():
     """g'' + 2 alpha g' + beta^2 g = 0, with g'' along the motion by differences, at a state off the closures."""
-    mech = mbdae.load("pendulum")
+    mech = shared_model("pendulum")
     alpha, beta = 3.0, 5.0
     q, v = mech.start[0] + [0.1, 0.2, -0.1], np.array([0.7, -0.4, 0.2])
     F = mech.system("index1", (alpha, beta)).derivative(0.0, np.concatenate([q, v, [0.0]]))[0]
@@ -65,7 +66,7 @@ def test_baumgarte_residuals_obey_their_equation():
 
 
 def test_index1_counts_steps_and_stops_by_name():
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     options = {"method": "RK45", "formulation": "index1"}
     sol = run(mech, 1.0, **options)
     assert sol.stats["f"] == 6 * (sol.stats["steps"] + sol.stats["rejected"]) + 3  # the start, scipy's, its guess of h
@@ -86,14 +87,14 @@ def test_index1_keeps_what_was_computed(method):
             raise KeyboardInterrupt
 
     options = {"method": method, "formulation": "index1"}
-    sol = mbdae.solve(mbdae.load("pendulum"), (0.0, 1.0), progress=interrupt, **options)
+    sol = mbdae.solve(shared_model("pendulum"), (0.0, 1.0), progress=interrupt, **options)
     assert (sol.status, sol.success) == ("interrupted", False)
     assert 0.5 < sol.t[-1] < 1
 
     def broken(t, q, v):
         return np.full(3, np.nan if t > 0.5 else 0.0)
 
-    pendulum = mbdae.load("pendulum")
+    pendulum = shared_model("pendulum")
     bad = Mechanism(pendulum.model, pendulum.closures, [broken], start=pendulum.start_values)
     sol = mbdae.solve(bad, (0.0, 1.0), **options)
     assert (sol.status, sol.success) == ("nonfinite", False)
@@ -106,7 +107,7 @@ def test_index1_keeps_what_was_computed(method):
 
 @pytest.mark.parametrize("options", ALL)
 def test_times_events_and_files(options, tmp_path):
-    mech = mbdae.load("pendulum")
+    mech = shared_model("pendulum")
     bottom = mbdae.Event(lambda t, q, v: q[0], terminal=True)
     sol = run(mech, 5.0, rtol=1e-10, t_eval=np.linspace(0, 5, 51), events=bottom, **options)
     assert sol.status == "event"
@@ -142,7 +143,7 @@ REFUSED = [
 @pytest.mark.parametrize(("options", "words"), REFUSED)
 def test_rejections(options, words):
     with pytest.raises(mbdae.MbdaeError) as caught:
-        mbdae.solve(mbdae.load("four_bar"), (0.0, 1.0), **options)
+        mbdae.solve(shared_model("four_bar"), (0.0, 1.0), **options)
     assert isinstance(caught.value, ValueError)
     assert "\n" not in str(caught.value)
     for word in words:
@@ -152,9 +153,9 @@ def test_rejections(options, words):
 @pytest.mark.parametrize("method", ["Radau", "LSODA"])
 def test_implicit_solvers_are_rejected_on_manifolds(method):
     with pytest.raises(mbdae.MbdaeError, match=f"'{method}'.*RK45, DOP853"):
-        mbdae.solve(mbdae.load("heavy_top"), (0.0, 1.0), method=method, formulation="index1")
+        mbdae.solve(shared_model("heavy_top"), (0.0, 1.0), method=method, formulation="index1")
     with pytest.raises(mbdae.MbdaeError, match="one number as atol"):
-        mbdae.solve(mbdae.load("heavy_top"), (0.0, 1.0), method="RK45", formulation="index1", atol=np.ones(6))
+        mbdae.solve(shared_model("heavy_top"), (0.0, 1.0), method="RK45", formulation="index1", atol=np.ones(6))
 
 
 @pytest.mark.parametrize(

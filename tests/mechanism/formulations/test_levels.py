@@ -6,6 +6,7 @@ import pytest
 from chains import random_q, rod, tree
 from mechanism.formulations.test_descriptor import bricard
 from motions import ALL, distance, levels, model, run, slopes, start_of
+from shared import shared_model
 
 import mbdae
 from mbdae import METHODS, Closure, Mechanism
@@ -16,7 +17,7 @@ from mbdae import METHODS, Closure, Mechanism
 @pytest.mark.parametrize("name", [name for name, m in METHODS.items() if m.error_power and "ggl" not in m.excludes])
 def test_ggl_keeps_both_levels_over_a_hundred_seconds(name):
     rtol = 1e-4 if METHODS[name].order > 3 and not name.startswith("radau") else 1e-3
-    sol = run(mbdae.load("four_bar"), 100.0, method=name, formulation="ggl", rtol=rtol)
+    sol = run(shared_model("four_bar"), 100.0, method=name, formulation="ggl", rtol=rtol)
     g, Gv = levels(sol)
     assert g <= 1e-11
     assert Gv <= 1e-11 * (1 + np.abs(sol.v).max())  # implicit stages are solved to this accuracy, or to rounding
@@ -38,7 +39,7 @@ def test_ggl_keeps_the_order(name, T, steps, method):
 
 @pytest.mark.parametrize("method", ["herk3", "pherk4", "pherk5", "radau5"])
 def test_ggl_multipliers_come_first_and_keep_their_order(method):
-    mech, errors, steps = mbdae.load("pendulum"), [], (40, 80, 160, 320)
+    mech, errors, steps = shared_model("pendulum"), [], (40, 80, 160, 320)
     for n in steps:
         sol = run(mech, 2.0, method=method, formulation="ggl", step=2.0 / n)
         assert sol.z_own.shape == (n + 1, 2 * mech.ng)
@@ -50,7 +51,7 @@ def test_ggl_multipliers_come_first_and_keep_their_order(method):
 
 
 def test_mu_is_carried_from_step_to_step():
-    mech = mbdae.load("pendulum")
+    mech = shared_model("pendulum")
     system, method, h = mech.system("ggl"), METHODS["pherk5"], 0.1
     F, z = system.derivative(0.0, mech.point())
     carry = system.carry(F, z)
@@ -120,7 +121,7 @@ def test_branch_at_a_singular_position(options, back_end):
 @pytest.mark.parametrize("options", [{"rtol": 1e-6}, {"step": 0.01}])
 @pytest.mark.parametrize("method", ["pherk5", "herk3", "radau5"])
 def test_projection_stops_the_drift(method, options):
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     plain, projected = (run(mech, 1.0, method=method, project=p, **options) for p in (False, True))
     assert levels(plain)[0] > 1e-9
     assert max(levels(projected)) <= 1e-12
@@ -131,7 +132,7 @@ def test_projection_stops_the_drift(method, options):
 
 @pytest.mark.usefixtures("back_end")
 def test_projection_keeps_the_order_without_new_solves():
-    mech, steps = mbdae.load("pendulum"), (20, 40, 80, 160)
+    mech, steps = shared_model("pendulum"), (20, 40, 80, 160)
     assert min(slopes(mech, 2.0, steps, method="pherk5", project=True)) >= 4.8
     solves = [run(mech, 2.0, method="pherk5", rtol=1e-8, project=p).stats["solves"] for p in (False, True)]
     assert abs(solves[0] - solves[1]) <= 20  # the carry is kept
@@ -158,7 +159,7 @@ def test_projection_is_least_in_the_mass_metric(name):
 @pytest.mark.parametrize("away", [1e-10, 1e-6, 1e-2])
 def test_projection_iterates_until_positions_converge(away):
     """From any distance, as Newton's method does: the error of a correction is the square of its size."""
-    mech = mbdae.load("four_bar")
+    mech = shared_model("four_bar")
     system = mech.system()
     off = mech.point()
     off[: mech.nq] += away * np.array([1.0, -0.5, 0.3])
