@@ -43,7 +43,7 @@ BRIEF = {  # options of commands whose output is not shown: they end by themselv
     "solve four_bar -t 10 ": ("-t", "1"),
     "periodic woodpecker": ("--help",),  # test_woodpecker_cycle runs it
     "periodic-branch simplest_walker": ("--rtol", "1e-8"),
-    "order hessenberg_a": ("-t", "0.2"), "atlas": ("--rtol", "1e-3", "--refinements", "1"),
+    "order hessenberg_a": ("-t", "0.2"),
 }  # fmt: skip
 COARSE = {  # resolution of studies
     "replay.replay.MIN_FRAMES": 5, "replay.replay.MAX_FRAMES": 9, "replay.plot_panels.POINTS": 50,

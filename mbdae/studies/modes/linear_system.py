@@ -18,6 +18,7 @@ from ...mechanism.equilibrium.spectrum import spectrum
 from ...mechanism.forces.linear import LinearElement
 from ...mechanism.formats.mechanism_file.parameter_units import function_units
 from ...mechanism.signals.effort_signals import named_laws
+from ...mechanism.time_functions.input_functions import Input, InputHistory, inputs_in
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...mechanism.tree.frames import WORLD, Pair, anchor, frame_names
 from ...solution.problem import mechanism_of
@@ -150,8 +151,9 @@ def linearize(
 
     An input is the name of a joint (a torque on it in N m or N; ``joint.2`` for one of several coordinates), of a
     force whose value is a function of time (the voltage of a dc_motor, the reference of a joint_pid, the torque of a
-    joint_torque; "(force)" is appended to a name shared with a joint, closure or driver), or ``frame.x``, a force in N
-    on a frame's origin along an axis of the world. An output is named as a signal of runs: ``q.joint`` or ``v.joint``
+    joint_torque; "(force)" is appended to a name shared with a joint, closure or driver), of an ``[[input]]`` that acts
+    in such forces alone ("(input)" is appended to a name that is shared), or ``frame.x``, a force in N on a frame's
+    origin along an axis of the world. An output is named as a signal of runs: ``q.joint`` or ``v.joint``
     (in the tangent), ``s.state``, or ``position.frame.x``, the position of a frame's origin in m. If also the rate of a
     reference acts (kd), the states are z minus the effect of its jump, which contributes to D.
 
@@ -159,7 +161,7 @@ def linearize(
         mech: the mechanism, or an argument of `mbdae.load`.
         q: see `mbdae.modes`, also for v, t and hold.
         v: constant speeds.
-        inputs: a joint, a force with a signal, or frame.x; several times for several.
+        inputs: a joint, a force with a signal, an input of the file, or frame.x; several times for several.
         outputs: q.joint, v.joint, s.state or position.frame.x; all q and v when left out.
         t: time in s.
         hold: joints to lock.
@@ -208,6 +210,7 @@ def _gain_units(mech: Mechanism, inputs: Sequence[str], outputs: Sequence[str]) 
     of_outputs |= {f"q.{n}": u.removesuffix("/s") for n, u in zip(joints, rates, strict=True)}
     of_outputs |= {name: "m" for name in outputs if name.startswith("position.")}
     frames = {f"{name}.{axis}": "N" for name in frame_names(mech.model)[1:] for axis in AXES}
+    of_inputs |= {name: x.unit for name, x in inputs_in(mech.forces).items() if isinstance(x, Input)}
     return tuple(
         tuple(_quotient(of_outputs.get(o, ""), (frames | of_inputs).get(i, "")) for i in inputs) for o in outputs
     )
@@ -229,20 +232,36 @@ def _input_partials(statics: Statics, q: Array, joints: Sequence[str]) -> dict[s
         n: ((e, none), (np.zeros(nv), none)) for n, e in zip(joints, np.eye(nv), strict=True)
     }
     states = {id(law): at for law, at in system.laws.bound}
+    named: dict[str, Array] = {}
     for force, law in named_laws(statics.mech, system.laws).items():
         if not isinstance(law, LinearElement):
             continue
         at = states[id(law)]
-        for i in range(len(law.u)):
+        for i, u in enumerate(law.u):
             parts = np.zeros((2, nv + ns))
             for row, r, column, c, value in law.terms:
                 if column in ("u", "du") and c == i:
                     parts[int(column == "du"), r if row == "tau" else nv + at.start + r] += value
-            name = force if len(law.u) == 1 else f"{force}.{i + 1}"
-            out[name] = ((parts[0, :nv], parts[0, nv:]), (parts[1, :nv], parts[1, nv:]))
+            out[force if len(law.u) == 1 else f"{force}.{i + 1}"] = _split(parts, nv)
+            if isinstance(u, Input | InputHistory):
+                named[u.name] = named.get(u.name, 0.0) + parts
+    for name in named.keys() - _names_elsewhere(statics):
+        out[f"{name} (input)" if name in out else name] = _split(named[name], nv)
     for name, derivative in _position_partials(statics, q).items():
         out.setdefault(name, ((derivative, none), (np.zeros(nv), none)))
     return out
+
+
+def _split(parts: Array, nv: int) -> InputPartials:
+    """Return the partial derivatives with respect to a signal and its rate, each of f and of h, of an array by rows."""
+    return (parts[0, :nv], parts[0, nv:]), (parts[1, :nv], parts[1, nv:])
+
+
+def _names_elsewhere(statics: Statics) -> set[str]:
+    """Return the inputs of drivers and of nonlinear forces."""
+    laws = (law for law, _ in statics.system.laws.bound if not isinstance(law, LinearElement))
+    signals = [*(u for law in laws for u in law.signals), *(d.path for d in statics.mech.drivers)]
+    return {u.name for u in signals if isinstance(u, Input | InputHistory)}
 
 
 def _output_rows(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Array]:

@@ -12,6 +12,7 @@ from mbdae import DCMotor, JointDamping, JointPID, JointTorque, Mechanism
 from mbdae.__main__ import cli
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.mechanism_file.template import Template
+from mbdae.mechanism.time_functions.input_functions import Input
 from mbdae.mechanism.time_functions.time_functions import Harmonic
 
 
@@ -68,6 +69,22 @@ def test_a_joint_and_a_force_of_one_name_are_two_inputs():
     B = mbdae.linearize(mech, {n: 0.0 for n in mech.joint_names}, inputs=[joint, f"{joint} (force)"]).B
     assert np.abs(B).max() > 0
     np.testing.assert_allclose(B[:, 1], 40.0 * B[:, 0], rtol=1e-14)
+
+
+def test_an_input_acts_in_all_forces_that_have_it():
+    """It adds them up; a simulator that sets it accelerates as the system does."""
+    mech = mbdae.load("double_pendulum")
+    (first, second), u = mech.joint_names[:2], Input(name="u", unit="N m")
+    torques = [JointTorque(joint=first, torque=u), JointTorque(joint=second, torque=u, gear=3.0)]
+    mech = Mechanism(mech.model, (), torques)
+    rest = {first: 0.0, second: 0.0}
+    system = mbdae.linearize(mech, rest, inputs=["u", first, second], outputs=f"v.{first}")
+    np.testing.assert_allclose(system.B[:, 0], system.B[:, 1:] @ [1.0, 3.0], rtol=1e-14)
+    assert system.units == (("rad/s/N/m",) * 3,)
+    simulator, h = mbdae.Simulator(mech, q=np.zeros(2), v=np.zeros(2)), 1e-6
+    simulator["u"] = 1.0
+    simulator.advance(h)
+    assert simulator.v[0] / h == pytest.approx((system.C @ system.B)[0, 0], rel=1e-3)
 
 
 def test_names_that_do_not_exist_are_rejected():
