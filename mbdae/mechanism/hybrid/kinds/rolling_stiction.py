@@ -1,6 +1,7 @@
 """Wheels and balls that stick or slide, with a friction coefficient."""
 
 from collections.abc import Sequence
+from math import inf, nextafter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from ....errors import StepError
 from ....tolerances import COINCIDENT, PARALLEL
 from ...forces.coulomb_friction import CoulombFriction
+from ...formulations.friction_interface import CLEAR_SLIP
 from ..switch import CandidateRow, Guard, PointFunction, Switch
 
 if TYPE_CHECKING:
@@ -61,7 +63,7 @@ class RollingStiction(Switch):
         return 1.0 - float(np.linalg.norm(self.friction_ratio(point.lam)))
 
     def slip_guard(self) -> Guard:
-        """Return the guard of a slip: its velocity along its direction at the first evaluation."""
+        """Return the guard of a slip: its velocity along its first direction; along that of the fixed step's start."""
         first: list[tuple[float, Array]] = []  # time and direction
 
         def value(point: "ModePoint") -> float:
@@ -79,8 +81,8 @@ class RollingStiction(Switch):
             if not slip @ self._acceleration(point) < 0:
                 return False
             if slips and self._is_unresolved(point, h):
-                friction = point.system.closure_friction
-                point.system.set_min_slip_speed(max(float(np.linalg.norm(slip)), friction.min_slip_speed))
+                unclear = nextafter(float(np.linalg.norm(slip)) / CLEAR_SLIP, inf)
+                point.system.set_min_slip_speed(max(unclear, point.system.closure_friction.min_slip_speed))
             return not self.slips(point)
 
         rate: PointFunction = lambda x: float(self._acceleration(x) @ first[0][1])  # noqa: E731
