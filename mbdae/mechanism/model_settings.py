@@ -27,7 +27,8 @@ class Start(Table):
             several coordinates.
         v: joint velocities that are fixed during assembly, in rad/s or m/s.
         guess: initial estimates of other coordinates: they select the assembly branch, such as elbow up or down.
-        guess_v: initial estimates of other velocities.
+        guess_v: initial estimates of other velocities, 0 if omitted; those allowed by closures and drivers that are
+            closest in the mass metric are taken: a joint on a driven body then moves, too, unless ``v`` fixes it.
         assemble: make the start consistent; if false, values are used as given, and rejected if they violate a closure.
     """
 
