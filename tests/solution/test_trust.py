@@ -173,6 +173,10 @@ def test_a_doubtful_run_names_the_open_closure_and_the_remedy():
     assert "'pin'" in sol.message
     assert "take a smaller step, or project=True" in sol.message
     assert mbdae.solve(shared_model("four_bar"), (0, 10), rtol=1e-3).success
+    last = mbdae.Event(f"t = {sol.t[-2]}", terminal=True)
+    cut = mbdae.solve(shared_model("four_bar"), (0, 10), step=0.2, method="herk3", events=[last])
+    assert cut.status == "doubtful"
+    assert f"(a terminal event occurred at t = {cut.t[-1]:.17g})" in cut.message
 
 
 def test_a_t_eval_that_cannot_be_read_is_no_success(monkeypatch):

@@ -37,7 +37,8 @@ def make_solution(run: RunState, problem: Problem, status: str, message: str, se
     if out.success and (system := run.mechanical):
         vibrations = find_vibrations(full)
         if warnings := accuracy_warnings(full, system, vibrations):
-            out.status, out.message = "doubtful", warnings
+            ended = f" ({out.message})" if status == "event" else ""
+            out.status, out.message = "doubtful", f"{warnings}{ended}"
         elif vibrations and (limit := limiting_vibration(full, vibrations)):
             out.message = f"{out.message}; {limit}"
     elif run.mechanical and status in DIVERGED and (why := amplified_vibrations(full)):
