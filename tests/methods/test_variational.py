@@ -49,8 +49,8 @@ def observed(mech, method, T, n, end, order_of_ends=2):
 @pytest.mark.parametrize("method", NAMES)
 @pytest.mark.parametrize("name", SPANS)
 def test_orders(name, method):
-    slope = observed(shared_model(name), method, SPANS[name], STEPS[method], reference(name))
-    assert slope > METHODS[method].order - 0.2
+    order = observed(shared_model(name), method, SPANS[name], STEPS[method], reference(name))
+    assert order > METHODS[method].order - 0.2
 
 
 @pytest.mark.parametrize("method", ["rattle2", "rattle6"])

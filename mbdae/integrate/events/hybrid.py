@@ -164,12 +164,11 @@ class ModeChanges(EventSource):
 
     def _first_root(self, step: "StepMap") -> tuple[float, list[Guard]]:
         """Return theta at which the mode ends, and the guards that are zero there; (2, []) if it does not end."""
-        at, run = self._points(step), step.run
-        fixed_size = 0.0 if run.stepper.controls else abs(step.h)
-        if ended := [g.guard for g in self.guards if g.guard.ends and g.guard.ends(at(0.0), fixed_size)]:
+        at, stepper = self._points(step), step.run.stepper
+        h = 0.0 if stepper.controls else abs(step.h)
+        if ended := [g.guard for g in self.guards if g.guard.ends and g.guard.ends(at(0.0), h)]:
             return 0.0, ended
-        fixed = run.stepper.any_size and not run.stepper.controls
-        thetas = resolving_step(self.guards, interpolated_points(step, at), abs(step.h)) if fixed else QUARTERS
+        thetas = resolving_step(self.guards, interpolated_points(step, at), h) if h and stepper.any_size else QUARTERS
         theta, fired = first_guard_root(self.guards, step, at, thetas)
         if not fired:
             for guard in self.guards:

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import scipy.linalg
+from bouncing import add_body, empty
 from shared import shared_model
 
 import mbdae
@@ -219,20 +220,14 @@ def test_friction_of_a_sliding_contact_has_derivatives_along_its_slip(tmp_path, 
 
 
 def test_a_slip_in_two_directions_has_no_derivative():
+    model = empty()
+    add_body(model, 0, pin.JointModelFreeFlyer(), "ball", 1.5, inertia=(0.006, 0.006, 0.006))
     ball = mbdae.Mechanism(
-        free_body(), [mbdae.Closure.rolling("world", "ball", radius=0.1, name="floor")],
+        model, [mbdae.Closure.rolling("world", "ball", radius=0.1, name="floor")],
         [mbdae.CoulombFriction(closure="floor", coefficient=0.3, exact=True)],
     )  # fmt: skip
     with pytest.raises(mbdae.MbdaeError, match="'floor' slides in two directions: no derivative of v' and lam"):
         ball.at(0.0, np.array([0, 0, 0.1, 0, 0, 0, 1.0]), np.ones(6), mode=(2,)).jvp(np.ones(6), np.ones(6))
-
-
-def free_body():
-    model = pin.Model()
-    j = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "ball")
-    model.appendBodyToJoint(j, pin.Inertia(1.5, np.zeros(3), 0.006 * np.eye(3)), pin.SE3.Identity())
-    model.addBodyFrame("ball", j, pin.SE3.Identity(), 0)
-    return model
 
 
 def test_python_computes_what_the_core_does_not_support(monkeypatch):

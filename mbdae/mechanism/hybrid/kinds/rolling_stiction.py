@@ -63,7 +63,10 @@ class RollingStiction(Switch):
         return 1.0 - float(np.linalg.norm(self.friction_ratio(point.lam)))
 
     def slip_guard(self) -> Guard:
-        """Return the guard of a slip: its velocity along its first direction; along that of the fixed step's start."""
+        """Return the guard of a slip: its velocity along its direction at the first evaluation.
+
+        Fixed steps have their own direction, that of the slip at their start.
+        """
         first: list[tuple[float, Array]] = []  # time and direction
 
         def value(point: "ModePoint") -> float:
