@@ -44,8 +44,8 @@ class Counts:
 
     def add(self, *counts: int) -> None:
         """Add counts, in their order."""
-        for name, n in zip(vars(self), counts, strict=True):
-            vars(self)[name] += n
+        sums = {name: x + n for (name, x), n in zip(vars(self).items(), counts, strict=True)}
+        vars(self).update(sums)
 
 
 class State(NamedTuple):

@@ -97,7 +97,7 @@ def solve(
         max_steps=max_steps,
     )  # fmt: skip
     inputs = Inputs.of_run(problem)
-    run = prepare(inputs.begin(s) if inputs else problem, options, (q, v, s))
+    run = prepare(inputs.begin(s) if inputs else problem, options, (q, v, s), kinds=())
     started = perf_counter()
     status, message = run_to_end(run, progress)
     seconds = perf_counter() - started

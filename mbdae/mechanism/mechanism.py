@@ -287,13 +287,13 @@ class Mechanism(DynamicsTerms):
         Raises:
             InputError: for wrong shapes, values that are not finite, or a state that is not consistent.
         """
-        s0 = np.array(list(self.states.values())) if s is None else vector(self.title, "s", s, len(self.states))
+        s_w = np.array([*(self.states.values() if s is None else vector(self.title, "s", s, len(self.states))), 0.0])
         if q is None and v is None:
-            return np.concatenate([*self.start_at(t), s0, [0.0]])
+            return np.concatenate([*self.start_at(t), s_w])
         q0 = self.configuration(self.start_at(t)[0] if q is None else q)
         v0 = self.start_at(t)[1] if v is None else vector(self.title, "v", v, self.nv)
         require_consistent(self, q0, v0, t, gap)
-        return np.concatenate([q0, v0, s0, [0.0]])
+        return np.concatenate([q0, v0, s_w])
 
     def vector(self, name: str, value: object, n: int) -> Array:
         """Return a value as n finite numbers, see `mbdae.mechanism.model_settings.vector`."""

@@ -115,12 +115,13 @@ def _given_options(arguments: Mapping[str, Any]) -> dict[str, Any]:
         InputError: for a size or number of steps that is not positive.
         UnknownNameError: for an unknown option.
     """
-    for name in arguments:
-        if name not in DEFAULTS:
-            raise UnknownNameError("option", name, DEFAULTS)
+    if unknown := arguments.keys() - DEFAULTS.keys():
+        raise UnknownNameError("option", min(unknown), DEFAULTS)
     given = {name: x for name, x in arguments.items() if x is not None}
-    require_positive(**{name: x for name, x in given.items() if name in STEP_SIZES or name == "max_steps"})
-    return {name: float(x) if name in STEP_SIZES else x for name, x in given.items()}
+    if sizes := {name: x for name, x in given.items() if name in STEP_SIZES or name == "max_steps"}:
+        require_positive(**sizes)
+        given |= {name: float(x) for name, x in sizes.items() if name in STEP_SIZES}
+    return given
 
 
 def require_positive(**values: float | None) -> None:

@@ -30,10 +30,12 @@ def run_to_end(run: RunState, progress: Progress | None) -> tuple[str, str]:
     """Run to the end of the span or as far as possible; return status and message.
 
     Raises:
-        InputError: for a force that fails at the start.
+        InputError: for a force that fails at the start, or options that a source of events does not support.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging run is reported by its status
         try:
+            if not run.sources and _complete(run, progress):
+                return "finished", STATUS["finished"]
             run.begin(ahead=True)
             stopped = time_loop(run, progress)
             for source in run.sources:
@@ -54,6 +56,16 @@ def run_to_end(run: RunState, progress: Progress | None) -> tuple[str, str]:
     t1 = run.options.t1
     undefined = "" if run.t == t1 else next((x for d in run.problem.drivers if (x := d.outside(t1))), "")
     return ("driver", undefined) if undefined else ("finished", STATUS["finished"])
+
+
+def _complete(run: RunState, progress: Progress | None) -> bool:
+    """Complete a run without sources of events in one call of the core; if that cannot be, add its sources."""
+    if not run.stepper.complete(run):
+        run.add_sources()
+        return False
+    if progress:
+        progress(1.0)
+    return True
 
 
 def time_loop(run: RunState, progress: Progress | None = None) -> bool:

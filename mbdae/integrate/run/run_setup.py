@@ -1,5 +1,6 @@
 """Setup of a run: workspace, stepper and initial point."""
 
+from collections.abc import Sequence
 from numbers import Real
 
 from ...errors import InputError
@@ -9,6 +10,7 @@ from ...methods.variational import NewtonMethod
 from ...solution.solution import Problem
 from ...system import Array, System
 from ...tolerances import INPUT_DIGITS, NEGLIGIBLE
+from ..events.source import EventSource
 from ..options.options import RunOptions
 from ..steppers.adaptive import Adaptive
 from ..steppers.fixed import Fixed
@@ -17,23 +19,30 @@ from ..steppers.native import NativeStepper
 from ..steppers.stepper import PythonStepper, Stepper
 from .backward_steps import BackwardStepper
 from .binding import bind
-from .run_state import RunState
+from .run_state import SOURCES, RunState
 
 NEWTON_TOLERANCE = NEGLIGIBLE  # of rtol, or sqrt(rtol) if smaller: tolerance of implicit stages, as in RADAU5
 START_DRIFT = 100.0  # times rtol: largest constraint violation at the start, as after a run with drift
 
 
-def prepare(problem: Problem, options: RunOptions, start: tuple[Array | None, Array | None, Array | None]) -> RunState:
-    """Return a run that can begin from (q, v, s); None means the start of the mechanism.
+def prepare(
+    problem: Problem,
+    options: RunOptions,
+    start: tuple[Array | None, Array | None, Array | None],
+    kinds: Sequence[type[EventSource]] = SOURCES,
+) -> RunState:
+    """Return a run that can begin from (q, v, s), with sources of events; None means the start of the mechanism.
 
     Raises:
         InputError: for options that do not suit the problem, or an inconsistent start.
     """
     y = _start(problem, start, options.t0, None if options.step else options.rtol)
-    return prepare_at(problem, options, y)
+    return prepare_at(problem, options, y, kinds)
 
 
-def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
+def prepare_at(
+    problem: Problem, options: RunOptions, y: Array, kinds: Sequence[type[EventSource]] = SOURCES
+) -> RunState:
     """Return a run that can begin at y (n,), which is not checked.
 
     Raises:
@@ -48,12 +57,12 @@ def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
         if options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
             rtol = float(control.rtol)
             system.accuracy = min(NEWTON_TOLERANCE, rtol**0.5) * rtol
-    run = RunState(problem, options, system, stepper, y)
+    run = RunState(problem, options, system, stepper, y, kinds)
     run.fallback = fallback or ("" if options.method.in_core else f"method {options.method.name!r}")
     if isinstance(problem, Mechanism):  # before controllers, modes and projections change the start
         values, nq, nv = y.tolist(), problem.nq, problem.nv
         run.settings |= {"q": values[:nq], "v": values[nq : nq + nv], "s": values[nq + nv : -1]}
-    if run.singularity_monitor and run.control:
+    if system.nz and run.mechanical and run.control:
         run.backward_stepper = BackwardStepper.from_run(run, float(run.control.rtol))
     return run
 

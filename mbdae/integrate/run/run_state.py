@@ -15,7 +15,7 @@ from ...system import Array, State, Step, System
 from ...tolerances import JUMP_MARGIN
 from ..events.driver_checks import DriverChecks
 from ..events.hybrid import ModeChanges
-from ..events.jumps import Jumps
+from ..events.jumps import Jumps, SmoothInterval
 from ..events.resets import Resets
 from ..events.singularity import SingularityMonitor
 from ..events.source import EventSource, Occurrence
@@ -56,24 +56,29 @@ class RunState:
     ) -> None:
         self.problem, self.options, self.tableau, self.project = problem, options, options.method, options.project
         self.t, self.t1, self.sign, self.discontinuities = options.t0, options.end, options.sign, 0
-        self.continues = False  # beyond its end, see `continue_to`
+        self.continues = self.restarted = False  # beyond its end, see `continue_to`; carry recomputed by a projection
         self.system, self.stepper, self.state = system, stepper, State(start)
         self.mechanical = cast(Index2System, system) if isinstance(problem, Mechanism) else None  # the workspace
-        # the step-size control; None for the index-1 baseline
-        self.control: Adaptive | None = None if options.formulation == "index1" else stepper.control
+        self.control: Adaptive | None = None if options.formulation == "index1" else stepper.control  # a baseline
+        self.interval = SmoothInterval(self.t1, self.t1, None)  # as far as is known before the run begins
         self.rejected: int | None = 0
-        self.undone_motion: Array | None = (
-            None  # motion since a step was undone, and its undone part, see `projected_step`
-        )
-        self.restarted = False  # whether the carry was recomputed after the projection of the last step
+        self.undone_motion: Array | None = None  # since a step was undone, and its undone part, see `projected_step`
         self.given = start.copy()  # before controllers are sampled, see `unsampled`
-        self.ts, self.ys, self.zs = [self.t], GrowingArray(start), GrowingArray([np.nan] * system.nz)
+        self.ts, self.ys, self.zs = [self.t], GrowingArray(start), GrowingArray(np.full(system.nz, np.nan))
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # first node of each set of rows in use
         self.carries = CarryRecord()
         self.backward_stepper: BackwardStepper | None = None
         self.settings = options.record()  # recorded with the solution
         self.fallback = ""  # why the run cannot use the compiled core
         self._record: Solution | None = None
+        self.add_sources(kinds)
+
+    def add_sources(self, kinds: Sequence[type[EventSource]] = SOURCES) -> None:
+        """Add the sources of events.
+
+        Raises:
+            InputError: for options that a source does not support.
+        """
         found: Any = {kind: source for kind in kinds if (source := kind.from_run(self))}
         self.sources: tuple[EventSource, ...] = tuple(source for source in found.values() if source.is_needed)
         self.mode_changes: ModeChanges = found.get(ModeChanges)
@@ -96,7 +101,7 @@ class RunState:
         if self.in_use:
             self._start_at(y)
         else:
-            self._set_start(*self.stepper.begin_run(self, y, ahead))
+            self.set_start(*self.stepper.begin_run(self, y, ahead))
         for source in self.sources:
             source.begin_interval(self)
 
@@ -108,9 +113,10 @@ class RunState:
 
     def _start_at(self, y: Array, restarted: bool = False) -> None:
         y = self.system.update_independent_rows(self.t, State(y)).y
-        self._set_start(y, *self.system.derivative(self.t, y), restarted)
+        self.set_start(y, *self.system.derivative(self.t, y), restarted)
 
-    def _set_start(self, y: Array, F: Array, z: Array, restarted: bool = False) -> None:
+    def set_start(self, y: Array, F: Array, z: Array, restarted: bool = False) -> None:
+        """Set y, y' (ny,) and z (nz,) at the last node, where a smooth interval begins."""
         self.record_rows(restarted)
         self.ys[-1], self.zs[-1], self.F = y, z, F
         self.state = State(y, self.system.carry(F, z))
@@ -286,8 +292,7 @@ class RunState:
     def record(self) -> Solution:
         """Return the run so far as a solution that shares its lists; its dense output is used by event detection."""
         if self._record is None:
-            settings = {"dense_order": self.dense_order}
-            stats = {"backend": self.stepper.backend}
+            settings, stats = {"dense_order": self.dense_order}, {"backend": self.stepper.backend}
             tables: dict[str, Any] = {"t": self.ts, "y": self.ys, "z_own": self.zs, "in_use": self.in_use}
             tables |= {"status": "finished", "message": "", "stats": stats, "settings": settings}
             tables["modes"] = self.mode_changes.modes if self.mode_changes else []

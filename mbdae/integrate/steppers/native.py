@@ -4,6 +4,7 @@ from math import nan
 from typing import TYPE_CHECKING, Any, cast
 
 from ...data_types import JsonObject
+from ...mechanism.formulations.index2 import Index2System
 from ...system import Array, State, Step
 from ..events.core_modes import modes_to_core
 from ..events.load_resolution import shortest_step
@@ -16,10 +17,12 @@ from .stepper import PythonStepper, Stepper, StepperState, smallest_step
 if TYPE_CHECKING:
     from ..._native import Run
     from ..events.user_events import UserEvents
+    from ..options.options import RunOptions
     from ..run.run_state import RunState
 
 CHECK_INTERVAL = 0.05  # s of computing between progress reports and checks for Ctrl-C
 STEPS_PER_CALL = 2000  # largest number of steps in a call of the core
+MAX_COMPLETED = 100  # steps of a run without sources of events, whose setup matters in short runs alone
 MAX_UNRECORDED = 200  # steps: to record them takes about a millisecond
 
 
@@ -45,24 +48,45 @@ class NativeStepper(Stepper):
         self.undecided = False  # whether the guards of the next step are left to Python
         self.passed_switches = False
         self.unrecorded = False  # whether the core has steps that are not recorded
-        self.ahead = False  # whether the core has tried the first steps
+        self.attempted = self.ahead = False  # whether the core has tried to begin; the first steps
+        self.start: tuple[Array, Array, Array] | None = None  # where it began: y, y' and z
 
     @property
     def control(self) -> Adaptive | None:
         return self.inner.control
 
+    def complete(self, run: "RunState") -> bool:
+        r, m = self.run, self.run.monitor
+        found = None if _needs_sources(run.options, self.system) else self._begin_in_core(run, run.ys[-1])
+        if not found or r.interval.t != run.t1 or r.taken > MAX_COMPLETED:
+            return False
+        if m.suspicious or m.last_ratio < m.suspicious_ratio * m.largest_ratio:
+            return False
+        run.set_start(*found)
+        run.rejected, (ts, ys, zs, _) = r.rejected, r.steps()
+        run.carries.extend(1, *r.carries())
+        self.system.adopt_rows(r)
+        run.in_use += [(1 + k, tuple(rows)) for k, rows in r.row_changes]
+        run.extend(ts.tolist(), ys, zs, State(ys[-1]))
+        return True
+
     def begin_run(self, run: "RunState", y: Array, ahead: bool) -> tuple[Array, Array, Array]:
+        needs_python = run.user_events.events or any(source.each_step for source in run.sources)
+        if ahead and not self.attempted and not needs_python:
+            self._begin_in_core(run, y)
+        self.ahead = bool(self.start)
+        return self.start or super().begin_run(run, y, ahead)
+
+    def _begin_in_core(self, run: "RunState", y: Array) -> tuple[Array, Array, Array] | None:
+        """Return the first point, y' and z by the core, which also tries the first steps; None if it does not begin."""
         control, system = self.control, self.system
-        in_core = ahead and system.starts_in_core and not system.core.calls_python and run.time_left() > 0
-        checks_start = run.user_events.events or any(source.each_step for source in run.sources)
-        if in_core and not (checks_start or (control and control.h)):
-            run.state = State(y)
-            self._to_native(run, min(run.options.max_steps or STEPS_PER_CALL, STEPS_PER_CALL))
-            first = control and control.first_step_numbers(run)
-            if found := system.begin(self.tableau, self.run, smallest_step(run.t, run.t1), first):
-                self.ahead = True
-                return found
-        return super().begin_run(run, y, ahead)
+        if not system.starts_in_core or system.core.calls_python or not run.time_left() > 0 or (control and control.h):
+            return None
+        run.state, self.attempted = State(y), True
+        self._to_native(run, min(run.options.max_steps or STEPS_PER_CALL, STEPS_PER_CALL))
+        first = control and control.first_step_numbers(run)
+        self.start = system.begin(self.tableau, self.run, smallest_step(run.t, run.t1), first)
+        return self.start
 
     def advance(self, run: "RunState", max_steps: int | None = None) -> None:
         """Take steps until Python is needed, for about `CHECK_INTERVAL`; one step in Python if necessary.
@@ -177,14 +201,15 @@ class NativeStepper(Stepper):
 
     def _to_native(self, run: "RunState", max_steps: int) -> None:
         """Pass the position of the run and its step size to the core."""
-        r, interval, monitor = self.run, self.run.interval, run.singularity_monitor
+        r, interval = self.run, self.run.interval
         r.set_state(run.state.y, self.system.core_carry(run.state), run.state.compensation)
-        self._events_to_native(run)
         r.max_carries = run.carries.capacity_left(len(run.ts))
-        r.max_steps, r.monitored = max_steps, monitor is not None
+        r.max_steps, r.monitored = max_steps, self.system.ng > 0
         interval.t, interval.t1, interval.sign = run.t, run.t1, run.sign
         interval.stop, interval.end = run.interval.stop, run.interval.end
-        if monitor:
+        if run.sources:
+            self._events_to_native(run)
+        if monitor := run.singularity_monitor:
             monitor.to_core(r.monitor)
         if adaptive := self.control:
             c, pi = r.control, adaptive.controller
@@ -216,3 +241,10 @@ class NativeStepper(Stepper):
             adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected = c.h, c.uncut_size, c.last, c.rejected
         elif fixed := self.fixed:
             fixed.i, fixed.on_grid = self.run.grid.i, self.run.grid.on_grid
+
+
+def _needs_sources(options: "RunOptions", system: Index2System) -> bool:
+    """Return whether sources of events may act in a run that stays away from singular configurations."""
+    mech, jumps = system.mechanism, options.jumps
+    timed = mech.drivers or system.laws.over_time or not (isinstance(jumps, tuple) and not jumps)
+    return bool(options.events or mech.switches or mech.resets or timed)

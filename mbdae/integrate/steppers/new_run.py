@@ -1,10 +1,11 @@
 """A new run of the compiled core: all thresholds, and the numbers of step-size control."""
 
 from functools import cache
+from math import inf
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
+from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST, Control, Controller
 from ...tolerances import AGREEMENT, COINCIDENT, JUMP_MARGIN, TINY
 from ..events.core_modes import set_constants
 from ..events.jumps import MAX_CLUSTER
@@ -29,14 +30,24 @@ def new_run(native: ModuleType, project: bool, adaptive: Adaptive | None, method
         adaptive: step-size control; None for fixed steps.
         method: the method.
     """
-    run: Run = native.Run(_thresholds(native))
-    run.project, run.adaptive = project, adaptive is not None
+    pi = adaptive.controller if adaptive else None
+    run: Run = native.Run(_template(native, pi and (pi.power, pi.control, pi.min_growth), method.blend if pi else 1.0))
+    run.project = project
     if adaptive:
-        c, pi = run.control, adaptive.controller
-        c.rtol, c.atol = float(adaptive.rtol), adaptive.atol.ravel().tolist()
+        run.control.rtol, run.control.atol = float(adaptive.rtol), adaptive.atol.ravel().tolist()
+    return run
+
+
+@cache
+def _template(native: ModuleType, controller: tuple[int, Control, float] | None, blend: float) -> "Run":
+    """Return a run with the numbers of step-size control; None for fixed steps."""
+    run: Run = native.Run(_thresholds(native))
+    run.adaptive = controller is not None
+    if controller:
+        c, pi = run.control, Controller(*controller)
         c.power, c.exponent, c.last_exponent = pi.power, pi.exponent, pi.beta
         c.smallest_factor, c.largest_factor = pi.control.smallest, pi.control.largest
-        c.blend, c.min_growth = method.blend, pi.min_growth
+        c.blend, c.min_growth = blend, pi.min_growth
     return run
 
 
@@ -50,7 +61,7 @@ def _thresholds(native: ModuleType) -> "Run":
     set_constants(r.modes)
     m.suspicious_ratio, m.singular_ratio, m.monitored_ratio = SUSPICIOUS_RATIO, SINGULAR_RATIO, MONITORED_RATIO
     m.notch_ratio, m.small_ratio, m.steps_ahead = NOTCH, SMALL, AHEAD
-    m.adjacent_ratio, m.max_change = ADJACENT_RATIO, MAX_RATIO_CHANGE
+    m.adjacent_ratio, m.max_change, m.last_ratio = ADJACENT_RATIO, MAX_RATIO_CHANGE, inf
     c.agreement, c.spacings, c.tiny, c.companion = AGREEMENT, SPACINGS, TINY, COMPANION
     c.safety, c.smallest_error, c.smallest_last = SAFETY, SMALLEST_ERROR, SMALLEST_LAST
     e.agreement, e.iterations = AGREEMENT, MAX_ITERATIONS

@@ -32,6 +32,13 @@ class Stepper(ABC):
         """The step-size control of mbdae; None if the stepper does not use it."""
         return None
 
+    def complete(self, run: "RunState") -> bool:
+        """Complete a run without sources of events from its start, in one call of the core; return whether it did.
+
+        If not, the run may begin with its sources.
+        """
+        return False
+
     def begin_run(self, run: "RunState", y: Array, ahead: bool) -> tuple[Array, Array, Array]:
         """Return the first point, y' and z, see `mbdae.system.System.start`; ``ahead``: steps may be taken, too."""
         return run.system.start(run.t, y, run.project)

@@ -31,6 +31,7 @@ class ForceElements:
         bound: the laws.
         acting: the laws, all linear ones combined into one.
         ns: number of states.
+        over_time: the laws that depend on time, sampled ones among them.
     """
 
     def __init__(self, laws: Sequence[ForceElement], model: pin.Model) -> None:
@@ -45,7 +46,7 @@ class ForceElements:
             self.acting.insert(0, (Linear(linear, model, self.ns), slice(0, self.ns)))
         self._external = [(law, at) for law, at in self.bound if law.external]
         jumps = ForceElement.breakpoint
-        self._over_time = [law for law, _ in self.bound if law.signals or type(law).breakpoint is not jumps]
+        self.over_time = [law for law, _ in self.bound if law.signals or type(law).breakpoint is not jumps]
         self._without_potential = [type(law).potential is ForceElement.potential for law, _ in self.acting]
 
     def attached(self, system: "Index2System") -> Self:
@@ -129,11 +130,11 @@ class ForceElements:
 
     def breaks(self) -> list[float]:
         """Return the times at which functions of time in the laws are not smooth."""
-        return sorted({x for law in self._over_time for signal in law.signals for x in signal.breaks})
+        return sorted({x for law in self.over_time for signal in law.signals for x in signal.breaks})
 
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, at which a law may jump; sign * inf if none."""
-        return sign * min((sign * law.breakpoint(t, sign) for law in self._over_time), default=inf)
+        return sign * min((sign * law.breakpoint(t, sign) for law in self.over_time), default=inf)
 
     def external_states(self, s: Array) -> dict[str, bytes | None]:
         """Return the states of laws that another program computes, by their names; None if it cannot save them."""

@@ -132,7 +132,8 @@ class CompiledSystem(CoreStart):
 
     def core_carry(self, state: State) -> Any:
         """Return the carry of the core; None if the state has one of Python."""
-        return state.carry if isinstance(state.carry, np.ndarray | self.native.StageMemory) else None
+        known = state.carry is not None and isinstance(state.carry, np.ndarray | self.native.StageMemory)
+        return state.carry if known else None
 
     def advance(self, method: Any, run: "Run") -> None:
         """Take many steps, see `mbdae.integrate.steppers.native`; the run keeps them even if interrupted."""
