@@ -5,6 +5,7 @@ from numbers import Real
 
 from ...errors import InputError
 from ...mechanism import Mechanism
+from ...mechanism.formulations.compiled_systems import CompiledSystem
 from ...methods import obstacle
 from ...methods.variational import NewtonMethod
 from ...solution.solution import Problem
@@ -36,19 +37,27 @@ def prepare(
     Raises:
         InputError: for options that do not suit the problem, or an inconsistent start.
     """
-    y = _start(problem, start, options.t0, None if options.step else options.rtol)
-    return prepare_at(problem, options, y, kinds)
+    bound = _bind(problem, options)
+    return _prepared(problem, options, bound, _start(problem, start, options, bound[0]), kinds)
 
 
-def prepare_at(
-    problem: Problem, options: RunOptions, y: Array, kinds: Sequence[type[EventSource]] = SOURCES
-) -> RunState:
+def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
     """Return a run that can begin at y (n,), which is not checked.
 
     Raises:
         InputError: for options that do not suit the problem.
     """
-    system, fallback = bind(problem, options.formulation, options.baumgarte, options.backend)
+    return _prepared(problem, options, _bind(problem, options), y, SOURCES)
+
+
+def _bind(problem: Problem, o: RunOptions) -> tuple[System, str]:
+    return bind(problem, o.formulation, o.baumgarte, o.backend)
+
+
+def _prepared(
+    problem: Problem, options: RunOptions, bound: tuple[System, str], y: Array, kinds: Sequence[type[EventSource]]
+) -> RunState:
+    system, fallback = bound
     if reason := obstacle(options.method, system):
         raise InputError(reason)
     stepper = _stepper(system, options)
@@ -91,9 +100,12 @@ def _python_stepper(system: System, o: RunOptions) -> PythonStepper:
 
 
 def _start(
-    problem: Problem, start: tuple[Array | None, Array | None, Array | None], t: float, rtol: float | None
+    problem: Problem, start: tuple[Array | None, Array | None, Array | None], options: RunOptions, system: System
 ) -> Array:
     """Return the initial point; with step-size control, closures may be violated as after a run with drift."""
-    q, v, s = start
-    drifted = START_DRIFT * float(rtol) if isinstance(rtol, Real) else 0.0
-    return problem.point(q, v, t, s, max(INPUT_DIGITS, drifted))
+    (q, v, s), t = start, options.t0
+    if not isinstance(problem, Mechanism):
+        return problem.point(q, v, t, s)
+    drifted = START_DRIFT * float(options.rtol) if isinstance(options.rtol, Real) and not options.step else 0.0
+    residual = system.closure_residual if isinstance(system, CompiledSystem) else None
+    return problem.point(q, v, t, s, max(INPUT_DIGITS, drifted), residual)

@@ -144,23 +144,30 @@ def _with_modes_held(close: Callable[[Array], Array], fixed: Array, held: Array)
     return close(fixed), fixed
 
 
-def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, tolerance: float = INPUT_DIGITS) -> None:
+def require_consistent(
+    mech: "Mechanism",
+    q: Array,
+    v: Array,
+    t: float,
+    tolerance: float = INPUT_DIGITS,
+    residual: Callable[..., tuple[Array, Array]] | None = None,
+) -> None:
     """Reject a start at time t that violates a closure or a driver by more than a tolerance, 1e-6 by default.
 
     The limit for g is in rad and characteristic lengths; for G v + g_t relative to the characteristic rate and the
-    largest velocity.
+    largest velocity. ``residual`` replaces `Mechanism.residual`.
 
     Raises:
         InputError: names the closure with the largest violation, and its size; or a violated precondition.
     """
     if not mech.ng:
         return
-    g, Gv = mech.residual(q, v, t)
+    g, Gv = (residual or mech.residual)(q, v, t)
     speed = np.abs(v / mech.coordinate_scales).max()
-    for residual, per, size in ((g, "", 1.0), (Gv, "/s", speed)):
-        if np.linalg.norm(residual / mech.row_scales) <= tolerance * size:  # that of each closure is not larger
+    for rows, per, size in ((g, "", 1.0), (Gv, "/s", speed)):
+        if np.linalg.norm(rows / mech.row_scales) <= tolerance * size:  # that of each closure is not larger
             continue
-        gap = largest_error(mech, residual, per)
+        gap = largest_error(mech, rows, per)
         rate = mech.characteristic_rate if per and gap.relative > tolerance * size else 0.0
         if gap.relative > tolerance * (rate + size):
             raise InputError(

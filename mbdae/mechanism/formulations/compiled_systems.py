@@ -164,6 +164,12 @@ class CompiledSystem(CoreStart):
             g[failed], rates[failed], energies[failed] = super().residuals(t[failed], y[failed])
         return g, rates, energies
 
+    def closure_residual(self, q: Array, v: Array, t: float) -> tuple[Array, Array]:
+        """Return g(t, q) and G v + g_t over all rows, (ng,) each; kinematics of Python are not updated."""
+        y = np.concatenate([q, v, np.zeros(self.ns + 1)])
+        g, rates, _, unknown = self.core.residuals(np.array([t], float), y[None])
+        return self.residual(t, q, v) if unknown else (g[0], rates[0])
+
     def partials(self, t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array) -> EquationPartials:
         """See `Index2System.partials`."""
         self.expand()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mbdae
+from mbdae.errors import InputError
 from mbdae.integrate.options.options import RunOptions
 from mbdae.integrate.run.loop import run_to_end
 from mbdae.integrate.run.result import make_solution
@@ -75,3 +76,23 @@ def test_the_progress_of_a_completed_run_is_reported():
     seen = []
     mbdae.solve(shared_model("four_bar"), (0, 0.02), progress=seen.append)
     assert seen == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "t1"), [("four_bar", 0.02), ("four_bar", 1), ("rolling_disc", 0.02), ("humanoid_stance", 0.01)]
+)
+def test_a_given_start_is_checked_without_counting(name, t1):
+    mech = shared_model(name)
+    q, v = mech.start
+    one, other = mbdae.solve(mech, (0, t1)), mbdae.solve(mech, (0, t1), q, v)
+    np.testing.assert_array_equal(one.y, other.y)
+    assert {**one.stats, "seconds": 0.0} == {**other.stats, "seconds": 0.0}
+
+
+def test_an_open_start_is_rejected_by_name():
+    mech = shared_model("four_bar")
+    q, v = mech.start
+    with pytest.raises(InputError, match=r"the start is not consistent: closure .* is open by .* m"):
+        mbdae.solve(mech, (0, 1e-3), q + 1e-3, v)
+    with pytest.raises(InputError, match=r"the start is not consistent: closure .* is open by .*/s"):
+        mbdae.solve(mech, (0, 1e-3), q, v + [1e-3, *np.zeros(mech.nv - 1)])
