@@ -2,13 +2,24 @@
 
 from collections.abc import Callable
 from functools import cache
+from importlib import import_module
+from types import ModuleType
 
 import numpy as np
-from scipy.linalg.blas import dtrsv, ztrsv
-from scipy.linalg.lapack import dgelsd, dgelsd_lwork, dgetrf, zgetrf
 
 from .errors import StepError
 from .system import Array
+
+
+@cache
+def lapack() -> ModuleType:
+    """Return scipy's LAPACK, which is imported when it is first needed: runs in the core do without it."""
+    return import_module("scipy.linalg.lapack")
+
+
+@cache
+def _blas() -> ModuleType:
+    return import_module("scipy.linalg.blas")
 
 
 def factorized(matrix: Array, name: str) -> Callable[[Array], Array]:
@@ -22,8 +33,8 @@ def factorized(matrix: Array, name: str) -> Callable[[Array], Array]:
         StepError: ``"nonfinite"``, if entries of the matrix or of its factors overflow or are not finite;
             ``"singular"``, if the matrix is singular.
     """
-    getrf, trsv = (zgetrf, ztrsv) if np.iscomplexobj(matrix) else (dgetrf, dtrsv)
-    lu, pivots, info = getrf(matrix)
+    is_complex = np.iscomplexobj(matrix)
+    lu, pivots, info = (lapack().zgetrf if is_complex else lapack().dgetrf)(matrix)
     if not np.isfinite(lu).all():
         raise StepError("nonfinite", f"{name} has entries that are not finite")
     if info:
@@ -31,6 +42,7 @@ def factorized(matrix: Array, name: str) -> Callable[[Array], Array]:
     order = list(range(len(pivots)))
     for i, k in enumerate(pivots.tolist()):
         order[i], order[k] = order[k], order[i]
+    trsv = _blas().ztrsv if is_complex else _blas().dtrsv
     # not zgetrs: OpenBLAS uses several threads at any size, which changes rounding errors
     return lambda b: trsv(lu, trsv(lu, b[order], lower=1, diag=1, overwrite_x=1), overwrite_x=1)
 
@@ -50,7 +62,7 @@ def least_squares(A: Array, b: Array, rcond: float) -> Array:
         return np.zeros(n)
     right = np.zeros(max(m, n))
     right[:m] = b
-    x, _, _, info = dgelsd(A, right, *_workspace(m, n), rcond, overwrite_b=1)
+    x, _, _, info = lapack().dgelsd(A, right, *_workspace(m, n), rcond, overwrite_b=1)
     if info:
         raise np.linalg.LinAlgError("SVD did not converge in linear least squares")
     return x[:n]
@@ -59,5 +71,5 @@ def least_squares(A: Array, b: Array, rcond: float) -> Array:
 @cache
 def _workspace(m: int, n: int) -> tuple[int, int]:
     """Return the numbers of floating-point numbers and of integers that LAPACK works with."""
-    numbers, integers, _ = dgelsd_lwork(m, n, 1)
+    numbers, integers, _ = lapack().dgelsd_lwork(m, n, 1)
     return int(numbers), integers

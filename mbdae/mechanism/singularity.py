@@ -4,10 +4,9 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dgesv
 
 from ..data_types import JsonObject
-from ..linear_solve import least_squares
+from ..linear_solve import lapack, least_squares
 from ..system import Array
 from ..tolerances import AMBIGUOUS_PIVOT, NEGLIGIBLE
 from ..units import quantity
@@ -112,7 +111,7 @@ def singular_crossing(system: "Index2System", t: float, y: Array, limit: float, 
         U = system.inertia(t, q)
         g, G = system.closures(None, t)
         B = independent_rows.mass_scaled(U, G)
-        q = system.manifold.integrate(q, -dgesv(U, least_squares(B.T, g, limit))[2])
+        q = system.manifold.integrate(q, -lapack().dgesv(U, least_squares(B.T, g, limit))[2])
     g, G = system.closures(q, t)
     return bool(np.abs(g).max() <= allowed * np.abs(G).max())
 

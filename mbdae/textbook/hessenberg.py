@@ -7,12 +7,12 @@ from math import isfinite
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.linalg.lapack import dgesv
 
 from ..arguments import as_numbers
 from ..callbacks import FORCE, read_only, report
 from ..errors import InputError, StepError
 from ..hermite import powers, refine
+from ..linear_solve import lapack
 from ..system import Array, Counts, System
 from ..tolerances import BELOW_ROUNDING, EVALUATION_ROUNDING, INPUT_DIGITS
 from .chart import HessenbergChart
@@ -245,7 +245,7 @@ class HessenbergSystem(System):
             r, rate = residual(F), derivative(F)
             self.counts.solves += 1
             self.counts.factorizations += 1
-            *_, dz, info = dgesv(factor * rate.dot(self.f_z(t, y, known)), r)
+            *_, dz, info = lapack().dgesv(factor * rate.dot(self.f_z(t, y, known)), r)
             if info:
                 break
             z = z - dz

@@ -1,11 +1,13 @@
 """The index of a problem in Hessenberg form, from the ranks of g_y f_z and k_u."""
 
 import numpy as np
-from scipy.linalg import qr
 
+from ..discovery import lazy_import
 from ..errors import InputError
 from ..system import Array
 from ..tolerances import PIVOT_RANK
+
+qr = lazy_import("scipy.linalg", "qr")
 
 
 def require_index_2(title: str, g_y: Array, f_z: Array) -> None:

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
-from scipy.linalg.lapack import dgesv
 
 from ..callbacks import read_only
 from ..errors import StepError
+from ..linear_solve import lapack
 from ..system import Array
 from ..tolerances import BELOW_ROUNDING, ROUNDING, SEARCH_TOLERANCE
 from .derivatives import jacobian
@@ -100,7 +100,7 @@ class MixedSystem(HessenbergSystem):
         y, z, u, last = read_only(y), read_only(z), self._u, np.inf  # one view for all calls
         for _ in range(ITERATIONS):
             k = self.value("k", u.shape, t, y, z, u)
-            *_, du, info = dgesv(self._partials("k", 3, (t, y, z, u)), k)
+            *_, du, info = lapack().dgesv(self._partials("k", 3, (t, y, z, u)), k)
             size = largest(du)
             if info or not isfinite(size):
                 break
@@ -129,7 +129,7 @@ class MixedSystem(HessenbergSystem):
     def _total(self, argument: int, t: float, y: Array, z: Array) -> Array:
         y, z = read_only(y), read_only(z)
         at = t, y, z, self.local(t, y, z)
-        *_, minus_by, info = dgesv(self._partials("k", 3, at), self._partials("k", argument, at))
+        *_, minus_by, info = lapack().dgesv(self._partials("k", 3, at), self._partials("k", argument, at))
         if info:
             raise StepError("singular", f"k_u of {self.problem.title!r} is singular at t = {t:.17g}")
         return self._partials("f", argument, at) - self._partials("f", 3, at).dot(minus_by)

@@ -23,8 +23,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from scipy.linalg import block_diag
 
+from ...discovery import lazy_import
 from ...errors import InputError, StepError
 from ...finite_differences import numerical_jacobian
 from ...mechanism.formulations.index2 import Index2System
@@ -35,6 +35,7 @@ from .stepper import smallest_step
 if TYPE_CHECKING:
     from ..run.run_state import RunState
 
+block_diag = lazy_import("scipy.linalg", "block_diag")
 RATE_WIDTH = 1e-4  # rad, of difference quotients of the rate of configurations
 
 

@@ -5,9 +5,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf
 
 from ...errors import InputError
+from ...linear_solve import lapack
 from ...system import Array
 from ...tolerances import AGREEMENT, TRUNCATION
 from ..closures.closure_error import largest_error
@@ -60,7 +60,7 @@ class ClosedVelocities:
         else:
             M = symmetric(update_inertia(system.model, system.workspace, self.q))[np.ix_(self.free, self.free)]
         if not (many and _has_positive_pivots(M)):
-            U, info = dpotrf(M.toarray() if many else M, lower=0)
+            U, info = lapack().dpotrf(M.toarray() if many else M, lower=0)
             if info:
                 mech = system.mechanism
                 joint = mech.coordinate_joint(int(self.free[abs(info) - 1]))

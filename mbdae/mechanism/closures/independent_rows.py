@@ -4,10 +4,10 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dgeqp3, dgesdd, dgesv
 
 from ...discovery import lazy_import
 from ...errors import StepError
+from ...linear_solve import lapack
 from ...tolerances import AMBIGUOUS_PIVOT, BELOW_ROUNDING, EPS, PIVOT_RANK, SUM_ROUNDING, TRUNCATION
 
 if TYPE_CHECKING:
@@ -55,12 +55,12 @@ def mass_scaled(U: np.ndarray, G: np.ndarray) -> np.ndarray:
     """Return M^{-1/2} G^T, (nv, m), for rows G (m, nv) and M = U^T U."""
     if not G.size:  # which LAPACK rejects
         return G.T
-    return dgesv(U.T, G.T)[2]  # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
+    return lapack().dgesv(U.T, G.T)[2]  # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
 
 
 def pivots(B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the column order (m,) and |diag R| (min(nv, m),), decreasing, of the pivoted QR of B (nv, m)."""
-    qr, order, *_ = dgeqp3(B)
+    qr, order, *_ = lapack().dgeqp3(B)
     return order - 1, np.abs(qr.diagonal())
 
 
@@ -202,7 +202,7 @@ class SelectionTrigger:
         if self.many and 0 < len(rows) < len(G):
             B, w = mass_scaled(U, G), random_probe(len(U))
             used = B[:, rows]
-            w = w - used @ dgesv(used.T @ used, used.T @ w)[2]
+            w = w - used @ lapack().dgesv(used.T @ used, used.T @ w)[2]
             rest = np.delete(B, rows, axis=1).T @ w
             self.others_may_be_independent |= bool((rest**2 > PROBE_TOLERANCE**2 * (used**2).sum(axis=0).max()).any())
 
@@ -234,13 +234,13 @@ def all_multipliers(U: np.ndarray, G: np.ndarray, rows: np.ndarray, lam: np.ndar
     B, others = mass_scaled(U, G), np.ones(len(G), bool)
     others[rows] = False
     used = B.take(rows, 1).T
-    lu, _, C, info = dgesv(used.dot(used.T), used.dot(B[:, others]))  # its transpose, (r, ng - r)
+    lu, _, C, info = lapack().dgesv(used.dot(used.T), used.dot(B[:, others]))  # its transpose, (r, ng - r)
     pivot = np.abs(lu.diagonal())
     if info or not pivot[pivot.argmin()] > SMALLEST_PIVOT * pivot[pivot.argmax()]:
         return minimum_norm(G, len(rows), lam.dot(G.take(rows, 0)))
     S = C.T.dot(C)
     S.ravel()[:: len(S) + 1] += 1
-    n = dgesv(S, lam.dot(C).T)[2].T
+    n = lapack().dgesv(S, lam.dot(C).T)[2].T
     out[..., rows], out[..., others] = lam - n.dot(C.T), n
     return out
 
@@ -253,6 +253,6 @@ def minimum_norm(G: np.ndarray, rank: int, force: np.ndarray) -> np.ndarray:
     The rank is not determined here: rows that are dependent where 0 = g are only nearly dependent close to it. In a
     singular configuration, combinations of rows that vanish up to rounding are omitted.
     """
-    left, sizes, right, _ = dgesdd(G, full_matrices=0)
+    left, sizes, right, _ = lapack().dgesdd(G, full_matrices=0)
     rank = min(rank, int(np.count_nonzero(sizes > SUM_ROUNDING * sizes[:1])))
     return (force.dot(right[:rank].T) / sizes[:rank]).dot(left[:, :rank].T)

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dgesv
 
 from ...errors import StepError
+from ...linear_solve import lapack
 from ...system import Array
 from ...tolerances import CLOSED, RANK
 from ..closures import independent_rows
@@ -56,12 +56,12 @@ class NullSpace(NamedTuple):
 
     def multipliers(self, f: Array) -> Array:
         """Return the minimum-norm lam (m,) with f + G^T lam = M Z x: inertial forces along the null space."""
-        lam = -(self.P @ ((self.V.T @ dgesv(self.U.T, f)[2]) / self.S)) / self.scale
+        lam = -(self.P @ ((self.V.T @ lapack().dgesv(self.U.T, f)[2]) / self.S)) / self.scale
         return lam - self.dependent @ (self.dependent.T @ lam)
 
     def minimum_norm_solution(self, r: Array) -> Array:
         """Return the x (nv, ...) of smallest |U x| with G x = r (m, ...), in the least-squares sense of R^-1 r."""
-        return dgesv(self.U, self.V @ ((self.P.T @ (r.T / self.scale).T).T / self.S).T)[2]
+        return lapack().dgesv(self.U, self.V @ ((self.P.T @ (r.T / self.scale).T).T / self.S).T)[2]
 
 
 def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) -> NullSpace:
@@ -76,14 +76,14 @@ def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) 
     nv = len(U)
     if not len(G):
         empty = np.empty((0, 0))
-        return NullSpace(U, empty, np.empty(0), np.empty((nv, 0)), dgesv(U, np.eye(nv))[2], empty, scale)
+        return NullSpace(U, empty, np.empty(0), np.empty((nv, 0)), lapack().dgesv(U, np.eye(nv))[2], empty, scale)
     rows = G / scale[:, None]
     P, S, Vt = np.linalg.svd(independent_rows.mass_scaled(U, rows).T)
     r = int((S[0] * RANK < S).sum())
     if r < min(G.shape):  # light bodies among heavy ones
         r = max(r, independent_rows.geometric_rank(rows * coordinates))
     dependent = np.linalg.qr(P[:, r:] / scale[:, None])[0]
-    return NullSpace(U, P[:, :r], S[:r], Vt[:r].T, dgesv(U, Vt[r:].T)[2], dependent, scale)
+    return NullSpace(U, P[:, :r], S[:r], Vt[:r].T, lapack().dgesv(U, Vt[r:].T)[2], dependent, scale)
 
 
 def project_configuration(

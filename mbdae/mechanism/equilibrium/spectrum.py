@@ -18,10 +18,13 @@ largest frequencies into the smallest ones. Source of the bound: Wilkinson, Roun
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import eig, solve_triangular
 
+from ...discovery import lazy_import
 from ...system import Array
 from ...tolerances import EPS
+
+eig = lazy_import("scipy.linalg", "eig")
+solve_triangular = lazy_import("scipy.linalg", "solve_triangular")
 
 CERTAIN = 100.0  # multiple of its rounding error above which a number is known to be nonzero
 

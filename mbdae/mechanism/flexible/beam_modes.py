@@ -13,11 +13,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import eigh
 
+from ...discovery import lazy_import
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import RANK
+
+eigh = lazy_import("scipy.linalg", "eigh")
 
 GAUSS_POINTS = 4  # an element: products of cubic polynomials have degree 6
 DIRECTIONS = "xyz"

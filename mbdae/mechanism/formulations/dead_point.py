@@ -3,9 +3,9 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dgesv
 
 from ...errors import StepError
+from ...linear_solve import lapack
 from ...system import Array
 from ...tolerances import AMBIGUOUS_PIVOT, INPUT_DIGITS, NEGLIGIBLE, THREE_DIGITS
 from ..closures.independent_rows import mass_scaled
@@ -49,7 +49,7 @@ def require_no_dead_point(system: "Index2System", t: float, y: Array, sign: floa
     x, a = -shares.sum() / sigma[-1], -(W[-1] @ (gamma / scales)) / sigma[-1]
     if not sign * x * a > 0:  # speeds do not grow
         return
-    ahead, motion = x / (2 * a), dgesv(U, N[:, -1])[2] * x**2 / a
+    ahead, motion = x / (2 * a), lapack().dgesv(U, N[:, -1])[2] * x**2 / a
     size = float(np.abs(motion / mech.coordinate_scales).max())
     if abs(ahead) > step and not size <= THREE_DIGITS:
         return

@@ -10,9 +10,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dgesv, dpotrs
 
 from ...errors import StepError
+from ...linear_solve import lapack
 from ...system import Array, Solver, State
 from ...tolerances import ROUNDING, SAME_STATE, SEARCH_TOLERANCE
 from ..closures import independent_rows
@@ -129,14 +129,15 @@ class GGLChart(Index2Chart):
         self.mu, self._x = np.zeros(len(self.position_rows)), x
         if not len(self.position_rows):
             return super().solve_stage(that, x, v, xhat, factor, U, G)
-        self._MinvGT_p = MinvGT = dpotrs(U, G[self.position_rows].T)[0]
+        self._MinvGT_p = MinvGT = lapack().dpotrs(U, G[self.position_rows].T)[0]
         B, dx = m.tangent(x, MinvGT), m.tangent(x, v)
         mech = s.mechanism
         last, scale = np.inf, 1 + np.abs(self.q / mech.q_scales).max()
         for _ in range(ITERATIONS):
             xhat_i = xhat + factor * dx
             g, Ghat = s.closures(m.integrate(self.q, xhat_i), that)
-            _, _, dmu, info = dgesv(factor * Ghat[self.position_rows] @ m.velocity(xhat_i, B), -g[self.position_rows])
+            rates = Ghat[self.position_rows] @ m.velocity(xhat_i, B)
+            _, _, dmu, info = lapack().dgesv(factor * rates, -g[self.position_rows])
             size = abs(factor) * np.abs(B @ dmu / mech.coordinate_scales).max()
             if info or not np.isfinite(size):
                 break
@@ -167,7 +168,7 @@ class GGLChart(Index2Chart):
         rest, c = super().residual(t, x, dx, z[:r])
         U = s.inertia(t, s.manifold.integrate(self.q, x[:nv]))
         g, G = s.closures(None, t)
-        rest[:nv] += s.manifold.tangent(x[:nv], dpotrs(U, z[r:] @ G[self.position_rows])[0])
+        rest[:nv] += s.manifold.tangent(x[:nv], lapack().dpotrs(U, z[r:] @ G[self.position_rows])[0])
         return rest, np.concatenate([c, -g[self.position_rows]])
 
     def linearize(self, x: Array, dx: Array, z: Array) -> "Linearized":

@@ -8,9 +8,9 @@ from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg.lapack import dgesv, dgetrs, dpotrf, dpotrs
 
 from ...errors import StepError
+from ...linear_solve import lapack
 from ...system import Array, System
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
@@ -94,7 +94,7 @@ class Index2System(PinocchioData, RunVariables, System):
         self.counts.M += 1
         self.counts.factorizations += 1
         M = tree.update_inertia(self.model, self.workspace, q)
-        U, info = dpotrf(M, lower=0, clean=1)
+        U, info = lapack().dpotrf(M, lower=0, clean=1)
         if info:
             if not np.isfinite(M).all():
                 raise StepError("nonfinite", f"the state is not finite at t = {t:.17g}")
@@ -233,15 +233,15 @@ class Index2System(PinocchioData, RunVariables, System):
         """
         self.counts.solves += 1
         r, F = len(rhs), f if f.ndim > 1 else f[None]
-        X = dpotrs(U, np.concatenate((G, F)).T, overwrite_b=1)[0].T  # G M^-1, and rows (M^-1 f)^T below
+        X = lapack().dpotrs(U, np.concatenate((G, F)).T, overwrite_b=1)[0].T  # G M^-1, and rows (M^-1 f)^T below
         if not r:
             return (X[0], rhs) if f.ndim == 1 else (X, np.zeros((len(f), 0)))
         self._MinvGT, self._G = X[:r].T, G
         S = X.dot(Ghat.T).T
+        right = -S[:, r:] if f.ndim > 1 else rhs - S[:, r]
         if f.ndim > 1:
-            right = -S[:, r:]
             right[:, 0] += rhs
-        lu, piv, lam, info = dgesv(S[:, :r], right if f.ndim > 1 else rhs - S[:, r], overwrite_a=1, overwrite_b=1)
+        lu, piv, lam, info = lapack().dgesv(S[:, :r], right, overwrite_a=1, overwrite_b=1)
         self.counts.factorizations += 1
         pivot = np.abs(lu.diagonal())
         i, largest = pivot.argmin(), pivot[pivot.argmax()]
@@ -254,7 +254,7 @@ class Index2System(PinocchioData, RunVariables, System):
         if self.sticks:  # iterative refinement removes rounding
             residual = -Ghat.dot(vdot.T)
             np.atleast_2d(residual.T)[0] += rhs
-            dlam = dgetrs(lu, piv, residual)[0]
+            dlam = lapack().dgetrs(lu, piv, residual)[0]
             vdot, lam = vdot + dlam.T.dot(X[:r]), lam + dlam
         return vdot, lam.T
 

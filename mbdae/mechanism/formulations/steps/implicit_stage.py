@@ -20,9 +20,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dpotrs
 
-from ....linear_solve import factorized
+from ....linear_solve import factorized, lapack
 from ....system import Array, Counts, Solver
 from ...tree.manifold import Manifold
 from ...tree.tree_terms import inverse, update_poses
@@ -103,7 +102,7 @@ class ImplicitStages:
             return y, s.all_multipliers(U, G, self.rows, z)
         residual, minus_rate = ImplicitStages.residual(self, t, x, dx, z)
         used = G[self.rows]
-        X = dpotrs(U, np.column_stack([used.T, residual[nv : 2 * nv]]))[0]
+        X = lapack().dpotrs(U, np.column_stack([used.T, residual[nv : 2 * nv]]))[0]
         corrections = np.linalg.solve(used @ X[:, :-1], np.column_stack([used @ X[:, -1], minus_rate]))
         x[nv : 2 * nv] += X[:, :-1] @ corrections[:, 1]
         y = s.add(self.y, x)

@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dgesv
 
+from ....linear_solve import lapack
 from ....system import Array
 from .implicit_stage import ImplicitStages
 
@@ -69,5 +69,5 @@ class Index2Chart(ImplicitStages):
         if len(self.rows):
             e = e.copy()
             s.counts.projections += 1
-            e[nv : 2 * nv] -= s._MinvGT.dot(dgesv(s._G.dot(s._MinvGT), s._G.dot(e[nv : 2 * nv]))[2])
+            e[nv : 2 * nv] -= s._MinvGT.dot(lapack().dgesv(s._G.dot(s._MinvGT), s._G.dot(e[nv : 2 * nv]))[2])
         return e

@@ -13,9 +13,8 @@ Source: Arnold, Bruels, BIT 47 (2007); Bruels, Cardona, Arnold, Mech. Mach. Theo
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dpotrs
 
-from ....linear_solve import factorized
+from ....linear_solve import factorized, lapack
 from ....system import Array
 from .implicit_stage import padded
 from .index2_step import Index2Chart
@@ -32,7 +31,8 @@ class NewmarkStep:
         self.rows = system.rows_of_step(t, y)
         self.chart = Index2Chart(system, t, y, self.rows)
         U, G = system.point(t, self.chart.q)
-        self.normal = dpotrs(U, G[self.rows].T)[0] if stabilised and len(self.rows) else np.zeros((system.nv, 0))
+        normal = stabilised and len(self.rows)
+        self.normal = lapack().dpotrs(U, G[self.rows].T)[0] if normal else np.zeros((system.nv, 0))
 
     @property
     def size(self) -> int:

@@ -3,10 +3,9 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dgesv
 
 from ....errors import StepError
-from ....linear_solve import least_squares
+from ....linear_solve import lapack, least_squares
 from ....system import Array
 from ....tolerances import CLOSED, NEGLIGIBLE, SUM_ROUNDING, TRUNCATION, VISIBLE
 from ...closures.closure_error import largest_error
@@ -203,4 +202,4 @@ def exceeds_rounding(system: "Index2System", rate: Array, v: Array) -> bool:
 def _smallest(U: Array, G: Array, r: Array, scales: Array) -> Array:
     """Return the x (nv,) of smallest |U x| with G x = r (ng,), by truncated least squares with row scales."""
     B = mass_scaled(U, G / scales[:, None])
-    return dgesv(U, least_squares(B.T, r / scales, TRUNCATION))[2]
+    return lapack().dgesv(U, least_squares(B.T, r / scales, TRUNCATION))[2]

@@ -3,9 +3,9 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dgesv
 
 from ....errors import StepError
+from ....linear_solve import lapack
 from ....system import Array, State
 from ....tolerances import EPS, NEGLIGIBLE
 from ...closures import independent_rows
@@ -71,7 +71,7 @@ def update_independent_rows(system: "Index2System", t: float, state: State) -> S
     rate = G @ v + system.g_t(t)
     if before is not None and not np.array_equal(rows, before):
         B = independent_rows.mass_scaled(U, G[rows])
-        v = v - dgesv(U, B @ dgesv(B.T @ B, rate[rows])[2])[2]
+        v = v - lapack().dgesv(U, B @ lapack().dgesv(B.T @ B, rate[rows])[2])[2]
         state = State(np.concatenate([q, v, state.y[system.nq + system.nv :]]), state.carry, state.compensation)
         if state.carry is not None:
             state = state._replace(carry=system.carry(*system.derivative(t, state.y)))
