@@ -135,12 +135,8 @@ def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Arra
         UnknownNameError: for an unknown name.
         InputError: for a closure between frames, which has a reaction, or for several rows of a function.
     """
-    rows = mech.rows_of(name)
-    spec = next(c for c in mech.constraints if c.name == name)
-    if not isinstance(spec, Driver) and spec.frames:
-        raise InputError(f"{name!r} connects frames: use its reaction")
-    if len(rows) > 1 and not isinstance(spec, Stop):
-        raise InputError(f"{name!r} has {len(rows)} rows, each with a multiplier: lam.{name}.1, ...")
+    rows, spec = mech.rows_of(name), next(c for c in mech.constraints if c.name == name)
+    _require_effort(spec, name)
     row, force = rows.start, lam[:, rows].sum(axis=1)
     with mech.workspaces.borrowed() as system:
         bound: Any = next((r for r in system.constraints.joint_rows if r.at == row), None)
@@ -154,6 +150,13 @@ def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Arra
         unique = all(np.abs(N[rows]).max(initial=0.0) < VISIBLE for N in null_spaces)
     speed = v[:, bound.columns[0]] if isinstance(spec, Brake) else u[:, 1]
     return Effort(name, np.asarray(t), force, None if second is None else counter, u[:, 0], force * speed, bool(unique))
+
+
+def _require_effort(spec: Any, name: str) -> None:
+    if not isinstance(spec, Driver) and spec.frames:
+        raise InputError(f"{name!r} connects frames: use its reaction")
+    if spec.m > 1 and not isinstance(spec, Stop):
+        raise InputError(f"{name!r} has {spec.m} rows, each with a multiplier: lam.{name}.1, ...")
 
 
 def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
