@@ -17,12 +17,13 @@ from .data_types import JsonObject
 from .errors import InputError
 from .file_io import TABLE_SUFFIXES, atomic_write
 from .tolerances import SOLUTION_ROUNDING
-from .units import displayed, displayed_units
+from .units import ONE, Factor, displayed, displayed_units, si_value
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
+HEADING = re.compile(r"(.*\S) \[(.*)\]")  # of a column with a unit
 POWER = re.compile(r"(<?)(-?[\d.]+)e([+-]?\d+)")
 SPECIAL = {c: rf"\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"} | {
     "^": r"\textasciicircum{}", "|": "$|$", "<": "$<$", ">": "$>$"
@@ -217,17 +218,14 @@ def write_csv(columns: Mapping[str, Any], path: str | Path) -> None:
 def read_csv(path: str | Path) -> dict[str, np.ndarray]:
     """Return the columns of comma-separated values below a line of names, (n,) each; nan for empty cells.
 
+    A heading with a unit, ``"q.crank [deg]"``, as `Columns.write_csv` writes it, is the name of a column that is
+    converted to SI; others are as they are.
+
     Raises:
         InputError: for a file that cannot be read, a name that occurs twice, and cells that are not numbers.
     """
-    try:
-        with Path(path).open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.reader(file))
-    except (OSError, ValueError, csv.Error) as e:
-        raise InputError(f"{path} cannot be read: {e}") from None
-    if not any(rows[1:]):
-        raise InputError(f"{path}: expected a line of names and lines of numbers")
-    head = [name.strip() for name in rows[0]]
+    rows = _lines(path)
+    head, factors = zip(*(_without_unit(name.strip()) for name in rows[0]), strict=True)
     if twice := [name for i, name in enumerate(head) if name in head[:i]]:
         raise InputError(f"{path}: two columns are named {twice[0]!r}")
     for i, row in enumerate(rows[1:], 2):
@@ -237,7 +235,26 @@ def read_csv(path: str | Path) -> dict[str, np.ndarray]:
         body = np.array([[float(x) if x.strip() else np.nan for x in row] for row in rows[1:] if row]).T
     except ValueError as e:
         raise InputError(f"{path}: {e}") from None
-    return dict(zip(head, body, strict=True))
+    return {name: factor.apply(x) for name, factor, x in zip(head, factors, body, strict=True)}
+
+
+def _lines(path: str | Path) -> list[list[str]]:
+    """Return the cells of all lines, names first."""
+    try:
+        with Path(path).open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.reader(file))
+    except (OSError, ValueError, csv.Error) as e:
+        raise InputError(f"{path} cannot be read: {e}") from None
+    if not any(rows[1:]):
+        raise InputError(f"{path}: expected a line of names and lines of numbers")
+    return rows
+
+
+def _without_unit(heading: str) -> tuple[str, Factor]:
+    """Return the name of a column, and the factor of its numbers to SI."""
+    found = HEADING.fullmatch(heading)
+    factor = si_value(found[2]) if found else None
+    return (found[1], factor) if found and factor else (heading, ONE)
 
 
 def finite(data: object) -> Any:

@@ -64,6 +64,7 @@ DIMENSIONS: dict[str, dict[str, Factor]] = {  # dimension: units by name in SI u
 SI = {next(iter(units)): dimension for dimension, units in DIMENSIONS.items()}
 COMPOSITE = [symbol for symbol in SI if not symbol.isalpha()]  # replaced as a whole if chosen
 SYMBOL = re.compile(r"([A-Za-z]+\d*)(?:\^(\d+))?")
+HEADED = re.compile(r"(1|{0}( {0})*)(/{0}( {0})*)*".format(r"[A-Za-z]+(\^\d+)?"))
 
 
 def known_units() -> str:
@@ -137,6 +138,18 @@ def _written(powers: Iterable[tuple[str, int]]) -> str:
     for symbol, power in powers:
         (above if power > 0 else below).append(symbol + (f"^{abs(power)}" if abs(power) != 1 else ""))
     return "/".join([" ".join(above) or "1", *below])
+
+
+def si_value(unit: str) -> Factor | None:
+    """Return the value in SI of a unit as results are headed with it, ``"N mm/deg"``; None for any other text."""
+    if not HEADED.fullmatch(unit):
+        return None
+    out, known = ONE, {name: factor for units in DIMENSIONS.values() for name, factor in units.items()}
+    for symbol, power in SI_UNITS._parts(unit):
+        if symbol not in known:
+            return None
+        out = out.times(known[symbol].power(power))
+    return out
 
 
 def substituted(unit: str, symbols: Mapping[str, str]) -> str:

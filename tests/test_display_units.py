@@ -12,6 +12,7 @@ from mbdae.studies.kinematics.figure import curves
 from mbdae.studies.replay.plot_panels import panes
 from mbdae.studies.solve.figure import motion
 from mbdae.studies.tolerance.figure import bands
+from mbdae.tabular import read_csv
 from mbdae.units import DIMENSIONS, Units, displayed
 
 CONVERTED = [  # unit in SI, value, chosen units, value and unit as they are shown, from tables of units
@@ -78,6 +79,23 @@ def test_columns_of_files_are_labelled(sol, tmp_path):
     assert frame.attrs["units"]["position.rod_tip.x"] == "mm"
     np.testing.assert_allclose(frame["q.slider"], 1e3 * sol.q[:, -1], rtol=1e-15)
     np.testing.assert_array_equal(mbdae.Solution.load(tmp_path / "run.npz").q, sol.q)
+
+
+def test_headings_with_units_are_read_back(sol, tmp_path):
+    """A table in mm, deg and ms is the motion of one in SI: by reading it, and by the torque that it requires."""
+    sol.save(tmp_path / "si.csv")
+    with mbdae.display_units("mm", "deg", "ms", "mJ"):
+        sol.save(tmp_path / "mm.csv")
+    si, mm = (read_csv(tmp_path / f"{name}.csv") for name in ("si", "mm"))
+    for name, x in si.items():
+        if name not in ("g", "Gv"):  # of several units
+            np.testing.assert_allclose(mm[name], x, rtol=1e-14, atol=1e-300)
+    torques = [mbdae.inverse_dynamics("slider_crank", tmp_path / f"{x}.csv", "crank").efforts for x in ("si", "mm")]
+    np.testing.assert_allclose(*torques, rtol=1e-9, atol=1e-9)
+    (tmp_path / "other.csv").write_text("t [min],q.a [rpm/s],note [turns],b [%],c [0]\n1,30,5,6,7\n")
+    assert read_csv(tmp_path / "other.csv") == {
+        "t": 60, "q.a": pytest.approx(np.pi), "note [turns]": 5, "b [%]": 6, "c [0]": 7
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(

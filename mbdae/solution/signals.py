@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import UnknownNameError, as_list
 from ..mechanism import Driver
+from ..mechanism.closures.unilateral_constraint import Stop
 from ..mechanism.signals.contacts import rolling_closures
 from ..mechanism.signals.deformation import deformation, deformation_units
 from ..mechanism.signals.effort_signals import brake_rows, driver_powers, effort_units, efforts, friction_powers
@@ -80,8 +81,11 @@ def _forces(sol: "Solution") -> dict[str, Array]:
 
 
 def effort_rows(mech: "Mechanism") -> dict[str, int]:
-    """Return the row of each coupling and driver; its multiplier is the effort."""
-    return {c.name: mech.rows_of(c.name)[0] for c in mech.constraints if isinstance(c, Driver) or not c.frames}
+    """Return the row of each coupling, driver and limit of a stop; its multiplier is the effort."""
+    stops = [c for c in mech.constraints if isinstance(c, Stop)]
+    single = [c for c in mech.constraints if isinstance(c, Driver) or (not c.frames and c.m == 1)]
+    limits = {name: row for c in stops for name, row in zip(c.one_sided_names, mech.rows_of(c.name), strict=True)}
+    return {c.name: mech.rows_of(c.name)[0] for c in single} | limits
 
 
 def _effort_units(mech: "Mechanism") -> Units:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 brentq = lazy_import("scipy.optimize", "brentq")
 TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
+NOT_A_SIGNAL = re.compile(r"[=<>!]$|^[-+.\d]")  # "q.slider >= 0.3", "0.1 < q.slider < 0.3"
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
 TIME_SPACINGS = 2  # roundings of t: tolerance of the time of an event
 RELATIVE_TOLERANCE = 4 * EPS  # of theta: tolerance of the time of an event
@@ -54,7 +55,7 @@ def parse_level_crossing(text: str) -> LevelCrossing:
         level = float(found["level"])
     except ValueError:
         level = np.nan
-    if not np.isfinite(level) or not found["signal"]:
+    if not np.isfinite(level) or not found["signal"] or NOT_A_SIGNAL.search(found["signal"]):
         raise InputError(f"an event is a signal, or a signal, one of = > <, and a number, got {text!r:.80}")
     return LevelCrossing(found["signal"], level, DIRECTIONS[found["sign"]])
 

@@ -235,9 +235,10 @@ def is_closed(system: "Index2System", q: Array, t: float) -> bool:
 
 
 def assembly_error(mech: "Mechanism", gap: ClosureError, fixed: Array, what: str) -> AssemblyError:
-    """Return the error that names the closure with the largest violation, its size, and the fixed joints."""
+    """Return the error that names the closure with the largest violation, its size, the fixed joints and drivers."""
     joints = ", ".join(dict.fromkeys(mech.coordinate_joint(int(i)) for i in fixed)) or "nothing"
-    text = f"no consistent {what}: {gap.message('stays open')} (fixed: {joints})"
+    driven = "; driven by " + ", ".join(repr(d.name) for d in mech.drivers) if mech.drivers else ""
+    text = f"no consistent {what}: {gap.message('stays open')} (fixed: {joints}{driven})"
     if gap.relative < THREE_DIGITS:
         text += "; a gap as small as that: axes that are not quite parallel? give all digits, or keep fewer rows"
     return AssemblyError(text, gap.name, gap.size)

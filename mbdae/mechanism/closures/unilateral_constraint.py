@@ -94,6 +94,12 @@ class Stop(JointPair, UnilateralOptions):
         return tuple((end, side) for end, side in both if end is not None)
 
     @property
+    def one_sided_names(self) -> tuple[str, ...]:
+        """The name of each row: that of the stop, with the side if there are two."""
+        sides = ("lower", "upper") if self.m > 1 else ()
+        return tuple(f"{self.name} {side}" for side in sides) or (self.name,)
+
+    @property
     def m(self) -> int:
         """Number of rows: one for each limit."""
         return len(self.one_sided_limits)

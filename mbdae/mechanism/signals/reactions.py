@@ -12,6 +12,7 @@ from ...units import quantity
 from ..closures import independent_rows
 from ..closures.brake import Brake
 from ..closures.driver import Driver
+from ..closures.unilateral_constraint import Stop
 from ..tree.frames import skew
 
 if TYPE_CHECKING:
@@ -126,17 +127,17 @@ def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Ar
 
 
 def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Array) -> Effort:
-    """Return the effort of a coupling or a driver, or the friction of a joint that sticks; arguments as for `reaction`.
+    """Return the effort of a coupling, a driver or a stop, or the friction of a joint; arguments as for `reaction`.
+
+    Both limits of a stop act along the same coordinate: its effort is their sum.
 
     Raises:
         UnknownNameError: for an unknown name.
-        InputError: for a closure between frames: it has a reaction.
+        InputError: for a closure between frames, which has a reaction, or for several rows of a function.
     """
-    rows = mech.rows_of(name)
-    spec = next(c for c in mech.constraints if c.name == name)
-    if not isinstance(spec, Driver) and spec.frames:
-        raise InputError(f"{name!r} connects frames: use its reaction")
-    row = rows.start
+    rows, spec = mech.rows_of(name), next(c for c in mech.constraints if c.name == name)
+    _require_effort(spec, name)
+    row, force = rows.start, lam[:, rows].sum(axis=1)
     with mech.workspaces.borrowed() as system:
         bound: Any = next((r for r in system.constraints.joint_rows if r.at == row), None)
         second = bound.columns[1] if bound and len(bound.columns) > 1 else None
@@ -144,11 +145,18 @@ def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Arra
         for i in range(len(t)):
             G = system.closures(q[i], t[i])[1]
             u[i] = system.constraints.motion(t[i])[:, row]
-            counter[i] = lam[i, row] * G[row, second] if second is not None else 0.0
+            counter[i] = force[i] * G[row, second] if second is not None else 0.0
         null_spaces = (multiplier_null_space(system, t[i], q[i]) for i in sample_indices(len(t)))
-        unique = all(np.abs(N[row]).max(initial=0.0) < VISIBLE for N in null_spaces)
-    force, speed = lam[:, row], v[:, bound.columns[0]] if isinstance(spec, Brake) else u[:, 1]
+        unique = all(np.abs(N[rows]).max(initial=0.0) < VISIBLE for N in null_spaces)
+    speed = v[:, bound.columns[0]] if isinstance(spec, Brake) else u[:, 1]
     return Effort(name, np.asarray(t), force, None if second is None else counter, u[:, 0], force * speed, bool(unique))
+
+
+def _require_effort(spec: Any, name: str) -> None:
+    if not isinstance(spec, Driver) and spec.frames:
+        raise InputError(f"{name!r} connects frames: use its reaction")
+    if spec.m > 1 and not isinstance(spec, Stop):
+        raise InputError(f"{name!r} has {spec.m} rows, each with a multiplier: lam.{name}.1, ...")
 
 
 def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:

@@ -23,6 +23,7 @@ from ...solution.signals import signals, units
 from ...solution.solution import Solution
 from ...solution.statistics import Extremum, Integrals, extrema, integrals
 from ...system import Array
+from ...units import substituted
 
 Function = Callable[[Solution], Mapping[str, float]]
 Output = str | Function
@@ -40,6 +41,11 @@ class ParsedOutput(NamedTuple):
     text: str
     reduction: str | None
     signal: str
+
+    def unit(self, known: Mapping[str, str]) -> str:
+        """Return its unit, from those of signals by name: an integral is over time."""
+        unit = known[self.signal]
+        return substituted("x s", {"x": unit}) if self.reduction == "integral" and "," not in unit else unit
 
 
 def parse(text: str) -> ParsedOutput:

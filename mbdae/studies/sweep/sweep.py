@@ -168,7 +168,7 @@ def _meta(job: Job, plan: Sequence[Task], mech: Mechanism, known: Mapping[str, s
     numbers, samples = ([w.text for w in wanted if bool(w.reduction) is scalar] for scalar in (True, False))
     kinds = column_kinds(plan, numbers, samples)
     numeric = [n for n in names(plan) if kinds.get(n) in ("float", "int") and not n.startswith(SOLVE)]
-    of_columns = parameter_units(job.maker(), numeric) | {w.text: known[w.signal] for w in wanted}
+    of_columns = parameter_units(job.maker(), numeric) | {w.text: w.unit(known) for w in wanted}
     return {
         "manifest": _manifest(job, plan, mech),
         "kinds": kinds,

@@ -117,9 +117,9 @@ class Sweep(Tabular):
 
     def cells(self) -> list[list[str]]:
         """Return parameters, status and outputs of all runs."""
-        names, units = ["run", *self.parameters, "status", *self.outputs], self.meta.get("units", {})
-        heads = [f"{name} ({unit_name(units[name])})" if units.get(name) else name for name in names]
-        return [heads, *([_text(_value(row, name), units.get(name, "")) for name in names] for row in self.rows)]
+        names = ["run", *self.parameters, "status", *self.outputs]
+        body = ([_text(_value(row, name), self._unit(name)) for name in names] for row in self.rows)
+        return [[self._labelled(name) for name in names], *body]
 
     def save(self, path: str | Path) -> None:
         """Write the table as .parquet, atomically and reproducibly, or as .csv, .json, .tex.
@@ -174,13 +174,20 @@ class Sweep(Tabular):
             lines.append(f"{status}: {words}, for instance run {row['run']}: {row['message']}")
         return "\n".join(lines)
 
+    def _unit(self, name: str) -> str:
+        return self.meta.get("units", {}).get(name, "")
+
+    def _labelled(self, name: str) -> str:
+        unit = self._unit(name)
+        return f"{name} ({unit_name(unit)})" if unit else name
+
     def _summary(self, name: str) -> list[str]:
         x = self[name]
-        x = x[np.isfinite(x)]
+        x, heading = displayed(x[np.isfinite(x)], self._unit(name))[0], self._labelled(name)
         if not len(x):
-            return [name, "-", "-", "-", "-"]
+            return [heading, "-", "-", "-", "-"]
         spread = x.std(ddof=1) if len(x) > 1 else 0.0
-        return [name, *(f"{v:.6g}" for v in (x.mean(), spread, x.min(), x.max()))]
+        return [heading, *(f"{v:.6g}" for v in (x.mean(), spread, x.min(), x.max()))]
 
 
 def column_kinds(tasks: Sequence[Task], numbers: Sequence[str], samples: Sequence[str]) -> dict[str, str]:

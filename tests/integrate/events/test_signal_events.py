@@ -205,6 +205,8 @@ def test_signals_and_functions_together_are_watched_in_python():
         ("speed", "unknown signal 'speed'"),
         ("q.crank = fast", "an event is a signal, or a signal, one of = > <, and a number, got 'q.crank = fast'"),
         ("q.crank > nan", "one of = > <, and a number, got 'q.crank > nan'"),
+        ("q.crank >= 3", "one of = > <, and a number, got 'q.crank >= 3'"),
+        ("1 < q.crank < 3", "one of = > <, and a number, got '1 < q.crank < 3'"),
         ("= 3", "one of = > <, and a number, got '= 3'"),
         ("", "unknown signal ''"),
         (Event("q.crank > 3", direction=-1), "event 'q.crank > 3' has another direction than direction = -1"),

@@ -149,6 +149,36 @@ def test_a_hoist_lifts_with_weight_and_acceleration():
     assert r.force_world == pytest.approx(np.tile([0, 0, pull], (len(sol.t), 1)))
 
 
+def test_both_limits_of_a_stop_have_their_effort(tmp_path):
+    """A weight m g rests on the lower stop, and from 0.1 s on a force of 100 N presses it against the upper one."""
+    m, path = 3.0, tmp_path / "slide.toml"
+    path.write_text(f"""[[body]]
+name = "x"
+parent = "world"
+joint = "prismatic"
+mass = {m}
+[[stop]]
+name = "end"
+joint = "x"
+lower = 0.0
+upper = 0.02
+[[force]]
+kind = "joint_torque"
+joint = "x"
+torque = {{ kind = "steps", points = [[0, 0], [0.1, 100]] }}
+[start]
+q = {{ x = 0.0 }}
+""")
+    sol = mbdae.solve(path, (0, 0.3), rtol=1e-8)
+    found = sol.signals("effort")
+    assert list(found) == ["effort.end lower", "effort.end upper"]
+    for lower, upper, i in ((m * 9.81, 0.0, 0), (0.0, m * 9.81 - 100, -1)):
+        assert [found[f"effort.end {side}"][i] for side in ("lower", "upper")] == pytest.approx([lower, upper])
+        assert sol.effort("end").effort[i] == pytest.approx(lower + upper)
+    moves = mbdae.sensitivity(sol, ["body.x.mass"])
+    assert moves.signal("effort.end upper")[-1] == pytest.approx([9.81])
+
+
 def test_undetermined_reactions_are_reported():
     mech = mbdae.load("four_bar")
     sol = mbdae.solve(mech, (0, 0.5), rtol=1e-8)

@@ -138,3 +138,18 @@ def test_outputs_have_the_units_of_their_signals(tmp_path):
     again = mbdae.Sweep.load(path)
     assert again.to_pandas().attrs["units"] == {"t": "s"}
     np.testing.assert_array_equal(again["max v.joint1"], table["max v.joint1"])
+
+
+def test_summaries_and_integrals_have_the_units_of_the_table(tmp_path):
+    """A shaft turns steadily at 2 and 4 rad/s for 0.1 s: the integral of its speed is its angle, here in degrees."""
+    path, way = tmp_path / "shaft.toml", 0.1 * 180 / np.pi
+    body = '[[body]]\nname = "a"\nparent = "world"\njoint = "continuous"\ninertia = [1, 1, 1, 0, 0, 0]\n'
+    path.write_text(f"{body}[start]\nq = {{ a = 0.0 }}\nv = {{ a = 1.0 }}\n")
+    runs = mbdae.sweep(path, {"start.v.a": [2.0, 4.0]}, 0.1, outputs=["final q.a", "integral v.a", "integral q.a"])
+    assert runs.tabulated().units["integral q.a"] == "rad s"
+    with mbdae.display_units("deg", "ms"):
+        lines = [line.split("  ") for line in str(runs).splitlines()]
+    rows = {line[0]: [float(x) for x in line[1:] if x] for line in lines if line[0].endswith(")")}
+    assert rows["final q.a (deg)"][::2] == pytest.approx([3 * way, 2 * way], rel=1e-5)  # mean and minimum
+    assert rows["integral v.a (deg)"] == rows["final q.a (deg)"]
+    assert rows["integral q.a (deg ms)"][2] == pytest.approx(2 * way * 100 / 2, rel=1e-5)

@@ -44,11 +44,8 @@ class Unilateral(UnilateralRow):
         for spec in mechanism.constraints:
             rows = mechanism.rows_of(spec.name)
             if isinstance(spec, Stop):
-                sides = {1.0: "lower", -1.0: "upper"}
-                out += [
-                    cls(spec, f"{spec.name} {sides[side]}" if len(rows) > 1 else spec.name, row, side)
-                    for row, (_, side) in zip(rows, spec.one_sided_limits, strict=True)
-                ]
+                named = zip(spec.one_sided_names, rows, spec.one_sided_limits, strict=True)
+                out += [cls(spec, name, row, side) for name, row, (_, side) in named]
             elif isinstance(spec, UnilateralClosure) and spec.unilateral and spec.name not in frictional:
                 out.append(cls(spec, spec.name, rows[0], spec.free_side, tuple(rows[1:])))
         return out
