@@ -43,6 +43,30 @@ def path_of(name, load, span, units):
     return mbdae.load_path(made(name, units), load, span, v=steady(name, units))
 
 
+@cache
+def equilibrium_of(name, units):
+    return mbdae.equilibrium(made(name, units), v=steady(name, units))
+
+
+@cache
+def linear(name, units):
+    sides = {"inputs": [f"{IN[name]}.{x}" for x in OUT], "outputs": [f"position.{IN[name]}.{x}" for x in OUT]}
+    return mbdae.linearize(made(name, units), **sides)
+
+
+@cache
+def stays_of(units):
+    """The roots over the stiffness of a stay that keeps the toggle flat."""
+
+    def governed(stiffness):
+        mech = Template("snap_toggle").make({"force.press.force": [0.0, 0.0, 0.0]})
+        spring = mbdae.JointSpring(joint="pin", stiffness=stiffness / units.of(0, 1, -2), name="stay")
+        return units.mechanism(mbdae.Mechanism(mech.model, forces=[*mech.forces, spring], start=mech.start_values))
+
+    values = np.linspace(230.0, 240.0, 2) * units.of(0, 1, -2)
+    return mbdae.root_locus(governed, "stiffness", values, q=np.zeros(1))
+
+
 def matched(found, expected):
     """Eigenvalues, each matched with the nearest of the remaining ones."""
     left = list(found)
@@ -64,8 +88,7 @@ def test_modes(name, units):
 @each
 @pytest.mark.parametrize("name", NAMES)
 def test_equilibria(name, units):
-    mech, other = made(name, SI), made(name, units)
-    expected, found = mbdae.equilibrium(mech, v=steady(name, SI)), mbdae.equilibrium(other, v=steady(name, units))
+    mech, expected, found = made(name, SI), equilibrium_of(name, SI), equilibrium_of(name, units)
     apart = mech.manifold.difference(expected.q, found.q / units.configuration(mech))
     still = expected.verdict.neutral  # free motions may come to rest anywhere
     assert still or np.abs(apart / mech.coordinate_scales).max() < EXACT
@@ -83,8 +106,7 @@ def test_equilibria(name, units):
 @pytest.mark.parametrize("name", IN)
 def test_linearizations(name, units):
     """The response of a frame's position to a force on it, over ten decades of frequency."""
-    sides = {"inputs": [f"{IN[name]}.{x}" for x in OUT], "outputs": [f"position.{IN[name]}.{x}" for x in OUT]}
-    expected, found = (mbdae.linearize(made(name, u), **sides) for u in (SI, units))
+    expected, found = linear(name, SI), linear(name, units)
     omega = np.geomspace(1e-4, 1e6, 21)
     H = found.response(omega / units.time) * units.of(0, 1, -2)  # N/m
     reference = expected.response(omega)
@@ -113,18 +135,8 @@ def test_load_paths(name, load, span, units, monkeypatch):
 
 @each
 def test_root_loci(units):
-    """A stay that keeps the toggle flat: the same roots, and the same critical stiffness."""
-    loci = []
-    for u in (SI, units):
-
-        def governed(stiffness, u=u):
-            mech = Template("snap_toggle").make({"force.press.force": [0.0, 0.0, 0.0]})
-            spring = mbdae.JointSpring(joint="pin", stiffness=stiffness / u.of(0, 1, -2), name="stay")
-            return u.mechanism(mbdae.Mechanism(mech.model, forces=[*mech.forces, spring], start=mech.start_values))
-
-        values = np.linspace(230.0, 240.0, 2) * u.of(0, 1, -2)
-        loci.append(mbdae.root_locus(governed, "stiffness", values, q=np.zeros(1)))
-    expected, found = loci
+    """The same roots, and the same critical stiffness."""
+    expected, found = stays_of(SI), stays_of(units)
     factor = units.of(0, 1, -2)
     assert expected.changes == pytest.approx([2000 * (np.sqrt(1.25) - 1)], rel=1e-9)
     np.testing.assert_allclose(found.changes, np.array(expected.changes) * factor, rtol=EXACT)

@@ -120,9 +120,11 @@ class Statics:
         """Return the balance at a closed configuration, with states near s."""
         system = self.system
         s, U, f, load, free, G, R = self._loaded(q, s)
-        lam = free.multipliers(f)
-        K, S, hq, hs = self.partials(q, s, lam[: system.ng])
-        terms = self.terms(q, s, U, np.abs(f) + np.abs(lam) @ np.abs(np.vstack([G, self.rows, R])), np.abs(K))
+        lam, each = free.multipliers(f), list[Array]()
+        K, S, hq, hs = self.partials(q, s, lam[: system.ng], each)
+        forces = np.abs(f) + np.abs(lam) @ np.abs(np.vstack([G, self.rows, R])) + abs(self.factor - 1.0) * np.abs(load)
+        forces += self.sizes.forces(self.t, q, s)
+        terms = self.sizes.stiffness(np.linalg.norm(U, axis=0), forces, np.abs(K) + self.sizes.partials(each)[0])
         if len(s):
             hs_inv = partial_inverse(hs, EPS * self.sizes.states(hs))
             K, terms = K - S @ hs_inv @ hq, terms + np.abs(S) @ np.abs(hs_inv) @ np.abs(hq)
@@ -153,12 +155,6 @@ class Statics:
         size = (np.abs(R) * self.sizes.l).max(1, initial=0.0)
         units = np.append(self.units, np.where(size > 0, size, 1.0))
         return constraint_null_space(U, np.vstack([G, self.rows, R]), units, self.sizes.l), G, R
-
-    def terms(self, q: Array, s: Array, U: Array, forces: Array, K: Array) -> Array:
-        """Return the sizes of the terms of K, (nv, nv), from those of the sums of forces and partial derivatives."""
-        forces = forces + self.sizes.forces(self.t, q, s) + abs(self.factor - 1.0) * np.abs(self.load(q))
-        mu = np.linalg.norm(U, axis=0)
-        return self.sizes.stiffness(mu, forces, K + self.sizes.partials(self.t, q, s)[0])
 
     def term_sizes(self, here: ForceBalance) -> Array:
         """Return the sizes of the terms of rho and of its changes by 1 rad or characteristic length, (k,)."""
@@ -193,11 +189,16 @@ class Statics:
         update_poses(self.system.model, self.system.workspace, q)
         return self.system.force(self.t, q, self.v, s)[0] + (self.factor - 1.0) * self.load(q)
 
-    def partials(self, q: Array, s: Array, lam: Array) -> tuple[Array, Array, Array, Array]:
-        """Return K = d(f + G^T lam)/dq (nv, nv), S = df/ds (nv, ns), h_q (ns, nv), h_s (ns, ns)."""
+    def partials(
+        self, q: Array, s: Array, lam: Array, each: list[Array] | None = None
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return K = d(f + G^T lam)/dq (nv, nv), S = df/ds (nv, ns), h_q (ns, nv), h_s (ns, ns).
+
+        Those of the laws are appended to ``each``, see `ForceElements.partials`.
+        """
         system, nv = self.system, self.system.nv
         u, rows = np.concatenate([self.v, s, [0.0]]), np.arange(system.ng)
-        partials = equation_partials(system, self.t, q, u, np.zeros(nv), lam, rows)
+        partials = equation_partials(system, self.t, q, u, np.zeros(nv), lam, rows, each)
         K = partials.K[:nv].copy()
         if self.factor != 1.0:
             more = self.loads.partials(self.t, q, self.v, np.empty(0))[:nv, :nv]

@@ -78,7 +78,8 @@ def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
     system.closure_friction.reject("a linearization")
     lam = here.lam
     u = np.concatenate([v, here.s, [0.0]])
-    partials = equation_partials(system, statics.t, here.q, u, np.zeros(nv), lam, np.arange(system.ng))
+    each: list[Array] = []
+    partials = equation_partials(system, statics.t, here.q, u, np.zeros(nv), lam, np.arange(system.ng), each)
     M, K, D = partials.E[:nv, :nv], partials.K[:nv], partials.D[:nv, :nv]
     S, hq = partials.D[:nv, nv:-1], partials.K[nv:-1]
     hv, hs = partials.D[nv:-1, :nv], partials.D[nv:-1, nv:-1]
@@ -100,7 +101,7 @@ def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
         [hq @ Zp + hv @ W, hv @ Z, hs],
     ])  # fmt: skip
     sizes = statics.sizes
-    sizes_D = np.abs(D) + sizes.partials(statics.t, here.q, here.s)[1]
+    sizes_D = np.abs(D) + sizes.partials(each)[1]
     size_D = sizes.damping(np.linalg.norm(here.free.U, axis=0), sizes_D)
     z, zp, m = np.abs(Z), np.abs(Zp), np.abs(M)
     w = np.maximum(np.abs(W), sizes.speed * zp)  # W comes from a pseudoinverse

@@ -52,12 +52,12 @@ class TermSizes:
             out += error * (np.abs(conservative) + np.abs(other))
         return out
 
-    def partials(self, t: float, q: Array, s: Array) -> tuple[Array, Array]:
-        """Return sums of sizes of the laws' partials with respect to q and v, (nv, nv) each, at current kinematics."""
+    def partials(self, each: list[Array]) -> tuple[Array, Array]:
+        """Return sums of sizes of the partials of ``each`` law with respect to q and v, (nv, nv) each."""
         nv = len(self.v)
         out = np.zeros((nv, 2 * nv))
-        for (law, at), error in zip(self.system.laws.acting, self.errors, strict=True):
-            out += error * np.abs(law.partials(t, q, self.v, s[at])[:nv, : 2 * nv])
+        for D, error in zip(each, self.errors, strict=True):
+            out += error * np.abs(D[:nv, : 2 * nv])
         return out[:, :nv], out[:, nv:]
 
     def states(self, X: Array) -> Array:

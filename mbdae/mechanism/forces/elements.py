@@ -102,12 +102,17 @@ class ForceElements:
                 rates[at] += ds
         return conservative, other if isinstance(other, np.ndarray) else np.zeros(self.nv), rates
 
-    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        """Return the sum of the partial derivatives, (nv + ns + 1, 2 nv + ns); kinematics must be current at q."""
+    def partials(self, t: float, q: Array, v: Array, s: Array, each: list[Array] | None = None) -> Array:
+        """Return the sum of the partial derivatives, (nv + ns + 1, 2 nv + ns); kinematics must be current at q.
+
+        Those of the acting laws, one by one, are appended to ``each`` if given.
+        """
         nv = self.nv
         out = np.zeros((nv + self.ns + 1, 2 * nv + self.ns))
         for law, at in self.acting:
             D, rows = law.partials(t, q, v, s[at]), slice(nv + at.start, nv + at.stop)
+            if each is not None:
+                each.append(D)
             columns = slice(nv + rows.start, nv + rows.stop)
             for target, block in ((slice(nv), D[:nv]), (rows, D[nv:-1]), (-1, D[-1])):
                 out[target, : 2 * nv] += block[..., : 2 * nv]

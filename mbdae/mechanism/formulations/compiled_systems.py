@@ -170,11 +170,13 @@ class CompiledSystem(CoreStart):
         g, rates, _, unknown = self.core.residuals(np.array([t], float), y[None])
         return self.residual(t, q, v) if unknown else (g[0], rates[0])
 
-    def partials(self, t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array) -> EquationPartials:
-        """See `Index2System.partials`."""
+    def partials(
+        self, t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array, each: list[Array] | None = None
+    ) -> EquationPartials:
+        """See `Index2System.partials`; the core has no partials of ``each`` law."""
         self.expand()
-        if self.closure_friction or not np.array_equal(rows, self.core.rows):
-            return super().partials(t, q, u, vdot, lam, rows)
+        if each is not None or self.closure_friction or not np.array_equal(rows, self.core.rows):
+            return super().partials(t, q, u, vdot, lam, rows, each)
         all_lam = np.zeros(self.ng)
         all_lam[rows] = lam
         result = self.core.partials(t, q, u, vdot, all_lam)

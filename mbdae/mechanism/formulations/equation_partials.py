@@ -41,15 +41,19 @@ class EquationPartials(NamedTuple):
 
 
 def equation_partials(
-    s: "Index2System", t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array
+    s: "Index2System", t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array,
+    each: list[Array] | None = None,
 ) -> EquationPartials:
-    """Return the partial derivatives at (t, q, u, v', lam), u = (v, s, w), lam (r,) for the rows in use (r,)."""
+    """Return the partial derivatives at (t, q, u, v', lam), u = (v, s, w), lam (r,) for the rows in use (r,).
+
+    Those of the laws are appended to ``each``, see `ForceElements.partials`.
+    """
     nv, n, v = s.nv, len(u), u[: s.nv]
     s.counts.M += 1
     s.counts.f += 1
     M, by_q, by_v = s.inertial.partials(q, v, vdot)
     update_poses(s.model, s.workspace, q)
-    laws, G = s.laws.partials(t, q, v, u[nv:-1]), s.jacobian()[rows]
+    laws, G = s.laws.partials(t, q, v, u[nv:-1], each), s.jacobian()[rows]
     all_lam = np.zeros(s.ng)
     all_lam[rows] = lam
     rows_by_q, B = s.constraints.partials(v, all_lam)

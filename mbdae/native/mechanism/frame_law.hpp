@@ -20,7 +20,7 @@ struct Wrenches {
 };
 
 // F::wrenches(law, context, frames, V) are the Wrenches; F::damped(law) says whether they depend on V = V_b - V_a;
-// F::potential(law, frames) is in J.
+// F::potential(law, frames) is in J; F::is_valid checks the data.
 template <class F>
 struct FrameLaw {
   template <class S>
@@ -75,8 +75,8 @@ struct FrameLaw {
 };
 
 template <class F>
-constexpr LawKind frame_law(LawKind::IsValid is_valid) {
-  return {is_valid, FrameLaw<F>::add, FrameLaw<F>::partials, FrameLaw<F>::potential, FrameLaw<F>::time_rate};
+constexpr LawKind frame_law() {
+  return {F::is_valid, FrameLaw<F>::add, FrameLaw<F>::partials, FrameLaw<F>::potential, FrameLaw<F>::time_rate};
 }
 
 }  // namespace mbdae

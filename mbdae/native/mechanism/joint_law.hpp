@@ -25,7 +25,7 @@ Effort<S> effort_of(const S& tau) {
 }
 
 // F::effort(law, k, q, v) is the Effort at velocity law.rows[k], or a number for a law without a potential; q is the
-// coordinate law.columns[k] (0 without columns).
+// coordinate law.columns[k] (0 without columns). F::is_valid checks the data; F::potential(law, point) is in J.
 template <class F>
 struct JointLaw {
   static constexpr bool conservative =
@@ -60,14 +60,11 @@ struct JointLaw {
 };
 
 template <class F>
-constexpr LawKind joint_law(LawKind::IsValid is_valid) {
-  static_assert(!JointLaw<F>::conservative, "a conservative part needs its potential: joint_law<F>(is_valid, potential)");
-  return {is_valid, JointLaw<F>::add, JointLaw<F>::partials};
-}
-
-template <class F>
-constexpr LawKind joint_law(LawKind::IsValid is_valid, LawKind::Potential potential) {
-  return {is_valid, JointLaw<F>::add, JointLaw<F>::partials, potential};
+constexpr LawKind joint_law() {
+  if constexpr (JointLaw<F>::conservative)
+    return {F::is_valid, JointLaw<F>::add, JointLaw<F>::partials, F::potential};
+  else
+    return {F::is_valid, JointLaw<F>::add, JointLaw<F>::partials};
 }
 
 }  // namespace mbdae

@@ -10,7 +10,6 @@ import zipfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-ALONE = "laws"  # a group whose files are compiled each alone
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 
 
@@ -30,15 +29,13 @@ def included(files: Iterable[Path], folders: Iterable[Path]) -> Iterator[tuple[s
 
 
 def pack(groups: dict[str, list[Path]], folder: Path, eigen: Path, out: Path) -> None:
-    """Write an archive of the sources: a file for each group, laws, headers, and the list ``compiled.txt``."""
+    """Write an archive of the sources: a file for each group, headers, and the list ``compiled.txt``."""
     listed = [path for paths in groups.values() for path in paths]
     files = {name: path.read_text("utf-8") for name, path in included(listed, (folder, eigen))}
-    files["laws.inc"] = "".join(f"LAW({path.stem})\n" for path in groups[ALONE])
-    compiled = [path.relative_to(folder).as_posix() for path in groups.pop(ALONE)]
+    files["laws.inc"] = "".join(f"LAW({path.stem})\n" for path in groups["laws"])
     for group, paths in groups.items():
         files[f"{group}.cpp"] = "".join(f'#include "{path.relative_to(folder).as_posix()}"\n' for path in paths)
-        compiled.append(f"{group}.cpp")
-    files["compiled.txt"] = "\n".join(compiled)
+    files["compiled.txt"] = "\n".join(f"{group}.cpp" for group in groups)
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(files):
             archive.writestr(zipfile.ZipInfo(name), files[name], zipfile.ZIP_DEFLATED)

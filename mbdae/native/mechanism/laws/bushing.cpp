@@ -7,8 +7,6 @@
 
 namespace mbdae::laws {
 
-static bool is_valid(Law& law, const Sizes&) { return law.pair >= 0 && law.a.size() == 12 + 1; }
-
 // angle/sine for 0 <= angle < pi, by the square of the sine: at 0 the root has no derivative, and none is needed.
 template <class S>
 static S angle_by_sine(const S& square, const S& cosine) {
@@ -37,6 +35,8 @@ static Vec3<S> inverse_jacobian(const Tolerances& limits, const Vec3<S>& theta, 
 }
 
 struct Bushing {
+  static bool is_valid(Law& law, const Sizes&) { return law.pair >= 0 && law.a.size() == 12 + 1; }
+
   static bool damped(const Law& law) {
     return std::any_of(law.a.begin() + 6, law.a.end() - 1, [](double x) { return x != 0; });
   }
@@ -74,6 +74,6 @@ struct Bushing {
   }
 };
 
-extern const LawKind bushing = frame_law<Bushing>(is_valid);
+extern const LawKind bushing = frame_law<Bushing>();
 
 }  // namespace mbdae::laws

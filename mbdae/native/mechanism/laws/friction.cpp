@@ -5,12 +5,12 @@
 
 namespace mbdae::laws {
 
-static bool is_valid(Law& law, const Sizes& n) {
-  law.rows.resize(n.nv), std::iota(law.rows.begin(), law.rows.end(), 0);
-  return law.a.size() == n.nv + 1u;
-}
-
 struct Friction {
+  static bool is_valid(Law& law, const Sizes& n) {
+    law.rows.resize(n.nv), std::iota(law.rows.begin(), law.rows.end(), 0);
+    return law.a.size() == n.nv + 1u;
+  }
+
   template <class S>
   static S effort(const Law& law, size_t k, const S&, const S& v) {
     const double d = law.a[k], width = law.a.back();
@@ -19,6 +19,6 @@ struct Friction {
   }
 };
 
-extern const LawKind friction = joint_law<Friction>(is_valid);
+extern const LawKind friction = joint_law<Friction>();
 
 }  // namespace mbdae::laws

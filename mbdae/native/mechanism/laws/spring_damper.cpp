@@ -3,9 +3,9 @@
 
 namespace mbdae::laws {
 
-static bool is_valid(Law& law, const Sizes&) { return law.pair >= 0 && law.a.size() == 3 && law.signals.size() == 1; }
-
 struct SpringDamper {
+  static bool is_valid(Law& law, const Sizes&) { return law.pair >= 0 && law.a.size() == 3 && law.signals.size() == 1; }
+
   static bool damped(const Law& law) { return law.a[1] != 0; }
 
   // A unit vector along the gap; the x axis if it is 0.
@@ -31,6 +31,6 @@ struct SpringDamper {
   }
 };
 
-extern const LawKind spring_damper = frame_law<SpringDamper>(is_valid);
+extern const LawKind spring_damper = frame_law<SpringDamper>();
 
 }  // namespace mbdae::laws

@@ -3,9 +3,9 @@
 
 namespace mbdae::laws {
 
-static bool is_valid(Law& law, const Sizes&) { return law.pair >= 0 && law.signals.size() == 6; }
-
 struct AppliedWrench {
+  static bool is_valid(Law& law, const Sizes&) { return law.pair >= 0 && law.signals.size() == 6; }
+
   static bool damped(const Law&) { return false; }
 
   template <class S, class T, class U>
@@ -25,6 +25,6 @@ struct AppliedWrench {
   }
 };
 
-extern const LawKind wrench = frame_law<AppliedWrench>(is_valid);
+extern const LawKind wrench = frame_law<AppliedWrench>();
 
 }  // namespace mbdae::laws
