@@ -1,6 +1,7 @@
 """Selection of the independent rows of a step."""
 
-from typing import TYPE_CHECKING
+from math import inf
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dgesv
@@ -12,6 +13,18 @@ from ...closures import independent_rows
 
 if TYPE_CHECKING:
     from ..index2 import Index2System
+
+
+class SmallestPivot(NamedTuple):
+    """The smallest pivot of the independent rows of G M^-1/2; (inf, 1) without rows, 0 if they are dependent.
+
+    Attributes:
+        size: its size, in units of these rows.
+        ratio: to the largest pivot.
+    """
+
+    size: float = inf
+    ratio: float = 1.0
 
 
 def select_independent_rows(system: "Index2System", t: float, U: Array, G: Array) -> Array:
@@ -95,15 +108,22 @@ def multiplier_gain(system: "Index2System", t: float, y: Array, z: Array) -> flo
     return float(np.linalg.svd(B, compute_uv=False)[-1] ** -2)
 
 
-def pivot_ratio(system: "Index2System", t: float, y: Array) -> float:
-    """Return the ratio of the smallest pivot of the independent rows of G M^-1/2 to the largest; 0 if singular."""
+def smallest_pivot(system: "Index2System", t: float, y: Array) -> SmallestPivot:
+    """Return the smallest pivot of the independent rows of G M^-1/2."""
     U, G, r = system.inertia(t, system.split(y)[0]), system.jacobian(), system.rank or 1
     B = independent_rows.mass_scaled(U, G)
     if system.ng > independent_rows.MANY_ROWS:
         diagonal = independent_rows.pivots_of_many(B, system.elimination_order, EPS**0.5)[1]
     else:
         diagonal = independent_rows.pivots(B)[1]
-    return float(diagonal[r - 1] / diagonal[0]) if r <= len(diagonal) else 0.0
+    if r > len(diagonal):
+        return SmallestPivot(0.0, 0.0)
+    return SmallestPivot(float(diagonal[r - 1]), float(diagonal[r - 1] / diagonal[0]))
+
+
+def pivot_ratio(system: "Index2System", t: float, y: Array) -> float:
+    """Return the ratio of the smallest pivot of the independent rows of G M^-1/2 to the largest; 0 if singular."""
+    return system.smallest_pivot(t, y).ratio
 
 
 def others_depend(system: "Index2System", t: float, y: Array) -> bool:
