@@ -153,6 +153,7 @@ class Grid:
 class SingularityMonitor:
     largest_ratio: float
     last_ratio: float
+    mode_ratio: float
     suspicious_ratio: float
     singular_ratio: float
     monitored_ratio: float
@@ -163,6 +164,8 @@ class SingularityMonitor:
     steps_ahead: float
     near_singular: bool
     suspicious: bool
+    by_mode: bool
+    of_modes: list[tuple[list[int], float]]
 
 class FirstStep:
     def __init__(
@@ -302,7 +305,7 @@ class Core:
     def derivatives(self, t: Array, y: Array) -> tuple[Array, Array]: ...
     def residuals(self, t: Array, y: Array) -> tuple[Array, Array, Array, bool]: ...
     def rows_of_all_modes(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array, Array] | None: ...
-    def pivot_ratio(self, q: Array, rank: int) -> float | None: ...
+    def smallest_pivot(self, q: Array, rank: int) -> tuple[float, float] | None: ...
     def dynamics(self, q: Array, v: Array, a: Array) -> Any: ...
     def minimal_stage_seconds(self, q: Array, v: Array, repetitions: int) -> float: ...
     def start(

@@ -1,7 +1,7 @@
 """Monitor rank loss of the constraints: detect, cross by extrapolation, verify that the branch is kept."""
 
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,7 +10,14 @@ from ...mechanism.formulations.index2 import Index2System
 from ...system import Array
 from ...tolerances import NEGLIGIBLE, VISIBLE
 from .singularity_crossing import POSITION_ACCURACY, SingularityCrossing, cross_singularity
-from .singularity_location import MONITORED_RATIO, SUSPICIOUS_RATIO, SingularityLocation, falls_to_zero, may_vanish
+from .singularity_location import (
+    CROSSING_RATIO,
+    MONITORED_RATIO,
+    SUSPICIOUS_RATIO,
+    SingularityLocation,
+    falls_to_zero,
+    may_vanish,
+)
 from .source import EventError
 
 if TYPE_CHECKING:
@@ -19,7 +26,6 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
     from ..steppers.adaptive import Adaptive
 
-CROSSING_RATIO = 0.1  # of the largest ratio: below it, a crossing is attempted
 ADJACENT_RATIO = 0.5 * POSITION_ACCURACY  # of the largest ratio: a singular configuration cannot be told apart
 APPROACH = 0.5  # of the time to the singular configuration: the longest step
 RETRY_SHARE = 0.75  # of the time to the singular configuration at the previous attempt: when the next one is made
@@ -59,9 +65,6 @@ class SingularityMonitor(SingularityLocation):
         formulation = run.options.formulation
         return cls(run.mechanical, run.project or formulation == "ggl", run.control, formulation == "index2")
 
-    def results(self, run: "RunState") -> dict[str, Any]:
-        return {"singular": self.found}
-
     def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
         """Discard the history; after a mode change, reject fixed steps next to a singular configuration.
 
@@ -72,6 +75,8 @@ class SingularityMonitor(SingularityLocation):
         """
         self._reset_history(node)
         checked, t = run.mode_changes and run.mode_changes.checked_in_core, run.ts[node]
+        if mode_changed and run.mode_changes and not checked:
+            self._change_mode(run, node)
         if mode_changed and not checked and self.control is None and self.is_adjacent(t, run.ys[node]):
             raise StepError("rank", f"no step of fixed size begins next to a singular configuration, at t = {t:.17g}")
 
@@ -83,10 +88,6 @@ class SingularityMonitor(SingularityLocation):
     def _restart_ratios(self, first: int) -> None:
         """Discard the ratios of steps before node ``first``."""
         self.origin, self.ratios = first, [np.inf]
-
-    def discard_beyond_end(self, run: "RunState") -> None:
-        """Discard singular configurations after the last node."""
-        self.found = [x for x in self.found if (x.t - run.t) * run.sign <= 0]
 
     def begin_step(self) -> None:
         """Discard pivot ratios of solves outside the next step."""
@@ -113,6 +114,7 @@ class SingularityMonitor(SingularityLocation):
         """Pass the ratios so far to the core."""
         monitor.largest_ratio, monitor.last_ratio = self.largest, self.ratios[-1]
         monitor.near_singular = self.monitored_from is not None
+        monitor.mode_ratio, monitor.of_modes = self.mode_ratio, [(list(mode), x) for mode, x in self.of_modes.items()]
 
     def skip_regular_steps(self, least_pivot_ratio: Array, inspect: bool = True) -> int:
         """Return the number of regular steps before the first suspicious one, given their smallest pivot ratios.
@@ -124,7 +126,7 @@ class SingularityMonitor(SingularityLocation):
             return 0
         if not inspect:
             self.ratios += new.tolist()
-            self.largest = max(self.largest, float(new.max()))
+            self._update(float(new.max()))
             return len(new)
         largest = np.maximum(np.maximum.accumulate(new), self.largest)
         ratios = np.concatenate([[0.0], self.ratios[-2:], new])  # 0: there is no step before the first one
@@ -133,14 +135,15 @@ class SingularityMonitor(SingularityLocation):
         suspicious = may_vanish(earlier, before, new, largest) | near
         n = int(suspicious.argmax()) if suspicious.any() else len(new)
         self.ratios += new[:n].tolist()
-        self.largest = float(largest[n - 1]) if n else self.largest
+        self._update(float(new[:n].max(initial=0.0)))
         return n
 
     def skip_regular_intervals(self, least_pivot_ratio: Array, inspect: bool) -> bool:
         """Return whether all steps of several smooth intervals are regular; if so, skip them."""
         if inspect or self.monitored_from is not None:
             return False
-        self.ratios, self.largest = [np.inf], max(self.largest, float(np.sqrt(least_pivot_ratio.max(initial=0.0))))
+        self.ratios = [np.inf]
+        self._update(float(np.sqrt(least_pivot_ratio.max(initial=0.0))))
         return True
 
     def store_ratio(self) -> None:
@@ -165,7 +168,7 @@ class SingularityMonitor(SingularityLocation):
             EventError: for a singular configuration that the run cannot cross, or crossed onto another branch.
         """
         self.ratios.append(self.newest_ratio)
-        self.largest = max(self.largest, self.ratios[-1])
+        self._update(self.ratios[-1])
         self._inspect_step(run, len(self.ratios) - 2)
         if last:
             self._inspect_end(run)
@@ -282,10 +285,6 @@ class SingularityMonitor(SingularityLocation):
             dt /= 2
             before = self._ratio(run.t - run.sign * dt, run.system.add(run.ys[-1], -run.sign * dt * run.F))
         return here, here * dt / (before - here) if here < before else np.inf
-
-    def is_close(self, t: float, y: Array) -> bool:
-        """Return whether a singular configuration is so close that the end of a step is inaccurate."""
-        return self._ratio(t, y) < CROSSING_RATIO * self.largest
 
     def crossing_point(self, h: float, theta: float) -> Array:
         """Return the point at theta on the last crossing, of size h."""

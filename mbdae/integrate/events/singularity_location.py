@@ -2,13 +2,15 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from ...discovery import lazy_import
 from ...errors import StepError
 from ...mechanism.formulations.index2 import Index2System
+from ...mechanism.formulations.steps.row_selection import SmallestPivot
+from ...mechanism.hybrid.switches import Mode
 from ...mechanism.singularity import (
     Singular,
     pivot_limit_with_gap,
@@ -22,6 +24,7 @@ from ...tolerances import COARSE, SEARCH_TOLERANCE, SOLUTION_ROUNDING
 from .source import EventError, EventSource
 
 if TYPE_CHECKING:
+    from ..._native import SingularityMonitor as CoreMonitor
     from ..run.run_state import RunState
 
 minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
@@ -31,6 +34,7 @@ SUSPICIOUS_RATIO = 0.6  # of the largest ratio so far: minima above are regular,
 SMALL, NOTCH = 0.1, 0.7  # of the largest ratio, or of the larger neighbour: minima below may contain a zero
 AHEAD = 20.0  # steps: a ratio that would take more steps to vanish is small for another reason
 MONITORED_RATIO = 0.2  # of the largest pivot ratio: below it, states are projected, and falling ratios extrapolated
+CROSSING_RATIO = 0.1  # of the largest ratio: below it, a crossing is attempted
 MAX_ANGLE, ROTATION_FACTOR = 0.2, 3.0  # rad, plus a multiple of the previous rotation: angle between tangent spaces
 ZONE_SHARES = 1 / 2.0 ** np.arange(6, 0, -1)  # of the interval from a singularity to a node: candidate ends of the zone
 SAMPLES = 5  # of each step
@@ -52,6 +56,29 @@ def falls_to_zero(before: Ratio, here: Ratio) -> Ratio:
     return (AHEAD * (before - here) > here) & (before < np.inf)
 
 
+def largest_in_new_mode(before: SmallestPivot, here: SmallestPivot, largest: float) -> float:
+    """Return the largest pivot ratio to count with in a mode that a run enters for the first time, at most 1.
+
+    Ratios of modes cannot be compared: the row of a contact is small if its body is heavy, in any configuration. But
+    where the ratio had fallen in the mode before, to h of its largest value, and the smallest pivot p remains, it is
+    still the one that vanishes: ratio / h. Another pivot says nothing of that: then the ratio is regular. In between,
+
+        r = ratio / sqrt(1 - (1 - h^2) s),    s = (p_smaller / p_larger)^2,
+
+    from the squares 1 / p^2, which add up where rows are independent.
+
+    Args:
+        before: the smallest pivot at the end of the mode before.
+        here: the one at the same point, in the new mode.
+        largest: largest ratio in the mode before.
+    """
+    smaller, larger = sorted((before.size, here.size))
+    share = (smaller / larger) ** 2 if smaller < larger else 1.0
+    regularity = (before.ratio / largest) ** 2 if before.ratio < largest else 1.0
+    scale = float(np.sqrt(1 - share * (1 - regularity)))
+    return here.ratio / scale if here.ratio < scale else 1.0
+
+
 class SingularityLocation(EventSource):
     """Location of the singular configurations that a run crosses.
 
@@ -63,13 +90,16 @@ class SingularityLocation(EventSource):
     Attributes:
         found: singular configurations crossed so far.
         largest: largest pivot ratio so far.
+        mode_ratio: largest pivot ratio in the mode so far.
+        of_modes: the largest pivot ratio of each mode when it was last left.
     """
 
     def __init__(self, system: Index2System, kept: bool, controlled: bool) -> None:
         self.system, self.kept, self.controlled = system, kept, controlled
         self._workspace: Index2System | None = None
         self.found: list[Singular] = []
-        self.largest = 0.0
+        self.largest = self.mode_ratio = 0.0
+        self.of_modes: dict[Mode, float] = {}
 
     @property
     def workspace(self) -> Index2System:
@@ -81,6 +111,13 @@ class SingularityLocation(EventSource):
             self._workspace.use_rows(self.system.in_use)
         return self._workspace
 
+    def results(self, run: "RunState") -> dict[str, Any]:
+        return {"singular": self.found}
+
+    def discard_beyond_end(self, run: "RunState") -> None:
+        """Discard singular configurations after the last node."""
+        self.found = [x for x in self.found if (x.t - run.t) * run.sign <= 0]
+
     def release(self) -> None:
         """See `EventSource`."""
         if self._workspace:
@@ -88,7 +125,36 @@ class SingularityLocation(EventSource):
 
     def _ratio(self, t: float, y: Array) -> float:
         """See `Index2System.pivot_ratio`; 1 if no row is in use."""
-        return self.workspace.pivot_ratio(t, y) if self.workspace.in_use else 1.0
+        return self._smallest_pivot(t, y).ratio
+
+    def _smallest_pivot(self, t: float, y: Array) -> SmallestPivot:
+        return self.workspace.smallest_pivot(t, y) if self.workspace.in_use else SmallestPivot()
+
+    def _update(self, ratio: float) -> None:
+        self.largest, self.mode_ratio = max(self.largest, ratio), max(self.mode_ratio, ratio)
+
+    def from_core(self, monitor: "CoreMonitor") -> None:
+        """Take over the largest ratios of modes."""
+        self.mode_ratio, self.of_modes = monitor.mode_ratio, {tuple(x): ratio for x, ratio in monitor.of_modes}
+
+    def _change_mode(self, run: "RunState", node: int) -> None:
+        """Continue with the largest ratio of the mode that begins at a node, if it is another one than before."""
+        left, entered = (mode for _, mode in run.mode_changes.modes[-2:])
+        if left == entered:
+            return
+        self.of_modes[left] = self.mode_ratio
+        if entered in self.of_modes:
+            self.mode_ratio = self.of_modes[entered]
+            return
+        here, w = self._smallest_pivot(run.ts[node], run.ys[node]), self.workspace
+        w.enter(left)
+        w.use_rows(run.rows_at(node - 1))
+        before = w.smallest_pivot(run.ts[node - 1], run.ys[node - 1]) if w.in_use else SmallestPivot()
+        self.mode_ratio = largest_in_new_mode(before, here, self.mode_ratio)
+
+    def is_close(self, t: float, y: Array) -> bool:
+        """Return whether a singular configuration is so close that the end of a step is inaccurate."""
+        return self._ratio(t, y) < CROSSING_RATIO * self.mode_ratio
 
     def check_branch(self, run: "RunState", a: int, b: int) -> None:
         """Compare tangent spaces at nodes a and b, before and after a singular configuration.

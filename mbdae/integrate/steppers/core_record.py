@@ -57,6 +57,8 @@ class _CoreSteps:
             if run.mode_changes and not self.unchecked:
                 modes_from_core(core.modes, run.mode_changes, self.system.core, self.t[-1], self.y[-1])
         self._record_interval(i, len(self.t), self.t[-1] == run.t1)
+        if monitor and core.modes.in_core:
+            monitor.from_core(core.monitor)
         if monitor and self.unchecked:
             self.system.least_pivot_ratio = float(self.least_pivot_ratio[-1])
             monitor.store_ratio()

@@ -21,6 +21,7 @@ from .core_start import CoreStart
 from .equation_partials import EquationPartials
 from .ggl import GGLSystem
 from .index1 import Index1System
+from .steps.row_selection import SmallestPivot
 
 if TYPE_CHECKING:
     from ..._native import Core, Run
@@ -194,10 +195,10 @@ class CompiledSystem(CoreStart):
         partials = self.partials(t, q, u, np.zeros(self.nv), np.zeros(len(rows)), rows)
         return partials.G, partials.B
 
-    def pivot_ratio(self, t: float, y: Array) -> float:
-        """See `Index2System.pivot_ratio`."""
-        found = self.core.pivot_ratio(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)
-        return super().pivot_ratio(t, y) if found is None else found
+    def smallest_pivot(self, t: float, y: Array) -> SmallestPivot:
+        """See `Index2System.smallest_pivot`."""
+        found = self.core.smallest_pivot(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)
+        return super().smallest_pivot(t, y) if found is None else SmallestPivot(*found)
 
     def others_depend(self, t: float, y: Array) -> bool:
         """See `Index2System.others_depend`."""

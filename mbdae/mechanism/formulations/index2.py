@@ -278,12 +278,12 @@ class Index2System(PinocchioData, RunVariables, System):
     partials, rate_partials = equation_partials.equation_partials, equation_partials.rate_partials
     restore, magnitude = projection.project_state, projection.magnitude
     choose_rows, update_independent_rows = row_selection.select_independent_rows, row_selection.update_independent_rows
-    rows_of_step = row_selection.rows_of_step
+    start, rows_of_step = row_selection.start, row_selection.rows_of_step
     variational_step, newmark_step = variational_step, newmark_step
-    multiplier_gain, pivot_ratio = row_selection.multiplier_gain, row_selection.pivot_ratio
+    smallest_pivot, pivot_ratio = row_selection.smallest_pivot, row_selection.pivot_ratio
     sparse_closures, closures_by_size = residuals.sparse_closures, residuals.closures_by_size
     residual, residuals = residuals.residual, residuals.residuals
-    others_depend = row_selection.others_depend
+    multiplier_gain, others_depend = row_selection.multiplier_gain, row_selection.others_depend
     features = property(features.features)
     interpolant = interpolation.interpolant
 

@@ -90,12 +90,13 @@ auto rows_of_all_modes(PyCore& c, double t, const Array& q, const Array& v) {
   });
 }
 
-std::optional<double> ratio_of_pivots(PyCore& c, const Array& q, int rank) {
+std::optional<std::pair<double, double>> smallest_pivot(PyCore& c, const Array& q, int rank) {
   Index2System& s = c.core->system;
   Numbers at = checked_numbers(q, s.nq, "q");
   if (rank < 1 || rank > std::min(s.ng, s.nv)) reject("rank out of range");
   try {
-    return s.pivot_ratio(at.data(), rank);
+    const SmallestPivot found = s.smallest_pivot(at.data(), rank);
+    return std::make_pair(found.size, found.ratio);
   } catch (const FallBackToPython&) {
     return std::nullopt;
   }
@@ -151,8 +152,8 @@ void bind_points(nb::class_<PyCore>& core) {
            "are unknown.")
       .def("rows_of_all_modes", rows_of_all_modes, arg("t"), arg("q"), arg("v"),
            "Return g (ng,), G (ng, nv), g_t and Gdot v + g_tt (ng,) over all rows whatever the mode, or None.")
-      .def("pivot_ratio", ratio_of_pivots, arg("q"), arg("rank"),
-           "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
+      .def("smallest_pivot", smallest_pivot, arg("q"), arg("rank"),
+           "Return the smallest pivot of independent rows of G M^-1/2, and its ratio to the largest, or None.")
       .def("dynamics", dynamics, arg("q"), arg("v"), arg("a"),
            "Return M, nle, J^T, M a + nle, and velocities and accelerations of joints in the world, (njoints, 6).")
       .def("minimal_stage_seconds", minimal_stage_seconds, arg("q"), arg("v"), arg("repetitions"),

@@ -13,6 +13,8 @@ namespace mbdae {
 
 namespace {
 
+using RatiosOfModes = std::vector<std::pair<Mode, double>>;
+
 // Seconds of one evaluation of all partials.
 double partials_seconds(PyCore& c, const Array& q, const Array& v, int repetitions) {
   const CoreLock lock(c);
@@ -61,7 +63,11 @@ void bind_structs(nb::module_& m) {
   bind_attributes<SmoothInterval>(m, "SmoothInterval", "A smooth interval of a run, and the current time.");
   bind_attributes<StepControl>(m, "StepControl", "Step-size control.");
   bind_attributes<Grid>(m, "Grid", "Steps of equal size.");
-  bind_attributes<SingularityMonitor>(m, "SingularityMonitor", "Pivot ratios, and their thresholds.");
+  bind_attributes<SingularityMonitor>(m, "SingularityMonitor", "Pivot ratios, and their thresholds.")
+      .def_prop_rw(
+          "of_modes", [](const SingularityMonitor& x) { return RatiosOfModes(x.of_modes.begin(), x.of_modes.end()); },
+          [](SingularityMonitor& x, const RatiosOfModes& given) { x.of_modes = {given.begin(), given.end()}; },
+          "Modes, and the largest ratio of each when it was last left.");
   bind_keywords<FirstStep>(m, "FirstStep", "Numbers of Hairer's starting step size algorithm.");
   bind_keywords<RunStart>(m, "RunStart", "Numbers of the start of a run.");
   bind_attributes<Jumps>(m, "Jumps", "Times at which a problem may jump.");

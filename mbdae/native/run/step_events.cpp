@@ -95,13 +95,13 @@ bool TimeLoop::complete_step(Proposal& p) {
 }
 
 // At the start of an interval at a point, see `SingularityMonitor._time_to_singularity` in Python.
-bool TimeLoop::is_near_singular(const NextMode& next) {
+bool TimeLoop::is_near_singular(const NextMode& next, double largest) {
   const SingularityMonitor& monitor = run_.monitor;
   const double* y = next.state.y.data();
   if (!run_.monitored || !s_.rows.rank) return false;
   const double here = s_.pivot_ratio(y, s_.rows.rank);
-  if (!run_.adaptive) return here < monitor.adjacent_ratio * monitor.largest_ratio;
-  if (!(here < monitor.monitored_ratio * monitor.largest_ratio)) return false;
+  if (!run_.adaptive) return here < monitor.adjacent_ratio * largest;
+  if (!(here < monitor.monitored_ratio * largest)) return false;
   double before = INFINITY;
   Numbers earlier(s_.length);
   for (double h = run_.control.h; std::fabs(before - here) > monitor.max_change * here;) {
@@ -115,9 +115,17 @@ bool TimeLoop::is_near_singular(const NextMode& next) {
 }
 
 void TimeLoop::resolve_transition(const std::vector<int>& fired, double t, bool immediate) {
+  const SingularityMonitor& monitor = run_.monitor;
+  left_mode_ = run_.modes.mode, next_mode_ratio_ = monitor.mode_ratio;
+  const SmallestPivot before = run_.monitored ? s_.smallest_pivot(next_.y.data(), s_.rows.rank) : SmallestPivot();
   const auto check = [&](const NextMode& next) {
-    const bool monitored = run_.monitor.suspicious || run_.monitor.near_singular;
-    if ((next.transition.mode != run_.modes.mode && monitored) || is_near_singular(next)) throw FallBackToPython();
+    if (!run_.monitored) return;
+    if (next.transition.mode != left_mode_) {
+      if (monitor.suspicious || monitor.near_singular) throw FallBackToPython();
+      const SmallestPivot here = s_.smallest_pivot(next.state.y.data(), s_.rows.rank);
+      next_mode_ratio_ = monitor.largest_in(next.transition.mode, before, here);
+    }
+    if (is_near_singular(next, monitor.by_mode ? next_mode_ratio_ : monitor.largest_ratio)) throw FallBackToPython();
   };
   next_mode_ = enter_next_mode(s_, run_.modes, guards_, run_.project, t, next_.y, fired, immediate, check);
   changes_mode_ = true;
@@ -138,6 +146,7 @@ void TimeLoop::apply_transition() {
   run_.steps.changes.emplace_back(next_mode_.transition.node, s_.rows.in_use());
   std::swap(run_.state, next_mode_.state);
   begin_interval(next_mode_.z);
+  if (left_mode_ != run_.modes.mode) run_.monitor.enter(left_mode_, next_mode_ratio_);
   run_.modes.transitions.push_back(std::move(next_mode_.transition));
 }
 

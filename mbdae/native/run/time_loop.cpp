@@ -8,6 +8,21 @@
 
 namespace mbdae {
 
+double SingularityMonitor::largest_in(const Mode& mode, const SmallestPivot& before, const SmallestPivot& here) const {
+  const auto known = of_modes.find(mode);
+  if (known != of_modes.end()) return known->second;
+  const double smaller = std::min(before.size, here.size), larger = std::max(before.size, here.size);
+  const double share = smaller < larger ? std::pow(smaller / larger, 2) : 1;
+  const double regularity = before.ratio < mode_ratio ? std::pow(before.ratio / mode_ratio, 2) : 1;
+  const double scale = std::sqrt(1 - share * (1 - regularity));
+  return here.ratio < scale ? here.ratio / scale : 1;
+}
+
+void SingularityMonitor::enter(const Mode& left, double largest) {
+  of_modes[left] = mode_ratio, mode_ratio = largest;
+  if (by_mode) largest_ratio = largest;
+}
+
 TimeLoop::TimeLoop(Method& method, Index2System& system, Run& run)
     : method_(method),
       s_(system),
@@ -178,7 +193,7 @@ void TimeLoop::advance() {
     bool leave = false;
     if (run_.monitored) {
       const double before = monitor.last_ratio, here = std::sqrt(s_.rows.least_pivot_ratio);
-      monitor.last_ratio = here, monitor.largest_ratio = std::max(monitor.largest_ratio, here);
+      monitor.update(here);
       const double low = std::min(before, here), high = std::isinf(before) ? here : std::max(before, here);
       const bool falls =
           monitor.near_singular || (std::isfinite(before) && monitor.steps_ahead * (before - here) > here);

@@ -1,6 +1,8 @@
 // Many steps in a row: mbdae/integrate/run/loop.py without its special cases.
 #pragma once
 
+#include <algorithm>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -13,9 +15,10 @@
 
 namespace mbdae {
 
-// Singularity monitor, in ratios of pivots (mbdae/integrate/events/singularity.py).
+// Singularity monitor, in ratios of pivots (mbdae/integrate/events/singularity.py, singularity_location.py).
 struct SingularityMonitor {
   double largest_ratio = 0, last_ratio = 0;                              // the largest so far, and the last
+  double mode_ratio = 0;                                                 // the largest in the mode so far
   double suspicious_ratio = 0, singular_ratio = 0, monitored_ratio = 0;  // thresholds: of the largest, or of the last
   double notch_ratio = 0;      // of the larger ratio of neighbouring steps
   double small_ratio = 0;      // of the largest: minima below may contain a zero
@@ -24,9 +27,18 @@ struct SingularityMonitor {
   double steps_ahead = 0;      // in which a decreasing ratio would vanish: then Python takes over
   bool near_singular = false;  // the ratio is small already
   bool suspicious = false;     // there may be a singular configuration around a recorded step
+  bool by_mode = false;        // is the largest ratio that of the mode? Where Python inspects suspicious steps, of the run
+  std::map<Mode, double> of_modes;  // the largest ratio of each mode when it was last left
 
-  FIELDS(largest_ratio, last_ratio, suspicious_ratio, singular_ratio, monitored_ratio, notch_ratio, small_ratio, adjacent_ratio,
-         max_change, steps_ahead, near_singular, suspicious)
+  void update(double ratio) {
+    last_ratio = ratio, largest_ratio = std::max(largest_ratio, ratio), mode_ratio = std::max(mode_ratio, ratio);
+  }
+  // The largest ratio to count with in a mode, where these are the smallest pivots before it and in it.
+  double largest_in(const Mode& mode, const SmallestPivot& before, const SmallestPivot& here) const;
+  void enter(const Mode& left, double largest);  // a mode with this largest ratio
+
+  FIELDS(largest_ratio, last_ratio, mode_ratio, suspicious_ratio, singular_ratio, monitored_ratio, notch_ratio,
+         small_ratio, adjacent_ratio, max_change, steps_ahead, near_singular, suspicious, by_mode)
 };
 
 // The nodes of n steps and jumps.
@@ -140,7 +152,8 @@ class TimeLoop {
   bool detect_transition(Proposal& p, std::vector<int>& fired);
   // Check guards, and select the rows of the next step; false if it is too long, or the mode ends where it begins.
   bool complete_step(Proposal& p);
-  bool is_near_singular(const NextMode& next);  // does the point after an event approach a singular configuration?
+  // Does the point after an event, in a mode with this largest ratio, approach a singular configuration?
+  bool is_near_singular(const NextMode& next, double largest);
   void resolve_transition(const std::vector<int>& fired, double t, bool immediate);  // at the end of the step
   void apply_transition();                       // the point after it is the next node
   bool apply_jump();                // the jump after an interval; false if Python must handle it
@@ -158,6 +171,8 @@ class TimeLoop {
   DetectedEvents detected_;          // on the accepted step
   GuardMonitor guards_;
   NextMode next_mode_;         // after the event at the end of the accepted step
+  Mode left_mode_;             // before it
+  double next_mode_ratio_ = 0;  // the largest pivot ratio to count with in the next mode
   bool changes_mode_ = false;  // is there one?
   int immediate_ = 0;          // events since the last step
   Numbers errors_;         // (errors, ny)

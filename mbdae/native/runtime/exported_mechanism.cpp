@@ -37,7 +37,7 @@ ExportedMechanism::ExportedMechanism(const std::string& json)
   parameters = part<std::vector<ParameterData>>(document_, "parameters");
   outputs = part<std::vector<SignalValue>>(document_, "outputs");
   tableau_ = part<Tableau>(document_, "tableau"), complete_tableau(tableau_);
-  JsonReader().read_fields(&document_.at("run"), fresh_run_, false);
+  JsonReader().read_fields(&document_.at("run"), fresh_run_, false), fresh_run_.monitor.by_mode = true;
   modes_ = part<ModeData>(document_, "modes"), fresh_run_.modes.switches = modes_.switches;
   start_ = part<StartData>(document_, "start"), limits_ = part<CoordinateLimits>(document_, "coordinates");
   states_ = part<int>(document_, "states"), dependent_ = part<int>(document_, "dependent");

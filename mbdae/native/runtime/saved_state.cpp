@@ -34,13 +34,17 @@ Numbers ExportedMechanism::state() {
   Numbers out{i.t, i.stop, i.end, i.t1, run_.jumps.restart, run_.grid.t0, double(run_.grid.i),
               double(run_.grid.on_grid), run_.control.h, run_.control.uncut_size, run_.control.last,
               double(run_.control.rejected), run_.monitor.largest_ratio, run_.monitor.last_ratio,
-              double(run_.monitor.near_singular), double(jumped_), double(by_steps_), origin_t_, double(rows.rank), rows.floor,
-              double(rows.frozen)};
+              run_.monitor.mode_ratio, double(run_.monitor.near_singular), double(jumped_), double(by_steps_), origin_t_,
+              double(rows.rank), rows.floor, double(rows.frozen)};
   const auto add = [&](const Numbers& x) { out.push_back(double(x.size())), out.insert(out.end(), x.begin(), x.end()); };
   add(y()), add(run_.state.carry), add(run_.state.low), add(values_), add(wanted_), add(origin_), add(x_);
   add(Numbers(rows.in_use().begin(), rows.in_use().end()));
   add(slip_directions_), add(Numbers(run_.modes.mode.begin(), run_.modes.mode.end()));
   add(run_.modes.last_impact), add(guards());
+  Numbers ratios;
+  for (const auto& [mode, largest] : run_.monitor.of_modes)
+    ratios.insert(ratios.end(), mode.begin(), mode.end()), ratios.push_back(largest);
+  add(ratios);
   for (const Setting& u : settings_) add({u.t, u.value, u.rate});
   set_state(out);  // without what the core has found so far
   return out;
@@ -63,13 +67,18 @@ void ExportedMechanism::set_state(const Numbers& state) {
   i.t = next(), i.stop = next(), i.end = next(), i.t1 = next(), run.jumps.restart = next(), run.grid.t0 = next();
   run.grid.i = static_cast<long>(next()), run.grid.on_grid = next(), run.control.h = next();
   run.control.uncut_size = next(), run.control.last = next(), run.control.rejected = next();
-  run.monitor.largest_ratio = next(), run.monitor.last_ratio = next(), run.monitor.near_singular = next();
+  run.monitor.largest_ratio = next(), run.monitor.last_ratio = next(), run.monitor.mode_ratio = next();
+  run.monitor.near_singular = next();
   const bool jumped = next(), by_steps = next();
   const double origin_t = next(), rank = next(), floor = next(), frozen = next();
   run.state.y = list(), run.state.carry = list(), run.state.low = list();
   const Numbers values = list(), wanted = list(), origin = list(), x = list(), rows = list(), slips = list(), mode = list();
   run.modes.mode.assign(mode.begin(), mode.end()), run.modes.last_impact = list();
-  const Numbers guards = list();
+  const Numbers guards = list(), ratios = list();
+  const size_t switches = run.modes.mode.size();
+  require(ratios.size() % (switches + 1) == 0);
+  for (auto at_mode = ratios.begin(); at_mode != ratios.end(); at_mode += switches + 1)
+    run.monitor.of_modes[Mode(at_mode, at_mode + switches)] = at_mode[switches];
   require(run.state.y.size() == start_.y.size() && values.size() == values_.size() && wanted.size() == wanted_.size() &&
           static_cast<int>(x.size()) == states_);
   std::vector<Setting> settings;

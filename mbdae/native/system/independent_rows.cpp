@@ -153,15 +153,16 @@ bool IndependentRows::select_if_triggered(const Numbers& Z, long stamp) {
   return select(Z, stamp);
 }
 
-double IndependentRows::ratio(const Numbers& Z, int rank) {
+SmallestPivot IndependentRows::smallest_pivot(const Numbers& Z, int rank) {
   pivots_stamp_ = -1;
-  if (!has_many()) {
+  if (has_many()) {
+    find_pivots(Z, false, rank, std::sqrt(limits_.eps), order_, pivots_);
+    if (static_cast<int>(pivots_.size()) < rank) return {0, 0};
+  } else {
     constraints_.dense(constraints_.all, Z, work_);
     pivoted_qr(nv_, static_cast<int>(position_.size()), work_, order_, pivots_);
-    return pivots_[rank - 1] / pivots_[0];
   }
-  find_pivots(Z, false, rank, std::sqrt(limits_.eps), order_, pivots_);
-  return static_cast<int>(pivots_.size()) < rank ? 0 : pivots_[rank - 1] / pivots_[0];
+  return {pivots_[rank - 1], pivots_[rank - 1] / pivots_[0]};
 }
 
 std::vector<SparseRow> IndependentRows::products(const Numbers& Z, bool of_rows_in_use) const {

@@ -10,6 +10,11 @@
 
 namespace mbdae {
 
+// Of independent rows, also relative to the largest pivot; 0 where they are dependent.
+struct SmallestPivot {
+  double size = INFINITY, ratio = 1;  // without rows
+};
+
 class IndependentRows {
  public:
   // Of all rows; or of those only that have a g.
@@ -56,7 +61,7 @@ class IndependentRows {
   bool factorize(const Numbers& Z, long stamp);
   void solve(double* x) const;  // with it, (r,) by position: x := (Z Z^T)^-1 x
   // Smallest of this many pivots of all rows to the largest: many rows by sparse elimination.
-  double ratio(const Numbers& Z, int rank);
+  SmallestPivot smallest_pivot(const Numbers& Z, int rank);
 
   class Freeze;  // while it exists, the rows in use are fixed, and solves are not part of the run
 

@@ -260,9 +260,10 @@ bool Index2System::update_independent_rows(double t, State& s) {
   return changed;
 }
 
-double Index2System::pivot_ratio(const double* q, int rank) {
+SmallestPivot Index2System::smallest_pivot(const double* q, int rank) {
+  if (!rank) return {};
   if (!point.is_current(q)) point.evaluate(q, false);
-  return rows.ratio(point.Z, rank);
+  return rows.smallest_pivot(point.Z, rank);
 }
 
 }  // namespace mbdae

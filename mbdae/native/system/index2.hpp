@@ -161,7 +161,8 @@ class Index2System {
   const std::vector<Pair>& law_pairs() const { return law_pairs_; }
   const Numbers& multipliers() const { return lam_; }  // (ng,) of the rows in use, from the last `derivative`
   void residual_rate(double t, const double* v, double* rate) const;  // G v + g_t over all rows, with current G
-  double pivot_ratio(const double* q, int rank);                      // see mbdae/mechanism/singularity.py; uncounted
+  SmallestPivot smallest_pivot(const double* q, int rank);            // see mbdae/mechanism/singularity.py; uncounted
+  double pivot_ratio(const double* q, int rank) { return smallest_pivot(q, rank).ratio; }
 
  private:
   void set_laws(std::vector<Law> laws, const std::vector<std::pair<Anchor, Anchor>>& pairs);

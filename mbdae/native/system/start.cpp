@@ -18,6 +18,22 @@ bool Index2System::others_depend(const double* q, double tolerance) {
   return rows.others_depend(point.Z, tolerance, probe_);
 }
 
+namespace {
+
+// Of all rows at the current point, in their units and those of coordinates.
+double largest_entry(const Index2System& s) {
+  const Tolerances& limits = s.tree.limits;
+  double largest = 0;
+  for (int k : s.constraints.all) {
+    const double* entry = s.point.G.data() + s.constraints.start[k];
+    for (int c : s.constraints.rows[k].columns)
+      largest = std::max(largest, std::fabs(*entry++) * limits.coordinate_scales[c] / limits.row_scales[k]);
+  }
+  return largest;
+}
+
+}  // namespace
+
 void start(Index2System& s, double t, bool project, const IndependentRows::InitialRank& first, Numbers& y, Numbers& F,
            Numbers& z) {
   try {
@@ -29,6 +45,7 @@ void start(Index2System& s, double t, bool project, const IndependentRows::Initi
       project_state(s, t, at.y.data());
       const bool moved = !s.point.is_current(at.y.data()) || s.point.stamp() != stamp;
       if (!s.rows.has_many() || moved) s.determine_rows(at.y.data(), first);
+      if (largest_entry(s) < first.ambiguous) throw FallBackToPython();  // which looks nearby, see `start` there
       s.counts.state_projections = 0;  // only those of steps are counted
       s.update_independent_rows(t, at);
     } else {

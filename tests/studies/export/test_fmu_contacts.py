@@ -1,10 +1,12 @@
 """Impacts of exported mechanisms: events of co-simulation, at the times of a run."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from fmu_masters import Master, simulated
 
 import mbdae
+from mbdae.mechanism.model_settings import Start
 
 pytestmark = pytest.mark.native
 RESTITUTION, END = 0.7, 3.0
@@ -76,3 +78,29 @@ def test_modes_change_as_in_a_run(name, end, step, tmp_path):
             master.fmu.setFMUState(saved)
     found, expected = master.get(*unit.outputs), sol.signals()
     np.testing.assert_allclose(found, [expected[x][-1] for x in unit.outputs], rtol=1e-9, atol=1e-9)
+
+
+def test_a_heavy_block_that_rests_is_no_singular_configuration(tmp_path):
+    """Its row is small in the units of the other rows; states are saved in both modes."""
+    model = pin.Model()
+    for name, joint in (("swing", pin.JointModelRY()), ("lift", pin.JointModelPZ())):
+        j = model.addJoint(0, joint, pin.SE3.Identity(), name)
+        model.appendBodyToJoint(j, pin.Inertia(1.0, np.array([0.5, 0, 0]), 0.1 * np.eye(3)), pin.SE3.Identity())
+        model.addFrame(pin.Frame(f"{name} tip", j, pin.SE3(np.eye(3), np.array([0.5, 0, 0])), pin.FrameType.OP_FRAME))
+    block = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "block")
+    model.appendBodyToJoint(block, pin.Inertia(1e4, np.zeros(3), np.zeros((3, 3))), pin.SE3.Identity())
+    flat = mbdae.Closure(kind="in_plane", frames=("lift tip", "swing tip"), name="slide")
+    floor = mbdae.Stop(joint="block", lower=0.0, restitution=0.0, name="floor")
+    mech = mbdae.Mechanism(model, [flat], stops=[floor], start=Start(q={"block": 0.05}))
+    outputs = ["q.swing", "v.swing", "q.block"]
+    unit = mbdae.export(mech, tmp_path / "x.fmu", kind="cs", outputs=outputs, method="pherk5", step=1e-2)
+    sol = mbdae.solve(mech, (0.0, 1.0), method="pherk5", step=1e-2)
+    assert [x.where for x in sol.impacts] == [("floor",)]
+    master = Master(unit, "cs")
+    for k in range(50):
+        master.step(k * 0.02, 0.02)
+        if k in (3, 20):
+            saved = master.fmu.getFMUState()
+            master.step((k + 1) * 0.02, 0.02)
+            master.fmu.setFMUState(saved)
+    np.testing.assert_allclose(master.get(*outputs), [sol.signals()[x][-1] for x in outputs], atol=1e-9)

@@ -1,17 +1,32 @@
 """Selection of the independent rows of a step."""
 
-from typing import TYPE_CHECKING
+from math import inf
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ....errors import StepError
 from ....linear_solve import lapack
-from ....system import Array, State
-from ....tolerances import EPS, NEGLIGIBLE
+from ....system import Array, State, System
+from ....tolerances import CLOSED, EPS, NEGLIGIBLE, THREE_DIGITS
 from ...closures import independent_rows
 
 if TYPE_CHECKING:
     from ..index2 import Index2System
+
+NEARBY, GROWTH = THREE_DIGITS, 100.0  # rad or characteristic lengths: where rows that vanish are larger, by this factor
+
+
+class SmallestPivot(NamedTuple):
+    """The smallest pivot of the independent rows of G M^-1/2; (inf, 1) without rows, 0 if they are dependent.
+
+    Attributes:
+        size: its size, in units of these rows.
+        ratio: to the largest pivot.
+    """
+
+    size: float = inf
+    ratio: float = 1.0
 
 
 def select_independent_rows(system: "Index2System", t: float, U: Array, G: Array) -> Array:
@@ -37,6 +52,32 @@ def select_independent_rows(system: "Index2System", t: float, U: Array, G: Array
         system.least_pivot_ratio = min(system.least_pivot_ratio, (diagonal[system.rank - 1] / diagonal[0]) ** 2)
     system.rows = independent_rows.select_rows(B, system.rows, system.rank, system.elimination_order, pivoting)
     return system.rows
+
+
+def start(system: "Index2System", t: float, y: Array, project: bool) -> tuple[Array, Array, Array]:
+    """Return y, y' and z at the start of a run, see `mbdae.system.System`.
+
+    Pivot ratios do not show where all rows vanish. Rows that are zero nearby, too, are redundant in any configuration,
+    like those across the plane of a planar mechanism.
+
+    Raises:
+        StepError: next to a configuration where all rows vanish: every v would satisfy them, and no force acts.
+    """
+    q = system.split(y)[0]
+    if system.ng and (size := _size(system, q)) < system.ambiguous_pivot:
+        move = NEARBY * system.mechanism.coordinate_scales * independent_rows.random_probe(system.nv)
+        if max(GROWTH * size, CLOSED) < _size(system, system.manifold.integrate(q, move)):
+            active = np.delete(system.mechanism.row_names, system.constraints.inactive)
+            names = " and ".join(repr(str(name)) for name in dict.fromkeys(active))
+            text = f"the run would begin next to a singular configuration, at t = {t:.17g}, where G v = 0 for every v"
+            raise StepError("rank", f"{text} (rows of {names}): begin at a distance from it")
+    return System.start(system, t, y, project)
+
+
+def _size(system: "Index2System", q: Array) -> float:
+    """Return the largest entry of G at q, in units of rows and coordinates."""
+    mech = system.mechanism
+    return float(np.abs(system.closures(q)[1] * mech.coordinate_scales / mech.row_scales[:, None]).max())
 
 
 def rows_of_step(system: "Index2System", t: float, y: Array) -> Array:
@@ -95,15 +136,22 @@ def multiplier_gain(system: "Index2System", t: float, y: Array, z: Array) -> flo
     return float(np.linalg.svd(B, compute_uv=False)[-1] ** -2)
 
 
-def pivot_ratio(system: "Index2System", t: float, y: Array) -> float:
-    """Return the ratio of the smallest pivot of the independent rows of G M^-1/2 to the largest; 0 if singular."""
+def smallest_pivot(system: "Index2System", t: float, y: Array) -> SmallestPivot:
+    """Return the smallest pivot of the independent rows of G M^-1/2."""
     U, G, r = system.inertia(t, system.split(y)[0]), system.jacobian(), system.rank or 1
     B = independent_rows.mass_scaled(U, G)
     if system.ng > independent_rows.MANY_ROWS:
         diagonal = independent_rows.pivots_of_many(B, system.elimination_order, EPS**0.5)[1]
     else:
         diagonal = independent_rows.pivots(B)[1]
-    return float(diagonal[r - 1] / diagonal[0]) if r <= len(diagonal) else 0.0
+    if r > len(diagonal):
+        return SmallestPivot(0.0, 0.0)
+    return SmallestPivot(float(diagonal[r - 1]), float(diagonal[r - 1] / diagonal[0]))
+
+
+def pivot_ratio(system: "Index2System", t: float, y: Array) -> float:
+    """Return the ratio of the smallest pivot of the independent rows of G M^-1/2 to the largest; 0 if singular."""
+    return system.smallest_pivot(t, y).ratio
 
 
 def others_depend(system: "Index2System", t: float, y: Array) -> bool:
