@@ -1,4 +1,4 @@
-"""What a program loads before its first run."""
+"""Modules that are loaded before the end of a first run."""
 
 import subprocess
 import sys
