@@ -37,8 +37,12 @@ def prepare(
     Raises:
         InputError: for options that do not suit the problem, or an inconsistent start.
     """
-    bound = _bind(problem, options)
-    return _prepared(problem, options, bound, _start(problem, start, options, bound[0]), kinds)
+    if isinstance(problem, Mechanism):
+        bound = _bind(problem, options)
+        return _prepared(problem, options, bound, _start(problem, start, options, bound[0]), kinds)
+    q, v, s = start
+    y = problem.point(q, v, options.t0, s)  # before it is bound, which requires valid functions
+    return _prepared(problem, options, _bind(problem, options), y, kinds)
 
 
 def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
@@ -100,12 +104,10 @@ def _python_stepper(system: System, o: RunOptions) -> PythonStepper:
 
 
 def _start(
-    problem: Problem, start: tuple[Array | None, Array | None, Array | None], options: RunOptions, system: System
+    mechanism: Mechanism, start: tuple[Array | None, Array | None, Array | None], options: RunOptions, system: System
 ) -> Array:
     """Return the initial point; with step-size control, closures may be violated as after a run with drift."""
-    (q, v, s), t = start, options.t0
-    if not isinstance(problem, Mechanism):
-        return problem.point(q, v, t, s)
+    q, v, s = start
     drifted = START_DRIFT * float(options.rtol) if isinstance(options.rtol, Real) and not options.step else 0.0
     residual = system.closure_residual if isinstance(system, CompiledSystem) else None
-    return problem.point(q, v, t, s, max(INPUT_DIGITS, drifted), residual)
+    return mechanism.point(q, v, options.t0, s, max(INPUT_DIGITS, drifted), residual)

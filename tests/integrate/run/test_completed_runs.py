@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from shared import shared_model
 
 import mbdae
 from mbdae.errors import InputError
@@ -9,7 +10,6 @@ from mbdae.integrate.options.options import RunOptions
 from mbdae.integrate.run.loop import run_to_end
 from mbdae.integrate.run.result import make_solution
 from mbdae.integrate.run.run_setup import prepare
-from tests.shared import shared_model
 
 pytestmark = pytest.mark.native
 HERE = (None, None, None)
