@@ -55,3 +55,15 @@ def stephenson():
     assert arm
     pins = [Closure.point("coupler_tip", "rocker_tip", name="pin"), Closure.point("arm_tip", "lever_tip", name="joint")]
     return Mechanism(model, pins, start=Start(q={"crank": 1.2}, guess={"coupler": -0.9, "rocker": 1.4, "lever": 2.0}))
+
+
+def parallelogram_model(joint_kind):
+    """A crank and a rocker of 1 m, a coupler and a ground of 2 m, with frames "a" and "b" where the loop is cut."""
+    model, inertia = pin.Model(), pin.Inertia(1.0, np.zeros(3), 0.1 * np.eye(3))
+    for name, parent, at in (("crank", 0, 0.0), ("coupler", 1, 1.0), ("rocker", 0, 2.0)):
+        joint = model.addJoint(parent, joint_kind(), pin.SE3(np.eye(3), np.array([at, 0, 0])), name)
+        model.appendBodyToJoint(joint, inertia, pin.SE3(np.eye(3), np.array([0.5, 0, 0])))
+    for name, joint, length in (("a", 2, 2.0), ("b", 3, 1.0)):
+        tip = pin.SE3(np.eye(3), np.array([length, 0, 0]))
+        model.addFrame(pin.Frame(name, joint, tip, pin.FrameType.OP_FRAME))
+    return model

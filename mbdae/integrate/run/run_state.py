@@ -59,7 +59,7 @@ class RunState:
         self.continues = self.restarted = False  # beyond its end, see `continue_to`; carry recomputed by a projection
         self.system, self.stepper, self.state = system, stepper, State(start)
         self.mechanical = cast(Index2System, system) if isinstance(problem, Mechanism) else None  # the workspace
-        self.control: Adaptive | None = None if options.formulation == "index1" else stepper.control  # a baseline
+        self.control: Adaptive | None = None if options.formulation == "index1" else stepper.control  # None: baseline
         self.interval = SmoothInterval(self.t1, self.t1, None)  # as far as is known before the run begins
         self.rejected: int | None = 0
         self.undone_motion: Array | None = None  # since a step was undone, and its undone part, see `projected_step`

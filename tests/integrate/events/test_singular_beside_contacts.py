@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from linkages import bar
+from linkages import bar, parallelogram_model
 
 import mbdae
 from mbdae.integrate.events.singularity import SingularityMonitor
@@ -35,13 +35,7 @@ def four_bar(mass=None):
 
 def parallelogram(mass, fall_time):
     """Bars in the horizontal plane, that turn by -3 rad/s, and a block that lands at a time; and their start."""
-    model, inertia = pin.Model(), pin.Inertia(1.0, np.zeros(3), 0.1 * np.eye(3))
-    for name, parent, at in (("crank", 0, 0.0), ("coupler", 1, 1.0), ("rocker", 0, 2.0)):
-        joint = model.addJoint(parent, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([at, 0, 0])), name)
-        model.appendBodyToJoint(joint, inertia, pin.SE3(np.eye(3), np.array([0.5, 0, 0])))
-    for name, joint, length in (("a", 2, 2.0), ("b", 3, 1.0)):
-        tip = pin.SE3(np.eye(3), np.array([length, 0, 0]))
-        model.addFrame(pin.Frame(name, joint, tip, pin.FrameType.OP_FRAME))
+    model = parallelogram_model(pin.JointModelRZ)
     mech = mbdae.Mechanism(model, [mbdae.Closure.point("a", "b", name="pin")], stops=[fall(model, mass)])
     return mech, np.array([*1.2 * SIGNS, 9.81 / 2 * fall_time**2]), np.array([*-3.0 * SIGNS, 0.0])
 

@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 import pytest
+from linkages import parallelogram_model
 from scipy.integrate import solve_ivp
 
 import mbdae
@@ -25,15 +26,8 @@ RELEVANT = 0.99e-5  # rad
 
 def bars(gravity, place, restitution):
     """A crank and a rocker of 1 m, a coupler and a ground of 2 m; the crank has a stop at an angle."""
-    model = pin.Model()
+    model = parallelogram_model(pin.JointModelRY)
     model.gravity.linear = np.array([0.0, 0.0, -gravity])
-    inertia = pin.Inertia(1.0, np.zeros(3), 0.1 * np.eye(3))
-    for name, parent, at in (("crank", 0, 0.0), ("coupler", 1, 1.0), ("rocker", 0, 2.0)):
-        joint = model.addJoint(parent, pin.JointModelRY(), pin.SE3(np.eye(3), np.array([at, 0, 0])), name)
-        model.appendBodyToJoint(joint, inertia, pin.SE3(np.eye(3), np.array([0.5, 0, 0])))
-    for name, joint, length in (("a", 2, 2.0), ("b", 3, 1.0)):
-        tip = pin.SE3(np.eye(3), np.array([length, 0, 0]))
-        model.addFrame(pin.Frame(name, joint, tip, pin.FrameType.OP_FRAME))
     stop = mbdae.Stop(joint="crank", lower=place, restitution=restitution, name="stop")
     return mbdae.Mechanism(model, [mbdae.Closure.point("a", "b", name="pin")], stops=[stop])
 
