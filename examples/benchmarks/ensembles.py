@@ -10,6 +10,9 @@ MuJoCo's rollout, a batch of runs in C, with the settings of peers.py. The table
 over all threads (medians; other load of the machine affects them less than the time of the call), and the largest error
 of the joint angles at the end, against mbdae at rtol 1e-12: for mbdae the difference from tighter runs of one method.
 
+Slider-cranks take 0.1 s from other speeds of the crank, by mbdae.ensemble from starts as arrays and from start values,
+and by mbdae.sweep: microseconds of the call per run on one and on two threads; the ends must be equal bit for bit.
+
 Models with modes or flexible bodies run by mbdae.solve, on one and on two threads, from starts that differ by 1e-6 of
 the speeds; the ends must be equal bit for bit.
 
@@ -30,6 +33,7 @@ from runs import installed
 
 import mbdae
 
+SHORT = 0.1  # s
 BY_SOLVE = {"woodpecker": 2.0, "stick_slip_slider": 5.0, "flexible_four_bar": 0.3, "pendulum_on_stop": 3.0}  # s
 CASES = [(executor, workers) for executor in ("threads", "processes") for workers in (1, 2)]
 SPREAD = 0.2  # rad: of the angles of the cranks of four-bars
@@ -51,6 +55,8 @@ def main(argv: Sequence[str] | None = None) -> dict[tuple[str, int], float]:
     print(table([*header, "over one thread"], rows) + "\n")
     header = [f"{n} four-bars, {end:g} s", "rtol or step", "ms of CPU per run", "error, rad"]
     print(table(header, four_bars(n, end, repeats)) + "\n")
+    header = [f"runs of {SHORT:g} s", "us per run, 1 thread", "us per run, 2 threads", "speed"]
+    print(table(header, short_runs(4 * n, repeats)) + "\n")
     header = ["runs by mbdae.solve", "s each", "ms per run, 1 thread", "ms per run, 2 threads", "speed"]
     print(table(header, by_solve(max(4, n // 20), 0.01 if short else 1.0, repeats)))
     return times
@@ -105,6 +111,27 @@ def four_bars(n: int, end: float, repeats: int) -> list[list[str]]:
     return [[name, f"{rtol:.0e}", digits(costs[name, rtol]), f"{errors[name, rtol]:.1e}"] for name, rtol in programs]
 
 
+def short_runs(n: int, repeats: int) -> list[list[str]]:
+    """Return rows of a table: function, microseconds per run on one and two threads, their ratio."""
+    speeds, span, name = np.linspace(4.0, 12.0, n), (0.0, SHORT), "start.v.crank"
+    mech = mbdae.load("slider_crank")
+    v = speeds[:, None] / mech.start[1][0] * mech.start[1]
+
+    def by_ensemble(v: np.ndarray | None, parameters: dict[str, np.ndarray] | None, workers: int) -> np.ndarray:
+        return mbdae.ensemble(mech, None, v, parameters, span, workers=workers).q
+
+    def by_sweep(workers: int) -> np.ndarray:
+        settings = {"outputs": ["final q.slider"], "executor": "threads", "workers": workers}
+        return mbdae.sweep(mech, {name: speeds.tolist()}, span, **settings)["final q.slider"]
+
+    functions = {
+        "mbdae.ensemble, v": partial(by_ensemble, v, None),
+        f"mbdae.ensemble, {name}": partial(by_ensemble, None, {name: speeds}),
+        f"mbdae.sweep, {name}": by_sweep,
+    }
+    return [[title, *on_threads(title, ends, 1e6 / n, repeats)] for title, ends in functions.items()]
+
+
 def by_solve(n: int, part: float, repeats: int) -> list[list[str]]:
     """Return rows of a table: model, seconds, milliseconds per run on one and two threads, their ratio.
 
@@ -115,19 +142,29 @@ def by_solve(n: int, part: float, repeats: int) -> list[list[str]]:
     """
     out = []
     for name, seconds in BY_SOLVE.items():
-        mech, ends = mbdae.load(name), dict[int, np.ndarray]()
+        mech, end = mbdae.load(name), part * seconds
         v = mech.start[1] * (1 + 1e-6 * np.arange(n))[:, None]
 
-        def run(workers: int, mech: Any = mech, v: Any = v, end: float = part * seconds, ends: Any = ends) -> float:
-            started = perf_counter()
-            ends[workers] = mbdae.ensemble(mech, None, v, None, (0.0, end), workers=workers).q
-            return (perf_counter() - started) / n * 1e3
+        def ends(workers: int, mech: Any = mech, v: Any = v, end: float = end) -> np.ndarray:
+            return mbdae.ensemble(mech, None, v, None, (0.0, end), workers=workers).q
 
-        times = medians({workers: partial(run, workers) for workers in (1, 2)}, repeats)
-        if not np.array_equal(ends[1], ends[2]):
-            raise RuntimeError(f"the ends of {name} on one and two threads differ")
-        out.append([name, f"{part * seconds:g}", digits(times[1]), digits(times[2]), ratio(times[1], times[2])])
+        out.append([name, f"{end:g}", *on_threads(name, ends, 1e3 / n, repeats)])
     return out
+
+
+def on_threads(title: str, ends: Callable[[int], np.ndarray], scale: float, repeats: int) -> list[str]:
+    """Return the scaled times of a function of the number of workers on one and two threads, and their ratio."""
+    found = dict[int, np.ndarray]()
+
+    def run(workers: int) -> float:
+        started = perf_counter()
+        found[workers] = ends(workers)
+        return (perf_counter() - started) * scale
+
+    times = medians({workers: partial(run, workers) for workers in (1, 2)}, repeats)
+    if not np.array_equal(found[1], found[2]):
+        raise RuntimeError(f"the ends of {title} on one and two threads differ")
+    return [digits(times[1]), digits(times[2]), ratio(times[1], times[2])]
 
 
 def vectorised(q: np.ndarray, end: float) -> Callable[[float], np.ndarray] | None:

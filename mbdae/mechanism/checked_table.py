@@ -73,6 +73,8 @@ def _lost_kind(given: Any, found: object) -> LiteralString:
 
     Pydantic's strict mode is too strict: it rejects lists for tuples, and numbers of numpy.
     """
+    if found is given:
+        return ""
     if isinstance(found, bool):
         return "" if isinstance(given, bool | np.bool) else "Input should be true or false"
     if isinstance(found, int | float):

@@ -6,10 +6,13 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+import pinocchio as pin
 
+from .closures.constraints import anchors
 from .forces import bind_forces, named_forces
 from .forces.coulomb_friction import CoulombFriction
 from .forces.joint_friction import JointFriction
+from .tree.manifold import Manifold
 from .tree.tree_terms import structure_of_flexible
 
 if TYPE_CHECKING:
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
 
 SWITCHED = CoulombFriction, JointFriction  # forces that may have rows or modes
 UNBOUND = {"start", "duration", "source"}  # arguments of which rows, forces and names do not depend
+NUMBERS = {"forces", "model", "visuals"}  # arguments that may have other numbers alone
 # cached properties that do not depend on these
 INDEPENDENT = {"characteristic_length", "row_scales", "q_scales", "coordinate_scales", "joint_names"}
 KEPT = (
@@ -29,18 +33,16 @@ def variant(mech: "Mechanism", **parts: Any) -> "Mechanism":
     """Return a mechanism with other parts, by the names of the arguments of `Mechanism`.
 
     Where joints, rows, forces and states are of the same kinds, both share their workspaces, into which the parameters
-    of the mechanism that runs next are written in place. Forces, a start or a duration of the same kinds alone share
-    all the rest, too.
+    of the mechanism that runs next are written in place. Other numbers of bodies, frames and forces, a start or a
+    duration share all the rest, too, unless there are modes.
 
     Raises:
         UnknownNameError, InputError: as `Mechanism`.
     """
-    if parts.keys() <= UNBOUND:
+    if "forces" in parts:
+        parts["forces"] = named_forces(parts["forces"], mech.drivers)
+    if _have_other_numbers(mech, parts):
         return _shared(mech, parts)
-    if parts.keys() <= {*UNBOUND, "forces"}:
-        forces = named_forces(parts["forces"], mech.drivers)
-        if _are_same_kinds(mech.forces, forces) and not any(isinstance(f, SWITCHED) for f in forces):
-            return _shared(mech, parts | {"forces": forces})
     kept = {name: getattr(mech, name) for name in KEPT}
     given = {"model": mech.model, "forces": mech.forces, "start": mech.start_values, **kept, **parts}
     out = type(mech)(**given)
@@ -49,25 +51,44 @@ def variant(mech: "Mechanism", **parts: Any) -> "Mechanism":
     return out
 
 
+def _have_other_numbers(mech: "Mechanism", parts: dict[str, Any]) -> bool:
+    """Return whether parts differ from those of a mechanism in numbers alone."""
+    if not parts.keys() <= {*UNBOUND, *NUMBERS} or ("model" in parts and mech.switches):
+        return False
+    forces, model = parts.get("forces", mech.forces), parts.get("model", mech.model)
+    if forces is not mech.forces and any(isinstance(f, SWITCHED) for f in forces):
+        return False
+    return (forces is mech.forces or _are_same_kinds(mech.forces, forces)) and _are_alike(mech.model, model)
+
+
 def _shared(mech: "Mechanism", parts: dict[str, Any]) -> "Mechanism":
-    """Return a copy with other forces of the same kinds, start, duration or source."""
-    if "forces" not in parts:
+    """Return a copy with other numbers of the model and its forces, start, duration or source."""
+    rebound = "forces" in parts or "model" in parts
+    if not rebound:
         _ = mech.row_scales, mech.q_scales, mech.coordinate_scales, mech.joint_names  # once for all variants
     out, kind = copy(mech), cast(Any, type(mech))
     for name in _cached_properties(kind).intersection(vars(out)):
-        if "forces" in parts or name not in INDEPENDENT:
+        if rebound or name not in INDEPENDENT:
             del out.__dict__[name]
     vars(out).update({"start_values" if name == "start" else name: x for name, x in parts.items()})
     out.workspaces = mech.workspaces.of(out)
-    if [getattr(f, "frames", None) for f in out.forces] == [getattr(f, "frames", None) for f in mech.forces]:
-        vars(out)["characteristic_length"] = mech.characteristic_length
-    rescaled = out.characteristic_length != mech.characteristic_length
-    out._positions = {} if rescaled else mech._positions  # forces do not act on assembly
-    if "start" in parts or rescaled:
+    if rebound:
+        _rebind(out, mech, "model" in parts)
+    if "start" in parts or out._positions is not mech._positions:
         out._starts = {}
-    if "forces" in parts:
-        out.states = bind_forces(out.forces, out.model, out.make_workspace()).states()
     return out
+
+
+def _rebind(out: "Mechanism", mech: "Mechanism", moved: bool) -> None:
+    """Replace what depends on the numbers of forces, and of the model if they are other ones."""
+    if moved:
+        out.manifold = Manifold(out.model)
+        out.closure_anchors = [(c, anchors(out.model, c)) for c, _ in mech.closure_anchors]
+    elif [getattr(f, "frames", None) for f in out.forces] == [getattr(f, "frames", None) for f in mech.forces]:
+        vars(out)["characteristic_length"] = mech.characteristic_length
+    if moved or out.characteristic_length != mech.characteristic_length:
+        out._positions = {}  # forces do not act on assembly
+    out.states = bind_forces(out.forces, out.model, out.make_workspace()).states()
 
 
 @cache
@@ -81,11 +102,21 @@ def _are_same_kinds(before: Sequence[object], after: Sequence[object]) -> bool:
     return kinds[0] == kinds[1]
 
 
+def _are_alike(a: pin.Model, b: pin.Model) -> bool:
+    """Return whether two models have the same joints and frames, with other numbers."""
+    if a is b:
+        return True
+    frames = [[(f.name, f.parentJoint, f.type) for f in model.frames] for model in (a, b)]
+    return frames[0] == frames[1] and _tree(a) == _tree(b)
+
+
+def _tree(model: pin.Model) -> tuple[Any, ...]:
+    return list(model.names), list(model.joints), list(model.parents), structure_of_flexible(model)
+
+
 def _have_same_structure(a: "Mechanism", b: "Mechanism") -> bool:
     """Return whether the workspaces of a mechanism can be bound to another one."""
     pairs = [(a.forces, b.forces), (a.constraints, b.constraints)]
-    trees = [(list(m.model.names), list(m.model.joints), list(m.model.parents)) for m in (a, b)]
     rows = a.row_names == b.row_names and np.array_equal(a.positional, b.positional)
-    flexible = structure_of_flexible(a.model) == structure_of_flexible(b.model)
-    same = trees[0] == trees[1] and flexible and rows and list(a.states) == list(b.states)
+    same = _tree(a.model) == _tree(b.model) and rows and list(a.states) == list(b.states)
     return same and all(_are_same_kinds(*pair) for pair in pairs)

@@ -2,13 +2,19 @@
 
 import shlex
 import sys
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
 
 def versions() -> dict[str, str]:
     """Return versions of mbdae and of the numerical packages."""
-    return {name: version(name) for name in ("mbdae", "pin", "numpy", "scipy")}
+    return {name: _version(name) for name in ("mbdae", "pin", "numpy", "scipy")}
+
+
+@cache
+def _version(name: str) -> str:  # which reads a file
+    return version(name)
 
 
 def command_line() -> str:

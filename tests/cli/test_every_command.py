@@ -8,8 +8,6 @@ test, as does a line on standard error that is neither a warning of mbdae nor th
 import re
 import shlex
 from collections.abc import Callable
-from functools import cache
-from importlib.metadata import version
 from typing import NamedTuple
 
 import pytest
@@ -202,7 +200,6 @@ def test_each_gives_a_result_or_a_true_reason(name, tmp_path, monkeypatch):
 
     monkeypatch.setattr("mbdae.studies.order.order.order", measured)
     monkeypatch.setattr(f"{report}.order", lambda mech, *_, **__: orders[-1] if orders else measured(mech))
-    monkeypatch.setattr("mbdae.solution.provenance.version", cache(version))  # read from files
     for constant, value in COARSE.items():
         monkeypatch.setattr(f"mbdae.studies.{constant}", value)
     mech = mbdae.load(name)

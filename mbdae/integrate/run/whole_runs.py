@@ -118,7 +118,8 @@ def consistent_starts(run: RunState, y: Array) -> Array:
     (mech, system, _), options = _in_core(run), run.options
     tolerance = max(INPUT_DIGITS, 0.0 if options.step else START_DRIFT * float(options.rtol))
     valid = np.isfinite(y).all(axis=1)
-    valid[valid] = [_is_configuration(mech, q) for q in y[valid, : system.nq]]
+    if not mech.manifold.flat:
+        valid[valid] = [_is_configuration(mech, q) for q in y[valid, : system.nq]]
     if not mech.ng:
         return valid
     g, rates, _ = system.residuals(np.full(len(y), options.t0), y)
@@ -155,7 +156,8 @@ def complete_runs(run: RunState, y: Array, stop: Array) -> WholeRuns:
     core, native, control = stepper.core_run_before_start(run), system.native, stepper.control
     core.max_steps = options.max_steps or UNLIMITED
     detects_stiffness = control and isinstance(options.method, Tableau)
-    y = np.array([run.jumps.adjust_point(run, at) for at in y])  # controllers may sample at the start
+    if system.ns:  # controllers may sample at the start
+        y = np.array([run.jumps.adjust_point(run, at) for at in y])
     start = system.run_start(smallest_step(run.t, run.t1), FIRST_CHECK - 1 if detects_stiffness else UNLIMITED)
     first = native.FirstStep(**control.first_step_numbers(run)) if control and control.h is None else None
     found = system.core.complete_runs(system.method(options.method), start, first, core, y, SAMPLES + 1, stop)

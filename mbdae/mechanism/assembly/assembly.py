@@ -27,6 +27,21 @@ ARRAYS = np.ndarray | list | tuple
 VALUES = ARRAYS | Mapping | None
 
 
+class InitialEstimate(NamedTuple):
+    """A state q (nq,), v (nv,) from which assembly starts.
+
+    Tangent indices of its coordinates that are fixed, (n,) each, and of modes of flexible bodies that are held, (n,)
+    each, where loops close without them.
+    """
+
+    q: Array
+    fixed_q: Array
+    held_q: Array
+    v: Array
+    fixed_v: Array
+    held_v: Array
+
+
 class Assembled(NamedTuple):
     """A consistent state q (nq,), v (nv,), and the tangent indices of its coordinates that were fixed, (n,) each."""
 
@@ -40,36 +55,51 @@ def assemble(
     mech: "Mechanism", q: Any, v: Any, guess: Any, guess_v: Mapping[str, Any] | None = None, t: float = 0.0
 ) -> Assembled:
     """See `mbdae.Mechanism.assemble`; ``guess_v`` are initial estimates of velocities that are not fixed."""
-    fixed_q, fixed_v = (np.array([], int),) * 2
-    held_q, held_v = fixed_q, fixed_v
     require(q, VALUES, "q must be a table of values by joint, or all of them as an array")
     require(v, VALUES, "v must be a table of values by joint, or all of them as an array")
     require(guess, Mapping | None, "guess must be a table of values by joint")
-    for driver in mech.drivers:
-        driver.check(t)
+    return assemble_from(mech, _initial_estimate(mech, q, v, guess or {}, guess_v or {}), t)
+
+
+def _initial_estimate(
+    mech: "Mechanism", q: Any, v: Any, guess: Mapping[str, Any], guess_v: Mapping[str, Any]
+) -> InitialEstimate:
+    fixed_q, fixed_v = (np.array([], int),) * 2
+    held_q, held_v = fixed_q, fixed_v
     if isinstance(q, ARRAYS):
         q0 = normalized(mech.model, mech.vector("q", q, mech.nq))
         if q0 is None:
             raise InputError("q is not on the manifold: a quaternion, or cosine and sine of an angle, vanish")
     else:
-        table = {**mech.start_values.guess, **mech.start_values.q, **(guess or {}), **(q or {})}
+        table = {**mech.start_values.guess, **mech.start_values.q, **guess, **(q or {})}
         q0 = mech.coordinates(table)[0]
         fixed_q = tangent_indices(mech.model, q or {})
-        held_q = _held_modes(mech, {**mech.start_values.guess, **(guess or {}), **(q or {})})
+        held_q = _held_modes(mech, {**mech.start_values.guess, **guess, **(q or {})})
     if isinstance(v, ARRAYS):
         v0 = mech.vector("v", v, mech.nv)
     else:
-        v0 = mech.coordinates({**(guess_v or {}), **(v or {})}, of_v=True)[0]
+        v0 = mech.coordinates({**guess_v, **(v or {})}, of_v=True)[0]
         fixed_v = tangent_indices(mech.model, v or {})
-        held_v = _held_modes(mech, {**(guess_v or {}), **(v or {})})
+        held_v = _held_modes(mech, {**guess_v, **(v or {})})
+    return InitialEstimate(q0, fixed_q, held_q, v0, fixed_v, held_v)
+
+
+def assemble_from(mech: "Mechanism", at: InitialEstimate, t: float) -> Assembled:
+    """Return the consistent state near an initial estimate.
+
+    Raises:
+        AssemblyError: as `assemble`.
+    """
+    for driver in mech.drivers:
+        driver.check(t)
     with mech.workspaces.borrowed() as system:
-        position = _closed_position(system, q0, fixed_q, held_q, t)
+        position = _closed_position(system, at.q, at.fixed_q, at.held_q, t)
 
         def close(fixed: Array) -> Array:
-            return position.velocities(system, fixed, t).closest(system, v0)
+            return position.velocities(system, fixed, t).closest(system, at.v)
 
-        v1, fixed_v = _with_modes_held(close, fixed_v, held_v)
-        return Assembled(position.q.copy(), v1, position.fixed, fixed_v)
+        v, fixed_v = _with_modes_held(close, at.fixed_v, at.held_v)
+        return Assembled(position.q.copy(), v, position.fixed, fixed_v)
 
 
 class _ClosedPosition(NamedTuple):
@@ -102,9 +132,14 @@ def _closed_position(system: "Index2System", q0: Array, fixed: Array, held: Arra
 
 def assemble_start(mech: "Mechanism", t: float) -> Assembled:
     """Return the start of a mechanism, see `mbdae.Mechanism.start_at`."""
+    return assemble_from(mech, start_estimate(mech), t)
+
+
+def start_estimate(mech: "Mechanism") -> InitialEstimate:
+    """Return the initial estimate by the start values of a mechanism."""
     values, driven = mech.start_values, {d.joint for d in mech.drivers}
     v = {name: x for name, x in values.v.items() if name not in driven}
-    return assemble(mech, _undriven(mech, values.q), v, None, values.guess_v, t)
+    return _initial_estimate(mech, _undriven(mech, values.q), v, {}, values.guess_v)
 
 
 def _undriven(mech: "Mechanism", q: Mapping[str, Any]) -> dict[str, Any]:

@@ -37,23 +37,22 @@ class ClosedVelocities:
             InputError: if a massless body makes the mass metric singular.
         """
         G, g_t, rows = self.G, self.g_t, self.rows
-        residual = G @ v + g_t
-        if not residual.any():
+        residual = G.dot(v) + g_t
+        if not np.count_nonzero(residual):
             return v
         if self._change is None:
             self._change = self._least_change(system)
         speeds = np.linalg.norm(v / self.scales) + np.linalg.norm(g_t / rows)
-        v = v.copy()
         for _ in range(2):  # the second pass removes rounding
-            v[self.free] -= self._change(residual / rows)
-            residual = G @ v + g_t
+            v = v - self._change(residual / rows)
+            residual = G.dot(v) + g_t
         if not np.linalg.norm(residual / rows) <= AGREEMENT * speeds:
             mech = system.mechanism
             raise assembly_error(mech, largest_error(mech, residual, "/s"), self.fixed, "velocity")
         return v
 
     def _least_change(self, system: "Index2System") -> Callable[[Array], Array]:
-        """Return the function of a residual, scaled by rows, whose value removes it: the least one in the metric."""
+        """Return the function of a residual, scaled by rows, whose value (nv,) removes it: the least in the metric."""
         G, many = self.G[:, self.free], system.ng > MANY_ROWS
         if many:
             M: Any = sparse_inertia(system.model, system.workspace, self.q)[:, self.free][self.free]
@@ -69,9 +68,17 @@ class ClosedVelocities:
         if many:
             scaled = G.copy()
             divide_rows(scaled, self.rows)
-            return partial(sparse_least_squares, scaled, mu=0.0, M=M)  # which can be pickled
+            return partial(_sparse_change, scaled, M, self.free, system.nv)  # which can be pickled
         root = mass_scaled(U, G / self.rows[:, None]).T
-        return np.linalg.solve(U, np.linalg.pinv(root, rcond=TRUNCATION)).dot
+        change = np.zeros((system.nv, system.ng))
+        change[self.free] = np.linalg.solve(U, np.linalg.pinv(root, rcond=TRUNCATION))
+        return change.dot
+
+
+def _sparse_change(G: Any, M: Any, free: Array, nv: int, residual: Array) -> Array:
+    change = np.zeros(nv)
+    change[free] = sparse_least_squares(G, residual, 0.0, M)
+    return change
 
 
 def _has_positive_pivots(M: Any) -> bool:

@@ -48,13 +48,13 @@ def close_position(system: "Index2System", q: Array, fixed: Array, t: float) -> 
     if not mech.ng:
         return q
     _require_finite(system, q, t)
-    g, G = scaled_residuals(system, q, t)
-    if not len(g):
+    if not np.count_nonzero(system.constraints.positional):
         return q
     search = _PositionSearch(system, q, free, t, [], [])
     search.start_from((q,))
     if search.closed and search.largest_change(search.closed[0]) < NEAR:
         return search.closed[0]
+    g, G = scaled_residuals(system, q, t)
     mu = DAMPING * float(np.abs(g).max())  # independent of the number of loops
     if len(g) > MANY_ROWS:
         mu *= DAMPING_REDUCTION**3  # as `gauss_newton` does: a damped step in a long chain would be too short
@@ -182,7 +182,7 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
         if not closed and len(g) <= MANY_ROWS and np.linalg.norm(G @ x + g) > (1 - STATIONARY) * size:
             break
         x /= max(1.0, np.abs(x).max())
-        for fraction in FRACTIONS:
+        for fraction in FRACTIONS[:1] if closed else FRACTIONS:
             q_new = m.integrate(q, scales * fraction * x)
             g_new, G_new = rows(system, q_new, t)
             if (new_size := float(np.linalg.norm(g_new))) < size:

@@ -26,6 +26,9 @@ KINDS = {
     "FreeFlyer": "free",
 }
 
+COMPOSITE = "JointModelComposite"  # of other joints; all others have a motion subspace of their kind
+_TRANSLATIONS: dict[str, np.ndarray] = {}
+
 
 def file_kind(joint: pin.JointModel) -> str:
     """Return the kind of a joint in mechanism files: ``"revolute"``, ``"continuous"``, ``"spherical"``, ...
@@ -53,7 +56,7 @@ def joint_transform(joint: pin.JointModel, q: np.ndarray) -> pin.SE3:
 
 def is_depth_first(model: pin.Model) -> bool:
     """Return whether joints of each subtree have consecutive indices, as Pinocchio's algorithms require."""
-    return all(np.array_equal(s, np.arange(s[0], s[0] + len(s))) for s in map(np.array, list(model.subtrees)[1:]))
+    return all(s == list(range(s[0], s[0] + len(s))) for s in map(list, list(model.subtrees)[1:]))
 
 
 def _single_joint_model(joint: pin.JointModel) -> pin.Model:
@@ -66,8 +69,10 @@ def translation_components(model: pin.Model) -> np.ndarray:
     """Return which tangent components are translations, in m, (nv,)."""
     out = np.zeros(model.nv, bool)
     for joint in list(model.joints)[1:]:
-        S = subspace(joint)
-        out[joint.idx_v : joint.idx_v + joint.nv] = ~S[3:].any(axis=0)
+        kind = joint.shortname()
+        if kind not in _TRANSLATIONS or kind == COMPOSITE:
+            _TRANSLATIONS[kind] = np.logical_not(subspace(joint)[3:].any(axis=0))
+        out[joint.idx_v : joint.idx_v + joint.nv] = _TRANSLATIONS[kind]
     return out
 
 

@@ -3,6 +3,7 @@
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from ...mechanism import Mechanism
 from ...system import Array
 from ..final_signals import signals_at_end, why_not_in_core
 from ..sweep.sweep_run import Maker
+from ..sweep.varied_starts import VariedStarts
 from ..workers import StopFlag
 
 BATCHES = 4  # for each pending one, so that no thread is idle for long at the end
@@ -35,21 +37,13 @@ class Starts(NamedTuple):
         """Return q (nq,) and v (nv,) of run i, as arguments of `mbdae.solve`."""
         return (None if self.q is None else self.q[i]), (None if self.v is None else self.v[i])
 
-    def points(self, mech: Mechanism, i: Array, t: float) -> Array:
-        """Return the points of some runs at time t, (k, n).
-
-        Raises:
-            AssemblyError, InputError: if the start of the model is required, but is not consistent.
-        """
-        q, v = (None if x is None else x[i] for x in (self.q, self.v))
-        if q is None or v is None:
-            y = np.tile(mech.point(t=t), (len(i), 1))
-        else:
-            y = np.tile([*np.zeros(mech.nq + mech.nv), *mech.states.values(), 0.0], (len(i), 1))
-        if q is not None:
-            y[:, : mech.nq] = q
-        if v is not None:
-            y[:, mech.nq : mech.nq + mech.nv] = v
+    def points(self, mech: Mechanism, i: Array, of_model: Array) -> Array:
+        """Return the points of some runs, (k, n), where the starts of the model are the points ``of_model``, (k, n)."""
+        y = of_model.copy()
+        if self.q is not None:
+            y[:, : mech.nq] = self.q[i]
+        if self.v is not None:
+            y[:, mech.nq : mech.nq + mech.nv] = self.v[i]
         return y
 
 
@@ -144,7 +138,12 @@ class EnsembleJob:
         """
         if isinstance(self.source, Mechanism):
             return self.source
-        mech = self.source.make({name: x[i].item() for name, x in self.parameters.items()})
+        return self._checked(self.source.make(self._values(i)))
+
+    def _values(self, i: int) -> dict[str, Any]:
+        return {name: x[i].item() for name, x in self.parameters.items()}
+
+    def _checked(self, mech: Mechanism) -> Mechanism:
         length, common = mech.nq + mech.nv + len(mech.states) + 1, self.results.y.shape[1]
         if length != common:
             raise InputError(
@@ -152,6 +151,41 @@ class EnsembleJob:
                 "runs of an ensemble have the same (mbdae.sweep takes others)"
             )
         return mech
+
+    def begin(self, i: Array) -> tuple[Mechanism, Array, Array] | None:
+        """Return the mechanism of some runs, those that can begin, and their points (k, n); None if none can.
+
+        Raises:
+            MbdaeError: if none can begin, for the same reason.
+        """
+        if self.starts.q is not None and self.starts.v is not None:
+            mech = self.mechanism(int(i[0]))
+            point = np.array([*np.zeros(mech.nq + mech.nv), *mech.states.values(), 0.0])
+        elif isinstance(self.source, Mechanism):
+            mech = self.source
+            point = mech.point(t=self.options(mech).t0)
+        else:
+            return self._begin_each(i)
+        return mech, i, self.starts.points(mech, i, np.tile(point, (len(i), 1)))
+
+    def _begin_each(self, i: Array) -> tuple[Mechanism, Array, Array] | None:
+        """See `begin`: starts of the model, which depend on the parameters; reasons of failures are recorded."""
+        points = dict[int, Array]()
+        for k in i.tolist():
+            try:
+                mech, points[k] = self.varied_starts.make(self._values(k))
+            except MbdaeError as e:
+                self.results.fail(np.array([k]), e)
+        if not points:
+            return None
+        begun = np.array([*points])
+        return self._checked(mech), begun, self.starts.points(mech, begun, np.array([*points.values()]))
+
+    @cached_property
+    def varied_starts(self) -> VariedStarts:
+        """Starts of the model by the parameters."""
+        assert not isinstance(self.source, Mechanism)
+        return VariedStarts(self.source, lambda mech: self.options(mech).t0)
 
     def options(self, mech: Mechanism) -> RunOptions:
         """Return the options of a run.
@@ -170,11 +204,13 @@ class EnsembleJob:
         prepare_at(mech, self.options(mech), self.results.y[0]).release()
 
     def groups(self) -> Iterator[Array]:
-        """Yield the indices of runs of the same mechanism."""
+        """Yield the indices of runs of the same mechanism, apart from its start values."""
+        starts = [] if isinstance(self.source, Mechanism) else self.varied_starts.names(self.parameters)
+        columns = [x for name, x in self.parameters.items() if name not in starts]
         found = defaultdict(list)
-        for i, values in enumerate(zip(*self.parameters.values(), strict=True)):
+        for i, values in enumerate(zip(*columns, strict=True)):
             found[values].append(i)
-        yield from map(np.array, found.values()) if self.parameters else [np.arange(self.starts.n)]
+        yield from map(np.array, found.values()) if columns else [np.arange(self.starts.n)]
 
 
 def batches(job: EnsembleJob, pending: int) -> list[list[Array]]:
@@ -195,12 +231,11 @@ def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
         if stop():
             return
         try:
-            mech = job.mechanism(int(i[0]))
-            options = job.options(mech)
-            y = job.starts.points(mech, i, options.t0)
-            run = prepare_at(mech, options, y[0])
-            _complete(job, run, i, y, stop)
-            run.release()
+            if begun := job.begin(i):
+                mech, i_begun, y = begun
+                run = prepare_at(mech, job.options(mech), y[0])
+                _complete(job, run, i_begun, y, stop)
+                run.release()
         except MbdaeError as e:
             job.results.fail(i, e)
 

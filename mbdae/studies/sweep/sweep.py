@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -111,7 +110,7 @@ def sweep(
     known = known_signals(job, plan, mech)
     check(known, job.outputs, job.times is not None)
     meta = _meta(job, plan, mech, known)
-    job = replace(job, key=json.dumps(meta["manifest"]))
+    job.key = json.dumps(meta["manifest"])
     with closing(_Collector(meta, None if path is None else Path(path), fresh, progress)) as collector:
         _run(job, [task for task in plan if task.run not in collector.rows], executor, workers, collector)
         return collector.finish()
@@ -168,7 +167,7 @@ def _meta(job: Job, plan: Sequence[Task], mech: Mechanism, known: Mapping[str, s
     numbers, samples = ([w.text for w in wanted if bool(w.reduction) is scalar] for scalar in (True, False))
     kinds = column_kinds(plan, numbers, samples)
     numeric = [n for n in names(plan) if kinds.get(n) in ("float", "int") and not n.startswith(SOLVE)]
-    of_columns = parameter_units(job.maker(), numeric) | {w.text: w.unit(known) for w in wanted}
+    of_columns = parameter_units(job.maker, numeric) | {w.text: w.unit(known) for w in wanted}
     return {
         "manifest": _manifest(job, plan, mech),
         "kinds": kinds,
@@ -225,7 +224,7 @@ def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
     check_settings(sorted({name.removeprefix(SOLVE) for name in names(plan) if name.startswith(SOLVE)}))
     for formulation, method in dict.fromkeys(_method(job, task) for task in plan):
         find_method(formulation, method)
-    mech = _first_made(job.maker(), plan)
+    mech = _first_made(job.maker, plan)
     if mech.remarks:
         warnings.warn(not_carried_over(mech.title, mech.remarks), stacklevel=3)
     return mech

@@ -22,7 +22,8 @@ from ..final_signals import signals_at_end, why_not_in_core
 from ..workers import StopFlag
 from .outputs import parse
 from .plan import Task
-from .sweep_run import Job, maker_of_job, run, split
+from .sweep_run import Job, run, split
+from .varied_starts import VariedStarts
 
 MAX_BATCH = 32  # runs
 BATCH_SECONDS = 0.2  # of several runs in a batch: at least ten times what sending them to a cluster takes
@@ -86,12 +87,13 @@ def _groups(job: Job, tasks: Sequence[Task]) -> list[tuple[dict[str, Any], list[
 
     They end at the first task that needs Python, since those after it most likely do, too.
     """
-    maker, found = maker_of_job(job), dict[tuple, tuple[dict[str, Any], list[_Start]]]()
+    starts = VariedStarts(job.maker, lambda mech: job.span(mech)[0])
+    found = dict[tuple, tuple[dict[str, Any], list[_Start]]]()
     for i, task in enumerate(tasks):
-        values, settings = split(task.values, maker, task.seed)
+        values, settings = split(task.values, job.maker, task.seed)
         try:
-            mech = maker.make(values)
-            start = _Start(i, mech, mech.point(t=job.span(mech)[0]))
+            start = _Start(i, *starts.make(values))
+            mech = start.mech
             parts = map(id, (mech.model, mech.constraints, mech.forces, mech.settings))
             key = (json.dumps(settings), mech.duration, *parts)
             if key not in found and _needs_python(job, settings, start):

@@ -4,7 +4,7 @@ import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Protocol
@@ -82,7 +82,7 @@ class FunctionMaker:
         return with_start(mech, start)
 
 
-@dataclass(frozen=True)
+@dataclass
 class Job:
     """Data that all runs of a sweep share; sent to other processes.
 
@@ -102,9 +102,14 @@ class Job:
     settings: dict[str, Any] = field(default_factory=dict)
     key: str = ""
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the factory out of what is sent to other processes."""
+        return {name: x for name, x in vars(self).items() if name != "maker"}
+
+    @cached_property
     def maker(self) -> Maker:
-        """Return the factory of the mechanisms, rereading files."""
-        return maker_of(self.model)
+        """Factory of the mechanisms; files are read once for a sweep."""
+        return _kept_maker(self.model, self.key) if self.key else maker_of(self.model)
 
     def span(self, mech: Mechanism) -> tuple[float, float]:
         """Return start and end in s."""
@@ -151,14 +156,9 @@ def split(values: Mapping[str, object], maker: Maker, seed: int) -> tuple[dict[s
     return ({"seed": seed, **parameters} if "seed" in maker.parameters else parameters), settings
 
 
-def maker_of_job(job: Job) -> Maker:
-    """Return the factory of the mechanisms of a sweep; it is kept."""
-    return _maker(job.model, job.key)
-
-
 @lru_cache(4)
-def _maker(model: Any, key: str) -> Maker:
-    return Job(model).maker()
+def _kept_maker(model: Any, key: str) -> Maker:
+    return maker_of(model)
 
 
 def run(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
@@ -183,9 +183,8 @@ def run(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
 
 
 def _solved(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
-    maker = maker_of_job(job)
-    values, settings = split(task.values, maker, task.seed)
-    mech = maker.make(values)
+    values, settings = split(task.values, job.maker, task.seed)
+    mech = job.maker.make(values)
     times = job.sample_times(mech)
     sol = solve(mech, job.span(mech), t_eval=times, progress=stop_check(stop), **{**job.settings, **settings})
     row = {"status": sol.status, "message": sol.message, "t": float(sol.nodes[0][-1])}
@@ -205,7 +204,7 @@ def known_signals(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, 
     Mechanisms that differ in numbers with decimals alone have the same signals.
     """
     wanted = {parse(x).signal for x in job.outputs if isinstance(x, str)}
-    maker, known, tried = job.maker(), units(mech) if wanted else {}, set[str]()
+    maker, known, tried = job.maker, units(mech) if wanted else {}, set[str]()
     for task in plan:
         if wanted <= known.keys():
             break
