@@ -16,8 +16,8 @@ from ...integrate.run.whole_runs import COUNTS, WholeRuns, calls_python, complet
 from ...mechanism import Mechanism
 from ...system import Array
 from ..final_signals import signals_at_end, why_not_in_core
-from ..sweep.sweep_run import Maker
-from ..sweep.varied_starts import VariedStarts
+from ..makers import Maker
+from ..varied_starts import VariedStarts
 from ..workers import StopFlag
 
 BATCHES = 4  # for each pending one, so that no thread is idle for long at the end

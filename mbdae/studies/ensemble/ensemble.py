@@ -11,7 +11,8 @@ from ...errors import InputError, MbdaeError, UnknownNameError, as_list, require
 from ...mechanism import Mechanism
 from ...solution.signals import find, units
 from ...system import Array
-from ..sweep.sweep_run import NOT_SETTINGS, Maker, Model, check_settings, maker_of
+from ..makers import Maker, Model, maker_of
+from ..sweep.sweep_run import NOT_SETTINGS, check_settings
 from ..workers import pool
 from .batch import EnsembleJob, Results, Starts, batches, run_batch
 from .result import Ensemble

@@ -25,8 +25,9 @@ from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
 from ...system import Array
 from ...tolerances import COARSE, INPUT_DIGITS, SEARCH_TOLERANCE, VISIBLE
+from ..makers import maker_of
 from ..sensitivity.run_parameters import MechanismFactory, named_values, progress_reporter, reals, scaled
-from ..sweep.sweep_run import check_settings, maker_of
+from ..sweep.sweep_run import check_settings
 from .data import records
 from .fit_residuals import FitResiduals
 from .identifiability import members, precision

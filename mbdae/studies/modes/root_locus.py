@@ -19,7 +19,7 @@ from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import ITERATION_ROUNDING, ROUNDING
 from ...units import displayed, quantity
-from ..sweep.sweep_run import Model, maker_of, model_title
+from ..makers import Model, maker_of, model_title
 from .modes import modes
 
 if TYPE_CHECKING:

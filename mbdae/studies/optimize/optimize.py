@@ -19,9 +19,9 @@ from ...mechanism import Mechanism
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import VISIBLE
+from ..makers import maker_of
 from ..sensitivity.cost import Cost
 from ..sensitivity.run_parameters import Names, named_values, progress_reporter
-from ..sweep.sweep_run import maker_of
 from .objective import ComputeMotion, CostEvaluation, Motion, curves, runs
 from .result import Evaluation, Optimum
 from .search_range import (

@@ -31,8 +31,8 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COINCIDENT, EPS, NEGLIGIBLE, THREE_DIGITS
 from ...units import common_unit, quantity, substituted
+from ..makers import maker_of
 from ..sensitivity.sensitivity import sensitivity
-from ..sweep.sweep_run import maker_of
 from .measurement import MIN_OUTPUTS, Measurement, Progress, finished
 from .result import OrderStudy
 

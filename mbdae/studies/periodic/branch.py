@@ -16,7 +16,7 @@ from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import VISIBLE
 from ...units import displayed, quantity
-from ..sweep.sweep_run import maker_of
+from ..makers import maker_of
 from .branch_path import FIRST_STEP, BranchPath, Range
 from .guess import guess_of
 from .periodic import (

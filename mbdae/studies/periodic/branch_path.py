@@ -28,8 +28,8 @@ from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.equations.symmetry import Symmetry
 from ...system import Array
 from ...tolerances import EVALUATION_ROUNDING, HALF_DIGITS, SMALLEST_PART
+from ..makers import Maker
 from ..path_location import locate
-from ..sweep.sweep_run import Maker
 from .grazing import GrazingMonitor
 from .motion import motion_of
 from .result import Bifurcation, BranchMotion

@@ -23,7 +23,7 @@ from ...mechanism.tree.frames import frame_paths
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COINCIDENT
-from ..sweep.sweep_run import FunctionMaker, maker_of
+from ..makers import FunctionMaker, maker_of
 
 _BOUND: WeakKeyDictionary[Mechanism, dict[Any, Parameters]] = WeakKeyDictionary()
 """Cache of the last parameters of a mechanism; their workspaces belong to one thread."""

@@ -22,13 +22,14 @@ from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...mechanism.formats.mechanism_file.parametric import split as split_name
 from ...mechanism.imported_model import not_carried_over
 from ...solution.provenance import versions
+from ..makers import Maker, Model, model_title
 from ..workers import pool
 from .fingerprint import fingerprint
 from .outputs import Output, check, label, parse
 from .plan import Parameters, Task, names, tasks
 from .results_file import SweepFile
 from .sweep_batch import Batch, batches_of, run_batch
-from .sweep_run import SOLVE, Job, Maker, Model, check_settings, known_signals, model_title, split
+from .sweep_run import SOLVE, Job, check_settings, known_signals, split
 from .table import Sweep, column_kinds, completed
 
 __all__ = ["sweep"]

@@ -23,9 +23,8 @@ from ..workers import StopFlag
 from .outputs import parse
 from .plan import Task
 from .sweep_run import Job, run, split
-from .varied_starts import VariedStarts
 
-MAX_BATCH = 32  # runs
+MAX_BATCH = 500  # runs
 BATCH_SECONDS = 0.2  # of several runs in a batch: at least ten times what sending them to a cluster takes
 LAST_RUNS = 8  # whose mean time determines the next batch
 FINAL = "final"
@@ -87,12 +86,11 @@ def _groups(job: Job, tasks: Sequence[Task]) -> list[tuple[dict[str, Any], list[
 
     They end at the first task that needs Python, since those after it most likely do, too.
     """
-    starts = VariedStarts(job.maker, lambda mech: job.span(mech)[0])
     found = dict[tuple, tuple[dict[str, Any], list[_Start]]]()
     for i, task in enumerate(tasks):
         values, settings = split(task.values, job.maker, task.seed)
         try:
-            start = _Start(i, *starts.make(values))
+            start = _Start(i, *job.varied_starts.make(values))
             mech = start.mech
             parts = map(id, (mech.model, mech.constraints, mech.forces, mech.settings))
             key = (json.dumps(settings), mech.duration, *parts)

@@ -5,25 +5,22 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from pathlib import Path
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from ...callbacks import call_and_report, function_name
-from ...errors import AssemblyError, InputError, MbdaeError, UnknownNameError, require
+from ...errors import AssemblyError, InputError, MbdaeError, UnknownNameError
 from ...integrate.run.whole_runs import COUNTS
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
-from ...mechanism.formats.mechanism_file.loaded_model import LoadedModel
-from ...mechanism.formats.mechanism_file.template import START, Template, check_start, with_start
 from ...solution.signals import units
+from ..makers import Maker, Model, maker_of
+from ..varied_starts import VariedStarts
 from ..workers import Stop, stop_check
 from .outputs import Output, evaluate, parse
 from .plan import Task
 
-Model = str | Path | Mechanism | Callable[..., Mechanism]
 SOLVE = "solve."
 NOT_SETTINGS = ("problem", "t_span", "q", "v", "s", "t_eval", "progress")
 FAILURES = {  # statuses of runs without a solution
@@ -32,54 +29,6 @@ FAILURES = {  # statuses of runs without a solution
     "output": "an output could not be computed",
     "error": "an unexpected error",
 }
-
-
-class Maker(Protocol):
-    """Factory of the mechanisms of a sweep."""
-
-    parameters: tuple[str, ...]
-
-    def check(self, values: Mapping[str, object], others: Sequence[str] = ()) -> None:
-        """Reject unknown names; ``others`` are further valid ones, for messages."""
-
-    def make(self, values: Mapping[str, object]) -> Mechanism:
-        """Return the mechanism with these values."""
-
-
-class FunctionMaker:
-    """Factory from a user's function: its arguments are the parameters, besides start values."""
-
-    def __init__(self, function: Callable[..., Mechanism]) -> None:
-        self.function, self.name = function, function_name(function)
-        try:
-            found = inspect.signature(function).parameters.values()
-        except (TypeError, ValueError):  # for a function written in C
-            raise InputError(f"model {self.name!r} has no known parameters: give a Python function") from None
-        self.parameters = tuple(p.name for p in found if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
-        self.any = any(p.kind == p.VAR_KEYWORD for p in found)
-
-    def check(self, values: Mapping[str, object], others: Sequence[str] = ()) -> None:
-        """See `Maker`."""
-        start = [name for name in values if name.startswith(START)]
-        for name in values:
-            if not (name in self.parameters or name in start or (self.any and name.isidentifier())):
-                raise UnknownNameError(f"parameter of {self.name}", name, (*self.parameters, "start. ...", *others))
-        if start:
-            mech = self.make({name: x for name, x in values.items() if name not in start})
-            for name in start:
-                check_start(mech, name)
-
-    def make(self, values: Mapping[str, object]) -> Mechanism:
-        """See `Maker`."""
-        start = {name: x for name, x in values.items() if name.startswith(START)}
-        arguments = {name: x for name, x in values.items() if name not in start}
-
-        def arguments_text() -> str:
-            return ", ".join(f"{name} = {x!r:.60}" for name, x in arguments.items())
-
-        mech = call_and_report(f"model {self.name!r}", lambda: self.function(**arguments), arguments_text, MbdaeError)
-        require(mech, Mechanism, f"{self.name} must return a Mechanism")
-        return with_start(mech, start)
 
 
 @dataclass
@@ -103,13 +52,18 @@ class Job:
     key: str = ""
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave the factory out of what is sent to other processes."""
-        return {name: x for name, x in vars(self).items() if name != "maker"}
+        """Leave mechanisms and their factory out of what is sent to other processes."""
+        return {name: x for name, x in vars(self).items() if name not in ("maker", "varied_starts")}
 
     @cached_property
     def maker(self) -> Maker:
         """Factory of the mechanisms; files are read once for a sweep."""
         return _kept_maker(self.model, self.key) if self.key else maker_of(self.model)
+
+    @cached_property
+    def varied_starts(self) -> VariedStarts:
+        """Mechanisms with their points at the start."""
+        return VariedStarts(self.maker, lambda mech: self.span(mech)[0])
 
     def span(self, mech: Mechanism) -> tuple[float, float]:
         """Return start and end in s."""
@@ -120,33 +74,6 @@ class Job:
         if isinstance(self.times, int):
             return np.linspace(*self.span(mech), self.times)
         return None if self.times is None else np.array(self.times)
-
-
-def maker_of(model: Any) -> Maker:
-    """Return the factory of the mechanisms of a model; a factory itself is returned.
-
-    Args:
-        model: a mechanism that was loaded, an argument of `mbdae.load`, or a function that returns a Mechanism.
-
-    Raises:
-        UnknownNameError, InputError: as `mbdae.load`, and for any other argument.
-    """
-    if isinstance(model, Mechanism):
-        return LoadedModel(model)
-    if isinstance(model, str | Path):
-        return Template(model)
-    if hasattr(model, "make"):
-        return model  # type: ignore[no-any-return]
-    if not callable(model):
-        raise InputError(f"a model is a Mechanism, a name, a path or a function that returns one, got {model!r:.60}")
-    return FunctionMaker(model)
-
-
-def model_title(model: Model) -> str:
-    """Return the name of a model in tables and figures."""
-    if isinstance(model, Mechanism):
-        return model.title
-    return str(model) if isinstance(model, str | Path) else function_name(model)
 
 
 def split(values: Mapping[str, object], maker: Maker, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:

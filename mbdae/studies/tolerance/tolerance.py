@@ -13,8 +13,8 @@ from ..kinematics.curve_derivatives import CurveSignals
 from ..kinematics.driven_mechanism import Hold, driven_mechanism
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
+from ..makers import maker_of
 from ..sensitivity.run_parameters import MechanismFactory, named_values
-from ..sweep.sweep_run import maker_of
 from .clearances import displacements
 from .dimension_patterns import expand_patterns
 from .influences import influences

@@ -11,8 +11,8 @@ from mbdae import Driver, JointDamping, JointTorque, Mechanism
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.equations.invariance import MotionPoint, symmetries_of
 from mbdae.mechanism.time_functions.time_functions import Harmonic
+from mbdae.studies.makers import maker_of
 from mbdae.studies.periodic.branch_path import BranchPath, Range
-from mbdae.studies.sweep.sweep_run import maker_of
 
 G = 9.81
 

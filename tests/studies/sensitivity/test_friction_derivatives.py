@@ -10,7 +10,7 @@ from frozen import assert_derivative, compare
 import mbdae
 from mbdae import Closure, CoulombFriction, Mechanism
 from mbdae.mechanism.closures.profiles import CircleProfile
-from mbdae.studies.sweep.sweep_run import maker_of
+from mbdae.studies.makers import maker_of
 
 
 def planar_body(joints):

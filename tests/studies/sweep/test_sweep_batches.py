@@ -61,12 +61,12 @@ def test_batches_take_a_fifth_of_a_second():
     plan, seconds = tasks([{}] * 1000, 0), {}
     batches = sweep_batch.batches_of(plan, 4, seconds)
     made = []
-    for run_seconds, size in ((None, 1), (9.0, 1), (0.05, 4), (1e-9, 32)):
+    for run_seconds, size in ((None, 1), (9.0, 1), (0.05, 4), (1e-9, 125)):
         if run_seconds:
             seconds |= dict.fromkeys(range(len(seconds), len(seconds) + sweep_batch.LAST_RUNS), run_seconds)
         made.append(next(batches))
         assert len(made[-1].tasks) == size
-    assert list(map(str, made)) == ["run 0", "run 1", "batch of runs 2 to 5", "batch of runs 6 to 37"]
+    assert list(map(str, made)) == ["run 0", "run 1", "batch of runs 2 to 5", "batch of runs 6 to 130"]
     assert [task for batch in (*made, *batches) for task in batch.tasks] == plan
     assert [len(batch.tasks) for batch in sweep_batch.batches_of(plan[:20], 4, seconds)] == [2] * 10  # for each worker
 

@@ -6,8 +6,8 @@ import pytest
 import mbdae
 from mbdae.errors import AssemblyError, InputError
 from mbdae.mechanism.assembly.position_search import is_closed
-from mbdae.studies.sweep.sweep_run import maker_of
-from mbdae.studies.sweep.varied_starts import VariedStarts
+from mbdae.studies.makers import maker_of
+from mbdae.studies.varied_starts import VariedStarts
 
 CASES = {  # model, start values of three runs, whether they share a mechanism
     "a speed": ("slider_crank", "v.crank", (1.0, -3, 0.0), True),

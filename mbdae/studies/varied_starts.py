@@ -3,11 +3,11 @@
 import json
 from collections.abc import Callable, Iterable, Mapping
 
-from ...mechanism import Mechanism
-from ...mechanism.assembly.start_points import StartPoints
-from ...mechanism.formats.mechanism_file.template import START, Template
-from ...system import Array
-from .sweep_run import Maker
+from ..mechanism import Mechanism
+from ..mechanism.assembly.start_points import StartPoints
+from ..mechanism.formats.mechanism_file.template import CACHE_SIZE, START, Template
+from ..system import Array
+from .makers import Maker
 
 
 class VariedStarts:
@@ -38,13 +38,16 @@ class VariedStarts:
         if not start:
             return self._made(values)
         key = json.dumps([list(start), {n: x for n, x in values.items() if n not in start}])
-        if key not in self.shared:
-            mech = self.maker.make(values)
-            names = tuple(name.removeprefix(START) for name in start)
-            self.shared[key] = mech, StartPoints(mech, names, self.start_time(mech))
-        mech, points = self.shared[key]
+        mech, points = self.shared.get(key) or self._share(key, values, start)
         point = points.at(start)
         return self._made(values) if point is None else (mech, point)
+
+    def _share(self, key: str, values: Mapping[str, object], start: Iterable[str]) -> tuple[Mechanism, StartPoints]:
+        if len(self.shared) >= CACHE_SIZE:
+            self.shared.clear()
+        mech = self.maker.make(values)
+        points = StartPoints(mech, tuple(name.removeprefix(START) for name in start), self.start_time(mech))
+        return self.shared.setdefault(key, (mech, points))
 
     def _made(self, values: Mapping[str, object]) -> tuple[Mechanism, Array]:
         mech = self.maker.make(values)

@@ -1,0 +1,89 @@
+"""Factories of mechanisms with other values of their parameters: files, mechanisms that were loaded, functions."""
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from ..callbacks import call_and_report, function_name
+from ..errors import InputError, MbdaeError, UnknownNameError, require
+from ..mechanism import Mechanism
+from ..mechanism.formats.mechanism_file.loaded_model import LoadedModel
+from ..mechanism.formats.mechanism_file.template import START, Template, check_start, with_start
+
+Model = str | Path | Mechanism | Callable[..., Mechanism]
+
+
+class Maker(Protocol):
+    """Factory of the mechanisms of a sweep."""
+
+    parameters: tuple[str, ...]
+
+    def check(self, values: Mapping[str, object], others: Sequence[str] = ()) -> None:
+        """Reject unknown names; ``others`` are further valid ones, for messages."""
+
+    def make(self, values: Mapping[str, object]) -> Mechanism:
+        """Return the mechanism with these values."""
+
+
+class FunctionMaker:
+    """Factory from a user's function: its arguments are the parameters, besides start values."""
+
+    def __init__(self, function: Callable[..., Mechanism]) -> None:
+        self.function, self.name = function, function_name(function)
+        try:
+            found = inspect.signature(function).parameters.values()
+        except (TypeError, ValueError):  # for a function written in C
+            raise InputError(f"model {self.name!r} has no known parameters: give a Python function") from None
+        self.parameters = tuple(p.name for p in found if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
+        self.any = any(p.kind == p.VAR_KEYWORD for p in found)
+
+    def check(self, values: Mapping[str, object], others: Sequence[str] = ()) -> None:
+        """See `Maker`."""
+        start = [name for name in values if name.startswith(START)]
+        for name in values:
+            if not (name in self.parameters or name in start or (self.any and name.isidentifier())):
+                raise UnknownNameError(f"parameter of {self.name}", name, (*self.parameters, "start. ...", *others))
+        if start:
+            mech = self.make({name: x for name, x in values.items() if name not in start})
+            for name in start:
+                check_start(mech, name)
+
+    def make(self, values: Mapping[str, object]) -> Mechanism:
+        """See `Maker`."""
+        start = {name: x for name, x in values.items() if name.startswith(START)}
+        arguments = {name: x for name, x in values.items() if name not in start}
+
+        def arguments_text() -> str:
+            return ", ".join(f"{name} = {x!r:.60}" for name, x in arguments.items())
+
+        mech = call_and_report(f"model {self.name!r}", lambda: self.function(**arguments), arguments_text, MbdaeError)
+        require(mech, Mechanism, f"{self.name} must return a Mechanism")
+        return with_start(mech, start)
+
+
+def maker_of(model: Any) -> Maker:
+    """Return the factory of the mechanisms of a model; a factory itself is returned.
+
+    Args:
+        model: a mechanism that was loaded, an argument of `mbdae.load`, or a function that returns a Mechanism.
+
+    Raises:
+        UnknownNameError, InputError: as `mbdae.load`, and for any other argument.
+    """
+    if isinstance(model, Mechanism):
+        return LoadedModel(model)
+    if isinstance(model, str | Path):
+        return Template(model)
+    if hasattr(model, "make"):
+        return model  # type: ignore[no-any-return]
+    if not callable(model):
+        raise InputError(f"a model is a Mechanism, a name, a path or a function that returns one, got {model!r:.60}")
+    return FunctionMaker(model)
+
+
+def model_title(model: Model) -> str:
+    """Return the name of a model in tables and figures."""
+    if isinstance(model, Mechanism):
+        return model.title
+    return str(model) if isinstance(model, str | Path) else function_name(model)
