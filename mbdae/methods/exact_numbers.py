@@ -4,8 +4,8 @@ import ast
 import operator
 import re
 from dataclasses import dataclass
-from functools import cache
 from fractions import Fraction
+from functools import cache
 from math import isqrt, sqrt
 from typing import Union
 
