@@ -47,7 +47,7 @@ FIXED = "FIXED"
 class RobotTables(BaseModel):
     """Valid entries of a robot.yaml; other keys are ignored and reported."""
 
-    model_config = ConfigDict(extra="allow", frozen=True)
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
     closed_loop: tuple[tuple[str, str], ...] = ()
     type: tuple[str, ...] | None = None
