@@ -1,15 +1,23 @@
-"""Modules that are loaded, and options that are made, before the end of a first run or of help."""
+"""Modules that are loaded, and options and schemas that are made, before the end of a first run or of help."""
 
 import subprocess
 import sys
 
 import pytest
 
-RUN = """
+UNUSED = ["matplotlib", "mbdae.mechanism.appearance", "meshcat", "mujoco", "numpy.ma", "rich", "scipy", "yaml"]
+RUN = f"""
 import sys
 import mbdae
 assert mbdae.solve("four_bar", (0, 0.1)).success
-print(sorted({name.split(".")[0] for name in sys.modules} & {"scipy", "matplotlib", "meshcat", "mujoco"}))
+print(sorted(set(sys.modules) & set({UNUSED})))
+"""
+COMMAND = f"""
+import sys
+from mbdae.__main__ import cli
+cli(["solve", *sys.argv[1:]], standalone_mode=False)
+from mbdae.mechanism.closures import KINDS
+print(sorted(set(sys.modules) & set({UNUSED})), [kind for kind, c in KINDS.items() if c.__pydantic_complete__])
 """
 HELP = """
 import sys
@@ -29,8 +37,15 @@ def last_line(program, *arguments):
 
 
 @pytest.mark.native
-def test_a_run_in_the_core_loads_neither_scipy_nor_figures():
+def test_a_run_in_the_core_loads_nothing_that_it_does_not_use():
     assert last_line(RUN) == "[]"
+
+
+@pytest.mark.native
+@pytest.mark.parametrize(("model", "kind"), [("slider_crank", "revolute"), ("spring_four_bar", "point")])
+def test_a_saved_run_loads_nothing_else_and_builds_the_kinds_of_its_model(model, kind, tmp_path):
+    """The slider-crank starts with closed velocities, the least change in the mass metric."""
+    assert last_line(COMMAND, model, "-t", "0.5", "-o", str(tmp_path / "run.npz")) == f"[] ['{kind}']"
 
 
 @pytest.mark.parametrize(("asked", "made"), [(["-h"], ""), (["solve", "-h"], "solve")])
