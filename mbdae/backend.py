@@ -16,7 +16,6 @@ from threading import Lock
 from types import ModuleType
 
 from .errors import InputError, UnknownNameError
-from .installed_core import find_installed
 
 BACKENDS = ("auto", "native", "python")
 SLOW_WARNING = "mbdae computes in Python"  # beginning of the warning
@@ -88,6 +87,8 @@ def _core() -> tuple[ModuleType | None, str]:
     package, spec, where = Path(__file__).parent, find_spec(CORE), ""
     path = Path(spec.origin) if spec and spec.origin else None
     if path is None:  # a source checkout: use the core of the installed mbdae
+        from .installed_core import find_installed
+
         path, reason = find_installed(package, CORE.rpartition(".")[2])
         if path is None:
             return None, f"python: {reason or _not_built(package)}"

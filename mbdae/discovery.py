@@ -57,9 +57,14 @@ def plugins(group: str, is_member: Callable[[Any], bool], what: str) -> dict[str
 
 def entry_points_of(group: str) -> Any:
     """Return the entry points of a group, see `plugins`, without importing them."""
+    return _entry_points().select(group=group)
+
+
+@cache  # all installed packages are searched, for any group
+def _entry_points() -> Any:
     from importlib.metadata import entry_points  # slow to import, and rarely needed
 
-    return entry_points(group=group)
+    return entry_points()
 
 
 def public_names(package: str, files: str = "*.py") -> dict[str, str]:

@@ -1,11 +1,9 @@
 """Atomic writing of files, reading of UTF-8 text, the suffixes of results, and LaTeX for figures."""
 
 import os
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from shutil import which
 
 from .errors import InputError
 
@@ -21,6 +19,8 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
     Raises:
         InputError: if the folder does not exist or is not writable.
     """
+    import tempfile  # slow to import
+
     path = Path(path)
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}", suffix=path.suffix)
@@ -46,6 +46,8 @@ def find_latex() -> str:
     Raises:
         InputError: if there is none.
     """
+    from shutil import which  # slow to import
+
     known = "xelatex", "lualatex", "pdflatex"
     if not (found := next(filter(which, known), None)):
         missing = f"none of {', '.join(known)} is installed: install one, or save as .pdf or .svg"

@@ -27,10 +27,14 @@ def progress_bar(label: str, total: float | None = 1.0) -> Iterator[Report]:
         >>> with mbdae.progress_bar("links") as progress:                            # doctest: +SKIP
         ...     runs = mbdae.sweep("slider_crank", links, 2.0, progress=progress)
     """
+    terminal = sys.stderr.isatty()
+    if not terminal and "IPython" not in sys.modules:  # nothing to show it on
+        yield lambda value, name=None: None
+        return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    console = Console(stderr=True, force_terminal=sys.stderr.isatty())
+    console = Console(stderr=True, force_terminal=terminal)
     if console.is_jupyter:
         with _in_notebook(label) as report:
             yield report

@@ -1,19 +1,53 @@
-"""Modules that are loaded before the end of a first run."""
+"""Modules that are loaded, and options and schemas that are made, before the end of a first run or of help."""
 
 import subprocess
 import sys
 
 import pytest
 
-RUN = """
+UNUSED = ["matplotlib", "mbdae.mechanism.appearance", "meshcat", "mujoco", "numpy.ma", "rich", "scipy", "yaml"]
+RUN = f"""
 import sys
 import mbdae
 assert mbdae.solve("four_bar", (0, 0.1)).success
-print(sorted({name.split(".")[0] for name in sys.modules} & {"scipy", "matplotlib", "meshcat", "mujoco"}))
+print(sorted(set(sys.modules) & set({UNUSED})))
+"""
+COMMAND = f"""
+import sys
+from mbdae.__main__ import cli
+cli(["solve", *sys.argv[1:]], standalone_mode=False)
+from mbdae.mechanism.closures import KINDS
+print(sorted(set(sys.modules) & set({UNUSED})), [kind for kind, c in KINDS.items() if c.__pydantic_complete__])
+"""
+HELP = """
+import sys
+from mbdae.__main__ import cli
+try:
+    cli(sys.argv[1:])
+except SystemExit:
+    pass
+made = [name for name, command in cli.commands.items() if "params" in vars(command)]
+print(*{"importlib.metadata", "tempfile"} & set(sys.modules), *{"compare", "solve", "sweep"} & set(made))
 """
 
 
+def last_line(program, *arguments):
+    done = subprocess.run([sys.executable, "-c", program, *arguments], capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()[-1]
+
+
 @pytest.mark.native
-def test_a_run_in_the_core_loads_neither_scipy_nor_figures():
-    done = subprocess.run([sys.executable, "-c", RUN], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"
+def test_a_run_in_the_core_loads_nothing_that_it_does_not_use():
+    assert last_line(RUN) == "[]"
+
+
+@pytest.mark.native
+@pytest.mark.parametrize(("model", "kind"), [("slider_crank", "revolute"), ("spring_four_bar", "point")])
+def test_a_saved_run_loads_nothing_else_and_builds_the_kinds_of_its_model(model, kind, tmp_path):
+    """The slider-crank starts with closed velocities, the least change in the mass metric."""
+    assert last_line(COMMAND, model, "-t", "0.5", "-o", str(tmp_path / "run.npz")) == f"[] ['{kind}']"
+
+
+@pytest.mark.parametrize(("asked", "made"), [(["-h"], ""), (["solve", "-h"], "solve")])
+def test_help_makes_the_options_of_no_other_command(asked, made):
+    assert last_line(HELP, *asked) == made

@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import click
@@ -113,7 +114,7 @@ STATE = "q v hold t"
 
 
 def options_of(package: str, study: str, words: str, types: Mapping[str, object]) -> list[Decorator]:
-    """Return options for arguments of a study.
+    """Return options for arguments of a study, whose text is read when the options are added to a command.
 
     Args:
         package: dotted name of the folder of the study.
@@ -121,13 +122,14 @@ def options_of(package: str, study: str, words: str, types: Mapping[str, object]
         words: names of the arguments; ``signal`` is a repeatable option for the argument ``signals``.
         types: click types that are narrower than the annotations.
     """
-    out = []
-    for word in words.split():
+
+    def added(word: str, command: Callable[..., Any]) -> Any:
         known = arguments_of(package, study)
         name = word if word in known else f"{word}s"
         names = [LETTERS[word]] if word in LETTERS else []
-        out.append(_option([*names, f"--{word.replace('_', '-')}", name], known[name], types.get(word)))
-    return out
+        return _option([*names, f"--{word.replace('_', '-')}", name], known[name], types.get(word))(command)
+
+    return [partial(added, word) for word in words.split()]
 
 
 def _option(names: list[str], argument: Argument, kind: object) -> Decorator:

@@ -10,6 +10,7 @@ import click
 
 from ..data_types import JsonObject
 from ..discovery import lazy_import, public_names
+from .late_command import LateCommand
 from .model import model_argument
 from .options import SHARED, Decorator, options_of
 from .output import HOLDS, OutputFile, emit, exit_interrupted, writable
@@ -77,12 +78,15 @@ def command(
             study = lazy_import(public_names(package)[name], name) if name in public_names(package) else None
             function(study, Output(paths, written, as_json), **given)
 
-        own = options_of(package, name, words, types or {})
-        common = [SHARED[word] for word in shared.split()]
-        decorators = [*own, *common, *more, *(file.option for file in files), SHARED["json"]]
-        for option in reversed([*([subject] if subject else []), *decorators]):
-            called = option(called)
-        return click.command(called)
+        def add_options(callback: Callable[..., Any]) -> Callable[..., Any]:
+            own = options_of(package, name, words, types or {})
+            common = [SHARED[word] for word in shared.split()]
+            decorators = [*own, *common, *more, *(file.option for file in files), SHARED["json"]]
+            for option in reversed([*([subject] if subject else []), *decorators]):
+                callback = option(callback)
+            return callback
+
+        return click.command(cls=LateCommand, add_options=add_options)(called)
 
     return decorate
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +12,6 @@ from ..discovery import lazy_import
 from ..errors import InputError, UnknownNameError
 from ..system import Array
 from ..tolerances import INPUT_DIGITS
-from .appearance import appearance
 from .assembly.assembly import assemble, assemble_start, require_consistent
 from .closures.brake import Brake
 from .closures.closure import Closure
@@ -35,10 +34,12 @@ from .hybrid.reset import Reset, checked_resets
 from .hybrid.switches import switches_of
 from .joint_stops import resolve_stops
 from .model_settings import Motor, OrderSettings, SolveSettings, Start, as_table, coordinates, vector
-from .scene.scene import Scene
 from .tree.frames import find_joint, joint_names
 from .tree.joints import is_depth_first
 from .tree.manifold import Manifold
+
+if TYPE_CHECKING:
+    from .scene.scene import Scene
 
 Coordinates = Mapping[str, float | Sequence[float]]
 SYSTEMS: dict[str, Callable[..., Index2System]] = {s.formulation: s for s in (Index2System, GGLSystem, Index1System)}
@@ -174,18 +175,16 @@ class Mechanism(DynamicsTerms):
         return range(self.ng)[self._spans[name]]
 
     @cached_property
-    def scene(self) -> Scene:
+    def scene(self) -> "Scene":
         """Shapes and placements for the replay."""
-        return appearance(self)
+        return lazy_import("mbdae.mechanism.appearance", "appearance")(self)  # type: ignore[no-any-return]
 
     def bind_forces(self, data: pin.Data) -> ForceElements:
         """Bind every force to a workspace, see `make_workspace`."""
         return bind_forces(self.forces, self.model, data)
 
     def system(
-        self,
-        formulation: str = "index2",
-        baumgarte: tuple[float, float] | None = None,
+        self, formulation: str = "index2", baumgarte: tuple[float, float] | None = None,
         native: ModuleType | None = None,
     ) -> Index2System:
         """Bind the mechanism to a new workspace; ``data`` of the system serves all algorithms of Pinocchio.

@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any, get_args
 
 from .. import errors
-from ..discovery import members, plugins
+from ..discovery import lazy_import, members, plugins
 from ..system import System
 from .alpha import GeneralizedAlpha, alpha_method
 from .custom_tableau import read_tableau, tableau
 from .explicit import ExplicitMethod
 from .method_table import MethodTable
-from .order.conditions import with_proven_orders
 from .radau import RadauIIA
 from .runge_kutta import RungeKutta
 from .tableau import Tableau
@@ -21,6 +20,7 @@ from .variational import Composition
 Method = RungeKutta | Composition | GeneralizedAlpha
 MethodLike = Method | str | Path
 
+with_proven_orders = lazy_import("mbdae.methods.order.conditions", "with_proven_orders")
 _FOUND = members(__name__, *get_args(Method))
 METHODS: dict[str, Method] = MethodTable({m.name: m for m in sorted(_FOUND, key=lambda m: m.name)})
 """All methods by name, discovered in the files of this folder: none can be missing."""

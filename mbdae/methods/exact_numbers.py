@@ -5,6 +5,7 @@ import operator
 import re
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from math import isqrt, sqrt
 from typing import Union
 
@@ -69,6 +70,7 @@ PLAIN = re.compile(r"(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?")  # limits exponents,
 _OPERATORS = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv}
 
 
+@cache  # tableaus repeat their entries, and are checked before they are used
 def exact(text: str) -> Number:
     """Read ``"161/1024"``, ``"0.25"`` or ``"1/6 - sqrt(3)/108"`` without rounding.
 

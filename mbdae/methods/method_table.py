@@ -2,9 +2,7 @@
 
 from typing import Any
 
-from ..tabular import align_columns, table
 from .coupled_method import CoupledMethod
-from .order.assumptions import assumptions
 
 
 def summary(method: Any) -> dict[str, Any]:
@@ -13,6 +11,8 @@ def summary(method: Any) -> dict[str, Any]:
     "order" is that of q, v and lam in index 2, "f linear in z" that for mechanisms, "own lam" that of the method's own
     multipliers; "solves" are linear solves of a step; "assumptions" the simplifying assumptions of its coefficients.
     """
+    from .order.assumptions import assumptions
+
     coupled = isinstance(method, CoupledMethod)
     return {
         "name": method.name,
@@ -36,8 +36,12 @@ class MethodTable(dict[str, Any]):
         return [list(rows[0]) if rows else [], *(["-" if x is None else str(x) for x in row.values()] for row in rows)]
 
     def __repr__(self) -> str:
+        from ..tabular import align_columns
+
         return "\n".join(align_columns(self._cells()))
 
     def _repr_html_(self) -> str:
         """HTML representation in notebooks."""
+        from ..tabular import table
+
         return table(self._cells())

@@ -158,11 +158,16 @@ class Tableau:
 
         A stage computes v' = -G v / (h ahat_ii) + ..., so that eps |v| / (h ahat_ii) of it is rounding, for any h.
         """
-        a = self.arrays
-        first = int(self.explicit_first)
-        weights = a.e[0] if len(a.e) else a.b
+        first, diagonal = int(self.explicit_first), [row[i] for i, row in enumerate(self.exact_Ahat)]
+        weights, *_ = *self._error_weights, self.exact_b
         with np.errstate(over="ignore"):
-            return float(2 * EPS * np.abs(weights[first:] / a.Ahat.diagonal()[first:]).sum())
+            return float(2 * EPS * np.abs(_float(weights[first:]) / _float(diagonal[first:])).sum())
+
+    @property
+    def _error_weights(self) -> list[Row]:
+        """Exact weights of the error estimates, of no, one or two embedded formulas, (n,) each."""
+        rows = [_row(w, len(self.A)) for w in (self.b_embedded, self.b_companion) if w]
+        return [[w - b for w, b in zip(row, self.exact_b, strict=True)] for row in rows]
 
     @property
     def error_power(self) -> int:
@@ -206,11 +211,8 @@ class Tableau:
         """Coefficients in double precision, rounded once from the exact ones."""
         c = [sum(r, start=exact("0")) for r in self.exact_A]
         chat = [sum(r, start=exact("0")) for r in self.exact_Ahat]
-        n = len(self.A)
-        weights = [_row(w, n) for w in (self.b_embedded, self.b_companion) if w]
-        e = [[w - b for w, b in zip(row, self.exact_b, strict=True)] for row in weights]
         A, Ahat, b = _float(self.exact_A), _float(self.exact_Ahat), _float(self.exact_b)
-        return ButcherArrays(A, Ahat, b, _float(c), _float(chat), _float(e).reshape(-1, n))
+        return ButcherArrays(A, Ahat, b, _float(c), _float(chat), _float(self._error_weights).reshape(-1, len(self.A)))
 
 
 @dataclass(frozen=True)

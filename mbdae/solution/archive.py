@@ -46,7 +46,7 @@ DAMAGE = (
 class _OpenModel(BaseModel):
     """Data of a run: fields named here are checked, others may be present."""
 
-    model_config = ConfigDict(extra="allow", frozen=True)
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
 
 class _Settings(_OpenModel):

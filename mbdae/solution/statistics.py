@@ -14,7 +14,6 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from ..data_types import JsonObject
 from ..system import Array
@@ -169,7 +168,7 @@ def _integrals(sol: "Solution", ends: dict[str, Array], t: Array) -> dict[str, I
     for steps, series in resolved_series(sol, ends):
         degree = series.shape[2] - 1
         x, weights = np.polynomial.legendre.leggauss(degree + 1)
-        inside = series @ chebyshev.chebvander(x, degree).T
+        inside = series @ np.polynomial.chebyshev.chebvander(x, degree).T
         total += (inside @ weights / 2) @ h[steps]
         squares += (inside**2 @ weights / 2) @ h[steps]
     return {
@@ -265,21 +264,21 @@ def _wider(found: tuple[Extremum, Extremum], x: Array, t: Array) -> tuple[Extrem
 @cache
 def _to_series(degree: int) -> Array:
     """Return the matrix from values at the points of `_Steps.sample` to Chebyshev coefficients, from the right."""
-    return np.linalg.inv(chebyshev.chebvander(-np.cos(np.pi * np.arange(degree + 1) / degree), degree)).T
+    return np.linalg.inv(np.polynomial.chebyshev.chebvander(-np.cos(np.pi * np.arange(degree + 1) / degree), degree)).T
 
 
 @cache
 def _grid(degree: int) -> Array:
     """Return the matrix from coefficients to values at `FINE` points, from the right."""
-    return chebyshev.chebvander(np.linspace(-1, 1, FINE), degree).T
+    return np.polynomial.chebyshev.chebvander(np.linspace(-1, 1, FINE), degree).T
 
 
 def _stationary_points(series: Array, fine: Array, t: Array, h: Array) -> Array:
     """Return times of the largest and smallest extrema within the steps."""
     out = []
     for i in {int(fine.max(axis=1).argmax()), int(fine.min(axis=1).argmin())}:
-        rate = np.trim_zeros(chebyshev.chebder(series[i]), "b")
-        roots = chebyshev.chebroots(rate) if len(rate) > 1 else np.empty(0)
+        rate = np.trim_zeros(np.polynomial.chebyshev.chebder(series[i]), "b")
+        roots = np.polynomial.chebyshev.chebroots(rate) if len(rate) > 1 else np.empty(0)
         inside = roots[(np.abs(roots.imag) < VISIBLE) & (np.abs(roots.real) < 1)].real
         out.append(t[i] + h[i] * (1 + inside) / 2)
     return np.concatenate(out)

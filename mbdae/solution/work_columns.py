@@ -10,7 +10,6 @@ gravity, without friction proportional to closure forces and without impacts, in
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from ..mechanism.signals.effort_signals import brake_rows, effort_units
 from ..system import Array
@@ -39,7 +38,7 @@ class StepIntegrals(NamedTuple):
         """Return the integrals at times (m,) within steps (m,), (k, m)."""
         h = self.t[steps + 1] - self.t[steps]
         x = np.divide(2 * (times - self.t[steps]), h, out=np.zeros(len(times)), where=h != 0) - 1
-        powers = chebyshev.chebvander(x, self.series.shape[2] - 1)
+        powers = np.polynomial.chebyshev.chebvander(x, self.series.shape[2] - 1)
         return self.starts[:, steps] + np.einsum("kmi,mi->km", self.series[:, steps], powers)
 
 
@@ -81,7 +80,7 @@ def integrate_steps(sol: "Solution", names: list[str]) -> StepIntegrals:
     n = max(len(t) - 1, 0)
     series, width = np.zeros((len(names), n, 1)), 1
     for steps, found in resolved_series(sol, names):
-        inner = 0.5 * np.diff(t)[steps][:, None] * chebyshev.chebint(found, lbnd=-1, axis=2)
+        inner = 0.5 * np.diff(t)[steps][:, None] * np.polynomial.chebyshev.chebint(found, lbnd=-1, axis=2)
         width = max(width, inner.shape[2])
         series = np.pad(series, ((0, 0), (0, 0), (0, width - series.shape[2])))
         series[:, steps, : inner.shape[2]] = inner

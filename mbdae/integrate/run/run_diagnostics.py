@@ -183,7 +183,7 @@ def are_accurate(system: Index2System, extremes: Array, t: Array, y: Array) -> A
 
 def _spread(n: int, most: int) -> Array | slice:
     """Return indices of n nodes, evenly spread from the first to the last, at most so many."""
-    return slice(None) if n <= most else np.unique(np.linspace(0, n - 1, most).astype(int))
+    return slice(None) if n <= most else np.linspace(0, n - 1, most).astype(int)
 
 
 def _checks_of_features(system: Index2System) -> Sequence[Check]:

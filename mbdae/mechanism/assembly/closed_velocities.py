@@ -11,13 +11,14 @@ from ...linear_solve import lapack
 from ...system import Array
 from ...tolerances import AGREEMENT, TRUNCATION
 from ..closures.closure_error import largest_error
-from ..closures.independent_rows import MANY_ROWS, mass_scaled
+from ..closures.independent_rows import MANY_ROWS
 from ..tree.tree_terms import missing_inertia, sparse_inertia, symmetric, update_inertia
 from .flipped_frames import divide_rows
 from .position_search import assembly_error, sparse_least_squares
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
+    from ..mechanism import Mechanism
 
 
 class ClosedVelocities:
@@ -59,20 +60,25 @@ class ClosedVelocities:
         else:
             M = symmetric(update_inertia(system.model, system.workspace, self.q))[np.ix_(self.free, self.free)]
         if not (many and _has_positive_pivots(M)):
-            U, info = lapack().dpotrf(M.toarray() if many else M, lower=0)
-            if info:
-                mech = system.mechanism
-                joint = mech.coordinate_joint(int(self.free[abs(info) - 1]))
-                why = missing_inertia(mech.model, joint)
-                raise InputError(f"the mass matrix is singular at joint {joint!r}: {why}")
+            U = self._factor(system.mechanism, M.toarray() if many else M)
         if many:
             scaled = G.copy()
             divide_rows(scaled, self.rows)
             return partial(_sparse_change, scaled, M, self.free, system.nv)  # which can be pickled
-        root = mass_scaled(U, G / self.rows[:, None]).T
+        root = np.linalg.solve(U.T, (G / self.rows[:, None]).T).T  # G M^-1/2, as `mass_scaled` but without scipy
         change = np.zeros((system.nv, system.ng))
         change[self.free] = np.linalg.solve(U, np.linalg.pinv(root, rcond=TRUNCATION))
         return change.dot
+
+    def _factor(self, mech: "Mechanism", M: Array) -> Array:
+        """Return the upper triangular U with U^T U = M; by numpy, since most runs need nothing else of scipy."""
+        try:
+            return np.linalg.cholesky(M).T
+        except np.linalg.LinAlgError:
+            i = lapack().dpotrf(M, lower=1)[1] or len(M)
+            joint = mech.coordinate_joint(int(self.free[i - 1]))
+            why = missing_inertia(mech.model, joint)
+            raise InputError(f"the mass matrix is singular at joint {joint!r}: {why}") from None
 
 
 def _sparse_change(G: Any, M: Any, free: Array, nv: int, residual: Array) -> Array:

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Annotated, Union
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field
 from pydantic_core import PydanticUndefined
 
 from ...discovery import members, plugins
 from ...errors import InputError
+from ..kind_union import OfKind
 from ..time_functions.input_functions import as_input, inputs_in
 from ..tree.frames import find_joint
 from .elements import ForceElements
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     AnyForce = Force
 else:
-    AnyForce = Annotated[Union[FORCES], Field(discriminator="kind")]  # noqa: UP007
+    AnyForce = Annotated[Union[FORCES], OfKind()]  # noqa: UP007
 
 MechanismForce = Force | PythonForce | TorqueFunction
 

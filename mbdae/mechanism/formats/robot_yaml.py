@@ -20,6 +20,7 @@ from typing import Any
 import pinocchio as pin
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from ...discovery import lazy_import
 from ...errors import InputError
 from ...file_io import read_text
 from ..allowed_paths import AllowedPaths
@@ -31,8 +32,8 @@ from ..tree.frames import find_joint, joint_names
 from .body_tables import Source
 from .reader import KEY, Reader
 from .urdf.read import read_urdf
-from .yaml_table import yaml_table
 
+yaml_table = lazy_import("mbdae.mechanism.formats.yaml_table", "yaml_table")  # imports a reader of YAML
 FILE, URDF = "robot.yaml", "robot.urdf"
 CLOSURES: dict[str, Any] = {"6d": "frame", "3d": "point"}
 KINDS = {
@@ -46,7 +47,7 @@ FIXED = "FIXED"
 class RobotTables(BaseModel):
     """Valid entries of a robot.yaml; other keys are ignored and reported."""
 
-    model_config = ConfigDict(extra="allow", frozen=True)
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
     closed_loop: tuple[tuple[str, str], ...] = ()
     type: tuple[str, ...] | None = None

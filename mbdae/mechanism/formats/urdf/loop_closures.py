@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import ValidationError
 
+from ....discovery import lazy_import
 from ....errors import InputError
 from ....file_io import read_text
 from ...allowed_paths import AllowedPaths, access_error
@@ -26,8 +27,8 @@ from ...model_settings import Motor
 from ...tree.frames import find_joint, frame_placement
 from ...tree.pinocchio_data import make_data
 from ..body_tables import Frame, Vector
-from ..yaml_table import yaml_table
 
+yaml_table = lazy_import("mbdae.mechanism.formats.yaml_table", "yaml_table")  # imports a reader of YAML
 FILE, BASE = "loop_closures.yaml", "base_link"
 
 
