@@ -136,8 +136,8 @@ class Index2System(PinocchioData, RunVariables, System):
         if self._last_q is not None and self.manifold.is_same_point(q, self._last_q, self.mechanism.q_scales):
             tree.update_poses(self.model, self.workspace, q)
             return self._last
-        U = self.inertia(t, q)
-        return U, self.jacobian()
+        U, self.known = self.inertia(t, q), (q, self.jacobian())
+        return U, self.known[1]
 
     def all_multipliers(self, U: Array, G: Array, rows: Array, lam: Array) -> Array:
         """Return the minimum-norm multipliers of all rows, (.., ng), from those of the rows in use, (.., r)."""
@@ -166,7 +166,7 @@ class Index2System(PinocchioData, RunVariables, System):
             switch.enter(self, state)
         self.rank, self.rows, self.rows_frozen = None, None, False
         self.selection_trigger = independent_rows.SelectionTrigger(self.ng)
-        self.least_pivot_ratio, self._last_q = 1.0, None
+        self.least_pivot_ratio, self._last_q, self.known = 1.0, None, None
 
     def order_of(self, tableau: Any) -> int:
         return tableau.order if self.closure_friction.interfaces else tableau.order_linear

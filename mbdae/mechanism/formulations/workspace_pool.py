@@ -42,6 +42,7 @@ class RunVariables:
         self.largest_g = self.largest_rate = self.largest_speed = 0.0
         self.accuracy = 0.0
         self._last_q: Array | None = None  # configuration of the last stage
+        self.known: tuple[Array, Array] | None = None  # q and G of the last point that was no stage
 
 
     def enter(self, mode: tuple[int, ...]) -> None:

@@ -1,5 +1,7 @@
 """Single joints: kinds, motion subspaces, transforms, and numbering."""
 
+from functools import cache
+
 import numpy as np
 import pinocchio as pin
 
@@ -36,8 +38,26 @@ def file_kind(joint: pin.JointModel) -> str:
     return KINDS.get(name, name.lower())
 
 
+# kinds of joints that have no numbers of their own
+PLAIN = {
+    f"JointModel{kind}"
+    for kind in ("RX", "RY", "RZ", "RUBX", "RUBY", "RUBZ", "PX", "PY", "PZ", "Spherical", "SphericalZYX", "FreeFlyer",
+                 "Planar", "Translation")
+}  # fmt: skip
+
+
 def subspace(joint: pin.JointModel) -> np.ndarray:
     """Return the motion subspace of a joint at its neutral configuration, (6, nv), in the joint frame."""
+    kind = joint.shortname()
+    return _subspace_of_kind(kind).copy() if kind in PLAIN else _subspace(joint)
+
+
+@cache
+def _subspace_of_kind(kind: str) -> np.ndarray:
+    return _subspace(getattr(pin, kind)())
+
+
+def _subspace(joint: pin.JointModel) -> np.ndarray:
     model = _single_joint_model(joint)
     J = pin.computeJointJacobian(model, model.createData(), pin.neutral(model), 1)
     return J.reshape(6, -1)

@@ -6,6 +6,7 @@ import numpy as np
 
 from ....linear_solve import lapack
 from ....system import Array
+from ....tolerances import SUM_ROUNDING
 from .implicit_stage import ImplicitStages
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ class Index2Chart(ImplicitStages):
         self.system, self.t, self.y, self.rows = system, t, y, rows
         self.q, self.v = system.split(y)
         self.s = system.element_states(y)
+        self._known: tuple[float, Array, Array] | None = None  # t, x and G of the last constraint point
 
     def first(self, carry: Array) -> tuple[Array, Array]:
         """Return the first stage of a method that carries it: x' = v and v' = `carry` (nv,)."""
@@ -29,7 +31,7 @@ class Index2Chart(ImplicitStages):
         s, m, nv = self.system, self.system.manifold, self.system.nv
         q, v = m.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
         U, (f, rates) = s.inertia(t, q), s.force(t, q, v, self.s + x[2 * nv : -1])
-        G = s.jacobian()
+        G = self._jacobian(t, q, x[:nv])
         slips = s.closure_friction.slip_terms(v) if s.closure_friction else None
         dx, Ghat = self.solve_stage(that, x[:nv], v, xhat[:nv], factor, U, G)
         rate = Ghat.dot(self.v + xhat[nv : 2 * nv])
@@ -50,7 +52,29 @@ class Index2Chart(ImplicitStages):
         """
         m = self.system.manifold
         dx = m.tangent(x, v)
-        return dx, self.system.jacobian(m.integrate(self.q, xhat + factor * dx)).take(self.rows, 0)
+        end = xhat + factor * dx
+        G = self.system.jacobian(m.integrate(self.q, end))
+        self._known = that, end, G
+        return dx, G.take(self.rows, 0)
+
+    def _jacobian(self, t: float, q: Array, x: Array) -> Array:
+        """Return G over all rows at q = q_n (+) x; kinematics must be current.
+
+        Stages of many methods begin where the constraint of the stage before applies, and the first one where the step
+        before ended: G is known there. Friction needs the geometry of contacts, too.
+        """
+        s = self.system
+        if s.closure_friction:
+            return s.jacobian()
+        s.counts.G += s.ng > 0  # which the stage needs
+        if self._known is None:
+            if s.known is not None and (q == s.known[0]).all():
+                return s.known[1]
+        elif t == self._known[0]:
+            there = self._known[1]
+            if np.abs(x - there).max() <= SUM_ROUNDING * np.abs(there).max():
+                return self._known[2]
+        return s.constraints.jacobian()
 
     def all_multipliers(self, z: Array) -> Array:
         """Return the multipliers of all rows at the configuration of the last stage."""
