@@ -38,7 +38,7 @@ def file_kind(joint: pin.JointModel) -> str:
     return KINDS.get(name, name.lower())
 
 
-# kinds of joints that have no numbers of their own
+# kinds of joints without parameters
 PLAIN = {
     f"JointModel{kind}"
     for kind in ("RX", "RY", "RZ", "RUBX", "RUBY", "RUBZ", "PX", "PY", "PZ", "Spherical", "SphericalZYX", "FreeFlyer",
