@@ -73,7 +73,12 @@ def joint_transform(joint: pin.JointModel, q: np.ndarray) -> pin.SE3:
 
 def is_depth_first(model: pin.Model) -> bool:
     """Return whether joints of each subtree have consecutive indices, as Pinocchio's algorithms require."""
-    return all(np.array_equal(s, np.arange(s[0], s[0] + len(s))) for s in map(np.array, list(model.subtrees)[1:]))
+    path = [0]  # of the joint before: each joint is attached to one of these
+    for j, parent in enumerate(list(model.parents)[1:], 1):
+        if parent not in path:
+            return False
+        path[path.index(parent) + 1 :] = [j]
+    return True
 
 
 def _single_joint_model(joint: pin.JointModel) -> pin.Model:
