@@ -6,15 +6,12 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
+version_of = cache(version)  # reading the metadata of a package takes as long as writing a short run
+
 
 def versions() -> dict[str, str]:
     """Return versions of mbdae and of the numerical packages."""
-    return {name: _version(name) for name in ("mbdae", "pin", "numpy", "scipy")}
-
-
-@cache
-def _version(name: str) -> str:  # which reads a file
-    return version(name)
+    return {name: version_of(name) for name in ("mbdae", "pin", "numpy", "scipy")}
 
 
 def command_line() -> str:

@@ -4,6 +4,7 @@ import csv
 import json
 import warnings
 import zipfile
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from mbdae.errors import InputError
 from mbdae.mechanism.forces.joint_pid import JointPID
 from mbdae.mechanism.model_settings import Start
 from mbdae.solution import archive
+from mbdae.solution.provenance import version_of, versions
 from mbdae.textbook.problems import hessenberg_a
 
 DATA = Path(__file__).parents[1] / "data"
@@ -222,3 +224,11 @@ def test_a_notebook_shows_the_replay(sol):
     assert len(repr(sol)) < 200
     textbook = mbdae.solve(hessenberg_a(), (0, 0.1))
     assert textbook._repr_html_().startswith("<div><strong>finished")
+
+
+def test_versions_of_packages_are_read_once():
+    """Their metadata take as long as a short run, and every file names them."""
+    before = versions()
+    reads = version_of.cache_info().misses
+    assert versions() == before == {name: version(name) for name in before}
+    assert version_of.cache_info().misses == reads

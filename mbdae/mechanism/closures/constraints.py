@@ -9,6 +9,7 @@ entries are 0.
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 from itertools import pairwise
+from math import isfinite, nan
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
@@ -112,9 +113,8 @@ class Constraints:
     def units(self) -> Array:
         """Return the unit of each row's g, ``"m"`` or ``"rad"``, (ng,)."""
         out = np.empty(self.ng, object)
-        for _, rows in self.frame_rows.values():
-            for s, r, _ in rows:
-                out[s] = r.unit
+        for s, r, _ in (bound for _, rows in self.frame_rows.values() for bound in rows):
+            out[s] = r.unit
         for row in self.joint_rows:
             out[row.at] = row.unit
         return out
@@ -272,8 +272,8 @@ class Constraints:
             return self._no_motion
         out = np.zeros((3, self.ng))
         for at, driver in self.driven:
-            out[:, at] = (np.nan,) * 3 if t is None else driver.follow(t)
-            if t is not None and not np.isfinite(out[:, at]).all():
+            out[:, at] = motion = (nan,) * 3 if t is None else driver.follow(t)
+            if t is not None and not all(map(isfinite, motion)):  # faster than `numpy.isfinite`
                 raise StepError("driver", f"driver {driver.name!r} is not finite at t = {t:.17g}: {out[:, at]}")
         for at in self._driven_distances:
             if out[0, at] <= 0:

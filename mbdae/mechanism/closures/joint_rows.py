@@ -6,7 +6,7 @@ The multiplier of a row is the torque (N m) or force (N) on the first joint.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from math import gcd, lcm
+from math import atan2, gcd, lcm
 from typing import ClassVar
 
 import numpy as np
@@ -222,7 +222,7 @@ class BoundRatioRow(BoundJointRow):
 
 def coordinate(q: Array) -> float:
     """Return the coordinate of a joint from its components of q: an angle in (-pi, pi] if it is unbounded."""
-    return float(q[0]) if len(q) == 1 else float(np.arctan2(q[1], q[0]))
+    return float(q[0]) if len(q) == 1 else atan2(q[1], q[0])
 
 
 def _horner(coefficients: Sequence[float], x: float) -> tuple[float, float, float, float]:

@@ -18,12 +18,13 @@ def yaml_table(text: str, name: str) -> Any:
         InputError: for a text that is not YAML, has too many entries, or duplicate keys.
     """
     try:
-        node = yaml.compose(text, yaml.SafeLoader)
+        loader = yaml.SafeLoader(text)
+        node = loader.get_single_node()
         if (size := _expanded_size(node, {})) > MAX_ENTRIES:
             raise InputError(f"{name}: it has {size:.3g} entries with its aliases expanded, more than {MAX_ENTRIES}")
         if duplicate := _duplicate_key(node):
             raise InputError(f"{name}: the key {duplicate!r} occurs more than once")
-        return yaml.safe_load(text)
+        return None if node is None else loader.construct_document(node)
     except InputError:
         raise
     except (yaml.YAMLError, ValueError, RecursionError) as e:

@@ -1,5 +1,7 @@
 """Single joints: kinds, motion subspaces, transforms, and numbering."""
 
+from functools import cache
+
 import numpy as np
 import pinocchio as pin
 
@@ -26,9 +28,6 @@ KINDS = {
     "FreeFlyer": "free",
 }
 
-COMPOSITE = "JointModelComposite"  # of other joints; all others have a motion subspace of their kind
-_TRANSLATIONS: dict[str, np.ndarray] = {}
-
 
 def file_kind(joint: pin.JointModel) -> str:
     """Return the kind of a joint in mechanism files: ``"revolute"``, ``"continuous"``, ``"spherical"``, ...
@@ -39,8 +38,26 @@ def file_kind(joint: pin.JointModel) -> str:
     return KINDS.get(name, name.lower())
 
 
+# kinds of joints without parameters
+PLAIN = {
+    f"JointModel{kind}"
+    for kind in ("RX", "RY", "RZ", "RUBX", "RUBY", "RUBZ", "PX", "PY", "PZ", "Spherical", "SphericalZYX", "FreeFlyer",
+                 "Planar", "Translation")
+}  # fmt: skip
+
+
 def subspace(joint: pin.JointModel) -> np.ndarray:
     """Return the motion subspace of a joint at its neutral configuration, (6, nv), in the joint frame."""
+    kind = joint.shortname()
+    return _subspace_of_kind(kind).copy() if kind in PLAIN else _subspace(joint)
+
+
+@cache
+def _subspace_of_kind(kind: str) -> np.ndarray:
+    return _subspace(getattr(pin, kind)())
+
+
+def _subspace(joint: pin.JointModel) -> np.ndarray:
     model = _single_joint_model(joint)
     J = pin.computeJointJacobian(model, model.createData(), pin.neutral(model), 1)
     return J.reshape(6, -1)
@@ -56,7 +73,12 @@ def joint_transform(joint: pin.JointModel, q: np.ndarray) -> pin.SE3:
 
 def is_depth_first(model: pin.Model) -> bool:
     """Return whether joints of each subtree have consecutive indices, as Pinocchio's algorithms require."""
-    return all(s == list(range(s[0], s[0] + len(s))) for s in map(list, list(model.subtrees)[1:]))
+    path = [0]  # of the joint before: each joint is attached to one of these
+    for j, parent in enumerate(list(model.parents)[1:], 1):
+        if parent not in path:
+            return False
+        path[path.index(parent) + 1 :] = [j]
+    return True
 
 
 def _single_joint_model(joint: pin.JointModel) -> pin.Model:
@@ -69,10 +91,8 @@ def translation_components(model: pin.Model) -> np.ndarray:
     """Return which tangent components are translations, in m, (nv,)."""
     out = np.zeros(model.nv, bool)
     for joint in list(model.joints)[1:]:
-        kind = joint.shortname()
-        if kind not in _TRANSLATIONS or kind == COMPOSITE:
-            _TRANSLATIONS[kind] = np.logical_not(subspace(joint)[3:].any(axis=0))
-        out[joint.idx_v : joint.idx_v + joint.nv] = _TRANSLATIONS[kind]
+        S = subspace(joint)
+        out[joint.idx_v : joint.idx_v + joint.nv] = ~S[3:].any(axis=0)
     return out
 
 

@@ -136,3 +136,15 @@ def test_a_grafted_tree_hangs_where_it_was_put():
     np.testing.assert_allclose(data.oMf[both.model.getFrameId("b_tip_1")].homogeneous, expected.homogeneous, atol=1e-14)
     with pytest.raises(InputError, match="two joints are called 'rx_0': give one source a prefix"):
         both.graft(base)
+
+
+def test_depth_first_is_that_subtrees_are_consecutive():
+    rng, found = np.random.default_rng(0), set()
+    for _ in range(200):
+        model = pin.Model()
+        for j in range(5):
+            model.addJoint(int(rng.integers(max(0, j - 1), j + 1)), pin.JointModelRX(), pin.SE3.Identity(), f"{j}")
+        subtrees = [list(x) for x in list(model.subtrees)[1:]]
+        found.add(is_depth_first(model))
+        assert is_depth_first(model) == all(x == list(range(x[0], x[0] + len(x))) for x in subtrees)
+    assert found == {False, True}
