@@ -1,4 +1,4 @@
-"""Families are folders whose members are discovered, never listed by hand.
+"""Members of a family (methods, forces, closures, readers): modules of its folder, and entry points of packages.
 
 Names for the command line and for `dir` are read from the text of the files, which are not imported.
 """
@@ -110,7 +110,7 @@ def robots_directory() -> Path:
         raise InputError(f"{what}: pip install example-robot-data") from None
     urdf = next((f for f in files if f.suffix == ".urdf" and "robots" in f.parts), None)
     if urdf is None:
-        raise InputError("example-robot-data is installed without robots")
+        raise InputError("example-robot-data contains no robots")
     depth = len(urdf.parts) - urdf.parts.index("robots") - 1
     return Path(str(urdf.locate())).parents[depth - 1]
 

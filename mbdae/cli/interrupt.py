@@ -1,8 +1,8 @@
 """Ctrl-C on the command line: an exception that commands catch; during an import, one line of text and exit.
 
-This module is imported first, since commands import further modules while they start. An exception would be raised
-inside the imports of other packages, which may change it. Only during Python's own start-up, a tenth of a second, does
-Ctrl-C cause a traceback.
+This module is imported first, since commands import further modules while they start. During an import, the
+exception would be raised inside other packages, which may catch or replace it. Only during Python's own start-up, a
+tenth of a second, does Ctrl-C print a traceback.
 """
 
 import os

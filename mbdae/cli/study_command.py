@@ -10,7 +10,7 @@ import click
 
 from ..data_types import JsonObject
 from ..discovery import lazy_import, public_names
-from .late_command import LateCommand
+from .lazy_command import LazyCommand
 from .model import model_argument
 from .options import SHARED, Decorator, options_of
 from .output import HOLDS, OutputFile, emit, exit_interrupted, writable
@@ -86,7 +86,7 @@ def command(
                 callback = option(callback)
             return callback
 
-        return click.command(cls=LateCommand, add_options=add_options)(called)
+        return click.command(cls=LazyCommand, add_options=add_options)(called)
 
     return decorate
 

@@ -6,7 +6,7 @@ import pytest
 import mbdae
 from mbdae.errors import AssemblyError, InputError
 from mbdae.mechanism.assembly.position_search import is_closed
-from mbdae.studies.makers import maker_of
+from mbdae.studies.factories import factory_of
 from mbdae.studies.varied_starts import VariedStarts
 
 CASES = {  # model, start values of three runs, whether they share a mechanism
@@ -23,13 +23,13 @@ CASES = {  # model, start values of three runs, whether they share a mechanism
 
 
 def varied(model):
-    return VariedStarts(maker_of(model), lambda mech: 0.0)
+    return VariedStarts(factory_of(model), lambda mech: 0.0)
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_points_have_the_bits_of_new_variants(case):
     model, name, values, shared = CASES[case]
-    starts, reference = varied(model), maker_of(model)
+    starts, reference = varied(model), factory_of(model)
     made = [starts.make({f"start.{name}": x}) for x in values]
     for x, (_, point) in zip(values, made, strict=True):
         np.testing.assert_array_equal(point, reference.make({f"start.{name}": x}).point())
@@ -53,7 +53,7 @@ def test_invalid_values_are_rejected_as_those_of_a_mechanism(value):
     starts = varied("slider_crank")
     starts.make({"start.v.crank": 1.0})
     with pytest.raises(InputError) as of_variant:
-        maker_of("slider_crank").make({"start.v.crank": value}).point()
+        factory_of("slider_crank").make({"start.v.crank": value}).point()
     with pytest.raises(InputError) as found:
         starts.make({"start.v.crank": value})
     assert str(found.value) == str(of_variant.value)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ..run.run_state import RunState
 
 STATUSES = ("step_size", "max_steps", "newton", "singular", "rank")  # failures that drivers may cause
-BEYOND = 1 / 16  # of the time span: after a failure, enough times to recognise an inconsistent derivative
+BEYOND = 1 / 16  # of the time span, after a failure: enough samples to recognise an inconsistent derivative
 
 
 class DriverChecks(EventSource):
@@ -34,7 +34,7 @@ class DriverChecks(EventSource):
         reached = (run.t - start) / (end - start)
         try:
             require_no_dead_point(run.mechanical, run.t, run.ys[-1], run.sign, run.options.step or 0.0)
-            if reason.status in ("step_size", "max_steps"):  # no step size reduces an error of a derivative
+            if reason.status in ("step_size", "max_steps"):  # a smaller step does not remove an inconsistent derivative
                 self._check(run, start + min(1.0, reached + BEYOND) * (end - start))
                 require_compatible_accelerations(run.mechanical, run.t, run.ys[-1])
         except StepError as cause:

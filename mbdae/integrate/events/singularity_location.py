@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
 Ratio = TypeVar("Ratio", float, Array)  # of one node, or of several
 
-SUSPICIOUS_RATIO = 0.6  # of the largest ratio so far: minima above are regular, since a stage is always close enough
+SUSPICIOUS_RATIO = 0.6  # of the largest ratio so far: minima above are regular
 SMALL, NOTCH = 0.1, 0.7  # of the largest ratio, or of the larger neighbour: minima below may contain a zero
 AHEAD = 20.0  # steps: a ratio that would take more steps to vanish is small for another reason
 MONITORED_RATIO = 0.2  # of the largest pivot ratio: below it, states are projected, and falling ratios extrapolated
 CROSSING_RATIO = 0.1  # of the largest ratio: below it, a crossing is attempted
-MAX_ANGLE, ROTATION_FACTOR = 0.2, 3.0  # rad, plus a multiple of the previous rotation: angle between tangent spaces
-ZONE_SHARES = 1 / 2.0 ** np.arange(6, 0, -1)  # of the interval from a singularity to a node: candidate ends of the zone
+MAX_ANGLE, ROTATION_FACTOR = 0.2, 3.0  # rad, and times the rotation expected: between tangent spaces
+NEAR_FRACTIONS = 1 / 2.0 ** np.arange(6, 0, -1)  # of the interval from a singularity to a node
 SAMPLES = 5  # of each step
 CONSTANT_RATIO = 0.999  # of the largest sample: ratios above are constant
 
@@ -57,11 +57,11 @@ def falls_to_zero(before: Ratio, here: Ratio) -> Ratio:
 
 
 def largest_in_new_mode(before: SmallestPivot, here: SmallestPivot, largest: float) -> float:
-    """Return the largest pivot ratio to count with in a mode that a run enters for the first time, at most 1.
+    """Return the largest pivot ratio assumed in a mode that a run enters for the first time, at most 1.
 
-    Ratios of modes cannot be compared: the row of a contact is small if its body is heavy, in any configuration. But
-    where the ratio had fallen in the mode before, to h of its largest value, and the smallest pivot p remains, it is
-    still the one that vanishes: ratio / h. Another pivot says nothing of that: then the ratio is regular. In between,
+    Ratios of modes cannot be compared: the row of a contact in G M^-1/2 is small if its body is heavy, anywhere. But
+    where the ratio had fallen in the previous mode, to h of its largest value, and the smallest pivot p remains, it is
+    still the one that vanishes: ratio / h. If another pivot is the smallest, the ratio is regular. In between,
 
         r = ratio / sqrt(1 - (1 - h^2) s),    s = (p_smaller / p_larger)^2,
 
@@ -163,33 +163,33 @@ class SingularityLocation(EventSource):
             EventError: if the run left its branch.
         """
         dt = run.ts[b] - run.ts[a]
-        passed = next((x for x in self.found if (x.t - run.ts[a]) * dt > 0 and (run.ts[b] - x.t) * dt > 0), None)
-        if not passed:
+        crossed = next((x for x in self.found if (x.t - run.ts[a]) * dt > 0 and (run.ts[b] - x.t) * dt > 0), None)
+        if not crossed:
             return
-        before, after = (self._zone_end(run, passed.t, i, range(a, b)) for i in (a, b))
+        before, after = (self._end_of_neighbourhood(run, crossed.t, i, range(a, b)) for i in (a, b))
         angle = tangent_space_angle(*(tangent(self.workspace, *end) for end in (before, after)))
         dt = after[0] - before[0]
-        explained = ROTATION_FACTOR * abs(dt) * tangent_space_rate(self.workspace, *before, dt)
-        if angle > MAX_ANGLE + explained:
-            text = f"{passed}: the run left its branch there, the tangent space changed by {angle:.2g} rad"
+        expected = ROTATION_FACTOR * abs(dt) * tangent_space_rate(self.workspace, *before, dt)
+        if angle > MAX_ANGLE + expected:
+            text = f"{crossed}: the run left its branch there, the tangent space changed by {angle:.2g} rad"
             raise EventError("rank", f"{text}; take a smaller rtol, or project=True", a)
 
-    def _zone_end(self, run: "RunState", t: float, node: int, steps: range) -> tuple[float, Array]:
+    def _end_of_neighbourhood(self, run: "RunState", t: float, node: int, steps: range) -> tuple[float, Array]:
         """Return the point between a singular configuration and a node where the pivot ratio is no longer small.
 
-        This is the node if the ratio remains small. A long step may end so far away that the rotation of tangent spaces
-        exceeds its previous rate.
+        This is the node if the ratio remains small. The node of a long step may be so far away that tangent spaces
+        rotate more than their rate before the singularity predicts.
         """
         dt = run.ts[node] - t
-        for share in ZONE_SHARES:
-            i = next(i for i in steps if (run.ts[i + 1] - t - share * dt) * run.sign >= 0)
-            point = self._path(run, i)((t + share * dt - run.ts[i]) / (run.ts[i + 1] - run.ts[i]))
+        for fraction in NEAR_FRACTIONS:
+            i = next(i for i in steps if (run.ts[i + 1] - t - fraction * dt) * run.sign >= 0)
+            point = self._path(run, i)((t + fraction * dt - run.ts[i]) / (run.ts[i + 1] - run.ts[i]))
             if self._ratio(*point) >= MONITORED_RATIO * self.largest:
                 return point
         return run.ts[node], run.ys[node]
 
     def search(self, run: "RunState", nodes: list[int]) -> None:
-        """Minimise the pivot ratio over u = i + theta, the point theta on the step from node i."""
+        """Minimise the pivot ratio over u = i + theta, the point at the fraction theta of the step from node i."""
         if len(nodes) < 2:  # an interval that has just begun
             return
         paths = {i: self._path(run, i) for i in nodes[:-1]}
@@ -211,7 +211,7 @@ class SingularityLocation(EventSource):
             self._record(run, nodes, int(best.x), *at(float(best.x)))
 
     def _record(self, run: "RunState", nodes: list[int], i: int, t: float, y: Array) -> None:
-        """Record the singularity found on step i; end the run there if it cannot cross it or left its branch.
+        """Record the singularity found on step i; the run ends if it cannot cross it or is on another branch.
 
         Raises:
             EventError: with the reason.
@@ -224,8 +224,8 @@ class SingularityLocation(EventSource):
             return
         self.found.append(found)
         if not self.controlled and not self.kept and gap > SOLUTION_ROUNDING:
-            text = f"{found}: a singular configuration, after which a motion with a drift of {gap:.1e}"
-            text = f"{text} may be on another branch; avoid drift by project=True or formulation 'ggl'"
+            text = f"{found}: a singular configuration, after which a motion with a violation of {gap:.1e}"
+            text = f"{text} may be on another branch; avoid drift-off by project=True or formulation 'ggl'"
             raise EventError("rank", text, i)
         self.check_branch(run, nodes[0], nodes[-1])
 

@@ -1,10 +1,11 @@
 """Vibrations of flexible bodies in a run: which limit its steps, and which it does not resolve.
 
-A vibration eta'' + 2 zeta w eta' + w^2 eta = F(t) follows the smooth deflection eta_s = F/w^2, and oscillates about it
-with the rate r, r^2 = (eta' - eta_s')^2 + (w (eta - eta_s) + 2 zeta eta_s')^2. A step h multiplies its oscillation by
-R(z), z = h w (-zeta + i sqrt(1 - zeta^2)), in place of exp(z). The relative error |R(z) exp(-z) - 1|, of phase or by
-numerical damping, adds up over steps while the oscillation lasts. R is the stability function of the method; for a
-method without stages, of order p, the relative error is |z|^(p + 1)/12.
+A vibration eta'' + 2 zeta w eta' + w^2 eta = F(t) follows the quasi-static deflection eta_s = F/w^2, and oscillates
+about it, to first order in 1/w, with the velocity amplitude r, r^2 = (eta' - eta_s')^2 + (w (eta - eta_s) +
+2 zeta eta_s')^2. A step h multiplies its oscillation by R(z), z = h w (-zeta + i sqrt(1 - zeta^2)), in place of exp(z).
+The relative error |R(z) exp(-z) - 1|, of phase and by damping, adds up over steps while the oscillation lasts. R is the
+stability function of a Runge-Kutta method; for others of order p (generalized-alpha, compositions, library solvers) the
+error is estimated by |z|^(p + 1)/12, that of the trapezoidal rule for p = 2.
 """
 
 from typing import Any, NamedTuple
@@ -24,12 +25,12 @@ from ..steppers.solvers import find_method
 
 SAMPLES = 9  # nodes at which the vibrations are computed, the first one among them
 SIZES = 48  # of steps, at which R is evaluated; interpolated between them
-QUOTIENT_WIDTH = 1e-3  # of 1/w: time between the two points of a rate
-RATE_ROUNDING = EVALUATION_ROUNDING / QUOTIENT_WIDTH  # of the speed of the mechanism, the root of 2 T: of such a rate
-MAX_ERROR = 0.05  # of the largest rate of a vibration: a larger error is a vibration that is not resolved
-AMPLIFIED = 10.0  # of a vibration: growth over a run that has diverged
-LIMITING = 0.2  # h w: smaller steps are not those that a vibration needs
-OSCILLATING = 0.3  # damping ratio: with a larger one a vibration ends within a cycle
+QUOTIENT_WIDTH = 1e-3  # of 1/w: step of the forward difference of the quasi-static deflection
+RATE_ROUNDING = EVALUATION_ROUNDING / QUOTIENT_WIDTH  # of such a difference, relative to sqrt(2 T)
+MAX_ERROR = 0.05  # of the largest velocity amplitude: above it, a vibration is not resolved
+AMPLIFIED = 10.0  # amplification of a vibration over a run that has diverged
+LIMITING = 0.2  # h w: below it, a vibration does not limit the step
+OSCILLATING = 0.3  # damping ratio: above it, a vibration decays within a cycle
 
 
 class Vibrations(NamedTuple):
@@ -163,7 +164,7 @@ def _error(found: Vibrations, k: int, ts: Array, h: Array, method: Any) -> float
 
 
 def step_error(method: Any, z: Array) -> Array:
-    """Return |R(z) exp(-z) - 1| of steps of a method, (n,); |z|^(p + 1)/12 of one without stages, of order p."""
+    """Return |R(z) exp(-z) - 1| of steps of a method, (n,); its estimate if it is no Runge-Kutta method."""
     if not isinstance(method, RungeKutta | ExplicitMethod):
         return np.abs(z) ** (method.order + 1) / 12
     return np.abs(stability_function(method, z) - np.exp(z)) / np.maximum(np.abs(np.exp(z)), TINY)

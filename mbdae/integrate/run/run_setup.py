@@ -22,7 +22,7 @@ from .backward_steps import BackwardStepper
 from .binding import bind
 from .run_state import SOURCES, RunState
 
-NEWTON_TOLERANCE = NEGLIGIBLE  # of rtol, or sqrt(rtol) if smaller: tolerance of implicit stages, as in RADAU5
+NEWTON_TOLERANCE = NEGLIGIBLE  # implicit stages are iterated to min(this, sqrt(rtol)) rtol, where RADAU5 has 0.03
 START_DRIFT = 100.0  # times rtol: largest constraint violation at the start, as after a run with drift
 
 
@@ -32,7 +32,7 @@ def prepare(
     start: tuple[Array | None, Array | None, Array | None],
     kinds: Sequence[type[EventSource]] = SOURCES,
 ) -> RunState:
-    """Return a run that can begin from (q, v, s), with sources of events; None means the start of the mechanism.
+    """Return a run that is ready to begin from (q, v, s), with sources of events; None: the start of the mechanism.
 
     Raises:
         InputError: for options that do not suit the problem, or an inconsistent start.
@@ -106,7 +106,7 @@ def _python_stepper(system: System, o: RunOptions) -> PythonStepper:
 def _start(
     mechanism: Mechanism, start: tuple[Array | None, Array | None, Array | None], options: RunOptions, system: System
 ) -> Array:
-    """Return the initial point; with step-size control, closures may be violated as after a run with drift."""
+    """Return the initial point; with step-size control, closures may be violated as after a run with drift-off."""
     q, v, s = start
     drifted = START_DRIFT * float(options.rtol) if isinstance(options.rtol, Real) and not options.step else 0.0
     residual = system.closure_residual if isinstance(system, CompiledSystem) else None

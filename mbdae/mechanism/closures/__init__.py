@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Annotated, Union
 
 from ...discovery import members, plugins
-from ..kind_union import OfKind
+from ..tagged_union import TaggedByKind
 from .closure import Closure, kinds_of
 
 tuple(members(f"{__name__}.kinds", type))  # imports them
@@ -34,4 +34,4 @@ Closure.__doc__ = f"{Closure.__doc__}\n" + "\n".join(
 if TYPE_CHECKING:
     AnyClosure = Closure
 else:
-    AnyClosure = Annotated[Union[tuple(_ALL.values())], OfKind()]  # noqa: UP007
+    AnyClosure = Annotated[Union[tuple(_ALL.values())], TaggedByKind()]  # noqa: UP007

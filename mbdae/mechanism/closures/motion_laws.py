@@ -11,7 +11,7 @@ from ...data_types import CoreData
 from ...system import Array
 from ..checked_table import Table
 from ..key_units import Unit
-from ..kind_union import OfKind
+from ..tagged_union import TaggedByKind
 from ..time_functions.piecewise_polynomial import PiecewisePolynomial, Point, require_increasing
 from ..time_functions.time_functions import Harmonic
 
@@ -70,7 +70,7 @@ class LawTable(Table):
         return self.polynomials.core_data()
 
 
-Law = Annotated[Union[LawTable, Harmonic], OfKind()]  # noqa: UP007
+Law = Annotated[Union[LawTable, Harmonic], TaggedByKind()]  # noqa: UP007
 
 
 def period_of(law: LawTable | Harmonic) -> tuple[float, float, float]:

@@ -22,7 +22,7 @@ from ...system import Array
 from ...tolerances import BELOW_ROUNDING, RANK
 from ..checked_table import Table
 from ..key_units import Unit
-from ..kind_union import OfKind
+from ..tagged_union import TaggedByKind
 from .motion_laws import DEGREE, spline
 
 SAMPLES = 8  # for each polynomial or half a wave of the highest harmonic
@@ -222,4 +222,4 @@ class FourierProfile(Table):
 
 
 AnyProfile = PointProfile | CircleProfile | FourierProfile
-Profile = Annotated[Union[PointProfile, CircleProfile, FourierProfile], OfKind()]  # noqa: UP007
+Profile = Annotated[Union[PointProfile, CircleProfile, FourierProfile], TaggedByKind()]  # noqa: UP007

@@ -9,7 +9,7 @@ from pydantic_core import PydanticUndefined
 
 from ...discovery import members, plugins
 from ...errors import InputError
-from ..kind_union import OfKind
+from ..tagged_union import TaggedByKind
 from ..time_functions.input_functions import as_input, inputs_in
 from ..tree.frames import find_joint
 from .elements import ForceElements
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     AnyForce = Force
 else:
-    AnyForce = Annotated[Union[FORCES], OfKind()]  # noqa: UP007
+    AnyForce = Annotated[Union[FORCES], TaggedByKind()]  # noqa: UP007
 
 MechanismForce = Force | PythonForce | TorqueFunction
 

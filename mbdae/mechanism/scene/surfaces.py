@@ -13,7 +13,7 @@ from .meshes import Mesh
 
 Colour = tuple[float, ...]  # red, green, blue, opacity
 CORNER = re.compile(rb"(-?\d+)(?:/(-?\d+))?\S*")
-EDGE = np.cos(0.6)  # cosine of the largest angle between triangles of a smooth surface
+COS_CREASE_ANGLE = np.cos(0.6)  # cosine of the largest angle between triangles of a smooth surface
 WHITE = (1.0, 1.0, 1.0, 1.0)
 
 
@@ -51,9 +51,9 @@ class Surface(NamedTuple):
 
 
 def surfaces(mesh: Mesh) -> list[Surface] | None:
-    """Return the triangles of a mesh, one entry per colour or texture; None for a damaged mesh.
+    """Return the triangles of a mesh, one entry per colour or texture; None for a damaged or empty mesh.
 
-    Coincident points are merged, triangles without area are omitted.
+    Coincident points are merged, triangles with coincident corners are omitted.
     """
     try:
         found = list(_read(mesh))
@@ -81,7 +81,7 @@ def welded(corners: np.ndarray, rgba: Colour | None) -> Surface:
 
 
 def _welded(corners: np.ndarray) -> tuple[Surface, np.ndarray]:
-    """Return the surface, and whether each triangle has an area, (m,)."""
+    """Return the surface, and whether each triangle has three different corners, (m,)."""
     all_points = corners.reshape(-1, 3).astype("float32") + 0.0
     order = np.lexsort(all_points.T)  # equal points are adjacent, in the order of use
     new = np.append(True, (all_points[order[1:]] != all_points[order[:-1]]).any(1))[: len(order)]
@@ -109,7 +109,7 @@ def normals(surface: Surface) -> np.ndarray:
     corner = np.repeat(np.arange(len(point)), count[point])  # with each of the corners at its point
     within = np.arange(len(corner)) - np.repeat(np.cumsum(count[point]) - count[point], count[point])
     current, other = corner // 3, order[first[point[corner]] + within] // 3
-    near = np.einsum("ij,ij->i", unit[current], unit[other]) > EDGE
+    near = np.einsum("ij,ij->i", unit[current], unit[other]) > COS_CREASE_ANGLE
     sums = np.column_stack([np.bincount(corner[near], area[other[near], k], len(point)) for k in range(3)])
     sizes = np.linalg.norm(sums, axis=1)
     return np.where(sizes[:, None] > 0, sums / np.maximum(sizes, TINY)[:, None], unit[np.arange(len(point)) // 3])

@@ -11,7 +11,7 @@ from ...callbacks import call_with_views, checked_value, function_name
 from ...data_types import CoreData
 from ...errors import InputError, is_number
 from ..key_units import Unit
-from ..kind_union import OfKind
+from ..tagged_union import TaggedByKind
 from . import piecewise_polynomial as piecewise
 from .input_functions import Input, InputHistory
 from .piecewise_polynomial import Beyond, Interpolation, PiecewisePolynomial, Point
@@ -225,7 +225,7 @@ def _require_no_rise(u: T) -> T:
 Motion = Annotated[
     Annotated[
         Union[Constant, Harmonic, Polynomial, TimeTable, Steps, Function, Input, InputHistory],  # noqa: UP007
-        OfKind(),
+        TaggedByKind(),
     ],
     BeforeValidator(_coerce),
 ]

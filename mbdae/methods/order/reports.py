@@ -1,4 +1,4 @@
-"""The proof of a method's claims, by its family."""
+"""Verification of the claimed orders of a method, by its family."""
 
 from ..alpha import GeneralizedAlpha
 from ..runge_kutta import RungeKutta
@@ -12,7 +12,7 @@ Report = ConditionReport | CompositionReport | AlphaReport
 
 
 def check_claims(method: RungeKutta | Composition | GeneralizedAlpha) -> Report:
-    """Check the claimed orders of a method exactly, up to one order above its claims."""
+    """Check the claimed orders of a method, as `check_conditions`, `check_composition` or `check_alpha` does."""
     if isinstance(method, GeneralizedAlpha):
         return check_alpha(method)
     return check_composition(method) if isinstance(method, Composition) else check_conditions(method)

@@ -16,7 +16,7 @@ double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& sho
   const Counts counts = s_.counts;
   if (!referenced_) prepare(), set_references(point(0));
   point(0);
-  if (first) s_.counts = counts;  // they do not depend on the number of calls
+  if (first) s_.counts = counts;  // they do not depend on how a run is split into calls
   double worst = unresolved();
   for (; refines && worst > 1 && intervals_ < modes_.finest; worst = unresolved())
     intervals_ *= 2, interpolated_.clear();
@@ -149,7 +149,7 @@ double GuardMonitor::locate(int i, double high) {
   const double low = starts_at_zero ? modes_.start_root * high : 0;
   double theta = high * Cubic(std::max(start.f, 0.0), end.f, high * h * start.rate, high * h * end.rate).first_zero();
   double nearest = 0, best = INFINITY;
-  Interpolant known;  // converges faster than Newton's method, at no more points
+  Interpolant known;  // converges faster than Newton's method with the same number of evaluations
   known.add(0, start.f, h * start.rate), known.add(high, end.f, h * end.rate);
   for (int k = 0; k < modes_.iterations && low < theta && theta < high; ++k) {
     const Value x = at(theta, i);

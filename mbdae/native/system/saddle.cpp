@@ -141,7 +141,7 @@ void SaddleSystem::update_multipliers(double* left, double* lam) {
   for (int k : rows_.in_use()) lam[k] -= x_[position[k]];
 }
 
-// A vector in the null space of the rows in use is in that of the rows that depend on them.
+// Rows that depend on those in use annihilate their null space: tested with one vector in it.
 bool SaddleSystem::others_depend(const Numbers& probe) {
   const std::vector<int>& position = rows_.position();
   Numbers w(probe);
@@ -160,8 +160,8 @@ bool SaddleSystem::others_depend(const Numbers& probe) {
   return true;
 }
 
-// Dependent rows G_D = C G_R give the null vectors (-C^T n, n) of G^T, and (1 + C C^T) n = C lam_R; by conjugate
-// gradients, C = G_D M^-1 G_R^T (G_R M^-1 G_R^T)^-1.
+// Dependent rows G_D = C G_I of the rows in use G_I give the null vectors (-C^T n, n) of G^T; (I + C C^T) n = C lam_I is
+// solved by conjugate gradients with C = G_D M^-1 G_I^T (G_I M^-1 G_I^T)^-1.
 void SaddleSystem::all_multipliers(const double* lam, double* z) {
   const std::vector<int>& position = rows_.position();
   const std::vector<int>& others = rows_.others();
@@ -188,7 +188,7 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   apply_C(u_, residual_);
   p_ = residual_;
   double rho = dot(residual_.data(), residual_.data(), d);
-  if (rho == 0) return;  // their rows are orthogonal to those in use, or carry nothing
+  if (rho == 0) return;  // the norm is least already: dependent rows vanish, or C lam does
   const double target = limits_.cg_tolerance * rho;
   for (int it = 0; it < d + limits_.extra_cg_iterations && rho > target && rho > 0; ++it) {
     apply_C_transposed(p_, u_);
@@ -204,7 +204,7 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   for (int k : rows_.in_use()) z[k] -= u_[position[k]];
   for (int i = 0; i < d; ++i) z[others[i]] = n_[i];
   if (!finite(z, static_cast<int>(ng)))
-    throw FallBackToPython();  // in a singular configuration Python computes those of minimum norm
+    throw FallBackToPython();  // in a singular configuration Python computes the minimum-norm multipliers
 }
 
 }  // namespace mbdae

@@ -11,7 +11,7 @@ from ...errors import InputError, MbdaeError, UnknownNameError, as_list, require
 from ...mechanism import Mechanism
 from ...solution.signals import find, units
 from ...system import Array
-from ..makers import Maker, Model, maker_of
+from ..factories import MechanismFactory, Model, factory_of
 from ..sweep.sweep_run import NOT_SETTINGS, check_settings
 from ..workers import pool
 from .batch import EnsembleJob, Results, Starts, batches, run_batch
@@ -119,7 +119,7 @@ def _columns(parameters: Mapping[str, Any] | None) -> dict[str, Array]:
     return out
 
 
-def _source(model: object, values: dict[str, Array]) -> Mechanism | Maker:
+def _source(model: object, values: dict[str, Array]) -> Mechanism | MechanismFactory:
     """Return the mechanism, or its factory for several values of its parameters.
 
     Raises:
@@ -127,11 +127,11 @@ def _source(model: object, values: dict[str, Array]) -> Mechanism | Maker:
     """
     if isinstance(model, Mechanism) and not values:
         return model
-    maker = maker_of(model)
-    return maker if values else maker.make({})
+    factory = factory_of(model)
+    return factory if values else factory.make({})
 
 
-def _first_made(maker: Maker, values: dict[str, Array]) -> Mechanism:
+def _first_made(factory: MechanismFactory, values: dict[str, Array]) -> Mechanism:
     """Return the first mechanism that can be made.
 
     Raises:
@@ -142,8 +142,8 @@ def _first_made(maker: Maker, values: dict[str, Array]) -> Mechanism:
     for row in zip(*values.values(), strict=False):
         given = {name: x.item() for name, x in zip(values, row, strict=True)}
         try:
-            maker.check(given)
-            return maker.make(given)
+            factory.check(given)
+            return factory.make(given)
         except UnknownNameError:
             raise
         except MbdaeError as e:

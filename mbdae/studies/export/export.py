@@ -48,7 +48,7 @@ DIFFERENTIABLE = (*STATE_SIGNALS, "rate", "lam", "force")
 
 @dataclass(frozen=True)
 class ExportedUnit:
-    """A file that was exported.
+    """An exported FMU.
 
     Attributes:
         path: the file.
@@ -123,7 +123,7 @@ def export(
     mech = mechanism_of(mech, "export")
     for name in settings:
         if name in OF_SIMULATORS:
-            raise InputError(f"export has no {name}: it belongs to a simulator of this process")
+            raise InputError(f"export has no {name}: it is a setting of mbdae.Simulator alone")
     kinds, path, runtime = _checked_kinds(kind), _checked_path(path), _runtime()
     code = source_files(_identifier(path)) if sources else {}
     require_exportable(mech)
@@ -214,7 +214,7 @@ def _outputs(mech: Mechanism, outputs: Sequence[str] | None, kinds: Sequence[str
 
 
 def _states(mech: Mechanism, kinds: Sequence[str]) -> int:
-    """Return the number of continuous states of all modes; 0 without model exchange.
+    """Return the largest number of continuous states of all modes; 0 without model exchange.
 
     Raises:
         InputError: for a mechanism that is no ordinary differential equation within a mode.
@@ -248,10 +248,10 @@ def _variables(
 
 
 def _require_unique_names(variables: Sequence[Variable]) -> None:
-    """Require different names, as FMI does: inputs have any names.
+    """Require different names of variables, as FMI does; users choose those of inputs.
 
     Raises:
-        InputError: for a name of two variables.
+        InputError: if two variables have the same name.
     """
     count = Counter(x.name for x in variables)
     for x in variables:

@@ -25,7 +25,7 @@ from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
 from ...system import Array
 from ...tolerances import COARSE, INPUT_DIGITS, SEARCH_TOLERANCE, VISIBLE
-from ..makers import maker_of
+from ..factories import factory_of
 from ..sensitivity.run_parameters import MechanismFactory, named_values, progress_reporter, reals, scaled
 from ..sweep.sweep_run import check_settings
 from .data import records
@@ -98,7 +98,7 @@ def fit(
     _check_names(parameters, settings)
     report_progress = progress_reporter(progress)
     recordings = records(data, as_list(signals, "signals are names of columns"))
-    make = maker_of(model)
+    make = factory_of(model)
     tables = _known_parameters(known, len(recordings), parameters)
     named_values(make, dict.fromkeys(parameters, 0.0))
     unknown = {name: _unknown(make, name, given) for name, given in parameters.items()}

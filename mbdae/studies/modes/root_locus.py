@@ -19,7 +19,7 @@ from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import ITERATION_ROUNDING, ROUNDING
 from ...units import displayed, quantity
-from ..makers import Model, maker_of, model_title
+from ..factories import Model, factory_of, model_title
 from .modes import modes
 
 if TYPE_CHECKING:
@@ -150,10 +150,10 @@ def root_locus(
 
 def _unit(model: Model, name: str, start: Mapping[str, Any]) -> str:
     """Return the unit of a parameter or a speed; "" if unknown."""
-    maker = maker_of(model)
+    factory = factory_of(model)
     if name.startswith(SPEED):
-        return coordinate_units(maker.make(dict(start))).get(name, "")
-    return parameter_units(maker, [name]).get(name, "")
+        return coordinate_units(factory.make(dict(start))).get(name, "")
+    return parameter_units(factory, [name]).get(name, "")
 
 
 def _roots(
@@ -164,17 +164,17 @@ def _roots(
     Raises:
         UnknownNameError, InputError: for a model or parameter that does not exist.
     """
-    maker = maker_of(model)
+    factory = factory_of(model)
     if name.startswith(SPEED) and name != SPEED:
         joint, checked = name.removeprefix(SPEED), start
     else:
         joint, checked = "", {**start, name: first}
-    maker.check({n: x for n, x in checked.items() if n not in maker.parameters})
+    factory.check({n: x for n, x in checked.items() if n not in factory.parameters})
 
     def roots(value: float) -> Spectrum:
         if joint:
-            return modes(maker.make(start), v={**v, joint: value}, **options).spectrum
-        return modes(maker.make({**start, name: value}), v=v or None, **options).spectrum
+            return modes(factory.make(start), v={**v, joint: value}, **options).spectrum
+        return modes(factory.make({**start, name: value}), v=v or None, **options).spectrum
 
     return roots
 

@@ -19,7 +19,7 @@ from ...mechanism import Mechanism
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import VISIBLE
-from ..makers import maker_of
+from ..factories import factory_of
 from ..sensitivity.cost import Cost
 from ..sensitivity.run_parameters import Names, named_values, progress_reporter
 from .objective import ComputeMotion, CostEvaluation, Motion, curves, runs
@@ -94,7 +94,7 @@ def optimize(
     if drive is not None and t_span is not None:
         raise InputError("a curve over a drive has no t_span: give span, the range of the drive, or leave drive out")
     _check_search(search, bool(constraints))
-    make = maker_of(model)
+    make = factory_of(model)
     start = _start(make, parameters)
     box = ranges("parameter", start, table_by_name("bounds", bounds))
     limits = {name: constraint_limits(name, given) for name, given in table_by_name("constraints", constraints).items()}

@@ -31,7 +31,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COINCIDENT, EPS, NEGLIGIBLE, THREE_DIGITS
 from ...units import common_unit, quantity, substituted
-from ..makers import maker_of
+from ..factories import factory_of
 from ..sensitivity.sensitivity import sensitivity
 from .measurement import MIN_OUTPUTS, Measurement, Progress, finished
 from .result import OrderStudy
@@ -136,7 +136,7 @@ def check_gradients(
 
 def _derivative_units(mech: Mechanism, parameter: str | None, model: object) -> dict[str, str]:
     """Return the units of the derivatives of q and v by a parameter, or by a factor of a velocity, see `OrderStudy`."""
-    known = parameter_units(maker_of(mech if model is None else model), [parameter]) if parameter else {}
+    known = parameter_units(factory_of(mech if model is None else model), [parameter]) if parameter else {}
     found, of = quantity_units(mech), known.get(parameter or "", "")
     quotients = {x: [substituted("y/x", {"y": unit, "x": of or "1"}) for unit in found[x].split(", ")] for x in "qv"}
     return {f"d{x}": common_unit(units) for x, units in quotients.items()}
@@ -185,7 +185,7 @@ class GradientMeasurement(Measurement):
         if self.parameter is None:
             v = self.given_start[1] + (value or 0.0) * self.direction
         elif value is not None:
-            mech = maker_of(mech if self.model is None else self.model).make({self.parameter: value})
+            mech = factory_of(mech if self.model is None else self.model).make({self.parameter: value})
         sol = solve(mech, (0.0, self.T), q, v, method=method, step=self.T / n, backend=self.backend)
         return self.completed(method, sol)
 
@@ -212,7 +212,7 @@ class GradientMeasurement(Measurement):
         h, nq = width * (abs(self.value) or 1.0), self.mech.nq
         stencil: tuple[int, ...] = STENCIL
         if (name := self.parameter) is not None:
-            make = maker_of(self.mech if self.model is None else self.model).make
+            make = factory_of(self.mech if self.model is None else self.model).make
             h, stencil = feasible_stencil(lambda by: make({name: self.value + by}), h)
         differences: dict[int, Array] = {}
         for k in stencil:

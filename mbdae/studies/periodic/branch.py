@@ -16,7 +16,7 @@ from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import VISIBLE
 from ...units import displayed, quantity
-from ..makers import maker_of
+from ..factories import factory_of
 from .branch_path import FIRST_STEP, BranchPath, Range
 from .guess import guess_of
 from .periodic import (
@@ -196,13 +196,13 @@ def periodic_branch(
     if not (is_number(first) and is_number(last) and first != last):
         raise InputError(f"the range of {name!r} is two different numbers, got {first!r:.40} and {last!r:.40}")
     first, last = float(first), float(last)  # numpy's single precision would end the branch
-    maker, rest = maker_of(model), dict(start or {})
-    maker.check({n: x for n, x in {**rest, name: first}.items() if n not in maker.parameters})
-    mech = maker.make({**rest, name: first})
-    path = BranchPath(maker, Range(name, first, last), rest, run_options(mech, method, rtol), GAP * rtol)
+    factory, rest = factory_of(model), dict(start or {})
+    factory.check({n: x for n, x in {**rest, name: first}.items() if n not in factory.parameters})
+    mech = factory.make({**rest, name: first})
+    path = BranchPath(factory, Range(name, first, last), rest, run_options(mech, method, rtol), GAP * rtol)
     y = start_point(mech, q, v, s)
     cycle, guess = guess_of(path.flow(first, 0.0, y), y, T, 0.0, section, symmetry, parts, exchange)
-    require_same_directions(cycle, guess.nodes[0][: mech.nq], maker.make({**rest, name: last}), name)
+    require_same_directions(cycle, guess.nodes[0][: mech.nq], factory.make({**rest, name: last}), name)
     found = newton(path.equations(cycle, guess, first), path.tolerance).refined()
     path.options = found.flow.options
     found = newton(found, path.tolerance)
@@ -216,7 +216,7 @@ def periodic_branch(
             " branch; add damping and a drive, or call mbdae.periodic for each value"
         )
     points, bifurcations, message = path.run(begin)
-    unit = parameter_units(maker, [name]).get(name, "")
+    unit = parameter_units(factory, [name]).get(name, "")
     return Branch(name, tuple(points), tuple(bifurcations), message, path, unit)
 
 

@@ -28,7 +28,7 @@ from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.equations.symmetry import Symmetry
 from ...system import Array
 from ...tolerances import EVALUATION_ROUNDING, HALF_DIGITS, SMALLEST_PART
-from ..makers import Maker
+from ..factories import MechanismFactory
 from ..path_location import locate
 from .grazing import GrazingMonitor
 from .motion import motion_of
@@ -53,7 +53,7 @@ class BranchPath:
     """The equations of a periodic motion over a parameter.
 
     Args:
-        maker: of the mechanisms.
+        factory: of the mechanisms.
         over: the parameter and its range.
         rest: other parameters, constant.
         options: of the runs.
@@ -61,9 +61,14 @@ class BranchPath:
     """
 
     def __init__(
-        self, maker: Maker, over: Range, rest: Mapping[str, Any], options: Mapping[str, Any], tolerance: float
+        self,
+        factory: MechanismFactory,
+        over: Range,
+        rest: Mapping[str, Any],
+        options: Mapping[str, Any],
+        tolerance: float,
     ) -> None:
-        self.maker, self.over, self.rest, self.options, self.tolerance = maker, over, rest, options, tolerance
+        self.factory, self.over, self.rest, self.options, self.tolerance = factory, over, rest, options, tolerance
 
     def flow(self, value: float, t: float, y: Array, mode: tuple[int, ...] = ()) -> Flow:
         """Return the runs at a value of the parameter, whose derivatives are accurate at a point, in a mode.
@@ -74,7 +79,7 @@ class BranchPath:
         name = self.over.name
 
         def make(values: Mapping[str, float]) -> Any:
-            return self.maker.make({**self.rest, **values})
+            return self.factory.make({**self.rest, **values})
 
         mech = make({name: value})
         q, v, s, _ = np.split(y, np.cumsum([mech.nq, mech.nv, len(mech.states)]))

@@ -23,7 +23,7 @@ from ...mechanism.tree.frames import frame_paths
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COINCIDENT
-from ..makers import FunctionMaker, maker_of
+from ..factories import FunctionFactory, factory_of
 
 _BOUND: WeakKeyDictionary[Mechanism, dict[Any, Parameters]] = WeakKeyDictionary()
 """Cache of the last parameters of a mechanism; their workspaces belong to one thread."""
@@ -32,7 +32,7 @@ CHECKS = 9  # points of a run at which parameters are checked
 HALVINGS = 16  # of a step whose ends differ in a direction by more than 90 degrees: the interpolant has no more digits
 
 Names = Sequence[str] | Mapping[str, float]
-Model = Any  # str | Path | Maker | Callable[..., Mechanism] | None
+Model = Any  # str | Path | MechanismFactory | Callable[..., Mechanism] | None
 
 
 class MechanismFactory(Protocol):
@@ -121,7 +121,7 @@ def _cached_parameters(sol: Solution, names: Names, model: Model) -> Parameters:
     key = get_ident(), t, float(sol.nodes[0][-1]), sol.mode(0), repr(names)
     if model is None and key in _BOUND.get(mech, {}):
         return _BOUND[mech][key]
-    parameters = _bound(sol, names, maker_of(mech if model is None else model))
+    parameters = _bound(sol, names, factory_of(mech if model is None else model))
     if isinstance(names, Mapping) or model is not None:
         _require_same_motion(parameters.mech, sol)
     if parameters.mech.ng:
@@ -158,7 +158,7 @@ def named_values(make: MechanismFactory, names: Names) -> dict[str, float]:
         if name in listed[:i]:
             raise InputError(f"parameter {name!r} is named twice")
     if isinstance(names, Mapping):
-        if isinstance(make, FunctionMaker):
+        if isinstance(make, FunctionFactory):
             make.check(names)
         return {name: _value(name, value) for name, value in names.items()}
     if not isinstance(make, Template):

@@ -22,7 +22,7 @@ from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...mechanism.formats.mechanism_file.parametric import split as split_name
 from ...mechanism.imported_model import not_carried_over
 from ...solution.provenance import versions
-from ..makers import Maker, Model, model_title
+from ..factories import MechanismFactory, Model, model_title
 from ..workers import pool
 from .fingerprint import fingerprint
 from .outputs import Output, check, label, parse
@@ -168,7 +168,7 @@ def _meta(job: Job, plan: Sequence[Task], mech: Mechanism, known: Mapping[str, s
     numbers, samples = ([w.text for w in wanted if bool(w.reduction) is scalar] for scalar in (True, False))
     kinds = column_kinds(plan, numbers, samples)
     numeric = [n for n in names(plan) if kinds.get(n) in ("float", "int") and not n.startswith(SOLVE)]
-    of_columns = parameter_units(job.maker, numeric) | {w.text: w.unit(known) for w in wanted}
+    of_columns = parameter_units(job.factory, numeric) | {w.text: w.unit(known) for w in wanted}
     return {
         "manifest": _manifest(job, plan, mech),
         "kinds": kinds,
@@ -225,25 +225,25 @@ def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
     check_settings(sorted({name.removeprefix(SOLVE) for name in names(plan) if name.startswith(SOLVE)}))
     for formulation, method in dict.fromkeys(_method(job, task) for task in plan):
         find_method(formulation, method)
-    mech = _first_made(job.maker, plan)
+    mech = _first_made(job.factory, plan)
     if mech.remarks:
         warnings.warn(not_carried_over(mech.title, mech.remarks), stacklevel=3)
     return mech
 
 
-def _first_made(maker: Maker, plan: Sequence[Task]) -> Mechanism:
+def _first_made(factory: MechanismFactory, plan: Sequence[Task]) -> Mechanism:
     """Check the names of all runs, or of some if all have the same; return the first mechanism that can be made."""
     checked = set[tuple[str, ...]]()
     mech, problem = None, ""
     sample = [*plan[:TRIALS], *plan[TRIALS :: max(1, len(plan) // TRIALS)]]
     for task in sample if len({tuple(t.values) for t in plan}) == 1 else plan:
-        values, _ = split(task.values, maker, task.seed)
+        values, _ = split(task.values, factory, task.seed)
         if mech is not None and tuple(values) in checked:
             continue
         try:
-            maker.check(values, (f"{SOLVE} ...",))
+            factory.check(values, (f"{SOLVE} ...",))
             checked.add(tuple(values))
-            mech = mech or _made(maker, values)
+            mech = mech or _made(factory, values)
         except UnknownNameError:
             raise
         except Exception as e:
@@ -253,9 +253,9 @@ def _first_made(maker: Maker, plan: Sequence[Task]) -> Mechanism:
     return mech
 
 
-def _made(maker: Maker, values: dict[str, Any]) -> Mechanism:
+def _made(factory: MechanismFactory, values: dict[str, Any]) -> Mechanism:
     try:
-        return maker.make(values)
+        return factory.make(values)
     except UnknownNameError as e:  # a value may be a name, for instance of a frame
         raise InputError(str(e)) from e
 

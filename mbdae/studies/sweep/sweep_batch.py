@@ -88,7 +88,7 @@ def _groups(job: Job, tasks: Sequence[Task]) -> list[tuple[dict[str, Any], list[
     """
     found = dict[tuple, tuple[dict[str, Any], list[_Start]]]()
     for i, task in enumerate(tasks):
-        values, settings = split(task.values, job.maker, task.seed)
+        values, settings = split(task.values, job.factory, task.seed)
         try:
             start = _Start(i, *job.varied_starts.make(values))
             mech = start.mech

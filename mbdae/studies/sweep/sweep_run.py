@@ -15,7 +15,7 @@ from ...integrate.run.whole_runs import COUNTS
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...solution.signals import units
-from ..makers import Maker, Model, maker_of
+from ..factories import MechanismFactory, Model, factory_of
 from ..varied_starts import VariedStarts
 from ..workers import Stop, stop_check
 from .outputs import Output, evaluate, parse
@@ -53,17 +53,17 @@ class Job:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave mechanisms and their factory out of what is sent to other processes."""
-        return {name: x for name, x in vars(self).items() if name not in ("maker", "varied_starts")}
+        return {name: x for name, x in vars(self).items() if name not in ("factory", "varied_starts")}
 
     @cached_property
-    def maker(self) -> Maker:
+    def factory(self) -> MechanismFactory:
         """Factory of the mechanisms; files are read once for a sweep."""
-        return _kept_maker(self.model, self.key) if self.key else maker_of(self.model)
+        return _kept_factory(self.model, self.key) if self.key else factory_of(self.model)
 
     @cached_property
     def varied_starts(self) -> VariedStarts:
         """Mechanisms with their points at the start."""
-        return VariedStarts(self.maker, lambda mech: self.span(mech)[0])
+        return VariedStarts(self.factory, lambda mech: self.span(mech)[0])
 
     def span(self, mech: Mechanism) -> tuple[float, float]:
         """Return start and end in s."""
@@ -76,16 +76,16 @@ class Job:
         return None if self.times is None else np.array(self.times)
 
 
-def split(values: Mapping[str, object], maker: Maker, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+def split(values: Mapping[str, object], factory: MechanismFactory, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return values for the mechanism, with the run's seed if it has that parameter, and settings of `mbdae.solve`."""
     settings = {n.removeprefix(SOLVE): x for n, x in values.items() if n.startswith(SOLVE)}
     parameters = {n: x for n, x in values.items() if not n.startswith(SOLVE)}
-    return ({"seed": seed, **parameters} if "seed" in maker.parameters else parameters), settings
+    return ({"seed": seed, **parameters} if "seed" in factory.parameters else parameters), settings
 
 
 @lru_cache(4)
-def _kept_maker(model: Any, key: str) -> Maker:
-    return maker_of(model)
+def _kept_factory(model: Any, key: str) -> MechanismFactory:
+    return factory_of(model)
 
 
 def run(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
@@ -110,8 +110,8 @@ def run(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
 
 
 def _solved(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
-    values, settings = split(task.values, job.maker, task.seed)
-    mech = job.maker.make(values)
+    values, settings = split(task.values, job.factory, task.seed)
+    mech = job.factory.make(values)
     times = job.sample_times(mech)
     sol = solve(mech, job.span(mech), t_eval=times, progress=stop_check(stop), **{**job.settings, **settings})
     row = {"status": sol.status, "message": sol.message, "t": float(sol.nodes[0][-1])}
@@ -131,15 +131,15 @@ def known_signals(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, 
     Mechanisms that differ in numbers with decimals alone have the same signals.
     """
     wanted = {parse(x).signal for x in job.outputs if isinstance(x, str)}
-    maker, known, tried = job.maker, units(mech) if wanted else {}, set[str]()
+    factory, known, tried = job.factory, units(mech) if wanted else {}, set[str]()
     for task in plan:
         if wanted <= known.keys():
             break
-        values, _ = split(task.values, maker, task.seed)
+        values, _ = split(task.values, factory, task.seed)
         kind = repr([(name, x) for name, x in values.items() if not isinstance(x, float | list)])
         if kind not in tried:
             with suppress(Exception):  # the row of the run has the message
-                known |= units(maker.make(values))
+                known |= units(factory.make(values))
                 tried.add(kind)
     return known
 

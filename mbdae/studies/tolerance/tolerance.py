@@ -9,11 +9,11 @@ from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...system import Array
+from ..factories import factory_of
 from ..kinematics.curve_derivatives import CurveSignals
 from ..kinematics.driven_mechanism import Hold, driven_mechanism
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
-from ..makers import maker_of
 from ..sensitivity.run_parameters import MechanismFactory, named_values
 from .clearances import displacements
 from .dimension_patterns import expand_patterns
@@ -83,7 +83,7 @@ def tolerance(
     """
     sizes, gaps = _positive("tolerance", parameters), _positive("clearance", clearances)
     _check(sizes, gaps, sigmas)
-    make = maker_of(model)
+    make = factory_of(model)
     sizes, matched = expand_patterns(make, sizes)
     nominal = _nominal(make, sizes, values)
     mech = model if isinstance(model, Mechanism) and values is None else make.make(nominal)

@@ -11,7 +11,7 @@ from mbdae import Driver, JointDamping, JointTorque, Mechanism
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.equations.invariance import MotionPoint, symmetries_of
 from mbdae.mechanism.time_functions.time_functions import Harmonic
-from mbdae.studies.makers import maker_of
+from mbdae.studies.factories import factory_of
 from mbdae.studies.periodic.branch_path import BranchPath, Range
 
 G = 9.81
@@ -200,7 +200,7 @@ def test_multipliers_of_a_sampled_controller_are_those_of_its_discrete_system(se
 def test_the_start_of_a_branch_does_not_follow_a_gain_that_samples_there(servos):
     """Over a gain the first node is given; its torque is that before the instant."""
     over = Range("force.servo.kp", 9.0, 10.0)
-    flow = BranchPath(maker_of(servos[1]), over, {}, {"method": "pherk6", "rtol": 1e-9}, 1e-7).flow(9.0, 0.0, Y)
+    flow = BranchPath(factory_of(servos[1]), over, {}, {"method": "pherk6", "rtol": 1e-9}, 1e-7).flow(9.0, 0.0, Y)
     tangent = flow.tangent(flow.run(0.0, Y, 0.05, None), np.zeros((len(Y), 1)), None)
     assert not tangent.start.any()
     assert tangent.fixed[1] == pytest.approx(0.05 * (0.0 - Y[0]), rel=1e-9)

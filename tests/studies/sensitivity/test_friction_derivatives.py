@@ -10,7 +10,7 @@ from frozen import assert_derivative, compare
 import mbdae
 from mbdae import Closure, CoulombFriction, Mechanism
 from mbdae.mechanism.closures.profiles import CircleProfile
-from mbdae.studies.makers import maker_of
+from mbdae.studies.factories import factory_of
 
 
 def planar_body(joints):
@@ -118,7 +118,7 @@ def test_closures_that_depend_on_each_other(name):
 
     @cache
     def run(x):
-        made = maker_of(own).make({name: x})
+        made = factory_of(own).make({name: x})
         return mbdae.solve(made, (0.0, 0.2), step=0.04, method="pherk5", project=True)
 
     sol = mbdae.solve(own, (0.0, 0.2), step=0.04, method="pherk5", project=True)

@@ -118,7 +118,7 @@ def test_a_start_at_another_velocity_closes_the_same_position():
     mech = mbdae.load("slider_crank")
     first = mech.start[0].copy()
     mech.start[0][:] = np.nan  # a user's change does not reach the variants
-    template = sweep_batch.Job("slider_crank").maker
+    template = sweep_batch.Job("slider_crank").factory
     slow, fast = (template.make({"start.v.crank": x}) for x in (1.0, 2.0))
     for variant in (slow, fast):
         np.testing.assert_array_equal(variant.start[0], first)

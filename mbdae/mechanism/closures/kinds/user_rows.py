@@ -28,24 +28,25 @@ Names = Annotated[tuple[str, ...], BeforeValidator(lambda x: (x,) if isinstance(
 class UserRows(BetweenJoints):
     """Rows 0 = g(q), or 0 = G(q) v, from a Python function of the coordinates of some joints.
 
-    q are the coordinates of the joints in order, as in a configuration (cos and sin for an unbounded joint; x, y, z and
+    q are the coordinates of the joints in order, as in a configuration (cos and sin for a continuous joint; x, y, z and
     a quaternion for a free one), and n is the number of their velocities. For one row
 
         position: function(q) -> (g, G), a number and (n,), d/dt g = G v
         velocity: function(q) -> G, (n,)
 
-    and for ``size`` rows g (size,), G (size, n). Rows are smooth. Multipliers are in N or N m, consistent with G^T lam.
+    and for ``size`` rows g (size,), G (size, n). The function is smooth. A multiplier is
+    in J per unit of g: N for g in m, N m for g in rad.
 
     Attributes:
         joints: names of the joints.
-        function: as above. A saved solution records only the name; operations that need values fail there.
-        partials: q -> dG/dq, (n, n) or (size, n, n), [.., j, k] the change of G_j along velocity k; central differences
-            of the function when left out, good to about 1e-12.
+        function: as above. A loaded solution has only its name: operations that evaluate it fail.
+        partials: q -> dG/dq, (n, n) or (size, n, n), [.., j, k] the derivative of G_j along velocity k; by central
+            differences when left out, to about 1e-12.
         size: number of rows.
-        velocity: velocity rows only.
+        velocity: whether the rows are nonholonomic, 0 = G(q) v.
 
     Raises:
-        InputError: for wrong values; when a start is assembled, if G is not the derivative of g.
+        InputError: for wrong values; at the first evaluation, if G is not the derivative of g.
     """
 
     kind: Literal["rows"] = "rows"

@@ -1,4 +1,4 @@
-"""Points at the starts of variants of a mechanism that differ in start values alone."""
+"""Initial points of variants of a mechanism that differ only in start values."""
 
 from collections.abc import Mapping
 from math import isfinite
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 class _Entry(NamedTuple):
     """Index of a start value in q or v."""
 
-    of_v: bool
-    at: int
+    is_velocity: bool
+    place: int
 
 
-class StartPoints:
-    """Points of a mechanism for other values of some of its start values, each with the bits of a new variant.
+class InitialPoints:
+    """Initial points of a mechanism for other start values, each with the bits of that of a new variant.
 
     Args:
-        mech: the mechanism; the values of its start that change are among them.
-        names: of start values of joints with one coordinate, ``v.crank``.
+        mech: the mechanism; its file or variant gives these start values, too.
+        names: of the start values that change, ``v.crank``; joints have one coordinate.
         t: time of the start in s.
     """
 
@@ -39,16 +39,16 @@ class StartPoints:
         self.estimate: InitialEstimate | None = start_estimate(mech) if simple else None
 
     def at(self, values: Mapping[str, Any]) -> Array | None:
-        """Return the point (n,) for values in the order of their names; None where a new variant must be made.
+        """Return the point (n,) for values in the order of ``names``; None where a new variant must be made.
 
         Raises:
-            AssemblyError: if it cannot be made consistent.
+            AssemblyError: if no consistent point is found.
         """
         if self.estimate is None or not all(type(x) in (int, float) and isfinite(x) for x in values.values()):
             return None
         q, v = self.estimate.q.copy(), self.estimate.v.copy()
         for entry, x in zip(self.entries, values.values(), strict=True):
-            (v if entry.of_v else q)[entry.at] = x
+            (v if entry.is_velocity else q)[entry.place] = x
         found = assemble_from(self.mech, self.estimate._replace(q=q, v=v), self.t)
         return np.concatenate([found.q, found.v, self.states])
 

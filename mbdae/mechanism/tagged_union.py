@@ -1,6 +1,6 @@
-"""Unions of tables that their ``kind`` tells apart; the schema of a kind is built when the kind first occurs.
+"""Discriminated unions of tables, tagged by ``kind``; the schema of a kind is built when the kind first occurs.
 
-A process uses a few of all kinds, and pydantic takes milliseconds to build the schema of each.
+A process uses only a few of the kinds, and pydantic takes milliseconds to build the schema of each.
 """
 
 from typing import Annotated, Any, get_args
@@ -12,18 +12,18 @@ from pydantic_core import CoreSchema, core_schema
 from .checked_table import Table
 
 
-class OfKind:
-    """Annotation of a union of tables, ``Annotated[Union[PointMass, Rod], OfKind()]``."""
+class TaggedByKind:
+    """Annotation of a union of tables, ``Annotated[Union[PointMass, Rod], TaggedByKind()]``."""
 
     def __get_pydantic_core_schema__(self, union: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        choices = {c.model_fields["kind"].default: Annotated[c, _Late(c)] for c in get_args(union)}
+        choices = {c.model_fields["kind"].default: Annotated[c, _LazySchema(c)] for c in get_args(union)}
         return core_schema.tagged_union_schema(
             {kind: handler.generate_schema(choice) for kind, choice in choices.items()}, "kind"
         )
 
 
-class _Late:
-    """Annotation of a table that has its own validator."""
+class _LazySchema:
+    """Annotation that leaves a table to its own validator, which is built on first use."""
 
     def __init__(self, table: type[Table]) -> None:
         self.table = table
@@ -34,8 +34,8 @@ class _Late:
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         self.table.model_rebuild()
-        own = self.table.__pydantic_core_schema__
-        return handler(core_schema.definitions_schema(own, []))  # a reference to its definition, not the definition
+        schema_of_table = self.table.__pydantic_core_schema__
+        return handler(core_schema.definitions_schema(schema_of_table, []))  # a reference to its definition
 
 
 def _dump(table: Table, info: SerializationInfo) -> Any:

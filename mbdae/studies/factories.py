@@ -1,4 +1,4 @@
-"""Factories of mechanisms with other values of their parameters: files, mechanisms that were loaded, functions."""
+"""Factories of mechanisms with other values of their parameters: files, loaded mechanisms, functions."""
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
@@ -14,32 +14,32 @@ from ..mechanism.formats.mechanism_file.template import START, Template, check_s
 Model = str | Path | Mechanism | Callable[..., Mechanism]
 
 
-class Maker(Protocol):
-    """Factory of the mechanisms of a sweep."""
+class MechanismFactory(Protocol):
+    """Factory of mechanisms for values of their parameters."""
 
     parameters: tuple[str, ...]
 
     def check(self, values: Mapping[str, object], others: Sequence[str] = ()) -> None:
-        """Reject unknown names; ``others`` are further valid ones, for messages."""
+        """Reject unknown names; ``others`` are valid elsewhere, and named in messages."""
 
     def make(self, values: Mapping[str, object]) -> Mechanism:
         """Return the mechanism with these values."""
 
 
-class FunctionMaker:
-    """Factory from a user's function: its arguments are the parameters, besides start values."""
+class FunctionFactory:
+    """Factory from a user's function: its arguments are the parameters, and so are start values."""
 
     def __init__(self, function: Callable[..., Mechanism]) -> None:
         self.function, self.name = function, function_name(function)
         try:
             found = inspect.signature(function).parameters.values()
         except (TypeError, ValueError):  # for a function written in C
-            raise InputError(f"model {self.name!r} has no known parameters: give a Python function") from None
+            raise InputError(f"model {self.name!r} has no readable signature: give a Python function") from None
         self.parameters = tuple(p.name for p in found if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
         self.any = any(p.kind == p.VAR_KEYWORD for p in found)
 
     def check(self, values: Mapping[str, object], others: Sequence[str] = ()) -> None:
-        """See `Maker`."""
+        """See `MechanismFactory`."""
         start = [name for name in values if name.startswith(START)]
         for name in values:
             if not (name in self.parameters or name in start or (self.any and name.isidentifier())):
@@ -50,7 +50,7 @@ class FunctionMaker:
                 check_start(mech, name)
 
     def make(self, values: Mapping[str, object]) -> Mechanism:
-        """See `Maker`."""
+        """See `MechanismFactory`."""
         start = {name: x for name, x in values.items() if name.startswith(START)}
         arguments = {name: x for name, x in values.items() if name not in start}
 
@@ -62,14 +62,14 @@ class FunctionMaker:
         return with_start(mech, start)
 
 
-def maker_of(model: Any) -> Maker:
-    """Return the factory of the mechanisms of a model; a factory itself is returned.
+def factory_of(model: Any) -> MechanismFactory:
+    """Return the factory of the mechanisms of a model; a factory is returned unchanged.
 
     Args:
         model: a mechanism that was loaded, an argument of `mbdae.load`, or a function that returns a Mechanism.
 
     Raises:
-        UnknownNameError, InputError: as `mbdae.load`, and for any other argument.
+        UnknownNameError, InputError: as raised by `mbdae.load`; InputError for any other argument, too.
     """
     if isinstance(model, Mechanism):
         return LoadedModel(model)
@@ -79,7 +79,7 @@ def maker_of(model: Any) -> Maker:
         return model  # type: ignore[no-any-return]
     if not callable(model):
         raise InputError(f"a model is a Mechanism, a name, a path or a function that returns one, got {model!r:.60}")
-    return FunctionMaker(model)
+    return FunctionFactory(model)
 
 
 def model_title(model: Model) -> str:

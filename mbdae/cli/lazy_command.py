@@ -1,4 +1,4 @@
-"""Commands whose options are made when they are needed: each process calls one command, and lists all of them."""
+"""Commands whose options are made on first use: a process registers all commands, but calls only one."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,11 +6,12 @@ from typing import Any
 import click
 
 
-class LateCommand(click.Command):
-    """A command that gets its options when it is called, or when its help or a completion needs them.
+class LazyCommand(click.Command):
+    """A command whose options are made when it is called, or when its help or shell completion needs them.
 
     Args:
-        add_options: returns the callback with the options of the command, like decorators of click.
+        add_options: adds the options of the command to its callback, like decorators of click.
+        callback: the function of the command.
         settings: as for `click.Command`.
     """
 
