@@ -17,13 +17,17 @@ Model = str | Path | Mechanism | Callable[..., Mechanism]
 class MechanismFactory(Protocol):
     """Factory of mechanisms for values of their parameters."""
 
+    def make(self, values: Mapping[str, object]) -> Mechanism:
+        """Return the mechanism with these values."""
+
+
+class ParametricFactory(MechanismFactory, Protocol):
+    """A factory that knows the names of its parameters."""
+
     parameters: tuple[str, ...]
 
     def check(self, values: Mapping[str, object], others: Sequence[str] = ()) -> None:
         """Reject unknown names; ``others`` are valid elsewhere, and named in messages."""
-
-    def make(self, values: Mapping[str, object]) -> Mechanism:
-        """Return the mechanism with these values."""
 
 
 class FunctionFactory:
@@ -39,7 +43,7 @@ class FunctionFactory:
         self.any = any(p.kind == p.VAR_KEYWORD for p in found)
 
     def check(self, values: Mapping[str, object], others: Sequence[str] = ()) -> None:
-        """See `MechanismFactory`."""
+        """See `ParametricFactory`."""
         start = [name for name in values if name.startswith(START)]
         for name in values:
             if not (name in self.parameters or name in start or (self.any and name.isidentifier())):
@@ -50,7 +54,7 @@ class FunctionFactory:
                 check_start(mech, name)
 
     def make(self, values: Mapping[str, object]) -> Mechanism:
-        """See `MechanismFactory`."""
+        """See `ParametricFactory`."""
         start = {name: x for name, x in values.items() if name.startswith(START)}
         arguments = {name: x for name, x in values.items() if name not in start}
 
@@ -62,7 +66,7 @@ class FunctionFactory:
         return with_start(mech, start)
 
 
-def factory_of(model: Any) -> MechanismFactory:
+def factory_of(model: Any) -> ParametricFactory:
     """Return the factory of the mechanisms of a model; a factory is returned unchanged.
 
     Args:

@@ -7,7 +7,7 @@ from ..mechanism import Mechanism
 from ..mechanism.assembly.initial_points import InitialPoints
 from ..mechanism.formats.mechanism_file.template import CACHE_SIZE, START, Template
 from ..system import Array
-from .factories import MechanismFactory
+from .factories import ParametricFactory
 
 
 class VariedStarts:
@@ -18,7 +18,7 @@ class VariedStarts:
         start_time: returns the start time of a mechanism in s.
     """
 
-    def __init__(self, factory: MechanismFactory, start_time: Callable[[Mechanism], float]) -> None:
+    def __init__(self, factory: ParametricFactory, start_time: Callable[[Mechanism], float]) -> None:
         self.factory, self.start_time = factory, start_time
         self.shared = dict[str, tuple[Mechanism, InitialPoints]]()
 

@@ -15,7 +15,7 @@ from ...integrate.run.run_state import RunState
 from ...integrate.run.whole_runs import COUNTS, WholeRuns, calls_python, complete_runs, consistent_starts
 from ...mechanism import Mechanism
 from ...system import Array
-from ..factories import MechanismFactory
+from ..factories import ParametricFactory
 from ..final_signals import signals_at_end, why_not_in_core
 from ..varied_starts import VariedStarts
 from ..workers import StopFlag
@@ -121,7 +121,7 @@ class EnsembleJob:
         calls_python: whether a run that is left to `mbdae.solve` calls functions of Python.
     """
 
-    source: Mechanism | MechanismFactory
+    source: Mechanism | ParametricFactory
     t_span: Any
     starts: Starts
     parameters: dict[str, Array]

@@ -11,7 +11,7 @@ from ...errors import InputError, MbdaeError, UnknownNameError, as_list, require
 from ...mechanism import Mechanism
 from ...solution.signals import find, units
 from ...system import Array
-from ..factories import MechanismFactory, Model, factory_of
+from ..factories import Model, ParametricFactory, factory_of
 from ..sweep.sweep_run import NOT_SETTINGS, check_settings
 from ..workers import pool
 from .batch import EnsembleJob, Results, Starts, batches, run_batch
@@ -119,7 +119,7 @@ def _columns(parameters: Mapping[str, Any] | None) -> dict[str, Array]:
     return out
 
 
-def _source(model: object, values: dict[str, Array]) -> Mechanism | MechanismFactory:
+def _source(model: object, values: dict[str, Array]) -> Mechanism | ParametricFactory:
     """Return the mechanism, or its factory for several values of its parameters.
 
     Raises:
@@ -131,7 +131,7 @@ def _source(model: object, values: dict[str, Array]) -> Mechanism | MechanismFac
     return factory if values else factory.make({})
 
 
-def _first_made(factory: MechanismFactory, values: dict[str, Array]) -> Mechanism:
+def _first_made(factory: ParametricFactory, values: dict[str, Array]) -> Mechanism:
     """Return the first mechanism that can be made.
 
     Raises:

@@ -25,8 +25,8 @@ from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
 from ...system import Array
 from ...tolerances import COARSE, INPUT_DIGITS, SEARCH_TOLERANCE, VISIBLE
-from ..factories import factory_of
-from ..sensitivity.run_parameters import MechanismFactory, named_values, progress_reporter, reals, scaled
+from ..factories import MechanismFactory, factory_of
+from ..sensitivity.run_parameters import named_values, progress_reporter, reals, scaled
 from ..sweep.sweep_run import check_settings
 from .data import records
 from .fit_residuals import FitResiduals

@@ -15,7 +15,8 @@ from ...mechanism import Mechanism
 from ...solution.signals import signals as computed_signals
 from ...solution.solution import Solution, uninterrupted
 from ...system import Array
-from ..sensitivity.run_parameters import MechanismFactory, VaryingParameters
+from ..factories import MechanismFactory
+from ..sensitivity.run_parameters import VaryingParameters
 from ..sensitivity.sensitivity import trajectory_sensitivity
 from .data import Recording
 

@@ -15,13 +15,14 @@ from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...solution.solution import Solution, uninterrupted
 from ...system import Array
+from ..factories import MechanismFactory
 from ..kinematics.curve_derivatives import CurveSignals, require_monotonic
 from ..kinematics.driven_mechanism import driven_mechanism
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
 from ..sensitivity.cost import Cost, NamedCost, cost_name, evaluated
 from ..sensitivity.gradient import RunCost, adjoint_gradients, run_cost
-from ..sensitivity.run_parameters import MechanismFactory, VaryingParameters
+from ..sensitivity.run_parameters import VaryingParameters
 from ..sweep.sweep_run import check_settings
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from ...errors import InputError, MbdaeError, UnknownNameError, require
 from ...mechanism.discrete_sensitivity.parameter_direction import SMALL
 from ...system import Array
-from ..sensitivity.run_parameters import MechanismFactory, entries, reals, scaled
+from ..factories import MechanismFactory
+from ..sensitivity.run_parameters import entries, reals, scaled
 
 
 def require_within_bounds(start: Mapping[str, float], box: Mapping[str, tuple[float, float]]) -> None:

@@ -28,7 +28,7 @@ from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.equations.symmetry import Symmetry
 from ...system import Array
 from ...tolerances import EVALUATION_ROUNDING, HALF_DIGITS, SMALLEST_PART
-from ..factories import MechanismFactory
+from ..factories import ParametricFactory
 from ..path_location import locate
 from .grazing import GrazingMonitor
 from .motion import motion_of
@@ -62,7 +62,7 @@ class BranchPath:
 
     def __init__(
         self,
-        factory: MechanismFactory,
+        factory: ParametricFactory,
         over: Range,
         rest: Mapping[str, Any],
         options: Mapping[str, Any],

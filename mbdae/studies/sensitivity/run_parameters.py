@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from numbers import Real
 from threading import get_ident
-from typing import Any, Protocol
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -23,7 +23,7 @@ from ...mechanism.tree.frames import frame_paths
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COINCIDENT
-from ..factories import FunctionFactory, factory_of
+from ..factories import FunctionFactory, MechanismFactory, factory_of
 
 _BOUND: WeakKeyDictionary[Mechanism, dict[Any, Parameters]] = WeakKeyDictionary()
 """Cache of the last parameters of a mechanism; their workspaces belong to one thread."""
@@ -33,13 +33,6 @@ HALVINGS = 16  # of a step whose ends differ in a direction by more than 90 degr
 
 Names = Sequence[str] | Mapping[str, float]
 Model = Any  # str | Path | MechanismFactory | Callable[..., Mechanism] | None
-
-
-class MechanismFactory(Protocol):
-    """Factory of mechanisms with given parameters."""
-
-    def make(self, values: Mapping[str, object]) -> Mechanism:
-        """Return the mechanism with these values."""
 
 
 class VaryingParameters:

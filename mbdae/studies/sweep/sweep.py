@@ -22,7 +22,7 @@ from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...mechanism.formats.mechanism_file.parametric import split as split_name
 from ...mechanism.imported_model import not_carried_over
 from ...solution.provenance import versions
-from ..factories import MechanismFactory, Model, model_title
+from ..factories import Model, ParametricFactory, model_title
 from ..workers import pool
 from .fingerprint import fingerprint
 from .outputs import Output, check, label, parse
@@ -231,7 +231,7 @@ def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
     return mech
 
 
-def _first_made(factory: MechanismFactory, plan: Sequence[Task]) -> Mechanism:
+def _first_made(factory: ParametricFactory, plan: Sequence[Task]) -> Mechanism:
     """Check the names of all runs, or of some if all have the same; return the first mechanism that can be made."""
     checked = set[tuple[str, ...]]()
     mech, problem = None, ""
@@ -253,7 +253,7 @@ def _first_made(factory: MechanismFactory, plan: Sequence[Task]) -> Mechanism:
     return mech
 
 
-def _made(factory: MechanismFactory, values: dict[str, Any]) -> Mechanism:
+def _made(factory: ParametricFactory, values: dict[str, Any]) -> Mechanism:
     try:
         return factory.make(values)
     except UnknownNameError as e:  # a value may be a name, for instance of a frame

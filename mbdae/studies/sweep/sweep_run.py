@@ -15,7 +15,7 @@ from ...integrate.run.whole_runs import COUNTS
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...solution.signals import units
-from ..factories import MechanismFactory, Model, factory_of
+from ..factories import Model, ParametricFactory, factory_of
 from ..varied_starts import VariedStarts
 from ..workers import Stop, stop_check
 from .outputs import Output, evaluate, parse
@@ -56,7 +56,7 @@ class Job:
         return {name: x for name, x in vars(self).items() if name not in ("factory", "varied_starts")}
 
     @cached_property
-    def factory(self) -> MechanismFactory:
+    def factory(self) -> ParametricFactory:
         """Factory of the mechanisms; files are read once for a sweep."""
         return _kept_factory(self.model, self.key) if self.key else factory_of(self.model)
 
@@ -76,7 +76,7 @@ class Job:
         return None if self.times is None else np.array(self.times)
 
 
-def split(values: Mapping[str, object], factory: MechanismFactory, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+def split(values: Mapping[str, object], factory: ParametricFactory, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return values for the mechanism, with the run's seed if it has that parameter, and settings of `mbdae.solve`."""
     settings = {n.removeprefix(SOLVE): x for n, x in values.items() if n.startswith(SOLVE)}
     parameters = {n: x for n, x in values.items() if not n.startswith(SOLVE)}
@@ -84,7 +84,7 @@ def split(values: Mapping[str, object], factory: MechanismFactory, seed: int) ->
 
 
 @lru_cache(4)
-def _kept_factory(model: Any, key: str) -> MechanismFactory:
+def _kept_factory(model: Any, key: str) -> ParametricFactory:
     return factory_of(model)
 
 

@@ -9,12 +9,12 @@ from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...system import Array
-from ..factories import factory_of
+from ..factories import MechanismFactory, factory_of
 from ..kinematics.curve_derivatives import CurveSignals
 from ..kinematics.driven_mechanism import Hold, driven_mechanism
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
-from ..sensitivity.run_parameters import MechanismFactory, named_values
+from ..sensitivity.run_parameters import named_values
 from .clearances import displacements
 from .dimension_patterns import expand_patterns
 from .influences import influences

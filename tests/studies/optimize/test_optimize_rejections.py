@@ -192,7 +192,7 @@ def other(length):
 MODELS = [
     (other, {"length": 1.0}, MbdaeError, r"model 'other' failed at length = 1\.0: ValueError: no such length"),
     (other, {"width": 1.0}, UnknownNameError, "unknown parameter of other 'width'.*valid: length"),
-    (dict, {"length": 1.0}, InputError, "model 'dict' has no known parameters"),
+    (dict, {"length": 1.0}, InputError, "model 'dict' has no readable signature"),
 ]  # fmt: skip
 
 

@@ -77,7 +77,7 @@ MODELS = [
     (other, {"mass": 2.0}, MbdaeError, r"model 'other' failed at mass = 2\.0: TypeError: .*length"),
     (moved, {"length": 2.0}, UnknownNameError, "unknown parameter of moved 'length'.*valid: mass"),
     (moved, ["mass"], InputError, "given as name = value"),
-    (int, {"mass": 2.0}, InputError, "model 'int' has no known parameters"),
+    (int, {"mass": 2.0}, InputError, "model 'int' has no readable signature"),
 ]  # fmt: skip
 
 
