@@ -1,7 +1,9 @@
 """Initial points of the runs of a sweep or an ensemble: those that differ only in start values share a mechanism."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 from ..mechanism import Mechanism
 from ..mechanism.assembly.initial_points import InitialPoints
@@ -28,19 +30,35 @@ class VariedStarts:
             return []
         return [name for name in values if name.startswith(START) and name not in self.factory.parameters]
 
-    def make(self, values: Mapping[str, object]) -> tuple[Mechanism, Array]:
-        """Return a mechanism with these parameters and its initial point; a shared one has other start values.
+    def make(self, runs: Sequence[Mapping[str, object]]) -> Iterator[tuple[Mechanism, Array] | Exception]:
+        """Yield a mechanism with the parameters of each run and its initial point, or the exception that prevents it.
 
-        Raises:
-            UnknownNameError, InputError, AssemblyError: as raised by the factory, and by `Mechanism.start_at`.
+        A shared mechanism has the start values of its first run. Points are computed together from the second run on.
         """
-        start = {name: values[name] for name in self.names(values)}
-        if not start:
-            return self._made(values)
-        key = json.dumps([list(start), {n: x for n, x in values.items() if n not in start}])
-        mech, points = self.shared.get(key) or self._share(key, values, start)
-        point = points.at(start)
-        return self._made(values) if point is None else (mech, point)
+        keys, alike, ahead = [*map(self._key, runs)], defaultdict[str, list[int]](list), dict[int, Any]()
+        for i, key in enumerate(keys):
+            alike[key].append(i)
+        for i, key in enumerate(keys):
+            if key and i in (group := alike[key])[:2]:
+                part = group[:1] if i == group[0] else group[1:]
+                ahead |= self._points(key, {k: runs[k] for k in part})
+            yield ahead.pop(i, None) or self._made(runs[i])
+
+    def _key(self, values: Mapping[str, object]) -> str:
+        """Return what runs that share a mechanism have in common; "" for a run without start values."""
+        names = self.names(values)
+        return json.dumps([names, {n: x for n, x in values.items() if n not in names}]) if names else ""
+
+    def _points(self, key: str, runs: Mapping[int, Mapping[str, object]]) -> dict[int, tuple[Mechanism, Array]]:
+        """Return the shared mechanism and initial points of runs, without those that need their own mechanism."""
+        first = next(iter(runs.values()))
+        names = self.names(first)
+        try:
+            mech, points = self.shared.get(key) or self._share(key, first, names)
+            found = points.at([{name: values[name] for name in names} for values in runs.values()])
+        except Exception:  # their own mechanisms cannot be made, either
+            return {}
+        return {i: (mech, point) for i, point in zip(runs, found, strict=True) if point is not None}
 
     def _share(self, key: str, values: Mapping[str, object], start: Iterable[str]) -> tuple[Mechanism, InitialPoints]:
         if len(self.shared) >= CACHE_SIZE:
@@ -49,6 +67,9 @@ class VariedStarts:
         points = InitialPoints(mech, tuple(name.removeprefix(START) for name in start), self.start_time(mech))
         return self.shared.setdefault(key, (mech, points))
 
-    def _made(self, values: Mapping[str, object]) -> tuple[Mechanism, Array]:
-        mech = self.factory.make(values)
-        return mech, mech.point(t=self.start_time(mech))
+    def _made(self, values: Mapping[str, object]) -> tuple[Mechanism, Array] | Exception:
+        try:
+            mech = self.factory.make(values)
+            return mech, mech.point(t=self.start_time(mech))
+        except Exception as e:
+            return e

@@ -28,7 +28,7 @@ VALUES = ARRAYS | Mapping | None
 
 
 class InitialEstimate(NamedTuple):
-    """A state q (nq,), v (nv,) from which assembly starts.
+    """A state q (nq,), v (nv,), or several velocities (k, nv), from which assembly starts.
 
     Tangent indices of its coordinates that are fixed, (n,) each, and of modes of flexible bodies that are held, (n,)
     each, where loops close without them.
@@ -85,10 +85,10 @@ def _initial_estimate(
 
 
 def assemble_from(mech: "Mechanism", at: InitialEstimate, t: float) -> Assembled:
-    """Return the consistent state near an initial estimate.
+    """Return the consistent state near an initial estimate; for velocities (k, nv), those of all, (k, nv).
 
     Raises:
-        AssemblyError: as `assemble`.
+        AssemblyError: as `assemble`, if one of them cannot be made consistent.
     """
     for driver in mech.drivers:
         driver.check(t)

@@ -31,29 +31,30 @@ class ClosedVelocities:
         self._change: Callable[[Array], Array] | None = None
 
     def closest(self, system: "Index2System", v: Array) -> Array:
-        """Return the velocity closest to v in the mass metric with G v + g_t = 0.
+        """Return the velocities closest to v (.., nv) in the mass metric with G v + g_t = 0, (.., nv).
 
         Raises:
             AssemblyError: if the fixed velocities contradict the closures.
             InputError: if a massless body makes the mass metric singular.
         """
-        G, g_t, rows = self.G, self.g_t, self.rows
-        residual = G.dot(v) + g_t
+        g_t, rows = self.g_t, self.rows
+        residual = _times(self.G, v) + g_t
         if not np.count_nonzero(residual):
             return v
         if self._change is None:
             self._change = self._least_change(system)
-        speeds = np.linalg.norm(v / self.scales) + np.linalg.norm(g_t / rows)
+        speeds = np.linalg.norm(v / self.scales, axis=-1) + np.linalg.norm(g_t / rows)
         for _ in range(2):  # the second pass removes rounding
             v = v - self._change(residual / rows)
-            residual = G.dot(v) + g_t
-        if not np.linalg.norm(residual / rows) <= AGREEMENT * speeds:
-            mech = system.mechanism
-            raise assembly_error(mech, largest_error(mech, residual, "/s"), self.fixed, "velocity")
+            residual = _times(self.G, v) + g_t
+        is_open = ~(np.linalg.norm(residual / rows, axis=-1) <= AGREEMENT * speeds)
+        if is_open.any():
+            mech, first = system.mechanism, residual.reshape(-1, len(rows))[np.argmax(is_open)]
+            raise assembly_error(mech, largest_error(mech, first, "/s"), self.fixed, "velocity")
         return v
 
     def _least_change(self, system: "Index2System") -> Callable[[Array], Array]:
-        """Return the function of a residual, scaled by rows, whose value (nv,) removes it: the least in the metric."""
+        """Return the function of residuals (.., ng), scaled by rows, whose least values (.., nv) remove them."""
         G, many = self.G[:, self.free], system.ng > MANY_ROWS
         if many:
             M: Any = sparse_inertia(system.model, system.workspace, self.q)[:, self.free][self.free]
@@ -68,7 +69,7 @@ class ClosedVelocities:
         root = np.linalg.solve(U.T, (G / self.rows[:, None]).T).T  # G M^-1/2, as `mass_scaled` but without scipy
         change = np.zeros((system.nv, system.ng))
         change[self.free] = np.linalg.solve(U, np.linalg.pinv(root, rcond=TRUNCATION))
-        return change.dot
+        return partial(_times, change)
 
     def _factor(self, mech: "Mechanism", M: Array) -> Array:
         """Return the upper triangular U with U^T U = M; by numpy, since most runs need nothing else of scipy."""
@@ -82,9 +83,17 @@ class ClosedVelocities:
 
 
 def _sparse_change(G: Any, M: Any, free: Array, nv: int, residual: Array) -> Array:
-    change = np.zeros(nv)
-    change[free] = sparse_least_squares(G, residual, 0.0, M)
+    change = np.zeros((*residual.shape[:-1], nv))
+    for x, r in zip(change.reshape(-1, nv), residual.reshape(-1, residual.shape[-1]), strict=True):
+        x[free] = sparse_least_squares(G, r, 0.0, M)
     return change
+
+
+def _times(A: Any, x: Array) -> Array:
+    """Return A x for a matrix A (m, n) and vectors x (.., n), (.., m): each has the bits of a single product."""
+    if isinstance(A, np.ndarray):
+        return np.matmul(A, x[..., None])[..., 0]
+    return A @ x if x.ndim == 1 else np.array([A @ one for one in x])
 
 
 def _has_positive_pivots(M: Any) -> bool:

@@ -1,12 +1,13 @@
 """Initial points of variants of a mechanism that differ only in start values."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...errors import UnknownNameError
+from ...errors import AssemblyError, UnknownNameError
 from ...system import Array
 from ..tree.frames import find_joint
 from .assembly import InitialEstimate, assemble_from, start_estimate
@@ -37,20 +38,47 @@ class InitialPoints:
         self.entries = [x for x in found if x]
         simple = len(self.entries) == len(found) and not mech.drivers and mech.start_values.assemble
         self.estimate: InitialEstimate | None = start_estimate(mech) if simple else None
+        velocities = all(entry.is_velocity for entry in self.entries)
+        self.together = self.estimate is not None and velocities and not len(self.estimate.held_v)
 
-    def at(self, values: Mapping[str, Any]) -> Array | None:
-        """Return the point (n,) for values in the order of ``names``; None where a new variant must be made.
+    def at(self, runs: Sequence[Mapping[str, Any]]) -> list[Array | None]:
+        """Return the points (n,) of runs, for values in the order of ``names``; None where a new variant must be made.
+
+        A new variant is needed for values that are no numbers, and has the message where no point is consistent.
+        """
+        out: list[Array | None] = [None] * len(runs)
+        if self.estimate is None:
+            return out
+        valid = [i for i, values in enumerate(runs) if all(_is_number(x) for x in values.values())]
+        columns = np.array([[*runs[i].values()] for i in valid], float).reshape(len(valid), len(self.entries)).T
+        each = [slice(k, k + 1) for k in range(len(valid))]
+        for part in [slice(None), *each] if self.together and len(valid) > 1 else each:
+            with suppress(AssemblyError):
+                for i, point in zip(valid[part], self._points(columns[:, part]), strict=True):
+                    out[i] = point
+                if part == slice(None):
+                    break
+        return out
+
+    def _points(self, columns: Array) -> Array:
+        """Return the points of runs with the same configuration, (k, n), for the values of each entry, (.., k).
 
         Raises:
-            AssemblyError: if no consistent point is found.
+            AssemblyError: if one of them is not consistent.
         """
-        if self.estimate is None or not all(type(x) in (int, float) and isfinite(x) for x in values.values()):
-            return None
-        q, v = self.estimate.q.copy(), self.estimate.v.copy()
-        for entry, x in zip(self.entries, values.values(), strict=True):
-            (v if entry.is_velocity else q)[entry.place] = x
+        assert self.estimate is not None
+        q, v = self.estimate.q.copy(), np.tile(self.estimate.v, (columns.shape[1], 1))
+        for entry, x in zip(self.entries, columns, strict=True):
+            if entry.is_velocity:
+                v[:, entry.place] = x
+            else:
+                q[entry.place] = x[0]
         found = assemble_from(self.mech, self.estimate._replace(q=q, v=v), self.t)
-        return np.concatenate([found.q, found.v, self.states])
+        return np.hstack([np.tile(found.q, (len(v), 1)), found.v, np.tile(self.states, (len(v), 1))])
+
+
+def _is_number(x: object) -> bool:
+    return type(x) in (int, float) and isfinite(x)  # type: ignore[arg-type]
 
 
 def _entry(mech: "Mechanism", name: str) -> _Entry | None:

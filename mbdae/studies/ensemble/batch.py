@@ -171,11 +171,14 @@ class EnsembleJob:
     def _begin_each(self, i: Array) -> tuple[Mechanism, Array, Array] | None:
         """See `begin`: starts of the model, which depend on the parameters; reasons of failures are recorded."""
         points = dict[int, Array]()
-        for k in i.tolist():
-            try:
-                mech, points[k] = self.varied_starts.make(self._values(k))
-            except MbdaeError as e:
-                self.results.fail(np.array([k]), e)
+        runs = i.tolist()
+        for k, made in zip(runs, self.varied_starts.make([*map(self._values, runs)]), strict=True):
+            if isinstance(made, MbdaeError):
+                self.results.fail(np.array([k]), made)
+            elif isinstance(made, Exception):
+                raise made
+            else:
+                mech, points[k] = made
         if not points:
             return None
         begun = np.array([*points])

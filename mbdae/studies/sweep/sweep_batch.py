@@ -87,16 +87,17 @@ def _groups(job: Job, tasks: Sequence[Task]) -> list[tuple[dict[str, Any], list[
     They end at the first task that needs Python, since those after it most likely do, too.
     """
     found = dict[tuple, tuple[dict[str, Any], list[_Start]]]()
-    for i, task in enumerate(tasks):
-        values, settings = split(task.values, job.factory, task.seed)
+    values, all_settings = zip(*(split(task.values, job.factory, task.seed) for task in tasks), strict=True)
+    for i, (made, settings) in enumerate(zip(job.varied_starts.make(values), all_settings, strict=True)):
+        if isinstance(made, Exception):  # `run` has the message
+            continue
+        mech, start = made[0], _Start(i, *made)
+        parts = map(id, (mech.model, mech.constraints, mech.forces, mech.settings))
+        key = (json.dumps(settings), mech.duration, *parts)
         try:
-            start = _Start(i, *job.varied_starts.make(values))
-            mech = start.mech
-            parts = map(id, (mech.model, mech.constraints, mech.forces, mech.settings))
-            key = (json.dumps(settings), mech.duration, *parts)
             if key not in found and _needs_python(job, settings, start):
                 break
-        except Exception:  # `run` has the message
+        except Exception:  # as above
             continue
         found.setdefault(key, (settings, []))[1].append(start)
     return list(found.values())
