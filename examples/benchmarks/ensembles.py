@@ -55,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> dict[tuple[str, int], float]:
     print(table([*header, "over one thread"], rows) + "\n")
     header = [f"{n} four-bars, {end:g} s", "rtol or step", "ms of CPU per run", "error, rad"]
     print(table(header, four_bars(n, end, repeats)) + "\n")
-    header = [f"runs of {SHORT:g} s", "us per run, 1 thread", "us per run, 2 threads", "speed"]
+    header = [f"{4 * n} runs of {SHORT:g} s", "us per run, 1 thread", "us per run, 2 threads", "speed"]
     print(table(header, short_runs(4 * n, repeats)) + "\n")
     header = ["runs by mbdae.solve", "s each", "ms per run, 1 thread", "ms per run, 2 threads", "speed"]
     print(table(header, by_solve(max(4, n // 20), 0.01 if short else 1.0, repeats)))
