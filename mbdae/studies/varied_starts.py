@@ -3,6 +3,7 @@
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 from ..mechanism import Mechanism
@@ -23,12 +24,16 @@ class VariedStarts:
     def __init__(self, factory: ParametricFactory, start_time: Callable[[Mechanism], float]) -> None:
         self.factory, self.start_time = factory, start_time
         self.shared = dict[str, tuple[Mechanism, InitialPoints]]()
+        self._names = cache(self._start_values)  # all runs of a grid have the same
 
-    def names(self, values: Iterable[str]) -> list[str]:
+    def names(self, values: Iterable[str]) -> tuple[str, ...]:
         """Return the names that are start values; none for a function, which may return any mechanism."""
+        return self._names(tuple(values))
+
+    def _start_values(self, names: Sequence[str]) -> tuple[str, ...]:
         if not isinstance(self.factory, Template):
-            return []
-        return [name for name in values if name.startswith(START) and name not in self.factory.parameters]
+            return ()
+        return tuple(name for name in names if name.startswith(START) and name not in self.factory.parameters)
 
     def make(self, runs: Sequence[Mapping[str, object]]) -> Iterator[tuple[Mechanism, Array] | Exception]:
         """Yield a mechanism with the parameters of each run and its initial point, or the exception that prevents it.
@@ -47,7 +52,8 @@ class VariedStarts:
     def _key(self, values: Mapping[str, object]) -> str:
         """Return what runs that share a mechanism have in common; "" for a run without start values."""
         names = self.names(values)
-        return json.dumps([names, {n: x for n, x in values.items() if n not in names}]) if names else ""
+        others = {n: x for n, x in values.items() if n not in names}
+        return f"{names}{json.dumps(others) if others else ''}" if names else ""
 
     def _points(self, key: str, runs: Mapping[int, Mapping[str, object]]) -> dict[int, tuple[Mechanism, Array]]:
         """Return the shared mechanism and initial points of runs, without those that need their own mechanism."""
