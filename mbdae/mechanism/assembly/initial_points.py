@@ -1,7 +1,6 @@
 """Initial points of variants of a mechanism that differ only in start values."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -50,14 +49,16 @@ class InitialPoints:
         if self.estimate is None:
             return out
         valid = [i for i, values in enumerate(runs) if all(_is_number(x) for x in values.values())]
-        columns = np.array([[*runs[i].values()] for i in valid], float).reshape(len(valid), len(self.entries)).T
-        each = [slice(k, k + 1) for k in range(len(valid))]
-        for part in [slice(None), *each] if self.together and len(valid) > 1 else each:
-            with suppress(AssemblyError):
-                for i, point in zip(valid[part], self._points(columns[:, part]), strict=True):
-                    out[i] = point
-                if part == slice(None):
-                    break
+        groups = [valid] if self.together and valid else [[i] for i in valid]
+        while groups:
+            group = groups.pop()
+            try:
+                points = self._points(np.array([[*runs[i].values()] for i in group], float).T)
+            except AssemblyError:
+                groups += [[i] for i in group] if len(group) > 1 else []
+                continue
+            for i, point in zip(group, points, strict=True):
+                out[i] = point
         return out
 
     def _points(self, columns: Array) -> Array:

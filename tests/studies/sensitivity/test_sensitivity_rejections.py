@@ -166,7 +166,7 @@ def test_a_spring_of_zero_rest_length_has_derivatives_everywhere(tmp_path):
     with pytest.raises(InputError, match=LOST):
         mbdae.sensitivity(run, {"force.spring.force": 0.0})
     path.write_text(hung(0.4, "length = 0.3"))
-    signals = curves(mbdae.studies.sweep.sweep_run.factory_of(str(path)), "arm",
+    signals = curves(mbdae.studies.factories.factory_of(str(path)), "arm",
     mbdae.load(path),
                      {"span": (0.0, 0.5), "points": 3})({"force.spring.stiffness": 10.0}).signals  # fmt: skip
     with pytest.raises(InputError, match=LOST):
