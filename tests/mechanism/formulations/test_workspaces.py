@@ -123,6 +123,8 @@ def test_variants_share_workspaces(kind):
         assert other.workspaces.idle is mech.workspaces.idle
         new = make(recipe._replace(file=with_entry(recipe.file, name, value, name)))  # which shares nothing
         assert record(run(other, kind)) == record(run(new, kind)), name
+        ends = ([(a.R.tolist(), a.p.tolist()) for _, pair in m.closure_anchors for a in pair] for m in (other, new))
+        assert next(ends) == next(ends), name
     assert record(run(mech, kind)) == first
     assert {id(x) for x in idle} == {id(x) for systems in mech.workspaces.idle.values() for x in systems}
 
