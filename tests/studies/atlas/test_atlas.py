@@ -115,7 +115,7 @@ def test_an_interrupted_atlas_resumes(small, data, tmp_path):
     more = mbdae.atlas(
         MODELS, data=path, progress=lambda done, text: finished.append(text), **OPTIONS | {"methods": ["herk4"]}
     )
-    assert finished[2:] == [f"{name}, herk4" for name in MODELS]
+    assert sorted(finished[2:]) == sorted(f"{name}, herk4" for name in MODELS)  # workers finish in any order
     assert {r.method for r in more.runs} == {"herk4"}
     assert mbdae.atlas(MODELS, data=path, **OPTIONS).complete
 
