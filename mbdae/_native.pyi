@@ -185,6 +185,9 @@ class FirstStep:
         tiny: float,
     ) -> None: ...
 
+class VariedNumber:
+    def __init__(self, *, kind: str, of: int, i: int) -> None: ...
+
 class RunStart:
     def __init__(self, *, ambiguous: float, fallen: float, dependent: float, shortest: float, longest: int) -> None: ...
 
@@ -337,12 +340,23 @@ class Core:
         first_step: FirstStep | None,
         run: Run,
         y: Array,
+        varied: Sequence[VariedNumber],
+        values: Array,
         nodes: int,
         stop: Array,
     ) -> tuple[list[bool], Array, Array, Array, Array, list[list[int]]]: ...
     @overload
     def complete_runs(
-        self, radau: Radau, start: RunStart, first_step: FirstStep | None, run: Run, y: Array, nodes: int, stop: Array
+        self,
+        radau: Radau,
+        start: RunStart,
+        first_step: FirstStep | None,
+        run: Run,
+        y: Array,
+        varied: Sequence[VariedNumber],
+        values: Array,
+        nodes: int,
+        stop: Array,
     ) -> tuple[list[bool], Array, Array, Array, Array, list[list[int]]]: ...
     @overload
     def complete_runs(
@@ -352,6 +366,8 @@ class Core:
         first_step: FirstStep | None,
         run: Run,
         y: Array,
+        varied: Sequence[VariedNumber],
+        values: Array,
         nodes: int,
         stop: Array,
     ) -> tuple[list[bool], Array, Array, Array, Array, list[list[int]]]: ...
@@ -363,6 +379,8 @@ class Core:
         first_step: FirstStep | None,
         run: Run,
         y: Array,
+        varied: Sequence[VariedNumber],
+        values: Array,
         nodes: int,
         stop: Array,
     ) -> tuple[list[bool], Array, Array, Array, Array, list[list[int]]]: ...

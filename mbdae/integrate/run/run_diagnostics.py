@@ -164,19 +164,17 @@ def large_deflections(sol: Solution, system: Index2System) -> str:
     return beyond_linear(system.model, sol.nodes[1][:, : system.nq])
 
 
-def are_accurate(system: Index2System, extremes: Array, t: Array, y: Array) -> Array:
+def are_accurate(extremes: Array, energies: Array, work: Array) -> Array:
     """Return whether runs pass `CHECKS`, (k,); where they hardly move, some may count as inaccurate.
 
     Args:
-        system: a workspace of their mechanism.
         extremes: largest |g|, |G v + g_t| and |v| at the ends of steps, (k, 3), see `Index2System`.
-        t: times of `SAMPLES` + 1 nodes of each run in s, (k, n).
-        y: their points, (k, n, ...).
+        energies: kinetic and potential energies at `SAMPLES` + 1 nodes of each run in J, (k, n, 2).
+        work: work there in J, (k, n).
     """
     g, slip, speed = extremes.T
     with np.errstate(over="ignore", invalid="ignore"):
-        energies = system.residuals(t.ravel(), y.reshape(t.size, y.shape[-1]))[2].reshape(*t.shape, 2)
-        error, scale = energy_error(energies[..., 0], energies[..., 1], y[..., -1])
+        error, scale = energy_error(energies[..., 0], energies[..., 1], work)
         balanced = np.abs(error).max(-1) <= ENERGY_TOLERANCE * scale
     return (g <= POSITION_TOLERANCE) & (slip <= VISIBLE * speed) & balanced
 

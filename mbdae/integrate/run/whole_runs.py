@@ -5,10 +5,12 @@ results are equal bit for bit. A run that needs Python in between, or that may b
 `mbdae.solve`, which has the warnings and messages.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from ...data_types import CoreData
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
 from ...mechanism.closures.preconditions import closures_with_preconditions
@@ -144,13 +146,17 @@ def _largest_violation(mech: Mechanism, residuals: Array) -> Array:
     return np.max([np.linalg.norm(scaled[:, mech.rows_of(c.name)], axis=1) for c in mech.constraints], axis=0)
 
 
-def complete_runs(run: RunState, y: Array, stop: Array) -> WholeRuns:
+def complete_runs(
+    run: RunState, y: Array, stop: Array, places: Sequence[CoreData] = (), values: Array | None = None
+) -> WholeRuns:
     """Complete runs from several starts, as many as possible before a flag is set.
 
     Args:
         run: a run of the mechanism, before its beginning; another thread may not use it. See `why_in_python`.
         y: starts, (k, n).
         stop: the flag, (1,) of type uint8, which another thread may set.
+        places: numbers that differ between the runs; the model belongs to this thread then.
+        values: their values, (k, ..).
     """
     (_, system, stepper), options = _in_core(run), run.options
     core, native, control = stepper.core_run_before_start(run), system.native, stepper.control
@@ -160,8 +166,10 @@ def complete_runs(run: RunState, y: Array, stop: Array) -> WholeRuns:
         y = np.array([run.jumps.adjust_point(run, at) for at in y])
     start = system.run_start(smallest_step(run.t, run.t1), FIRST_CHECK - 1 if detects_stiffness else UNLIMITED)
     first = native.FirstStep(**control.first_step_numbers(run)) if control and control.h is None else None
-    found = system.core.complete_runs(system.method(options.method), start, first, core, y, SAMPLES + 1, stop)
-    ended, records, t, points, z, rows = found
+    method, varied = system.method(options.method), [native.VariedNumber(**x) for x in places]
+    numbers = np.empty(0) if values is None else values
+    found = system.core.complete_runs(method, start, first, core, y, varied, numbers, SAMPLES + 1, stop)
+    ended, records, points, energies, z, rows = found
     counts, extremes = np.split(records.reshape(-1, len(COUNTS) + 3), [len(COUNTS)], axis=1)
-    finished = np.array(ended, bool) & are_accurate(system, extremes, t, points)
+    finished = np.array(ended, bool) & are_accurate(extremes, energies, points[..., -1])
     return WholeRuns(finished, counts.astype(int), extremes[:, 0], points[:, -1], z, list(map(tuple, rows)))

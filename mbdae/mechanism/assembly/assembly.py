@@ -3,11 +3,12 @@
 All thresholds are in rad and in characteristic lengths of the mechanism.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from ...errors import AssemblyError, InputError, require
 from ...system import Array
@@ -31,7 +32,7 @@ class InitialEstimate(NamedTuple):
     """A state q (nq,), v (nv,), or several velocities (k, nv), from which assembly starts.
 
     Tangent indices of its coordinates that are fixed, (n,) each, and of modes of flexible bodies that are held, (n,)
-    each, where loops close without them.
+    each, where loops close without them; and inertias by joint that differ for each of several velocities.
     """
 
     q: Array
@@ -40,6 +41,7 @@ class InitialEstimate(NamedTuple):
     v: Array
     fixed_v: Array
     held_v: Array
+    bodies: Sequence[Mapping[int, pin.Inertia]] = ()
 
 
 class Assembled(NamedTuple):
@@ -96,7 +98,7 @@ def assemble_from(mech: "Mechanism", at: InitialEstimate, t: float) -> Assembled
         position = _closed_position(system, at.q, at.fixed_q, at.held_q, t)
 
         def close(fixed: Array) -> Array:
-            return position.velocities(system, fixed, t).closest(system, at.v)
+            return position.velocities(system, fixed, t).closest(system, at.v, at.bodies)
 
         v, fixed_v = _with_modes_held(close, at.fixed_v, at.held_v)
         return Assembled(position.q.copy(), v, position.fixed, fixed_v)

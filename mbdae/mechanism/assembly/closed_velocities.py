@@ -1,10 +1,11 @@
 """Velocities that satisfy G v + g_t = 0 at a configuration, by the least change in the mass metric."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pinocchio as pin
 
 from ...errors import InputError
 from ...linear_solve import lapack
@@ -30,8 +31,13 @@ class ClosedVelocities:
         self.rows, self.scales = system.mechanism.row_scales, system.mechanism.coordinate_scales
         self._change: Callable[[Array], Array] | None = None
 
-    def closest(self, system: "Index2System", v: Array) -> Array:
+    def closest(self, system: "Index2System", v: Array, bodies: Sequence[Mapping[int, pin.Inertia]] = ()) -> Array:
         """Return the velocities closest to v (.., nv) in the mass metric with G v + g_t = 0, (.., nv).
+
+        Args:
+            system: a workspace of the mechanism.
+            v: velocities.
+            bodies: inertias by joint that differ for each of k velocities, which are (k, nv) then.
 
         Raises:
             AssemblyError: if the fixed velocities contradict the closures.
@@ -41,11 +47,13 @@ class ClosedVelocities:
         residual = _times(self.G, v) + g_t
         if not np.count_nonzero(residual):
             return v
-        if self._change is None:
-            self._change = self._least_change(system)
+        if bodies:
+            change = self._least_change(system, _mass_matrices(system, self.q, bodies))
+        else:
+            change = self._change = self._change or self._least_change(system)
         speeds = np.linalg.norm(v / self.scales, axis=-1) + np.linalg.norm(g_t / rows)
         for _ in range(2):  # the second pass removes rounding
-            v = v - self._change(residual / rows)
+            v = v - change(residual / rows)
             residual = _times(self.G, v) + g_t
         is_open = ~(np.linalg.norm(residual / rows, axis=-1) <= AGREEMENT * speeds)
         if is_open.any():
@@ -53,33 +61,50 @@ class ClosedVelocities:
             raise assembly_error(mech, largest_error(mech, first, "/s"), self.fixed, "velocity")
         return v
 
-    def _least_change(self, system: "Index2System") -> Callable[[Array], Array]:
-        """Return the function of residuals (.., ng), scaled by rows, whose least values (.., nv) remove them."""
-        G, many = self.G[:, self.free], system.ng > MANY_ROWS
+    def _least_change(self, system: "Index2System", masses: Array | None = None) -> Callable[[Array], Array]:
+        """Return the function of residuals (.., ng), scaled by rows, whose least values (.., nv) remove them.
+
+        Without mass matrices (.., nv, nv), that of the mechanism is used.
+        """
+        G, many = self.G[:, self.free], system.ng > MANY_ROWS and masses is None
         if many:
             M: Any = sparse_inertia(system.model, system.workspace, self.q)[:, self.free][self.free]
         else:
-            M = symmetric(update_inertia(system.model, system.workspace, self.q))[np.ix_(self.free, self.free)]
+            M = symmetric(update_inertia(system.model, system.workspace, self.q)) if masses is None else masses
+            M = M[..., self.free[:, None], self.free]
         if not (many and _has_positive_pivots(M)):
             U = self._factor(system.mechanism, M.toarray() if many else M)
         if many:
             scaled = G.copy()
             divide_rows(scaled, self.rows)
             return partial(_sparse_change, scaled, M, self.free, system.nv)  # which can be pickled
-        root = np.linalg.solve(U.T, (G / self.rows[:, None]).T).T  # G M^-1/2, as `mass_scaled` but without scipy
-        change = np.zeros((system.nv, system.ng))
-        change[self.free] = np.linalg.solve(U, np.linalg.pinv(root, rcond=TRUNCATION))
+        # G M^-1/2, as `mass_scaled` but without scipy
+        root = np.linalg.solve(U.swapaxes(-2, -1), (G / self.rows[:, None]).T).swapaxes(-2, -1)
+        change = np.zeros((*M.shape[:-2], system.nv, system.ng))
+        change[..., self.free, :] = np.linalg.solve(U, np.linalg.pinv(root, rcond=TRUNCATION))
         return partial(_times, change)
 
     def _factor(self, mech: "Mechanism", M: Array) -> Array:
         """Return the upper triangular U with U^T U = M; by numpy, since most runs need nothing else of scipy."""
         try:
-            return np.linalg.cholesky(M).T
+            return np.linalg.cholesky(M).swapaxes(-2, -1)
         except np.linalg.LinAlgError:
+            M = M.reshape(-1, *M.shape[-2:])[0]
             i = lapack().dpotrf(M, lower=1)[1] or len(M)
             joint = mech.coordinate_joint(int(self.free[i - 1]))
             why = missing_inertia(mech.model, joint)
             raise InputError(f"the mass matrix is singular at joint {joint!r}: {why}") from None
+
+
+def _mass_matrices(system: "Index2System", q: Array, bodies: Sequence[Mapping[int, pin.Inertia]]) -> Array:
+    """Return the mass matrices (k, nv, nv) at q for inertias by joint; the model has its own afterwards."""
+    inertias, out = system.model.inertias, []
+    before = {joint: inertias[joint].copy() for joint in bodies[0]}
+    for given in (*bodies, before):
+        for joint, inertia in given.items():
+            inertias[joint] = inertia
+        out.append(symmetric(update_inertia(system.model, system.workspace, q)))
+    return np.array(out[:-1])
 
 
 def _sparse_change(G: Any, M: Any, free: Array, nv: int, residual: Array) -> Array:

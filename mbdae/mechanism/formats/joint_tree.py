@@ -65,7 +65,7 @@ class Tree:
         base = (parent.placement if parent else pin.SE3.Identity()) * (placement or pin.SE3.Identity())
         new_index = {0: parent.parentJoint if parent else 0}  # of each old joint
         placements = {0: base}  # of each old joint in the new one
-        self._append_inertia(new_index[0], model.inertias[0], base)
+        append_body(self.model, new_index[0], model.inertias[0], base)
         for j in _depth_first_order(model, 0):
             old, name = model.joints[j], model.names[j]
             new_parent, placement = new_index[model.parents[j]], placements[model.parents[j]] * model.jointPlacements[j]
@@ -77,7 +77,7 @@ class Tree:
                 new_index[j] = self._add_joint(new_parent, new, placement * rotation, prefix + name)
                 placements[j] = rotation.inverse()
                 _copy_arrays(self.model, self.model.joints[new_index[j]], model, old)
-            self._append_inertia(new_index[j], model.inertias[j], placements[j])
+            append_body(self.model, new_index[j], model.inertias[j], placements[j])
         frames = self._copy_frames(model, new_index, placements, prefix, set(locked), parent)
         for g in visuals.geometryObjects if visuals is not None else ():
             self._copy_visual(g, new_index, placements, prefix, frames)
@@ -87,10 +87,6 @@ class Tree:
         if name != "universe" and self.model.existJointName(name):
             raise InputError(f"two joints are called {name!r}: give one source a prefix")
         return int(self.model.addJoint(new_parent, joint, placement, name))
-
-    def _append_inertia(self, joint: int, inertia: pin.Inertia, placements: pin.SE3) -> None:
-        if inertia.mass or inertia.inertia.any():
-            self.model.appendBodyToJoint(joint, inertia, placements)
 
     def _copy_frames(
         self,
@@ -126,6 +122,16 @@ class Tree:
         g.name, g.parentJoint = prefix + g.name, new_index[joint]
         g.placement, g.parentFrame = placements[joint] * g.placement, frames.get(int(g.parentFrame), 0)
         self.visuals.addGeometryObject(g)
+
+
+def append_body(model: pin.Model, joint: int, inertia: pin.Inertia, placement: pin.SE3) -> None:
+    """Add a body to what a joint carries; the first one in the joint's frame without rounding."""
+    if not (inertia.mass or inertia.inertia.any()):
+        return
+    if model.inertias[joint] == pin.Inertia.Zero() and placement == pin.SE3.Identity():
+        model.inertias[joint] = inertia
+    else:
+        model.appendBodyToJoint(joint, inertia, placement)
 
 
 def resolve_joints(

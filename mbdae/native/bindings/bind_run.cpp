@@ -69,6 +69,7 @@ void bind_structs(nb::module_& m) {
           [](SingularityMonitor& x, const RatiosOfModes& given) { x.of_modes = {given.begin(), given.end()}; },
           "Modes, and the largest ratio of each when it was last left.");
   bind_keywords<FirstStep>(m, "FirstStep", "Numbers of Hairer's starting step size algorithm.");
+  bind_keywords<VariedNumber>(m, "VariedNumber", "A number of a body, of gravity or of a law that differs between runs.");
   bind_keywords<RunStart>(m, "RunStart", "Numbers of the start of a run.");
   bind_attributes<Jumps>(m, "Jumps", "Times at which a problem may jump.");
 }

@@ -62,18 +62,23 @@ using Stop = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
 
 template <class Coefficients>
 auto completed_runs(PyCore& c, const Coefficients& a, const RunStart& start, const FirstStep* first_step, const Run& run,
-                    const Array& y, int nodes, const Stop& stop) {
+                    const Array& y, const std::vector<VariedNumber>& varied, const Array& values, int nodes,
+                    const Stop& stop) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
-  const size_t length = s.length;
-  const Numbers points = checked_numbers(y, y.size() / length * length, "y");
+  const size_t length = s.length, runs = y.size() / length;
+  const Numbers points = checked_numbers(y, runs * length, "y");
+  const Numbers numbers = checked_numbers(values, runs * varied.size(), "values");
+  VariedNumbers places(s, varied);
   if (stop.size() != 1 || nodes < 2) reject("one flag, and at least two nodes");
   auto method = check_start(c, a, first_step, run, length);
   CompletedRuns out;
-  run_unlocked(c, [&] { complete_runs(method, s, start, first_step, run, points, nodes, *stop.data(), out); });
+  run_unlocked(c, [&] {
+    complete_runs(method, s, start, first_step, run, points, places, numbers, nodes, *stop.data(), out);
+  });
   const size_t n = out.finished.size(), m = nodes, nz = s.nz;
-  return std::make_tuple(out.finished, array(out.records, {n, n ? out.records.size() / n : 0}), array(out.t, {n, m}),
-                         array(out.y, {n, m, length}), array(out.z, {n, nz}), out.rows);
+  return std::make_tuple(out.finished, array(out.records, {n, n ? out.records.size() / n : 0}),
+                         array(out.y, {n, m, length}), array(out.energies, {n, m, 2}), array(out.z, {n, nz}), out.rows);
 }
 
 template <class Coefficients>
@@ -82,9 +87,11 @@ void def_runs(nb::class_<PyCore>& core, const char* method) {
            "Begin a run and take many steps; return the first y, y' (ny,), lam (ng,), rows in use and smallest ratio of\n"
            "pivots, or None, with no step.");
   core.def("complete_runs", completed_runs<Coefficients>, nb::arg(method), nb::arg("start"),
-           nb::arg("first_step").none(), nb::arg("run"), nb::arg("y"), nb::arg("nodes"), nb::arg("stop"),
-           "Complete the runs from points y (n, length) until the flag is set; return whether each finished without\n"
-           "Python, its counts and extremes (n, 13), times and points of some nodes, last z, and last rows in use.");
+           nb::arg("first_step").none(), nb::arg("run"), nb::arg("y"), nb::arg("varied"), nb::arg("values"),
+           nb::arg("nodes"), nb::arg("stop"),
+           "Complete the runs from points y (n, length), with values (n, ..) of varied numbers, until the flag is set;\n"
+           "return whether each finished without Python, its counts and extremes (n, 13), points and energies\n"
+           "(n, nodes, 2) of some nodes, last z, and last rows in use.");
 }
 
 }  // namespace

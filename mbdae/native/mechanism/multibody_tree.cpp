@@ -73,6 +73,16 @@ void MultibodyTree::refresh() {
   if (w->sweep && !w->sweep->refresh()) w->sweep.reset(), begin_sweep();
 }
 
+double* MultibodyTree::body_number(int joint, int i) {
+  if (joint < 1 || joint >= joints || i < 0 || i >= 10) return nullptr;
+  const TreeModel::Joint& body = w->model.joints[joint];
+  return const_cast<double*>(i < 1 ? body.mass : i < 4 ? body.lever + i - 1 : body.I + i - 4);
+}
+
+double* MultibodyTree::gravity_number(int i) {
+  return i < 0 || i >= 3 ? nullptr : const_cast<double*>(w->model.gravity + i);
+}
+
 void MultibodyTree::write(const void* model, const Tolerances& limits_, std::vector<ModalBody> flexible) {
   ++motion_stamp_, ++pose_stamp_, limits = limits_;
   if (model == w->source) return refresh();

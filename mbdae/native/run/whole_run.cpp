@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "system/residuals.hpp"
+
 namespace mbdae {
 
 namespace {
@@ -32,9 +34,15 @@ bool ends_regularly(Index2System& s, const Run& run) {
   return !run.project || !rank || rank == s.ng || s.others_depend(y, limits.search_tolerance);
 }
 
-void store(const Index2System& s, const Run& run, const Numbers& first, const Counts& n, int nodes, CompletedRuns& out) {
+Energy energy_at(Index2System& s, const double* y) {
+  s.tree.inertia(y), s.point.invalidate();
+  return energy(s, y);
+}
+
+void store(Index2System& s, const Run& run, const Numbers& first, const Counts& n, int nodes, CompletedRuns& out) {
   const Steps& steps = run.steps;
   const size_t last = steps.t.size(), length = s.length, most = nodes - 1;
+  Energy e{NAN, NAN};
   for (const long x : {run.taken, run.rejected, n.f, n.M, n.G, n.solves, n.factorizations, n.projections,
                        n.state_projections, n.newton})
     out.records.push_back(static_cast<double>(x));
@@ -42,7 +50,9 @@ void store(const Index2System& s, const Run& run, const Numbers& first, const Co
   for (size_t i = 0; i <= most; ++i) {
     const size_t k = last < most ? std::min(i, last) : i * last / most;
     const double* at = k ? &steps.y[(k - 1) * length] : first.data();
-    out.t.push_back(k ? steps.t[k - 1] : run.interval.t), out.y.insert(out.y.end(), at, at + length);
+    out.y.insert(out.y.end(), at, at + length);
+    if (i <= last) e = energy_at(s, at);
+    out.energies.insert(out.energies.end(), {e.kinetic, e.potential});
   }
   out.z.resize(out.z.size() + s.nz, NAN);
   std::copy(steps.z.end() - (last ? s.nz : 0), steps.z.end(), out.z.end() - (last ? s.nz : 0));
@@ -63,15 +73,18 @@ StartDerivative begin_run(Index2System& s, const RunStart& given, const FirstSte
 }
 
 void complete_runs(Method& method, Index2System& s, const RunStart& start, const FirstStep* first_step, const Run& given,
-                   const Numbers& y, int nodes, const volatile unsigned char& stop, CompletedRuns& out) {
+                   const Numbers& y, VariedNumbers& varied, const Numbers& values, int nodes,
+                   const volatile unsigned char& stop, CompletedRuns& out) {
   const size_t length = s.length;
-  for (auto at = y.begin(); at != y.end(); at += length) {
+  const double* numbers = values.data();
+  for (auto at = y.begin(); at != y.end(); at += length, numbers += varied.count()) {
     Run run = given;
     run.state.y.assign(at, at + length);
     Numbers first = run.state.y;
     Counts counts;
     bool finished = false;
     try {
+      if (!varied.write(numbers)) throw FallBackToPython();
       begin_run(s, start, first_step, run);
       first = run.state.y;
       finished = take_all_steps(method, s, start.longest, stop, run);

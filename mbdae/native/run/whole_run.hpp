@@ -2,6 +2,7 @@
 #pragma once
 
 #include "run/time_loop.hpp"
+#include "run/varied_numbers.hpp"
 #include "system/start.hpp"
 
 namespace mbdae {
@@ -18,7 +19,8 @@ struct RunStart {
 struct CompletedRuns {
   std::vector<bool> finished;  // otherwise the run is Python's: a step needs it, or a check of its end
   Numbers records;  // (n, 13): steps, rejected, counts in the order of `Counts`, largest |g|, |G v + g_t| and |v|
-  Numbers t, y;     // (n, nodes), (n, nodes, length): some nodes, evenly spread; the last one repeats in short runs
+  Numbers y;        // (n, nodes, length): some nodes, evenly spread; the last one repeats in short runs
+  Numbers energies;  // (n, nodes, 2): kinetic and potential energies there, nan where they are Python's
   Numbers z;        // (n, nz): last multipliers of the method
   std::vector<std::vector<int>> rows;  // in use at the end
 };
@@ -31,9 +33,10 @@ struct StartDerivative {
 // `first_step`: the first step is estimated. `FallBackToPython` as `start`.
 StartDerivative begin_run(Index2System& s, const RunStart& start, const FirstStep* first_step, Run& run);
 
-// Runs from points y (n, length) to the end of the span of `run`, which has their options and no steps, each begun by
-// `begin_run`. Fewer runs where `stop` becomes true.
+// Runs from points y (n, length) with these values (n, ..) of varied numbers to the end of the span of `run`, which has
+// their options and no steps, each begun by `begin_run`. Fewer runs where `stop` becomes true.
 void complete_runs(Method& method, Index2System& s, const RunStart& start, const FirstStep* first_step, const Run& run,
-                   const Numbers& y, int nodes, const volatile unsigned char& stop, CompletedRuns& out);
+                   const Numbers& y, VariedNumbers& varied, const Numbers& values, int nodes,
+                   const volatile unsigned char& stop, CompletedRuns& out);
 
 }  // namespace mbdae

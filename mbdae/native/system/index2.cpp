@@ -93,6 +93,18 @@ bool Index2System::change_law(int k, const Numbers& a) {
   return true;
 }
 
+double* Index2System::law_number(int k, int i) {
+  if (k < 0 || k >= static_cast<int>(laws_.size()) || i < 0) return nullptr;
+  Law& law = laws_[k];
+  return static_cast<size_t>(i) < law.a.size() ? &law.a[i] : &law.offset;
+}
+
+bool Index2System::renew() {
+  const Sizes sizes{nq, nv, tree.joints};
+  tree.refresh(), point.invalidate(), last_stage.t = NAN;
+  return std::all_of(laws_.begin(), laws_.end(), [&](Law& law) { return law.kind->is_valid(law, sizes); });
+}
+
 void Index2System::set_input(int input, double t, double value, double rate) {
   for (Law& law : laws_)
     for (TimeFunction& u : law.signals) u.set(input, t, value, rate);

@@ -93,6 +93,8 @@ class Index2System {
   bool change_law(int k, const Numbers& a);  // other data for law k, of the same size
   void set_law_number(int k, int i, double x) { laws_[k].a[i] = x, last_stage.t = NAN; }  // one of its data
   size_t law_size(int k) const { return k < 0 || k >= static_cast<int>(laws_.size()) ? 0 : laws_[k].a.size(); }
+  double* law_number(int k, int i);  // of its data, or after these the offset of its potential; nullptr: none
+  bool renew();  // after such numbers, or those of the model, have changed; false: they are invalid
   void set_input(int input, double t, double value, double rate);  // value + rate (t' - t) from now on
   Numbers joint_friction;  // (ng,) of slipping joints in the mode, as multipliers of their inactive rows
   // Inactive rows of the mode, (ng,), and whether joints stick; then the rows in use must be set.

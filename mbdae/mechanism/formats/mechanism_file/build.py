@@ -12,7 +12,7 @@ from ...flexible import attach_flexible
 from ...imported_model import ImportedModel
 from ...tree.frames import WORLD, find_frame, find_joint, frame_names, joint_names
 from ..body_tables import Body, Flexible, Frame, Source
-from ..joint_tree import JOINT_MODELS, Tree, depth_first, resolve_joints, rotation_from_z
+from ..joint_tree import JOINT_MODELS, Tree, append_body, depth_first, resolve_joints, rotation_from_z
 from .flexible_table import modal_body_of
 from .inertias import checked_inertia
 from .schema import MechanismFile
@@ -140,9 +140,9 @@ def _add(model: pin.Model, x: Frame) -> None:
             moving, rotation = _joint(x), _joint_rotation(x)
             joint, pose_in_joint = model.addJoint(joint, moving, pose_in_joint * rotation, x.name), rotation.inverse()
         if inertia is not None:
-            model.appendBodyToJoint(joint, inertia, pose_in_joint)
+            append_body(model, joint, inertia, pose_in_joint)
     kind = pin.FrameType.BODY if isinstance(x, Body) else pin.FrameType.OP_FRAME
-    model.addFrame(pin.Frame(x.name, joint, pose_in_joint, kind))
+    model.addFrame(pin.Frame(x.name, joint, pose_in_joint, kind), False)  # its inertia, zero, would round the sum
 
 
 def body_inertia(x: Body) -> pin.Inertia | None:

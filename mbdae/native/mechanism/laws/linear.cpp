@@ -19,7 +19,7 @@ struct Linear {
     if (law.rows.size() != m || law.columns.size() != m || law.orders.size() != law.signals.size()) return false;
     for (int k : law.orders)
       if (k < 0 || k > 2) return false;
-    law.u.resize(law.signals.size());
+    law.u.resize(law.signals.size()), law.terms.clear();
     for (size_t i = 0; i < m; ++i) {
       Law::Term x{0, law.rows[i], 0, law.columns[i], law.a[i]};
       x.to = block_of({n.nv, n.nv, law.states}, x.row);

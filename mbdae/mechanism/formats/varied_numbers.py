@@ -1,0 +1,255 @@
+"""Parameters that change numbers of a mechanism in the core, but not its geometry: its runs share one workspace."""
+
+from abc import ABC, abstractmethod
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from math import nan
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ...data_types import CoreData
+from ...errors import MbdaeError
+from ...system import Array
+from ...tolerances import COINCIDENT
+from ..checked_table import HUGE
+from ..equations.characteristic_length import linkage_lengths
+from ..forces import FMU, bind_forces, named_force
+from ..forces.elements import ForceElements
+from ..formulations.core_description import laws_of
+from ..mechanism import Mechanism
+from ..tree.tree_terms import copied
+from ..variant import SWITCHED, variant
+from .body_tables import Body
+from .mechanism_file.build import body_inertia
+from .mechanism_file.loaded_model import joint_entry
+from .mechanism_file.table_entries import first_key, with_entries
+from .mechanism_file.template import Template
+
+INERTIAL = ("mass", "com", "inertia")  # keys of bodies
+UNSYMMETRIC = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (3.0, 4.0, 5.0, 0.1, 0.2, 0.3)}
+UPPER = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # entries of an inertia in the core
+NUMBERS = ("a", "offset")  # of a law in the core
+Values = Mapping[str, Any]
+
+
+class _Part(ABC):
+    """A part of a mechanism with numbers that parameters determine.
+
+    Attributes:
+        paths: paths within a table of the part, by parameter.
+        places: the numbers in the core, see `native/run/varied_numbers.hpp`.
+        entries: indices of the numbers that are entries of the table themselves, by path.
+    """
+
+    entries: Mapping[str, int] = {}
+
+    def __init__(self, places: list[CoreData]) -> None:
+        self.places, self.paths = places, dict[str, str]()
+
+    @abstractmethod
+    def numbers(self, values: Values) -> list[float] | None:
+        """Return the numbers for values of parameters; None where they do not suffice.
+
+        Raises:
+            MbdaeError: for invalid values.
+        """
+
+    def rows(self, runs: Sequence[Values]) -> Array:
+        """Return the numbers (k, n) for values of k runs, the first of which are valid; nan where they do not suffice."""
+        if set(self.paths.values()) <= self.entries.keys():
+            out = np.tile(np.array(self.numbers(runs[0]), float), (len(runs), 1))
+            for name, path in self.paths.items():
+                out[:, self.entries[path]] = [_number(values[name]) for values in runs]
+            return out
+        return np.array([self._row(values) for values in runs], float)
+
+    def _row(self, values: Values) -> list[float]:
+        try:
+            found = self.numbers(values) or []
+        except MbdaeError:
+            found = []
+        return [*map(_number, found)] if len(found) == len(self.places) else [nan] * len(self.places)
+
+    def changed(self, table: Any, values: Values) -> Any:
+        """Return a copy of a table with values of parameters."""
+        return with_entries(table, {name: (path, values[name]) for name, path in self.paths.items()})
+
+
+def _place(kind: str, of: int, i: int) -> CoreData:
+    return {"kind": kind, "of": of, "i": i}
+
+
+def _number(x: object) -> float:
+    """Return a number of a table; nan for an invalid one."""
+    return x if type(x) in (int, float) and abs(x) <= HUGE else nan  # type: ignore[arg-type, return-value]
+
+
+class _Gravity(_Part):
+    entries: Mapping[str, int] = {str(i): i for i in range(3)}
+
+    def __init__(self, gravity: Array) -> None:
+        super().__init__([_place("gravity", 0, i) for i in range(3)])
+        self.gravity = tuple(gravity.tolist())
+
+    def numbers(self, values: Values) -> list[float] | None:
+        return list(self.changed(self.gravity, values))
+
+
+class _BodyInertia(_Part):
+    entries: Mapping[str, int] = {"mass": 0, **{f"com.{i}": 1 + i for i in range(3)}}
+
+    def __init__(self, owner: str, body: Body, joint: int) -> None:
+        super().__init__([_place("body", joint, i) for i in range(10)])
+        self.owner, self.body, self.joint = owner, body, joint
+
+    def numbers(self, values: Values) -> list[float] | None:
+        found = body_inertia(self.changed(self.body, values))
+        return None if found is None else [found.mass, *found.lever.tolist(), *(float(found.inertia[i]) for i in UPPER)]
+
+
+class _Forces(_Part):
+    """All numbers of all laws, since linear ones are combined; ``paths`` begin with the index of a force."""
+
+    def __init__(self, mech: Mechanism) -> None:
+        self.mech, self.data = mech, mech.make_workspace()
+        bound = bind_forces(mech.forces, mech.model, self.data)
+        self.laws, self.states = [law for law, _ in bound.bound], bound.states()
+        self.structure, laws = _without_numbers(bound)
+        super().__init__([_place("law", k, i) for k, law in enumerate(laws) for i in range(len(law))])
+
+    def numbers(self, values: Values) -> list[float] | None:
+        laws, groups = list(self.laws), defaultdict[int, dict[str, tuple[str, Any]]](dict)
+        for name, path in self.paths.items():
+            at, _, key = path.partition(".")
+            groups[int(at)][name] = key, values[name]
+        for i, entries in groups.items():
+            force: Any = named_force(with_entries(self.mech.forces[i], entries), i)
+            laws[i] = force.bind(self.mech.model, self.data)
+        bound = ForceElements(laws, self.mech.model)
+        structure, found = _without_numbers(bound)
+        same = structure == self.structure and bound.states() == self.states
+        return [x for law in found for x in law] if same else None
+
+
+def _without_numbers(laws: ForceElements) -> tuple[Any, list[list[float]]]:
+    """Return core data of laws without their numbers, and the numbers of each."""
+    pairs, found = laws_of(laws)
+    numbers = [[*map(float, law.get("a", ())), float(law.get("offset", 0.0))] for law in found]
+    return (pairs, [{key: x for key, x in law.items() if key not in NUMBERS} for law in found]), numbers
+
+
+class VariedNumbers:
+    """Numbers of a mechanism that parameters determine: of gravity, inertias of bodies and forces.
+
+    Attributes:
+        mech: a copy of the mechanism whose numbers are written in place: it belongs to one thread.
+        places: the numbers in the core.
+        bodies: parts with inertias.
+    """
+
+    def __init__(self, mech: Mechanism, parts: Sequence[_Part], values: Values) -> None:
+        self.mech, self.parts, self.values = mech, parts, values
+        self.places = [place for part in parts for place in part.places]
+        self.bodies = [part for part in parts if isinstance(part, _BodyInertia)]
+        self.largest = max(linkage_lengths(mech), default=0.0) / COINCIDENT
+
+    def rows(self, runs: Sequence[Values]) -> Array:
+        """Return the numbers (k, n) for values of the parameters in k runs; nan where a mechanism must be made.
+
+        That is so for invalid values, whose message it has, and for those that change more than numbers.
+        """
+        found = [part.rows([self.values, *runs])[1:] for part in self.parts]
+        valid = np.ones(len(runs), bool)
+        for part, x in zip(self.parts, found, strict=True):
+            valid &= np.isfinite(x).all(axis=1)
+            if isinstance(part, _BodyInertia):  # whose size may not determine the characteristic length
+                with np.errstate(all="ignore"):
+                    radii = np.sqrt(np.abs(x[:, 4:]).max(axis=1) / x[:, 0])
+                valid &= (x[:, 0] > 0) & (np.maximum(np.linalg.norm(x[:, 1:4], axis=1), radii) < self.largest)
+        return np.where(valid[:, None], np.hstack(found), nan)
+
+    def inertias(self, numbers: Array) -> list[dict[int, pin.Inertia]]:
+        """Return the inertias by joint for numbers (k, n); none where they do not change."""
+        if not self.bodies:
+            return []
+        at = [self.places.index(part.places[0]) for part in self.bodies]
+        return [{part.joint: _inertia(x[i : i + 10]) for part, i in zip(self.bodies, at, strict=True)} for x in numbers]
+
+
+def _inertia(x: Array) -> pin.Inertia:
+    mass, xx, xy, yy, xz, yz, zz = x[[0, *range(4, 10)]].tolist()
+    return pin.Inertia(mass, x[1:4], np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+
+
+def varied_numbers(template: Template, names: Sequence[str], values: Values) -> VariedNumbers | None:
+    """Return the numbers that parameters determine; None where one of them also changes something else.
+
+    Args:
+        template: a mechanism and its parameters.
+        names: those that vary, without start values.
+        values: of all parameters, with which the mechanism can be made.
+
+    Raises:
+        UnknownNameError, InputError: as `Template.make`.
+    """
+    if any(a != b and a.startswith(f"{b}.") for a in values for b in values):
+        return None
+    mech = template.make(values)
+    mech = variant(mech, model=copied(mech.model))
+    bodies = _bodies(template, mech, names, values)
+    found: dict[str, _Part] = {}
+    for name in names:
+        table, _, path = name.partition(".")
+        if table == "gravity":
+            found.setdefault(table, _Gravity(mech.gravity)).paths[name] = path
+        elif table == "force" and (at := _path_of_force(mech, name)):
+            (found[table] if table in found else found.setdefault(table, _Forces(mech))).paths[name] = at
+        elif name not in template.parameters and (owner := next((x for x in bodies if name in bodies[x].paths), "")):
+            found[owner] = bodies[owner]
+        else:
+            return None
+    out = VariedNumbers(mech, [*found.values()], values)
+    return out if _bodies_are_alone(template, out, values) else None
+
+
+def _path_of_force(mech: Mechanism, name: str) -> str:
+    """Return the index of a force and the path within it; "" for one with modes or functions of a user."""
+    i, path = first_key(mech.forces, name.partition(".")[2], name)
+    unsupported = callable(mech.forces[int(i)]) or isinstance(mech.forces[int(i)], (*SWITCHED, FMU))
+    return "" if unsupported else f"{i}.{path}"
+
+
+def _bodies(template: Template, mech: Mechanism, names: Sequence[str], values: Values) -> dict[str, _BodyInertia]:
+    """Return the bodies whose inertia parameters change, by the beginning of their names."""
+    out, recipe = dict[str, _BodyInertia](), template.recipe(values)
+    for name in values:
+        table, _, path = name.partition(".")
+        if table == "joint":
+            body, rest = joint_entry(recipe, path)
+        elif table == "body":
+            i, rest = first_key(recipe.file.body, path, name)
+            body = recipe.file.body[int(i)]
+        else:
+            continue
+        joint, owner = path.removesuffix(f".{rest}"), name.removesuffix(f".{rest}")
+        if rest.partition(".")[0] in INERTIAL and mech.model.existJointName(joint):
+            part = out.setdefault(owner, _BodyInertia(owner, body, mech.model.getJointId(joint)))
+            part.paths[name] = rest
+    return out
+
+
+def _bodies_are_alone(template: Template, varied: VariedNumbers, values: Values) -> bool:
+    """Return whether each joint carries nothing else than the body whose inertia parameters change, in its frame.
+
+    What it carries is a sum of moved inertias: it is the body itself if it is for one without symmetries.
+    """
+    owners = [part.owner for part in varied.bodies]
+    if not owners:
+        return True
+    given = {name: x for name, x in values.items() if not any(name in part.paths for part in varied.bodies)}
+    given |= {f"{owner}.{key}": x for owner in owners for key, x in UNSYMMETRIC.items()}
+    made = template.make(given).model
+    expected = body_inertia(Body(name="", parent="", **UNSYMMETRIC))
+    return all(made.inertias[part.joint] == expected for part in varied.bodies)
