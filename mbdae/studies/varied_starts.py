@@ -12,6 +12,7 @@ from ..mechanism.formats.mechanism_file.template import CACHE_SIZE, START, Templ
 from ..system import Array
 from .factories import ParametricFactory
 
+Key = tuple[tuple[str, ...], str]  # names of parameters, and the values that are no start values
 
 class VariedStarts:
     """Mechanisms of a factory, with their initial points.
@@ -23,7 +24,7 @@ class VariedStarts:
 
     def __init__(self, factory: ParametricFactory, start_time: Callable[[Mechanism], float]) -> None:
         self.factory, self.start_time = factory, start_time
-        self.shared = dict[str, tuple[Mechanism, InitialPoints]]()
+        self.shared = dict[Key, tuple[Mechanism, InitialPoints]]()
         self._names = cache(self._start_values)  # all runs of a grid have the same
 
     def names(self, values: Iterable[str]) -> tuple[str, ...]:
@@ -40,33 +41,37 @@ class VariedStarts:
 
         A shared mechanism has the start values of its first run. Points are computed together from the second run on.
         """
-        keys, alike, ahead = [*map(self._key, runs)], defaultdict[str, list[int]](list), dict[int, Any]()
-        for i, key in enumerate(keys):
-            alike[key].append(i)
-        for i, key in enumerate(keys):
-            if key and i in (group := alike[key])[:2]:
-                part = group[:1] if i == group[0] else group[1:]
-                ahead |= self._points(key, {k: runs[k] for k in part})
-            yield ahead.pop(i, None) or self._made(runs[i])
+        alike, ahead = defaultdict[Any, list[int]](list), dict[int, Any]()
+        for i, values in enumerate(runs):
+            if key := self._key(values):
+                alike[key].append(i)
+        together = {part[0]: (key, part) for key, group in alike.items() for part in (group[:1], group[1:]) if part}
+        for i, values in enumerate(runs):
+            if i in together:
+                key, part = together[i]
+                ahead |= self._points(key, part, [runs[k] for k in part])
+            yield ahead.pop(i, None) or self._made(values)
 
-    def _key(self, values: Mapping[str, object]) -> str:
-        """Return what runs that share a mechanism have in common; "" for a run without start values."""
-        names = self.names(values)
-        others = {n: x for n, x in values.items() if n not in names}
-        return f"{names}{json.dumps(others) if others else ''}" if names else ""
+    def _key(self, values: Mapping[str, object]) -> Key | None:
+        """Return what runs that share a mechanism have in common; None for a run without start values."""
+        names = tuple(values)
+        start = self.names(names)
+        others = [x for name, x in values.items() if name not in start]
+        return (names, json.dumps(others) if others else "") if start else None
 
-    def _points(self, key: str, runs: Mapping[int, Mapping[str, object]]) -> dict[int, tuple[Mechanism, Array]]:
+    def _points(
+        self, key: Key, numbers: Sequence[int], runs: Sequence[Mapping[str, object]]
+    ) -> dict[int, tuple[Mechanism, Array]]:
         """Return the shared mechanism and initial points of runs, without those that need their own mechanism."""
-        first = next(iter(runs.values()))
-        names = self.names(first)
+        names = self.names(key[0])
         try:
-            mech, points = self.shared.get(key) or self._share(key, first, names)
-            found = points.at([{name: values[name] for name in names} for values in runs.values()])
+            mech, points = self.shared.get(key) or self._share(key, runs[0], names)
+            found = points.at([[values[name] for values in runs] for name in names])
         except Exception:  # their own mechanisms cannot be made, either
             return {}
-        return {i: (mech, point) for i, point in zip(runs, found, strict=True) if point is not None}
+        return {i: (mech, point) for i, point in zip(numbers, found, strict=True) if point is not None}
 
-    def _share(self, key: str, values: Mapping[str, object], start: Iterable[str]) -> tuple[Mechanism, InitialPoints]:
+    def _share(self, key: Key, values: Mapping[str, object], start: Iterable[str]) -> tuple[Mechanism, InitialPoints]:
         if len(self.shared) >= CACHE_SIZE:
             self.shared.clear()
         mech = self.factory.make(values)

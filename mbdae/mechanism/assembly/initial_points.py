@@ -1,7 +1,7 @@
 """Initial points of variants of a mechanism that differ only in start values."""
 
-from collections.abc import Mapping, Sequence
-from math import isfinite
+from collections.abc import Sequence
+from math import nan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -40,24 +40,28 @@ class InitialPoints:
         velocities = all(entry.is_velocity for entry in self.entries)
         self.together = self.estimate is not None and velocities and not len(self.estimate.held_v)
 
-    def at(self, runs: Sequence[Mapping[str, Any]]) -> list[Array | None]:
-        """Return the points (n,) of runs, for values in the order of ``names``; None where a new variant must be made.
+    def at(self, columns: Sequence[Sequence[Any]]) -> list[Array | None]:
+        """Return the points (n,) of k runs; None where a new variant must be made.
 
         A new variant is needed for values that are no numbers, and has the message where no point is consistent.
+
+        Args:
+            columns: values of each of ``names``, k each.
         """
-        out: list[Array | None] = [None] * len(runs)
+        values = np.array([[x if type(x) in (int, float) else nan for x in column] for column in columns], float)
+        out: list[Array | None] = [None] * values.shape[1]
         if self.estimate is None:
             return out
-        valid = [i for i, values in enumerate(runs) if all(_is_number(x) for x in values.values())]
-        groups = [valid] if self.together and valid else [[i] for i in valid]
+        valid = np.flatnonzero(np.isfinite(values).all(axis=0))
+        groups = [valid] if self.together and len(valid) else [*valid[:, None]]
         while groups:
             group = groups.pop()
             try:
-                points = self._points(np.array([[*runs[i].values()] for i in group], float).T)
+                points = self._points(values[:, group])
             except AssemblyError:
-                groups += [[i] for i in group] if len(group) > 1 else []
+                groups += [*group[:, None]] if len(group) > 1 else []
                 continue
-            for i, point in zip(group, points, strict=True):
+            for i, point in zip(group.tolist(), points, strict=True):
                 out[i] = point
         return out
 
@@ -76,10 +80,6 @@ class InitialPoints:
                 q[entry.place] = x[0]
         found = assemble_from(self.mech, self.estimate._replace(q=q, v=v), self.t)
         return np.hstack([np.tile(found.q, (len(v), 1)), found.v, np.tile(self.states, (len(v), 1))])
-
-
-def _is_number(x: object) -> bool:
-    return type(x) in (int, float) and isfinite(x)  # type: ignore[arg-type]
 
 
 def _entry(mech: "Mechanism", name: str) -> _Entry | None:

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...errors import InputError, UnknownNameError, is_count
+from .seeds import PARAMETER_STREAM, run_seeds
 
 __all__ = ["Random"]
 
@@ -17,7 +18,7 @@ DISTRIBUTIONS = (  # methods of numpy.random.Generator
 )  # fmt: skip
 RANGE = {"from", "to", "n"}
 MAX_RUNS = 1_000_000  # of a sweep, planned before the first one
-PARAMETER_STREAM, SEED_STREAM = 0, 1  # random streams of a run: for its parameters, and for its seed
+BUILTIN = (bool, int, float, str)
 
 
 @dataclass(frozen=True)
@@ -68,11 +69,10 @@ def tasks(parameters: Parameters, seed: int) -> list[Task]:
         raise InputError(f"seed is a whole number, not negative, got {seed!r}")
     if not all(isinstance(name, str) for name in _named(parameters)):
         raise InputError(f"parameters are named by texts, got {parameters!r:.60}")
-    runs = enumerate(_runs(parameters, int(seed)))
-    out = [Task(i, run_seed(int(seed), i), {n: builtin_value(n, x) for n, x in run.items()}) for i, run in runs]
-    if not out:
+    values = [{n: builtin_value(n, x) for n, x in run.items()} for run in _runs(parameters, int(seed))]
+    if not values:
         raise InputError("a sweep needs at least one run: the list of parameters is empty")
-    return out
+    return [*map(Task, range(len(values)), run_seeds(int(seed), len(values)), values)]
 
 
 def _runs(parameters: Parameters, seed: int) -> Iterable[Mapping[str, Any]]:
@@ -106,16 +106,9 @@ def _named(parameters: object) -> Iterable[Any]:
     return (name for run in runs if isinstance(run, Mapping) for name in run)
 
 
-def run_seed(seed: int, run: int) -> int:
-    """Return the seed of a run, 63 bits, from the seed of the sweep and the number of the run."""
-    return int(
-        np.random.SeedSequence(seed, spawn_key=(run, SEED_STREAM)).generate_state(1, np.uint64)[0] >> np.uint64(1)
-    )
-
-
 def names(runs: Iterable[Task]) -> list[str]:
     """Return the names of all parameters, in order."""
-    return list(dict.fromkeys(name for task in runs for name in task.values))
+    return list(dict.fromkeys(chain.from_iterable(dict.fromkeys(tuple(task.values) for task in runs))))
 
 
 def builtin_value(name: str, value: object) -> Any:
@@ -124,8 +117,10 @@ def builtin_value(name: str, value: object) -> Any:
     Raises:
         InputError: for any other value.
     """
+    if type(value) in BUILTIN:
+        return value
     value = value.item() if isinstance(value, np.generic) else value
-    if isinstance(value, bool | int | float | str):
+    if isinstance(value, BUILTIN):
         return value
     if isinstance(value, list | tuple | np.ndarray) and len(value):
         inner = [builtin_value(name, x) for x in value]
