@@ -8,10 +8,12 @@ from ..errors import UnknownNameError
 from ..integrate.run.run_state import RunState
 from ..integrate.run.whole_runs import WholeRuns, why_in_python
 from ..mechanism import Mechanism
-from ..solution.signal_value import OF_A_RUN, signal_values
+from ..solution.signal_value import OF_A_RUN, RESIDUALS, signal_values
 from ..solution.signals import signals
 from ..solution.solution import Solution
 from ..system import Array
+
+OF_MOTION = ("t", "y", "position", "gap", *RESIDUALS)  # kinds of signals
 
 
 def why_not_in_core(run: RunState, names: Sequence[str]) -> str:
@@ -30,6 +32,12 @@ def why_not_in_core(run: RunState, names: Sequence[str]) -> str:
     of_a_run = (name for name in names if known[name].kind == "column" and name.partition(".")[0] in OF_A_RUN)
     unwrapped = (name for name in names if known[name].kind == "angle")
     return next((f"signal {name!r}" for name in (*of_a_run, *unwrapped)), "") or why_in_python(run)
+
+
+def depend_on_motion_alone(mech: Mechanism, names: Sequence[str]) -> bool:
+    """Return whether signals follow from t, q, v, s and geometry, without masses and forces."""
+    known = signal_values(mech)
+    return all(name in known and known[name].kind in OF_MOTION for name in names)
 
 
 def signals_at_end(run: RunState, runs: WholeRuns, names: Sequence[str]) -> Array:

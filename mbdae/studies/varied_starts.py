@@ -1,18 +1,63 @@
-"""Initial points of the runs of a sweep or an ensemble: those that differ only in start values share a mechanism."""
+"""Mechanisms and initial points of the runs of a sweep or an ensemble.
+
+Runs that differ in start values share a mechanism, and so do those with other numbers of gravity, bodies and forces.
+"""
 
 import json
+import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from ..integrate.run.whole_runs import OwnNumbers
 from ..mechanism import Mechanism
 from ..mechanism.assembly.initial_points import InitialPoints
 from ..mechanism.formats.mechanism_file.template import CACHE_SIZE, START, Template
+from ..mechanism.formats.varied_numbers import VariedNumbers, varied_numbers
 from ..system import Array
 from .factories import ParametricFactory
 
-Key = tuple[tuple[str, ...], str]  # names of parameters, and the values that are no start values
+FEWEST = 8  # runs whose numbers are written in place: fewer make their mechanisms in less time
+Key = tuple[tuple[str, ...], str]  # names of parameters, and the values that runs have in common
+Values = Mapping[str, Any]
+
+
+class Beginning(NamedTuple):
+    """Beginning of a run.
+
+    Attributes:
+        mech: a mechanism with its parameters, but perhaps with other start values.
+        point: the initial point, (n,).
+        varied: numbers that replace those of the mechanism, which belongs to this thread then.
+        numbers: their values.
+    """
+
+    mech: Mechanism
+    point: Array
+    varied: VariedNumbers | None = None
+    numbers: Array | None = None
+
+    @property
+    def shared_parts(self) -> tuple[int, ...]:
+        """Identities of what runs have in common that can be completed together."""
+        mech = self.mech
+        return id(mech.model), id(mech.constraints), id(mech.forces), id(mech.settings)
+
+
+def numbers_of(runs: Sequence[Beginning]) -> OwnNumbers:
+    """Return the numbers of runs that share a mechanism."""
+    varied = runs[0].varied
+    return OwnNumbers(varied.places, np.array([run.numbers for run in runs])) if varied else OwnNumbers()
+
+
+class _Shared(NamedTuple):
+    mech: Mechanism
+    points: InitialPoints
+    varied: VariedNumbers | None
+
 
 class VariedStarts:
     """Mechanisms of a factory, with their initial points.
@@ -20,11 +65,17 @@ class VariedStarts:
     Args:
         factory: the factory.
         start_time: returns the start time of a mechanism in s.
+        in_place: returns whether numbers of a mechanism may be replaced in the core; never if omitted.
     """
 
-    def __init__(self, factory: ParametricFactory, start_time: Callable[[Mechanism], float]) -> None:
-        self.factory, self.start_time = factory, start_time
-        self.shared = dict[Key, tuple[Mechanism, InitialPoints]]()
+    def __init__(
+        self,
+        factory: ParametricFactory,
+        start_time: Callable[[Mechanism], float],
+        in_place: Callable[[Mechanism], bool] | None = None,
+    ) -> None:
+        self.factory, self.start_time, self.in_place = factory, start_time, in_place
+        self.shared, self._numbers = dict[Any, _Shared](), dict[tuple[str, ...], tuple[str, ...]]()
         self._names = cache(self._start_values)  # all runs of a grid have the same
 
     def names(self, values: Iterable[str]) -> tuple[str, ...]:
@@ -36,51 +87,89 @@ class VariedStarts:
             return ()
         return tuple(name for name in names if name.startswith(START) and name not in self.factory.parameters)
 
-    def make(self, runs: Sequence[Mapping[str, object]]) -> Iterator[tuple[Mechanism, Array] | Exception]:
-        """Yield a mechanism with the parameters of each run and its initial point, or the exception that prevents it.
+    def names_in_place(self, runs: Sequence[Values]) -> tuple[str, ...]:
+        """Return the parameters of many runs that determine numbers alone."""
+        names = tuple(runs[0])
+        if names not in self._numbers and len(runs) >= FEWEST:
+            self._numbers[names] = self._of_numbers(names, runs[0])
+        return self._numbers.get(names, ()) if len(runs) >= FEWEST else ()
 
-        A shared mechanism has the start values of its first run. Points are computed together from the second run on.
+    def _of_numbers(self, names: Sequence[str], values: Values) -> tuple[str, ...]:
+        factory = self.factory
+        if self.in_place is None or not isinstance(factory, Template):
+            return ()
+        others = [name for name in names if name not in self.names(names)]
+        try:
+            mech = factory.make(values)
+            found = others if self.in_place(mech) else []
+            found = [name for name in found if varied_numbers(factory, [name], values)]
+            return tuple(found) if found and varied_numbers(factory, found, values) else ()
+        except Exception:  # the runs have the messages
+            return ()
+
+    def make(self, runs: Sequence[Values]) -> Iterator[Beginning | Exception]:
+        """Yield the beginning of each run, or the exception that prevents it.
+
+        A shared mechanism has the start values of its first run. Points are computed together: from the second run on,
+        or of all runs that have their own numbers.
         """
-        alike, ahead = defaultdict[Any, list[int]](list), dict[int, Any]()
+        numbers, alike = self.names_in_place(runs), defaultdict[Any, list[int]](list)
         for i, values in enumerate(runs):
-            if key := self._key(values):
+            if key := self._key(values, numbers):
                 alike[key].append(i)
-        together = {part[0]: (key, part) for key, group in alike.items() for part in (group[:1], group[1:]) if part}
+        parts = [(key, part) for key, i in alike.items() for part in ((i,) if numbers else (i[:1], i[1:])) if part]
+        together, ahead = {part[0]: (key, part) for key, part in parts}, dict[int, Beginning]()
         for i, values in enumerate(runs):
             if i in together:
                 key, part = together[i]
-                ahead |= self._points(key, part, [runs[k] for k in part])
-            yield ahead.pop(i, None) or self._made(values)
+                ahead |= self._points(key, numbers, part, [runs[k] for k in part])
+            yield ahead.pop(i) if i in ahead else self._made(values)
 
-    def _key(self, values: Mapping[str, object]) -> Key | None:
-        """Return what runs that share a mechanism have in common; None for a run without start values."""
+    def _key(self, values: Values, numbers: Sequence[str]) -> Key | None:
+        """Return what runs that share a mechanism have in common; None for a run that shares none."""
         names = tuple(values)
-        start = self.names(names)
-        others = [x for name, x in values.items() if name not in start]
-        return (names, json.dumps(others) if others else "") if start else None
+        varied = {*self.names(names), *numbers}
+        others = [x for name, x in values.items() if name not in varied]
+        return (names, json.dumps(others) if others else "") if varied else None
 
     def _points(
-        self, key: Key, numbers: Sequence[int], runs: Sequence[Mapping[str, object]]
-    ) -> dict[int, tuple[Mechanism, Array]]:
-        """Return the shared mechanism and initial points of runs, without those that need their own mechanism."""
-        names = self.names(key[0])
+        self, key: Key, numbers: Sequence[str], which: Sequence[int], runs: Sequence[Values]
+    ) -> dict[int, Beginning]:
+        """Return the beginnings of runs that share a mechanism, without those that need their own."""
+        names, bodies = self.names(key[0]), list[dict[int, Any]]()
+        rows: Sequence[Array | None] = [None] * len(runs)
         try:
-            mech, points = self.shared.get(key) or self._share(key, runs[0], names)
-            found = points.at([[values[name] for values in runs] for name in names])
+            mech, points, varied = self._shared(key, numbers, runs[0])
+            if varied:
+                all_rows = varied.rows(runs)
+                valid = np.flatnonzero(np.isfinite(all_rows).all(axis=1)).tolist()
+                which, runs = [which[k] for k in valid], [runs[k] for k in valid]
+                rows = own = [*all_rows[valid]]
+                bodies = varied.inertias(own)
+            found = points.at([[values[name] for values in runs] for name in names], len(runs), bodies)
         except Exception:  # their own mechanisms cannot be made, either
             return {}
-        return {i: (mech, point) for i, point in zip(numbers, found, strict=True) if point is not None}
+        ready = zip(which, found, rows, strict=True)
+        return {i: Beginning(mech, point, varied, row) for i, point, row in ready if point is not None}
 
-    def _share(self, key: Key, values: Mapping[str, object], start: Iterable[str]) -> tuple[Mechanism, InitialPoints]:
+    def _shared(self, key: Key, numbers: Sequence[str], values: Values) -> _Shared:
+        """Return what runs share; a mechanism whose numbers are replaced belongs to this thread."""
+        owner = (key, threading.get_ident()) if numbers else key
+        if found := self.shared.get(owner):
+            return found
         if len(self.shared) >= CACHE_SIZE:
             self.shared.clear()
-        mech = self.factory.make(values)
-        points = InitialPoints(mech, tuple(name.removeprefix(START) for name in start), self.start_time(mech))
-        return self.shared.setdefault(key, (mech, points))
+        varied = None
+        if numbers:
+            varied = varied_numbers(self.factory, numbers, values)  # type: ignore[arg-type]
+            assert varied, "of parameters that determine numbers alone"
+        mech = varied.mech if varied else self.factory.make(values)
+        names = tuple(name.removeprefix(START) for name in self.names(key[0]))
+        return self.shared.setdefault(owner, _Shared(mech, InitialPoints(mech, names, self.start_time(mech)), varied))
 
-    def _made(self, values: Mapping[str, object]) -> tuple[Mechanism, Array] | Exception:
+    def _made(self, values: Values) -> Beginning | Exception:
         try:
             mech = self.factory.make(values)
-            return mech, mech.point(t=self.start_time(mech))
+            return Beginning(mech, mech.point(t=self.start_time(mech)))
         except Exception as e:
             return e

@@ -146,17 +146,31 @@ def _largest_violation(mech: Mechanism, residuals: Array) -> Array:
     return np.max([np.linalg.norm(scaled[:, mech.rows_of(c.name)], axis=1) for c in mech.constraints], axis=0)
 
 
-def complete_runs(
-    run: RunState, y: Array, stop: Array, places: Sequence[CoreData] = (), values: Array | None = None
-) -> WholeRuns:
+class OwnNumbers(NamedTuple):
+    """Numbers of a mechanism that differ between runs.
+
+    Attributes:
+        places: their places in the core.
+        values: (k, ..).
+    """
+
+    places: Sequence[CoreData] = ()
+    values: Array = np.empty(0)
+
+
+def takes_varied_numbers(options: RunOptions) -> bool:
+    """Return whether runs can have their own numbers: methods with partial derivatives use a second tree, too."""
+    return isinstance(options.method, Tableau)
+
+
+def complete_runs(run: RunState, y: Array, stop: Array, numbers: OwnNumbers | None = None) -> WholeRuns:
     """Complete runs from several starts, as many as possible before a flag is set.
 
     Args:
         run: a run of the mechanism, before its beginning; another thread may not use it. See `why_in_python`.
         y: starts, (k, n).
         stop: the flag, (1,) of type uint8, which another thread may set.
-        places: numbers that differ between the runs; the model belongs to this thread then.
-        values: their values, (k, ..).
+        numbers: those of each run, whose mechanism belongs to this thread then; see `takes_varied_numbers`.
     """
     (_, system, stepper), options = _in_core(run), run.options
     core, native, control = stepper.core_run_before_start(run), system.native, stepper.control
@@ -166,9 +180,9 @@ def complete_runs(
         y = np.array([run.jumps.adjust_point(run, at) for at in y])
     start = system.run_start(smallest_step(run.t, run.t1), FIRST_CHECK - 1 if detects_stiffness else UNLIMITED)
     first = native.FirstStep(**control.first_step_numbers(run)) if control and control.h is None else None
-    method, varied = system.method(options.method), [native.VariedNumber(**x) for x in places]
-    numbers = np.empty(0) if values is None else values
-    found = system.core.complete_runs(method, start, first, core, y, varied, numbers, SAMPLES + 1, stop)
+    method, own = system.method(options.method), numbers or OwnNumbers()
+    varied = [native.VariedNumber(**x) for x in own.places]
+    found = system.core.complete_runs(method, start, first, core, y, varied, own.values, SAMPLES + 1, stop)
     ended, records, points, energies, z, rows = found
     counts, extremes = np.split(records.reshape(-1, len(COUNTS) + 3), [len(COUNTS)], axis=1)
     finished = np.array(ended, bool) & are_accurate(extremes, energies, points[..., -1])

@@ -1,13 +1,15 @@
 """Initial points of variants of a mechanism that differ only in start values."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import nan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
-from ...errors import AssemblyError, UnknownNameError
+from ...errors import MbdaeError, UnknownNameError
 from ...system import Array
+from ..closures.independent_rows import MANY_ROWS
 from ..tree.frames import find_joint
 from .assembly import InitialEstimate, assemble_from, start_estimate
 
@@ -40,36 +42,41 @@ class InitialPoints:
         velocities = all(entry.is_velocity for entry in self.entries)
         self.together = self.estimate is not None and velocities and not len(self.estimate.held_v)
 
-    def at(self, columns: Sequence[Sequence[Any]]) -> list[Array | None]:
+    def at(
+        self, columns: Sequence[Sequence[Any]], k: int, bodies: Sequence[Mapping[int, pin.Inertia]] = ()
+    ) -> list[Array | None]:
         """Return the points (n,) of k runs; None where a new variant must be made.
 
         A new variant is needed for values that are no numbers, and has the message where no point is consistent.
 
         Args:
             columns: values of each of ``names``, k each.
+            k: number of runs.
+            bodies: their inertias by joint, where they differ.
         """
         values = np.array([[x if type(x) in (int, float) else nan for x in column] for column in columns], float)
-        out: list[Array | None] = [None] * values.shape[1]
-        if self.estimate is None:
+        values = values.reshape(len(columns), k)
+        out: list[Array | None] = [None] * k
+        if self.estimate is None or (bodies and self.mech.ng > MANY_ROWS):
             return out
         valid = np.flatnonzero(np.isfinite(values).all(axis=0))
         groups = [valid] if self.together and len(valid) else [*valid[:, None]]
         while groups:
             group = groups.pop()
             try:
-                points = self._points(values[:, group])
-            except AssemblyError:
+                points = self._points(values[:, group], [bodies[i] for i in group.tolist()] if bodies else ())
+            except MbdaeError:
                 groups += [*group[:, None]] if len(group) > 1 else []
                 continue
             for i, point in zip(group.tolist(), points, strict=True):
                 out[i] = point
         return out
 
-    def _points(self, columns: Array) -> Array:
+    def _points(self, columns: Array, bodies: Sequence[Mapping[int, pin.Inertia]]) -> Array:
         """Return the points of runs with the same configuration, (k, n), for the values of each entry, (.., k).
 
         Raises:
-            AssemblyError: if one of them is not consistent.
+            AssemblyError, InputError: if one of them is not consistent, or its mass matrix singular.
         """
         assert self.estimate is not None
         q, v = self.estimate.q.copy(), np.tile(self.estimate.v, (columns.shape[1], 1))
@@ -78,7 +85,7 @@ class InitialPoints:
                 v[:, entry.place] = x
             else:
                 q[entry.place] = x[0]
-        found = assemble_from(self.mech, self.estimate._replace(q=q, v=v), self.t)
+        found = assemble_from(self.mech, self.estimate._replace(q=q, v=v, bodies=bodies), self.t)
         return np.hstack([np.tile(found.q, (len(v), 1)), found.v, np.tile(self.states, (len(v), 1))])
 
 

@@ -57,7 +57,7 @@ class _Part(ABC):
         """
 
     def rows(self, runs: Sequence[Values]) -> Array:
-        """Return the numbers (k, n) for values of k runs, the first of which are valid; nan where they do not suffice."""
+        """Return the numbers (k, n) for values of k runs, the first of them valid; nan where they do not suffice."""
         if set(self.paths.values()) <= self.entries.keys():
             out = np.tile(np.array(self.numbers(runs[0]), float), (len(runs), 1))
             for name, path in self.paths.items():
@@ -170,8 +170,8 @@ class VariedNumbers:
                 valid &= (x[:, 0] > 0) & (np.maximum(np.linalg.norm(x[:, 1:4], axis=1), radii) < self.largest)
         return np.where(valid[:, None], np.hstack(found), nan)
 
-    def inertias(self, numbers: Array) -> list[dict[int, pin.Inertia]]:
-        """Return the inertias by joint for numbers (k, n); none where they do not change."""
+    def inertias(self, numbers: Sequence[Array]) -> list[dict[int, pin.Inertia]]:
+        """Return the inertias by joint for numbers (n,) of each run; none where they do not change."""
         if not self.bodies:
             return []
         at = [self.places.index(part.places[0]) for part in self.bodies]

@@ -12,18 +12,35 @@ from ...errors import STATUS, AssemblyError, InputError, MbdaeError
 from ...integrate.options.options import RunOptions
 from ...integrate.run.run_setup import prepare_at
 from ...integrate.run.run_state import RunState
-from ...integrate.run.whole_runs import COUNTS, WholeRuns, calls_python, complete_runs, consistent_starts
+from ...integrate.run.whole_runs import (
+    COUNTS,
+    OwnNumbers,
+    WholeRuns,
+    calls_python,
+    complete_runs,
+    consistent_starts,
+    takes_varied_numbers,
+)
 from ...mechanism import Mechanism
 from ...system import Array
 from ..factories import ParametricFactory
-from ..final_signals import signals_at_end, why_not_in_core
-from ..varied_starts import VariedStarts
+from ..final_signals import depend_on_motion_alone, signals_at_end, why_not_in_core
+from ..varied_starts import FEWEST, Beginning, VariedStarts, numbers_of
 from ..workers import StopFlag
 
 BATCHES = 4  # for each pending one, so that no thread is idle for long at the end
 UNFINISHED = "interrupted"
 NEEDS_PYTHON = "a singular configuration, a failed step, many steps or inaccurate results"
 INCONSISTENT_START = "a start that may be inconsistent"
+
+
+class Group(NamedTuple):
+    """Runs that share a mechanism: their indices (k,), points (k, n) and own numbers."""
+
+    mech: Mechanism
+    i: Array
+    y: Array
+    numbers: OwnNumbers = OwnNumbers()
 
 
 class Starts(NamedTuple):
@@ -152,43 +169,46 @@ class EnsembleJob:
             )
         return mech
 
-    def begin(self, i: Array) -> tuple[Mechanism, Array, Array] | None:
-        """Return the mechanism of some runs, those that can begin, and their points (k, n); None if none can.
+    def begin(self, i: Array) -> "Iterator[Group]":
+        """Yield those of some runs that can begin, by their mechanism; the others are recorded.
 
         Raises:
             MbdaeError: if none can begin, for the same reason.
         """
         if self.starts.q is not None and self.starts.v is not None:
             mech = self.mechanism(int(i[0]))
-            point = np.array([*np.zeros(mech.nq + mech.nv), *mech.states.values(), 0.0])
+            points = np.tile([*np.zeros(mech.nq + mech.nv), *mech.states.values(), 0.0], (len(i), 1))
         elif isinstance(self.source, Mechanism):
             mech = self.source
-            point = mech.point(t=self.options(mech).t0)
+            points = np.tile(mech.point(t=self.options(mech).t0), (len(i), 1))
         else:
-            return self._begin_each(i)
-        return mech, i, self.starts.points(mech, i, np.tile(point, (len(i), 1)))
+            yield from self._begin_each(i)
+            return
+        yield Group(mech, i, self.starts.points(mech, i, points))
 
-    def _begin_each(self, i: Array) -> tuple[Mechanism, Array, Array] | None:
-        """See `begin`: starts of the model, which depend on the parameters; reasons of failures are recorded."""
-        points = dict[int, Array]()
-        runs = i.tolist()
+    def _begin_each(self, i: Array) -> "Iterator[Group]":
+        """See `begin`: starts of the model, which depend on the parameters."""
+        found, runs = defaultdict[Any, dict[int, Beginning]](dict), i.tolist()
         for k, made in zip(runs, self.varied_starts.make([*map(self._values, runs)]), strict=True):
             if isinstance(made, MbdaeError):
                 self.results.fail(np.array([k]), made)
             elif isinstance(made, Exception):
                 raise made
             else:
-                mech, points[k] = made
-        if not points:
-            return None
-        begun = np.array([*points])
-        return self._checked(mech), begun, self.starts.points(mech, begun, np.array([*points.values()]))
+                found[made.shared_parts][k] = made
+        for group in found.values():
+            mech, begun, all_made = next(iter(group.values())).mech, np.array([*group]), [*group.values()]
+            points = self.starts.points(self._checked(mech), begun, np.array([made.point for made in all_made]))
+            yield Group(mech, begun, points, numbers_of(all_made))
 
     @cached_property
     def varied_starts(self) -> VariedStarts:
         """Starts of the model by the parameters."""
         assert not isinstance(self.source, Mechanism)
-        return VariedStarts(self.source, lambda mech: self.options(mech).t0)
+        return VariedStarts(self.source, lambda mech: self.options(mech).t0, self._takes_varied_numbers)
+
+    def _takes_varied_numbers(self, mech: Mechanism) -> bool:
+        return takes_varied_numbers(self.options(mech)) and depend_on_motion_alone(mech, self.names)
 
     def options(self, mech: Mechanism) -> RunOptions:
         """Return the options of a run.
@@ -207,13 +227,17 @@ class EnsembleJob:
         prepare_at(mech, self.options(mech), self.results.y[0]).release()
 
     def groups(self) -> Iterator[Array]:
-        """Yield the indices of runs of the same mechanism, apart from its start values."""
-        starts = [] if isinstance(self.source, Mechanism) else self.varied_starts.names(self.parameters)
-        columns = [x for name, x in self.parameters.items() if name not in starts]
+        """Yield the indices of runs of the same mechanism, apart from its start values and numbers in place."""
+        n, shared = self.starts.n, set[str]()
+        if not isinstance(self.source, Mechanism):
+            shared = {*self.varied_starts.names(self.parameters)}
+            if self.starts.q is None or self.starts.v is None:
+                shared |= {*self.varied_starts.names_in_place([self._values(i) for i in range(min(n, FEWEST))])}
+        columns = [x for name, x in self.parameters.items() if name not in shared]
         found = defaultdict(list)
         for i, values in enumerate(zip(*columns, strict=True)):
             found[values].append(i)
-        yield from map(np.array, found.values()) if columns else [np.arange(self.starts.n)]
+        yield from map(np.array, found.values()) if columns else [np.arange(n)]
 
 
 def batches(job: EnsembleJob, pending: int) -> list[list[Array]]:
@@ -234,16 +258,16 @@ def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
         if stop():
             return
         try:
-            if begun := job.begin(i):
-                mech, i_begun, y = begun
-                run = prepare_at(mech, job.options(mech), y[0])
-                _complete(job, run, i_begun, y, stop)
+            for group in job.begin(i):
+                run = prepare_at(group.mech, job.options(group.mech), group.y[0])
+                _complete(job, run, group, stop)
                 run.release()
         except MbdaeError as e:
             job.results.fail(i, e)
 
 
-def _complete(job: EnsembleJob, run: RunState, i: Array, y: Array, stop: StopFlag) -> None:
+def _complete(job: EnsembleJob, run: RunState, group: Group, stop: StopFlag) -> None:
+    _, i, y, numbers = group
     reason = why_not_in_core(run, job.names)
     if reason:
         job.results.leave(i, reason)
@@ -253,9 +277,10 @@ def _complete(job: EnsembleJob, run: RunState, i: Array, y: Array, stop: StopFla
         consistent = consistent_starts(run, y)
         job.results.leave(i[~consistent], INCONSISTENT_START)
         i, y = i[consistent], y[consistent]
+        numbers = numbers._replace(values=numbers.values[consistent]) if numbers.places else numbers
     if not len(i):
         return
-    runs = complete_runs(run, y, stop.memory)
+    runs = complete_runs(run, y, stop.memory, numbers)
     i = i[: len(runs.finished)]
     job.results.leave(i[~runs.finished], NEEDS_PYTHON)
     job.results.store(i[runs.finished], run.options.t1, runs, signals_at_end(run, runs, job.names))

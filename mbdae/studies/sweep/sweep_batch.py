@@ -15,10 +15,10 @@ from ...errors import STATUS, MbdaeError
 from ...integrate.options.options import RunOptions
 from ...integrate.run.run_setup import prepare_at
 from ...integrate.run.run_state import RunState
-from ...integrate.run.whole_runs import COUNTS, complete_runs
+from ...integrate.run.whole_runs import COUNTS, complete_runs, takes_varied_numbers
 from ...mechanism import Mechanism
-from ...system import Array
 from ..final_signals import signals_at_end, why_not_in_core
+from ..varied_starts import Beginning, numbers_of
 from ..workers import StopFlag
 from .outputs import label, parse
 from .plan import Task, names
@@ -32,11 +32,10 @@ FINAL = "final"
 
 
 class _Start(NamedTuple):
-    """Start of a task: its index in the batch, its mechanism and its first point (n,)."""
+    """Start of a task, and its index in the batch."""
 
     i: int
-    mech: Mechanism
-    y: Array
+    at: Beginning
 
 
 class Batch(NamedTuple):
@@ -92,10 +91,10 @@ def _groups(job: Job, tasks: Sequence[Task]) -> list[tuple[dict[str, Any], list[
     for i, (made, settings) in enumerate(zip(job.varied_starts.make(values), all_settings, strict=True)):
         if isinstance(made, Exception):  # `run` has the message
             continue
-        mech, start = made[0], _Start(i, *made)
+        mech, start = made.mech, _Start(i, made)
         text = json.dumps(settings) if settings else ""
         if last != (mech, text):
-            key = (text, mech.duration, *map(id, (mech.model, mech.constraints, mech.forces, mech.settings)))
+            key = (text, mech.duration, *made.shared_parts)
             try:
                 if key not in found and _needs_python(job, settings, start):
                     break
@@ -120,7 +119,8 @@ def _prepared(job: Job, settings: dict[str, Any], start: _Start) -> RunState:
         MbdaeError: for invalid settings.
     """
     given = {name: x for name, x in {**job.settings, **settings}.items() if name != "events"}
-    return prepare_at(start.mech, RunOptions.from_settings(start.mech, job.span(start.mech), given), start.y)
+    mech = start.at.mech
+    return prepare_at(mech, RunOptions.from_settings(mech, job.span(mech), given), start.at.point)
 
 
 def _signals(job: Job) -> list[str]:
@@ -131,21 +131,24 @@ def _completed(
     job: Job, settings: dict[str, Any], tasks: Sequence[Task], starts: Sequence[_Start], stop: StopFlag
 ) -> dict[int, Row]:
     """Return the rows of the tasks that the core completed, by their indices in the batch."""
-    one = _prepared(job, settings, starts[0])
+    one, varied = _prepared(job, settings, starts[0]), starts[0].at.varied
+    if varied and not takes_varied_numbers(one.options):
+        return {}
     try:
-        runs = complete_runs(one, np.array([start.y for start in starts]), stop.memory)
+        points, numbers = np.array([x.at.point for x in starts]), numbers_of([x.at for x in starts])
+        runs = complete_runs(one, points, stop.memory, numbers)
         values = signals_at_end(one, runs, _signals(job))
     except MbdaeError:  # `run` has the message
         return {}
     finally:
         one.release()
     done = np.flatnonzero(runs.finished)
-    numbers = [starts[k].i for k in done.tolist()]
-    made = [tasks[i] for i in numbers]
+    indices = [starts[k].i for k in done.tolist()]
+    made = [tasks[i] for i in indices]
     common = {"status": "finished", "message": STATUS["finished"], "t": one.options.t1, "backend": one.stepper.backend}
     columns: dict[str, Iterable[Any]] = {name: repeat(x) for name, x in (dict.fromkeys(job.columns) | common).items()}
     columns |= {"run": [task.run for task in made], "seed": [task.seed for task in made], MORE: repeat({})}
     columns |= {name: [task.values.get(name) for task in made] for name in names(made)}
     columns |= zip(COUNTS, runs.counts[done].T.tolist(), strict=True)
     columns |= zip(map(label, job.outputs), values.T.tolist(), strict=True)
-    return {i: dict(zip(columns, row, strict=True)) for i, *row in zip(numbers, *columns.values(), strict=False)}
+    return {i: dict(zip(columns, row, strict=True)) for i, *row in zip(indices, *columns.values(), strict=False)}

@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 
 from ...errors import AssemblyError, InputError, MbdaeError, UnknownNameError
-from ...integrate.run.whole_runs import COUNTS
+from ...integrate.options.options import RunOptions
+from ...integrate.run.whole_runs import COUNTS, takes_varied_numbers
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...solution.signals import units
 from ..factories import Model, ParametricFactory, factory_of
+from ..final_signals import depend_on_motion_alone
 from ..varied_starts import VariedStarts
 from ..workers import Stop, stop_check
 from .outputs import Output, evaluate, parse
@@ -66,7 +68,12 @@ class Job:
     @cached_property
     def varied_starts(self) -> VariedStarts:
         """Mechanisms with their points at the start."""
-        return VariedStarts(self.factory, lambda mech: self.span(mech)[0])
+        return VariedStarts(self.factory, lambda mech: self.span(mech)[0], self._takes_varied_numbers)
+
+    def _takes_varied_numbers(self, mech: Mechanism) -> bool:
+        options = RunOptions.from_settings(mech, self.span(mech), self.settings)
+        signals = [parse(x).signal for x in self.outputs if isinstance(x, str)]
+        return takes_varied_numbers(options) and depend_on_motion_alone(mech, signals)
 
     def span(self, mech: Mechanism) -> tuple[float, float]:
         """Return start and end in s."""
