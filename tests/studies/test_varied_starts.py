@@ -31,15 +31,16 @@ def test_points_have_the_bits_of_new_variants(case):
     model, name, values, shared = CASES[case]
     starts, reference = varied(model), factory_of(model)
     made = [*starts.make([{f"start.{name}": x} for x in values])]
-    for x, (_, point) in zip(values, made, strict=True):
-        np.testing.assert_array_equal(point, reference.make({f"start.{name}": x}).point())
-    assert len({id(mech) for mech, _ in made}) == (1 if shared else 3)
+    for x, found in zip(values, made, strict=True):
+        np.testing.assert_array_equal(found.point, reference.make({f"start.{name}": x}).point())
+    assert len({id(found.mech) for found in made}) == (1 if shared else 3)
 
 
 def test_points_satisfy_the_closures_and_the_values():
     starts = varied("slider_crank")
     for angle, speed in ((0.1, 2.0), (0.7, -1.0)):
-        ((mech, y),) = starts.make([{"start.q.crank": angle, "start.v.crank": speed, "gravity.2": -1.6}])
+        (found,) = starts.make([{"start.q.crank": angle, "start.v.crank": speed, "gravity.2": -1.6}])
+        mech, y = found.mech, found.point
         q, v = y[: mech.nq], y[mech.nq : mech.nq + mech.nv]
         assert (q[0], v[0], mech.model.gravity.linear[2]) == (angle, speed, -1.6)
         assert is_closed(mech.system(), q, 0.0)
@@ -55,7 +56,7 @@ def test_invalid_values_are_rejected_as_those_of_a_mechanism(value):
     first, found, last = varied("slider_crank").make([{"start.v.crank": x} for x in (1.0, value, 2.0)])
     assert isinstance(found, InputError)
     assert str(found) == str(of_variant.value)
-    assert first[0] is last[0]
+    assert first.mech is last.mech
 
 
 @pytest.mark.parametrize(("table", "other"), [("q", 2.0), ("v", 0.3)])
@@ -64,9 +65,9 @@ def test_a_value_that_opens_a_loop_fails_alone(table, other):
     made = [*varied("slider_crank").make([{f"start.{table}.slider": x} for x in (closed, closed, other, closed)])]
     assert isinstance(made[2], AssemblyError)
     assert "wrist pin" in str(made[2])
-    for mech, point in (made[0], made[1], made[3]):
-        np.testing.assert_array_equal(point, made[0][1])
-        assert mech is made[0][0]
+    for found in (made[0], made[1], made[3]):
+        np.testing.assert_array_equal(found.point, made[0].point)
+        assert found.mech is made[0].mech
 
 
 def test_a_function_makes_each_of_its_mechanisms():
@@ -78,4 +79,4 @@ def test_a_function_makes_each_of_its_mechanisms():
 
     made = [*varied(model).make([{"length": 1.0, "start.v.crank": speed} for speed in (1.0, 2.0)])]
     assert lengths == [1.0, 1.0]
-    assert made[1][1][3] == 2 * made[0][1][3] == 2.0
+    assert made[1].point[3] == 2 * made[0].point[3] == 2.0

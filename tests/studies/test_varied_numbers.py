@@ -1,0 +1,160 @@
+"""Masses, forces and gravity that vary between runs: the bits of new mechanisms, closed forms, and what is not in place."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae import backend
+from mbdae.errors import InputError
+from mbdae.mechanism.formats.varied_numbers import varied_numbers
+from mbdae.studies.factories import factory_of
+from mbdae.studies.varied_starts import FEWEST, VariedStarts
+
+pytestmark = pytest.mark.skipif(backend.load() is None, reason="the Python back end has no numbers in place")
+CASES = {  # model, parameters with their first and last values
+    "mass": ("slider_crank", {"joint.crank_pin.mass": (0.2, 0.9)}),
+    "several bodies and a speed": (
+        "slider_crank", {"joint.slider.mass": (1, 2.5), "joint.crank_pin.com.0": (0.1, 0.2), "start.v.crank": (3, 9.0)},
+    ),
+    "inertia": ("four_bar", {"joint.crank.inertia.1": (0.01, 0.2), "joint.coupler.mass": (1.0, 3.0)}),
+    "gravity": ("slider_crank", {"gravity.0": (-1.0, 1.0), "gravity.2": (-9.81, 2.0)}),
+    "bodies of the file": ("cart_pole", {"body.cart.mass": (0.5, 2.0), "body.bob.com.2": (-0.5, -1.0)}),
+    "spring": ("spring_four_bar", {"force.diagonal.stiffness": (5.0, 30.0), "force.diagonal.length": (1.0, 1.4)}),
+    "linear forces": ("andrews_squeezer", {"force.drive.torque": (0.03, 0.05), "force.spring.stiffness": (4e3, 5e3)}),
+    "chain in space": ("panda_handle", {"joint.panda_joint2.mass": (2.0, 3.0), "gravity.1": (0.0, 0.5)}),
+}  # fmt: skip
+OSCILLATOR = """
+duration = 1.0
+gravity = [0, 0, 0]
+[[body]]
+name = "block"
+parent = "world"
+joint = "prismatic"
+axis = [1, 0, 0]
+mass = 2.0
+{more}
+[[force]]
+kind = "joint_spring"
+name = "spring"
+joint = "block"
+stiffness = 8.0
+[start]
+q = {{ block = 0.5 }}
+"""
+FIXED = """
+[[body]]
+name = "load"
+parent = "block"
+joint = "fixed"
+mass = 1.0
+"""
+
+
+@pytest.fixture
+def oscillator(tmp_path):
+    def write(more=""):
+        path = tmp_path / "oscillator.toml"
+        path.write_text(OSCILLATOR.format(more=more))
+        return str(path)
+
+    return write
+
+
+def runs_of(parameters, n=FEWEST):
+    columns = {name: np.linspace(*ends, n).tolist() for name, ends in parameters.items()}
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("workers", [1, 2])
+def test_ends_have_the_bits_of_new_mechanisms(case, workers):
+    model, parameters = CASES[case]
+    n = 2 * FEWEST * 4 * workers  # batches of many runs
+    columns = {name: np.linspace(*ends, n) for name, ends in parameters.items()}
+    found = mbdae.ensemble(model, parameters=columns, t_span=(0.0, 0.02), workers=workers)
+    assert found.in_python == {}
+    factory = factory_of(model)
+    for i in range(0, n, n // 5):
+        sol = mbdae.solve(factory.make({name: x[i].item() for name, x in columns.items()}), (0.0, 0.02))
+        np.testing.assert_array_equal(found.q[i], sol.q[-1])
+        np.testing.assert_array_equal(found.v[i], sol.v[-1])
+        assert (found.status[i], found.steps[i]) == (sol.status, sol.stats["steps"])
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_runs_share_a_mechanism_with_the_points_of_new_ones(case):
+    model, parameters = CASES[case]
+    runs, factory = runs_of(parameters), factory_of(model)
+    made = [*VariedStarts(factory, lambda mech: 0.0, lambda mech: True).make(runs)]
+    assert len({id(found.mech) for found in made}) == 1
+    assert made[0].mech.model is not factory.make(runs[0]).model
+    for found, values in zip(made, runs, strict=True):
+        np.testing.assert_array_equal(found.point, factory.make(values).point())
+    np.testing.assert_array_equal(made[0].mech.point(), factory.make(runs[0]).point())
+
+
+def test_oscillators_follow_the_cosine(oscillator):
+    mass, stiffness = np.linspace(0.5, 4.0, 200), np.linspace(20.0, 1.0, 200)
+    parameters = {"body.block.mass": mass, "force.spring.stiffness": stiffness}
+    found = mbdae.ensemble(oscillator(), parameters=parameters, rtol=1e-10, atol=1e-12)
+    omega = np.sqrt(stiffness / mass)
+    np.testing.assert_allclose(found.q[:, 0], 0.5 * np.cos(omega), atol=1e-8)
+    np.testing.assert_allclose(found.v[:, 0], -0.5 * omega * np.sin(omega), atol=1e-7)
+
+
+def test_a_sweep_has_the_rows_of_single_runs():
+    model, parameters = CASES["several bodies and a speed"]
+    runs, outputs = runs_of(parameters, 40), ["final q.slider", "final position.rod_tip.z", "final g"]
+    found = mbdae.sweep(model, runs, (0.0, 0.1), outputs=outputs, workers=1)
+    alone = mbdae.sweep(model, runs, (0.0, 0.1), outputs=["final energy", *outputs], workers=1)  # which needs mechanisms
+    for name in (*parameters, *outputs, "steps", "status"):
+        assert list(found[name]) == list(alone[name])
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("joint.crank_pin.mass", -1.0), ("joint.crank_pin.mass", 1e200), ("gravity.2", np.nan)]
+)
+def test_invalid_values_are_rejected_as_those_of_a_mechanism(name, value):
+    factory = factory_of("slider_crank")
+    with pytest.raises(InputError) as alone:
+        factory.make({name: value})
+    starts = VariedStarts(factory, lambda mech: 0.0, lambda mech: True)
+    made = [*starts.make([{name: x} for x in (1.0, 2.0, value, *range(3, FEWEST))])]
+    assert str(made[2]) == str(alone.value)
+    assert len({id(found.mech) for i, found in enumerate(made) if i != 2}) == 1
+
+
+@pytest.mark.parametrize(
+    ("model", "values"),
+    [
+        ("slider_crank", {"joint.crank_pin.xyz.0": 0.12}),
+        ("slider_crank", {"closure.wrist pin.axis.1": 1.0}),
+        ("slider_crank", {"duration": 3.0}),
+        ("n_four_bar", {"N": 3}),
+        ("stick_slip_slider", {"force.joint_friction 2.friction": 0.3}),
+        ("slider_crank", {"joint.crank_pin.com": [0.1, 0.0, 0.0], "joint.crank_pin.com.0": 0.2}),
+    ],
+)
+def test_other_parameters_make_mechanisms(model, values):
+    assert varied_numbers(factory_of(model), [*values], values) is None
+
+
+def test_a_body_that_carries_another_makes_mechanisms(oscillator):
+    values = {"body.block.mass": 3.0}
+    assert varied_numbers(factory_of(oscillator()), [*values], values)
+    assert varied_numbers(factory_of(oscillator(FIXED)), [*values], values) is None
+
+
+def test_a_force_that_vanishes_makes_its_mechanism(oscillator):
+    name = "force.spring.stiffness"
+    varied = varied_numbers(factory_of(oscillator()), [name], {name: 8.0})
+    rows = varied.rows([{name: x} for x in (8.0, 0.0, 9.0)])
+    assert np.isfinite(rows).all(axis=1).tolist() == [True, False, True]
+
+
+def test_numbers_are_restored(oscillator):
+    name = "body.block.mass"
+    starts = VariedStarts(factory_of(oscillator()), lambda mech: 0.0, lambda mech: True)
+    made = [*starts.make([{name: x} for x in np.linspace(1.0, 2.0, FEWEST).tolist()])]
+    assert made[0].mech.model.inertias[1].mass == 1.0
