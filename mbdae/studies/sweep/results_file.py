@@ -1,12 +1,12 @@
 """The file of a sweep: an Arrow stream of finished runs, which is replaced by a Parquet file when all are finished.
 
-Each run is appended to the stream ``runs.parquet.part`` as one record batch in one write, so that all finished runs are
-readable after a crash. The same sweep resumes from it; an incomplete last batch is removed.
+Each run is appended to the stream ``runs.parquet.part`` as a record batch, those that finish together in one write, so
+that all finished runs are readable after a crash. The same sweep resumes from it; an incomplete last batch is removed.
 """
 
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
@@ -92,12 +92,12 @@ class SweepFile:
                 f"{self.path} has another sweep, with other {' and '.join(other)}: give another file, or delete it"
             )
 
-    def append(self, row: Row) -> None:
-        """Append one finished run."""
-        batch = arrow().RecordBatch.from_pylist([{**row, MORE: list(row[MORE].items())}], self.schema)
+    def append(self, rows: Sequence[Row]) -> None:
+        """Append finished runs, a record batch each."""
+        batch = arrow().RecordBatch.from_pylist([{**row, MORE: list(row[MORE].items())} for row in rows], self.schema)
         if self._file is None:
             return
-        data = memoryview(batch.serialize().to_pybytes())
+        data = memoryview(b"".join(batch.slice(i, 1).serialize() for i in range(len(rows))))
         try:
             while data:
                 data = data[os.write(self._file, data) :]

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, suppress
 from pathlib import Path
@@ -27,10 +27,10 @@ from ..workers import pool
 from .fingerprint import fingerprint
 from .outputs import Output, check, label, parse
 from .plan import Parameters, Task, names, tasks
-from .results_file import SweepFile
+from .results_file import Row, SweepFile
 from .sweep_batch import Batch, batches_of, run_batch
 from .sweep_run import SOLVE, Job, check_settings, known_signals, split
-from .table import Sweep, column_kinds, completed
+from .table import Sweep, column_kinds
 
 __all__ = ["sweep"]
 
@@ -111,7 +111,7 @@ def sweep(
     known = known_signals(job, plan, mech)
     check(known, job.outputs, job.times is not None)
     meta = _meta(job, plan, mech, known)
-    job.key = json.dumps(meta["manifest"])
+    job.columns, job.key = tuple(meta["kinds"]), json.dumps(meta["manifest"])
     with closing(_Collector(meta, None if path is None else Path(path), fresh, progress)) as collector:
         _run(job, [task for task in plan if task.run not in collector.rows], executor, workers, collector)
         return collector.finish()
@@ -136,15 +136,13 @@ class _Collector:
         self.result, self.progress = Sweep([], meta, path=path), progress
         self.rows = dict(self.file.rows) if self.file else {}
 
-    def record(self, batch: Batch, found: Sequence[dict[str, Any]]) -> None:
-        """Record the rows of a batch of completed or failed runs, and report the progress."""
-        for task, result in zip(batch.tasks, found, strict=True):
-            if result["status"] == "interrupted":  # by a signal to the worker: the run is still pending
-                continue
-            row = completed(result, task, self.result.kinds)
-            if self.file:
-                self.file.append(row)
-            self.rows[row["run"]], self.result.seconds[row["run"]] = row, result["seconds"]
+    def record(self, batch: Batch, found: Sequence[tuple[Row, float]]) -> None:
+        """Record the rows and wall times of a batch of completed or failed runs, and report the progress."""
+        done = [x for x in found if x[0]["status"] != "interrupted"]  # by a signal to the worker: still pending
+        if self.file:
+            self.file.append([row for row, _ in done])
+        for row, seconds in done:
+            self.rows[row["run"]], self.result.seconds[row["run"]] = row, seconds
         if self.progress:
             n, total = len(self.rows), self.result.total
             self.progress(n / total, f"{n} of {total} runs")
@@ -166,13 +164,13 @@ def _meta(job: Job, plan: Sequence[Task], mech: Mechanism, known: Mapping[str, s
     """Return the metadata of a table, see `Sweep`."""
     wanted = [parse(x) for x in job.outputs if isinstance(x, str)]
     numbers, samples = ([w.text for w in wanted if bool(w.reduction) is scalar] for scalar in (True, False))
-    kinds = column_kinds(plan, numbers, samples)
-    numeric = [n for n in names(plan) if kinds.get(n) in ("float", "int") and not n.startswith(SOLVE)]
+    kinds, swept = column_kinds(plan, numbers, samples), names(plan)
+    numeric = [n for n in swept if kinds.get(n) in ("float", "int") and not n.startswith(SOLVE)]
     of_columns = parameter_units(job.factory, numeric) | {w.text: w.unit(known) for w in wanted}
     return {
         "manifest": _manifest(job, plan, mech),
         "kinds": kinds,
-        "parameters": names(plan),
+        "parameters": swept,
         "outputs": numbers,
         "samples": samples,
         "units": {name: unit for name, unit in of_columns.items() if unit},
@@ -222,8 +220,8 @@ def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
     Raises:
         UnknownNameError, InputError: as `sweep`.
     """
-    check_settings(sorted({name.removeprefix(SOLVE) for name in names(plan) if name.startswith(SOLVE)}))
-    for formulation, method in dict.fromkeys(_method(job, task) for task in plan):
+    check_settings(sorted(name.removeprefix(SOLVE) for name in names(plan) if name.startswith(SOLVE)))
+    for formulation, method in _methods(job, plan):
         find_method(formulation, method)
     mech = _first_made(job.factory, plan)
     if mech.remarks:
@@ -260,10 +258,13 @@ def _made(factory: ParametricFactory, values: dict[str, Any]) -> Mechanism:
         raise InputError(str(e)) from e
 
 
-def _method(job: Job, task: Task) -> tuple[str, str]:
-    """Return formulation and method of a run."""
-    given = {**job.settings, **{n.removeprefix(SOLVE): x for n, x in task.values.items() if n.startswith(SOLVE)}}
-    return tuple(given.get(key) or DEFAULTS[key] for key in ("formulation", "method"))  # type: ignore[return-value]
+def _methods(job: Job, plan: Sequence[Task]) -> Iterable[tuple[str, str]]:
+    """Return the formulations and methods of the runs."""
+    columns = (
+        [task.values.get(SOLVE + key, job.settings.get(key)) or DEFAULTS[key] for task in plan]
+        for key in ("formulation", "method")
+    )
+    return dict.fromkeys(zip(*columns, strict=True))
 
 
 def _manifest(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]:

@@ -4,8 +4,8 @@ Runs with outputs at the end alone are completed in the compiled core, if possib
 """
 
 import json
-from collections.abc import Iterator, Sequence
-from itertools import islice
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice, repeat
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -20,15 +20,15 @@ from ...mechanism import Mechanism
 from ...system import Array
 from ..final_signals import signals_at_end, why_not_in_core
 from ..workers import StopFlag
-from .outputs import parse
-from .plan import Task
+from .outputs import label, parse
+from .plan import Task, names
+from .results_file import MORE, Row
 from .sweep_run import Job, run, split
 
 MAX_BATCH = 500  # runs
 BATCH_SECONDS = 0.2  # of several runs in a batch: at least ten times what sending them to a cluster takes
 LAST_RUNS = 8  # whose mean time determines the next batch
 FINAL = "final"
-Row = dict[str, Any]
 
 
 class _Start(NamedTuple):
@@ -65,14 +65,14 @@ def batches_of(plan: Sequence[Task], pending: int, seconds: dict[int, float]) ->
         i += size
 
 
-def run_batch(job: Job, batch: Batch, stop: StopFlag | None = None) -> list[Row]:
-    """Return the rows of several tasks; those that the core cannot complete are run one by one."""
+def run_batch(job: Job, batch: Batch, stop: StopFlag | None = None) -> list[tuple[Row, float]]:
+    """Return rows and wall times in s of several tasks; those that the core cannot complete are run one by one."""
     started, rows, flag = perf_counter(), dict[int, Row](), stop or StopFlag()
     if _ends_suffice(job):
         for settings, starts in _groups(job, batch.tasks):
             rows |= _completed(job, settings, batch.tasks, starts, flag)
-    seconds = {"seconds": (perf_counter() - started) / max(1, len(rows))}
-    return [rows[i] | seconds if i in rows else run(job, task, flag) for i, task in enumerate(batch.tasks)]
+    seconds = (perf_counter() - started) / max(1, len(rows))
+    return [(rows[i], seconds) if i in rows else run(job, task, flag) for i, task in enumerate(batch.tasks)]
 
 
 def _ends_suffice(job: Job) -> bool:
@@ -86,20 +86,23 @@ def _groups(job: Job, tasks: Sequence[Task]) -> list[tuple[dict[str, Any], list[
 
     They end at the first task that needs Python, since those after it most likely do, too.
     """
-    found = dict[tuple, tuple[dict[str, Any], list[_Start]]]()
+    found, group = dict[tuple, tuple[dict[str, Any], list[_Start]]](), list[_Start]()
+    last: tuple[Mechanism, str] | None = None  # of this group
     values, all_settings = zip(*(split(task.values, job.factory, task.seed) for task in tasks), strict=True)
     for i, (made, settings) in enumerate(zip(job.varied_starts.make(values), all_settings, strict=True)):
         if isinstance(made, Exception):  # `run` has the message
             continue
         mech, start = made[0], _Start(i, *made)
-        parts = map(id, (mech.model, mech.constraints, mech.forces, mech.settings))
-        key = (json.dumps(settings), mech.duration, *parts)
-        try:
-            if key not in found and _needs_python(job, settings, start):
-                break
-        except Exception:  # as above
-            continue
-        found.setdefault(key, (settings, []))[1].append(start)
+        text = json.dumps(settings) if settings else ""
+        if last != (mech, text):
+            key = (text, mech.duration, *map(id, (mech.model, mech.constraints, mech.forces, mech.settings)))
+            try:
+                if key not in found and _needs_python(job, settings, start):
+                    break
+            except Exception:  # as above
+                continue
+            last, group = (mech, text), found.setdefault(key, (settings, []))[1]
+        group.append(start)
     return list(found.values())
 
 
@@ -136,14 +139,13 @@ def _completed(
         return {}
     finally:
         one.release()
+    done = np.flatnonzero(runs.finished)
+    numbers = [starts[k].i for k in done.tolist()]
+    made = [tasks[i] for i in numbers]
     common = {"status": "finished", "message": STATUS["finished"], "t": one.options.t1, "backend": one.stepper.backend}
-    common |= {"samples": {}, "more": {}}
-    return {
-        starts[k].i: {
-            "run": tasks[starts[k].i].run,
-            **common,
-            **dict(zip(COUNTS, runs.counts[k].tolist(), strict=True)),
-            "numbers": dict(zip(job.outputs, x.tolist(), strict=True)),
-        }
-        for k, x in zip(np.flatnonzero(runs.finished).tolist(), values, strict=True)
-    }
+    columns: dict[str, Iterable[Any]] = {name: repeat(x) for name, x in (dict.fromkeys(job.columns) | common).items()}
+    columns |= {"run": [task.run for task in made], "seed": [task.seed for task in made], MORE: repeat({})}
+    columns |= {name: [task.values.get(name) for task in made] for name in names(made)}
+    columns |= zip(COUNTS, runs.counts[done].T.tolist(), strict=True)
+    columns |= zip(map(label, job.outputs), values.T.tolist(), strict=True)
+    return {i: dict(zip(columns, row, strict=True)) for i, *row in zip(numbers, *columns.values(), strict=False)}

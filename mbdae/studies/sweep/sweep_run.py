@@ -20,6 +20,7 @@ from ..varied_starts import VariedStarts
 from ..workers import Stop, stop_check
 from .outputs import Output, evaluate, parse
 from .plan import Task
+from .results_file import MORE, Row
 
 SOLVE = "solve."
 NOT_SETTINGS = ("problem", "t_span", "q", "v", "s", "t_eval", "progress")
@@ -41,6 +42,7 @@ class Job:
         times: number of equidistant times or the times at which signals are taken; the steps when None.
         outputs: results of each run.
         settings: arguments of `mbdae.solve`.
+        columns: names of the columns of the table.
         key: identifies the sweep, for caches of its files.
     """
 
@@ -49,6 +51,7 @@ class Job:
     times: int | tuple[float, ...] | None = None
     outputs: tuple[Output, ...] = ()
     settings: dict[str, Any] = field(default_factory=dict)
+    columns: tuple[str, ...] = ()
     key: str = ""
 
     def __getstate__(self) -> dict[str, Any]:
@@ -79,7 +82,7 @@ class Job:
 def split(values: Mapping[str, object], factory: ParametricFactory, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return values for the mechanism, with the run's seed if it has that parameter, and settings of `mbdae.solve`."""
     settings = {n.removeprefix(SOLVE): x for n, x in values.items() if n.startswith(SOLVE)}
-    parameters = {n: x for n, x in values.items() if not n.startswith(SOLVE)}
+    parameters = {n: x for n, x in values.items() if not n.startswith(SOLVE)} if settings else dict(values)
     return ({"seed": seed, **parameters} if "seed" in factory.parameters else parameters), settings
 
 
@@ -88,15 +91,9 @@ def _kept_factory(model: Any, key: str) -> ParametricFactory:
     return factory_of(model)
 
 
-def run(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
-    """Run one task and return its row; any failure is a status and a message in it.
-
-    Returns:
-        ``run``, ``status``, ``message``, the end time ``t``, counts of work, ``numbers``, ``samples`` and ``more`` (see
-            `mbdae.studies.sweep.outputs.evaluate`), and ``seconds``, which are not part of the table.
-    """
-    started = perf_counter()
-    row: dict[str, Any] = {"run": task.run, "numbers": {}, "samples": {}, "more": {}}
+def run(job: Job, task: Task, stop: Stop) -> tuple[Row, float]:
+    """Run one task; return its row, and its wall time in s. Any failure is a status and a message in the row."""
+    started, row = perf_counter(), empty_row(job, task)
     try:
         row |= _solved(job, task, stop)
     except AssemblyError as e:
@@ -106,10 +103,15 @@ def run(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
     except Exception as e:
         why = str(e) if isinstance(e, MbdaeError) else f"{type(e).__name__}: {e}"
         row |= {"status": "error", "message": " ".join(why.split())}
-    return {**row, "seconds": perf_counter() - started}
+    return row, perf_counter() - started
 
 
-def _solved(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
+def empty_row(job: Job, task: Task) -> Row:
+    """Return the row of a run without results."""
+    return {**dict.fromkeys(job.columns), **task.values, "run": task.run, "seed": task.seed, MORE: {}}
+
+
+def _solved(job: Job, task: Task, stop: Stop) -> Row:
     values, settings = split(task.values, job.factory, task.seed)
     mech = job.factory.make(values)
     times = job.sample_times(mech)
@@ -122,7 +124,11 @@ def _solved(job: Job, task: Task, stop: Stop) -> dict[str, Any]:
         numbers, samples, more = evaluate(sol, job.outputs, None if times is None else len(times))
     except InputError as e:
         return {**row, "status": "output", "message": str(e)}
-    return {**row, "numbers": numbers, "samples": samples, "more": more}
+    row |= {**numbers, **samples}
+    if taken := sorted(name for name in more if name in job.columns):
+        text = f"an output function returns {taken[0]!r}, which is a column of the table already"
+        return {**row, "status": "output", "message": text}
+    return {**row, MORE: more}
 
 
 def known_signals(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """The table of a sweep: a row for each run, as columns, as text, and in a file."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -203,16 +203,6 @@ def column_kinds(tasks: Sequence[Task], numbers: Sequence[str], samples: Sequenc
             raise InputError(f"parameter {name!r} has the name of another column of the table: rename it")
     outputs = {**dict.fromkeys(numbers, "float"), **dict.fromkeys(samples, "floats")}
     return {"run": "int", **swept, "seed": "int", **STATE, **outputs}
-
-
-def completed(row: Mapping[str, Any], task: Task, kinds: Mapping[str, str]) -> Row:
-    """Return a row of the table from the result of a run."""
-    found = {**task.values, "seed": task.seed, **row, **row["numbers"], **row["samples"]}
-    taken = sorted(name for name in row[MORE] if name in kinds)
-    if taken:
-        text = f"an output function returns {taken[0]!r}, which is a column of the table already"
-        return {**{name: found.get(name) for name in kinds}, "status": "output", "message": text, MORE: {}}
-    return {**{name: found.get(name) for name in kinds}, MORE: row[MORE]}
 
 
 def _kind(name: str, values: Sequence[object]) -> str:

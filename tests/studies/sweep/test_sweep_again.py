@@ -1,6 +1,6 @@
 """Sweeps resumed from a file, or not, and errors before any run."""
 
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ import mbdae
 from mbdae.__main__ import cli
 from mbdae.cli.output import FAILED
 from mbdae.errors import InputError
-from mbdae.studies.sweep.results_file import write
+from mbdae.studies.sweep.results_file import SweepFile, write
 
 
 def closing_over(g):
@@ -76,6 +76,18 @@ def test_an_interrupted_fresh_sweep_resumes_from_its_file(tmp_path):
     rest = mbdae.sweep("pendulum", grid, 0.05, path=path)
     assert rest.complete
     assert len(rest.seconds) == 4 - len(stopped)
+
+
+def test_runs_that_finish_together_are_stored_one_by_one(tmp_path):
+    """A write that ends within the last run loses that run alone."""
+    written = mbdae.sweep("pendulum", {"solve.rtol": [1e-3, 1e-4, 1e-5]}, 0.05, outputs=["final energy"])
+    path = tmp_path / "runs.parquet"
+    with closing(SweepFile(path, written.kinds, written.meta, fresh=False)) as file:
+        file.append(written.rows)
+    assert mbdae.Sweep.load(path).rows == written.rows
+    part = tmp_path / "runs.parquet.part"
+    part.write_bytes(part.read_bytes()[:-10])
+    assert mbdae.Sweep.load(path).rows == written.rows[:-1]
 
 
 @pytest.mark.parametrize(

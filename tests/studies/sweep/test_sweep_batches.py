@@ -75,7 +75,7 @@ def test_a_stopped_batch_leaves_its_runs():
     job = sweep_batch.Job("slider_crank", (0.0, 0.5), None, ("final q.slider",))
     batch, shared = sweep_batch.Batch(tasks([{}, {"start.v.crank": 5.0}], 0)), bytearray(1)
     for status in ("finished", "interrupted"):
-        assert [row["status"] for row in sweep_batch.run_batch(job, batch, StopFlag(shared))] == [status] * 2
+        assert [row["status"] for row, _ in sweep_batch.run_batch(job, batch, StopFlag(shared))] == [status] * 2
         StopFlag(shared).set()  # by another process
 
 
