@@ -49,7 +49,7 @@ class _Part(ABC):
         self.places, self.paths = places, dict[str, str]()
 
     @abstractmethod
-    def numbers(self, values: Values) -> list[float] | None:
+    def evaluate(self, values: Values) -> list[float] | None:
         """Return the numbers for values of parameters; None where they do not suffice.
 
         Raises:
@@ -59,7 +59,7 @@ class _Part(ABC):
     def rows(self, runs: Sequence[Values]) -> Array:
         """Return the numbers (k, n) for values of k runs, the first of them valid; nan where they do not suffice."""
         if set(self.paths.values()) <= self.entries.keys():
-            out = np.tile(np.array(self.numbers(runs[0]), float), (len(runs), 1))
+            out = np.tile(np.array(self.evaluate(runs[0]), float), (len(runs), 1))
             for name, path in self.paths.items():
                 out[:, self.entries[path]] = [_number(values[name]) for values in runs]
             return out
@@ -67,7 +67,7 @@ class _Part(ABC):
 
     def _row(self, values: Values) -> list[float]:
         try:
-            found = self.numbers(values) or []
+            found = self.evaluate(values) or []
         except MbdaeError:
             found = []
         return [*map(_number, found)] if len(found) == len(self.places) else [nan] * len(self.places)
@@ -93,7 +93,7 @@ class _Gravity(_Part):
         super().__init__([_place("gravity", 0, i) for i in range(3)])
         self.gravity = tuple(gravity.tolist())
 
-    def numbers(self, values: Values) -> list[float] | None:
+    def evaluate(self, values: Values) -> list[float] | None:
         return list(self.changed(self.gravity, values))
 
 
@@ -104,7 +104,7 @@ class _BodyInertia(_Part):
         super().__init__([_place("body", joint, i) for i in range(10)])
         self.owner, self.body, self.joint = owner, body, joint
 
-    def numbers(self, values: Values) -> list[float] | None:
+    def evaluate(self, values: Values) -> list[float] | None:
         found = body_inertia(self.changed(self.body, values))
         return None if found is None else [found.mass, *found.lever.tolist(), *(float(found.inertia[i]) for i in UPPER)]
 
@@ -119,7 +119,7 @@ class _Forces(_Part):
         self.structure, laws = _without_numbers(bound)
         super().__init__([_place("law", k, i) for k, law in enumerate(laws) for i in range(len(law))])
 
-    def numbers(self, values: Values) -> list[float] | None:
+    def evaluate(self, values: Values) -> list[float] | None:
         laws, groups = list(self.laws), defaultdict[int, dict[str, tuple[str, Any]]](dict)
         for name, path in self.paths.items():
             at, _, key = path.partition(".")
@@ -241,9 +241,9 @@ def _bodies(template: Template, mech: Mechanism, names: Sequence[str], values: V
 
 
 def _bodies_are_alone(template: Template, varied: VariedNumbers, values: Values) -> bool:
-    """Return whether each joint carries nothing else than the body whose inertia parameters change, in its frame.
+    """Return whether joints carry only the bodies whose inertia parameters change, in their frames.
 
-    What it carries is a sum of moved inertias: it is the body itself if it is for one without symmetries.
+    Inertias of a joint are a sum of moved ones: of one body alone if that holds for a body without symmetries.
     """
     owners = [part.owner for part in varied.bodies]
     if not owners:

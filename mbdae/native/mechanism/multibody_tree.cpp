@@ -74,7 +74,7 @@ void MultibodyTree::refresh() {
 }
 
 double* MultibodyTree::body_number(int joint, int i) {
-  if (joint < 1 || joint >= joints || i < 0 || i >= 10) return nullptr;
+  if (joint < 1 || joint >= joints || i < 0 || i >= 1 + 3 + 6) return nullptr;
   const TreeModel::Joint& body = w->model.joints[joint];
   return const_cast<double*>(i < 1 ? body.mass : i < 4 ? body.lever + i - 1 : body.I + i - 4);
 }

@@ -1,4 +1,4 @@
-// Numbers of a mechanism that differ between runs, while its geometry stays (mbdae/mechanism/varied_numbers.py).
+// Numbers of a mechanism that differ between runs, while its geometry stays (mbdae/mechanism/formats/varied_numbers.py).
 #pragma once
 
 #include <vector>
@@ -18,16 +18,16 @@ struct VariedNumber {
 class VariedNumbers {
  public:
   // std::invalid_argument for a number that the mechanism does not have.
-  VariedNumbers(Index2System& s, const std::vector<VariedNumber>& numbers);
+  VariedNumbers(Index2System& s, const std::vector<VariedNumber>& varied);
   ~VariedNumbers() { write(before_.data()); }  // the values that they had
   VariedNumbers(const VariedNumbers&) = delete;
 
-  size_t count() const { return places_.size(); }
+  size_t count() const { return targets_.size(); }
   bool write(const double* values);  // (count(),); false: they are invalid
 
  private:
   Index2System& s_;
-  std::vector<double*> places_;
+  std::vector<double*> targets_;
   Numbers before_;
 };
 
