@@ -10,7 +10,7 @@ RUN = f"""
 import sys
 import mbdae
 assert mbdae.solve("four_bar", (0, 0.1)).success
-print(sorted(set(sys.modules) & set({UNUSED})))
+print(sorted(set(sys.modules) & set({UNUSED})), mbdae._modules_of_names.cache_info().misses)
 """
 COMMAND = f"""
 import sys
@@ -29,6 +29,13 @@ except SystemExit:
 made = [name for name, command in cli.commands.items() if "params" in vars(command)]
 print(*{"importlib.metadata", "tempfile"} & set(sys.modules), *{"compare", "solve", "sweep"} & set(made))
 """
+GARBAGE = """
+import atexit, gc, sys
+from mbdae.__main__ import main
+before = [generation["collections"] for generation in gc.get_stats()]
+atexit.register(lambda: print([x["collections"] for x in gc.get_stats()] == before, gc.get_freeze_count() > 50_000))
+main()
+"""
 
 
 def last_line(program, *arguments):
@@ -37,8 +44,8 @@ def last_line(program, *arguments):
 
 
 @pytest.mark.native
-def test_a_run_in_the_core_loads_nothing_that_it_does_not_use():
-    assert last_line(RUN) == "[]"
+def test_a_run_in_the_core_loads_nothing_that_it_does_not_use_and_searches_no_files_for_names():
+    assert last_line(RUN) == "[] 0"
 
 
 @pytest.mark.native
@@ -46,6 +53,12 @@ def test_a_run_in_the_core_loads_nothing_that_it_does_not_use():
 def test_a_saved_run_loads_nothing_else_and_builds_the_kinds_of_its_model(model, kind, tmp_path):
     """The slider-crank starts with closed velocities, the least change in the mass metric."""
     assert last_line(COMMAND, model, "-t", "0.5", "-o", str(tmp_path / "run.npz")) == f"[] ['{kind}']"
+
+
+@pytest.mark.native
+def test_a_saved_run_searches_no_garbage(tmp_path):
+    """Neither while modules are imported nor at the end of Python."""
+    assert last_line(GARBAGE, "solve", "slider_crank", "-t", "0.5", "-o", str(tmp_path / "run.npz")) == "True True"
 
 
 @pytest.mark.parametrize(("asked", "made"), [(["-h"], ""), (["solve", "-h"], "solve")])
