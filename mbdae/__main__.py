@@ -9,20 +9,19 @@ import click
 
 from .cli.interrupt import CODE
 from .cli.output import FAILED, HOLDS, USAGE
-from .discovery import members
+from .discovery import Members, command_names
 from .errors import InputError, MbdaeError, printable
 
-GARBAGE = 200_000  # new objects before a search for cycles: more than a run makes, nearly all of which stay
+GARBAGE = 150_000  # new objects before a search for cycles: more than a run makes, nearly all of which stay
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+COMMANDS = Members(command_names("mbdae.studies"), lambda module, name: getattr(module, name.replace("-", "_")))
+
+
+@click.group(commands=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="mbdae")
 def cli() -> None:
     """Simulate constrained mechanisms, check the result, and replay it."""
-
-
-for command in members("mbdae.studies", click.Command, files="*/command.py"):
-    cli.add_command(command)
 
 
 def main() -> None:
