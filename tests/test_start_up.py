@@ -16,8 +16,11 @@ COMMAND = f"""
 import sys
 from mbdae.__main__ import cli
 cli(["solve", *sys.argv[1:]], standalone_mode=False)
-from mbdae.mechanism.closures import KINDS
-print(sorted(set(sys.modules) & set({UNUSED})), [kind for kind, c in KINDS.items() if c.__pydantic_complete__])
+from mbdae.mechanism.closures.closure import Closure, kinds_of
+loaded = [name.partition("closures.kinds.")[2] for name in sys.modules if "closures.kinds." in name]
+commands = [name for name in sys.modules if name.startswith("mbdae.studies.") and name.endswith(".command")]
+built = [kind for kind, c in kinds_of(Closure).items() if c.__pydantic_complete__]
+print(sorted(set(sys.modules) & set({UNUSED})), *commands, *built, *sorted(loaded))
 """
 HELP = """
 import sys
@@ -52,7 +55,9 @@ def test_a_run_in_the_core_loads_nothing_that_it_does_not_use_and_searches_no_fi
 @pytest.mark.parametrize(("model", "kind"), [("slider_crank", "revolute"), ("spring_four_bar", "point")])
 def test_a_saved_run_loads_nothing_else_and_builds_the_kinds_of_its_model(model, kind, tmp_path):
     """The slider-crank starts with closed velocities, the least change in the mass metric."""
-    assert last_line(COMMAND, model, "-t", "0.5", "-o", str(tmp_path / "run.npz")) == f"[] ['{kind}']"
+    assert last_line(COMMAND, model, "-t", "0.5", "-o", str(tmp_path / "run.npz")) == (
+        f"[] mbdae.studies.solve.command {kind} {kind} rolling"
+    )
 
 
 @pytest.mark.native
