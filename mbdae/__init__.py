@@ -93,7 +93,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
 
     __version__: str
 
-_CORE = {
+_NAMES = {
     "errors": ["MbdaeError"],
     "integrate.events.event": ["Event"],
     "integrate.simulator.simulator": ["Simulator"],
@@ -121,14 +121,14 @@ _CORE = {
     "textbook.mixed": ["MixedHessenberg"],
     "units": ["display_units"],
 }
+_CORE = {name: f"mbdae.{module}" for module, names in _NAMES.items() for name in names}
 
 
 @cache
 def _modules_of_names() -> dict[str, str]:
     """Return the module of each public name: of the core, of forces, and of studies by their ``__all__``."""
-    core = {name: f"mbdae.{module}" for module, names in _CORE.items() for name in names}
     forces = class_names("mbdae.mechanism.forces", "Force", "PythonForce")
-    return core | forces | public_names("mbdae.studies", "*/*.py")
+    return _CORE | forces | public_names("mbdae.studies", "*/*.py")
 
 
 def _value(name: str) -> Any:
@@ -136,8 +136,8 @@ def _value(name: str) -> Any:
         return sorted(_modules_of_names())
     if name == "__version__":
         return import_module("importlib.metadata").version("mbdae")
-    if name in _modules_of_names():
-        return getattr(import_module(_modules_of_names()[name]), name)
+    if module := _CORE.get(name) or _modules_of_names().get(name):  # first those that are known without a search
+        return getattr(import_module(module), name)
     if name[0].isupper():  # a force class from another package
         forces = import_module("mbdae.mechanism.forces").NAMES
         if name in forces:

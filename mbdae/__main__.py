@@ -1,5 +1,7 @@
 """Command line: each sub-command is a thin wrapper around a public function."""
 
+import atexit
+import gc
 import sys
 import warnings
 
@@ -7,22 +9,25 @@ import click
 
 from .cli.interrupt import CODE
 from .cli.output import FAILED, HOLDS, USAGE
-from .discovery import members
+from .discovery import Members, command_names
 from .errors import InputError, MbdaeError, printable
 
+GARBAGE = 150_000  # new objects before a search for cycles: more than a run makes, nearly all of which stay
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+
+COMMANDS = Members(command_names("mbdae.studies"), lambda module, name: getattr(module, name.replace("-", "_")))
+
+
+@click.group(commands=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="mbdae")
 def cli() -> None:
     """Simulate constrained mechanisms, check the result, and replay it."""
 
 
-for command in members("mbdae.studies", click.Command, files="*/command.py"):
-    cli.add_command(command)
-
-
 def main() -> None:
     """Entry point: errors are one line on stderr; exit codes as in `mbdae.cli.output`, 130 for Ctrl-C."""
+    gc.set_threshold(GARBAGE)
+    atexit.register(gc.freeze)  # the end of Python searches what is not frozen, for as long as a run takes
     warnings.showwarning = lambda message, *_: _print_error(f"warning: {message}")  # type: ignore[assignment]
     try:
         sys.exit(cli(standalone_mode=False) or HOLDS)

@@ -7,7 +7,7 @@ import ast
 import os
 import re
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -18,6 +18,38 @@ from .errors import InputError
 MODEL_LIST = "models.json"  # in the folder of the models: their sizes and parameters, by tests/key_tables.py
 LIBRARY_FILES = ("mechanism.toml", "mechanism.py")  # in the folder of a model that comes with mbdae
 PACKAGE = Path(__file__).resolve().parent
+
+
+class Members(MutableMapping[str, Any]):
+    """Members of a family by name, in alphabetical order; each is imported when it is first asked for.
+
+    Args:
+        modules: dotted names of their modules by name.
+        member: returns a member of a module by name.
+    """
+
+    def __init__(self, modules: Mapping[str, str], member: Callable[[Any, str], Any] = getattr) -> None:
+        self._modules, self._member = dict(modules), member
+        self._found: dict[str, Any] = dict.fromkeys(sorted(modules))
+
+    def __getitem__(self, name: str) -> Any:
+        if name in self._modules:
+            self[name] = self._member(import_module(self._modules[name]), name)
+        return self._found[name]
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        self._modules.pop(name, None)
+        self._found[name] = value
+
+    def __delitem__(self, name: str) -> None:
+        self._modules.pop(name, None)
+        del self._found[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._found)
+
+    def __len__(self) -> int:
+        return len(self._found)
 
 
 def members(package: str, *kinds: type, files: str = "*.py") -> Iterator[Any]:
@@ -76,6 +108,12 @@ def public_names(package: str, files: str = "*.py") -> dict[str, str]:
 def class_names(package: str, *bases: str) -> dict[str, str]:
     """Return the names of classes derived from the given bases, with their modules, without importing them."""
     return dict(_matches(package, rf"^class (\w+)\((?:{'|'.join(bases)})\):"))
+
+
+def command_names(package: str) -> dict[str, str]:
+    """Return the names of the commands of a folder's subfolders, with their modules, without importing them."""
+    matches = _matches(package, r"^@(?:click\.|study_)?command\([\s\S]*?^def (\w+)", "*/command.py")
+    return {name.replace("_", "-"): module for name, module in matches}
 
 
 def instance_names(package: str, *kinds: str) -> list[str]:
@@ -140,6 +178,11 @@ def lazy_import(module: str, name: str) -> Callable[..., Any]:
         return getattr(import_module(module), name)(*args, **named)
 
     return call
+
+
+def texts(package: str) -> dict[str, str]:
+    """Return the texts of the files of a folder by module."""
+    return {module: path.read_text("utf-8") for module, path in _modules(package, "*.py").items()}
 
 
 def _matches(package: str, pattern: str, files: str = "*.py") -> Iterator[tuple[str, str]]:

@@ -18,13 +18,14 @@ from pydantic.fields import FieldInfo
 import mbdae
 from mbdae.discovery import LIBRARY_FILES, MODEL_LIST
 from mbdae.mechanism.checked_table import Table, tables_in
-from mbdae.mechanism.closures import KINDS, rows_and_summary
+from mbdae.mechanism.closures import kinds_in_files, rows_and_summary
 from mbdae.mechanism.closures.closure import Closure
 from mbdae.mechanism.forces import FORCES
 from mbdae.mechanism.formats.mechanism_file.schema import MechanismFile
 from mbdae.mechanism.formats.model_library import ROBOTS
 from mbdae.mechanism.time_functions.time_functions import TIME_FUNCTIONS
 
+KINDS = kinds_in_files()
 PAGE = Path(__file__).parent.parent / "models" / "README.md"
 LISTED = PAGE.parent / MODEL_LIST
 WRITTEN = r"(?<=<!-- {0}: written by tests/key_tables.py -->\n).*(?=<!-- end of {0} -->)"
@@ -37,7 +38,7 @@ def closures() -> str:
     """One row for each kind of closure: its rows, its keys, what it keeps."""
     out = "\n| closure | rows | required | optional | constraint |\n|---|---|---|---|---|\n"
     for kind, table in KINDS.items():
-        rows, what = rows_and_summary(table)
+        rows, what = rows_and_summary((table.__doc__ or "").partition("\n")[0])
         keys = {k: f.is_required() for k, f in table.model_fields.items() if k not in Closure.model_fields}
         needed, possible = (", ".join(f"`{k}`" for k in keys if keys[k] is x) for x in (True, False))
         out += f"| `{kind}` | {rows} | {needed} |{possible and f' {possible}'} | {what} |\n"

@@ -90,7 +90,8 @@ def tables_in(annotation: object) -> list[type[Table]]:
     """Return the tables in a type, such as the kinds of a union."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
         return [annotation]
-    return [table for argument in get_args(annotation) for table in tables_in(argument)]
+    by_kind = getattr(annotation, "tables", None) or {}  # of TaggedByKind
+    return [*by_kind.values(), *(table for argument in get_args(annotation) for table in tables_in(argument))]
 
 
 def one_line(error: ValidationError, known: KnownKeys, content: object = None) -> str:

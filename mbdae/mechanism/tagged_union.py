@@ -3,6 +3,7 @@
 A process uses only a few of the kinds, and pydantic takes milliseconds to build the schema of each.
 """
 
+from collections.abc import Mapping
 from typing import Annotated, Any, get_args
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, SerializationInfo
@@ -13,28 +14,38 @@ from .checked_table import Table
 
 
 class TaggedByKind:
-    """Annotation of a union of tables, ``Annotated[Union[PointMass, Rod], TaggedByKind()]``."""
+    """Annotation of a union of tables, ``Annotated[Union[PointMass, Rod], TaggedByKind()]``.
+
+    Args:
+        tables: the tables by kind, if they are imported on first use: ``Annotated[Any, TaggedByKind(tables)]``.
+    """
+
+    def __init__(self, tables: Mapping[str, type[Table]] | None = None) -> None:
+        self.tables = tables
 
     def __get_pydantic_core_schema__(self, union: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        choices = {c.model_fields["kind"].default: Annotated[c, _LazySchema(c)] for c in get_args(union)}
-        return core_schema.tagged_union_schema(
-            {kind: handler.generate_schema(choice) for kind, choice in choices.items()}, "kind"
-        )
+        tables = self.tables or {c.model_fields["kind"].default: c for c in get_args(union)}
+        choices = {kind: handler.generate_schema(Annotated[Any, _LazySchema(tables, kind)]) for kind in tables}
+        return core_schema.tagged_union_schema(choices, "kind")
 
 
 class _LazySchema:
     """Annotation that leaves a table to its own validator, which is built on first use."""
 
-    def __init__(self, table: type[Table]) -> None:
-        self.table = table
+    def __init__(self, tables: Mapping[str, type[Table]], kind: str) -> None:
+        self.tables, self.kind = tables, kind
 
     def __get_pydantic_core_schema__(self, table: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         dump = core_schema.plain_serializer_function_ser_schema(_dump, info_arg=True)
-        return core_schema.no_info_plain_validator_function(self.table.model_validate, serialization=dump)
+        return core_schema.no_info_plain_validator_function(self._validate, serialization=dump)
+
+    def _validate(self, value: Any) -> Table:
+        return self.tables[self.kind].model_validate(value)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        self.table.model_rebuild()
-        schema_of_table = self.table.__pydantic_core_schema__
+        table = self.tables[self.kind]
+        table.model_rebuild()
+        schema_of_table = table.__pydantic_core_schema__
         return handler(core_schema.definitions_schema(schema_of_table, []))  # a reference to its definition
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticUndefined
 
+from ...discovery import Members
 from ...errors import InputError
 from ...system import Array
 from ..checked_table import OneLine, Table, wrong_kind
@@ -14,6 +15,7 @@ from ..key_units import Unit
 from ..tree.frames import Pair
 from .active_range import ActiveRange
 from .joint_rows import JointRow
+from .kind_files import KIND_FILES
 from .rows import FrameRows
 from .unilateral_constraint import UnilateralOptions
 
@@ -40,27 +42,35 @@ def kinds_of(base: type[Any]) -> dict[str, type[Any]]:
     return dict(sorted(out.items()))
 
 
+KINDS = Members({x.kind: x.module for x in KIND_FILES}, lambda module, kind: kinds_of(Closure)[kind])
+"""Every kind of closure that a file or a saved run may have, those of installed packages too."""
+_CREATORS = {name: x.kind for x in KIND_FILES for name in x.creators}
+
+
 class ByKind(OneLine):
     """Metaclass: ``Closure(kind="point", ...)`` makes a `PointClosure`, and ``Closure.point`` is its `create`."""
 
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:
         if args or cls is not Closure:
             return super().__call__(*args, **kwargs)
-        known, kind = kinds_of(cls), kwargs.get("kind")
-        if not isinstance(kind, str) or kind not in known:
-            raise InputError(f"Closure: {wrong_kind('kind', known, kind)}")
-        return known[kind](**kwargs)
+        kind = kwargs.get("kind")
+        found = (KINDS.get(kind) or kinds_of(cls).get(kind)) if isinstance(kind, str) else None
+        if not found:
+            raise InputError(f"Closure: {wrong_kind('kind', sorted({*KINDS, *kinds_of(cls)}), kind)}")
+        return found(**kwargs)
 
     def __getattr__(cls, name: str) -> Callable[..., Any]:
         if name.startswith("_"):
             return super().__getattr__(name)  # type: ignore[misc]
-        for kind, c in kinds_of(cls).items():
+        known = name if name in KINDS else _CREATORS.get(name)
+        found = {known: KINDS[known]} if known and cls is Closure else kinds_of(cls)
+        for kind, c in found.items():
             if name == kind or (name != "create" and isinstance(vars(c).get(name), classmethod)):
                 return getattr(c, "create" if name == kind else name)
         raise AttributeError(f"type object {cls.__name__!r} has no attribute {name!r}", name=name, obj=cls)
 
     def __dir__(cls) -> list[str]:
-        return [*super().__dir__(), *kinds_of(cls)]
+        return [*super().__dir__(), *{*KINDS, *kinds_of(cls)}]
 
 
 class Closure(Table, metaclass=ByKind):

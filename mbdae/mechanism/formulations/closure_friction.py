@@ -21,7 +21,7 @@ from ...data_types import CoreData
 from ...errors import InputError, StepError, UnknownNameError
 from ...system import Array
 from ...tolerances import ROUNDING, SOLUTION_ROUNDING, TINY, ZERO_SPEED
-from ..closures.closure import Closure, kinds_of
+from ..closures.closure import KINDS, Closure
 from ..closures.constraints import Constraints
 from ..closures.independent_rows import minimum_norm
 from ..closures.kinds.rolling import RollingClosure
@@ -267,7 +267,7 @@ def solve_with_friction(
 def _require_supported(force: CoulombFriction, closure: Closure) -> None:
     rolling = closure if isinstance(closure, RollingClosure) else None
     if not closure.friction or (rolling and rolling.contact is False):
-        known = ", ".join(kind for kind, c in kinds_of(Closure).items() if c.friction)
+        known = ", ".join(kind for kind, c in KINDS.items() if c.friction)
         raise InputError(f"coulomb_friction is for closures of kind {known}; {closure.name!r} is of another kind")
     _require_valid_grip(force, closure, rolling.tangents if rolling else ())
     rotates = closure.friction in ROTATIONAL

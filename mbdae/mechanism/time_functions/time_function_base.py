@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from functools import cached_property
 from math import inf
 
-from ... import finite_differences
 from ...data_types import CoreData
+from ...finite_differences import numerical_derivative
 from ..checked_table import Table
 from .piecewise_polynomial import PiecewisePolynomial
 
@@ -24,7 +24,7 @@ class BaseTimeFunction(Table):
         """Return the derivative of the k-th derivative: a sixth-order difference where it is not given."""
         if k < 2 and self.has_derivative(k + 1):
             return self.at(t, k + 1)
-        return float(finite_differences.numerical_derivative(lambda x: self.at(t + x, k), SPACING))
+        return float(numerical_derivative(lambda x: self.at(t + x, k), SPACING))
 
     def has_derivative(self, k: int) -> bool:
         """Return whether the k-th derivative is given, k = 0, 1, 2."""

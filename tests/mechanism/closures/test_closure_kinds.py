@@ -11,7 +11,9 @@ from chains import random_q, tree
 import mbdae
 from mbdae import Closure, Driver, Mechanism, finite_differences
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.closures import KINDS
+from mbdae.mechanism.closures import kinds_in_files
+from mbdae.mechanism.closures.closure import KINDS
+from mbdae.mechanism.closures.kind_files import KIND_FILES
 from mbdae.mechanism.formats.mechanism_file.schema import read_toml
 
 JOINTS = ["revolute", "spherical", "prismatic", "free", "universal", "continuous", "planar", "helical", "composite"]
@@ -40,7 +42,15 @@ def mechanism(spec):
 
 
 def test_every_kind_is_tried():
-    assert set(CLOSURES) == set(KINDS)
+    assert set(CLOSURES) == set(kinds_in_files())
+
+
+@pytest.mark.parametrize("file", KIND_FILES, ids=lambda file: file.kind)
+def test_texts_of_files_say_what_their_classes_are(file):
+    found = KINDS[file.kind]
+    assert found.__module__ == file.module
+    assert file.first == found.__doc__.partition("\n")[0].rstrip(".")
+    assert all(getattr(Closure, name).__self__ is found for name in [file.kind, *file.creators])
 
 
 @pytest.mark.parametrize("name", CASES)
