@@ -38,6 +38,11 @@ def without_pictures(patch):
         patch.setattr(f"mbdae.studies.report.page.{name}", lambda *_, **__: "")
 
 
+def without_layout(patch):
+    """Leave out layouts, for tests of the data of figures."""
+    patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)
+
+
 def keep_studies(patch, results, known=False):
     """Append the results of the studies of commands to a list; if they are known, take them from it instead."""
 

@@ -101,18 +101,7 @@ class DenseOutput:
         Raises:
             InputError: for a time outside.
         """
-        ts, ys, _ = self.nodes
-        low, high = min(ts[0], ts[-1]), max(ts[0], ts[-1])
-        if not low <= t <= high:
-            raise InputError(f"t = {t} is outside the solution, {low} to {high}")
-        if len(ts) == 1:
-            return ys[0]
-        i = min(int(self.before(np.array([t]))[0]), len(ts) - 2)
-        if t == ts[i + 1]:
-            return ys[i + 1]
-        if t == ts[i] or self.jumped(i, i + 2)[0]:
-            return ys[i]
-        return self.dense(i)((t - ts[i]) / (ts[i + 1] - ts[i]))
+        return next(self._one_by_one(np.array([t], float)))
 
     def points(self, times: Array) -> Iterator[Array]:
         """Yield y at several times of the run; computed together where possible.
@@ -121,10 +110,32 @@ class DenseOutput:
             InputError: for a time outside.
             StepError: for a point that cannot be computed, after the points before it.
         """
-        found = None
+        found, times = None, np.asarray(times, float)
         with suppress(StepError):
-            found = sample_together(self, np.asarray(times, float))
-        yield from (self.point(float(t)) for t in times) if found is None else found
+            found = sample_together(self, times)
+        yield from self._one_by_one(times) if found is None else found
+
+    def _one_by_one(self, times: Array) -> Iterator[Array]:
+        """Yield y at each time; their steps are found at once."""
+        if not len(times):
+            return
+        ts, ys, _ = self.nodes
+        low, high = min(ts[0], ts[-1]), max(ts[0], ts[-1])
+        if len(outside := times[~((low <= times) & (times <= high))]):
+            raise InputError(f"t = {float(outside[0])} is outside the solution, {low} to {high}")
+        if len(ts) == 1:
+            yield from ys[np.zeros(len(times), int)]
+            return
+        steps = np.minimum(self.before(times), len(ts) - 2)
+        first = int(steps.min())
+        jumped = self.jumped(first, int(steps.max()) + 2)[steps - first]
+        for t, i, jump in zip(times.tolist(), steps.tolist(), jumped.tolist(), strict=True):
+            if t == ts[i + 1]:
+                yield ys[i + 1]
+            elif t == ts[i] or jump:
+                yield ys[i]
+            else:
+                yield self.dense(i)((t - ts[i]) / (ts[i + 1] - ts[i]))
 
     def dense(self, i: int) -> Callable[[float], Array]:
         """Return theta -> y on step i, theta in [0, 1]; its order is one below the order of the method."""

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from commands import call, found, keep_studies, without_pictures
+from commands import call, found, keep_studies, without_layout, without_pictures
 
 import mbdae
 from mbdae.__main__ import cli
@@ -122,6 +122,9 @@ def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeyp
             with monkeypatch.context() as patch:
                 without_pictures(patch)
                 keep_studies(patch, results, bool(more))
+                if more:  # the same figures as before
+                    without_layout(patch)
+                    patch.setattr("matplotlib.figure.Figure.savefig", lambda _, path, **__: Path(path).touch())
                 code, out, err = call(*shlex.split(arguments), *more, cwd=tmp_path)
             assert (code, err) == (0, ""), arguments
             if more:

@@ -1,5 +1,7 @@
 """Dense output: polynomials of any order exist, and have that order."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from shared import shared_model
@@ -87,3 +89,16 @@ def test_points_at_once_are_points_one_by_one(model, span):
     for outside in (0.4, np.nan):
         with pytest.raises(mbdae.MbdaeError, match="outside the solution"):
             sol(np.array([0.1, outside]))
+
+
+def test_the_steps_of_many_times_are_found_at_once(monkeypatch):
+    """Of a motion with modes, whose points are computed one by one."""
+    sol = mbdae.solve("pendulum_on_stop", (0.0, 1.0), rtol=1e-6)
+    (impact,) = (t for t, after in pairwise(sol.t) if after - t <= sol.jump_margin)
+    times = np.sort(np.concatenate([np.linspace(0.0, 1.0, 40), sol.t, [impact]]))
+    apart = np.array([sol.point(t) for t in times])
+    find, found = type(sol).before, []
+    monkeypatch.setattr(type(sol), "before", lambda sol, t: found.append(len(t)) or find(sol, t))
+    np.testing.assert_array_equal(np.array(list(sol.points(times))), apart)
+    assert max(found) == len(times)
+    assert len(found) <= 2

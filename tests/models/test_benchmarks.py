@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from click.testing import CliRunner
-from commands import found, without_pictures
+from commands import found, without_layout, without_pictures
 from scipy.integrate import solve_ivp
 from test_examples import example
 
@@ -190,6 +190,7 @@ COMMANDS = [
 def test_a_mechanism_without_closures_runs_through_every_command(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     without_pictures(monkeypatch)
+    without_layout(monkeypatch)
     (tmp_path / "sweep.toml").write_text('model = "double_pendulum"\nend = 0.1\n[grid]\nsolve.rtol = [1e-3, 1e-6]\n')
     every = [*COMMANDS, *found()]
     for command in [*COMMANDS, *(command for command in found() if "run.npz" in command)]:  # the others name a model

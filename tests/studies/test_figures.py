@@ -5,7 +5,7 @@ from dataclasses import replace
 import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from commands import without_layout
 
 import mbdae
 from mbdae.errors import InputError
@@ -70,6 +70,12 @@ def drawn(four_bar):
     }
 
 
+@pytest.fixture
+def data_only(monkeypatch):
+    """Leave out layouts, for tests of the data of figures."""
+    without_layout(monkeypatch)
+
+
 KINDS = ("motion", "drifts", "work_precision", "convergence")
 
 
@@ -86,7 +92,7 @@ def test_axes_have_labels_with_units(drawn, kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_legends_are_beside_the_data(drawn, kind):
     figure = drawn[kind]
-    FigureCanvasAgg(figure).draw()
+    figure.draw_without_rendering()
     legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes if ax.get_legend())]
     assert legends
     whole = figure.bbox
@@ -109,9 +115,10 @@ def test_every_format_is_written_and_the_same_twice(drawn, kind, suffix, tmp_pat
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
-def test_other_formats_are_rejected(drawn, tmp_path):
+def test_other_formats_are_rejected(drawn, tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"\.png, \.svg, \.pdf, \.pgf, got"):
         figures.save(drawn["motion"], tmp_path / "a.jpg")
+    without_layout(monkeypatch)
     with pytest.raises(InputError, match=r"\.png"):
         comparison().plot(tmp_path / "a.gif")
     with pytest.raises(InputError, match="cannot write"):
@@ -147,6 +154,7 @@ def test_a_method_has_the_same_style_in_all_figures(drawn):
     assert len(set(colours)) == 1
 
 
+@pytest.mark.usefixtures("data_only")
 def test_runs_of_one_method_and_of_several_mechanisms_are_distinguished(four_bar):
     pendulum = mbdae.load("pendulum")
     options = {"method": "pherk5", "project": False}
@@ -162,6 +170,7 @@ def test_runs_of_one_method_and_of_several_mechanisms_are_distinguished(four_bar
     assert labels == [f"{m.title}: pherk5, rtol 1e-04" for m in (four_bar, pendulum)]
 
 
+@pytest.mark.usefixtures("data_only")
 def test_unknown_errors_are_bounds_and_not_joined():
     result = comparison()
     ax = work_precision(result).axes[0]
@@ -177,6 +186,7 @@ def test_unknown_errors_are_bounds_and_not_joined():
     assert not known.texts, "no band where everything is known"
 
 
+@pytest.mark.usefixtures("data_only")
 def test_times_that_were_not_taken_are_not_drawn():
     runs = [(r, dict.fromkeys(QVLAM, r)) for r in (1e-2, 1e-3)]
     points = tuple(RunResult("herk3", r, None, "finished", errors, solves=int(1 / r)) for r, errors in runs)
@@ -206,6 +216,7 @@ def test_the_user_s_settings_neither_matter_nor_change(four_bar, tmp_path):
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
 
 
+@pytest.mark.usefixtures("data_only")
 def test_panels_by_unit():
     mech = mbdae.load("slider_crank")
     unit = units(mech)
@@ -215,6 +226,7 @@ def test_panels_by_unit():
     assert labels[:4] == ["angles\n(rad)", "positions\n(m)", "angular velocities\n(rad/s)", "speeds\n(m/s)"]
 
 
+@pytest.mark.usefixtures("data_only")
 def test_dollars_in_names_are_dollars(tmp_path, four_bar):
     title = r"press $5_^ to \$ 7$ $\frac"
     mech = mbdae.Mechanism(four_bar.model, four_bar.closures, start=four_bar.start_values, title=title)
@@ -251,7 +263,7 @@ def test_labels_of_logarithmic_axes_do_not_overlap(low, ratio):
 
     figure = drawing()
     ax = figure.axes[0]
-    FigureCanvasAgg(figure).draw()
+    figure.draw_without_rendering()
     labels = [text for minor in (False, True) for text in ax.get_xticklabels(minor=minor) if text.get_text()]
     boxes = [text.get_window_extent() for text in labels if low <= text.get_position()[0] <= low * ratio]
     assert len(boxes) >= 2

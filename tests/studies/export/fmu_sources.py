@@ -13,6 +13,10 @@ import pytest
 LIBRARY = f"binaries/{platform.machine()}-linux"
 
 
+# Without names in common: compiled as one, their templates take a third less time.
+JOINED = (("laws.cpp", "kinematics.cpp"), ("runs.cpp", "stages.cpp", "runtime.cpp"))
+
+
 def compiled(path, folder, extra=()):
     """The library of an FMU, compiled in a folder; ``extra``: further options, after those of the description.
 
@@ -30,13 +34,18 @@ def compiled(path, folder, extra=()):
         options.append(f"-D{x.get('name')}={x.get('value') or 1}")
     options += [*(f"-I{sources / x.get('name')}" for x in files.findall("IncludeDirectory")), *extra]
 
-    def compile_one(x):
-        out = Path(folder) / f"{x.get('name').replace('/', '_')}.o"
-        subprocess.run([compiler, *options, "-c", sources / x.get("name"), "-o", out], check=True, cwd=folder)
+    names = [x.get("name") for x in files.findall("SourceFile")]
+    assert sorted(names) == sorted(name for joined in JOINED for name in joined)
+
+    def compile_joined(joined):
+        file = sources / f"with_{joined[0]}"
+        file.write_text("".join(f'#include "{name}"\n' for name in joined))
+        out = file.with_suffix(".o")
+        subprocess.run([compiler, *options, "-c", file, "-o", out], check=True, cwd=folder)
         return out
 
     with ThreadPoolExecutor(2) as pool:
-        objects = list(pool.map(compile_one, files.findall("SourceFile")))
+        objects = list(pool.map(compile_joined, JOINED))
     library = Path(folder) / f"{build.get('modelIdentifier')}.so"
     subprocess.run([compiler, "-shared", *extra, "-o", library, *objects], check=True)
     return library
@@ -44,7 +53,7 @@ def compiled(path, folder, extra=()):
 
 def with_library(path, library, out):
     """The same FMU with another library."""
-    with zipfile.ZipFile(path) as old, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as new:
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(out, "w") as new:
         for name in old.namelist():
             if name.startswith(("binaries/", "sources/")):
                 continue
