@@ -7,7 +7,7 @@ from ...discovery import texts
 
 
 class KindFile(NamedTuple):
-    """What the file of a kind says.
+    """Contents of the file of a kind.
 
     Attributes:
         module: dotted name.

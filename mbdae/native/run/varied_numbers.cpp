@@ -7,8 +7,8 @@ namespace mbdae {
 VariedNumbers::VariedNumbers(Index2System& s, const std::vector<VariedNumber>& varied) : s_(s) {
   for (const VariedNumber& x : varied) {
     double* target = x.kind == VariedNumber::body      ? s.tree.body_number(x.of, x.i)
-                    : x.kind == VariedNumber::gravity ? s.tree.gravity_number(x.i)
-                                                      : s.law_number(x.of, x.i);
+                     : x.kind == VariedNumber::gravity ? s.tree.gravity_number(x.i)
+                                                       : s.law_number(x.of, x.i);
     if (!target) reject("the mechanism does not have a varied number");
     targets_.push_back(target), before_.push_back(*target);
   }
