@@ -88,11 +88,11 @@ class VariedStarts:
         return tuple(name for name in names if name.startswith(START) and name not in self.factory.parameters)
 
     def names_in_place(self, runs: Sequence[Values]) -> tuple[str, ...]:
-        """Return the parameters of many runs that determine numbers alone."""
+        """Return the parameters that determine numbers alone; none for few runs where they are not known."""
         names = tuple(runs[0])
         if names not in self._numbers and len(runs) >= FEWEST:
             self._numbers[names] = self._of_numbers(names, runs[0])
-        return self._numbers.get(names, ()) if len(runs) >= FEWEST else ()
+        return self._numbers.get(names, ())
 
     def _of_numbers(self, names: Sequence[str], values: Values) -> tuple[str, ...]:
         factory = self.factory

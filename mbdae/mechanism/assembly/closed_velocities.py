@@ -103,8 +103,8 @@ def _mass_matrices(system: "Index2System", q: Array, bodies: Sequence[Mapping[in
     for given in (*bodies, before):
         for joint, inertia in given.items():
             inertias[joint] = inertia
-        out.append(symmetric(update_inertia(system.model, system.workspace, q)))
-    return np.array(out[:-1])
+        out.append(update_inertia(system.model, system.workspace, q).copy())
+    return symmetric(np.array(out[:-1]))
 
 
 def _sparse_change(G: Any, M: Any, free: Array, nv: int, residual: Array) -> Array:

@@ -105,8 +105,8 @@ def update_inertia(model: pin.Model, data: pin.Data, q: Array) -> Array:
 
 
 def symmetric(M: Array) -> Array:
-    """Return the symmetric matrix with the upper triangle of M, (nv, nv)."""
-    return np.triu(M) + np.triu(M, 1).T
+    """Return the symmetric matrices with the upper triangles of M, (.., nv, nv)."""
+    return np.triu(M) + np.triu(M, 1).swapaxes(-2, -1)
 
 
 def sparse_inertia(model: pin.Model, data: pin.Data, q: Array) -> "csc_array":

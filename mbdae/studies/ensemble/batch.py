@@ -28,7 +28,6 @@ from ..final_signals import depend_on_motion_alone, signals_at_end, why_not_in_c
 from ..varied_starts import FEWEST, Beginning, VariedStarts, numbers_of
 from ..workers import StopFlag
 
-BATCHES = 4  # for each pending one, so that no thread is idle for long at the end
 UNFINISHED = "interrupted"
 NEEDS_PYTHON = "a singular configuration, a failed step, many steps or inaccurate results"
 INCONSISTENT_START = "a start that may be inconsistent"
@@ -241,14 +240,19 @@ class EnsembleJob:
 
 
 def batches(job: EnsembleJob, pending: int) -> list[list[Array]]:
-    """Return lists of indices of runs with the same mechanism: batches for threads with so many pending ones."""
-    size = max(1, -(-job.starts.n // (BATCHES * pending)))
-    out: list[list[Array]] = [[]]
+    """Return lists of indices of runs with the same mechanism: shorter and shorter batches for so many pending ones.
+
+    No thread is idle for long at the end, then.
+    """
+    out, left, room = list[list[Array]](), job.starts.n, 0
     for group in job.groups():
-        for part in np.array_split(group, -(-len(group) // size)):
-            if sum(map(len, out[-1])) + len(part) > size and out[-1]:
+        while len(group):
+            if room < min(len(group), size := max(1, left // (2 * pending))):
                 out.append([])
+                room = size
+            part, group = group[:room], group[room:]
             out[-1].append(part)
+            room, left = room - len(part), left - len(part)
     return out
 
 

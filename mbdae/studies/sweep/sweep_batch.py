@@ -49,15 +49,16 @@ class Batch(NamedTuple):
 
 
 def batches_of(plan: Sequence[Task], pending: int, seconds: dict[int, float]) -> Iterator[Batch]:
-    """Yield the tasks in batches, so short that all workers are busy to the end and a stop loses little.
+    """Yield the tasks in shorter and shorter batches: all workers are busy to the end, and a stop loses little.
 
     Args:
         plan: the tasks.
         pending: number of batches that are submitted at a time.
         seconds: wall times of finished runs by number, the latest last; batches have one run until there are any.
     """
-    largest, i = max(1, min(MAX_BATCH, len(plan) // (2 * pending))), 0
+    i = 0
     while i < len(plan):
+        largest = max(1, min(MAX_BATCH, (len(plan) - i) // (2 * pending)))
         last = list(islice(reversed(seconds.values()), LAST_RUNS))
         size = min(largest, max(1, int(BATCH_SECONDS * len(last) / sum(last)))) if last else 1
         yield Batch(plan[i : i + size])
