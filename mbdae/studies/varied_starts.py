@@ -7,6 +7,7 @@ import json
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -91,21 +92,17 @@ class VariedStarts:
         """Return the parameters that determine numbers alone; none for few runs where they are not known."""
         names = tuple(runs[0])
         if names not in self._numbers and len(runs) >= FEWEST:
-            self._numbers[names] = self._of_numbers(names, runs[0])
+            with suppress(Exception):  # the first run has the message
+                self._numbers[names] = self._of_numbers(names, runs[0])
         return self._numbers.get(names, ())
 
     def _of_numbers(self, names: Sequence[str], values: Values) -> tuple[str, ...]:
         factory = self.factory
-        if self.in_place is None or not isinstance(factory, Template):
+        if self.in_place is None or not isinstance(factory, Template) or not self.in_place(factory.make(values)):
             return ()
         others = [name for name in names if name not in self.names(names)]
-        try:
-            mech = factory.make(values)
-            found = others if self.in_place(mech) else []
-            found = [name for name in found if varied_numbers(factory, [name], values)]
-            return tuple(found) if found and varied_numbers(factory, found, values) else ()
-        except Exception:  # the runs have the messages
-            return ()
+        found = [name for name in others if varied_numbers(factory, [name], values)]
+        return tuple(found) if found and varied_numbers(factory, found, values) else ()
 
     def make(self, runs: Sequence[Values]) -> Iterator[Beginning | Exception]:
         """Yield the beginning of each run, or the exception that prevents it.

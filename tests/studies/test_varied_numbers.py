@@ -6,7 +6,9 @@ import pytest
 import mbdae
 from mbdae import backend
 from mbdae.errors import InputError
+from mbdae.mechanism.formats.mechanism_file.loaded_model import parameter_value
 from mbdae.mechanism.formats.varied_numbers import varied_numbers
+from mbdae.studies.export.core_file import core_data, numbers_of
 from mbdae.studies.factories import factory_of
 from mbdae.studies.varied_starts import FEWEST, VariedStarts
 
@@ -47,6 +49,15 @@ name = "load"
 parent = "block"
 joint = "fixed"
 mass = 1.0
+"""
+
+SAMPLED = """
+[[force]]
+kind = "joint_pid"
+name = "controller"
+joint = "block"
+kp = 5.0
+rate = 100.0
 """
 
 
@@ -92,6 +103,44 @@ def test_runs_share_a_mechanism_with_the_points_of_new_ones(case):
     for found, values in zip(made, runs, strict=True):
         np.testing.assert_array_equal(found.point, factory.make(values).point())
     np.testing.assert_array_equal(made[0].mech.point(), factory.make(runs[0]).point())
+
+
+@pytest.mark.parametrize(
+    ("model", "names"),
+    [
+        ("andrews_squeezer", ["force.spring.damping", "force.drive.torque"]),
+        ("delta_robot", ["force.motor 1.kp", "force.motor 1.kd", "body.platform.mass", "body.arm_1.inertia.1"]),
+        ("car_axis", ["force.left spring.length", "gravity.2"]),
+        ("stewart_platform", ["force.drive 1.kd", "gravity.0"]),
+        ("jansen_walker", ["body.crank.mass", "body.upper_rod_0.com.1"]),
+    ],
+)
+def test_all_data_of_the_core_are_those_of_new_mechanisms(model, names):
+    factory = factory_of(model)
+    for name in names:
+        value = parameter_value(factory, name) or 0.3
+        varied, other = varied_numbers(factory, [name], {name: value}), 1.1 * value + 0.01
+        data, new = (data_of_core(factory.make({name: x})) for x in (value, other))
+        assert data != new
+        for place, x in zip(varied.places, varied.rows([{name: other}])[0].tolist(), strict=True):
+            data |= {path: x for path in data if path == path_of(place, data)}
+        assert data == new
+
+
+def data_of_core(mech):
+    data = numbers_of(core_data(mech.system(native=backend.load())))
+    return {path: x for path, x in data.items() if path[0] != "expanded"}
+
+
+def path_of(place, data):
+    kind, of, i = place["kind"], str(place["of"]), place["i"]
+    if kind == "gravity":
+        return "tree", "gravity", str(i)
+    if kind == "body":
+        keys = [("mass",), *(("lever", str(k)) for k in range(3)), *(("I", str(k)) for k in range(6))]
+        return "tree", "joints", of, *keys[i]
+    law = "description", "laws", of
+    return (*law, "a", str(i)) if (*law, "a", str(i)) in data else (*law, "offset")
 
 
 def test_oscillators_follow_the_cosine(oscillator):
@@ -152,6 +201,15 @@ def test_a_force_that_vanishes_makes_its_mechanism(oscillator):
     varied = varied_numbers(factory_of(oscillator()), [name], {name: 8.0})
     rows = varied.rows([{name: x} for x in (8.0, 0.0, 9.0)])
     assert np.isfinite(rows).all(axis=1).tolist() == [True, False, True]
+
+
+def test_gains_of_sampled_controllers_are_those_of_each_run(oscillator):
+    model, gains = oscillator(SAMPLED), np.linspace(1.0, 30.0, 64)
+    found = mbdae.ensemble(model, parameters={"force.controller.kp": gains}, t_span=(0.0, 0.5), workers=1)
+    for i in (0, 40, 63):
+        sol = mbdae.solve(factory_of(model).make({"force.controller.kp": gains[i].item()}), (0.0, 0.5))
+        np.testing.assert_array_equal(found.q[i], sol.q[-1])
+    assert len(set(found.q[:, 0].tolist())) == len(gains)
 
 
 def test_numbers_are_restored(oscillator):

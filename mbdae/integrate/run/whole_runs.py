@@ -53,6 +53,18 @@ class WholeRuns(NamedTuple):
     rows: list[tuple[int, ...]]
 
 
+class OwnNumbers(NamedTuple):
+    """Numbers of a mechanism that differ between runs.
+
+    Attributes:
+        places: their places in the core.
+        values: (k, ..).
+    """
+
+    places: Sequence[CoreData] = ()
+    values: Array = np.empty(0)
+
+
 def why_in_python(run: RunState) -> str:
     """Return why the runs of a mechanism with these options need Python; empty if they do not.
 
@@ -110,12 +122,13 @@ def _in_core(run: RunState) -> tuple[Mechanism, CompiledSystem, NativeStepper]:
     return run.problem, run.system, run.stepper
 
 
-def consistent_starts(run: RunState, y: Array) -> Array:
+def consistent_starts(run: RunState, y: Array, numbers: OwnNumbers) -> Array:
     """Return whether points are consistent starts as `mbdae.solve` requires, (k,).
 
     Args:
         run: a run of the mechanism, before its beginning.
         y: the points, (k, n).
+        numbers: those of each run; the characteristic rate, which may depend on them, allows no violation then.
     """
     (mech, system, _), options = _in_core(run), run.options
     tolerance = max(INPUT_DIGITS, 0.0 if options.step else START_DRIFT * float(options.rtol))
@@ -128,7 +141,7 @@ def consistent_starts(run: RunState, y: Array) -> Array:
     speed = np.abs(y[:, system.nq : system.nq + system.nv] / mech.coordinate_scales).max(axis=1)
     gaps, slips = (_largest_violation(mech, x) for x in (g, rates))
     slow = slips > tolerance * speed
-    limit = tolerance * (speed + (mech.characteristic_rate if slow.any() else 0.0))
+    limit = tolerance * (speed + (mech.characteristic_rate if slow.any() and not numbers.places else 0.0))
     return valid & (gaps <= tolerance) & (slips <= limit)
 
 
@@ -144,18 +157,6 @@ def _largest_violation(mech: Mechanism, residuals: Array) -> Array:
     """Return the largest norm of the rows of a closure, in rad and characteristic lengths, of residuals (k, ng)."""
     scaled = residuals / mech.row_scales
     return np.max([np.linalg.norm(scaled[:, mech.rows_of(c.name)], axis=1) for c in mech.constraints], axis=0)
-
-
-class OwnNumbers(NamedTuple):
-    """Numbers of a mechanism that differ between runs.
-
-    Attributes:
-        places: their places in the core.
-        values: (k, ..).
-    """
-
-    places: Sequence[CoreData] = ()
-    values: Array = np.empty(0)
 
 
 def takes_varied_numbers(options: RunOptions) -> bool:

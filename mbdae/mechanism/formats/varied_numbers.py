@@ -17,7 +17,7 @@ from ..checked_table import HUGE
 from ..equations.characteristic_length import linkage_lengths
 from ..forces import FMU, bind_forces, named_force
 from ..forces.elements import ForceElements
-from ..formulations.core_description import laws_of
+from ..formulations.core_description import laws_of, samplers_of
 from ..mechanism import Mechanism
 from ..tree.tree_terms import copied
 from ..variant import SWITCHED, variant
@@ -59,7 +59,7 @@ class _Part(ABC):
     def rows(self, runs: Sequence[Values]) -> Array:
         """Return the numbers (k, n) for values of k runs, the first of them valid; nan where they do not suffice."""
         if set(self.paths.values()) <= self.entries.keys():
-            out = np.tile(np.array(self.evaluate(runs[0]), float), (len(runs), 1))
+            out = np.tile(self._row(runs[0]), (len(runs), 1))
             for name, path in self.paths.items():
                 out[:, self.entries[path]] = [_number(values[name]) for values in runs]
             return out
@@ -134,10 +134,11 @@ class _Forces(_Part):
 
 
 def _without_numbers(laws: ForceElements) -> tuple[Any, list[list[float]]]:
-    """Return core data of laws without their numbers, and the numbers of each."""
+    """Return core data of laws and sampled controllers without the numbers of laws, and the numbers of each law."""
     pairs, found = laws_of(laws)
     numbers = [[*map(float, law.get("a", ())), float(law.get("offset", 0.0))] for law in found]
-    return (pairs, [{key: x for key, x in law.items() if key not in NUMBERS} for law in found]), numbers
+    others = [{key: x for key, x in law.items() if key not in NUMBERS} for law in found]
+    return (pairs, others, samplers_of(laws)), numbers
 
 
 class VariedNumbers:

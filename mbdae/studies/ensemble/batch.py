@@ -278,7 +278,7 @@ def _complete(job: EnsembleJob, run: RunState, group: Group, stop: StopFlag) -> 
         job.calls_python |= calls_python(run)
         return
     if job.starts.q is not None or job.starts.v is not None:
-        consistent = consistent_starts(run, y)
+        consistent = consistent_starts(run, y, numbers)
         job.results.leave(i[~consistent], INCONSISTENT_START)
         i, y = i[consistent], y[consistent]
         numbers = numbers._replace(values=numbers.values[consistent]) if numbers.places else numbers
