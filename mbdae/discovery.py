@@ -33,13 +33,13 @@ class Members(MutableMapping[str, Any]):
         self._found: dict[str, Any] = dict.fromkeys(sorted(modules))
 
     def __getitem__(self, name: str) -> Any:
-        if name in self._modules:
-            self[name] = self._member(import_module(self._modules[name]), name)
+        if module := self._modules.get(name):
+            self[name] = self._member(import_module(module), name)
         return self._found[name]
 
     def __setitem__(self, name: str, value: Any) -> None:
+        self._found[name] = value  # before other threads take it for imported
         self._modules.pop(name, None)
-        self._found[name] = value
 
     def __delitem__(self, name: str) -> None:
         self._modules.pop(name, None)
