@@ -21,7 +21,8 @@ from ..mechanism.formats.varied_numbers import VariedNumbers, varied_numbers
 from ..system import Array
 from .factories import ParametricFactory
 
-FEWEST = 8  # runs whose numbers are written in place: fewer make their mechanisms in less time
+FEWEST = 8  # runs for which parameters that determine numbers alone are sought: it takes longer than a few mechanisms
+FEWEST_SHARED = 3  # runs for which a mechanism is copied and its bodies are examined
 Key = tuple[tuple[str, ...], str]  # names of parameters, and the values that runs have in common
 Values = Mapping[str, Any]
 
@@ -52,6 +53,11 @@ def numbers_of(runs: Sequence[Beginning]) -> OwnNumbers:
     """Return the numbers of runs that share a mechanism."""
     varied = runs[0].varied
     return OwnNumbers(varied.places, np.array([run.numbers for run in runs])) if varied else OwnNumbers()
+
+
+def _owner(key: Key) -> tuple[Key, int]:
+    """Return the key of a mechanism that belongs to this thread."""
+    return key, threading.get_ident()
 
 
 class _Shared(NamedTuple):
@@ -110,10 +116,10 @@ class VariedStarts:
         A shared mechanism has the start values of its first run. Points are computed together: from the second run on,
         or of all runs that have their own numbers.
         """
-        numbers, alike = self.names_in_place(runs), defaultdict[Any, list[int]](list)
-        for i, values in enumerate(runs):
-            if key := self._key(values, numbers):
-                alike[key].append(i)
+        numbers = self.names_in_place(runs)
+        alike = self._alike(runs, numbers)
+        if numbers and any(_owner(key) not in self.shared and len(i) < FEWEST_SHARED for key, i in alike.items()):
+            numbers, alike = (), self._alike(runs, ())
         parts = [(key, part) for key, i in alike.items() for part in ((i,) if numbers else (i[:1], i[1:])) if part]
         together, ahead = {part[0]: (key, part) for key, part in parts}, dict[int, Beginning]()
         for i, values in enumerate(runs):
@@ -121,6 +127,14 @@ class VariedStarts:
                 key, part = together[i]
                 ahead |= self._points(key, numbers, part, [runs[k] for k in part])
             yield ahead.pop(i) if i in ahead else self._made(values)
+
+    def _alike(self, runs: Sequence[Values], numbers: Sequence[str]) -> dict[Key, list[int]]:
+        """Return the indices of runs that share a mechanism, by what they have in common."""
+        out = defaultdict[Key, list[int]](list)
+        for i, values in enumerate(runs):
+            if key := self._key(values, numbers):
+                out[key].append(i)
+        return out
 
     def _key(self, values: Values, numbers: Sequence[str]) -> Key | None:
         """Return what runs that share a mechanism have in common; None for a run that shares none."""
@@ -151,7 +165,7 @@ class VariedStarts:
 
     def _shared(self, key: Key, numbers: Sequence[str], values: Values) -> _Shared:
         """Return what runs share; a mechanism whose numbers are replaced belongs to this thread."""
-        owner = (key, threading.get_ident()) if numbers else key
+        owner = _owner(key) if numbers else key
         if found := self.shared.get(owner):
             return found
         if len(self.shared) >= CACHE_SIZE:

@@ -190,6 +190,14 @@ def test_other_parameters_make_mechanisms(model, values):
     assert varied_numbers(factory_of(model), [*values], values) is None
 
 
+@pytest.mark.parametrize(("lengths", "shared"), [(2, True), (FEWEST, False)])
+def test_mechanisms_are_copied_for_several_runs_each(lengths, shared):
+    runs = [{"joint.crank_pin.xyz.0": 0.1 + 0.01 * (k % lengths), "gravity.2": -float(k)} for k in range(FEWEST)]
+    made = [*VariedStarts(factory_of("slider_crank"), lambda mech: 0.0, lambda mech: True).make(runs)]
+    assert len({id(found.mech) for found in made}) == lengths
+    assert all(bool(found.varied) == shared for found in made)
+
+
 def test_a_body_that_carries_another_makes_mechanisms(oscillator):
     values = {"body.block.mass": 3.0}
     assert varied_numbers(factory_of(oscillator()), [*values], values)
