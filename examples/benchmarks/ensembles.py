@@ -11,7 +11,8 @@ over all threads (medians; other load of the machine affects them less than the 
 of the joint angles at the end, against mbdae at rtol 1e-12: for mbdae the difference from tighter runs of one method.
 
 Slider-cranks take 0.1 s from other speeds of the crank, by mbdae.ensemble from starts as arrays and from start values,
-and by mbdae.sweep: microseconds of the call per run on one and on two threads; the ends must be equal bit for bit.
+and by mbdae.sweep, and with other masses of the rod and gravity: microseconds of the call per run on one and on two
+threads; the ends must be equal bit for bit.
 
 Models with modes or flexible bodies run by mbdae.solve, on one and on two threads, from starts that differ by 1e-6 of
 the speeds; the ends must be equal bit for bit.
@@ -55,8 +56,8 @@ def main(argv: Sequence[str] | None = None) -> dict[tuple[str, int], float]:
     print(table([*header, "over one thread"], rows) + "\n")
     header = [f"{n} four-bars, {end:g} s", "rtol or step", "ms of CPU per run", "error, rad"]
     print(table(header, four_bars(n, end, repeats)) + "\n")
-    header = [f"{4 * n} runs of {SHORT:g} s", "us per run, 1 thread", "us per run, 2 threads", "speed"]
-    print(table(header, short_runs(4 * n, repeats)) + "\n")
+    header = [f"{16 * n} runs of {SHORT:g} s", "us per run, 1 thread", "us per run, 2 threads", "speed"]
+    print(table(header, short_runs(16 * n, repeats)) + "\n")
     header = ["runs by mbdae.solve", "s each", "ms per run, 1 thread", "ms per run, 2 threads", "speed"]
     print(table(header, by_solve(max(4, n // 20), 0.01 if short else 1.0, repeats)))
     return times
@@ -113,22 +114,22 @@ def four_bars(n: int, end: float, repeats: int) -> list[list[str]]:
 
 def short_runs(n: int, repeats: int) -> list[list[str]]:
     """Return rows of a table: function, microseconds per run on one and two threads, their ratio."""
-    speeds, span, name = np.linspace(4.0, 12.0, n), (0.0, SHORT), "start.v.crank"
+    speeds, span = np.linspace(4.0, 12.0, n), (0.0, SHORT)
+    varied = {"start.v.crank": speeds, "joint.crank_pin.mass": speeds / 12, "gravity.2": -speeds}
     mech = mbdae.load("slider_crank")
     v = speeds[:, None] / mech.start[1][0] * mech.start[1]
 
     def by_ensemble(v: np.ndarray | None, parameters: dict[str, np.ndarray] | None, workers: int) -> np.ndarray:
         return mbdae.ensemble(mech, None, v, parameters, span, workers=workers).q
 
-    def by_sweep(workers: int) -> np.ndarray:
+    def by_sweep(name: str, workers: int) -> np.ndarray:
         settings = {"outputs": ["final q.slider"], "executor": "threads", "workers": workers}
-        return mbdae.sweep(mech, {name: speeds.tolist()}, span, **settings)["final q.slider"]
+        return mbdae.sweep(mech, {name: varied[name].tolist()}, span, **settings)["final q.slider"]
 
-    functions = {
-        "mbdae.ensemble, v": partial(by_ensemble, v, None),
-        f"mbdae.ensemble, {name}": partial(by_ensemble, None, {name: speeds}),
-        f"mbdae.sweep, {name}": by_sweep,
-    }
+    functions = {"mbdae.ensemble, v": partial(by_ensemble, v, None)}
+    for name, values in varied.items():
+        functions[f"mbdae.ensemble, {name}"] = partial(by_ensemble, None, {name: values})
+        functions[f"mbdae.sweep, {name}"] = partial(by_sweep, name)
     return [[title, *on_threads(title, ends, 1e6 / n, repeats)] for title, ends in functions.items()]
 
 

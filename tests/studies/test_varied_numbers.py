@@ -59,6 +59,7 @@ joint = "block"
 kp = 5.0
 rate = 100.0
 """
+INTEGRAL = SAMPLED.replace("rate = 100.0", "ki = 1.0")
 
 
 @pytest.fixture
@@ -218,6 +219,13 @@ def test_gains_of_sampled_controllers_are_those_of_each_run(oscillator):
         sol = mbdae.solve(factory_of(model).make({"force.controller.kp": gains[i].item()}), (0.0, 0.5))
         np.testing.assert_array_equal(found.q[i], sol.q[-1])
     assert len(set(found.q[:, 0].tolist())) == len(gains)
+
+
+def test_runs_with_another_number_of_states_fail_alone(oscillator):
+    gains = np.array([0.0, 1.0, 2.0, *np.zeros(61)])
+    found = mbdae.ensemble(oscillator(INTEGRAL), parameters={"force.controller.ki": gains}, t_span=(0.0, 0.5))
+    assert [status == "finished" for status in found.status] == [gain == 0.0 for gain in gains.tolist()]
+    np.testing.assert_array_equal(found.q[0], found.q[-1])
 
 
 def test_numbers_are_restored(oscillator):

@@ -196,8 +196,13 @@ class EnsembleJob:
             else:
                 found[made.shared_parts][k] = made
         for group in found.values():
-            mech, begun, all_made = next(iter(group.values())).mech, np.array([*group]), [*group.values()]
-            points = self.starts.points(self._checked(mech), begun, np.array([made.point for made in all_made]))
+            begun, all_made = np.array([*group]), [*group.values()]
+            try:
+                mech = self._checked(all_made[0].mech)
+            except InputError as e:
+                self.results.fail(begun, e)
+                continue
+            points = self.starts.points(mech, begun, np.array([made.point for made in all_made]))
             yield Group(mech, begun, points, numbers_of(all_made))
 
     @cached_property
