@@ -221,11 +221,16 @@ def test_gains_of_sampled_controllers_are_those_of_each_run(oscillator):
     assert len(set(found.q[:, 0].tolist())) == len(gains)
 
 
-def test_runs_with_another_number_of_states_fail_alone(oscillator):
-    gains = np.array([0.0, 1.0, 2.0, *np.zeros(61)])
-    found = mbdae.ensemble(oscillator(INTEGRAL), parameters={"force.controller.ki": gains}, t_span=(0.0, 0.5))
-    assert [status == "finished" for status in found.status] == [gain == 0.0 for gain in gains.tolist()]
-    np.testing.assert_array_equal(found.q[0], found.q[-1])
+@pytest.mark.parametrize("first", [0.0, 3.0])
+@pytest.mark.parametrize("workers", [1, 2])
+def test_runs_with_another_number_of_states_fail_alone(oscillator, first, workers):
+    model, gains, span = oscillator(INTEGRAL), np.array([first, 1.0, 2.0, 0.0] * 16), (0.0, 0.5)
+    found = mbdae.ensemble(model, parameters={"force.controller.ki": gains}, t_span=span, workers=workers)
+    for gain, status, q in zip(gains.tolist(), found.status, found.q, strict=True):
+        assert status == ("finished" if bool(gain) == bool(first) else "input")
+        if status == "finished":
+            sol = mbdae.solve(factory_of(model).make({"force.controller.ki": gain}), span)
+            np.testing.assert_array_equal(q, sol.q[-1])
 
 
 def test_numbers_are_restored(oscillator):

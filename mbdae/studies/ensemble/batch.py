@@ -2,6 +2,7 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -103,6 +104,14 @@ class Results:
         for k in i.tolist():
             self.status[k], self.message[k] = status, str(error)
 
+    @contextmanager
+    def failing(self, i: Array) -> Iterator[None]:
+        """Record an error of the block as that of these runs."""
+        try:
+            yield
+        except MbdaeError as e:
+            self.fail(i, e)
+
     def leave(self, i: Array, reason: str) -> None:
         """Leave runs to `mbdae.solve`."""
         for k in i.tolist():
@@ -197,13 +206,10 @@ class EnsembleJob:
                 found[made.shared_parts][k] = made
         for group in found.values():
             begun, all_made = np.array([*group]), [*group.values()]
-            try:
+            with self.results.failing(begun):
                 mech = self._checked(all_made[0].mech)
-            except InputError as e:
-                self.results.fail(begun, e)
-                continue
-            points = self.starts.points(mech, begun, np.array([made.point for made in all_made]))
-            yield Group(mech, begun, points, numbers_of(all_made))
+                points = self.starts.points(mech, begun, np.array([made.point for made in all_made]))
+                yield Group(mech, begun, points, numbers_of(all_made))
 
     @cached_property
     def varied_starts(self) -> VariedStarts:
@@ -266,13 +272,12 @@ def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
     for i in batch:
         if stop():
             return
-        try:
+        with job.results.failing(i):
             for group in job.begin(i):
-                run = prepare_at(group.mech, job.options(group.mech), group.y[0])
-                _complete(job, run, group, stop)
-                run.release()
-        except MbdaeError as e:
-            job.results.fail(i, e)
+                with job.results.failing(group.i):
+                    run = prepare_at(group.mech, job.options(group.mech), group.y[0])
+                    _complete(job, run, group, stop)
+                    run.release()
 
 
 def _complete(job: EnsembleJob, run: RunState, group: Group, stop: StopFlag) -> None:
