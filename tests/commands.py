@@ -1,6 +1,7 @@
 """Commands run in-process, and sample commands declared by the tests of studies."""
 
 import ast
+import gc
 import re
 import sys
 import warnings
@@ -24,6 +25,7 @@ def call(*arguments, cwd="."):
         redirect_stdout(out),
         redirect_stderr(err),
         mock.patch.object(sys, "argv", ["mbdae", *map(str, arguments)]),
+        mock.patch.object(gc, "set_threshold"),  # that of a process with one command would keep garbage of all tests
         warnings.catch_warnings(action="default", category=UserWarning),  # main() sets how warnings are shown
         pytest.raises(SystemExit) as stop,
     ):
