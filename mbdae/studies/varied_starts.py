@@ -108,7 +108,7 @@ class VariedStarts:
             return ()
         others = [name for name in names if name not in self.names(names)]
         found = [name for name in others if varied_numbers(factory, [name], values)]
-        return tuple(found) if found and varied_numbers(factory, found, values) else ()
+        return tuple(found) if len(found) < 2 or varied_numbers(factory, found, values) else ()
 
     def make(self, runs: Sequence[Values]) -> Iterator[Beginning | Exception]:
         """Yield the beginning of each run, or the exception that prevents it.

@@ -1,4 +1,4 @@
-"""Initial points of variants of a mechanism that differ only in start values."""
+"""Initial points of variants of a mechanism that differ in start values and inertias of bodies."""
 
 from collections.abc import Mapping, Sequence
 from math import nan

@@ -199,7 +199,7 @@ def varied_numbers(template: Template, names: Sequence[str], values: Values) -> 
         return None
     mech = template.make(values)
     mech = variant(mech, model=copied(mech.model))
-    bodies = _bodies(template, mech, names, values)
+    bodies = _bodies(template, mech, values)
     found: dict[str, _Part] = {}
     for name in names:
         table, _, path = name.partition(".")
@@ -222,8 +222,8 @@ def _path_of_force(mech: Mechanism, name: str) -> str:
     return "" if unsupported else f"{i}.{path}"
 
 
-def _bodies(template: Template, mech: Mechanism, names: Sequence[str], values: Values) -> dict[str, _BodyInertia]:
-    """Return the bodies whose inertia parameters change, by the beginning of their names."""
+def _bodies(template: Template, mech: Mechanism, values: Values) -> dict[str, _BodyInertia]:
+    """Return the bodies with parameters of their inertia, by the beginning of the names."""
     out, recipe = dict[str, _BodyInertia](), template.recipe(values)
     for name in values:
         table, _, path = name.partition(".")
