@@ -130,18 +130,15 @@ class VariedStarts:
 
     def _alike(self, runs: Sequence[Values], numbers: Sequence[str]) -> dict[Key, list[int]]:
         """Return the indices of runs that share a mechanism, by what they have in common."""
-        out = defaultdict[Key, list[int]](list)
+        out, names, others = defaultdict[Key, list[int]](list), None, list[str]()
         for i, values in enumerate(runs):
-            if key := self._key(values, numbers):
-                out[key].append(i)
+            if names is None or names != (*values,):
+                names = tuple(values)
+                varied = {*self.names(names), *numbers}
+                others = [name for name in names if name not in varied]
+            if len(others) < len(names):
+                out[names, json.dumps([values[name] for name in others]) if others else ""].append(i)
         return out
-
-    def _key(self, values: Values, numbers: Sequence[str]) -> Key | None:
-        """Return what runs that share a mechanism have in common; None for a run that shares none."""
-        names = tuple(values)
-        varied = {*self.names(names), *numbers}
-        others = [x for name, x in values.items() if name not in varied]
-        return (names, json.dumps(others) if others else "") if varied else None
 
     def _points(
         self, key: Key, numbers: Sequence[str], which: Sequence[int], runs: Sequence[Values]

@@ -30,6 +30,7 @@ from .mechanism_file.template import Template
 INERTIAL = ("mass", "com", "inertia")  # keys of bodies
 UNSYMMETRIC = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (3.0, 4.0, 5.0, 0.1, 0.2, 0.3)}
 UPPER = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # entries of an inertia in the core
+SYMMETRIC = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # places of the entries of an inertia among those
 NUMBERS = ("a", "offset")  # of a law in the core
 Values = Mapping[str, Any]
 
@@ -175,13 +176,13 @@ class VariedNumbers:
         """Return the inertias by joint for numbers (n,) of each run; none where they do not change."""
         if not self.bodies:
             return []
-        at = [self.places.index(part.places[0]) for part in self.bodies]
-        return [{part.joint: _inertia(x[i : i + 10]) for part, i in zip(self.bodies, at, strict=True)} for x in numbers]
-
-
-def _inertia(x: Array) -> pin.Inertia:
-    mass, xx, xy, yy, xz, yz, zz = x[[0, *range(4, 10)]].tolist()
-    return pin.Inertia(mass, x[1:4], np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+        found = []
+        for part in self.bodies:
+            i = self.places.index(part.places[0])
+            mass, lever, inertia = np.split(np.array([x[i : i + 10] for x in numbers]), [1, 4], axis=1)
+            numbers_of_runs = zip(mass[:, 0].tolist(), lever, inertia[:, SYMMETRIC], strict=True)
+            found.append([(part.joint, pin.Inertia(*x)) for x in numbers_of_runs])
+        return [*map(dict, zip(*found, strict=True))]
 
 
 def varied_numbers(template: Template, names: Sequence[str], values: Values) -> VariedNumbers | None:

@@ -251,7 +251,7 @@ def _first_made(factory: ParametricFactory, plan: Sequence[Task]) -> Mechanism:
     return mech
 
 
-def _made(factory: ParametricFactory, values: dict[str, Any]) -> Mechanism:
+def _made(factory: ParametricFactory, values: Mapping[str, Any]) -> Mechanism:
     try:
         return factory.make(values)
     except UnknownNameError as e:  # a value may be a name, for instance of a frame

@@ -86,10 +86,14 @@ class Job:
         return None if self.times is None else np.array(self.times)
 
 
-def split(values: Mapping[str, object], factory: ParametricFactory, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+def split(
+    values: Mapping[str, Any], factory: ParametricFactory, seed: int
+) -> tuple[Mapping[str, Any], dict[str, Any]]:
     """Return values for the mechanism, with the run's seed if it has that parameter, and settings of `mbdae.solve`."""
-    settings = {n.removeprefix(SOLVE): x for n, x in values.items() if n.startswith(SOLVE)}
-    parameters = {n: x for n, x in values.items() if not n.startswith(SOLVE)} if settings else dict(values)
+    settings, parameters = dict[str, Any](), values
+    if any(n.startswith(SOLVE) for n in values):
+        settings = {n.removeprefix(SOLVE): x for n, x in values.items() if n.startswith(SOLVE)}
+        parameters = {n: x for n, x in values.items() if not n.startswith(SOLVE)}
     return ({"seed": seed, **parameters} if "seed" in factory.parameters else parameters), settings
 
 
