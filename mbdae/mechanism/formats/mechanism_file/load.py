@@ -31,14 +31,14 @@ from .error_context import with_error_context
 from .flexible_table import with_data
 from .merge import merge_sources
 from .parametric import ParametricFile, split
-from .schema import MechanismFile, read_toml
+from .schema import MechanismFile, checked, read_toml
 from .unit_conversion import in_si
 
 BODIES = "body", "flexible"  # tables whose defaults are valid only for some joints
 
 
 def load(
-    path: str | Path,
+    path: str | Path | Mapping[str, Any],
     *,
     closures: Sequence[Closure] = (),
     drivers: Sequence[Driver] = (),
@@ -56,7 +56,8 @@ def load(
 
     Args:
         path: the name of a model that comes with mbdae, a mechanism.toml, a mechanism.py, a URDF file, an MJCF file, a
-            robot.yaml next to a robot.urdf, or a folder with one of these.
+            robot.yaml next to a robot.urdf, or a folder with one of these; or the tables of a mechanism.toml as a dict,
+            whose files are sought in the current folder.
         closures: additional closures, after those of the file.
         drivers: additional drivers, after those of the file.
         stops: additional stops, after those of the file.
@@ -81,7 +82,8 @@ def load(
     recipe = read(path, parameters, key=key, assemble=assemble, free_flyer=free_flyer, more=more)
     if recipe.remarks:
         warnings.warn(not_carried_over(recipe.name, recipe.remarks), stacklevel=2)
-    with with_error_context("" if forces or any(more.values()) else str(path), recipe.file, recipe.parts):
+    label = "" if forces or any(more.values()) else _label(path)
+    with with_error_context(label, recipe.file, recipe.parts):
         mech = make(recipe, [f for f in forces if not isinstance(f, FORCES)])
     if recipe.file.start.assemble and any(p.start.guess for p in recipe.parts):
         _warn_if_open(mech, recipe.name)
@@ -111,7 +113,7 @@ class Recipe(NamedTuple):
 
 
 def read(
-    path: str | Path,
+    path: str | Path | Mapping[str, Any],
     parameters: Mapping[str, Any],
     *,
     key: str = "",
@@ -125,19 +127,21 @@ def read(
     ``more`` has additional entries of its tables, ``parametric`` is its mechanism.py if that was run before; the rest
     is as for `load`.
     """
-    plain, written = split(str(path))
-    found = find(plain)
-    name = found.parent.name if found.name in IN_FOLDER else found.stem
-    if found.suffix == PARAMETRIC and Path(plain).suffix != PARAMETRIC and not is_model_name(plain):
-        warnings.warn(f"{plain}: the Python file {found} is run", stacklevel=3)
-    file, chosen = _read(found, name, {**written, **parameters}, parametric)
+    label = _label(path)
+    if isinstance(path, Mapping):
+        found, file = Path.cwd() / IN_FOLDER[0], checked(dict(path), label)
+        name, chosen = file.title or "mechanism", _without_parameters("the tables", parameters)
+    else:
+        found, written = _found(label)
+        name = found.parent.name if found.name in IN_FOLDER else found.stem
+        file, chosen = _read(found, name, {**written, **parameters}, parametric)
     if free_flyer and not file.source:
         raise InputError(f'{name}: free_flyer belongs to a source; a [[body]] says joint = "free"')
     sources = tuple(_with_options(s, free_flyer or file.free_flyer, key) for s in file.source)
     of_files = {"flexible": with_data(file.flexible, found), "force": with_fmu_paths(file.force, found)}
     file = file.model_copy(update={"source": sources, **of_files})
     parts = [read_source(s, found.parent) for s in file.source]
-    with with_error_context(str(path), file, parts):
+    with with_error_context(label, file, parts):
         file = in_si(file, parts, name)
     added = dict(more or {})
     update = {
@@ -146,9 +150,32 @@ def read(
         **{table: (*getattr(file, table), *entries) for table, entries in added.items()},
     }
     file = file.model_copy(update=update)
-    with with_error_context("" if any((more or {}).values()) else str(path), file, parts):
+    with with_error_context("" if any((more or {}).values()) else label, file, parts):
         file, motors, left_out, remarks = merge_sources(file, parts)
     return Recipe(file, name, parts, motors, left_out, chosen, remarks)
+
+
+def _label(path: object) -> str:
+    """Return what messages name: a path, or tables."""
+    if isinstance(path, Mapping):
+        return "the tables"
+    require(path, str | Path, "a mechanism is the name of a model, a path or a dict of tables")
+    return str(path)
+
+
+def _found(path: str) -> tuple[Path, dict[str, str]]:
+    """Return the file for a name or a path, and the parameters after it."""
+    plain, written = split(path)
+    found = find(plain)
+    if found.suffix == PARAMETRIC and Path(plain).suffix != PARAMETRIC and not is_model_name(plain):
+        warnings.warn(f"{plain}: the Python file {found} is run", stacklevel=4)
+    return found, written
+
+
+def _without_parameters(name: str, values: Mapping[str, object]) -> Sequence[dict[str, Any]]:
+    if values:
+        raise UnknownNameError(f"parameter of {name}", next(iter(values)), ())
+    return ()
 
 
 def _read(
@@ -157,13 +184,12 @@ def _read(
     """Return the mechanism file, and a description of its parameters."""
     if found.suffix == PARAMETRIC:
         return (parametric or ParametricFile(found)).tables(name, values)
-    if values:
-        raise UnknownNameError(f"parameter of {name}", next(iter(values)), ())
+    chosen = _without_parameters(name, values)
     if found.suffix in CONVERTERS:
-        return read_toml(converted(found), str(found)), ()
+        return read_toml(converted(found), str(found)), chosen
     if found.suffix == MECHANISM:
-        return read_toml(read_text(found), str(found)), ()
-    return MechanismFile(source=(Source(file=found.name),), title=name), ()
+        return read_toml(read_text(found), str(found)), chosen
+    return MechanismFile(source=(Source(file=found.name),), title=name), chosen
 
 
 def _warn_if_open(mech: Mechanism, name: str) -> None:
