@@ -20,6 +20,7 @@ from ..errors import InputError, MbdaeError, UnknownNameError, is_count
 
 KINDS = ("threads", "processes")
 QUEUED_PER_WORKER = 2  # submitted runs, so that no worker is idle
+SHORTEST_BATCH = 0.02  # s: preparation of a batch takes a tenth of it
 MAX_WORKERS = 10_000
 UNKNOWN_EXECUTOR_WORKERS = 64  # assumed for an executor that does not report its number
 Stop = Callable[[], bool]
@@ -59,6 +60,20 @@ def stop_check(stop: Stop | None) -> Callable[[float], None] | None:
             raise KeyboardInterrupt
 
     return check
+
+
+def batch_size(remaining: int, pending: int, seconds: float | None) -> int:
+    """Return the number of runs of the next batch.
+
+    Batches shorten towards the end, so that all workers are busy until then, but not below `SHORTEST_BATCH`.
+
+    Args:
+        remaining: number of runs that are in no batch yet.
+        pending: number of batches that are submitted at a time.
+        seconds: wall time of a run; None if none has finished.
+    """
+    fewest = int(SHORTEST_BATCH / seconds) if seconds else 1
+    return min(remaining, max(1, fewest, remaining // (2 * pending)))
 
 
 class Pool(NamedTuple):

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from ...system import Array
 from ..factories import ParametricFactory
 from ..final_signals import depend_on_motion_alone, signals_at_end, why_not_in_core
 from ..varied_starts import FEWEST, Beginning, VariedStarts, numbers_of
-from ..workers import StopFlag
+from ..workers import StopFlag, batch_size
 
 UNFINISHED = "interrupted"
 NEEDS_PYTHON = "a singular configuration, a failed step, many steps or inaccurate results"
@@ -144,6 +145,7 @@ class EnsembleJob:
         settings: arguments of `mbdae.solve`.
         results: the results.
         calls_python: whether a run that is left to `mbdae.solve` calls functions of Python.
+        seconds: wall time of a run of the last batch; None before it.
     """
 
     source: Mechanism | ParametricFactory
@@ -154,6 +156,7 @@ class EnsembleJob:
     settings: dict[str, Any]
     results: Results
     calls_python: bool = False
+    seconds: float | None = None
 
     def mechanism(self, i: int) -> Mechanism:
         """Return the mechanism of run i.
@@ -250,25 +253,25 @@ class EnsembleJob:
         yield from map(np.array, found.values()) if columns else [np.arange(n)]
 
 
-def batches(job: EnsembleJob, pending: int) -> list[list[Array]]:
-    """Return lists of indices of runs with the same mechanism: shorter and shorter batches for so many pending ones.
-
-    No thread is idle for long at the end, then.
-    """
-    out, left, room = list[list[Array]](), job.starts.n, 0
+def batches(job: EnsembleJob, pending: int) -> Iterator[list[Array]]:
+    """Yield lists of indices of runs with the same mechanism, see `batch_size`."""
+    batch, left, room = list[Array](), job.starts.n, 0
     for group in job.groups():
         while len(group):
-            if room < min(len(group), size := max(1, left // (2 * pending))):
-                out.append([])
-                room = size
+            if room < min(len(group), size := batch_size(left, pending, job.seconds)):
+                if batch:
+                    yield batch
+                batch, room = [], size
             part, group = group[:room], group[room:]
-            out[-1].append(part)
+            batch.append(part)
             room, left = room - len(part), left - len(part)
-    return out
+    if batch:
+        yield batch
 
 
 def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
     """Make the runs of a batch in the core; others are marked, see `Results`."""
+    started = perf_counter()
     for i in batch:
         if stop():
             return
@@ -278,6 +281,7 @@ def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
                     run = prepare_at(group.mech, job.options(group.mech), group.y[0])
                     _complete(job, run, group, stop)
                     run.release()
+    job.seconds = (perf_counter() - started) / sum(map(len, batch))
 
 
 def _complete(job: EnsembleJob, run: RunState, group: Group, stop: StopFlag) -> None:

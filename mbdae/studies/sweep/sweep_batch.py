@@ -19,7 +19,7 @@ from ...integrate.run.whole_runs import COUNTS, complete_runs, takes_varied_numb
 from ...mechanism import Mechanism
 from ..final_signals import signals_at_end, why_not_in_core
 from ..varied_starts import Beginning, numbers_of
-from ..workers import StopFlag
+from ..workers import StopFlag, batch_size
 from .outputs import label, parse
 from .plan import Task, names
 from .results_file import MORE, Row
@@ -49,7 +49,7 @@ class Batch(NamedTuple):
 
 
 def batches_of(plan: Sequence[Task], pending: int, seconds: dict[int, float]) -> Iterator[Batch]:
-    """Yield the tasks in shorter and shorter batches: all workers are busy to the end, and a stop loses little.
+    """Yield the tasks in batches, see `batch_size`; they are short enough for a stop to lose little.
 
     Args:
         plan: the tasks.
@@ -58,9 +58,10 @@ def batches_of(plan: Sequence[Task], pending: int, seconds: dict[int, float]) ->
     """
     i = 0
     while i < len(plan):
-        largest = max(1, min(MAX_BATCH, (len(plan) - i) // (2 * pending)))
         last = list(islice(reversed(seconds.values()), LAST_RUNS))
-        size = min(largest, max(1, int(BATCH_SECONDS * len(last) / sum(last)))) if last else 1
+        mean = sum(last) / len(last) if last else None
+        longest = min(MAX_BATCH, max(1, int(BATCH_SECONDS / mean))) if mean else 1
+        size = min(longest, batch_size(len(plan) - i, pending, mean))
         yield Batch(plan[i : i + size])
         i += size
 

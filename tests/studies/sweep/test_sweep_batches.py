@@ -61,15 +61,26 @@ def test_batches_take_a_fifth_of_a_second():
     plan, seconds = tasks([{}] * 1000, 0), {}
     batches = sweep_batch.batches_of(plan, 4, seconds)
     made = []
-    for run_seconds, size in ((None, 1), (9.0, 1), (0.05, 4), (1e-9, 124)):
+    for run_seconds, size in ((None, 1), (9.0, 1), (0.05, 4), (1e-9, 500)):
         if run_seconds:
             seconds |= dict.fromkeys(range(len(seconds), len(seconds) + sweep_batch.LAST_RUNS), run_seconds)
         made.append(next(batches))
         assert len(made[-1].tasks) == size
-    assert list(map(str, made)) == ["run 0", "run 1", "batch of runs 2 to 5", "batch of runs 6 to 129"]
+    assert list(map(str, made)) == ["run 0", "run 1", "batch of runs 2 to 5", "batch of runs 6 to 505"]
     assert [task for batch in (*made, *batches) for task in batch.tasks] == plan
-    sizes = [len(batch.tasks) for batch in sweep_batch.batches_of(plan[:40], 4, seconds)]
-    assert sizes == [5, 4, 3, 3, 3, 2, 2, 2, 2, *[1] * 14]  # an eighth of what is left
+
+
+@pytest.mark.parametrize(
+    ("seconds", "expected"),
+    [
+        (0.02, [5, 4, 3, 3, 3, 2, 2, 2, 2, *[1] * 14]),  # an eighth of what is left
+        (0.008, [5, 4, 3, 3, 3, *[2] * 11]),  # but not less than takes 20 ms
+        (1e-9, [40]),
+    ],
+)
+def test_the_last_batches_are_short(seconds, expected):
+    batches = sweep_batch.batches_of(tasks([{}] * 40, 0), 4, {0: seconds})
+    assert [len(batch.tasks) for batch in batches] == expected
 
 
 def test_a_stopped_batch_leaves_its_runs():
