@@ -52,15 +52,15 @@ class Columns(NamedTuple):
     def write_csv(self, path: str | Path) -> None:
         """Write the columns as .csv; units other than SI are in the headings, ``"q.crank [deg]"``."""
         found, chosen = self.displayed(), bool(displayed_units().chosen)
-        heads = {name: f"{name} [{unit}]" for name, unit in found.units.items() if unit and chosen}
-        write_csv({heads.get(name, name): x for name, x in found.values.items()}, path)
+        headers = {name: f"{name} [{unit}]" for name, unit in found.units.items() if unit and chosen}
+        write_csv({headers.get(name, name): x for name, x in found.values.items()}, path)
 
 
 class Tabular:
     """Base of the results of studies: display in notebooks, tables in files.
 
     ``__str__`` describes a result, with a heading in the first line. A result may have a table of text (`cells`) and
-    columns of numbers for further processing (`tabulated`).
+    columns of numbers for further processing (`to_columns`).
     """
 
     def cells(self) -> list[list[str]]:
@@ -71,7 +71,7 @@ class Tabular:
         """Lines below the table."""
         return []
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Named columns of equal length.
 
         Raises:
@@ -81,7 +81,7 @@ class Tabular:
 
     def to_dict(self) -> JsonObject:
         """Return JSON data: the columns."""
-        return {name: _as_list(x) for name, x in self.tabulated().values.items()}
+        return {name: _as_list(x) for name, x in self.to_columns().values.items()}
 
     def to_pandas(self) -> "pandas.DataFrame":
         """Return the columns as a ``pandas.DataFrame``, units by column in ``attrs["units"]``.
@@ -89,7 +89,7 @@ class Tabular:
         Raises:
             InputError: without pandas, or for a result without columns.
         """
-        pandas, found = optional_package("pandas"), self.tabulated().displayed()
+        pandas, found = optional_package("pandas"), self.to_columns().displayed()
         frame = pandas.DataFrame({n: list(x) if np.ndim(x) > 1 else x for n, x in found.values.items()})
         frame.attrs |= {"title": self._heading(), "units": dict(found.units)}
         return frame
@@ -100,7 +100,7 @@ class Tabular:
         Raises:
             InputError: without xarray, or for a result without columns.
         """
-        xarray, found = optional_package("xarray"), self.tabulated().displayed()
+        xarray, found = optional_package("xarray"), self.to_columns().displayed()
         dim = found.over or "row"
         arrays = {}
         for name, x in found.values.items():
@@ -130,7 +130,7 @@ class Tabular:
         if suffix not in TABLE_SUFFIXES:
             raise InputError(f"{type(self).__name__} is saved as {' or '.join(TABLE_SUFFIXES)}, got {str(path)!r}")
         if suffix == ".csv":
-            self.tabulated().write_csv(path)
+            self.to_columns().write_csv(path)
             return
         text = self.to_latex() if suffix == ".tex" else json.dumps(finite(self.to_dict()), allow_nan=False)
         with atomic_write(path) as temporary:
@@ -191,9 +191,9 @@ def text_columns(rows: Sequence[Sequence[str]]) -> list[bool]:
 
 def latex(cells: Sequence[Sequence[str]], heading: str = "") -> str:
     """Return a LaTeX table, headings first, with powers of ten for numbers like 1.2e-05; the heading is a comment."""
-    heads, *rows = ([_cell(c) for c in row] for row in cells)
-    body = [" & ".join(row) + r" \\" for row in (heads, *rows)]
-    above = [f"% {heading}", r"% \usepackage{booktabs}", rf"\begin{{tabular}}{{l{'r' * (len(heads) - 1)}}}"]
+    headers, *rows = ([_cell(c) for c in row] for row in cells)
+    body = [" & ".join(row) + r" \\" for row in (headers, *rows)]
+    above = [f"% {heading}", r"% \usepackage{booktabs}", rf"\begin{{tabular}}{{l{'r' * (len(headers) - 1)}}}"]
     return "\n".join([*above, r"\toprule", body[0], r"\midrule", *body[1:], r"\bottomrule", r"\end{tabular}", ""])
 
 

@@ -71,8 +71,8 @@ def test_columns_of_files_are_labelled(sol, tmp_path):
         sol.save(tmp_path / "mm.csv")
         sol.save(tmp_path / "run.npz")
         frame = pytest.importorskip("pandas") and sol.to_pandas()
-    (heads, *rows), (_, *si) = (rows_of(tmp_path / f"{x}.csv") for x in ("mm", "si"))
-    i, j = heads.index("q.slider [mm]"), heads.index("v.crank [deg/s]")
+    (headers, *rows), (_, *si) = (rows_of(tmp_path / f"{x}.csv") for x in ("mm", "si"))
+    i, j = headers.index("q.slider [mm]"), headers.index("v.crank [deg/s]")
     for row, old in zip(rows, si, strict=True):
         assert float(row[i]) == pytest.approx(1e3 * float(old[i]), rel=1e-15)
         assert float(row[j]) == pytest.approx(180 / np.pi * float(old[j]), rel=1e-15)
@@ -110,13 +110,13 @@ def test_headings_with_units_are_read_back(sol, tmp_path):
         ),
     ],
 )
-def test_tables_of_studies_are_labelled(words, heads, tmp_path):
+def test_tables_of_studies_are_labelled(words, headers, tmp_path):
     for name, units in (("si", ()), ("mm", ("--units", "mm,deg"))):
         code, _, err = call(*words.split(), *units, "-o", f"{name}.csv", cwd=tmp_path)
         assert code == 0, err
     (names, *rows), (plain, *si) = (rows_of(tmp_path / f"{x}.csv") for x in ("mm", "si"))
-    i, factor = names.index(heads), 1e3 if "mm" in heads else 180 / np.pi
-    assert heads.startswith(plain[i])
+    i, factor = names.index(headers), 1e3 if "mm" in headers else 180 / np.pi
+    assert headers.startswith(plain[i])
     found, expected = (np.array([float(row[i]) for row in table]) for table in (rows, si))
     np.testing.assert_allclose(found, factor * expected, rtol=1e-9, atol=1e-9 * np.abs(factor * expected).max())
 

@@ -75,7 +75,7 @@ def test_a_mechanism_shows_its_card(mech):
 @pytest.mark.parametrize("name", TABLED)
 def test_tables_are_read_without_arguments(results, name, tmp_path):
     pandas = pytest.importorskip("pandas")
-    found = results[name].tabulated()
+    found = results[name].to_columns()
     results[name].save(tmp_path / "a.csv")
     table = pandas.read_csv(tmp_path / "a.csv")
     frame = results[name].to_pandas()
@@ -91,7 +91,7 @@ def test_tables_are_read_without_arguments(results, name, tmp_path):
 @pytest.mark.parametrize("name", TABLED)
 def test_arrays_have_units(results, name):
     pytest.importorskip("xarray")
-    found, data = results[name].tabulated(), results[name].to_xarray()
+    found, data = results[name].to_columns(), results[name].to_xarray()
     for column, unit in found.units.items():
         assert (data[column].attrs["units"] if column in data.data_vars else unit) == unit
     assert (found.over or "row") in data.dims
@@ -121,8 +121,8 @@ def test_rates_of_convergence(results):
     slope = study.orders["herk3"][0]
     expected = [np.log2(a / b) for a, b in zip(slope.errors, slope.errors[1:], strict=False)]
     assert slope.rates[1:] == pytest.approx(expected)
-    heads, units, *rows = study.convergence("herk3")
-    assert heads[:3] == ["herk3", "error q", "rate"]
+    headers, units, *rows = study.convergence("herk3")
+    assert headers[:3] == ["herk3", "error q", "rate"]
     assert units[:4] == ["", "rad", "", "rad/s"]
     sizes = [study.T / n for n in slope.steps]
     assert [float(row[0].removeprefix("h = ").removesuffix(" s")) for row in rows] == pytest.approx(sizes, rel=1e-3)

@@ -110,8 +110,8 @@ def test_orders_and_comparisons_of_angles_are_in_degrees(pendulum, tmp_path):
     assert "deg/ms" in deg
     words = ("compare", str(pendulum), "-t", "0.5", "-m", "herk3", "-m", "herk5", "--rtol", "1e-4,1e-6")
     text = shown(tmp_path, *words, "--repeats", "1", "--units", "deg", "-o", "runs.csv")
-    heads, units = text.splitlines()[4:6]
-    assert heads.split()[:4] == ["method", "rtol", "error", "q"]
+    headers, units = text.splitlines()[4:6]
+    assert headers.split()[:4] == ["method", "rtol", "error", "q"]
     assert units.split()[:3] == ["deg", "deg/s", "s"]
     row = next(csv.DictReader((tmp_path / "runs.csv").read_text().splitlines()))
     first = next(line for line in text.splitlines() if line.startswith(row["method"]))

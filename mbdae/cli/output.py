@@ -16,7 +16,7 @@ from ..file_io import PICTURE_SUFFIXES, TABLE_SUFFIXES, VIDEO_SUFFIXES, find_lat
 if TYPE_CHECKING:
     from ..solution.solution import Solution
 
-HOLDS, FAILED, USAGE, UNJUDGED = 0, 1, 2, 3  # exit codes: holds, failed or refuted, wrong usage, cannot be judged
+HOLDS, FAILED, USAGE, UNDECIDED = 0, 1, 2, 3  # exit codes: holds, failed or refuted, wrong usage, cannot be judged
 PICTURES, PAGES = PICTURE_SUFFIXES, (".html",)
 TABLES, VIDEOS = TABLE_SUFFIXES, VIDEO_SUFFIXES
 

@@ -101,7 +101,7 @@ def write(sol: "Solution", path: str | Path) -> None:
     if Path(path).suffix not in SUFFIXES:
         raise InputError(f"a solution is saved as {' or '.join(SUFFIXES)}, got {str(path)!r}")
     if Path(path).suffix == ".csv":
-        sol.tabulated().write_csv(path)
+        sol.to_columns().write_csv(path)
         return
     ts, ys, zs = sol.steps or (sol.t[:0], sol.y[:0], sol.z_own[:0])
     arrays = {"t": sol.t, "y": sol.y, "z_own": sol.z_own, "steps_t": ts, "steps_y": ys, "steps_z": zs}

@@ -227,7 +227,7 @@ class Solution(DenseOutput, Tabular):
         parts = {"y": self.y, "z": self.z}
         return {"t": self.t} | {f"{n}.{k + 1}": x[:, k] for n, x in parts.items() for k in range(x.shape[1])}
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """The columns of `signals` over time, with their units."""
         known = units(self.problem) if isinstance(self.problem, Mechanism) else {"t": "s"}
         return Columns(self.signals(), known, "t")

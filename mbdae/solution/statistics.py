@@ -72,8 +72,8 @@ class Statistics(Tabular):
     def cells(self) -> list[list[str]]:
         """Return a row for each signal."""
         at = f"at {unit_name('s')}"
-        heads = ["signal", "unit", "min", at, "max", at, "mean", "RMS", "integral"]
-        return [heads, *(self._row(name) for name in self.minimum)]
+        headers = ["signal", "unit", "min", at, "max", at, "mean", "RMS", "integral"]
+        return [headers, *(self._row(name) for name in self.minimum)]
 
     def _row(self, name: str) -> list[str]:
         """Return the cells of a signal; values and means that are rounding in comparison with its peak are 0."""

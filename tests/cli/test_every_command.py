@@ -38,7 +38,7 @@ COARSE = {  # resolution of studies
     "order.measurement.Measurement.largest": 3000, "statics.continuation.MAX_STEP": 0.3,
     "kinematics.curve.curve_tracing.PREDICTOR_ERROR": 0.2,
 }  # fmt: skip
-tightest_run, rest = ReferenceMotion.tightest, contacts.balanced_on_contacts
+tightest_run, rest = ReferenceMotion.tightest, contacts.find_equilibrium_on_contacts
 
 
 class Reason(NamedTuple):
@@ -192,7 +192,7 @@ def test_each_gives_a_result_or_a_true_reason(name, tmp_path, monkeypatch):
         return rests[key]
 
     for study in ("statics.equilibrium", "modes.operating_point"):
-        monkeypatch.setattr(f"mbdae.studies.{study}.balanced_on_contacts", rest_once)  # one search for all
+        monkeypatch.setattr(f"mbdae.studies.{study}.find_equilibrium_on_contacts", rest_once)  # one search for all
 
     def measured(mech, *_, **__):
         orders.append(measure_order(mech, ["herk2"], T=brief(name), steps=10))

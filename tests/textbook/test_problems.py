@@ -69,7 +69,7 @@ def test_missing_quantities_of_a_problem_are_not_reported(tmp_path):
     found = mbdae.drift(sol)
     assert (found.energy_error, found.energy_relative, found.work_end) == (None, None, None)
     assert "|g_t + g_y f|  max" in str(found)
-    assert "energy" not in str(found) + str(found.cells()) + str(list(found.tabulated().values))
+    assert "energy" not in str(found) + str(found.cells()) + str(list(found.to_columns().values))
     assert found.largest == found.Gv_max > found.g_max
     figure = found.plot(tmp_path / "drift.png")
     assert [len(ax.lines) for ax in figure.axes] == [1, 1]

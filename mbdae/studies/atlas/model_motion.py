@@ -17,8 +17,8 @@ from ...mechanism import Mechanism, load
 from ...solution.archive import problem_data
 from ...tolerances import SUM_ROUNDING
 from ..comparison.compare import REFERENCE, motion_of
+from ..comparison.comparison_runs import without_geometry
 from ..comparison.reference_motion import ReferenceMotion, Samples, Trial
-from ..comparison.run_queue import without_geometry
 from ..comparison.selection import all_variants, suitable
 from ..drift.drift import drift
 from ..method_variant import Variant, variants

@@ -26,7 +26,7 @@ NOISE = 0.9  # quantile of the spread of times that counts as noise
 SHOWN_TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8)  # errors of q in the text
 
 
-class Win(NamedTuple):
+class BestMethod(NamedTuple):
     """The best method of a model for an error of q.
 
     Attributes:
@@ -100,14 +100,14 @@ class Atlas(Tabular):
         return quantiles(spreads, n=10)[round(10 * NOISE) - 1] if len(spreads) > 1 else 1.0
 
     @cached_property
-    def wins(self) -> list[Win]:
+    def wins(self) -> list[BestMethod]:
         """The best methods of each model for each power of ten of the error of q that two methods reach."""
-        return [self._win(name, c, target) for name, c in self.comparisons.items() for target in c.targets()]
+        return [self._best_method(name, c, target) for name, c in self.comparisons.items() for target in c.targets()]
 
-    def _win(self, model: str, c: Comparison, target: float) -> Win:
+    def _best_method(self, model: str, c: Comparison, target: float) -> BestMethod:
         solves, seconds = (c.ranking(target, work=work) for work in ("solves", "seconds"))
         least, shortest = solves[0], seconds[0]
-        return Win(
+        return BestMethod(
             model, target, _within(solves, EQUAL_WORK), least.work or 0.0, least.bound,
             _within(seconds, self.noise), shortest.work or 0.0,
         )  # fmt: skip
@@ -220,7 +220,7 @@ def _within(entries: list[RankingEntry], ratio: float) -> tuple[str, ...]:
     return tuple(x.method for x in entries if x.work is not None and x.work <= ratio * least)
 
 
-def _cell(win: Win | None) -> str:
+def _cell(win: BestMethod | None) -> str:
     return "-" if win is None else f"{', '.join(win.fewest)} {'<= ' * win.bound}{win.solves:.3g}"
 
 

@@ -18,8 +18,8 @@ from ...system import Array
 from ...tolerances import INTERPOLATION, SUM_ROUNDING
 from ..method_variant import Variant, variants
 from .comparison import Comparison
+from .comparison_runs import ComparisonRuns, Progress
 from .reference_motion import ReferenceMotion
-from .run_queue import Progress, RunQueue
 from .selection import selected, trials_of
 
 __all__ = ["compare"]
@@ -110,7 +110,7 @@ def compare(
         raise InputError(f"workers must be at least 1 and repeats not negative, got {workers}, {repeats}")
     clock = repeats > 0 and (timed_together or workers == 1)
     passes = max(1, repeats + (not clock))
-    queue = RunQueue(motion, trials, pair, reference_rtol, Path(path) if path else None, progress, passes, fresh)
+    queue = ComparisonRuns(motion, trials, pair, reference_rtol, Path(path) if path else None, progress, passes, fresh)
     queue.meta["omitted"] = omitted
     complete = False
     try:

@@ -188,14 +188,14 @@ class Comparison(Tabular):
         """Return the runs for display."""
         from .tables import comparison_rows
 
-        heads, rows = comparison_rows(self)
-        return [heads, *rows]
+        headers, rows = comparison_rows(self)
+        return [headers, *rows]
 
     def remarks(self) -> list[str]:
         """Return which method is best for each accuracy, and which methods are omitted."""
         return [*self.sentences(), *(f"omitted: {reason}" for reason in self.omitted.values())]
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return a row for each run; further data are JSON in the first row of the last column, ``about``."""
         rows: list[dict[str, Any]] = [
             {**p.row(self.quantities), "known": self.known(p), "about": ""} for p in self.points

@@ -24,17 +24,17 @@ def comparison_table(result: "Comparison") -> str:
         f"all runs: {result.computed_by}",
         "",
     ]
-    heads, units = comparison_heads(result)
+    headers, units = comparison_heads(result)
     rows = [*([units] if any(units[:-1]) else []), *comparison_rows(result)[1]]
     ranking = [t.replace(": ", ":\n  ", 1).replace("; fastest", "\n  fastest") for t in result.sentences()]
     omitted = ["", "omitted:", *(f"  {reason}" for reason in result.omitted.values())] if result.omitted else []
-    return "\n".join([*lines, *align_columns([heads, *rows]), "", *ranking, *omitted]).rstrip()
+    return "\n".join([*lines, *align_columns([headers, *rows]), "", *ranking, *omitted]).rstrip()
 
 
 def comparison_rows(result: "Comparison") -> tuple[list[str], list[list[str]]]:
     """Return headings with units, and rows, of the table as text."""
-    heads = [f"{name} ({unit})" if unit else name for name, unit in zip(*comparison_heads(result), strict=True)]
-    return heads, [_row(result, p) for p in result.points]
+    headers = [f"{name} ({unit})" if unit else name for name, unit in zip(*comparison_heads(result), strict=True)]
+    return headers, [_row(result, p) for p in result.points]
 
 
 def comparison_heads(result: "Comparison") -> tuple[list[str], list[str]]:
@@ -46,9 +46,9 @@ def comparison_heads(result: "Comparison") -> tuple[list[str], list[str]]:
     mixed = any(p.n is not None for p in result.points)
     setting = "fixed steps" if fixed else "rtol or steps" if mixed else "rtol"
     units = [*map(result.unit, result.quantities), result.unit("g"), result.unit("Gv")]
-    heads = ["method", setting, *errors, *residuals, *counts, "time"]
-    shown = [*map(unit_name, units), *[""] * (len(heads) - len(units) - 3), unit_name("s")]
-    return heads, ["", "", *shown]
+    headers = ["method", setting, *errors, *residuals, *counts, "time"]
+    shown = [*map(unit_name, units), *[""] * (len(headers) - len(units) - 3), unit_name("s")]
+    return headers, ["", "", *shown]
 
 
 def _residuals(result: "Comparison") -> int:

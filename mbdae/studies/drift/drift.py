@@ -119,7 +119,7 @@ class Drift(Tabular):
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "history"}
         return {**values, "energy_relative": self.energy_relative}
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return largest |g| and |G v|, and the relative error of the energy balance, over time."""
         h = self.history
         columns = {"t": h.t, "g": h.g, "Gv": h.Gv} | ({} if h.energy is None else {"energy": h.energy})

@@ -58,7 +58,7 @@ class Ensemble(Tabular):
         """Whether each run reached its end without accuracy warnings, (n,)."""
         return np.array([status in SUCCESS for status in self.status], bool)
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Parameters, end times, states, counts, drift and signals of all runs, by name."""
         return Columns({**self.parameters, **self._results()}, {"t": "s", **self.units})
 

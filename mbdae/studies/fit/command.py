@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ...cli.model import ChosenModel
-from ...cli.output import FAILED, HOLDS, PAGES, PLOT, TABLE, UNJUDGED, output_file
+from ...cli.output import FAILED, HOLDS, PAGES, PLOT, TABLE, UNDECIDED, output_file
 from ...cli.study_command import Result, Study, study_command
 from ...errors import InputError
 from ...progress import progress_bar
@@ -24,7 +24,7 @@ PAGE = output_file("--html", suffixes=PAGES, help="Write one page: signals, resi
 
 
 def _exit_code(found: "Fit") -> int:
-    return FAILED if found.refuted or not found.converged else UNJUDGED if found.unidentifiable else HOLDS
+    return FAILED if found.refuted or not found.converged else UNDECIDED if found.unidentifiable else HOLDS
 
 
 @study_command(

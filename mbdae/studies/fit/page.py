@@ -49,11 +49,11 @@ def _correlations(fit: Fit) -> str:
 def _searches(fit: Fit) -> str:
     units = {name: fit.displayed(name)[2] for name in fit.values}
     named = [f"{name} ({unit})" if unit else name for name, unit in units.items()]
-    heads = [*(f"{name}, start" for name in named), *named, "chi-squared", ""]
+    headers = [*(f"{name}, start" for name in named), *named, "chi-squared", ""]
     rows = [
         [f"{fit.displayed(name, x)[0]:.6g}" for name, x in s.start.items()]
         + ([f"{fit.displayed(name, x)[0]:.6g}" for name, x in s.values.items()] or ["-"] * len(fit.values))
         + [f"{s.chi2:.6g}", "" if s.converged else s.message]
         for s in sorted(fit.searches, key=lambda s: s.chi2)
     ]
-    return elements().captioned("Searches, the best first", [heads, *rows])
+    return elements().captioned("Searches, the best first", [headers, *rows])

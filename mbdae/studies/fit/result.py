@@ -137,7 +137,7 @@ class Fit(Tabular):
 
         write_page(path, lambda: page(self), "a fit")
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return names, values and standard deviations of the parameters, in the units in which results are shown."""
         values, deviations, units = zip(*(self.displayed(name) for name in self.values), strict=True)
         columns = {"parameter": list(self.values), "value": list(values), "deviation": list(deviations)}

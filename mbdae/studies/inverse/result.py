@@ -180,21 +180,21 @@ class InverseDynamics(Tabular):
                 out |= {f"{word}.{name}.{axis}": x for axis, x in zip(LOCAL_AXES, values.T, strict=True)}
         return out
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return the columns of `signals` over time."""
         columns, known = self.signals(), dict(zip(self.names, self.units, strict=True))
         fixed = {"t": "s", "power": "W", "force": "N", "torque": "N m", "lam": "N, N m"}
-        heads = {name: name.split(".", 1) for name in columns}
-        given = {name: fixed.get(head[0], known.get(head[-1], "")) for name, head in heads.items()}
+        headers = {name: name.split(".", 1) for name in columns}
+        given = {name: fixed.get(head[0], known.get(head[-1], "")) for name, head in headers.items()}
         speeds = {f"speed.{name}": SPEEDS[unit] for name, unit in known.items()}
         return Columns(columns, {name: unit for name, unit in (given | speeds).items() if unit}, "t")
 
     def cells(self) -> list[list[str]]:
         """Return the requirements on each actuator."""
         power, energy = (unit_name(unit) for unit in "WJ")
-        heads = ["actuator", "peak", "RMS", "unit", "speed", "unit", f"power {power}", f"braking {power}",
+        headers = ["actuator", "peak", "RMS", "unit", "speed", "unit", f"power {power}", f"braking {power}",
                  f"energy {energy}"]  # fmt: skip
-        return [heads, *map(_cells, self.demands)]
+        return [headers, *map(_cells, self.demands)]
 
     @property
     def abscissa(self) -> tuple[str, str]:

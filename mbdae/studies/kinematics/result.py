@@ -216,14 +216,14 @@ class Kinematics(Tabular):
                 out |= {f"{word}.{name}.{axis}": path[:, k] for k, axis in enumerate("xyz")}
         return out
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return the columns of `signals` over the input; rates and accelerations are per unit of it."""
         columns, known, per = self.signals(), coordinate_units(self.mechanism), self.unit
         rates = {f"a.{n[2:]}": f"{u}/{per}^2" for n, u in known.items() if n.startswith("q.")}
         rates |= {f"v.{n[2:]}": f"{u}/{per}" for n, u in known.items() if n.startswith("q.")}
-        heads = {"u": per, "transmission": "rad", "advantage": self._advantage_unit, "position": "m"}
-        heads |= {"velocity": f"m/{per}", "acceleration": f"m/{per}^2"}
-        found = {name: (known | rates).get(name, heads.get(name.partition(".")[0], "")) for name in columns}
+        headers = {"u": per, "transmission": "rad", "advantage": self._advantage_unit, "position": "m"}
+        headers |= {"velocity": f"m/{per}", "acceleration": f"m/{per}^2"}
+        found = {name: (known | rates).get(name, headers.get(name.partition(".")[0], "")) for name in columns}
         return Columns(columns, {name: unit for name, unit in found.items() if unit}, "u")
 
     @property

@@ -13,14 +13,14 @@ from ...units import quantity
 
 RUN = output_file("-o", "--output", suffixes=(".npz", ".csv"), help="Save the simulated run at the end.")
 SECONDS = click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="End after this time.")
-INTERVAL = 0.2  # s in which an interrupt is noticed
+INTERVAL = 0.2  # s between polls for Ctrl-C
 
 
 @command("range parameter trace speed fps port paused shadows", RUN, shared="method rtol step units", more=(SECONDS,))
 def live(study: Study, out: Output, model: ChosenModel, seconds: float | None, **options: Any) -> None:
     """Simulate a model in real time in a browser. Inputs, joints and lengths have sliders; it ends with Ctrl-C.
 
-    A drag on a body pulls it by a spring.
+    Dragging a body applies a spring force to it.
     """
     record = out.paths["output"] is not None
     view = study(model.load(), record=record, **options)
@@ -29,10 +29,10 @@ def live(study: Study, out: Output, model: ChosenModel, seconds: float | None, *
     if sys.stdout.isatty():
         click.launch(view.url)
     try:
-        left = seconds if seconds is not None else float("inf")
-        while left > 0:
-            sleep(min(INTERVAL, left))
-            left -= INTERVAL
+        remaining = seconds if seconds is not None else float("inf")
+        while remaining > 0:
+            sleep(min(INTERVAL, remaining))
+            remaining -= INTERVAL
     except KeyboardInterrupt:
         pass
     sol = view.stop()

@@ -108,7 +108,7 @@ class LinearSystem(Tabular):
 
         return figures.save_if_path(frequency_response(self, self.band() if hertz is None else as_numbers(hertz)), path)
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return gain and phase in rad of each output for each input, over the frequencies of `band`."""
         hertz = self.band()
         H = self.response(2 * np.pi * hertz)

@@ -210,7 +210,7 @@ class Modes(Tabular):
 
         return figures.save_if_path(roots(self), path)
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return eigenvalue, frequency and damping of each mode."""
         numbers = {"frequency": self.frequencies, "damping": self.damping}
         columns = {"re": self.roots.real, "im": self.roots.imag, **numbers}
@@ -219,7 +219,7 @@ class Modes(Tabular):
     def cells(self) -> list[list[str]]:
         """Return eigenvalues, frequencies, damping ratios, and dominant coordinates."""
         names = velocity_labels(self.mechanism, np.arange(self.mechanism.nv))
-        heads = ["mode", f"eigenvalue in {unit_name('1/s')}", "", "Hz", "damping", "moves most"]
+        headers = ["mode", f"eigenvalue in {unit_name('1/s')}", "", "Hz", "damping", "moves most"]
         body = []
         for i, root in enumerate(self.roots):
             shape, units = self.displayed_shape(i)
@@ -233,7 +233,7 @@ class Modes(Tabular):
             damping = f"{self.damping[i]:.4g}" if root else "-"
             hertz = f"{self.frequencies[i]:.6g}"
             body.append([str(i + 1), f"{shown.real:.10g}", pair, hertz, damping, dominant])
-        return [heads, *body]
+        return [headers, *body]
 
     def __str__(self) -> str:
         words = "stable" if self.stable else "unstable"

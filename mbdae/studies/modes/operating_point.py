@@ -12,7 +12,7 @@ from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.equilibrium.linearization import LinearMotion, linearize_at, require_steady
 from ...system import Array
 from ...tolerances import CLOSED
-from ..statics.contacts import Contacts, balanced_on_contacts
+from ..statics.contacts import Contacts, find_equilibrium_on_contacts
 from ..statics.equilibrium import complete_arguments, frozen_drivers, require_time, velocities, velocity_labels
 from ..statics.stability import loses_rank
 
@@ -52,24 +52,24 @@ def operating_point(
             found = None
     if found is None:
         q0, speeds, fixed, _ = complete_arguments(mech, q, t, v, hold)
-        rest = balanced_on_contacts(mech, t, speeds, fixed, q0, "stable")
-        here, statics = rest.here, Statics(mech, t, speeds, locked, mode=rest.statics.system.mode)
-        found = (statics, statics.point(here.q, here.s)), "steady motion" if speeds.any() else "equilibrium"
-    (statics, here), kind = found
-    if not here.free.Z.shape[1] and not len(here.s):
+        rest = find_equilibrium_on_contacts(mech, t, speeds, fixed, q0, "stable")
+        balance, statics = rest.balance, Statics(mech, t, speeds, locked, mode=rest.statics.system.mode)
+        found = (statics, statics.point(balance.q, balance.s)), "steady motion" if speeds.any() else "equilibrium"
+    (statics, balance), kind = found
+    if not balance.free.Z.shape[1] and not len(balance.s):
         resting = [repr(s.name) for s in mech.switches if statics.system.mode[s.index]]
         where = _locked_text(mech, locked) + (f", resting on {', '.join(resting)}" if resting else "")
         raise InputError(f"{mech.title!r} has no degree of freedom left{where}: it has no modes")
-    if loses_rank(statics, here):
+    if loses_rank(statics, balance):
         raise InputError(f"the closures of {mech.title!r} lose rank in this pose: motions near it cannot be linearised")
-    _warn_of_frozen_drivers(statics, here)
-    statics.system.inertia(t, here.q)
+    _warn_of_frozen_drivers(statics, balance)
+    statics.system.inertia(t, balance.q)
     statics.system.laws.require_directions()
-    return statics, here, linearize_at(statics, here), kind
+    return statics, balance, linearize_at(statics, balance), kind
 
 
-def _warn_of_frozen_drivers(statics: Statics, here: ForceBalance) -> None:
-    if frozen := frozen_drivers(statics.mech, here.q, statics.v, statics.t):
+def _warn_of_frozen_drivers(statics: Statics, balance: ForceBalance) -> None:
+    if frozen := frozen_drivers(statics.mech, balance.q, statics.v, statics.t):
         remedy = "a steady motion has speeds of joints, v={...} or --v joint=value"
         warnings.warn(f"this linearisation freezes {', '.join(frozen)}: {remedy}", stacklevel=4)
 
@@ -79,7 +79,7 @@ def _locked_text(mech: Mechanism, locked: Array) -> str:
 
 
 def _at(mech: Mechanism, q: Array, v: Array, t: float, locked: Array) -> tuple[Statics, ForceBalance]:
-    """Return the balance at a configuration, which rests on the contacts that are closed there and press.
+    """Return the balance at a configuration, which rests on the contacts that are closed and in compression.
 
     Raises:
         InputError: for a configuration that is not an equilibrium, or that violates a contact.
@@ -91,8 +91,8 @@ def _at(mech: Mechanism, q: Array, v: Array, t: float, locked: Array) -> tuple[S
     closed = set(np.flatnonzero(gaps <= CLOSED).tolist())
     while True:
         statics = Statics(mech, t, v, locked, mode=contacts.mode(closed))
-        here = statics.point(q, states)
-        if not (pulling := contacts.pulling(closed, here)):
-            require_steady(statics, here)
-            return statics, here
-        closed.remove(pulling[0])
+        balance = statics.point(q, states)
+        if not (in_tension := contacts.contacts_in_tension(closed, balance)):
+            require_steady(statics, balance)
+            return statics, balance
+        closed.remove(in_tension[0])

@@ -68,7 +68,7 @@ class RootLocus(Tabular):
 
         return figures.save_if_path(locus(self, self.name.startswith(SPEED) if campbell is None else campbell), path)
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return real and imaginary parts over the parameter."""
         parts = {"re": self.eigenvalues.real, "im": self.eigenvalues.imag}
         columns = {f"{part}.{k + 1}": x[:, k] for k in range(self.eigenvalues.shape[1]) for part, x in parts.items()}

@@ -63,7 +63,7 @@ class OptimalControl(Tabular):
             motion.duration, motion.result, len(found.history), found.converged, found.interrupted, found.message,
         )  # fmt: skip
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return inputs and signals over time."""
         units = {"t": "s", **{name: unit for name, unit in self.units.items() if unit}}
         return Columns({"t": self.t, **self.inputs, **self.signals}, units, "t")

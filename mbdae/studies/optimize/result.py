@@ -25,7 +25,7 @@ class Evaluation(NamedTuple):
     values: dict[str, float]
     cost: float
     constraints: dict[str, float]
-    why: str = ""
+    error: str = ""
 
 
 @dataclass(frozen=True)
@@ -83,12 +83,12 @@ class Optimum(Tabular):
             "limits": {name: [_finite(x) for x in pair] for name, pair in self.limits.items()},
             "bounds": {name: [_finite(x) for x in pair] for name, pair in self.bounds.items()},
             "history": [
-                {"values": t.values, "cost": _finite(t.cost), "constraints": t.constraints, "why": t.why}
+                {"values": t.values, "cost": _finite(t.cost), "constraints": t.constraints, "error": t.error}
                 for t in self.history
             ],
         }
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return names of the parameters, their values at the start and at the optimum."""
         found = self.values
         return Columns({"parameter": list(found), "start": [self.start.values[name] for name in found],
@@ -103,11 +103,12 @@ class Optimum(Tabular):
     @property
     def failures(self) -> list[str]:
         """Number of failed evaluations, and the last error; empty if there are none."""
-        why = [t.why for t in self.history if t.why]
-        return [f"{len(why)} of {len(self.history)} points could not be computed, the last: {why[-1]}"] if why else []
+        errors = [t.error for t in self.history if t.error]
+        failed = f"{len(errors)} of {len(self.history)} points could not be computed"
+        return [f"{failed}, the last: {errors[-1]}"] if errors else []
 
     def remarks(self) -> list[str]:
-        """Return parameters at a bound, reasons why it may not be an optimum, and failed evaluations."""
+        """Return parameters at a bound, reasons why they may not be an optimum, and failed evaluations."""
         bounds = [f"{name} is at its bound" for name in self.at_bounds]
         return [*bounds, *([] if self.converged else [f"not an optimum: {self.message}"]), *self.failures]
 

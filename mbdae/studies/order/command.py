@@ -9,7 +9,7 @@ from ...cli.completion import completed
 from ...cli.completion import methods as method_names
 from ...cli.model import ChosenModel, problem_argument
 from ...cli.options import SHARED, methods_option
-from ...cli.output import FAILED, HOLDS, PLOT, TABLE, UNJUDGED, emit, print_table
+from ...cli.output import FAILED, HOLDS, PLOT, TABLE, UNDECIDED, emit, print_table
 from ...cli.study_command import Result, Study, study_command
 from ...errors import InputError
 from ...progress import progress_bar
@@ -21,7 +21,7 @@ METHODS_OR_ALL = methods_option("A method; several times for several; all when l
 
 
 def _exit_code(study: "OrderStudy") -> int:
-    return FAILED if study.refuted else HOLDS if study.holds else UNJUDGED
+    return FAILED if study.refuted else HOLDS if study.holds else UNDECIDED
 
 
 def _missing(study: "OrderStudy") -> str:

@@ -187,7 +187,7 @@ class Measurement:
             samples = self._added(tableau, [self.steps // stride], stride, samples)
             slopes = self._slopes(tableau, samples, reference, uncertainty)
         for parts in PARTS:
-            useful = max((above(s.errors, s.floors) for s in slopes if not s.judged), default=0)
+            useful = max((above(s.errors, s.floors) for s in slopes if not s.is_conclusive), default=0)
             between = self.between([*samples][:useful], parts, self.steps // stride)
             ns = [n for n in between if n not in samples]
             samples = self._added(tableau, ns, stride, samples)

@@ -52,7 +52,7 @@ def fit(
         return ObservedOrder(quantity, claimed, None, f"cannot be judged: {what}", *record)
     first = end - 1 - REFINEMENTS
     x, y = np.log2(ns[first:end]), -np.log2(errors[first:end])
-    last, verdict = judged(x, y, claimed - MARGIN)
+    last, verdict = assess(x, y, claimed - MARGIN)
     if not verdict:
         changing = ", ".join(f"{rate:.2f}" for rate in np.diff(y) / np.diff(x))
         return ObservedOrder(quantity, claimed, None, f"cannot be judged: rates still change, {changing}", *record)
@@ -60,22 +60,22 @@ def fit(
         what = f"errors are up to {errors[first]:.1e}, where it changes by {change:.1e}"
         return ObservedOrder(quantity, claimed, None, f"cannot be judged: {what}", *record)
     return ObservedOrder(
-        quantity, claimed, slope(x[-1 - last :], y[-1 - last :]), verdict, *record, (end - 1 - last, end)
+        quantity, claimed, fit_slope(x[-1 - last :], y[-1 - last :]), verdict, *record, (end - 1 - last, end)
     )
 
 
-def slope(x: Array, y: Array) -> float:
+def fit_slope(x: Array, y: Array) -> float:
     """Return the derivative of the straight line through y over x, by least squares."""
     return float(np.polyfit(x, y, 1)[0])
 
 
-def judged(x: Array, y: Array, lowest: float) -> tuple[int, str]:
+def assess(x: Array, y: Array, lowest: float) -> tuple[int, str]:
     """Compare four refinements, -log2 of the errors over log2 of the steps, with the smallest order that holds.
 
     Returns:
         The number of last ones to which the slope is fitted, and ``"holds"``, ``"misses"``, or "" if undecided.
     """
-    rates, fitted, last = np.diff(y) / np.diff(x), slope(x, y), slope(x[-1 - LAST :], y[-1 - LAST :])
+    rates, fitted, last = np.diff(y) / np.diff(x), fit_slope(x, y), fit_slope(x[-1 - LAST :], y[-1 - LAST :])
     change, increments = float(np.ptp(rates)), np.diff(rates)
     if change > 2 * CONSTANT and last >= lowest and (fitted >= lowest or (increments > 0).all()):
         return LAST, "holds"

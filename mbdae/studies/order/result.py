@@ -45,7 +45,7 @@ class ObservedOrder:
     fitted: tuple[int, int] = (0, 0)
 
     @property
-    def judged(self) -> bool:
+    def is_conclusive(self) -> bool:
         """Whether a slope could be fitted."""
         return self.observed is not None
 
@@ -145,16 +145,16 @@ class OrderStudy(Tabular):
         if method not in self.orders:
             raise UnknownNameError("method", method, self.orders)
         row = self.orders[method]
-        heads = [method, *(text for s in row for text in (f"error {s.quantity}", "rate"))]
+        headers = [method, *(text for s in row for text in (f"error {s.quantity}", "rate"))]
         columns = [["", *(f"h = {quantity(self.T / n, 's', '.4g')}" for n in row[0].steps)]]
         for s in row:
             errors, unit = displayed(np.array(s.errors), self.units.get(s.quantity, ""))
             rates = [f"{x:.2f}" if np.isfinite(x) else "-" for x in s.rates]
             columns += [[unit, *(f"{x:.2e}" for x in errors)], ["", *rates]]
         rows = [list(x) for x in zip(*columns, strict=True)]
-        return [heads, *(rows if any(rows[0]) else rows[1:])]
+        return [headers, *(rows if any(rows[0]) else rows[1:])]
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return a row for each error, with the step, its floor, the rate, and the claimed and the fitted order.
 
         Errors and floors are in the units in which results are shown, which are in a column if there are any.
@@ -193,7 +193,7 @@ class OrderStudy(Tabular):
         lines = [f"observed (claimed) order, {self.title}, T = {quantity(self.T, 's', 'g')}"]
         for name, row in self.orders.items():
             cells = [
-                f"{s.quantity} {s.observed:.2f} ({s.claim})" if s.judged else f"{s.quantity} - ({s.claimed})"
+                f"{s.quantity} {s.observed:.2f} ({s.claim})" if s.is_conclusive else f"{s.quantity} - ({s.claimed})"
                 for s in row
             ]
             bad = [f"{s.quantity}: {s.verdict}" for s in row if s.verdict != "holds"]

@@ -101,7 +101,7 @@ class Branch(Tabular):
         points, found, message = self.path.doubled(at, step)
         return Branch(self.name, tuple(points), tuple(found), message, self.path, self.unit)
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return period, stability and multipliers over the parameter."""
         columns: dict[str, Any] = {self.name: self.values, "T": np.array([p.motion.T for p in self.points])}
         for i in range(self.multipliers.shape[1]):

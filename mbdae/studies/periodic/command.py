@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ...cli.model import ChosenModel
-from ...cli.output import FAILED, HOLDS, PAGES, PLOT, TABLE, UNJUDGED, output_file
+from ...cli.output import FAILED, HOLDS, PAGES, PLOT, TABLE, UNDECIDED, output_file
 from ...cli.study_command import Result, Study, study_command
 from ...errors import InputError
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ...mechanism import Mechanism
     from ...solution.solution import Solution
 
-CODES = {"stable": HOLDS, "unstable": FAILED, "neutral": UNJUDGED, "doubtful": UNJUDGED}
+CODES = {"stable": HOLDS, "unstable": FAILED, "neutral": UNDECIDED, "doubtful": UNDECIDED}
 PAGE = output_file(
     "--html",
     suffixes=PAGES,

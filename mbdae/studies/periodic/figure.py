@@ -31,7 +31,7 @@ SHORT = {
 def motion(found: "PeriodicMotion") -> "Figure":
     """Draw one period in the phase planes of the joints of one coordinate, and the multipliers at the unit circle."""
     figure = empty_figure(WIDTH, 3.2)
-    columns, units, _ = found.tabulated()
+    columns, units, _ = found.to_columns()
     joints = [name[2:] for name in columns if name.startswith("q.") and f"v.{name[2:]}" in columns][: len(COLOURS)]
     *left, right = figure.subplots(1, 2 if joints else 1, squeeze=False)[0]
     for axes in left:

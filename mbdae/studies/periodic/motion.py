@@ -6,7 +6,7 @@ import numpy as np
 
 from ...system import Array
 from ...tolerances import HALF_DIGITS, SAME_STATE
-from .result import Neutral, PeriodicMotion
+from .result import PeriodicMotion, UnitMultiplier
 from .shooting.cycle import Linearisation
 from .shooting.multipliers import on_quotient, periodic_eigenvalues
 
@@ -23,15 +23,15 @@ def motion_of(found: Linearisation) -> PeriodicMotion:
     return PeriodicMotion(mech, T, cycle.t, q, v, s, multipliers, neutral, advances, shifts, found.size, runs, found)
 
 
-def floquet(found: Linearisation) -> tuple[Array, tuple[Neutral, ...]]:
+def floquet(found: Linearisation) -> tuple[Array, tuple[UnitMultiplier, ...]]:
     """Return the multipliers that are not neutral, and the neutral ones with their errors."""
     factors, nodes = found.factors, range(found.cycle.parts)
     names, known = _known_directions(found)
-    neutral = [Neutral(name, _right_error(factors, known, j)) for j, name in enumerate(names)]
+    neutral = [UnitMultiplier(name, _right_error(factors, known, j)) for j, name in enumerate(names)]
     energies = [found.energy_gradient(i) for i in nodes]
     error = _left_error(factors, energies)
     if error <= SAME_STATE:
-        neutral.append(Neutral("energy", error))
+        neutral.append(UnitMultiplier("energy", error))
         known = [np.column_stack([w, e]) for w, e in zip(known, energies, strict=True)]
     return periodic_eigenvalues(on_quotient(factors, known)), tuple(neutral)
 

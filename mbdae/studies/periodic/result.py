@@ -27,7 +27,7 @@ __all__: list[str] = []
 
 
 @dataclass(frozen=True)
-class Neutral:
+class UnitMultiplier:
     """A multiplier of magnitude 1 that a symmetry, the free phase or a conserved energy causes.
 
     Attributes:
@@ -66,7 +66,7 @@ class PeriodicMotion(Tabular):
     v: Array
     s: Array
     multipliers: Array
-    neutral: tuple[Neutral, ...]
+    neutral: tuple[UnitMultiplier, ...]
     advances: dict[str, float]
     shifts: dict[str, float]
     gap: float
@@ -162,7 +162,7 @@ class PeriodicMotion(Tabular):
             "gap": self.gap,
         }
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return coordinates and velocities over one period."""
         units = {"t": "s", **coordinate_units(self.mechanism)}
         pieces = [signals(run, list(units)) for run in self.runs]

@@ -147,8 +147,8 @@ def _by_unit(group: _Group, tables: Sequence[Mapping[str, Curve]], mech: "Mechan
 
 def _without_common_prefix(curves: Sequence[Curve]) -> tuple[Curve, ...]:
     """Return curves without a common prefix of their names, which is in the title."""
-    heads = {c.name.partition(".")[0] for c in curves}
-    same_head = len(heads) == 1 and all("." in c.name for c in curves)
+    headers = {c.name.partition(".")[0] for c in curves}
+    same_head = len(headers) == 1 and all("." in c.name for c in curves)
     return tuple(c._replace(name=c.name.partition(".")[2]) if same_head else c for c in curves)
 
 

@@ -67,7 +67,7 @@ def _run(report: "Report") -> str:
 def _drift(report: "Report") -> str:
     if not report.drifts:
         return ""
-    heads = ["method", "max |g|", "|g| at the end", "max |G v|", f"energy error ({unit_name('J')})", "relative",
+    headers = ["method", "max |g|", "|g| at the end", "max |G v|", f"energy error ({unit_name('J')})", "relative",
              f"work ({unit_name('J')})"]  # fmt: skip
     rows = [
         [h.label, *map(d.formatted, ("g_max", "g_end", "Gv_max")), f"{displayed(d.energy_error, 'J')[0]:.1e}"]
@@ -75,7 +75,7 @@ def _drift(report: "Report") -> str:
         for h, d in zip([d.history for d in report.drifts], report.drifts, strict=True)
     ]
     picture = image(drifts([d.history for d in report.drifts]), "drift of the closures and of the energy over time")
-    return elements().captioned("Largest drift of the closures and of the energy", [heads, *rows]) + picture
+    return elements().captioned("Largest drift of the closures and of the energy", [headers, *rows]) + picture
 
 
 def _orders(report: "Report") -> str:
@@ -83,7 +83,7 @@ def _orders(report: "Report") -> str:
     if study is None:
         return ""
     marks = {"holds": "holds", "misses": "fails"}
-    heads, *body = study.cells()
+    headers, *body = study.cells()
     rows = [
         [name, *(elements().verdict(c, marks.get(s.verdict, "")) for c, s in zip(cells, row, strict=True))]
         for (name, *cells), row in zip(body, study.orders.values(), strict=True)
@@ -91,17 +91,17 @@ def _orders(report: "Report") -> str:
     end = quantity(study.T, "s", "g")
     caption = f"Observed (claimed) orders with fixed steps, T = {end}; a slope may be 0.2 below its claim"
     remarks = elements().note("; ".join(study.remarks()))
-    return elements().captioned(caption, [heads, *rows]) + remarks + image(convergence(study), "convergence")
+    return elements().captioned(caption, [headers, *rows]) + remarks + image(convergence(study), "convergence")
 
 
 def _comparison(report: "Report") -> str:
     result = report.comparison
     if result is None or not result.points:
         return ""
-    heads, rows = comparison_rows(result)
+    headers, rows = comparison_rows(result)
     text = elements().comparison(result.trust, result.computed_by)
     picture = image(work_precision(result), "work-precision diagram")
-    return text + picture + elements().ranking() + elements().captioned("Every run", [heads, *rows])
+    return text + picture + elements().ranking() + elements().captioned("Every run", [headers, *rows])
 
 
 def _repeat(report: "Report") -> str:

@@ -34,7 +34,7 @@ def component_tables(mech: Mechanism) -> str:
         "Closures and drivers": _closures(mech),
         "Forces": _forces(mech),
     }
-    return elements().parts({caption: [heads, *rows] for caption, (heads, rows) in found.items() if rows})
+    return elements().parts({caption: [headers, *rows] for caption, (headers, rows) in found.items() if rows})
 
 
 def ranking(result: "Comparison") -> str:
@@ -89,21 +89,21 @@ def actuator_table(sol: Solution) -> str:
         scale = abs(found.peak(power).value)
         work = displayed(sums.integral if rounded_zero(sums.mean, scale) else 0.0, "J")[0]
         rows.append([name, *(f"{displayed(rounded_zero(x, scale), 'W')[0]:.5g}" for x in values), f"{work:.5g}"])
-    heads = ["name", "least power", "largest power", f"mean ({unit_name('W')})", f"work ({unit_name('J')})"]
-    return elements().captioned("Power and work of forces and drivers on the mechanism", [heads, *rows])
+    headers = ["name", "least power", "largest power", f"mean ({unit_name('W')})", f"work ({unit_name('J')})"]
+    return elements().captioned("Power and work of forces and drivers on the mechanism", [headers, *rows])
 
 
 def _bodies(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
     mass, length, inertia = map(unit_name, ("kg", "m", "kg m^2"))
-    heads = ["body of joint", f"mass ({mass})", "x", "y", f"z ({length})", "Ixx", "Iyy", "Izz", "Ixy", "Ixz"]
-    heads.append(f"Iyz ({inertia})")
+    headers = ["body of joint", f"mass ({mass})", "x", "y", f"z ({length})", "Ixx", "Iyy", "Izz", "Ixy", "Ixz"]
+    headers.append(f"Iyz ({inertia})")
     rows = []
     for i in range(1, mech.model.njoints):
         y = mech.model.inertias[i]
         upper = [y.inertia[a, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
         numbers = zip((y.mass, *y.lever, *upper), ["kg"] + 3 * ["m"] + 6 * ["kg m^2"], strict=True)
         rows.append([mech.model.names[i], *(f"{displayed(x, unit)[0]:.5g}" for x, unit in numbers)])
-    return heads, rows
+    return headers, rows
 
 
 def _joints(mech: Mechanism) -> tuple[list[str], list[list[str]]]:

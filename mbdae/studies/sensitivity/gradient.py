@@ -34,7 +34,7 @@ class Gradient(Tabular):
     value: float
     gradient: dict[str, float]
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return names and derivatives."""
         return Columns({"parameter": list(self.gradient), "derivative": list(self.gradient.values())})
 

@@ -97,7 +97,7 @@ class Sensitivity(Tabular):
             out[i] = row @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
         return out
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return derivatives of q in the tangent and of v over time, ``d(q.crank)/d(force.spring.stiffness)``."""
         names = [n[2:] for n in coordinate_units(self.trajectory.system.mechanism) if n.startswith("v.")]
         columns: dict[str, Array] = {"t": self.t}

@@ -7,21 +7,21 @@ import click
 
 from ...cli.model import ChosenModel
 from ...cli.options import STATE
-from ...cli.output import FAILED, HOLDS, PLOT, TABLE, UNJUDGED, emit
+from ...cli.output import FAILED, HOLDS, PLOT, TABLE, UNDECIDED, emit
 from ...cli.study_command import Output, Result, Study, command, study_command
 
-CODES = {"stable": HOLDS, "rigid": HOLDS, "unstable": FAILED, "neutral": UNJUDGED, "singular": UNJUDGED}
+CODES = {"stable": HOLDS, "rigid": HOLDS, "unstable": FAILED, "neutral": UNDECIDED, "singular": UNDECIDED}
 FACTORS = (
     click.option("--from", "first", type=float, default=0.0, show_default=True, help="The first factor on the load."),
     click.option("--to", "last", type=float, default=1.0, show_default=True, help="The last factor."),
 )
 
 
-def _judged(found: Any) -> int:
-    return UNJUDGED if found.warning else CODES[found.stability]
+def _exit_code(found: Any) -> int:
+    return UNDECIDED if found.warning else CODES[found.stability]
 
 
-@study_command("find", TABLE, shared=f"{STATE} units", exit_code=_judged)
+@study_command("find", TABLE, shared=f"{STATE} units", exit_code=_exit_code)
 def equilibrium(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Find an equilibrium or a steady motion of a model. Also computes its holding forces and its stability.
 
@@ -45,7 +45,7 @@ def equilibria(study: Study, out: Output, model: ChosenModel, drive: str, **opti
     PLOT,
     shared=f"{STATE} units",
     more=FACTORS,
-    exit_code=lambda path: FAILED if not path.complete else UNJUDGED if path.warning else HOLDS,
+    exit_code=lambda path: FAILED if not path.complete else UNDECIDED if path.warning else HOLDS,
 )
 def load_path(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Trace an equilibrium while a force is scaled. Prints deflections over loads, snap-through, loss of stability."""

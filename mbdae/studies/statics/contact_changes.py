@@ -54,17 +54,17 @@ class ContactMode:
 
     def margin(self, k: int, point: PathPoint) -> float:
         """Return the gap of a contact if it is open, or its normal force if it is closed."""
-        return self.contacts.margin(k, self.closed, point.here)
+        return self.contacts.margin(k, self.closed, point.balance)
 
-    def first_change(self, locate: Locate, here: PathPoint, there: PathPoint, h: float) -> Change | None:
+    def first_change(self, locate: Locate, point: PathPoint, next_point: PathPoint, h: float) -> Change | None:
         """Return the first contact that closes or opens in a step; None if there is none.
 
-        ``locate(here, h, margin)`` returns the step up to the zero of a margin, and the point there.
+        ``locate(point, h, margin)`` returns the step up to the zero of a margin, and its point.
         """
         found = []
-        for k in self.contacts.violated(self.closed, there.here):
+        for k in self.contacts.violated(self.closed, next_point.balance):
             margin = partial(self.margin, k)
-            found.append(Change(*(locate(here, h, margin) if margin(here) > 0 else (0.0, here)), k))
+            found.append(Change(*(locate(point, h, margin) if margin(point) > 0 else (0.0, point)), k))
         return min(found, key=lambda change: change.h, default=None)
 
     def switched(self, k: int) -> "ContactMode":

@@ -2,7 +2,7 @@
 
 From an equilibrium without contact, the first contact that the way to it violates closes, and the search continues in
 that mode; a closed contact in tension opens again. The equilibrium is accepted when no gap is negative and every closed
-contact presses.
+contact is in compression.
 
 Source: J. Nocedal, S. J. Wright, Numerical Optimization (2006), section 16.5, for the active-set iteration.
 """
@@ -21,7 +21,7 @@ from ...mechanism.hybrid.mode_point import AllRows
 from ...mechanism.hybrid.switches import Mode
 from ...system import Array
 from ...tolerances import CLOSED, MODE_ROUNDING
-from .search import balanced
+from .search import find_equilibrium
 
 CHANGES = 20  # of the mode, plus as many per contact: more are a cycle
 
@@ -62,24 +62,25 @@ class Contacts:
         """Return the names of contacts."""
         return [self.switches[k].name for k in sorted(closed)]
 
-    def pulling(self, closed: set[int], here: ForceBalance) -> list[int]:
+    def contacts_in_tension(self, closed: set[int], balance: ForceBalance) -> list[int]:
         """Return the closed contacts in tension, the largest tension first."""
-        force, size = self.normal_forces(here.lam), float(np.abs(here.lam).max(initial=0.0))
+        force, size = self.normal_forces(balance.lam), float(np.abs(balance.lam).max(initial=0.0))
         return sorted((k for k in closed if force[k] < -MODE_ROUNDING * size), key=lambda k: float(force[k]))
 
-    def loads(self, closed: set[int], lam: Array) -> dict[str, float]:
+    def contact_forces(self, closed: set[int], lam: Array) -> dict[str, float]:
         """Return the normal forces of closed contacts by name, in N, or N m."""
         force = self.normal_forces(lam)
         return {self.switches[k].name: float(force[k]) for k in sorted(closed)}
 
-    def margin(self, k: int, closed: set[int], here: ForceBalance) -> float:
+    def margin(self, k: int, closed: set[int], balance: ForceBalance) -> float:
         """Return the gap of an open contact in rad or characteristic lengths, or the normal force of a closed one."""
-        return float(self.normal_forces(here.lam)[k] if k in closed else self.gaps(here.q)[k])
+        return float(self.normal_forces(balance.lam)[k] if k in closed else self.gaps(balance.q)[k])
 
-    def violated(self, closed: set[int], here: ForceBalance) -> list[int]:
+    def violated(self, closed: set[int], balance: ForceBalance) -> list[int]:
         """Return the open contacts whose gaps are negative, and the closed ones in tension."""
-        gaps = self.gaps(here.q)
-        return [k for k in range(len(gaps)) if k not in closed and gaps[k] < -CLOSED] + self.pulling(closed, here)
+        gaps = self.gaps(balance.q)
+        penetrating = [k for k in range(len(gaps)) if k not in closed and gaps[k] < -CLOSED]
+        return penetrating + self.contacts_in_tension(closed, balance)
 
     def first_violated(self, closed: set[int], q0: Array, q1: Array) -> tuple[int, float] | None:
         """Return the open contact whose gap is negative at q1 and closes first on the way from q0, and where.
@@ -92,12 +93,12 @@ class Contacts:
         return (min(fractions)[1], min(fractions)[0]) if fractions else None
 
 
-class RestingBalance(NamedTuple):
+class ContactEquilibrium(NamedTuple):
     """A balance of forces, and the contacts on which it rests.
 
     Attributes:
         statics: of the mode.
-        here: the balance.
+        balance: of forces.
         residual: of the search.
         iterations: number of trial steps of all searches.
         contacts: normal forces in N, or N m, of the closed contacts by name.
@@ -105,16 +106,16 @@ class RestingBalance(NamedTuple):
     """
 
     statics: Statics
-    here: ForceBalance
+    balance: ForceBalance
     residual: float
     iterations: int
     contacts: dict[str, float]
     closed: set[int]
 
 
-def balanced_on_contacts(
+def find_equilibrium_on_contacts(
     mech: Mechanism, t: float, v: Array, locked: Array, q: Array, find: str, loads: Sequence[str] = (), p: float = 1.0
-) -> RestingBalance:
+) -> ContactEquilibrium:
     """Search for an equilibrium that violates no contact, with the factor p on some loads.
 
     Raises:
@@ -127,8 +128,8 @@ def balanced_on_contacts(
         statics.factor = p
         reason = None
         try:
-            here, residual, n = balanced(statics, q, find)
-            reached, iterations = here.q, iterations + n
+            balance, residual, n = find_equilibrium(statics, q, find)
+            reached, iterations = balance.q, iterations + n
         except EquilibriumError as e:
             reason, reached = e, np.array(e.q)
         violated = contacts.first_violated(closed, q, reached)
@@ -139,10 +140,11 @@ def balanced_on_contacts(
             continue
         if reason:
             raise reason
-        if pulling := contacts.pulling(closed, here):
-            closed.remove(pulling[0])
-            q = here.q
+        if in_tension := contacts.contacts_in_tension(closed, balance):
+            closed.remove(in_tension[0])
+            q = balance.q
             continue
-        return RestingBalance(statics, here, residual, iterations, contacts.loads(closed, here.lam), closed)
+        forces = contacts.contact_forces(closed, balance.lam)
+        return ContactEquilibrium(statics, balance, residual, iterations, forces, closed)
     names = ", ".join(map(repr, contacts.names(closed)))
     raise EquilibriumError(f"no equilibrium: contacts open and close without end, with {names}", q.tolist(), np.inf, "")

@@ -43,45 +43,46 @@ class Continuation:
         mode: the contacts that are closed in it.
         loads: names of the scaled forces.
         first: the first factor.
-        range: of the factor.
+        span: of the factor.
     """
 
-    def __init__(self, statics: Statics, mode: ContactMode, loads: list[str], first: float, range: float) -> None:
-        self.statics, self.mode, self.loads, self.first, self.range = statics, mode, loads, first, range
+    def __init__(self, statics: Statics, mode: ContactMode, loads: list[str], first: float, span: float) -> None:
+        self.statics, self.mode, self.loads, self.first, self.span = statics, mode, loads, first, span
         self.l = statics.sizes.l
 
     def run(self, start: ForceBalance) -> tuple[list[PathPoint], list[CriticalPoint], bool]:
         """Trace the path from an equilibrium at u = 0; return points, critical points, and whether it reached u = 1."""
-        here = self.tangent(0.0, start, None)
-        points, critical, h, changes = [here], list[CriticalPoint](), MAX_STEP, 0
+        point = self.tangent(0.0, start, None)
+        points, critical, h, changes = [point], list[CriticalPoint](), MAX_STEP, 0
         while len(points) < MAX_POINTS and changes <= self.mode.patience:
-            there = self.step(here, h)
-            if there is None:
+            next_point = self.step(point, h)
+            if next_point is None:
                 h /= 2
                 if h < MIN_STEP:
                     return points, critical, False
                 continue
-            beyond = there.u >= 1.0
-            h, there, change = self.shortened(here, there, h)
+            beyond = next_point.u >= 1.0
+            h, next_point, change = self.shortened(point, next_point, h)
             ended = beyond and change is None
-            found = self.critical(here, there, h) if h else []
-            points += [*(at for at, _ in found), there]
-            critical += [point for _, point in found]
-            if ended or there.u < LOWEST_FRACTION or bends_by_its_size(self.statics.mech.model, there.here.q):
+            found = self.critical(point, next_point, h) if h else []
+            points += [*(at for at, _ in found), next_point]
+            critical += [event for _, event in found]
+            diverges = next_point.u < LOWEST_FRACTION
+            if ended or diverges or bends_by_its_size(self.statics.mech.model, next_point.balance.q):
                 return points, critical, ended
             if change:
-                after = self.continued(there, change.contact)
-                critical.append(self._change(there, after, change.contact))
+                after = self.continued(next_point, change.contact)
+                critical.append(self._change(next_point, after, change.contact))
                 if after is None:
                     break
                 points.append(after)
-                changes, there, h = (changes + 1 if not h else 1), after, MIN_FIRST_STEP
+                changes, next_point, h = (changes + 1 if not h else 1), after, MIN_FIRST_STEP
             else:
                 changes = 0
-            here, h = there, min(MAX_STEP, 1.5 * h)
+            point, h = next_point, min(MAX_STEP, 1.5 * h)
         return points, critical, False
 
-    def continued(self, at: PathPoint, k: int) -> PathPoint | None:
+    def continued(self, corner: PathPoint, k: int) -> PathPoint | None:
         """Return the point at which a contact changes, and enter the new mode; None if the path ends there.
 
         Of the two directions of the tangent it has the one in which the margin of the contact grows from zero, by a
@@ -90,23 +91,23 @@ class Continuation:
         self.mode = self.mode.switched(k)
         self.statics = self.mode.statics(self.statics, self.loads)
         try:
-            here = self.balance(self.statics.project(at.here.q, at.here.s), at.here.s, at.u)
-            forward = self.tangent(at.u, here, at)
+            balance = self.balance(self.statics.project(corner.balance.q, corner.balance.s), corner.balance.s, corner.u)
+            forward = self.tangent(corner.u, balance, corner)
         except (StepError, InputError):
             return None
         growth = []
-        for point in (forward, forward._replace(dq=-forward.dq, du=-forward.du)):
-            there = self.step(point, TRIAL_STEP)
-            growth.append((self.mode.margin(k, there) - self.mode.margin(k, point) if there else 0.0, point))
-        grown, point = max(growth, key=lambda item: item[0])
-        return self.step(point, -TRIAL_STEP * self.mode.margin(k, point) / grown) if grown > 0 else None
+        for start in (forward, forward._replace(dq=-forward.dq, du=-forward.du)):
+            next_point = self.step(start, TRIAL_STEP)
+            growth.append((self.mode.margin(k, next_point) - self.mode.margin(k, start) if next_point else 0.0, start))
+        grown, start = max(growth, key=lambda item: item[0])
+        return self.step(start, -TRIAL_STEP * self.mode.margin(k, start) / grown) if grown > 0 else None
 
-    def shortened(self, here: PathPoint, there: PathPoint, h: float) -> tuple[float, PathPoint, Change | None]:
+    def shortened(self, point: PathPoint, next_point: PathPoint, h: float) -> tuple[float, PathPoint, Change | None]:
         """Return a step up to the first change of a contact or to u = 1, and the change."""
-        change = self.mode.first_change(self.located, here, there, h)
+        change = self.mode.first_change(self.located, point, next_point, h)
         if change:
-            h, there = change.h, change.point
-        return (*self.located(here, h, lambda p: p.u - 1.0), None) if there.u >= 1.0 else (h, there, change)
+            h, next_point = change.h, change.point
+        return (*self.located(point, h, lambda p: p.u - 1.0), None) if next_point.u >= 1.0 else (h, next_point, change)
 
     def _change(self, before: PathPoint, after: PathPoint | None, k: int) -> CriticalPoint:
         """Return the point at which a contact has changed."""
@@ -114,89 +115,92 @@ class Continuation:
         reverses = after is not None and after.du * before.du < 0
         return self._point(kind, after or before, np.empty((0, len(self.l))))._replace(contact=name, reverses=reverses)
 
-    def critical(self, here: PathPoint, there: PathPoint, h: float) -> list[tuple[PathPoint, CriticalPoint]]:
+    def critical(self, point: PathPoint, after: PathPoint, h: float) -> list[tuple[PathPoint, CriticalPoint]]:
         """Return the critical points of a step, in order."""
-        if there.du * here.du < 0:
-            at = self.located(here, h, lambda p: p.du)[1]
-            return [(at, self._point("limit", at, at.dq[None] / np.linalg.norm(at.here.free.U @ at.dq)))]
-        if here.curvature is None or there.curvature is None:
-            if there.sign * here.sign > 0:
+        if after.du * point.du < 0:
+            root = self.located(point, h, lambda p: p.du)[1]
+            return [(root, self._point("limit", root, root.dq[None] / np.linalg.norm(root.balance.free.U @ root.dq)))]
+        if point.curvature is None or after.curvature is None:
+            if after.sign * point.sign > 0:
                 return []
-            at = self.located(here, h, lambda p: p.sign)[1]
-            return [(at, self._point("branch", at, at.here.free.Z[:, :0].T))]
-        return self._branches(here, there, h)
+            root = self.located(point, h, lambda p: p.sign)[1]
+            return [(root, self._point("branch", root, root.balance.free.Z[:, :0].T))]
+        return self._branches(point, after, h)
 
-    def _branches(self, here: PathPoint, there: PathPoint, h: float) -> list[tuple[PathPoint, CriticalPoint]]:
+    def _branches(self, point: PathPoint, next_point: PathPoint, h: float) -> list[tuple[PathPoint, CriticalPoint]]:
         """Return the branch points of a step: roots of one or several eigenvalues."""
-        a, b = here.curvature, there.curvature
+        a, b = point.curvature, next_point.curvature
         assert a is not None
         assert b is not None
-        regular = here if a.flat <= b.flat else there  # an end of the step may be a branch point
+        regular = point if a.flat <= b.flat else next_point  # an end of the step may be a branch point
         flat = min(a.flat, b.flat)
         numbers = range(*sorted((a.negative, b.negative)))
-        roots = [self.located(here, h, lambda p, k=k: eigenvalue(p, k, flat)) for k in numbers]  # type: ignore[misc]
+        roots = [self.located(point, h, lambda p, k=k: eigenvalue(p, k, flat)) for k in numbers]  # type: ignore[misc]
         out: list[tuple[PathPoint, CriticalPoint]] = []
         roots.sort(key=lambda root: root[0])
         while roots:
-            at = roots[0][1]
-            m = sum(abs(other.u - at.u) <= SAME_STATE for _, other in roots)
-            out.append((at, self._point("branch", at, buckling_shapes(at, m, regular))))
+            branch_point = roots[0][1]
+            m = sum(abs(other.u - branch_point.u) <= SAME_STATE for _, other in roots)
+            out.append((branch_point, self._point("branch", branch_point, buckling_shapes(branch_point, m, regular))))
             roots = roots[m:]
         return out
 
-    def _point(self, kind: str, at: PathPoint, shapes: Array) -> CriticalPoint:
-        return CriticalPoint(kind, float(self.first + self.range * at.u), at.here.q, shapes, reverses=kind == "limit")
+    def _point(self, kind: str, point: PathPoint, shapes: Array) -> CriticalPoint:
+        factor = float(self.first + self.span * point.u)
+        return CriticalPoint(kind, factor, point.balance.q, shapes, reverses=kind == "limit")
 
     def balance(self, q: Array, s: Array, u: float) -> ForceBalance:
         """Return the balance at a closed configuration under a fraction of the load."""
-        self.statics.factor = self.first + self.range * u
+        self.statics.factor = self.first + self.span * u
         return self.statics.point(q, s)
 
-    def step(self, at: PathPoint, h: float) -> PathPoint | None:
+    def step(self, point: PathPoint, h: float) -> PathPoint | None:
         """Return the point after a step of length h; None if it fails."""
         residual = self.statics.residual
         try:
-            u, manifold = at.u + h * at.du, self.statics.system.manifold
-            q = self.statics.project(manifold.integrate(at.here.q, h * at.dq), at.here.s)
-            here = self.balance(q, at.here.s, u)
+            u, manifold = point.u + h * point.du, self.statics.system.manifold
+            q = self.statics.project(manifold.integrate(point.balance.q, h * point.dq), point.balance.s)
+            balance = self.balance(q, point.balance.s, u)
             for _ in range(MAX_CORRECTIONS):
-                size = residual(here)
-                x = self.correction(here, at)
-                q = self.statics.project(manifold.integrate(here.q, here.free.Z @ x[:-1]), here.s)
+                size = residual(balance)
+                x = self.correction(balance, point)
+                q = self.statics.project(manifold.integrate(balance.q, balance.free.Z @ x[:-1]), balance.s)
                 next_u = u + float(x[-1])
-                there = self.balance(q, here.s, next_u)
-                if size <= ITERATION_ROUNDING and not residual(there) < 0.5 * size:
+                corrected = self.balance(q, balance.s, next_u)
+                if size <= ITERATION_ROUNDING and not residual(corrected) < 0.5 * size:
                     break
-                here, u = there, next_u
+                balance, u = corrected, next_u
         except StepError:
             return None
-        if residual(here) > ITERATION_ROUNDING:
+        if residual(balance) > ITERATION_ROUNDING:
             return None
-        found = self.tangent(u, self.balance(here.q, here.s, u) if len(here.s) else here, at)  # s of integrators
-        before, after = (np.append(p.dq / self.l, p.du) for p in (at, found))
+        if len(balance.s):  # of integrators
+            balance = self.balance(balance.q, balance.s, u)
+        found = self.tangent(u, balance, point)
+        before, after = (np.append(p.dq / self.l, p.du) for p in (point, found))
         return found if before @ after >= MIN_COSINE * np.linalg.norm(before) * np.linalg.norm(after) else None
 
-    def rows(self, here: ForceBalance) -> tuple[Array, Array]:
+    def rows(self, balance: ForceBalance) -> tuple[Array, Array]:
         """Return [H  -Z^T f_load] (k, k + 1) with scaled rows for unknowns (d y, u), and scales (d, 1), (k + 1,)."""
-        d = np.append(scale_of(here.noise), 1.0)
-        return np.column_stack([here.H, -self.range * (here.free.Z.T @ here.load)]) / np.outer(d[:-1], d), d
+        d = np.append(scale_of(balance.noise), 1.0)
+        return np.column_stack([balance.H, -self.span * (balance.free.Z.T @ balance.load)]) / np.outer(d[:-1], d), d
 
-    def tangent_map(self, here: ForceBalance, d: Array) -> Array:
+    def tangent_map(self, balance: ForceBalance, d: Array) -> Array:
         """Return the map from (d y, u) to (dq / l, u), (nv + 1, k + 1)."""
-        Z = here.free.Z / self.l[:, None]
+        Z = balance.free.Z / self.l[:, None]
         return np.block([[Z, np.zeros((len(Z), 1))], [np.zeros(Z.shape[1]), np.ones(1)]]) / d
 
-    def correction(self, here: ForceBalance, at: PathPoint) -> Array:
+    def correction(self, balance: ForceBalance, point: PathPoint) -> Array:
         """Return the correction (y, u) that balances forces, orthogonal to the tangent of another point."""
-        rows, d = self.rows(here)
-        along = np.append(at.dq / self.l, at.du) @ self.tangent_map(here, d)
+        rows, d = self.rows(balance)
+        along = np.append(point.dq / self.l, point.du) @ self.tangent_map(balance, d)
         size = np.linalg.norm(rows[:, -1]) or 1.0
         columns = np.append(np.ones(len(rows)), 1 / size)
         A = np.vstack([rows, along / np.linalg.norm(along * columns)]) * columns
-        x = np.linalg.lstsq(A, np.append(here.rho / d[:-1], 0.0), rcond=CERTAIN * EPS)[0]
+        x = np.linalg.lstsq(A, np.append(balance.rho / d[:-1], 0.0), rcond=CERTAIN * EPS)[0]
         return x * columns / d
 
-    def tangent(self, u: float, here: ForceBalance, before: PathPoint | None) -> PathPoint:
+    def tangent(self, u: float, balance: ForceBalance, before: PathPoint | None) -> PathPoint:
         """Return the unit tangent at a point of the path, directed along that of the point before.
 
         It has no component of motions without stiffness.
@@ -204,15 +208,15 @@ class Continuation:
         Raises:
             InputError: if the first equilibrium does not move with the load.
         """
-        rows, d = self.rows(here)
-        load_noise = EPS * abs(self.range) * self.statics.term_sizes(here)
-        null = null_space(rows, np.column_stack([here.noise, load_noise]) / np.outer(d[:-1], d)).vectors
-        Q, R = np.linalg.qr(self.tangent_map(here, d) @ null)
+        rows, d = self.rows(balance)
+        load_noise = EPS * abs(self.span) * self.statics.term_sizes(balance)
+        null = null_space(rows, np.column_stack([balance.noise, load_noise]) / np.outer(d[:-1], d)).vectors
+        Q, R = np.linalg.qr(self.tangent_map(balance, d) @ null)
         direction = np.eye(len(Q))[-1] if before is None else np.append(before.dq / self.l, before.du)
         c = Q.T @ direction
         if before is None and np.linalg.norm(c) < VISIBLE:
-            at = f"the equilibrium at factor {self.first:g} is neutral or a limit point"
-            raise InputError(f"{at}: no unique path starts there; begin at another factor")
+            problem = f"the equilibrium at factor {self.first:g} is neutral or a limit point"
+            raise InputError(f"{problem}: no unique path starts there; begin at another factor")
         if len(c) == 1 and abs(c[0]) < ROUNDING:  # perpendicular to the path before, at a corner
             c = np.ones(1)
         tau = Q @ c / np.abs(Q @ c).max()
@@ -221,12 +225,12 @@ class Continuation:
         basis = np.linalg.qr(null)[0].T
         neutral = np.linalg.svd(basis - np.outer(basis @ x, x))[2][: len(basis) - 1]
         sign = float(np.linalg.slogdet(np.vstack([rows + neutral[:, :-1].T @ neutral, x]))[0])
-        found = curvature(here.H, here.noise) if symmetric(here.H, here.noise) else None
-        return PathPoint(u, here, tau[:-1] * self.l, float(tau[-1]), found, sign)
+        found = curvature(balance.H, balance.noise) if symmetric(balance.H, balance.noise) else None
+        return PathPoint(u, balance, tau[:-1] * self.l, float(tau[-1]), found, sign)
 
-    def located(self, at: PathPoint, h: float, value: Callable[[PathPoint], float]) -> tuple[float, PathPoint]:
+    def located(self, point: PathPoint, h: float, value: Callable[[PathPoint], float]) -> tuple[float, PathPoint]:
         """Return the step length at a sign change of a value, and the point."""
-        return locate(self.step, at, h, value, "equilibria")
+        return locate(self.step, point, h, value, "equilibria")
 
 
 def eigenvalue(p: PathPoint, k: int, flat: int) -> float:
@@ -243,14 +247,14 @@ def eigenvalue(p: PathPoint, k: int, flat: int) -> float:
     return float(found.values[k if k < found.negative else k + found.flat])
 
 
-def buckling_shapes(at: PathPoint, m: int, before: PathPoint) -> Array:
+def buckling_shapes(point: PathPoint, m: int, before: PathPoint) -> Array:
     """Return m M-orthonormal motions without stiffness, which have stiffness at the point before, (m, nv)."""
-    assert at.curvature is not None
+    assert point.curvature is not None
     assert before.curvature is not None
-    U, flat = at.here.free.U, before.curvature.flat
-    cluster = np.abs(at.curvature.values).argsort()[: m + flat]
-    shapes = U @ at.here.free.Z @ np.linalg.qr(at.curvature.vectors[:, cluster])[0]
+    U, flat = point.balance.free.U, before.curvature.flat
+    cluster = np.abs(point.curvature.values).argsort()[: m + flat]
+    shapes = U @ point.balance.free.Z @ np.linalg.qr(point.curvature.vectors[:, cluster])[0]
     if flat:
-        free = np.linalg.qr(U @ before.here.free.Z @ before.curvature.vectors[:, before.curvature.signs == 0])[0]
+        free = np.linalg.qr(U @ before.balance.free.Z @ before.curvature.vectors[:, before.curvature.signs == 0])[0]
         shapes = np.linalg.svd(shapes - free @ (free.T @ shapes), full_matrices=False)[0][:, :m]
     return np.linalg.solve(U, shapes).T

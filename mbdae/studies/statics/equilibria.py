@@ -82,14 +82,15 @@ def equilibria(
     out: list[Equilibrium] = []
     for curve in _circuits(first, span, tuple(held)):
         free: Iterator[Resting] = (
-            (s, {}) for s in _balanced(statics, curve, s0) if not contacts.violated(set(), s.here)
+            (s, {}) for s in _balanced(statics, curve, s0) if not contacts.violated(set(), s.best)
         )
         for search, loads in chain(free, _resting(contacts, fixed, curve, s0)):
-            here, n = search.here, search.iterations
-            if all(np.abs(_offsets(mech, e.q[None], here.q)).max() > SAME_STATE for e in out):
-                holding, judged = dict(zip(names, here.holding.tolist(), strict=True)), verdict(search.statics, here)
-                results = here.s, here.lam, holding, search.residual, n, judged, loads
-                out.append(Equilibrium(mech, 0.0, here.q, v, *results, tuple(compress(names, here.indeterminate))))
+            balance, n = search.best, search.iterations
+            if all(np.abs(_offsets(mech, e.q[None], balance.q)).max() > SAME_STATE for e in out):
+                holding = dict(zip(names, balance.holding.tolist(), strict=True))
+                stability, indeterminate = verdict(search.statics, balance), compress(names, balance.indeterminate)
+                results = balance.s, balance.lam, holding, search.residual, n, stability, loads
+                out.append(Equilibrium(mech, 0.0, balance.q, v, *results, tuple(indeterminate)))
     return out
 
 
@@ -167,8 +168,8 @@ def _resting(contacts: Contacts, fixed: Array, curve: Kinematics, s0: Array) -> 
                 search = TrustRegion(statics, statics.point(statics.project(near, s0), s0))
             except StepError:
                 continue
-            if not search.here.free.Z.shape[1] and not contacts.violated({k}, search.here):
-                yield search, contacts.loads({k}, search.here.lam)
+            if not search.best.free.Z.shape[1] and not contacts.violated({k}, search.best):
+                yield search, contacts.contact_forces({k}, search.best.lam)
 
 
 def _closing_poses(contacts: Contacts, k: int, curve: Kinematics) -> Iterator[Array]:

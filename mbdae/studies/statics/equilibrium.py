@@ -24,7 +24,7 @@ from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import ROUNDING, SOLUTION_ROUNDING, VISIBLE
 from ...units import quantity
-from .contacts import balanced_on_contacts
+from .contacts import find_equilibrium_on_contacts
 from .stability import Verdict, verdict
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ class Equilibrium(Tabular):
         row = next(s.row for s in self.mechanism.switches if s.name == name)
         return "N" if self.mechanism.row_units[row] == "m" else "N m"
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return one row: coordinates, deformation, states, and forces that hold, by names of signals."""
         units, values = coordinate_units(self.mechanism), {"t": self.t, **self.coordinates}
         known = {"t": "s", **{name: units[name] for name in self.coordinates if name in units}}
@@ -129,7 +129,7 @@ class Equilibrium(Tabular):
 
     def cells(self) -> list[list[str]]:
         """Return every quantity with its value and unit."""
-        found = self.tabulated().displayed()
+        found = self.to_columns().displayed()
         rows = [[n, x if isinstance(x, str) else f"{_shown(x):.8g}"] for n, (x,) in found.values.items()]
         return [["quantity", "value", "unit"], *([*row, found.units.get(row[0], "")] for row in rows)]
 
@@ -231,11 +231,11 @@ def equilibrium(
     if find not in FIND:
         raise UnknownNameError("kind of equilibrium", find, FIND)
     q0, speeds, held, names = complete_arguments(mech, q, t, v, hold)
-    statics, here, residual, iterations, contacts, _ = balanced_on_contacts(mech, t, speeds, held, q0, find)
-    holding = dict(zip(names, here.holding.tolist(), strict=True))
-    judged, indeterminate = verdict(statics, here), tuple(compress(names, here.indeterminate))
-    results = here.q, speeds, here.s, here.lam, holding, residual, iterations, judged, contacts, indeterminate
-    return Equilibrium(mech, t, *results)
+    statics, balance, residual, iterations, contacts, _ = find_equilibrium_on_contacts(mech, t, speeds, held, q0, find)
+    holding = dict(zip(names, balance.holding.tolist(), strict=True))
+    stability, indeterminate = verdict(statics, balance), tuple(compress(names, balance.indeterminate))
+    state = balance.q, speeds, balance.s, balance.lam
+    return Equilibrium(mech, t, *state, holding, residual, iterations, stability, contacts, indeterminate)
 
 
 def complete_arguments(

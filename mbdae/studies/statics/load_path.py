@@ -21,7 +21,7 @@ from ...system import Array
 from ...tabular import Columns, Tabular
 from ...units import displayed
 from .contact_changes import ContactMode
-from .contacts import Contacts, balanced_on_contacts
+from .contacts import Contacts, find_equilibrium_on_contacts
 from .continuation import Continuation
 from .equilibrium import complete_arguments
 from .path_point import CriticalPoint
@@ -102,7 +102,7 @@ class LoadPath(Tabular):
 
         return figures.save_if_path(load_deflection(self, coordinate), path)
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return factor, coordinates, deformation, numbers of negative eigenvalues, and normal forces on the path."""
         known = coordinate_units(self.mechanism) | deformation_units(self.mechanism.model)
         found = self.coordinates | self.deformation
@@ -194,16 +194,16 @@ def load_path(
         raise InputError(f"{SPAN}, got {span!r:.60}")
     first, last = (float(x) for x in span)
     q0, speeds, held, _ = complete_arguments(mech, q, t, v, hold)
-    rest = balanced_on_contacts(mech, t, speeds, held, q0, "stable", [load], first)
+    rest = find_equilibrium_on_contacts(mech, t, speeds, held, q0, "stable", [load], first)
     contacts = Contacts(mech, t)
-    if not len(rest.here.rho) and not contacts.switches:
+    if not len(rest.balance.rho) and not contacts.switches:
         raise InputError(f"{mech.title!r} has no degree of freedom left: nothing moves with the load")
     continuation = Continuation(rest.statics, ContactMode(contacts, rest.closed), [load], first, last - first)
-    points, critical, complete = continuation.run(rest.here)
-    unstable = [curvature(p.here.H, p.here.noise).negative for p in points]
-    factor, q = np.array([first + (last - first) * p.u for p in points]), np.array([p.here.q for p in points])
+    points, critical, complete = continuation.run(rest.balance)
+    unstable = [curvature(p.balance.H, p.balance.noise).negative for p in points]
+    factor, q = np.array([first + (last - first) * p.u for p in points]), np.array([p.balance.q for p in points])
     potential = all(p.curvature is not None for p in points)
-    forces = _normal_forces(contacts, np.array([p.here.lam for p in points]))
+    forces = _normal_forces(contacts, np.array([p.balance.lam for p in points]))
     return LoadPath(mech, load, factor, q, np.array(unstable), tuple(critical), complete, potential, forces)
 
 

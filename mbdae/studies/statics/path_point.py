@@ -45,14 +45,14 @@ class PathPoint(NamedTuple):
 
     Attributes:
         u: the fraction of the factor's range.
-        here: the force balance.
+        balance: the force balance.
         dq, du: the tangent.
         curvature: eigenvalues of H and their signs; None for forces without a potential.
         sign: of the determinant of the corrector's matrix.
     """
 
     u: float
-    here: ForceBalance
+    balance: ForceBalance
     dq: Array
     du: float
     curvature: Curvature | None

@@ -9,7 +9,7 @@ from ...system import Array
 from .trust_region import TrustRegion
 
 
-def balanced(statics: Statics, q: Array, find: str) -> tuple[ForceBalance, float, int]:
+def find_equilibrium(statics: Statics, q: Array, find: str) -> tuple[ForceBalance, float, int]:
     """Search from a configuration; return the balance, its residual, and the number of trial steps.
 
     Raises:
@@ -23,13 +23,13 @@ def balanced(statics: Statics, q: Array, find: str) -> tuple[ForceBalance, float
         found = search.run(find)
     except StepError as e:
         raise EquilibriumError(f"no equilibrium: {e}", q.tolist(), np.inf, "") from e
-    here = search.here
+    best = search.best
     if not found:
-        unbalanced = np.abs(here.free.Z @ here.rho) / statics.sizes.l
+        unbalanced = np.abs(best.free.Z @ best.rho) / statics.sizes.l
         worst = mech.coordinate_joint(int(unbalanced.argmax()))
         where = f"{search.residual:.2e} of the largest force is unbalanced, most at joint {worst!r}"
         text = f"no {'stable ' * (find == 'stable')}equilibrium found in {search.iterations} iterations: {where}"
-        raise EquilibriumError(text, here.q.tolist(), search.residual, worst)
+        raise EquilibriumError(text, best.q.tolist(), search.residual, worst)
     if statics.v.any():
-        require_steady(statics, here)
-    return here, search.residual, search.iterations
+        require_steady(statics, best)
+    return best, search.residual, search.iterations

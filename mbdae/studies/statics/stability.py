@@ -62,21 +62,21 @@ def _motions(n: int, kind: str) -> str:
     return f"{n} {kind} motion{'s' if n != 1 else ''}"
 
 
-def verdict(statics: Statics, here: ForceBalance) -> Verdict:
+def verdict(statics: Statics, balance: ForceBalance) -> Verdict:
     """Assess the stability of an equilibrium.
 
     By the stiffness if forces have a potential and velocities only dissipate (Kelvin, Tait, Chetaev); by the
     eigenvalues of the linearised motion for controllers with states, forces without a potential, or gyroscopic terms.
     """
-    w = symmetric_part(here.H)[0]
-    if not len(w) and not len(here.s):
+    w = symmetric_part(balance.H)[0]
+    if not len(w) and not len(balance.s):
         return Verdict("rigid", 0, 0, w, "stiffness")
-    if loses_rank(statics, here):
+    if loses_rank(statics, balance):
         return Verdict("singular", 0, 0, w, "stiffness")
-    motion, stiffness = linearize_at(statics, here), curvature(here.H, here.noise)
+    motion, stiffness = linearize_at(statics, balance), curvature(balance.H, balance.noise)
     (k, m), C = (motion.positions.shape[1], motion.speeds.shape[1]), motion.damping
     bound = motion.noise[k : k + m, k : k + m]
-    potential = symmetric(here.H, here.noise) and not len(here.s)
+    potential = symmetric(balance.H, balance.noise) and not len(balance.s)
     gyroscopic, dissipates = not symmetric(C, bound), not curvature(C, bound).negative
     if potential and dissipates and (not gyroscopic or (stiffness.signs > 0).all()):
         return _classified(stiffness.negative, stiffness.flat, w, "stiffness")
@@ -95,21 +95,21 @@ def _zero_modes(motion: LinearMotion) -> int:
     return len(null_space(motion.A, motion.noise).free) - len(velocity_null.free)
 
 
-def loses_rank(statics: Statics, here: ForceBalance) -> bool:
+def loses_rank(statics: Statics, balance: ForceBalance) -> bool:
     """Return whether the closures have a higher rank in a neighbouring pose than here."""
-    Z, system = here.free.Z, statics.system
+    Z, system = balance.free.Z, statics.system
     if not Z.shape[1] or not system.ng:
         return False
     y = np.random.default_rng(0).standard_normal(Z.shape[1])
     x = Z @ y
     try:
         x *= PERTURBATION / np.abs(x / statics.sizes.l).max()
-        q = statics.project(system.manifold.integrate(here.q, x), here.s)
+        q = statics.project(system.manifold.integrate(balance.q, x), balance.s)
     except StepError:
         return True
     U = system.inertia(statics.t, q)
-    neighbour = statics.free(U, q, here.s)[0]
-    return len(neighbour.S) > len(here.free.S) or here.free.smallest < RANK_DROP * neighbour.smallest
+    neighbour = statics.free(U, q, balance.s)[0]
+    return len(neighbour.S) > len(balance.free.S) or balance.free.smallest < RANK_DROP * neighbour.smallest
 
 
 def _classified(unstable: int, neutral: int, w: Array, by: str) -> Verdict:

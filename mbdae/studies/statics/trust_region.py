@@ -41,24 +41,24 @@ class TrustRegion:
 
     Attributes:
         statics: the balance.
-        here: the best point.
+        best: the best point.
         radius: trust radius.
         iterations: number of trial steps.
     """
 
     statics: "Statics"
-    here: "ForceBalance"
+    best: "ForceBalance"
     radius: float = START
     iterations: int = 0
 
     @property
     def residual(self) -> float:
         """Largest rho relative to its terms, and to its change over 1 rad or characteristic length."""
-        return self.statics.residual(self.here)
+        return self.statics.residual(self.best)
 
-    def length(self, here: "ForceBalance", y: Array) -> float:
+    def length(self, balance: "ForceBalance", y: Array) -> float:
         """Return the length of a motion y, in rad or slides."""
-        return float(np.abs(here.free.Z @ y / self.units).max(initial=0.0))
+        return float(np.abs(balance.free.Z @ y / self.units).max(initial=0.0))
 
     @cached_property
     def units(self) -> Array:
@@ -67,7 +67,7 @@ class TrustRegion:
 
     def run(self, find: str) -> bool:
         """Iterate until forces balance, in a minimum unless ``find`` is any; return whether they do."""
-        self.here = self.statics.point(self.statics.project(self.here.q, self.here.s), self.here.s)
+        self.best = self.statics.point(self.statics.project(self.best.q, self.best.s), self.best.s)
         while self.iterations < ITERATIONS and self.radius > MIN_RADIUS:
             if self.residual <= NEAR_BALANCE:
                 self.polish()
@@ -83,12 +83,12 @@ class TrustRegion:
     def at_rest(self) -> bool:
         """Return whether forces balance to rounding, or nearly so and Newton's step is short."""
         residual = self.residual
-        near = residual <= tol.ITERATION_ROUNDING and self.length(self.here, newton_step(self.here)) <= NEWTON_STEP
+        near = residual <= tol.ITERATION_ROUNDING and self.length(self.best, newton_step(self.best)) <= NEWTON_STEP
         return near or residual <= CERTAIN * tol.EPS
 
     def lowest(self) -> Array | None:
         """Return the direction y (k,) of the largest aperiodic divergence; None if there is none."""
-        H, noise = self.here.H, self.here.noise
+        H, noise = self.best.H, self.best.noise
         if symmetric(H, noise):
             found = curvature(H, noise)
             return found.vectors[:, 0] if found.negative else None
@@ -99,91 +99,91 @@ class TrustRegion:
     def polish(self) -> None:
         """Take Newton steps as long as they are short and halve rho."""
         while self.iterations < ITERATIONS and self.residual > tol.BELOW_ROUNDING:
-            y = newton_step(self.here)
-            there = self.displaced(y) if 0 < self.length(self.here, y) < START else None
-            if there is None or not np.linalg.norm(there.rho) < HALVED * np.linalg.norm(self.here.rho):
+            y = newton_step(self.best)
+            trial = self.displaced(y) if 0 < self.length(self.best, y) < START else None
+            if trial is None or not np.linalg.norm(trial.rho) < HALVED * np.linalg.norm(self.best.rho):
                 return
-            self.here = there
+            self.best = trial
 
     def descend(self) -> bool:
         """Take one descent step; return False if none is found."""
-        rho, H = self.here.rho, self.here.H
+        rho, H = self.best.rho, self.best.H
         while self.radius > MIN_RADIUS and self.iterations < ITERATIONS:
-            y = step(self.here.free.Z / self.units[:, None], H, self.here.noise, rho, self.radius)
-            there = self.relaxed(self.displaced(y), self.length(self.here, y))
+            y = step(self.best.free.Z / self.units[:, None], H, self.best.noise, rho, self.radius)
+            trial = self.relaxed(self.displaced(y), self.length(self.best, y))
             predicted = float(rho @ y - y @ H @ y / 2)
-            done = self.work(there) if there else -np.inf
-            if there and done > ACCEPTED * predicted:
+            done = self.work(trial) if trial else -np.inf
+            if trial and done > ACCEPTED * predicted:
                 if done > GOOD * predicted:
                     self.radius = min(MAX_RADIUS, 2 * self.radius)
-                self.here = there
+                self.best = trial
                 return True
-            self.radius = min(self.radius, self.length(self.here, y)) / 3
+            self.radius = min(self.radius, self.length(self.best, y)) / 3
         return False
 
-    def relaxed(self, there: "ForceBalance | None", length: float) -> "ForceBalance | None":
+    def relaxed(self, trial: "ForceBalance | None", length: float) -> "ForceBalance | None":
         """Relax stiff springs, stretched by a step of this length along a curved manifold, by Newton steps."""
         for _ in range(RELAXATIONS):
-            if there is None or np.linalg.norm(there.rho) <= np.linalg.norm(self.here.rho):
+            if trial is None or np.linalg.norm(trial.rho) <= np.linalg.norm(self.best.rho):
                 break
-            found = curvature(there.H, there.noise)
-            d = np.divide(found.vectors.T @ there.rho, found.values, out=np.zeros(len(there.H)), where=found.signs > 0)
-            sizes = np.abs(there.free.Z @ found.vectors / self.units[:, None]).max(0)
+            found = curvature(trial.H, trial.noise)
+            d = np.divide(found.vectors.T @ trial.rho, found.values, out=np.zeros(len(trial.H)), where=found.signs > 0)
+            sizes = np.abs(trial.free.Z @ found.vectors / self.units[:, None]).max(0)
             d[sizes * np.abs(d) > SHORT * length] = 0.0
-            nearer = self.at(there, found.vectors @ d)
-            if nearer is None or not np.linalg.norm(nearer.rho) < np.linalg.norm(there.rho):
+            nearer = self.at(trial, found.vectors @ d)
+            if nearer is None or not np.linalg.norm(nearer.rho) < np.linalg.norm(trial.rho):
                 break
-            there = nearer
-        return there
+            trial = nearer
+        return trial
 
     def newton(self) -> bool:
         """Take one step that reduces rho, to an equilibrium of any kind; else a descent step."""
-        rho, y = self.here.rho, newton_step(self.here)
-        y *= min(1.0, MAX_RADIUS / max(tol.TINY, self.length(self.here, y)))
+        rho, y = self.best.rho, newton_step(self.best)
+        y *= min(1.0, MAX_RADIUS / max(tol.TINY, self.length(self.best, y)))
         for _ in range(HALVINGS):
-            there = self.displaced(y)
-            if there and np.linalg.norm(there.rho) < REDUCTION * np.linalg.norm(rho):
-                self.here = there
+            trial = self.displaced(y)
+            if trial and np.linalg.norm(trial.rho) < REDUCTION * np.linalg.norm(rho):
+                self.best = trial
                 return True
             y /= 2
         return self.descend()
 
     def leave_saddle(self, low: Array) -> bool:
         """Leave a saddle or a maximum, to the side where forces do positive work."""
-        reach = self.length(self.here, low)
+        reach = self.length(self.best, low)
         radius = max(self.radius, START)
         while radius > MIN_RADIUS:
             for sign in (1.0, -1.0):
-                there = self.displaced(sign * radius / reach * low)
-                if there and self.work(there) > 0:
-                    self.here, self.radius = there, radius
+                trial = self.displaced(sign * radius / reach * low)
+                if trial and self.work(trial) > 0:
+                    self.best, self.radius = trial, radius
                     return True
             radius /= 3
         return False
 
-    def work(self, there: "ForceBalance") -> float:
+    def work(self, trial: "ForceBalance") -> float:
         """Return the trapezoidal work of the forces to another point, in J."""
-        x = self.statics.system.manifold.difference(self.here.q, there.q)
-        return float((self.here.f + there.f) @ x / 2)
+        x = self.statics.system.manifold.difference(self.best.q, trial.q)
+        return float((self.best.f + trial.f) @ x / 2)
 
     def displaced(self, y: Array) -> "ForceBalance | None":
         """Return the balance at q (+) Z y, closed; None if loops cannot be closed. Counts an iteration."""
         self.iterations += 1
-        return self.at(self.here, y)
+        return self.at(self.best, y)
 
-    def at(self, here: "ForceBalance", y: Array) -> "ForceBalance | None":
+    def at(self, balance: "ForceBalance", y: Array) -> "ForceBalance | None":
         """Return the balance at a displacement y from any point; None if loops cannot be closed."""
         try:
-            q = self.statics.system.manifold.integrate(here.q, here.free.Z @ y)
-            return self.statics.point(self.statics.project(q, here.s), here.s)
+            q = self.statics.system.manifold.integrate(balance.q, balance.free.Z @ y)
+            return self.statics.point(self.statics.project(q, balance.s), balance.s)
         except StepError:
             return None
 
 
-def newton_step(here: "ForceBalance") -> Array:
+def newton_step(balance: "ForceBalance") -> Array:
     """Return the step y (k,) with H y = rho, of minimum norm along directions of unknown stiffness."""
-    d = scale_of(here.noise)
-    return np.linalg.lstsq(here.H / np.outer(d, d), here.rho / d, rcond=CERTAIN * tol.EPS)[0] / d
+    d = scale_of(balance.noise)
+    return np.linalg.lstsq(balance.H / np.outer(d, d), balance.rho / d, rcond=CERTAIN * tol.EPS)[0] / d
 
 
 def symmetric(X: Array, e: Array) -> bool:

@@ -111,7 +111,7 @@ class Sweep(Tabular):
         about = {key: self.meta[key] for key in ("manifest", "parameters", "samples")}
         return {"complete": self.complete, **about, "outputs": self.outputs, "rows": rows}
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return all columns by name, sampled signals as (n, times); units are those of parameters and signals."""
         return Columns({name: self[name] for name in self.names}, {"t": "s"} | self.meta.get("units", {}))
 
@@ -158,9 +158,9 @@ class Sweep(Tabular):
         counts = Counter(row["status"] for row in self.rows)
         statuses = ", ".join(f"{n} {status}" for status, n in counts.most_common())
         remaining = "" if self.complete else f"; stopped, {self.total - len(self)} remain"
-        heads, *body = self.cells()
+        headers, *body = self.cells()
         lines = [f"sweep of {self.meta['manifest']['model']}: {len(self)} runs, {statuses or 'none'}{remaining}", ""]
-        lines += align_columns([heads, *body[:MAX_ROWS]])
+        lines += align_columns([headers, *body[:MAX_ROWS]])
         if len(self) > MAX_ROWS:
             lines.append(f"... and {len(self) - MAX_ROWS} more")
         if len(self) > 1 and self.outputs:

@@ -35,9 +35,9 @@ class Tolerance(Deviations, Tabular):
 
     def cells(self) -> list[list[str]]:
         """Return the contributions to each signal, largest first, without those below 0.1 % of the worst case."""
-        heads = ["contribution", "signal", "size", "influence", "worst case", "share", "of variance"]
+        headers = ["contribution", "signal", "size", "influence", "worst case", "share", "of variance"]
         listed = [(s, x) for s in self.signals for x in self.contributions(s) if x.share >= SHOWN]
-        return [heads, *(self._row(signal, x) for signal, x in listed)]
+        return [headers, *(self._row(signal, x) for signal, x in listed)]
 
     def _row(self, signal: str, x: Contribution) -> list[str]:
         """Return the cells of a contribution."""
@@ -89,7 +89,7 @@ class Tolerance(Deviations, Tabular):
     def _at(self, i: int) -> str:
         return f"{self.curve.drive} = {quantity(rounded_zero(self.curve.u[i]), self.curve.unit)}"
 
-    def tabulated(self) -> Columns:
+    def to_columns(self) -> Columns:
         """Return the input, signals, deviations, condition and influences as columns."""
         out, units = {"u": self.curve.u}, {"u": self.curve.unit}
         for m, name in enumerate(self.signals):
@@ -120,7 +120,7 @@ class Tolerance(Deviations, Tabular):
             "contributions": {name: [x._asdict() for x in self.contributions(name)] for name in self.signals},
             "dead_points": [u for u, _ in self.curve.dead_points],
             "remarks": self.remarks(),
-            "table": {name: column.tolist() for name, column in self.tabulated().values.items()},
+            "table": {name: column.tolist() for name, column in self.to_columns().values.items()},
         }
 
     def plot(self, path: str | Path | None = None) -> "Figure":

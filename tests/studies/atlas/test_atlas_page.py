@@ -59,10 +59,10 @@ def test_filters_sorting_and_commands(atlas, page):
     assert log["command"].startswith("mbdae compare spring_four_bar -m ")
     assert log["point"].split()[:3] == ["mbdae", "compare", "spring_four_bar"]
     assert log["method"] == ["herk3"]
-    heads = [w.target for w in atlas.wins if w.model == "spring_four_bar"]
+    headers = [w.target for w in atlas.wins if w.model == "spring_four_bar"]
     shown = next(row for row in log["wins"] if row[0] == "spring_four_bar")[1:]
     assert [cell.split()[0] for cell in shown if cell != "-"] == [
-        atlas.comparisons["spring_four_bar"].ranking(target)[0].method for target in heads
+        atlas.comparisons["spring_four_bar"].ranking(target)[0].method for target in headers
     ]
 
 

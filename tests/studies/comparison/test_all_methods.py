@@ -5,7 +5,7 @@ import sys
 import pytest
 
 import mbdae
-from mbdae.studies.comparison import run_queue
+from mbdae.studies.comparison import comparison_runs
 
 
 def test_all_methods_that_suit_a_mechanism():
@@ -60,7 +60,7 @@ def test_wall_times_of_another_machine_are_measured_again(tmp_path, monkeypatch)
     options = {"t_span": (0, 0.1), "methods": ["herk3"], "rtol": [1e-3], "repeats": 2, "path": tmp_path / "c.json"}
     first, same = (mbdae.compare("pendulum", **options) for _ in range(2))
     assert same.points == first.points
-    monkeypatch.setattr(run_queue, "machine_description", lambda: "another machine")
+    monkeypatch.setattr(comparison_runs, "machine_description", lambda: "another machine")
     other = mbdae.compare("pendulum", **options)
     (a,), (b,) = first.points, other.points
     assert len(b.times) == 2

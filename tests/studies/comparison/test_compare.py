@@ -8,7 +8,7 @@ from mbdae.backend import load as load_core
 from mbdae.backend import machine_description
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.integrate.run.binding import common_backend
-from mbdae.studies.comparison import run_queue
+from mbdae.studies.comparison import comparison_runs
 from mbdae.studies.comparison.comparison import Comparison
 from mbdae.studies.comparison.ranking import rank, sentence, targets, work_at
 from mbdae.studies.comparison.reference_motion import ReferenceMotion
@@ -276,7 +276,7 @@ def test_times_are_taken_in_turn(four_bar, monkeypatch):
     assert all(len(p.times) == 3 for p in study.points)
     assert reported == sorted(reported)
     assert 0.5 < reported[-1] <= 1
-    monkeypatch.setattr(run_queue, "LONG", 0.0)
+    monkeypatch.setattr(comparison_runs, "LONG_RUN", 0.0)
     once = mbdae.compare(four_bar, (0, 0.2), **QUICK | {"repeats": 3})
     assert all(len(p.times) == 1 for p in once.points), "long runs are timed once"
 

@@ -13,8 +13,9 @@ from commands import call
 
 import mbdae
 from mbdae.errors import InputError
+from mbdae.studies.comparison import comparison_runs
 from mbdae.studies.comparison.comparison import Comparison
-from mbdae.studies.comparison.run_queue import without_geometry
+from mbdae.studies.comparison.comparison_runs import without_geometry
 
 RUNS = {"methods": ("pherk5", "herk3", "ggl:pherk5", "index1:RK45"), "rtol": (1e-3, 1e-5)}
 
@@ -111,7 +112,7 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path, workers):
 
 
 def test_ctrl_c_while_times_are_taken_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr("mbdae.studies.comparison.run_queue.timed", lambda *_: os.kill(os.getpid(), signal.SIGINT))
+    monkeypatch.setattr(comparison_runs, "time_run", lambda *_: os.kill(os.getpid(), signal.SIGINT))
     code, out, err = call("compare", "pendulum", "-m", "pherk5", "--rtol", "1e-3", "-t", "0.1", cwd=tmp_path)
     assert (code, err) == (1, "mbdae: stopped by the user before all times were measured\n")
     assert "stopped: 1 of 1 runs" in out

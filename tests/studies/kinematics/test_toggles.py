@@ -40,10 +40,10 @@ def test_the_mechanical_advantage_is_the_inverse_ratio():
     found = kinematics("four_bar", "crank", points=19)
     rates = np.array([derivatives(u, *angles(u))[1] for u in found.u])
     np.testing.assert_allclose(found.advantage, 1 / rates, rtol=1e-10)
-    assert found.tabulated().units["advantage"] == "1"
+    assert found.to_columns().units["advantage"] == "1"
     np.testing.assert_array_equal(found.signals()["advantage"], found.advantage)
     slider = kinematics("slider_crank", "slider")
-    assert slider.tabulated().units["advantage"] == "m/rad"
+    assert slider.to_columns().units["advantage"] == "m/rad"
     np.testing.assert_array_equal(slider.advantage[~slider.moving], 0.0)
     at_limit = kinematics("slider_crank", "crank", span=(0.0, 1.0), points=3)
     assert at_limit.advantage[0] == np.inf

@@ -126,7 +126,7 @@ def test_results(tmp_path):
     assert found.signals["q.rail"][[0, -1]] == pytest.approx([0.25, 1.0], abs=1e-6)  # the nearer limit
     assert json.loads(json.dumps(found.to_dict()))["converged"]
     assert str(found).startswith("optimal control of ")
-    assert list(found.tabulated().values) == ["t", "push", "q.rail", "v.rail"]
+    assert list(found.to_columns().values) == ["t", "push", "q.rail", "v.rail"]
     found.plot(tmp_path / "control.png")
     assert (tmp_path / "control.png").exists()
 

@@ -92,14 +92,14 @@ def late(error, after=3):
 def test_what_fails_later_is_kept_and_said():
     """As a motion that cannot be computed its cost is infinite; the reason is stored with the point."""
     found = search(late(ZeroDivisionError("later")), iterations=3)
-    lost = [t for t in found.history if t.why]
+    lost = [t for t in found.history if t.error]
     assert lost
     assert all(np.isnan(t.cost) for t in lost)
-    assert found.cost == min(t.cost for t in found.history if not t.why)
-    assert "cost 'cost' failed at gravity.2 = " in lost[0].why
+    assert found.cost == min(t.cost for t in found.history if not t.error)
+    assert "cost 'cost' failed at gravity.2 = " in lost[0].error
     assert f"{len(lost)} of {len(found.history)} points could not be computed, the last: cost 'cost' f" in str(found)
     assert any("ZeroDivisionError: later" in text for text in found.remarks())
-    assert found.to_dict()["history"][-1]["why"] == found.history[-1].why
+    assert found.to_dict()["history"][-1]["error"] == found.history[-1].error
     stopped = search(late(KeyboardInterrupt()))
     assert stopped.interrupted
     assert not stopped.failures

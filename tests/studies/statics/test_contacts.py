@@ -19,7 +19,7 @@ def test_a_pendulum_rests_on_its_stop():
     assert found.contacts == {"a stop": pytest.approx(G * np.sin(0.3), rel=ROUNDING)}
     assert found.stability == "rigid"
     assert "rests on a stop with 2.899" in str(found)
-    assert "contact.a stop" in found.tabulated().values
+    assert "contact.a stop" in found.to_columns().values
     assert mbdae.equilibrium(pendulum(lower=-0.5), {"a": 1.2}).contacts == {}  # it hangs freely
 
 

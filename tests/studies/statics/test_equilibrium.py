@@ -280,7 +280,7 @@ def test_it_is_a_table_by_the_names_of_signals(tmp_path):
     mech = mbdae.load("spring_four_bar")
     rest, held = mbdae.equilibrium(mech), mbdae.equilibrium(mech, hold="left")
     sol = mbdae.solve(mech, (0, 1e-6), rest.q, rest.v, method="herk2", step=1e-6)
-    frame, moving, named = rest.to_pandas(), sol.signals(), sol.tabulated().units
+    frame, moving, named = rest.to_pandas(), sol.signals(), sol.to_columns().units
     names = [n for n in frame.columns if n in moving]
     assert {"q.left", "force.pin", "force.pin.x", "torque.pin.y"} <= set(names)
     for name in names:

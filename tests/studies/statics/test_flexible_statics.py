@@ -27,7 +27,7 @@ def test_an_equilibrium_has_displacements_strains_and_stresses(cantilever):
         assert values["displacement.bar.B.y"] == pytest.approx(-SAG, rel=1e-9)
         assert values["stress.bar.A"] == pytest.approx(STRESS, rel=3e-3)
         assert values["strain.bar.A"] == pytest.approx(values["stress.bar.A"] / YOUNG, rel=1e-12)
-    table = found.tabulated()
+    table = found.to_columns()
     assert table.values["displacement.bar.B.y"] == [found.deformation["displacement.bar.B.y"]]
     assert table.units["stress.bar.A"] == "N/m^2"
     assert f"displacement.bar.B.y = {-SAG:.8g} m" in str(found)
@@ -37,7 +37,7 @@ def test_an_equilibrium_has_displacements_strains_and_stresses(cantilever):
 
 def test_a_load_path_has_them_along_it(cantilever):
     path = mbdae.load_path(cantilever, "gravity")
-    columns = path.tabulated()
+    columns = path.to_columns()
     np.testing.assert_allclose(columns.values["displacement.bar.B.y"], -SAG * path.factor, atol=1e-9 * SAG)
     assert columns.units["displacement.bar.B.y"] == "m"
     assert json.loads(json.dumps(path.to_dict()))["deformation"]["stress.bar.A"][-1] == pytest.approx(STRESS, rel=3e-3)

@@ -40,7 +40,7 @@ def test_a_toggle_between_stops_under_a_growing_load():
     assert path.contacts["pin stop lower"][-1] == pytest.approx(100 * (2 - press(-0.3)), rel=ROUNDING)
     assert (path.complete, path.unstable[-1]) == (True, 0)
     assert "pin stop lower closes at factor -0.425294053" in str(path)
-    assert "contact.pin stop lower" in path.tabulated().values
+    assert "contact.pin stop lower" in path.to_columns().values
 
 
 def test_the_load_reverses_at_a_stop_beyond_the_limit_point():

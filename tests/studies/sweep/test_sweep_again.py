@@ -158,7 +158,7 @@ def test_summaries_and_integrals_have_the_units_of_the_table(tmp_path):
     body = '[[body]]\nname = "a"\nparent = "world"\njoint = "continuous"\ninertia = [1, 1, 1, 0, 0, 0]\n'
     path.write_text(f"{body}[start]\nq = {{ a = 0.0 }}\nv = {{ a = 1.0 }}\n")
     runs = mbdae.sweep(path, {"start.v.a": [2.0, 4.0]}, 0.1, outputs=["final q.a", "integral v.a", "integral q.a"])
-    assert runs.tabulated().units["integral q.a"] == "rad s"
+    assert runs.to_columns().units["integral q.a"] == "rad s"
     with mbdae.display_units("deg", "ms"):
         lines = [line.split("  ") for line in str(runs).splitlines()]
     rows = {line[0]: [float(x) for x in line[1:] if x] for line in lines if line[0].endswith(")")}

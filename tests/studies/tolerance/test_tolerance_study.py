@@ -232,7 +232,7 @@ def test_tables_and_figure(bars, slider_crank, tmp_path):
     i = bars.worst_pose("q.rocker")
     assert sum(x.worst for x in rows) == pytest.approx(bars.worst[0].max(), rel=1e-14)
     assert bars.statistical[0, i] == pytest.approx(np.sqrt(sum(x.worst**2 for x in rows)), rel=1e-14)
-    columns = slider_crank.tabulated()
+    columns = slider_crank.to_columns()
     assert {len(x) for x in columns.values.values()} == {4}
     np.testing.assert_array_equal(columns.values[f"mean_shift.{X}"], slider_crank.mean_shift[0])
     for name in ("out.csv", "out.json", "out.tex"):

@@ -14,7 +14,7 @@ SMALL, TANGENCY = 0.5, 1.5  # of the largest sigma, of its change over a step: s
 AT_BRANCH_POINT = INTERPOLATION  # distance of the input from a branch point that is negligible
 
 
-class OnCurve(NamedTuple):
+class CurveLocation(NamedTuple):
     """A point of a curve: the node before it, its arclength from there, and its data."""
 
     node: int
@@ -25,20 +25,20 @@ class OnCurve(NamedTuple):
 class Events(NamedTuple):
     """Special points of a curve: dead points of the drive, and branch points by the node before them."""
 
-    dead_points: list[OnCurve]
+    dead_points: list[CurveLocation]
     branch_points: dict[int, BranchPoint]
     hidden: list[float]  # inputs at rank losses that are not simple branch points
 
 
 def events(curve: PoseCurve) -> Events:
     """Locate the dead points and branch points of a curve."""
-    dead: list[OnCurve] = []
+    dead: list[CurveLocation] = []
     branches: dict[int, BranchPoint] = {}
     hidden = _tangencies(curve)
     nodes = curve.nodes
     speed_tolerance = ZERO_SPEED * curve.unit
     if abs(nodes[0].speed) < speed_tolerance:
-        dead.append(OnCurve(0, 0.0, nodes[0]))
+        dead.append(CurveLocation(0, 0.0, nodes[0]))
     for i, (a, b) in enumerate(pairwise(nodes)):
         if a.sigma * b.sigma < 0:
             found = curve.branch_points.get(i)
@@ -51,7 +51,7 @@ def events(curve: PoseCurve) -> Events:
         ) < speed_tolerance
         if a.speed * b.speed < 0 and i not in branches and not at_start:
             ds = curve.root(i, lambda p: p.speed)
-            dead.append(OnCurve(i, ds, curve.at(i, ds)))
+            dead.append(CurveLocation(i, ds, curve.at(i, ds)))
     return Events(dead, branches, hidden)
 
 
@@ -89,7 +89,8 @@ def sample(curve: PoseCurve, found: Events, n: int) -> list[CurvePoint]:
     """Return about n points of a curve: its ends, dead points, and equidistant inputs between these."""
     nodes = curve.nodes
     inside = [d for d in found.dead_points if d.point is not nodes[0]]
-    ends = [OnCurve(0, 0.0, nodes[0]), *inside, OnCurve(len(nodes) - 2, nodes[-1].s - nodes[-2].s, nodes[-1])]
+    last = CurveLocation(len(nodes) - 2, nodes[-1].s - nodes[-2].s, nodes[-1])
+    ends = [CurveLocation(0, 0.0, nodes[0]), *inside, last]
     total = sum(abs(b.point.u - a.point.u) for a, b in pairwise(ends))
     out: list[CurvePoint] = []
     for a, b in pairwise(ends):
@@ -103,7 +104,7 @@ def sample(curve: PoseCurve, found: Events, n: int) -> list[CurvePoint]:
     return [*out, ends[-1].point]
 
 
-def _sampled(curve: PoseCurve, found: Events, start: OnCurve, end: OnCurve, i: int, u: float) -> CurvePoint:
+def _sampled(curve: PoseCurve, found: Events, start: CurveLocation, end: CurveLocation, i: int, u: float) -> CurvePoint:
     """Return the point after node i with the input u, between two points of the curve."""
     a, b = curve.nodes[i : i + 2]
     crossing = found.branch_points.get(i)

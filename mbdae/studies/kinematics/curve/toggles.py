@@ -86,7 +86,7 @@ def toggle_table(
     """
     columns = {drive: displayed(np.array([t.u for t in found]), unit)}
     columns |= {name.removeprefix("q."): displayed(x, units.get(name, "")) for name, x in names.items()}
-    heads = ["reverses", *(f"{name} ({u})" if u not in ("", "1") else name for name, (_, u) in columns.items())]
+    headers = ["reverses", *(f"{name} ({u})" if u not in ("", "1") else name for name, (_, u) in columns.items())]
     values = np.array([x for x, _ in columns.values()]).T if found else np.empty((0, 0))
     rows = [[f"{rounded_zero(x):.9g}" for x in row] for row in values]
-    return [heads] + [[", ".join(t.reversing), *row] for t, row in zip(found, rows, strict=True)]
+    return [headers] + [[", ".join(t.reversing), *row] for t, row in zip(found, rows, strict=True)]

@@ -23,7 +23,7 @@ from .comparison import Comparison
 from .reference_motion import ReferenceMotion, Samples, Trial
 from .run_result import RunResult, ordered
 
-LONG = 2.0  # s: longer runs are timed once
+LONG_RUN = 2.0  # s: longer runs are timed once
 Progress = Callable[[float, str], None]
 
 
@@ -35,7 +35,7 @@ class TrialConditions(NamedTuple):
     clock: bool = False
 
 
-def measured(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> RunResult:
+def run_and_compare(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> RunResult:
     """Run a trial and compare it with the reference."""
     assert job.reference is not None
     sol = job.motion.solve(trial, stop)
@@ -43,12 +43,12 @@ def measured(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> Ru
     return replace(point, times=(sol.stats["seconds"],)) if job.clock and point.success else point
 
 
-def timed(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> float:
+def time_run(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> float:
     """Repeat a run and return its wall time in s."""
     return job.motion.solve(trial, stop).stats["seconds"]
 
 
-class RunQueue:
+class ComparisonRuns:
     """The runs of a comparison, the finished ones, and the file that stores them.
 
     Args:
@@ -58,7 +58,7 @@ class RunQueue:
         rtol: their tolerance.
         path: the file, if any; it is read when it exists, without wall times of another machine.
         progress: see `mbdae.compare`.
-        passes: number of repetitions of each run.
+        repetitions: number of runs of each trial.
         fresh: do not read the file.
 
     Raises:
@@ -73,12 +73,12 @@ class RunQueue:
         rtol: float,
         path: Path | None,
         progress: Progress | None,
-        passes: int,
+        repetitions: int,
         fresh: bool = False,
     ) -> None:
         self.motion, self.trials, self.pair, self.rtol, self.path = motion, trials, pair, rtol, path
         self.report_progress: Progress = progress or (lambda done, name: None)
-        self.passes, self.passed = passes, 0
+        self.repetitions, self.completed = repetitions, 0
         self.points: dict[tuple, RunResult] = {}
         self.reference, self.witness = "", ""
         self.uncertainty: dict[str, float] = {}
@@ -91,7 +91,7 @@ class RunQueue:
             self._read(path)
 
     def key(self) -> str:
-        """Return a key that comparisons which may share runs have in common: problem, start, times, reference, version.
+        """Return the key of comparisons that can reuse each other's runs: problem, start, times, reference, version.
 
         Empty for a custom textbook problem: its functions cannot be identified.
 
@@ -106,20 +106,20 @@ class RunQueue:
             if self.path:
                 raise
             return ""
-        what = (
+        identity = (
             *custom, problem, *(x.tolist() for x in c.start), c.t_span, c.times.tolist(),
             [str(v) for v in self.pair], self.rtol, c.max_steps, c.backend, versions()["mbdae"],
         )  # fmt: skip
-        return hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()
+        return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
 
     def _read(self, path: Path) -> None:
-        old = Comparison.load(path)
-        if old.meta.get("key") != self.key():
-            what = "another mechanism, span, reference or version of mbdae"
-            raise InputError(f"{path} has a comparison of {what}: give another file, or remove this one")
-        here = old.meta.get("machine") == self.meta["machine"]  # wall times of machines are not compared
-        self.points = {p.label: p if here else replace(p, times=()) for p in old.points}
-        self.reference, self.witness, self.uncertainty = old.reference, old.witness, old.uncertainty
+        stored = Comparison.load(path)
+        if stored.meta.get("key") != self.key():
+            difference = "another mechanism, span, reference or version of mbdae"
+            raise InputError(f"{path} has a comparison of {difference}: give another file, or remove this one")
+        same_machine = stored.meta.get("machine") == self.meta["machine"]  # wall times of machines are not compared
+        self.points = {p.label: p if same_machine else replace(p, times=()) for p in stored.points}
+        self.reference, self.witness, self.uncertainty = stored.reference, stored.witness, stored.uncertainty
 
     def pending(self) -> list[Trial]:
         """Return the runs that are not finished."""
@@ -133,13 +133,13 @@ class RunQueue:
 
     def measure_errors(self, workers: int, *, clock: bool) -> None:
         """Run the pending trials, in this process or in others."""
-        todo = self.pending()
-        if self.samples is not None and todo:
+        pending = self.pending()
+        if self.samples is not None and pending:
             job = TrialConditions(self.motion, self.samples, clock)
-            self._pass(measured, job, todo, workers, lambda trial, point: self._store(point))
+            self._run_all(run_and_compare, job, pending, workers, lambda trial, point: self._store(point))
 
     def measure_times(self, repeats: int, workers: int) -> None:
-        """Repeat runs for their wall times, in alternation; those above two seconds once."""
+        """Repeat runs for their wall times, in alternation; long ones once."""
 
         def record_time(trial: Trial, seconds: float) -> None:
             point = self.points[trial.label]
@@ -151,39 +151,39 @@ class RunQueue:
                 labels[k] for k, p in self.points.items() if k in labels and len(p.times) <= r and _is_repeatable(p)
             ]
             if short:
-                what = f"time {r + 1} of {repeats}: "
-                self._pass(timed, TrialConditions(self.motion), short, workers, record_time, what)
+                label = f"time {r + 1} of {repeats}: "
+                self._run_all(time_run, TrialConditions(self.motion), short, workers, record_time, label)
 
-    def _pass(
+    def _run_all(
         self,
         function: Callable[..., Any],
         job: TrialConditions,
         trials: Sequence[Trial],
         workers: int,
         store: Callable[[Trial, Any], None],
-        what: str = "",
+        label: str = "",
     ) -> None:
         """Call a function for each of the runs, in this process or in others, and store the results."""
         if workers == 1:
             for i, trial in enumerate(trials):
-                self._report(i / len(trials), f"{what}{trial}")
+                self._report(i / len(trials), f"{label}{trial}")
                 store(trial, function(job, trial))
         else:
             finished = []
 
-            def record_run(trial: Trial, found: object) -> None:
+            def record_run(trial: Trial, result: object) -> None:
                 finished.append(trial)
-                self._report(len(finished) / len(trials), f"{what}{trial} done")
-                store(trial, found)
+                self._report(len(finished) / len(trials), f"{label}{trial} done")
+                store(trial, result)
 
-            sent = job._replace(motion=replace(job.motion, problem=without_geometry(job.motion.problem)))
-            with pool("processes", workers, function, sent, "workers=1") as workers_pool:
+            sent_job = job._replace(motion=replace(job.motion, problem=without_geometry(job.motion.problem)))
+            with pool("processes", workers, function, sent_job, "workers=1") as workers_pool:
                 workers_pool.run(trials, record_run)
-        self.passed += 1
+        self.completed += 1
 
     def _report(self, fraction: float, name: str) -> None:
-        """Report the progress: the number of passes over the runs, and the fraction of the current one."""
-        self.report_progress(min(1.0, (self.passed + fraction) / self.passes), name)
+        """Report the progress: repetitions that are complete, and the fraction of the current one."""
+        self.report_progress(min(1.0, (self.completed + fraction) / self.repetitions), name)
 
     def _store(self, point: RunResult) -> None:
         self.points[point.label] = point
@@ -196,15 +196,15 @@ class RunQueue:
             self._comparison(list(self.points), complete=True).save(self.path)
         return self._comparison([], complete)
 
-    def _comparison(self, more: list[tuple], complete: bool) -> Comparison:
+    def _comparison(self, extra_labels: list[tuple], complete: bool) -> Comparison:
         c, labels = self.motion, [t.label for t in self.trials]
-        points = ordered(self.points.values(), list(dict.fromkeys([*labels, *more])))
+        points = ordered(self.points.values(), list(dict.fromkeys([*labels, *extra_labels])))
         about = (self.reference, self.witness, self.uncertainty)
         return Comparison(c.problem.title, c.t_span, points, *about, complete, self.meta)
 
 
 def _is_repeatable(point: RunResult) -> bool:
-    return point.success and not (point.times and point.times[0] > LONG)
+    return point.success and not (point.times and point.times[0] > LONG_RUN)
 
 
 def without_geometry(problem: Problem) -> Problem:
