@@ -20,8 +20,8 @@ from ...tolerances import SMALLEST_PART
 LONGEST = 64  # steps that are examined: one that skips a shape is among the longest
 SAMPLES = 24  # times within a step at which closures are computed
 SHARE = 0.1  # of the range of a table by which values within a step may differ from a cubic through its ends
-LARGEST_GAP = 0.01  # rad or characteristic lengths, within a step
-LOST_DIGITS = 1e4  # of rtol: larger gaps within a step are no error of the dense output
+MAX_VIOLATION = 0.01  # rad or characteristic lengths, within a step
+LOST_DIGITS = 1e4  # of rtol: larger violations within a step are no error of the dense output
 
 
 def skipped_shape(sol: Solution, system: Index2System) -> str:
@@ -69,11 +69,11 @@ def _is_skipped(table: PiecewisePolynomial, t0: float, t1: float) -> bool:
 
 
 def _skipped(closures: Sequence[Closure], sol: Solution, system: Index2System, i: int) -> list[str]:
-    """Return the closures that are open between the ends of the i-th step."""
+    """Return the closures that are violated between the ends of the i-th step."""
     if not closures:
         return []
     mech, t = sol.mechanism, sol.nodes[0]
-    limit = max(min(LARGEST_GAP, LOST_DIGITS * sol.settings.get("rtol", 1.0)), 10 * system.largest_g)
+    limit = max(min(MAX_VIOLATION, LOST_DIGITS * sol.settings.get("rtol", 1.0)), 10 * system.largest_g)
     times = np.linspace(t[i], t[i + 1], SAMPLES + 2)[1:-1]
     g = system.residuals(times, np.array(list(sol.points(times))))[0] / mech.row_scales
     return [c.name for c in closures if not (np.abs(g[:, mech.rows_of(c.name)]) <= limit).all()]

@@ -204,11 +204,11 @@ def require_consistent(
     for rows, per, size in ((g, "", 1.0), (Gv, "/s", speed)):
         if np.linalg.norm(rows / mech.row_scales) <= tolerance * size:  # that of each closure is not larger
             continue
-        gap = largest_error(mech, rows, per)
-        rate = mech.characteristic_rate if per and gap.relative > tolerance * size else 0.0
-        if gap.relative > tolerance * (rate + size):
+        violation = largest_error(mech, rows, per)
+        rate = mech.characteristic_rate if per and violation.relative > tolerance * size else 0.0
+        if violation.relative > tolerance * (rate + size):
             raise InputError(
-                f"the start is not consistent: {gap.message()}; "
+                f"the start is not consistent: {violation.message()}; "
                 f"make it so with q, v = mechanism.assemble(q, v{f', t={t:g}' if t else ''})"
             )
     require_preconditions(mech, q)

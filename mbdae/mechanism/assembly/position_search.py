@@ -159,8 +159,8 @@ class _PositionSearch:
         if _residual_norm(self.system, best, self.t) <= AGREEMENT:
             name = flipped_closure(self.system)
             return InputError(f"closure {name!r} closes with its second frame flipped: change the initial estimate")
-        gap = largest_error(self.system.mechanism, self.system.closures(best, self.t)[0])
-        return assembly_error(self.system.mechanism, gap, fixed, "configuration")
+        violation = largest_error(self.system.mechanism, self.system.closures(best, self.t)[0])
+        return assembly_error(self.system.mechanism, violation, fixed, "configuration")
 
 
 def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: Residuals = scaled_residuals) -> Array:
@@ -234,11 +234,11 @@ def is_closed(system: "Index2System", q: Array, t: float) -> bool:
     return _residual_norm(system, q, t) <= AGREEMENT and not flipped_closure(system)
 
 
-def assembly_error(mech: "Mechanism", gap: ClosureError, fixed: Array, what: str) -> AssemblyError:
+def assembly_error(mech: "Mechanism", violation: ClosureError, fixed: Array, what: str) -> AssemblyError:
     """Return the error that names the closure with the largest violation, its size, the fixed joints and drivers."""
     joints = ", ".join(dict.fromkeys(mech.coordinate_joint(int(i)) for i in fixed)) or "nothing"
     driven = "; driven by " + ", ".join(repr(d.name) for d in mech.drivers) if mech.drivers else ""
-    text = f"no consistent {what}: {gap.message('stays open')} (fixed: {joints}{driven})"
-    if gap.relative < THREE_DIGITS:
-        text += "; a gap as small as that: axes that are not quite parallel? give all digits, or keep fewer rows"
-    return AssemblyError(text, gap.name, gap.size)
+    text = f"no consistent {what}: {violation.message()} (fixed: {joints}{driven})"
+    if violation.relative < THREE_DIGITS:
+        text += "; a violation as small as that: axes that are not quite parallel? give all digits, or keep fewer rows"
+    return AssemblyError(text, violation.name, violation.size)

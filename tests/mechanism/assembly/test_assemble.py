@@ -129,16 +129,16 @@ def test_a_loop_that_cannot_close_says_what_stays_open():
     mech = four_bar(1.0, 1.0, 0.5, 4.0)
     with pytest.raises(AssemblyError) as caught:
         mech.assemble(q={"crank": 0.0})
-    text = "no consistent configuration: closure 'pin' stays open by 1.5 m (fixed: crank)"
+    text = "no consistent configuration: closure 'pin' is violated by 1.5 m (fixed: crank)"
     assert str(caught.value) == text
-    assert caught.value.gap == pytest.approx(1.5, rel=0.01)
-    with pytest.raises(AssemblyError, match=r"'pin' stays open by 1\.5 m \(fixed: nothing\)"):
+    assert caught.value.violation == pytest.approx(1.5, rel=0.01)
+    with pytest.raises(AssemblyError, match=r"'pin' is violated by 1\.5 m \(fixed: nothing\)"):
         mech.assemble()
 
 
 def test_velocities_that_contradict_a_loop_are_rejected():
     mech = four_bar()
-    with pytest.raises(AssemblyError, match=r"no consistent velocity: closure 'pin' stays open by .* m/s \(fixed"):
+    with pytest.raises(AssemblyError, match=r"no consistent velocity: closure 'pin' is violated by .* m/s \(fixed"):
         mech.assemble(q={"crank": 1.0}, v={"crank": 1.0, "coupler": 1.0, "rocker": 0.0})
 
 
@@ -192,17 +192,17 @@ def test_an_open_start_with_assemble_false_is_rejected(tmp_path):
     path = tmp_path / "bob.toml"
     path.write_text(text)
     mech = mbdae.load(path)
-    with pytest.raises(AssemblyError, match=r"'string' stays open by 0\.25 m \(fixed: bob\)"):
+    with pytest.raises(AssemblyError, match=r"'string' is violated by 0\.25 m \(fixed: bob\)"):
         _ = mech.start
     path.write_text(text.replace("q = {", "guess = {"))
     mech = mbdae.load(path)
     assert mech.start[0] == pytest.approx([1, 0, 0])
     shown = info(mech)
     assert shown.g_loaded == pytest.approx(0.25)
-    assert "'string' open by 0.25 m" in str(shown)
+    assert "'string' violated by 0.25 m" in str(shown)
     path.write_text(text.replace("q = {", "assemble = false\nguess = {"))
     for mech in (mbdae.load(path), mbdae.load(path, assemble=False)):
-        with pytest.raises(InputError, match=r"the start is not consistent: closure 'string' is open by 0\.25 m"):
+        with pytest.raises(InputError, match=r"the start is not consistent: closure 'string' is violated by 0\.25 m"):
             _ = mech.start
     path.write_text(text.replace("1.25", "1.0"))
     assert mbdae.load(path, assemble=False).start[0].tolist() == [1, 0, 0]
