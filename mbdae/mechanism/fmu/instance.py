@@ -139,9 +139,9 @@ class FmuInstance:
 
     def _set(self, variable: FmuVariable, value: Parameter) -> None:
         kind, number = variable.type, variable.type in INTEGERS
-        of = "Int64" if self.description.version == "3.0" and kind == "Enumeration" else kind
-        of = "Integer" if self.description.version == "2.0" and number else of
-        getattr(self._fmu, f"set{of}")([variable.reference], [int(value) if number else value])
+        fmi_type = "Int64" if self.description.version == "3.0" and kind == "Enumeration" else kind
+        fmi_type = "Integer" if self.description.version == "2.0" and number else fmi_type
+        getattr(self._fmu, f"set{fmi_type}")([variable.reference], [int(value) if number else value])
 
     def _try(self, what: str, action: Callable[[], T]) -> T:
         try:
