@@ -49,7 +49,7 @@ def tables_over_time(system: Index2System) -> Iterator[tuple[str, PiecewisePolyn
     drivers = ((driver.name, driver.path) for driver in system.mechanism.drivers)
     for name, function in (*laws, *drivers):
         table = function.polynomials if isinstance(function, PiecewiseFunction) else function
-        if isinstance(table, PiecewisePolynomial) and len(table.starts) > 1 + len(table.breaks):
+        if isinstance(table, PiecewisePolynomial) and len(table.breakpoints) > 1 + len(table.nonsmooth_times):
             yield name, table
 
 
@@ -61,7 +61,7 @@ def _is_skipped(table: PiecewisePolynomial, t0: float, t1: float) -> bool:
         return True  # more points than can be listed
     if not knots:
         return False
-    h, values = t1 - t0, [table.at(t) for t in table.starts]
+    h, values = t1 - t0, [table.at(t) for t in table.breakpoints]
     at_ends = [(np.array([table.at(t0, k) * h**k]), np.array([table.at(t1, k) * h**k])) for k in (0, 1)]
     cubic = hermite.fit(at_ends, np.empty((0, 1)))[:, 0]
     error = max(abs(table.at(t) - float(hermite.powers((t - t0) / h, 3) @ cubic)) for t in knots)
