@@ -147,7 +147,7 @@ class EquilibriumError(MbdaeError):
 
     Attributes:
         q: the configuration closest to equilibrium, as a list.
-        residual: residual of the generalised forces in the null space of G there, relative to the largest force.
+        residual: residual of the generalized forces in the null space of G there, relative to the largest force.
         joint: joint with the largest residual.
     """
 

@@ -15,7 +15,7 @@ from ...system import Array
 from ...tolerances import INPUT_DIGITS
 from ..closures.closure_error import largest_error
 from ..closures.preconditions import require_preconditions
-from ..model_settings import normalized, tangent_indices
+from ..model_settings import normalized_or_none, tangent_indices
 from ..tree.tree_terms import mode_joints
 from .position_search import close_position
 from .velocity_projection import VelocityProjection
@@ -69,7 +69,7 @@ def _initial_estimate(
     fixed_q, fixed_v = (np.array([], int),) * 2
     held_q, held_v = fixed_q, fixed_v
     if isinstance(q, ARRAYS):
-        q0 = normalized(mech.model, mech.vector("q", q, mech.nq))
+        q0 = normalized_or_none(mech.model, mech.vector("q", q, mech.nq))
         if q0 is None:
             raise InputError("q is not on the manifold: a quaternion, or cosine and sine of an angle, vanish")
     else:

@@ -197,7 +197,7 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
 
 
 def _damped_step(G: Jacobian, g: Array, free: Array, mu: float) -> Array:
-    """Return the x that minimises |G x + g|^2 + mu |x|^2: it is short where G is nearly singular."""
+    """Return the x that minimizes |G x + g|^2 + mu |x|^2: it is short where G is nearly singular."""
     x = np.zeros(G.shape[1])
     if len(g) > MANY_ROWS:
         x[free] = -sparse_least_squares(G[:, free], g, mu)
@@ -209,7 +209,7 @@ def _damped_step(G: Jacobian, g: Array, free: Array, mu: float) -> Array:
 
 
 def sparse_least_squares(G: Jacobian, g: Array, mu: float, M: Jacobian | None = None) -> Array:
-    """Return the x that minimises |G x - g|^2 + mu x^T M x, M = 1 if omitted; rows have few nonzeros.
+    """Return the x that minimizes |G x - g|^2 + mu x^T M x, M = 1 if omitted; rows have few nonzeros.
 
     With G x - g = mu y it is [M, G^T; G, -mu] [x; y] = [0; g], solved by a sparse LU.
     """

@@ -1,4 +1,4 @@
-"""Force laws and controllers, one file each: the user's description, and its generalised force."""
+"""Force laws and controllers, one file each: the user's description, and its generalized force."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Union

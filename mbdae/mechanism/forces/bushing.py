@@ -70,7 +70,7 @@ class BushingElement(PairElement):
         self.damped = bool(self.d.any() or self.dr.any())
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[Array, ArrayOrZero]:
-        """Return the generalised forces of springs and dampers.
+        """Return the generalized forces of springs and dampers.
 
         Raises:
             StepError: when the relative rotation reaches 3 rad.
@@ -120,7 +120,7 @@ class BushingElement(PairElement):
         return (self.pair.pb - self.pair.pa) @ Ra, rotation_vector(Ra.T @ Rb)
 
     def _force_on_b(self, force: Array, moment: Array) -> Array:
-        """Return the generalised force of a force and a moment at the origin of b, in axes of a."""
+        """Return the generalized force of a force and a moment at the origin of b, in axes of a."""
         n, m = self.pair.Ra @ force, self.pair.Ra @ moment
         return self.pair.torque(np.concatenate([n, m + skew(self.pair.pb) @ n]))
 

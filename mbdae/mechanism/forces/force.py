@@ -1,6 +1,6 @@
 """Base classes of forces: a description, possibly from a file, which is bound to a workspace as a force law.
 
-The generalised force tau (nv,) of a law has two parts: one derived from its potential, and one whose work is
+The generalized force tau (nv,) of a law has two parts: one derived from its potential, and one whose work is
 integrated along the motion. A law may have internal states s, s' = h(t, q, v, s), which may jump at certain times.
 """
 

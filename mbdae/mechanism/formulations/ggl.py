@@ -1,4 +1,4 @@
-"""GGL stabilised index-2 form of a mechanism: a second multiplier enforces the position constraints.
+"""GGL stabilized index-2 form of a mechanism: a second multiplier enforces the position constraints.
 
     q' = v + M^-1 G_p^T mu,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = g(t, q),   0 = G(q) v + g_t(t)
 
