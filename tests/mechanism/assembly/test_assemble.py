@@ -73,7 +73,7 @@ def test_assembly_is_repeatable():
 
 
 def test_an_estimate_where_newton_stalls_is_left():
-    """Coupler and rocker point away from each other along one line: no direction reduces the violation to first order."""
+    """Coupler and rocker point away from each other along a line: no direction reduces the violation to first order."""
     mech = four_bar(1.0, 1.0, 1.0, 2.0)
     guess = {"coupler": np.pi, "rocker": 0.0}
     system = mech.system()
