@@ -73,7 +73,7 @@ class PiecewiseFunction(BaseTimeFunction):
         return self.polynomials.breakpoints[1:]
 
     def knots_between(self, t0: float, t1: float) -> Sequence[float]:
-        return self.polynomials.breakpoints_between(t0, t1)
+        return self.polynomials.knots_between(t0, t1)
 
     def derivative(self, t: float, k: int = 1) -> float:
         return self.polynomials.derivative(t, k)
