@@ -1,7 +1,7 @@
 """Rows that are dependent at the start and not afterwards: violations are reported in every formulation.
 
 A bead that slides without friction, x = t, on a straight wire z = 0 and on a curved one, z = c (cos x - 1): at x = 0
-both constrain velocities equally, and the rank is one. The curved wire opens by c (1 - cos t), at the speed c sin t.
+both constrain velocities equally, and the rank is one. The curved wire has g = c (1 - cos t), at the speed c sin t.
 """
 
 import numpy as np
