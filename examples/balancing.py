@@ -2,7 +2,7 @@
 
 A crank at constant speed causes shaking forces on its bed. The rod is equivalent to two masses, at the crank pin and at
 the wrist pin: rotating masses are balanced by a counterweight, reciprocating ones only partly. Balancing half of the
-reciprocating mass minimises the sum of squares of both components of the force, for any ratio of crank and rod: the
+reciprocating mass minimizes the sum of squares of both components of the force, for any ratio of crank and rod: the
 even harmonics due to the rod are out of reach of a mass that rotates with the crank.
 
 Run: python examples/balancing.py

@@ -59,7 +59,7 @@ def main(points: int = 73, plot: str | Path | None = None) -> dict[str, float]:
     before, after = ((2 * c) ** 0.5 for c in (found.start.cost, found.cost))
     print(f"the standing foot leaves its mean height by {before:.3g} mm before, {after:.3g} mm after (RMS)")
     if plot:
-        draw({"shipped": shipped, "optimised": found.motion.signals()}, stance, plot)
+        draw({"shipped": shipped, "optimized": found.motion.signals()}, stance, plot)
     return {"before": before, "after": after, **{f"{n} kept": found.constraints[n] / was[n] for n in was}}
 
 

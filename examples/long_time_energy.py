@@ -1,7 +1,7 @@
 """Energy and momentum of a conservative mechanism over a long time: which methods keep them, which come back?
 
 With constant steps the energy error of the symplectic methods oscillates without a trend; that of half-explicit methods
-and of Radau IIA grows in proportion to time, and that of generalised alpha faster, which damps high frequencies. Each
+and of Radau IIA grows in proportion to time, and that of generalized alpha faster, which damps high frequencies. Each
 trend has a standard error. RATTLE keeps the angular momentum of the top to rounding. A run back from the end returns to
 the start as far as rounding has not grown, if the method is symmetric; the error of others grows on both ways.
 

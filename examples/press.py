@@ -19,7 +19,7 @@ OUTER, FORCE, DEPTH = 0.45, 800.0, 0.02  # position of the block at its outer de
 
 
 def pressing(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Generalised forces (3,): the workpiece resists while the block advances into it."""
+    """Generalized forces (3,): the workpiece resists while the block advances into it."""
     depth = np.clip((q[2] - (OUTER - DEPTH)) / (0.2 * DEPTH), 0, 1)
     return np.array([0, 0, -FORCE * depth * np.clip(v[2] / 0.1, 0, 1)])
 

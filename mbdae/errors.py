@@ -134,11 +134,11 @@ class AssemblyError(MbdaeError):
 
     Attributes:
         closure: name of the closure with the largest violation.
-        gap: its residual norm (m, rad or dimensionless axis products; m/s at velocity level).
+        violation: its residual norm (m, rad or dimensionless axis products; m/s at velocity level).
     """
 
-    def __init__(self, message: str, closure: str, gap: float) -> None:
-        self.closure, self.gap = closure, gap
+    def __init__(self, message: str, closure: str, violation: float) -> None:
+        self.closure, self.violation = closure, violation
         super().__init__(message)
 
 
@@ -147,7 +147,7 @@ class EquilibriumError(MbdaeError):
 
     Attributes:
         q: the configuration closest to equilibrium, as a list.
-        residual: residual of the generalised forces in the null space of G there, relative to the largest force.
+        residual: residual of the generalized forces in the null space of G there, relative to the largest force.
         joint: joint with the largest residual.
     """
 

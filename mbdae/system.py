@@ -190,7 +190,7 @@ class System(Protocol):
         """Open a step of a variational integrator at (t, y), of a problem without `features` that it excludes."""
         raise InputError("this problem has features that variational integrators exclude")
 
-    def newmark_step(self, t: float, h: float, y: Array, stabilised: bool) -> Any:
+    def newmark_step(self, t: float, h: float, y: Array, stabilized: bool) -> Any:
         """Open a step of a Newmark-type method at (t, y), of a mechanism without `features` that it excludes."""
         raise InputError("this problem has no second-order form")
 

@@ -1,6 +1,6 @@
 """Machines as Exudyn models: the same parameters, with Exudyn's bodies and joints.
 
-Its generalised-alpha method on index 2 is of order 2; two step sizes extrapolated leave 1e-8 and less.
+Its generalized-alpha method on index 2 is of order 2; two step sizes extrapolated leave 1e-8 and less.
 """
 
 import exudyn as exu
@@ -107,7 +107,7 @@ def four_bar(start, t, n):
 
 
 def four_bar_tree(q, v, h, n, rho):
-    """Steps of Exudyn's generalised alpha, index 3, on the angles of crank, coupler (relative) and rocker.
+    """Steps of Exudyn's generalized alpha, index 3, on the angles of crank, coupler (relative) and rocker.
 
     Exudyn starts with a_0 = v_0', by a difference quotient of G v. It takes velocity constraints with Newmark's method
     only.

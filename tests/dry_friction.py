@@ -26,7 +26,7 @@ class SliderCrank:
     kinetic, static, slider = 0.25, 0.40, 2.0
 
     def terms(self, p):
-        """Inertia and its derivative, the generalised force of gravity, and x'(p)."""
+        """Inertia and its derivative, the generalized force of gravity, and x'(p)."""
         r, L, (m1, m2, m3) = 0.1, 0.35, (0.5, 0.4, 0.6)
         s, c = np.sin(p), np.cos(p)
         sb = r * s / L

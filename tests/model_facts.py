@@ -35,7 +35,7 @@ class Facts:
         self.windows = [c for c in self.mech.closures if c.within]
         self.switches = bool(self.mech.switches)
         self.several = [j.nv for j in self.mech.model.joints if j.nv > 1]
-        self.regularised_interfaces = any(isinstance(f, CoulombFriction) for f in self.mech.forces)
+        self.regularized_interfaces = any(isinstance(f, CoulombFriction) for f in self.mech.forces)
         self.acts = bool(self.mech.drivers or self.mech.motors) or any(
             f.kind in ("joint_pid", "joint_torque", "dc_motor") for f in self.mech.forces if hasattr(f, "kind")
         )
@@ -43,7 +43,7 @@ class Facts:
     @property
     def kind(self) -> tuple:
         """Properties that determine which commands give a result, and which an error."""
-        features = self.single, self.switches, self.regularised_interfaces, self.acts
+        features = self.single, self.switches, self.regularized_interfaces, self.acts
         kinds = map(bool, (self.rolls, self.windows, self.several, self.mech.states, self.mech.resets, len(self.rows)))
         return *features, *kinds, self.held == 0, min(self.movable, 2), min(self.free(), 2)
 

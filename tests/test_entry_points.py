@@ -51,7 +51,7 @@ class PlanarClosure(TwoAxisJoint):
     """3 rows: b moves in the plane of a that the axis is normal to."""
 
     kind: Literal["planar"] = "planar"
-    gap, direction = "along", "axis"
+    translation, direction = "along", "axis"
 
 
 class Second(PointClosure):

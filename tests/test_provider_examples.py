@@ -4,8 +4,8 @@ import pytest
 from test_examples import example
 
 
-def test_generalised_alpha(capsys):
-    orders = example("generalised_alpha").main()
+def test_generalized_alpha(capsys):
+    orders = example("generalized_alpha").main()
     assert all(1.9 < order < 2.1 for found in orders.values() for order in found), orders
     assert "orders" in capsys.readouterr().out
 

@@ -54,7 +54,7 @@ def test_a_run_in_the_core_loads_nothing_that_it_does_not_use_and_searches_no_fi
 @pytest.mark.native
 @pytest.mark.parametrize(("model", "kind"), [("slider_crank", "revolute"), ("spring_four_bar", "point")])
 def test_a_saved_run_loads_nothing_else_and_builds_the_kinds_of_its_model(model, kind, tmp_path):
-    """The slider-crank starts with closed velocities, the least change in the mass metric."""
+    """The slider-crank starts with projected velocities, the least change in the mass metric."""
     assert last_line(COMMAND, model, "-t", "0.5", "-o", str(tmp_path / "run.npz")) == (
         f"[] mbdae.studies.solve.command {kind} {kind} rolling"
     )

@@ -5,7 +5,7 @@ slider are kept. The time of a sweep is that of the whole call, with loading, as
 of the times of the same executor with one worker, and of all to one thread. Tables must be equal bit for bit.
 
 Four-bars from rest at other angles of the crank take 10 s, by mbdae.ensemble, by Dopri8 of diffrax (JAX, compiled,
-vectorised over all runs) on equations that were written by hand, without stabilisation (index1.py), and by RK4 in
+vectorized over all runs) on equations that were written by hand, without stabilization (index1.py), and by RK4 in
 MuJoCo's rollout, a batch of runs in C, with the settings of peers.py. The table has milliseconds of CPU per run, summed
 over all threads (medians; other load of the machine affects them less than the time of the call), and the largest error
 of the joint angles at the end, against mbdae at rtol 1e-12: for mbdae the difference from tighter runs of one method.
@@ -97,7 +97,7 @@ def four_bars(n: int, end: float, repeats: int) -> list[list[str]]:
     reference = ours(1e-12, 2)
     programs = {("mbdae, 1 thread", rtol): partial(ours, rtol, 1) for rtol in OURS}
     programs |= {("mbdae, 2 threads", rtol): partial(ours, rtol, 2) for rtol in OURS[-1:]}
-    if theirs := vectorised(q, end):
+    if theirs := vectorized(q, end):
         programs |= {("diffrax Dopri8", rtol): partial(theirs, rtol) for rtol in THEIRS}
     if rolled := rollout(q, end):
         programs |= {("MuJoCo rollout, RK4", step): partial(rolled, step) for step in ROLLOUTS}
@@ -168,7 +168,7 @@ def on_threads(title: str, ends: Callable[[int], np.ndarray], scale: float, repe
     return [digits(times[1]), digits(times[2]), ratio(times[1], times[2])]
 
 
-def vectorised(q: np.ndarray, end: float) -> Callable[[float], np.ndarray] | None:
+def vectorized(q: np.ndarray, end: float) -> Callable[[float], np.ndarray] | None:
     """Return runs of all four-bars by diffrax from joint angles q (n, 3) at rest, rtol -> joint angles at the end."""
     diffrax = installed("diffrax")
     if diffrax is None:

@@ -9,7 +9,7 @@ from planar import Equations, Problem
 
 
 def settings(exu: ModuleType, end: float, step: float) -> Any:
-    """Return generalised alpha as the trapezoidal rule on index 2; no files."""
+    """Return generalized alpha as the trapezoidal rule on index 2; no files."""
     s = exu.SimulationSettings()
     method = s.timeIntegration
     method.endTime, method.numberOfSteps = end, round(end / step)

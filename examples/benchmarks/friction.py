@@ -1,4 +1,4 @@
-"""A block on a spring with dry friction, compared with programs that regularise friction: final position, and time.
+"""A block on a spring with dry friction, compared with programs that regularize friction: final position, and time.
 
 m x'' + k x = -F sign(x'), m 1 kg, k 40 N/m, F 1.3 N, from x = 0.5 m at rest: ten half-periods, each 2 F/k shorter, then
 it sticks at -0.02 m from t = 3.974 s on. Observed after 14 s; "creep" is the motion in the last 5 s. MuJoCo's friction

@@ -89,13 +89,13 @@ def main(argv: Sequence[str] | None = None) -> dict[tuple[str, float], tuple[Cos
         core, python = found[name, end] = tuple(
             cost(mechanism, end, where, 1 if short else 9) for where in (nullcontext, in_python)
         )
-        of = f"{core.in_core} of {core.transitions}"
+        in_core = f"{core.in_core} of {core.transitions}"
         times = [
             [f"{1e3 * x.seconds:.3g}", *(microseconds(t if t > 0 else None) for t in (x.step, x.transition))]
             for x in (core, python)
         ]
         both = [f"{a} / {b}" for a, b in zip(*times, strict=True)]
-        rows.append([f"{name}, {end:g} s", of, *both, ratio(python.seconds, core.seconds)])
+        rows.append([f"{name}, {end:g} s", in_core, *both, ratio(python.seconds, core.seconds)])
     print(machine() + "\n")
     head = ["core / in Python", "transitions in the core", "ms a run", "us a step", "us a transition", "Python / core"]
     print(table(head, rows))

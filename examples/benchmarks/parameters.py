@@ -1,4 +1,4 @@
-"""Cost of an optimisation whose parameters are written in place, compared with new mechanisms for each motion.
+"""Cost of an optimization whose parameters are written in place, compared with new mechanisms for each motion.
 
 The four-bar moves from a crank angle of 1.2 rad to 0.6 rad in 1 s, from rest to rest, with the least integral of the
 squared torque, a natural spline through 9 points. An independent solution, collocation of degree 4 of the equations

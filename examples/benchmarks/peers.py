@@ -182,7 +182,7 @@ def with_mujoco(problem: Problem) -> Runner | None:
 
 
 def with_exudyn(problem: Problem, sparse: bool = False) -> Runner | None:
-    """Generalised alpha of Exudyn as the trapezoidal rule on index 2; every hinge is a joint."""
+    """Generalized alpha of Exudyn as the trapezoidal rule on index 2; every hinge is a joint."""
     exu = installed("exudyn")
     if exu is None:
         return None

@@ -146,7 +146,7 @@ class Equations:
         return np.where(self.angle, w, q), np.where(self.angle, 1j * w, 1), np.where(self.angle, -w, 0)
 
     def force(self, e: Array, de: Array) -> Array:
-        """Generalised forces of gravity, spring and torque, (n, k)."""
+        """Generalized forces of gravity, spring and torque, (n, k)."""
         p = self.problem
         f = (de.conj() * self.weight).real
         if p.spring:
@@ -172,7 +172,7 @@ class Equations:
         return x[: self.n], x[self.n :]
 
     def ggl(self, t: float, y: Array, yp: Array) -> Array:
-        """Residual F(t, y, y') for y = (q, v, integrals of mu and lam), vectorised over columns.
+        """Residual F(t, y, y') for y = (q, v, integrals of mu and lam), vectorized over columns.
 
         0 = q' - v - G^T mu,  0 = M v' - f - G^T lam,  0 = g,  0 = G v  (Gear, Gupta, Leimkuhler 1985)
         """
@@ -214,7 +214,7 @@ class Equations:
         return dF, dFp
 
     def _stiffness(self, q: Array) -> Array:
-        """Derivative (n, n) of the spring's generalised force."""
+        """Derivative (n, n) of the spring's generalized force."""
         if not self.problem.spring:
             return np.zeros((self.n, self.n))
         (row, const), (*_, stiffness, rest) = self.spring, self.problem.spring

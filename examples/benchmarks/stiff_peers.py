@@ -78,7 +78,7 @@ def with_solve_dae(problem: Stiff) -> Runner | None:
 
 
 def with_exudyn(problem: Stiff) -> Runner | None:
-    """Generalised alpha of Exudyn as the trapezoidal rule on index 2."""
+    """Generalized alpha of Exudyn as the trapezoidal rule on index 2."""
     exu = installed("exudyn")
     if exu is None:
         return None

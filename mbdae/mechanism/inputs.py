@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import InputError, UnknownNameError
 from ..system import Array
 from .forces import FORCES
-from .forces.fmu import fmus_of_inputs
+from .forces.fmu import fmu_by_input
 from .time_functions.input_functions import Input, InputHistory, InputSetting, as_input, inputs_in, map_inputs
 from .time_functions.time_function_base import BaseTimeFunction
 from .variant import variant
@@ -46,11 +46,12 @@ class Inputs:
     """
 
     def __init__(self, mechanism: "Mechanism", settable: bool = True) -> None:
-        self.original, self._fmus = mechanism, fmus_of_inputs(mechanism.forces)
-        found = inputs_in([*mechanism.forces, *mechanism.drivers]) if settable or self._fmus else {}
+        self.original, self._fmu_by_input = mechanism, fmu_by_input(mechanism.forces)
+        found = inputs_in([*mechanism.forces, *mechanism.drivers]) if settable or self._fmu_by_input else {}
         self.named = self._settable(found) if settable else {}
         self.cells = {name: x.cell(i) for i, (name, x) in enumerate(self.named.items())}
-        self.followed = {name: as_input(found[name]).cell(len(self.cells) + i) for i, name in enumerate(self._fmus)}
+        by_fmus = enumerate(self._fmu_by_input, len(self.cells))
+        self.followed = {name: as_input(found[name]).cell(i) for i, name in by_fmus}
         cells = self.cells | self.followed
         self.mechanism = self.replaced(cells) if cells else mechanism
         self._laws = self.mechanism.bind_forces(self.mechanism.make_workspace())
@@ -60,7 +61,7 @@ class Inputs:
         """Return the inputs that the user sets, which may not let the speed of a driver jump."""
         for driver in self.original.drivers:
             driver.require_continuous()
-        return {name: x for name, x in found.items() if isinstance(x, Input) and name not in self._fmus}
+        return {name: x for name, x in found.items() if isinstance(x, Input) and name not in self._fmu_by_input}
 
     def _names_by_rate(self) -> set[str]:
         paths = [d.path for d in self.mechanism.drivers]
@@ -71,14 +72,14 @@ class Inputs:
     def of_run(cls, problem: object) -> "Inputs | None":
         """Return the inputs that FMUs set during a run; None if there are none."""
         forces = getattr(problem, "forces", ())
-        return cls(cast("Mechanism", problem), settable=False) if fmus_of_inputs(forces) else None
+        return cls(cast("Mechanism", problem), settable=False) if fmu_by_input(forces) else None
 
     def replaced(self, replaced: Mapping[str, BaseTimeFunction], m: "Mechanism | None" = None) -> "Mechanism":
         """Return the mechanism, or a variant of it, with functions of time in place of its inputs."""
         m = m or self.original
 
         def change(x: Input | InputHistory) -> BaseTimeFunction:
-            return replaced.get(x.name, x) if isinstance(x, Input) or x.name in self._fmus else x
+            return replaced.get(x.name, x) if isinstance(x, Input) or x.name in self._fmu_by_input else x
 
         drivers = [map_inputs(d, change) for d in m.drivers]
         return variant(m, forces=[map_inputs(f, change) for f in m.forces], drivers=drivers, source=None)
@@ -90,8 +91,8 @@ class Inputs:
             InputError: for one that an FMU sets.
             UnknownNameError: lists the inputs.
         """
-        if name in self._fmus:
-            raise InputError(f"input {name!r} is set by FMU {self._fmus[name]!r}")
+        if name in self._fmu_by_input:
+            raise InputError(f"input {name!r} is set by FMU {self._fmu_by_input[name]!r}")
         if name not in self.cells:
             raise UnknownNameError("input", name, self.cells)
         return self.cells[name]
@@ -117,7 +118,7 @@ class Inputs:
             y: their points (n, ...), which contain the settings by FMUs.
             by_user: the settings by the user, by name of the input.
         """
-        cells, history = self.cells | self.followed, {**(by_user or {}), **self._history_by_fmus(t, y)}
+        cells, history = self.cells | self.followed, {**(by_user or {}), **self._history_set_by_fmus(t, y)}
         pieces = {name: tuple(map(tuple, settings)) for name, settings in history.items()}
         new = {name: InputHistory(name=name, pieces=x, hold=cells[name].hold) for name, x in pieces.items()}
         if not new:
@@ -125,7 +126,7 @@ class Inputs:
         out = self.replaced(new)
         return variant(out, source=_source_with(self.original.source, out.forces, out.drivers))
 
-    def _history_by_fmus(self, t: Array, y: Array) -> dict[str, list[InputSetting]]:
+    def _history_set_by_fmus(self, t: Array, y: Array) -> dict[str, list[InputSetting]]:
         """Return the settings of inputs that follow FMUs, from the nodes of a run, t (n,) and points y (n, ...)."""
         history: dict[str, list[InputSetting]] = {name: [] for name in self.followed}
         states = y[:, self.mechanism.nq + self.mechanism.nv : -1]

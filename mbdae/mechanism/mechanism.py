@@ -271,17 +271,17 @@ class Mechanism(DynamicsTerms):
         return q, self.coordinates({**values.guess_v, **values.v}, of_v=True)[0]
 
     @property
-    def gap_as_given(self) -> ClosureError | None:
+    def start_violation(self) -> ClosureError | None:
         """Closure with the largest violation at the start values before assembly; None without closures."""
         return largest_error(self, self.residual(*self.given)[0]) if self.ng else None
 
     def point(
         self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None,
-        gap: float = INPUT_DIGITS, residual: Callable[..., tuple[Array, Array]] | None = None,
+        tolerance: float = INPUT_DIGITS, residual: Callable[..., tuple[Array, Array]] | None = None,
     ) -> Array:
         """Return y = (q, v, s, w = 0) at time t; by default at the start state, with start values of s.
 
-        Closures may be violated by ``gap``, in rad or characteristic lengths; ``residual`` replaces `residual`.
+        Closures may be violated by ``tolerance``, in rad or characteristic lengths; ``residual`` replaces `residual`.
 
         Raises:
             InputError: for wrong shapes, values that are not finite, or a state that is not consistent.
@@ -291,7 +291,7 @@ class Mechanism(DynamicsTerms):
             return np.concatenate([*self.start_at(t), s_w])
         q0 = self.configuration(self.start_at(t)[0] if q is None else q)
         v0 = self.start_at(t)[1] if v is None else vector(self.title, "v", v, self.nv)
-        require_consistent(self, q0, v0, t, gap, residual)
+        require_consistent(self, q0, v0, t, tolerance, residual)
         return np.concatenate([q0, v0, s_w])
 
     def vector(self, name: str, value: object, n: int) -> Array:

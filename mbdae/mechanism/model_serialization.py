@@ -34,7 +34,7 @@ CONSTRUCTOR_ARGUMENTS: dict[str, tuple[str, ...]] = {  # by kind of joint
     "Ellipsoid": ("radius_x", "radius_y", "radius_z"),
 }
 KINDS = (*CONSTRUCTOR_ARGUMENTS, UNALIGNED, COMPOSITE)
-MAX_SCALINGS = 64  # trial scalings of an unaligned axis until normalisation reproduces it exactly
+MAX_SCALINGS = 64  # trial scalings of an unaligned axis until normalization reproduces it exactly
 ROBOT = """<robot name="one"><link name="a"/><link name="b"/><joint name="j" type="continuous">
 <parent link="a"/><child link="b"/><axis xyz="{!r} {!r} {!r}"/></joint></robot>"""
 
@@ -223,7 +223,7 @@ def _joint(joint: pin.JointModel) -> JsonObject:
     if kind == UNALIGNED:
         return {"kind": kind, "numbers": subspace(typed)[3:, 0].tolist()}
     if kind not in CONSTRUCTOR_ARGUMENTS:
-        raise InputError(f"a joint of kind {kind!r} cannot be serialised; known: {', '.join(KINDS)}")
+        raise InputError(f"a joint of kind {kind!r} cannot be serialized; known: {', '.join(KINDS)}")
     arguments = (np.atleast_1d(getattr(typed, name)) for name in CONSTRUCTOR_ARGUMENTS[kind])
     return {"kind": kind, "numbers": [float(x) for argument in arguments for x in argument]}
 
@@ -257,7 +257,7 @@ def _composite_from_data(x: _Joint, owner: str) -> pin.JointModel:
 def _unaligned_continuous(axis: np.ndarray) -> pin.JointModel:
     """Return an unbounded revolute joint about any unit vector, bit for bit.
 
-    In Python only Pinocchio's URDF reader makes such joints. It normalises the axis, which is scaled until that gives
+    In Python only Pinocchio's URDF reader makes such joints. It normalizes the axis, which is scaled until that gives
     the same bits again.
 
     Raises:

@@ -138,7 +138,7 @@ def coordinates(model: pin.Model, table: Mapping[str, object], *, of_v: bool = F
                 f"joint {name!r} takes {n} finite {'velocity' if of_v else 'configuration'} values, got {value!r}"
             )
         out[at : at + n] = values
-        if not of_v and normalized(model, out) is None:
+        if not of_v and normalized_or_none(model, out) is None:
             raise InputError(f"joint {name!r}: {value!r} is no rotation: its quaternion, or cosine and sine, vanish")
     return out if of_v else pin.normalize(model, out), tangent_indices(model, table)
 
@@ -149,8 +149,8 @@ def tangent_indices(model: pin.Model, names: Iterable[str]) -> np.ndarray:
     return np.array([i for j in joints for i in range(j.idx_v, j.idx_v + j.nv)], int)
 
 
-def normalized(model: pin.Model, q: np.ndarray) -> np.ndarray | None:
-    """Return q (nq,) with quaternions, and (cos, sin) pairs, normalised; None if one of them is zero."""
+def normalized_or_none(model: pin.Model, q: np.ndarray) -> np.ndarray | None:
+    """Return q (nq,) with quaternions, and (cos, sin) pairs, normalized; None if one of them is zero."""
     q = pin.normalize(model, q)
     return q if pin.isNormalized(model, q, HALF_DIGITS) else None
 

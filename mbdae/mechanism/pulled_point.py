@@ -16,7 +16,7 @@ class Pull(NamedTuple):
     """A spring between a point and its target.
 
     Attributes:
-        tau: generalised force J_p^T f in N m and N, (nv,).
+        tau: generalized force J_p^T f in N m and N, (nv,).
         point: the point in the world in m, (3,).
     """
 

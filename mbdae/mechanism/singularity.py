@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .formulations.index2 import Index2System
 
 SINGULAR = AMBIGUOUS_PIVOT  # pivot ratio to its regular value, with projection
-MAX_WITH_GAP = 1e-2  # the same for a run that violates closures: beyond, it does not represent the mechanism
+MAX_WITH_VIOLATION = 1e-2  # the same for a run that violates closures: beyond, it does not represent the mechanism
 BYPASS = 5.0  # times the square root of the violation: how far from a singularity such a run may pass it
 ROTATION_WIDTH = 1e-4  # of a step: large enough to measure the rotation of the tangent space
 
@@ -75,10 +75,10 @@ def singular(system: "Index2System", t: float, y: Array, before: tuple[float, Ar
     return Singular(t, tuple(q.tolist()), tuple(v.tolist()), rank, rank_there, tuple(dict.fromkeys(names)))
 
 
-def pivot_limit_with_gap(system: "Index2System", t: float, y: Array, regular: float, gap: float) -> float:
-    """Return the pivot ratio that a singular configuration may have in a run with |g| up to ``gap``.
+def pivot_limit_with_violation(system: "Index2System", t: float, y: Array, regular: float, violation: float) -> float:
+    """Return the pivot ratio that a singular configuration may have in a run with |g| up to ``violation``.
 
-    A violation of a loop by ``gap`` separates its rows by the square root of it: a smallest pivot below that may be a
+    A violated loop separates its rows by the square root of the violation: a smallest pivot below that may be a
     singular configuration, or a path around one onto either branch.
 
     Args:
@@ -86,11 +86,11 @@ def pivot_limit_with_gap(system: "Index2System", t: float, y: Array, regular: fl
         t: time.
         y: a point nearby.
         regular: pivot ratio away from singularities.
-        gap: largest |g| nearby, in rad or characteristic lengths.
+        violation: largest |g| nearby, in rad or characteristic lengths.
     """
     mech, G = system.mechanism, system.closures(system.split(y)[0])[1]
     size = float(np.abs(G * mech.coordinate_scales / mech.row_scales[:, None]).max())
-    return regular * min(MAX_WITH_GAP, SINGULAR + BYPASS * np.sqrt(gap / size))
+    return regular * min(MAX_WITH_VIOLATION, SINGULAR + BYPASS * np.sqrt(violation / size))
 
 
 def singular_crossing(system: "Index2System", t: float, y: Array, limit: float, allowed: float) -> bool:

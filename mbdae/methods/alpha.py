@@ -1,4 +1,4 @@
-"""Generalised-alpha methods for mechanisms on Lie groups, and HHT: order 2, with numerical damping.
+"""Generalized-alpha methods for mechanisms on Lie groups, and HHT: order 2, with numerical damping.
 
     u_1 = u_0 + h ((1 - gamma) a_0 + gamma a_1),   q_1 = q_0 (+) (h v_0 + h^2 ((1/2 - beta) a_0 + beta a_1) + ...)
     (1 - alpha_m) a_1 + alpha_m a_0 = (1 - alpha_f) u_1' + alpha_f u_0'
@@ -34,23 +34,23 @@ from .variational import TYPICAL, NewtonMethod, end_of_step, solved
 
 @dataclass(frozen=True)
 class GeneralizedAlpha(NewtonMethod):
-    """A generalised-alpha method.
+    """A generalized-alpha method.
 
     Args:
         name: name typed by the user.
         title: one line for a list of methods.
         alpha_m: weight of a_0.
         alpha_f: weight of u_0'.
-        stabilised: stabilised index-2 form; index 3 otherwise.
+        stabilized: stabilized index-2 form; index 3 otherwise.
     """
 
     name: str
     title: str
     alpha_m: Fraction
     alpha_f: Fraction
-    stabilised: bool = True
+    stabilized: bool = True
 
-    family = "generalised alpha"
+    family = "generalized alpha"
     reference = "Arnold, Bruels, BIT 47 (2007)"
     order = order_linear = order_own = 2
     roundings = 1  # per step: v_1 is an unknown of the velocity constraint
@@ -78,7 +78,7 @@ class GeneralizedAlpha(NewtonMethod):
     @property
     def error_power(self) -> int:
         """Power of h in the error estimate; 0 in index 3, where steps are fixed, see the module."""
-        return 2 if self.stabilised else 0
+        return 2 if self.stabilized else 0
 
     @property
     def order_embedded(self) -> int:
@@ -91,7 +91,7 @@ class GeneralizedAlpha(NewtonMethod):
 
         Infinite in index 2.
         """
-        return np.inf if self.stabilised else float(self.beta * (1 - self.alpha_f) / (1 - self.alpha_m))
+        return np.inf if self.stabilized else float(self.beta * (1 - self.alpha_f) / (1 - self.alpha_m))
 
     def compiled(self, native: Any) -> Any:
         """Return the method for the compiled core."""
@@ -100,7 +100,7 @@ class GeneralizedAlpha(NewtonMethod):
             alpha_f=float(self.alpha_f),
             beta=float(self.beta),
             gamma=float(self.gamma),
-            stabilised=self.stabilised,
+            stabilised=self.stabilized,
             iteration=self.iteration(native),
         )
 
@@ -116,7 +116,7 @@ class GeneralizedAlpha(NewtonMethod):
         if out is not None:
             return out
         am, af, gamma, beta = map(float, (self.alpha_m, self.alpha_f, self.gamma, self.beta))
-        step = system.newmark_step(t, h, state.y, self.stabilised)
+        step = system.newmark_step(t, h, state.y, self.stabilized)
         rate, a = rescaled(self.carry_at(system, t, h, state), h)
         weight, known = (1 - af) / (1 - am), (af * rate - am * a) / (1 - am)
         u = h * ((1 - gamma) * a + gamma * known)
@@ -132,7 +132,7 @@ class GeneralizedAlpha(NewtonMethod):
             StepError: if Newton's method does not converge.
             InputError: in index 3.
         """
-        if not self.stabilised:
+        if not self.stabilized:
             raise InputError(f"method {self.name!r} takes fixed steps: give a step in place of rtol")
         carry, n = self.carry_at(system, t, h, state), system.ny - system.nv
         out = self.step(system, t, h, state._replace(carry=carry))
@@ -171,7 +171,7 @@ def alpha_method(name: str) -> GeneralizedAlpha | None:
     if not found:
         return None
     kind, number, index3 = found[1], Fraction(found[2] or ("0.8" if found[1] == "alpha" else "0.1")), bool(found[3])
-    form = "index 3" if index3 else "stabilised index 2"
+    form = "index 3" if index3 else "stabilized index 2"
     if kind == "hht":
         if number > Fraction(1, 3):
             raise InputError(f"{name!r}: alpha of HHT lies between 0 and 1/3")
@@ -179,7 +179,7 @@ def alpha_method(name: str) -> GeneralizedAlpha | None:
     if number > 1:
         raise InputError(f"{name!r}: rho_inf lies between 0 and 1")
     am, af = (2 * number - 1) / (number + 1), number / (number + 1)
-    return GeneralizedAlpha(name, f"generalised alpha, rho_inf = {float(number):g}, {form}", am, af, not index3)
+    return GeneralizedAlpha(name, f"generalized alpha, rho_inf = {float(number):g}, {form}", am, af, not index3)
 
 
 alpha, alpha_i3, hht, hht_i3 = (alpha_method(name) for name in ("alpha", "alpha_i3", "hht", "hht_i3"))

@@ -20,7 +20,7 @@ from ..errors import STATUS, InputError
 from ..file_io import atomic_write
 from ..mechanism import Impact, Mechanism, Singular, describe, restore
 from ..mechanism.checked_table import one_line
-from ..mechanism.fmu.session import kept_states
+from ..mechanism.fmu.session import saved_states
 from ..textbook.problems import TEXTBOOK, listed
 from .provenance import versions
 
@@ -228,7 +228,7 @@ def _arguments(
     steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
     arrays = {name: data[name] for name in ("t", "y", "z_own")}
     rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
-    kept_states.store(run.external)
+    saved_states.store(run.external)
     rest |= {"external": run.external}
     rest |= {name: list(getattr(run, name)) for name in ("modes", "impacts", "resets", "singular", "in_use")}
     return {"problem": problem, **arrays, **rest, "steps": steps, "events": events}

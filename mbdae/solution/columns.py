@@ -133,11 +133,11 @@ def contact_forces(sol: "Solution") -> dict[str, Array]:
 def force_rows(mech: "Mechanism") -> dict[str, list[int]]:
     """Return closures and drivers between frames, each with its rows in m.
 
-    The multipliers of these rows are components of a force in orthogonal directions. Closures with regularised friction
+    The multipliers of these rows are components of a force in orthogonal directions. Closures with regularized friction
     are excluded, since friction is not one of their multipliers.
     """
-    regularised = {f.closure for f in mech.forces if isinstance(f, CoulombFriction) and not f.sticks}
-    framed = [c.name for c in mech.constraints if c.frames and c.name not in regularised]
+    regularized = {f.closure for f in mech.forces if isinstance(f, CoulombFriction) and not f.sticks}
+    framed = [c.name for c in mech.constraints if c.frames and c.name not in regularized]
     return {name: [i for i in mech.rows_of(name) if mech.row_units[i] == "m"] for name in framed}
 
 

@@ -151,7 +151,7 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
     ``lam.<closure>.<row>`` with rows counted from 1 (N, N m; from the hidden constraint); ``force.<name>`` and
     ``torque.<name>`` (N, N m) of joints, closures and driven distances: the magnitude, with suffix ``.x .y .z`` the
     components along world axes, with ``.1 .2 .3`` along local axes, see
-    `mbdae.mechanism.signals.joint_wrenches.reaction_wrenches`; ``effort.<name>``, the generalised force of couplings
+    `mbdae.mechanism.signals.joint_wrenches.reaction_wrenches`; ``effort.<name>``, the generalized force of couplings
     and drivers (N, N m), ``power`` of drivers and of joints that stick (W); of forces ``torque``, ``force``, ``power``
     and ``deflection.<force>``; ``work.<name>`` of drivers and forces since the start in J, see
     `mbdae.solution.work_columns` and `mbdae.mechanism.signals.effort_signals`; of rolling bodies

@@ -144,7 +144,7 @@ class VariedStarts:
         self, key: Key, numbers: Sequence[str], which: Sequence[int], runs: Sequence[Values]
     ) -> dict[int, Beginning]:
         """Return the beginnings of runs that share a mechanism, without those that need their own."""
-        names, bodies = self.names(key[0]), list[dict[int, Any]]()
+        names, inertias = self.names(key[0]), list[dict[int, Any]]()
         rows: Sequence[Array | None] = [None] * len(runs)
         try:
             mech, points, varied = self._shared(key, numbers, runs[0])
@@ -153,8 +153,8 @@ class VariedStarts:
                 valid = np.flatnonzero(np.isfinite(all_rows).all(axis=1)).tolist()
                 which, runs = [which[k] for k in valid], [runs[k] for k in valid]
                 rows = own = [*all_rows[valid]]
-                bodies = varied.inertias(own)
-            found = points.at([[values[name] for values in runs] for name in names], len(runs), bodies)
+                inertias = varied.inertias(own)
+            found = points.at([[values[name] for values in runs] for name in names], len(runs), inertias)
         except Exception:  # their own mechanisms cannot be made, either
             return {}
         ready = zip(which, found, rows, strict=True)

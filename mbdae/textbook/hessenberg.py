@@ -78,9 +78,10 @@ class Hessenberg:
         return HessenbergSystem(self)
 
     def point(
-        self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None, gap: float = 0.0
+        self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None,
+        tolerance: float = 0.0,
     ) -> Array:
-        """Return the start y0 at time t, (ny,); ``gap`` applies to closures of mechanisms only.
+        """Return the start y0 at time t, (ny,); ``tolerance`` applies to closures of mechanisms only.
 
         Raises:
             InputError: if q, v or s is given, and as `Hessenberg`.
@@ -94,9 +95,9 @@ class Hessenberg:
                 raise InputError(f"{name} of {self.title!r} is a list of finite numbers, got {value!r:.60}")
         system, y = self.bound(), np.array(self.y0, float)
         try:
-            gap = float(np.abs(system.g(t, y)).max(initial=0.0))
-            if not gap <= START_TOLERANCE * (1 + np.abs(y).max()):
-                raise InputError(f"y0 of {self.title!r} is not consistent: |g| = {gap:.3g} at t = {t:g}")
+            residual = float(np.abs(system.g(t, y)).max(initial=0.0))
+            if not residual <= START_TOLERANCE * (1 + np.abs(y).max()):
+                raise InputError(f"y0 of {self.title!r} is not consistent: |g| = {residual:.3g} at t = {t:g}")
             system.require_start(t, y, np.array(self.z0, float))
         except StepError as e:
             raise InputError(str(e)) if e.status == "force" else e from e

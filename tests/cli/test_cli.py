@@ -71,7 +71,7 @@ def test_the_program_is_a_program(tmp_path):
         (PIN + "gravty = [0, 0, 0]\n", 2, ["gravty"]),
         ("gravity = [0, 0]\n" + PIN, 2, ["gravity"]),
         (PIN + "[[closure]]\nname = 'far'\nkind = 'distance'\nlength = 5.0\nframes = ['tip', 'world']\n"
-         "[[frame]]\nname = 'tip'\nparent = 'a'\nxyz = [0, 0, -1]\n", 1, ["'far' stays open by 4"]),
+         "[[frame]]\nname = 'tip'\nparent = 'a'\nxyz = [0, 0, -1]\n", 1, ["'far' is violated by 4"]),
         ("title = [", 2, ["not TOML"]),
         ("title = 't'\n", 2, ["source", "body"]),
         ("source = 'gone.urdf'\n", 2, ["gone.urdf"]),

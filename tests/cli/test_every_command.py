@@ -75,7 +75,7 @@ REASONS = [
     Reason(r"solve .*index1", r"^event '.*': states jump in formulations", lambda f: bool(f.mech.resets)),
     Reason(r"modes|linearize|root-locus", r"has no degree of freedom left, resting on '.*': it has no modes",
            lambda f: f.switches),
-    Reason(r"inverse-dyn", r"^inverse dynamics does not support coulomb_friction", lambda f: f.regularised_interfaces),
+    Reason(r"inverse-dyn", r"^inverse dynamics does not support coulomb_friction", lambda f: f.regularized_interfaces),
     Reason(r"inverse-dynamics .*npz$", r"has no drivers or motors: name the joints", lambda f: not f.acts),
     Reason(r"inverse-dynamics .*csv", r"^unknown joint of one coordinate '.*'; valid", lambda f: bool(f.several)),
     Reason(r"inverse-dynamics .*csv|fit", r"times (of a motion )?must increase, got .* impact", lambda f: f.switches),

@@ -1,4 +1,4 @@
-"""Generalised alpha and HHT: orders, constraints, agreement with an independent implementation, rejections by name."""
+"""Generalized alpha and HHT: orders, constraints, agreement with an independent implementation, rejections by name."""
 
 from dataclasses import replace
 from fractions import Fraction
@@ -46,11 +46,11 @@ def test_levels_of_both_forms(name):
         sol = mbdae.solve(name, (0, SPANS[name]), method=used, step=SPANS[name] / 20)
         found = mbdae.drift(sol)
         assert found.g_max < ROUNDING
-        assert found.Gv_max < (ROUNDING * (1 + np.abs(sol.v).max()) if METHODS[used].stabilised else 0.1)
+        assert found.Gv_max < (ROUNDING * (1 + np.abs(sol.v).max()) if METHODS[used].stabilized else 0.1)
 
 
 def independent(rho, h, n):
-    """Points of the Cartesian pendulum in stabilised index-2 form, with numerical partials; mass and length are 1."""
+    """Points of the Cartesian pendulum in stabilized index-2 form, with numerical partials; mass and length are 1."""
     am, af = (2 * rho - 1) / (rho + 1), rho / (rho + 1)
     gamma = 0.5 + af - am
     beta = (gamma + 0.5) ** 2 / 4

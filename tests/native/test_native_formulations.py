@@ -144,7 +144,7 @@ def test_raw_rates():
     y = np.concatenate([q, v, [0.0]])
     for system in systems:
         system.rate(0.0, y)  # the rank
-    off = np.concatenate([q * (1 + 1e-3 * rng.standard_normal(mech.nq)), v, [0.0]])  # not normalised
+    off = np.concatenate([q * (1 + 1e-3 * rng.standard_normal(mech.nq)), v, [0.0]])  # not normalized
     for a, b in zip(*(system.rate(0.0, off) for system in systems), strict=True):
         assert_near(a, b, 1e-12)
 

@@ -1,4 +1,4 @@
-"""Steps of RATTLE and generalised alpha in the compiled core against Python: states, multipliers and iterations."""
+"""Steps of RATTLE and generalized alpha in the compiled core against Python: states, multipliers and iterations."""
 
 import driven
 import numpy as np
@@ -47,13 +47,13 @@ def test_rattle(name, method):
 
 @pytest.mark.parametrize("method", ["alpha", "alpha0.3_i3", "hht"])
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_generalised_alpha(name, method):
+def test_generalized_alpha(name, method):
     native, python = both(MECHANISMS[name](), method, 0.01, 0.12)
     assert_equal_runs(native, python, 1e-11)
 
 
 def test_states_and_friction_of_closures():
-    """Generalised alpha with states of a controller, and with friction proportional to multipliers."""
+    """Generalized alpha with states of a controller, and with friction proportional to multipliers."""
     servo = mbdae.load("four_bar", forces=[JointPID(joint="crank", kp=3.0, ki=5.0, name="servo")])
     assert_equal_runs(*both(servo, "alpha", 0.01, 0.2), 1e-11)
 

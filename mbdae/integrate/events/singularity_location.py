@@ -13,7 +13,7 @@ from ...mechanism.formulations.steps.row_selection import SmallestPivot
 from ...mechanism.hybrid.switches import Mode
 from ...mechanism.singularity import (
     Singular,
-    pivot_limit_with_gap,
+    pivot_limit_with_violation,
     singular,
     tangent,
     tangent_space_angle,
@@ -216,20 +216,20 @@ class SingularityLocation(EventSource):
         Raises:
             EventError: with the reason.
         """
-        gap = max(self._gap(run.ts[n], run.ys[n]) for n in nodes)
-        limit = pivot_limit_with_gap(self.workspace, t, y, self.largest, gap)
+        violation = max(self._max_violation(run.ts[n], run.ys[n]) for n in nodes)
+        limit = pivot_limit_with_violation(self.workspace, t, y, self.largest, violation)
         found = singular(self.workspace, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
         tolerance = COARSE * abs(run.ts[nodes[-1]] - run.ts[nodes[0]])
         if found is None or any(abs(found.t - other.t) <= tolerance for other in self.found):
             return
         self.found.append(found)
-        if not self.controlled and not self.kept and gap > SOLUTION_ROUNDING:
-            text = f"{found}: a singular configuration, after which a motion with a violation of {gap:.1e}"
+        if not self.controlled and not self.kept and violation > SOLUTION_ROUNDING:
+            text = f"{found}: a singular configuration, after which a motion with a violation of {violation:.1e}"
             text = f"{text} may be on another branch; avoid drift-off by project=True or formulation 'ggl'"
             raise EventError("rank", text, i)
         self.check_branch(run, nodes[0], nodes[-1])
 
-    def _gap(self, t: float, y: Array) -> float:
+    def _max_violation(self, t: float, y: Array) -> float:
         """Return the largest |g|, in rad or characteristic lengths."""
         g = self.workspace.residual(t, *self.workspace.split(y))[0]
         return float(np.abs(g / self.workspace.mechanism.row_scales).max())

@@ -79,7 +79,7 @@ def violated_velocity_rows(sol: Solution, system: Index2System) -> str:
     used = list(sol.in_use[-1][1]) if sol.in_use else slice(None)
     rows = "rows" if sizes[used].max() > NEGLIGIBLE * sizes.max() else "rows that depended on others"
     slipped = f"{rows} are not kept: |G v| reached {slip:.2g} of the largest speeds"
-    return f"{slipped} ({which.name!r} {'slips' if which.velocity_only else 'opens'} by {which.text} at the end)"
+    return f"{slipped} ({which.name!r} {'slips' if which.velocity_only else 'is violated'} by {which.text} at the end)"
 
 
 def energy_imbalance(sol: Solution, system: Index2System) -> str:

@@ -20,8 +20,8 @@ from ...tolerances import SMALLEST_PART
 LONGEST = 64  # steps that are examined: one that skips a shape is among the longest
 SAMPLES = 24  # times within a step at which closures are computed
 SHARE = 0.1  # of the range of a table by which values within a step may differ from a cubic through its ends
-LARGEST_GAP = 0.01  # rad or characteristic lengths, within a step
-LOST_DIGITS = 1e4  # of rtol: larger gaps within a step are no error of the dense output
+MAX_VIOLATION = 0.01  # rad or characteristic lengths, within a step
+LOST_DIGITS = 1e4  # of rtol: larger violations within a step are no error of the dense output
 
 
 def skipped_shape(sol: Solution, system: Index2System) -> str:
@@ -49,7 +49,7 @@ def tables_over_time(system: Index2System) -> Iterator[tuple[str, PiecewisePolyn
     drivers = ((driver.name, driver.path) for driver in system.mechanism.drivers)
     for name, function in (*laws, *drivers):
         table = function.polynomials if isinstance(function, PiecewiseFunction) else function
-        if isinstance(table, PiecewisePolynomial) and len(table.starts) > 1 + len(table.breaks):
+        if isinstance(table, PiecewisePolynomial) and len(table.breakpoints) > 1 + len(table.nonsmooth_times):
             yield name, table
 
 
@@ -61,7 +61,7 @@ def _is_skipped(table: PiecewisePolynomial, t0: float, t1: float) -> bool:
         return True  # more points than can be listed
     if not knots:
         return False
-    h, values = t1 - t0, [table.at(t) for t in table.starts]
+    h, values = t1 - t0, [table.at(t) for t in table.breakpoints]
     at_ends = [(np.array([table.at(t0, k) * h**k]), np.array([table.at(t1, k) * h**k])) for k in (0, 1)]
     cubic = hermite.fit(at_ends, np.empty((0, 1)))[:, 0]
     error = max(abs(table.at(t) - float(hermite.powers((t - t0) / h, 3) @ cubic)) for t in knots)
@@ -69,11 +69,11 @@ def _is_skipped(table: PiecewisePolynomial, t0: float, t1: float) -> bool:
 
 
 def _skipped(closures: Sequence[Closure], sol: Solution, system: Index2System, i: int) -> list[str]:
-    """Return the closures that are open between the ends of the i-th step."""
+    """Return the closures that are violated between the ends of the i-th step."""
     if not closures:
         return []
     mech, t = sol.mechanism, sol.nodes[0]
-    limit = max(min(LARGEST_GAP, LOST_DIGITS * sol.settings.get("rtol", 1.0)), 10 * system.largest_g)
+    limit = max(min(MAX_VIOLATION, LOST_DIGITS * sol.settings.get("rtol", 1.0)), 10 * system.largest_g)
     times = np.linspace(t[i], t[i + 1], SAMPLES + 2)[1:-1]
     g = system.residuals(times, np.array(list(sol.points(times))))[0] / mech.row_scales
     return [c.name for c in closures if not (np.abs(g[:, mech.rows_of(c.name)]) <= limit).all()]

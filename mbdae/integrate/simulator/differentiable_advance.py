@@ -141,12 +141,12 @@ class DifferentiableAdvance:
         if dt:
             zeros = np.zeros((len(bar), 1)), np.zeros((len(p), 1))
             by_dt = float(bar @ last.tangents(*zeros, np.ones(1))[-1, :, 0])
-        of, column = [float(x) for x in p], last.parameters.column
+        gradient, column = [float(x) for x in p], last.parameters.column
         return Adjoint(
             y[: m.nv], y[m.nv : 2 * m.nv], y[2 * m.nv : -1],
-            {name: of[column("input", name)] for name in self.inputs.cells},
-            {name: of[column("input of first order", name)] for name in last.parameters.linear},
-            {name: of[column("parameter", name)] for name in parameters}, by_dt,
+            {name: gradient[column("input", name)] for name in self.inputs.cells},
+            {name: gradient[column("input of first order", name)] for name in last.parameters.linear},
+            {name: gradient[column("parameter", name)] for name in parameters}, by_dt,
         )  # fmt: skip
 
     def differentiated(self, parameters: Sequence[str] = ()) -> AdvanceSensitivity:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...mechanism import Mechanism
-from ...mechanism.fmu.session import kept_states
+from ...mechanism.fmu.session import saved_states
 from ...mechanism.time_functions.input_functions import InputSetting
 from ...system import Array, State
 from ..events.jumps import SmoothInterval
@@ -113,7 +113,7 @@ def external_states(run: RunState) -> dict[str, bytes | None]:
 
 def prepare_again(run: RunState, options: RunOptions, state: SimulatorState) -> RunState:
     """Return a run that can begin at a state, in place of a run of the same mechanism, whose FMUs it takes over."""
-    kept_states.store({name: x for name, x in state.external.items() if x})
+    saved_states.store({name: x for name, x in state.external.items() if x})
     before: Any = run.system
     programs, t = before.laws.detach_programs(), state.run.t
     run.release()

@@ -9,11 +9,11 @@ which lowers the index by one (Gear, SIAM J. Numer. Anal. 27 (1990)): BDF comput
 linear systems remain well-conditioned for small steps. z does not enter the error norm, whose order it would reduce. Z
 does, with the tolerance of its effect f_z Z on y: Newton's iteration would otherwise end before z has converged, which
 spoils problems that are nonlinear in z. Formulation ``"index2"`` satisfies G v = 0, and g drifts; ``"ggl"``, the
-stabilised form of Gear, Gupta, Leimkuhler, is what BDF codes integrate.
+stabilized form of Gear, Gupta, Leimkuhler, is what BDF codes integrate.
 
 A multistep method needs one coordinate system for its whole history, so configurations are integrated in raw
 coordinates with unit vectors u (quaternions, cosines and sines): P(q) q' = v and 0 = (|u|^2 - 1)/2, where P is the
-left inverse of the partial derivatives of q (+) x. The history, unlike the state at a node, is never normalised or
+left inverse of the partial derivatives of q (+) x. The history, unlike the state at a node, is never normalized or
 projected: closures and unit vectors hold up to the tolerance of Newton's iteration, a third of that of the error.
 
 Source: Hindmarsh et al., ACM Trans. Math. Softw. 31 (2005); Brenan, Campbell, Petzold (1996), chapter 5.
@@ -196,7 +196,7 @@ class RawCoordinates:
         """Return x and x' (ny,) from y and y', (n,), in the chart at a start (n,)."""
         if not self.units:
             return y - start, dy
-        q = self.manifold.normalised(y[: self.nq])
+        q = self.manifold.normalized(y[: self.nq])
         x = self.system.difference(start, np.concatenate([q, y[self.nq :]]))
         return x, np.concatenate([self._rate(x[: self.nv], q, dy[: self.nq]), dy[self.nq :]])
 
@@ -210,7 +210,7 @@ class RawCoordinates:
         if not self.units:
             return np.eye(n), np.zeros((n, n))
         nq, nv = self.nq, self.nv
-        q = self.manifold.normalised(y[:nq])
+        q = self.manifold.normalized(y[:nq])
         P = self._tangent(q)
 
         def rate(d: Array) -> Array:

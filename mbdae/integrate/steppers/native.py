@@ -227,8 +227,8 @@ class NativeStepper(Stepper):
             self.passed_events = events
             if events.events and events.by_signal:
                 e.set_events(events.core_data())
-            of_drivers = self.system.constraints.breaks
-            j.times = sorted({*run.jumps.times, *self.system.laws.breaks(), *of_drivers})
+            of_drivers = self.system.constraints.nonsmooth_times
+            j.times = sorted({*run.jumps.times, *self.system.laws.nonsmooth_times(), *of_drivers})
         j.in_core = (events.by_signal or not events.events) and not run.mode_changes
         j.restart = nan if run.interval.restart is None else run.interval.restart
         if events.events and events.by_signal:

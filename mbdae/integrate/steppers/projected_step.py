@@ -38,11 +38,12 @@ def project_end(run: "RunState", t: float, state: State) -> State:
         if run.undone_motion is None:
             run.undone_motion = np.zeros_like(motions)
         level = undone.index(largest)
-        gap = largest_error(system.mechanism, system.residual(t, *system.split(state.y))[level], ("", "/s")[level])
+        residual = system.residual(t, *system.split(state.y))[level]
+        violation = largest_error(system.mechanism, residual, ("", "/s")[level])
         share = f"{largest / max(motion, largest):.0%} of the motion"
-        remark = shortening_remark(system.mechanism, gap.name)
+        remark = shortening_remark(system.mechanism, violation.name)
         undoes = f"its projection undoes {share}: the rows cannot all be satisfied{remark}"
-        raise StepError("rank", f"{gap.message('opens')} in a step from t = {run.t:.17g}, and {undoes}")
+        raise StepError("rank", f"{violation.message()} in a step from t = {run.t:.17g}, and {undoes}")
     if run.undone_motion is not None:
         run.undone_motion = None if MAX_UNDONE * motion > 1 else motions
     return end

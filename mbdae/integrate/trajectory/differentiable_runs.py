@@ -32,7 +32,7 @@ def require_differentiable(sol: Solution) -> Mechanism:
         raise InputError(f"derivatives of runs are those of {known}, got {s['method']!r} in {form!r}")
     for force in mech.forces:
         if isinstance(force, FMU):
-            raise InputError(f"force {force.name!r} is an FMU: runs with it have no derivatives")
+            raise InputError(f"force {force.name!r} is an FMU: runs with it are not differentiable")
     if not sol.ended:
         raise InputError(f"the run stopped before its end ({sol.status}): {sol.message}")
     if sol.singular:

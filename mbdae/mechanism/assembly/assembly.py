@@ -15,10 +15,10 @@ from ...system import Array
 from ...tolerances import INPUT_DIGITS
 from ..closures.closure_error import largest_error
 from ..closures.preconditions import require_preconditions
-from ..model_settings import normalized, tangent_indices
+from ..model_settings import normalized_or_none, tangent_indices
 from ..tree.tree_terms import mode_joints
-from .closed_velocities import ClosedVelocities
 from .position_search import close_position
+from .velocity_projection import VelocityProjection
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
@@ -41,7 +41,7 @@ class InitialEstimate(NamedTuple):
     v: Array
     fixed_v: Array
     held_v: Array
-    bodies: Sequence[Mapping[int, pin.Inertia]] = ()
+    inertias: Sequence[Mapping[int, pin.Inertia]] = ()
 
 
 class Assembled(NamedTuple):
@@ -69,7 +69,7 @@ def _initial_estimate(
     fixed_q, fixed_v = (np.array([], int),) * 2
     held_q, held_v = fixed_q, fixed_v
     if isinstance(q, ARRAYS):
-        q0 = normalized(mech.model, mech.vector("q", q, mech.nq))
+        q0 = normalized_or_none(mech.model, mech.vector("q", q, mech.nq))
         if q0 is None:
             raise InputError("q is not on the manifold: a quaternion, or cosine and sine of an angle, vanish")
     else:
@@ -98,24 +98,24 @@ def assemble_from(mech: "Mechanism", at: InitialEstimate, t: float) -> Assembled
         position = _closed_position(system, at.q, at.fixed_q, at.held_q, t)
 
         def close(fixed: Array) -> Array:
-            return position.velocities(system, fixed, t).closest(system, at.v, at.bodies)
+            return position.velocity_projection(system, fixed, t).project(system, at.v, at.inertias)
 
         v, fixed_v = _with_modes_held(close, at.fixed_v, at.held_v)
         return Assembled(position.q.copy(), v, position.fixed, fixed_v)
 
 
 class _ClosedPosition(NamedTuple):
-    """Configuration q (nq,) with closed loops, fixed coordinates, and its velocities by their fixed coordinates."""
+    """Configuration q (nq,) with closed loops, its fixed coordinates, and projections of velocities by fixed ones."""
 
     q: Array
     fixed: Array
-    by_fixed: dict[bytes, ClosedVelocities]
+    by_fixed: dict[bytes, VelocityProjection]
 
-    def velocities(self, system: "Index2System", fixed: Array, t: float) -> ClosedVelocities:
-        """Return the velocities that satisfy G v + g_t = 0."""
+    def velocity_projection(self, system: "Index2System", fixed: Array, t: float) -> VelocityProjection:
+        """Return the projection of velocities onto G v + g_t = 0."""
         key = fixed.tobytes()
         if key not in self.by_fixed:
-            self.by_fixed[key] = ClosedVelocities(system, self.q, fixed, t)
+            self.by_fixed[key] = VelocityProjection(system, self.q, fixed, t)
         return self.by_fixed[key]
 
 
@@ -204,11 +204,11 @@ def require_consistent(
     for rows, per, size in ((g, "", 1.0), (Gv, "/s", speed)):
         if np.linalg.norm(rows / mech.row_scales) <= tolerance * size:  # that of each closure is not larger
             continue
-        gap = largest_error(mech, rows, per)
-        rate = mech.characteristic_rate if per and gap.relative > tolerance * size else 0.0
-        if gap.relative > tolerance * (rate + size):
+        violation = largest_error(mech, rows, per)
+        rate = mech.characteristic_rate if per and violation.relative > tolerance * size else 0.0
+        if violation.relative > tolerance * (rate + size):
             raise InputError(
-                f"the start is not consistent: {gap.message()}; "
+                f"the start is not consistent: {violation.message()}; "
                 f"make it so with q, v = mechanism.assemble(q, v{f', t={t:g}' if t else ''})"
             )
     require_preconditions(mech, q)

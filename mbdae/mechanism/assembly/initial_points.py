@@ -43,7 +43,7 @@ class InitialPoints:
         self.together = self.estimate is not None and velocities and not len(self.estimate.held_v)
 
     def at(
-        self, columns: Sequence[Sequence[Any]], k: int, bodies: Sequence[Mapping[int, pin.Inertia]] = ()
+        self, columns: Sequence[Sequence[Any]], k: int, inertias: Sequence[Mapping[int, pin.Inertia]] = ()
     ) -> list[Array | None]:
         """Return the points (n,) of k runs; None where a new variant must be made.
 
@@ -52,19 +52,19 @@ class InitialPoints:
         Args:
             columns: values of each of ``names``, k each.
             k: number of runs.
-            bodies: their inertias by joint, where they differ.
+            inertias: of each run by joint, where they differ.
         """
         values = np.array([[x if type(x) in (int, float) else nan for x in column] for column in columns], float)
         values = values.reshape(len(columns), k)
         out: list[Array | None] = [None] * k
-        if self.estimate is None or (bodies and self.mech.ng > MANY_ROWS):
+        if self.estimate is None or (inertias and self.mech.ng > MANY_ROWS):
             return out
         valid = np.flatnonzero(np.isfinite(values).all(axis=0))
         groups = [valid] if self.together and len(valid) else [*valid[:, None]]
         while groups:
             group = groups.pop()
             try:
-                points = self._points(values[:, group], [bodies[i] for i in group.tolist()] if bodies else ())
+                points = self._points(values[:, group], [inertias[i] for i in group.tolist()] if inertias else ())
             except MbdaeError:
                 groups += [*group[:, None]] if len(group) > 1 else []
                 continue
@@ -72,7 +72,7 @@ class InitialPoints:
                 out[i] = point
         return out
 
-    def _points(self, columns: Array, bodies: Sequence[Mapping[int, pin.Inertia]]) -> Array:
+    def _points(self, columns: Array, inertias: Sequence[Mapping[int, pin.Inertia]]) -> Array:
         """Return the points of runs with the same configuration, (k, n), for the values of each entry, (.., k).
 
         Raises:
@@ -85,7 +85,7 @@ class InitialPoints:
                 v[:, entry.place] = x
             else:
                 q[entry.place] = x[0]
-        found = assemble_from(self.mech, self.estimate._replace(q=q, v=v, bodies=bodies), self.t)
+        found = assemble_from(self.mech, self.estimate._replace(q=q, v=v, inertias=inertias), self.t)
         return np.hstack([np.tile(found.q, (len(v), 1)), found.v, np.tile(self.states, (len(v), 1))])
 
 

@@ -159,8 +159,8 @@ class _PositionSearch:
         if _residual_norm(self.system, best, self.t) <= AGREEMENT:
             name = flipped_closure(self.system)
             return InputError(f"closure {name!r} closes with its second frame flipped: change the initial estimate")
-        gap = largest_error(self.system.mechanism, self.system.closures(best, self.t)[0])
-        return assembly_error(self.system.mechanism, gap, fixed, "configuration")
+        violation = largest_error(self.system.mechanism, self.system.closures(best, self.t)[0])
+        return assembly_error(self.system.mechanism, violation, fixed, "configuration")
 
 
 def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: Residuals = scaled_residuals) -> Array:
@@ -197,7 +197,7 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
 
 
 def _damped_step(G: Jacobian, g: Array, free: Array, mu: float) -> Array:
-    """Return the x that minimises |G x + g|^2 + mu |x|^2: it is short where G is nearly singular."""
+    """Return the x that minimizes |G x + g|^2 + mu |x|^2: it is short where G is nearly singular."""
     x = np.zeros(G.shape[1])
     if len(g) > MANY_ROWS:
         x[free] = -sparse_least_squares(G[:, free], g, mu)
@@ -209,7 +209,7 @@ def _damped_step(G: Jacobian, g: Array, free: Array, mu: float) -> Array:
 
 
 def sparse_least_squares(G: Jacobian, g: Array, mu: float, M: Jacobian | None = None) -> Array:
-    """Return the x that minimises |G x - g|^2 + mu x^T M x, M = 1 if omitted; rows have few nonzeros.
+    """Return the x that minimizes |G x - g|^2 + mu x^T M x, M = 1 if omitted; rows have few nonzeros.
 
     With G x - g = mu y it is [M, G^T; G, -mu] [x; y] = [0; g], solved by a sparse LU.
     """
@@ -234,11 +234,11 @@ def is_closed(system: "Index2System", q: Array, t: float) -> bool:
     return _residual_norm(system, q, t) <= AGREEMENT and not flipped_closure(system)
 
 
-def assembly_error(mech: "Mechanism", gap: ClosureError, fixed: Array, what: str) -> AssemblyError:
+def assembly_error(mech: "Mechanism", violation: ClosureError, fixed: Array, what: str) -> AssemblyError:
     """Return the error that names the closure with the largest violation, its size, the fixed joints and drivers."""
     joints = ", ".join(dict.fromkeys(mech.coordinate_joint(int(i)) for i in fixed)) or "nothing"
     driven = "; driven by " + ", ".join(repr(d.name) for d in mech.drivers) if mech.drivers else ""
-    text = f"no consistent {what}: {gap.message('stays open')} (fixed: {joints}{driven})"
-    if gap.relative < THREE_DIGITS:
-        text += "; a gap as small as that: axes that are not quite parallel? give all digits, or keep fewer rows"
-    return AssemblyError(text, gap.name, gap.size)
+    text = f"no consistent {what}: {violation.message()} (fixed: {joints}{driven})"
+    if violation.relative < THREE_DIGITS:
+        text += "; a violation as small as that: axes that are not quite parallel? give all digits, or keep fewer rows"
+    return AssemblyError(text, violation.name, violation.size)

@@ -20,7 +20,7 @@ class ClosureError(NamedTuple):
         size: norm of its residual.
         relative: the same with lengths in characteristic lengths of the mechanism: the largest of all closures.
         text: residual with units, lengths and angles separately.
-        velocity_only: whether the largest residual is that of a velocity row: it slips, and cannot open.
+        velocity_only: whether the largest residual is that of a velocity row, which slips and has no g.
     """
 
     name: str
@@ -29,9 +29,9 @@ class ClosureError(NamedTuple):
     text: str
     velocity_only: bool = False
 
-    def message(self, verb: str = "is open") -> str:
-        """Return the description: ``closure 'pin' is open by 0.1 m``."""
-        return f"closure {self.name!r} {'slips' if self.velocity_only else verb} by {self.text}"
+    def message(self) -> str:
+        """Return the description: ``closure 'pin' is violated by 0.1 m``."""
+        return f"closure {self.name!r} {'slips' if self.velocity_only else 'is violated'} by {self.text}"
 
 
 def largest_error(mech: "Mechanism", residual: Array, per: str = "") -> ClosureError:
@@ -51,7 +51,7 @@ def largest_error(mech: "Mechanism", residual: Array, per: str = "") -> ClosureE
 
 
 def shortening_remark(mech: "Mechanism", name: str) -> str:
-    """Return a remark on a closure that a beam opens by its shortening; empty if it does not hold such a beam."""
+    """Return a remark on a closure that the shortening of a beam violates; empty if it does not hold such a beam."""
     frames = {frame for c in mech.closures if c.name == name for frame in c.frames or ()}
     for body in flexible_bodies(mech.model):
         nodes = zip(body.node_frames, body.modal.nodes.values(), strict=True)

@@ -55,7 +55,7 @@ class Constraints:
         driven: indices of the rows that follow functions of time, and their drivers.
         positional: which rows have a g, (ng,).
         W: wrenches of the rows between frames at the last evaluation of G, (6, ng).
-        breaks: times at which u'' of a driver jumps.
+        nonsmooth_times: times at which u'' of a driver jumps.
         inactive: indices of the inactive rows of the mode; their g, G and Gdot v are 0.
     """
 
@@ -80,7 +80,7 @@ class Constraints:
         self._node_rows = [(self.spans[name], *node) for name, (pair, _) in bound for node in pair.nodes]
         self._no_motion = np.zeros((3, self.ng))
         self._index_special_rows()
-        self.breaks = sorted({t for _, driver in self.driven for t in driver.breaks()})
+        self.nonsmooth_times = sorted({t for _, driver in self.driven for t in driver.nonsmooth_times()})
 
     def _index_special_rows(self) -> None:
         """Find driven distances, periodic rows (of angles), and velocity rows."""

@@ -17,7 +17,7 @@ from ...tolerances import COINCIDENT, THREE_DIGITS
 from ..checked_table import Table
 from ..key_units import Unit, UnitSymbols
 from ..time_functions.input_functions import Input
-from ..time_functions.piecewise_polynomial import Beyond, PiecewisePolynomial
+from ..time_functions.piecewise_polynomial import Extrapolation, PiecewisePolynomial
 from ..time_functions.time_functions import Function, Harmonic, Motion, Polynomial, Steps, TimeFunction, TimeTable
 from .joint_rows import Coordinate
 from .rows import Distance, FrameRows
@@ -146,12 +146,12 @@ class Driver(Table):
         (first, last), tolerance = self.span, COINCIDENT * (self.span[1] - self.span[0])
         if isinf(tolerance) or first - tolerance <= t <= last + tolerance:
             return ""
-        known = ", ".join(map(repr, get_args(Beyond)))
+        known = ", ".join(map(repr, get_args(Extrapolation)))
         return f"the table of driver {self.name!r} is known from t = {first:g} to {last:g} s only; give beyond: {known}"
 
-    def breaks(self) -> Sequence[float]:
+    def nonsmooth_times(self) -> Sequence[float]:
         """Return the times at which the last derivative in use jumps: u'', or the rate of a speed."""
-        return self.path.breaks
+        return self.path.nonsmooth_times
 
     @property
     def _given(self) -> Any:
@@ -171,7 +171,7 @@ class Driver(Table):
 
     def third(self, t: float) -> float:
         """Return the third derivative of u at time t."""
-        return float(self.path.derivative(t, 2 if self.speed is None else 1))
+        return float(self.path.derivative(t, 3 if self.speed is None else 2))
 
     def check(self, t: float) -> None:
         """Compare the derivatives of Python functions with difference quotients just after t.
@@ -248,7 +248,7 @@ class Driver(Table):
         target: Target,
         points: Sequence[tuple[float, float]],
         *,
-        beyond: Beyond | None = None,
+        beyond: Extrapolation | None = None,
         **more: Unpack[Options],
     ) -> "Driver":
         """A cubic spline through points (t, u), and its ``beyond`` option; target as for `at_speed`."""

@@ -11,15 +11,14 @@ from .rows import DotProduct1, DotProduct2, FrameRows, unit_axis
 
 
 class FrameJoint(BetweenFrames):
-    """Rows between two frames that make certain gaps and products of axes vanish.
+    """Rows between two frames that make components of p_b - p_a and products of axes vanish.
 
     Attributes:
-        gap: components of the gap between the origins that vanish: ``"all"``, ``"across"`` or ``"along"`` the axis, or
-            none.
+        translation: components of p_b - p_a that vanish: ``"all"``, ``"across"`` or ``"along"`` the axis, or none.
         direction: directions that coincide: ``"axis"``, ``"frame"``, or none; ``"perpendicular"``: axes at 90 degrees.
     """
 
-    gap: ClassVar[str] = ""
+    translation: ClassVar[str] = ""
     direction: ClassVar[str] = ""
 
     def axes(self) -> tuple[Vector, Vector]:
@@ -27,7 +26,7 @@ class FrameJoint(BetweenFrames):
         return Z, Z
 
     def primitives(self) -> tuple[FrameRows, ...]:
-        return between_frames(self.gap, self.direction, *self.axes())
+        return between_frames(self.translation, self.direction, *self.axes())
 
     def coinciding_axes(self) -> tuple[Array, Array]:
         if self.direction == "frame":
@@ -76,15 +75,15 @@ class TwoAxisJoint(AxisJoint):
 
 
 @lru_cache(maxsize=256)
-def between_frames(gap: str, direction: str, axis: Vector, other: Vector) -> tuple[FrameRows, ...]:
+def between_frames(translation: str, direction: str, axis: Vector, other: Vector) -> tuple[FrameRows, ...]:
     """Return rows between frames; they are immutable, so workspaces share them."""
     first, second = unit_axis(axis), unit_axis(other)
     normals, (x, y, z) = np.linalg.svd(first[None])[2][1:].T, np.eye(3)
-    gaps = {"all": np.eye(3), "across": normals, "along": first[:, None]}
+    axes_of_translation = {"all": np.eye(3), "across": normals, "along": first[:, None]}
     axes = {
         "axis": (normals, np.column_stack([second, second])),
         "frame": (np.array([x, y, z]).T, np.array([y, z, x]).T),
         "perpendicular": (first[:, None], second[:, None]),
     }
-    out: list[FrameRows] = [DotProduct2(gaps[gap])] if gap else []
+    out: list[FrameRows] = [DotProduct2(axes_of_translation[translation])] if translation else []
     return (*out, DotProduct1(*axes[direction])) if direction else tuple(out)

@@ -74,7 +74,7 @@ Law = Annotated[Union[LawTable, Harmonic], TaggedByKind()]  # noqa: UP007
 
 
 def period_of(law: LawTable | Harmonic) -> tuple[float, float, float]:
-    """Return start, length and rise of a period; length 0 if the law is not periodic."""
+    """Return start, length and increment of a period; length 0 if the law is not periodic."""
     if isinstance(law, LawTable):
         (x0, y0), (x1, y1) = law.points[0], law.points[-1]
         return (x0, x1 - x0, y1 - y0) if law.periodic else (0.0, 0.0, 0.0)
@@ -83,11 +83,12 @@ def period_of(law: LawTable | Harmonic) -> tuple[float, float, float]:
 
 def law_derivatives(law: LawTable | Harmonic, x: float) -> LawDerivatives:
     """Return f and its derivatives at x."""
-    start, length, rise = period_of(law)
+    start, length, increment = period_of(law)
     periods = floor((x - start) / length) if length else 0
     u = x - periods * length
     if isinstance(law, LawTable):
-        return LawDerivatives(law.polynomials.at(u) + periods * rise, *(law.polynomials.at(u, k) for k in (1, 2, 3)))
+        f = law.polynomials.at
+        return LawDerivatives(f(u) + periods * increment, f(u, 1), f(u, 2), f(u, 3))
     return LawDerivatives(law.at(u), law.at(u, 1), law.at(u, 2), -(law.omega**2) * law.at(u, 1))
 
 

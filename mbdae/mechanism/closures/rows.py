@@ -103,7 +103,7 @@ class DotProduct1(FrameRows):
 
 
 class DotProduct2(FrameRows):
-    """g = axis_a . (p_b - p_a), a gap along axes fixed in a; axes (3, m)."""
+    """g = axis_a . (p_b - p_a), the relative position along axes fixed in a; axes (3, m)."""
 
     unit = "m"
 

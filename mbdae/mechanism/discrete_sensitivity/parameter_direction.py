@@ -135,7 +135,7 @@ class Parameter:
 
     def _check_times(self, spec: Any, *perturbed: Any) -> None:
         """Reject changes of times at which a function jumps; if other knots change, use a smaller width."""
-        if any(_times(x, "breaks") != _times(spec, "breaks") for x in perturbed):
+        if any(_times(x, "nonsmooth_times") != _times(spec, "nonsmooth_times") for x in perturbed):
             raise InputError(f"parameter {self.name!r} moves the instants of {spec.name!r}: no derivative")
         if any(_times(x, "knots") != _times(spec, "knots") for x in perturbed):
             self.use_width(min(self.h, KNOT_WIDTH * self.width / WIDTH))
@@ -257,6 +257,6 @@ class RowDifferences:
 
 
 def _times(x: object, kind: str) -> list[float]:
-    """Return the breaks, or the knots, of the functions of time of a force, closure or driver."""
+    """Return the nonsmooth times, or the knots, of the functions of time of a force, closure or driver."""
     values = x if isinstance(x, tuple) else vars(x).values()
     return [t for u in values if hasattr(u, kind) for t in getattr(u, kind)]

@@ -201,5 +201,5 @@ class DynamicsTerms:
         """
         x = self.vector("q", q, self.nq)
         if not pin.isNormalized(self.model, x, HALF_DIGITS):
-            raise InputError("q is not on the manifold: normalise its quaternions, or pass it through assemble(q, v)")
+            raise InputError("q is not on the manifold: normalize its quaternions, or pass it through assemble(q, v)")
         return x

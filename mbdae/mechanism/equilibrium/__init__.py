@@ -1,1 +1,1 @@
-"""Equilibrium equations, linearisation on the null space of the closures, and eigenvalues."""
+"""Equilibrium equations, linearization on the null space of the closures, and eigenvalues."""

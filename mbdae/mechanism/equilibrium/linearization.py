@@ -1,4 +1,4 @@
-"""Linearised equations of motion at an equilibrium or a steady motion.
+"""Linearized equations of motion at an equilibrium or a steady motion.
 
 At a point with v constant along the motion, with position rows G_p and all rows G,
 

@@ -129,6 +129,6 @@ def project_configuration(
     if not np.linalg.norm(g) <= CLOSED:
         if len(g) > system.ng and np.linalg.norm(g[: system.ng]) <= CLOSED:
             raise StepError("newton", "the references of controllers cannot be reached")
-        gap = largest_error(system.mechanism, g[: system.ng] * units)
-        raise StepError("newton", f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}")
+        violation = largest_error(system.mechanism, g[: system.ng] * units)
+        raise StepError("newton", f"{violation.message()} at t = {t:.17g} and cannot be satisfied")
     return q

@@ -1,6 +1,6 @@
 """Eigenvalues of a matrix whose entries are known up to rounding.
 
-The error bound e of a matrix A, |dA| <= e in each entry, is eps times the sizes of the summed terms. The linearised
+The error bound e of a matrix A, |dA| <= e in each entry, is eps times the sizes of the summed terms. The linearized
 motion [0 1; -M^-1 K  -M^-1 D] contains ones and squares of frequencies, so no norm decides which of its entries are
 zero. Here an entry is zero if none of its digits is significant, |a| <= 100 e, whatever units and other motions are.
 

@@ -165,8 +165,8 @@ def checked_points(r: Array, masses: Any, Phi: Array, stiffness: Array) -> tuple
     n, k = m.shape[0] if m.ndim else 0, np.size(stiffness)
     if m.shape not in ((n,), (n, n)):
         raise InputError(f"flexible body: masses: expected finite numbers (n,) or (n, n), got {described(masses)}")
-    of = {"points": (r, (n, 3)), "modes": (Phi, (n, 3, k)), "stiffness": (stiffness, (k,))}
-    r, P, K = (array(x, f"flexible body: {name}", shape) for name, (x, shape) in of.items())
+    arrays = {"points": (r, (n, 3)), "modes": (Phi, (n, 3, k)), "stiffness": (stiffness, (k,))}
+    r, P, K = (array(x, f"flexible body: {name}", shape) for name, (x, shape) in arrays.items())
     own = m if m.ndim == 1 else m.diagonal()
     if not (own >= 0).all() or not m.sum() > 0:
         raise InputError(f"flexible body: masses are not negative and not all zero, got {own.min():g} kg")

@@ -1,4 +1,4 @@
-"""Modal bodies from finite elements: Craig and Bampton's reduction, orthogonalised.
+"""Modal bodies from finite elements: Craig and Bampton's reduction, orthogonalized.
 
     u = [1 0; -Kii^-1 Kib, Phi] [u_b; eta],   Kii Phi = Mii Phi w^2
 

@@ -68,9 +68,9 @@ class FmuInstance:
         return fmu
 
     def start(self, t: float, parameters: Mapping[str, Parameter], inputs: Mapping[str, float]) -> None:
-        """Initialise at time t in s."""
+        """Initialize at time t in s."""
 
-        def initialise() -> None:
+        def initialize() -> None:
             for name, x in parameters.items():
                 self._set(self.description.find("parameter", name), x)
             if self.description.version == "2.0":
@@ -81,7 +81,7 @@ class FmuInstance:
             self._set_inputs(inputs)
             self._fmu.exitInitializationMode()
 
-        self._try(f"initialise at t = {t:.9g} s", initialise)
+        self._try(f"initialize at t = {t:.9g} s", initialize)
 
     def step(self, t: float, h: float) -> None:
         """Step from t to t + h."""
@@ -139,9 +139,9 @@ class FmuInstance:
 
     def _set(self, variable: FmuVariable, value: Parameter) -> None:
         kind, number = variable.type, variable.type in INTEGERS
-        of = "Int64" if self.description.version == "3.0" and kind == "Enumeration" else kind
-        of = "Integer" if self.description.version == "2.0" and number else of
-        getattr(self._fmu, f"set{of}")([variable.reference], [int(value) if number else value])
+        fmi_type = "Int64" if self.description.version == "3.0" and kind == "Enumeration" else kind
+        fmi_type = "Integer" if self.description.version == "2.0" and number else fmi_type
+        getattr(self._fmu, f"set{fmi_type}")([variable.reference], [int(value) if number else value])
 
     def _try(self, what: str, action: Callable[[], T]) -> T:
         try:

@@ -20,7 +20,7 @@ from .instance import FmuInstance, Parameter
 from .interface import FmuInterface
 
 DIGITS = 32  # bits of the fraction of the number of a state, below 1/2
-KEPT = 256  # saved states that a process keeps for runs that continue from others
+MAX_SAVED = 256  # saved states that a process keeps for runs that continue from others
 HEADER = struct.Struct("<dd")  # number of a state, and its time
 Values = tuple[float, ...]
 
@@ -32,7 +32,7 @@ class FmuSample(NamedTuple):
     number: float
 
 
-class KeptStates:
+class SavedStates:
     """Saved states of all FMUs of the process by their numbers, the latest ones."""
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class KeptStates:
                 number = HEADER.unpack_from(state)[0]
                 self._states[number] = state
                 self._states.move_to_end(number)
-            while len(self._states) > KEPT:
+            while len(self._states) > MAX_SAVED:
                 self._states.popitem(last=False)
 
     def find(self, number: float) -> bytes | None:
@@ -59,7 +59,7 @@ class KeptStates:
         return self._states.get(number)
 
 
-kept_states = KeptStates()
+saved_states = SavedStates()
 
 
 class FmuSession:
@@ -145,7 +145,7 @@ class FmuSession:
             self._instance.step(self._t + k * self.step, self.step)
 
     def _restore(self, number: float) -> None:
-        state = kept_states.find(number)
+        state = saved_states.find(number)
         if state is None:
             known = "begin at the start, or at the end of a run or a snapshot of a simulator"
             reason = "not kept" if self.description.can_save else "lost: it cannot be saved (canSerializeFMUState)"
@@ -159,9 +159,9 @@ class FmuSession:
     def save(self, number: float) -> bytes | None:
         """Return the state of a number, and keep it; None if it is not that of the instance, or cannot be saved."""
         if number != self._number or not self._instance or not self.description.can_save:
-            return kept_states.find(number)
+            return saved_states.find(number)
         state = HEADER.pack(number, self._t) + self._instance.saved()
-        kept_states.store({self.name: state})
+        saved_states.store({self.name: state})
         return state
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Force laws and controllers, one file each: the user's description, and its generalised force."""
+"""Force laws and controllers, one file each: the user's description, and its generalized force."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Union
@@ -13,7 +13,7 @@ from ..tagged_union import TaggedByKind
 from ..time_functions.input_functions import as_input, inputs_in
 from ..tree.frames import find_joint
 from .elements import ForceElements
-from .fmu import FMU, fmus_of_inputs
+from .fmu import FMU, fmu_by_input
 from .force import Force, PythonForce
 from .joint_damping import JointDamping, damping_law
 from .joint_friction import JointFriction, StictionJoint
@@ -72,7 +72,7 @@ def named_forces(forces: Sequence[object], drivers: "Sequence[Driver]") -> tuple
         return found
     inputs = {name: as_input(x) for name, x in inputs_in([*found, *drivers]).items()}
     found = tuple(f.with_inputs(inputs) if isinstance(f, FMU) else f for f in found)
-    held = fmus_of_inputs(found)
+    held = fmu_by_input(found)
     for driver in drivers:
         if getattr(driver.path, "name", "") in held:
             driver.require_continuous()

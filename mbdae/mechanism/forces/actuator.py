@@ -23,7 +23,7 @@ class Actuator(PythonForce):
     The states are included in the error control; ``sol.s`` returns them.
 
     Args:
-        torque: generalised force, (nv,) in N m and N; its work is integrated.
+        torque: generalized force, (nv,) in N m and N; its work is integrated.
         rate: rates of the states, (ns,).
         start: names and initial values of the states.
         name: the name of the torque function if omitted.

@@ -21,10 +21,10 @@ Six = tuple[float, float, float, float, float, float]
 class Bushing(Force):
     """An elastic joint between two frames: stiffnesses and dampings along the axes x, y, z, rx, ry, rz of the first.
 
-    With the gap p = R_a^T (p_b - p_a) and the rotation vector theta = log(R_a^T R_b), both (3,) in axes of the first
-    frame, the potential is sum(k_i p_i^2)/2 + sum(k_i theta_i^2)/2. The dampers act on the relative velocity at the
-    second frame's origin and on the relative angular velocity, in the same axes. The relative rotation must stay
-    below 3 rad.
+    With the relative position p = R_a^T (p_b - p_a) and the rotation vector theta = log(R_a^T R_b), both (3,) in axes
+    of the first frame, the potential is sum(k_i p_i^2)/2 + sum(k_i theta_i^2)/2. The dampers act on the relative
+    velocity at the second frame's origin and on the relative angular velocity, in the same axes. The relative rotation
+    must stay below 3 rad.
 
     Attributes:
         frames: names of both frames.
@@ -70,15 +70,15 @@ class BushingElement(PairElement):
         self.damped = bool(self.d.any() or self.dr.any())
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[Array, ArrayOrZero]:
-        """Return the generalised forces of springs and dampers.
+        """Return the generalized forces of springs and dampers.
 
         Raises:
             StepError: when the relative rotation reaches 3 rad.
         """
-        gap, theta = self.gap()
+        p, theta = self.relative_pose()
         if np.sqrt(theta @ theta) > MAX_ROTATION:
             raise StepError("chart", f"bushing {self.name!r} rotates by more than {MAX_ROTATION} rad at t = {t:.17g}")
-        spring = self._force_on_b(-self.k * gap, -inverse_jacobian(skew(theta), self.kr * theta))
+        spring = self._force_on_b(-self.k * p, -inverse_jacobian(skew(theta), self.kr * theta))
         if not self.damped:
             return spring, 0.0
         twist = self.pair.relative(v)
@@ -87,7 +87,7 @@ class BushingElement(PairElement):
 
     def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
         """See `PairElement`; Da follows from a common displacement d of both frames, which changes F by d x* F."""
-        gap, theta = self.gap()
+        p, theta = self.relative_pose()
         Ra, pb, w = self.pair.Ra, self.pair.pb, V[3:]
         to_point = np.hstack([np.eye(3), -skew(pb)])  # V -> velocity of the point p_b
         J_left = np.array([inverse_jacobian(-skew(theta), e) for e in np.eye(3)]).T
@@ -96,7 +96,7 @@ class BushingElement(PairElement):
             inverse_jacobian(X, self.kr * x).imag / COMPLEX_STEP
             for X, x in zip(skews(perturbed.T), perturbed, strict=True)
         ]
-        n, m = Ra @ (-self.k * gap), Ra @ -inverse_jacobian(skew(theta), self.kr * theta)
+        n, m = Ra @ (-self.k * p), Ra @ -inverse_jacobian(skew(theta), self.kr * theta)
         Db = moved_line_partials(pb, n[:, None])[0] - to_point.T @ (Ra * self.k) @ Ra.T @ to_point
         Db[3:, 3:] -= Ra @ np.array(theta_partials).T @ J_left @ Ra.T
         damper = (Ra * self.d) @ Ra.T
@@ -111,22 +111,22 @@ class BushingElement(PairElement):
         return WrenchPartials(spring, wrench_matrix(spring) - Db, Db, zero), WrenchPartials(damping, Da, Db_damper, C)
 
     def deflection(self, q: Array) -> Array:
-        return np.concatenate(self.gap())
+        return np.concatenate(self.relative_pose())
 
-    def gap(self) -> tuple[Array, Array]:
+    def relative_pose(self) -> tuple[Array, Array]:
         """Return p and theta, (3,) each, in axes of the first frame."""
         self.pair.locate()
         Ra, Rb = self.pair.Ra, self.pair.Rb
         return (self.pair.pb - self.pair.pa) @ Ra, rotation_vector(Ra.T @ Rb)
 
     def _force_on_b(self, force: Array, moment: Array) -> Array:
-        """Return the generalised force of a force and a moment at the origin of b, in axes of a."""
+        """Return the generalized force of a force and a moment at the origin of b, in axes of a."""
         n, m = self.pair.Ra @ force, self.pair.Ra @ moment
         return self.pair.torque(np.concatenate([n, m + skew(self.pair.pb) @ n]))
 
     def potential(self, q: Array) -> float:
-        gap, theta = self.gap()
-        return 0.5 * float(self.k @ gap**2 + self.kr @ theta**2)
+        p, theta = self.relative_pose()
+        return 0.5 * float(self.k @ p**2 + self.kr @ theta**2)
 
     def core_data(self) -> CoreData:
         constants = [*self.k, *self.kr, *self.d, *self.dr, MAX_ROTATION]

@@ -23,7 +23,7 @@ class CoulombFriction(Force):
         closure: name of the closure.
         coefficient: mu, dimensionless.
         radius: r of the bearing in m, for a closure that rotates.
-        velocity: at which regularised friction reaches three quarters of its value, in rad/s or m/s; 0.01 if omitted,
+        velocity: at which regularized friction reaches three quarters of its value, in rad/s or m/s; 0.01 if omitted,
             as in `JointFriction`.
         static: mu while sticking, at least ``coefficient``, which is the default.
         exact: whether a rolling body sticks, with all no-slip rows, while its friction is at most mu_s N, and slides
@@ -47,7 +47,7 @@ class CoulombFriction(Force):
     @model_validator(mode="after")
     def _check_keys(self) -> "CoulombFriction":
         if self.sticks and self.velocity is not None:
-            raise ValueError("velocity belongs to regularised friction, not to static or exact")
+            raise ValueError("velocity belongs to regularized friction, not to static or exact")
         if self.static is not None and self.static < self.coefficient:
             raise ValueError(f"static is at least coefficient, {self.coefficient:g}, got {self.static:g}")
         return self
@@ -59,7 +59,7 @@ class CoulombFriction(Force):
 
     @property
     def width(self) -> float:
-        """Speed at which regularised friction reaches three quarters of its value."""
+        """Speed at which regularized friction reaches three quarters of its value."""
         return self.velocity or DEFAULT_VELOCITY
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:

@@ -133,9 +133,9 @@ class ForceElements:
         """Potential energy in J; kinematics must be current at q."""
         return sum(law.potential(q) for law, _ in self.acting)
 
-    def breaks(self) -> list[float]:
+    def nonsmooth_times(self) -> list[float]:
         """Return the times at which functions of time in the laws are not smooth."""
-        return sorted({x for law in self.over_time for signal in law.signals for x in signal.breaks})
+        return sorted({x for law in self.over_time for signal in law.signals for x in signal.nonsmooth_times})
 
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, at which a law may jump; sign * inf if none."""

@@ -14,7 +14,7 @@ from ...discovery import lazy_import
 from ...errors import InputError, StepError, UnknownNameError
 from ..allowed_paths import AllowedPaths
 from ..fmu.interface import FmuInterface, fmu_interface
-from ..fmu.session import FmuSession, kept_states
+from ..fmu.session import FmuSession, saved_states
 from ..key_units import Unit
 from ..time_functions.input_functions import Input, InputSetting
 from ..tree.coordinate_units import model_suffixes
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 SIGNALS = "mbdae.solution.signal_value"
-OF_Y = ("t", "y", "angle")  # kinds of signals that need no kinematics
+STATE_SIGNALS = ("t", "y", "angle")  # kinds of signals that need no kinematics
 
 
 class FMU(Force):
@@ -39,7 +39,7 @@ class FMU(Force):
     At each instant t_k = offset + k step the FMU steps from t_k-1 to t_k with its inputs held, takes the signals of
     the mechanism, and its outputs act on the joints until the next instant. It starts at the first instant of a run;
     before, its outputs are zero, and inputs have their start values. Its units are converted from and to SI units. Runs
-    go forwards only, and have no derivatives; a run continues from another one if the FMU can save its state.
+    go forwards only, and are not differentiable; a run continues from another one if the FMU can save its state.
 
     An output that sets an input u (`mbdae.Input`) holds it: u(t) = u_k. With ``hold = "first"`` it is the value at the
     next instant: u is continuous, with u' = (u_k - u(t_k)) / step, so that it may be the speed of a driver.
@@ -124,7 +124,7 @@ class FMU(Force):
                 lazy_import(SIGNALS, "find_point_signal")(mech, signal)
 
     def session(self, outputs: Sequence[str]) -> FmuSession:
-        """Return the FMU before its start.
+        """Return a new session of the FMU, not yet started.
 
         Args:
             outputs: names of its outputs in the order of its samples.
@@ -147,8 +147,8 @@ def velocity_indices(model: pin.Model) -> dict[str, int]:
     return out
 
 
-def fmus_of_inputs(forces: Iterable[object]) -> dict[str, str]:
-    """Return the inputs that outputs of FMUs set, and the names of these FMUs.
+def fmu_by_input(forces: Iterable[object]) -> dict[str, str]:
+    """Return the name of the FMU that sets an input, by the name of the input.
 
     Raises:
         InputError: for an input that two outputs set.
@@ -203,19 +203,19 @@ class FmuElement(SampledElement):
             memory |= {f"input {x.name}": x.value} | ({f"rate {x.name}": 0.0} if first else {})
             self.held.append(HeldInput(x, value, value + 1 if first else None))
         memory |= {"instant": 0.0} if any(x.rate is not None for x in self.held) else {}
-        super().__init__(spec.name, self._no_memory, 1 / spec.step, spec.offset, torques, {**memory, "state": 0.0})
+        super().__init__(spec.name, self._unused_sample, 1 / spec.step, spec.offset, torques, {**memory, "state": 0.0})
         self._outputs = [name for name in spec.outputs if name not in inputs] + [*inputs]
         self.spec, self._session = spec, None
         self._system: Index2System | None = None  # that runs
-        self._own: Index2System | None = None  # a workspace for signals
+        self._signal_system: Index2System | None = None  # for values of signals
 
     _session: FmuSession | None
 
-    def _no_memory(self, *point: Any) -> Any:
-        raise NotImplementedError
+    def _unused_sample(self, *point: Any) -> Any:
+        raise NotImplementedError  # `sampled` replaces it
 
     def attach(self, system: "Index2System") -> None:
-        self._system, self._own = system, None
+        self._system, self._signal_system = system, None
         vars(self).pop("_signals", None)
 
     def sampled(self, t: float, q: Array, v: Array, s: Array, at: slice) -> tuple[Array, Array]:
@@ -244,7 +244,7 @@ class FmuElement(SampledElement):
         return super().sampler(at) | {"inputs": [x.core_data(at) for x in self.held if x.cell.number >= 0]}
 
     def _inputs(self, t: float, y: Array) -> tuple[float, ...]:
-        return tuple(x if isinstance(x, float) else self._value(x, t, y) for x in self._signals)
+        return tuple(x if isinstance(x, float) else self._evaluate(x, t, y) for x in self._signals)
 
     @cached_property
     def _signals(self) -> list[Any]:
@@ -253,28 +253,28 @@ class FmuElement(SampledElement):
         find = partial(lazy_import(SIGNALS, "find_point_signal"), self._system.mechanism)
         return [find(x) if isinstance(x, str) else float(x) for x in self.spec.inputs.values()]
 
-    def _value(self, signal: Any, t: float, y: Array) -> float:
-        of_y = signal.kind in OF_Y
-        return self._value_of(None if of_y else self._workspace(), signal, t, y)  # type: ignore[no-any-return]
+    def _evaluate(self, signal: Any, t: float, y: Array) -> float:
+        workspace = None if signal.kind in STATE_SIGNALS else self._workspace()
+        return self._signal_value(workspace, signal, t, y)  # type: ignore[no-any-return]
 
     @cached_property
-    def _value_of(self) -> Any:
-        return import_module(SIGNALS).value  # of a floor above
+    def _signal_value(self) -> Any:
+        return import_module(SIGNALS).value  # in a higher layer: imported lazily to avoid a cycle
 
     def _workspace(self) -> "Index2System":
         """Return a workspace of Python in the mode of the run: the core cannot be called while it calls Python."""
         assert self._system
-        if self._own is None:
-            self._own = self._system.mechanism.system("index2")
-        if self._own.mode != self._system.mode:
-            self._own.enter(self._system.mode)
-        return self._own
+        if self._signal_system is None:
+            self._signal_system = self._system.mechanism.system("index2")
+        if self._signal_system.mode != self._system.mode:
+            self._signal_system.enter(self._system.mode)
+        return self._signal_system
 
     def save(self, s: Array) -> bytes | None:
         number = float(s[-1])
         if number == 0.0:
             return b""
-        return self._session.save(number) if self._session else kept_states.find(number)
+        return self._session.save(number) if self._session else saved_states.find(number)
 
     def detach_program(self) -> FmuSession | None:
         found, self._session = self._session, None

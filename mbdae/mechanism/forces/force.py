@@ -1,6 +1,6 @@
 """Base classes of forces: a description, possibly from a file, which is bound to a workspace as a force law.
 
-The generalised force tau (nv,) of a law has two parts: one derived from its potential, and one whose work is
+The generalized force tau (nv,) of a law has two parts: one derived from its potential, and one whose work is
 integrated along the motion. A law may have internal states s, s' = h(t, q, v, s), which may jump at certain times.
 """
 
@@ -29,16 +29,16 @@ ArrayOrZero = np.ndarray | float
 """An array, or 0 for one of zeros."""
 
 
-def distinct_joints(names: str | tuple[str, ...], *, of: str = "") -> str | tuple[str, ...]:
-    """Return names of joints, unchanged; messages begin with ``of``.
+def distinct_joints(names: str | tuple[str, ...], *, context: str = "") -> str | tuple[str, ...]:
+    """Return names of joints, unchanged; messages begin with ``context``.
 
     Raises:
         InputError: for no name, or one that is given twice: its law would act twice, or once, on one coordinate.
     """
     if not names:
-        raise InputError(f"{of}at least one joint is needed")
+        raise InputError(f"{context}at least one joint is needed")
     if not isinstance(names, str) and (twice := [n for i, n in enumerate(names) if n in names[:i]]):
-        raise InputError(f"{of}joint {twice[0]!r} is listed twice")
+        raise InputError(f"{context}joint {twice[0]!r} is listed twice")
     return names
 
 

@@ -1,4 +1,4 @@
-"""Coulomb friction in joints, regularised or exact."""
+"""Coulomb friction in joints, regularized or exact."""
 
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal, NamedTuple
@@ -34,9 +34,9 @@ class StictionJoint(NamedTuple):
 
 
 class JointFriction(Force):
-    """Coulomb friction on each coordinate of the joints, regularised or exact.
+    """Coulomb friction on each coordinate of the joints, regularized or exact.
 
-    Regularised: tau = -friction * tanh(v / velocity). A loaded joint then creeps, and the problem is stiff.
+    Regularized: tau = -friction * tanh(v / velocity). A loaded joint then creeps, and the problem is stiff.
 
     Exact, if ``static`` is given or ``exact`` is true: a joint slips, tau = -friction * sign(v), or sticks, v = 0,
     as long as |tau| <= ``static``. A run locates these transitions, see `mbdae.mechanism.hybrid`;
@@ -46,7 +46,7 @@ class JointFriction(Force):
         joint: one joint or several; all joints but modes of flexible bodies if omitted.
         friction: N m or N; if omitted, the values of the imported model for each coordinate, URDF
             ``<dynamics friction>`` and MJCF ``frictionloss``.
-        velocity: at which regularised friction reaches three quarters of its value, in rad/s or m/s; not too small: the
+        velocity: at which regularized friction reaches three quarters of its value, in rad/s or m/s; not too small: the
             time constant of the problem is inertia * velocity / friction. 0.01 if omitted.
         static: largest friction of a sticking joint, in N m or N, at least ``friction``, which is the default.
         exact: whether the joint can stick; true if ``static`` is given.
@@ -67,7 +67,7 @@ class JointFriction(Force):
     @model_validator(mode="after")
     def _check_keys(self) -> "JointFriction":
         if self.sticks and self.velocity is not None:
-            raise ValueError("velocity belongs to regularised friction, not to static or exact")
+            raise ValueError("velocity belongs to regularized friction, not to static or exact")
         if self.static is not None and self.static < (self.friction or 0.0):
             raise ValueError(f"static is at least friction, {self.friction:g}, got {self.static:g}")
         return self
@@ -78,7 +78,7 @@ class JointFriction(Force):
         return self.exact or self.static is not None
 
     def stiction_joints(self, model: pin.Model) -> Iterator[StictionJoint]:
-        """Yield the joints that can stick; none for regularised friction.
+        """Yield the joints that can stick; none for regularized friction.
 
         Raises:
             InputError: for a joint of several coordinates, or static friction below the kinetic one of the model.

@@ -68,20 +68,20 @@ class JointSpring(Force):
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         joints = single_coordinate_joints(model, self.joint, f"joint_spring {self.name!r}")
-        at = [(j.idx_q, j.idx_v) for j in joints]
+        indices = [(j.idx_q, j.idx_v) for j in joints]
         if self.stiffness is None:
-            return CurveElement(self, at)
-        springs = [Spring(iq, iv, self.stiffness, self.rest) for iq, iv in at]
-        return LinearElement(self.name, [("tau", iv, "v", iv, -self.damping) for _, iv in at], springs=springs)
+            return CurveElement(self, indices)
+        springs = [Spring(iq, iv, self.stiffness, self.rest) for iq, iv in indices]
+        return LinearElement(self.name, [("tau", iv, "v", iv, -self.damping) for _, iv in indices], springs=springs)
 
 
 class CurveElement(JointElement):
     """The law of a `JointSpring` with a table, c a piecewise polynomial."""
 
-    def __init__(self, spec: JointSpring, at: list[tuple[int, int]]) -> None:
-        super().__init__(spec.name, [iv for _, iv in at], [iq for iq, _ in at])
-        self.c, self.rest, self.damping = spec.curve, spec.rest, spec.damping
-        self.integral, self.steepness = self.c.antiderivative(), self.c.derivative()
+    def __init__(self, spec: JointSpring, indices: list[tuple[int, int]]) -> None:
+        super().__init__(spec.name, [iv for _, iv in indices], [iq for iq, _ in indices])
+        self.curve, self.rest, self.damping = spec.curve, spec.rest, spec.damping
+        self.integral, self.tangent_stiffness = self.curve.antiderivative(), self.curve.derivative()
         self.deflections = [(iv, "") for iv in self.rows]
 
     def deflection(self, q: Array) -> Array:
@@ -89,14 +89,16 @@ class CurveElement(JointElement):
 
     def effort(self, q: Array, v: Array) -> Effort:
         x = q - self.rest
-        spring = self.c(x.real) + (1j * self.steepness(x.real) * x.imag if np.iscomplexobj(x) else 0.0)
-        return -spring, -self.damping * v
+        torque = self.curve(x.real)
+        if np.iscomplexobj(x):
+            torque = torque + 1j * self.tangent_stiffness(x.real) * x.imag
+        return -torque, -self.damping * v
 
     def potential(self, q: Array) -> float:
         """Return the integral of c from 0 to the deflection, over all coordinates, in J."""
         return float((self.integral(self.deflection(q)) - self.integral(0.0)).sum())
 
     def core_data(self) -> CoreData:
-        signals = [PiecewisePolynomial.from_ppoly(x).core_data() for x in (self.c, self.integral)]
+        signals = [PiecewisePolynomial.from_ppoly(x).core_data() for x in (self.curve, self.integral)]
         numbers = {"rows": self.rows, "columns": self.columns, "a": [self.rest, self.damping]}
         return {"kind": "curve", **numbers, "signals": signals}

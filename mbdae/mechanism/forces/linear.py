@@ -117,7 +117,7 @@ class Linear(ForceElement):
 
     def time_partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         x = np.zeros(len(q) + len(v) + len(s) + 1 + len(self.u))
-        x[len(x) - len(self.u) :] = [u.derivative(t, k) for u, k in self.u]
+        x[len(x) - len(self.u) :] = [u.derivative(t, k + 1) for u, k in self.u]
         y = np.bincount(self.y, self.values * x.take(self.x), 2 * self.nv + self.ns)
         other = y[self.nv : 2 * self.nv]
         return np.concatenate([other, y[2 * self.nv :], [other @ v]])

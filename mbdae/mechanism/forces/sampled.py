@@ -60,7 +60,7 @@ class Sampled(PythonForce):
         object.__setattr__(self, "memory", start_values(self.name, self.memory))
         if self.joints is not None:
             names = tuple(as_list(self.joints, f"joints of controller {self.name!r} are names"))
-            object.__setattr__(self, "joints", distinct_joints(names, of=f"controller {self.name!r}: "))
+            object.__setattr__(self, "joints", distinct_joints(names, context=f"controller {self.name!r}: "))
         if not (0 < self.rate < np.inf and np.isfinite(self.offset)):
             raise InputError(f"controller {self.name!r} needs a rate > 0 in Hz, got {self.rate}, offset {self.offset}")
 

@@ -78,8 +78,8 @@ class _Part(ABC):
         return with_entries(table, {name: (path, values[name]) for name, path in self.paths.items()})
 
 
-def _place(kind: str, of: int, i: int) -> CoreData:
-    return {"kind": kind, "of": of, "i": i}
+def _place(kind: str, owner: int, i: int) -> CoreData:
+    return {"kind": kind, "of": owner, "i": i}
 
 
 def _number(x: object) -> float:

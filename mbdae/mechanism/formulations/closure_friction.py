@@ -1,6 +1,6 @@
 """Friction proportional to constraint forces: T_k = -mu_k r_k |F_k(lam)| d_k along e_k, for each friction interface k.
 
-e_k (nv,) is the generalised direction of the slip, e_k . v its speed, d_k its regularised sign, between -1 and 1. A
+e_k (nv,) is the generalized direction of the slip, e_k . v its speed, d_k its regularized sign, between -1 and 1. A
 stage, or a point of the hidden constraint, solves
 
     M v' = f + G^T lam + sum_k e_k T_k,   Ghat v' = rhs,   T_k = -mu_k r_k |F_k(lam)| d_k
@@ -111,12 +111,12 @@ class ClosureFriction:
         G = self.constraints.jacobian()
         return minimum_norm(G, r, G[rows]).T
 
-    def regularised_interfaces(self, name: str) -> list[int]:
-        """Return the indices of a closure's interfaces with regularised friction, which is not a multiplier."""
+    def regularized_interfaces(self, name: str) -> list[int]:
+        """Return the indices of a closure's interfaces with regularized friction, which is not a multiplier."""
         return [k for k, p in enumerate(self.interfaces) if p.closure.name == name and not p.force.sticks]
 
     def wrench(self, name: str, v: Array, lam: Array) -> Array:
-        """Return the regularised friction wrench of a closure on its second frame, at the world's origin, (6,).
+        """Return the regularized friction wrench of a closure on its second frame, at the world's origin, (6,).
 
         Args:
             name: name of the closure.
@@ -124,7 +124,7 @@ class ClosureFriction:
             lam: multipliers of all rows, (ng,).
         """
         out = np.zeros(6)
-        for k in self.regularised_interfaces(name):
+        for k in self.regularized_interfaces(name):
             p = self.interfaces[k]
             A = p.slip_wrenches(self.constraints.W[:, p.rows])
             slip, F = A @ p.pair.relative(v), lam[p.rows]

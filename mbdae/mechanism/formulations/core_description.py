@@ -57,7 +57,7 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
         many_rows=independent_rows.MANY_ROWS,
         extra_cg_iterations=independent_rows.EXTRA_CG_ITERATIONS,
         projection_max_remaining=projection.MAX_REMAINING,
-        projection_open=projection.OPEN,
+        projection_open=projection.VIOLATED,
         projection_stalled=projection.STALLED,
         projection_iterations=projection.ITERATIONS,
         ggl_iterations=ggl.ITERATIONS,

@@ -1,4 +1,4 @@
-"""GGL stabilised index-2 form of a mechanism: a second multiplier enforces the position constraints.
+"""GGL stabilized index-2 form of a mechanism: a second multiplier enforces the position constraints.
 
     q' = v + M^-1 G_p^T mu,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = g(t, q),   0 = G(q) v + g_t(t)
 
@@ -142,20 +142,20 @@ class GGLChart(Index2Chart):
             if info or not np.isfinite(size):
                 break
             if size <= ROUNDING * scale or (size > 0.5 * last and size <= SEARCH_TOLERANCE * scale):
-                self._require_closed(that, g, m.integrate(self.q, xhat_i))
+                self._require_satisfied(that, g, m.integrate(self.q, xhat_i))
                 s.velocity_correction = MinvGT @ self.mu
                 return dx, Ghat[self.rows]
             self.mu, dx, last = self.mu + dmu, dx + B @ dmu, size
         raise StepError("newton", f"Newton's method for the positions of the closures diverges at t = {that:.17g}")
 
-    def _require_closed(self, t: float, g: Array, q: Array) -> None:
+    def _require_satisfied(self, t: float, g: Array, q: Array) -> None:
         mech = self.system.mechanism
         if np.abs(g / mech.row_scales).max(initial=0.0) > SAME_STATE:
-            gap = largest_error(mech, g)
+            violation = largest_error(mech, g)
             names = contradicting_positions(self.system, t, q)
             why = f"{names} contradict each other" if names else "the rows in use no longer enforce it"
-            remark = shortening_remark(mech, gap.name)
-            raise StepError("rank", f"{gap.message('opens')} at t = {t:.17g}: {why}{remark}")
+            remark = shortening_remark(mech, violation.name)
+            raise StepError("rank", f"{violation.message()} at t = {t:.17g}: {why}{remark}")
 
     def start(self) -> tuple[Array, Array]:
         """Return (v, v', w') and (lam, mu = 0) of the rows in use and of the independent position rows, (r + k,)."""
@@ -183,7 +183,7 @@ class GGLChart(Index2Chart):
         y, lam = super().end(t, x, dx, z[:r])
         g, G = s.closures(None, t)
         if dx is not None:
-            self._require_closed(t, g, s.split(y)[0])
+            self._require_satisfied(t, g, s.split(y)[0])
         return y, np.concatenate([lam, s.all_position_multipliers(s._last[0], G, self.position_rows, z[r:])])
 
     def all_multipliers(self, z: Array) -> Array:

@@ -63,8 +63,8 @@ class Index1System(Index2System):
         return state
 
     def normal(self, y: Array) -> Array:
-        """Return the point of raw coordinates with normalised quaternions and (cos, sin) pairs."""
-        return np.concatenate([self.manifold.normalised(y[: self.nq]), y[self.nq :]])
+        """Return the point of raw coordinates with normalized quaternions and (cos, sin) pairs."""
+        return np.concatenate([self.manifold.normalized(y[: self.nq]), y[self.nq :]])
 
     def rate(self, t: float, y: Array) -> tuple[Array, Array]:
         """Return dy/dt = (T v, v', w') in raw coordinates, (nq + nv + 1,), and lam (ng,)."""

@@ -180,7 +180,7 @@ class Index2System(PinocchioData, RunVariables, System):
         return y[self.nq + self.nv : -1]
 
     def breakpoint(self, t: float, sign: float) -> float:
-        driven = (sign * s for s in self.constraints.breaks if sign * s > sign * t)
+        driven = (sign * s for s in self.constraints.nonsmooth_times if sign * s > sign * t)
         return sign * min(sign * self.laws.breakpoint(t, sign), *driven, inf)
 
     def jump(self, t: float, y: Array, late: float = inf) -> Array:

@@ -59,7 +59,7 @@ class WorkspacePool:
     """Idle workspaces of a mechanism; threads may acquire and release them concurrently.
 
     Variants of a mechanism with other parameters share idle workspaces, and bind them in place. Workspaces with
-    Baumgarte stabilisation or third-party forces are not pooled, because they cannot be reset.
+    Baumgarte stabilization or third-party forces are not pooled, because they cannot be reset.
 
     Args:
         mechanism: the mechanism.

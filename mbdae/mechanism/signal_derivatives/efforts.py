@@ -84,10 +84,10 @@ def _deflections(motion: MotionTangent, law: ForceElement, number: int) -> list[
         Xa, Xb = motion.pair(law.pair)
         Ra, pa, pb = law.pair.Ra, law.pair.pa, law.pair.pb
         if isinstance(law, BushingElement):
-            theta = law.gap()[1]
+            theta = law.relative_pose()[1]
             J_inv = np.array([inverse_jacobian(-skew(theta), e) for e in np.eye(3)]).T  # J_l(theta)^-1
-            gap = point_velocities(Xb, pb) - point_velocities(Xa, pa) - np.cross(Xa[3:].T, pb - pa).T
-            out = np.concatenate([Ra.T @ gap, J_inv @ (Ra.T @ (Xb - Xa)[3:])])
+            velocity = point_velocities(Xb, pb) - point_velocities(Xa, pa) - np.cross(Xa[3:].T, pb - pa).T
+            out = np.concatenate([Ra.T @ velocity, J_inv @ (Ra.T @ (Xb - Xa)[3:])])
         else:
             out = (unit_gap(law.pair)[1] @ (point_velocities(Xb, pb) - point_velocities(Xa, pa)))[None]
     else:

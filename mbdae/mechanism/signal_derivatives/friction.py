@@ -22,10 +22,10 @@ from .motion_tangent import MotionTangent
 
 
 def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
-    """Return the regularised friction of a closure on its second frame, at the world's origin, (6,), and (6, m)."""
+    """Return the regularized friction of a closure on its second frame, at the world's origin, (6,), and (6, m)."""
     sliding, parameters = motion.system.closure_friction, motion.parameters
     F, dF = np.zeros(6), np.zeros((6, len(motion.d.t)))
-    for k in sliding.regularised_interfaces(name):
+    for k in sliding.regularized_interfaces(name):
         interface = sliding.interfaces[k]
         (V, dV), A, dA = motion.relative(interface.pair), *_slip_wrench_tangents(motion, interface)
         lam, dlam, c = motion.lam[interface.rows], motion.d.lam[interface.rows], -float(sliding.coefficient[k])

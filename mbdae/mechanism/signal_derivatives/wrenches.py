@@ -36,7 +36,7 @@ def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
             perturbed.jacobian()
             found[k] = perturbed.W[:, perturbed.spans[name]].dot(motion.lam[span])
         dF += np.outer(p.quotient(found), dp)
-    if motion.system.closure_friction.regularised_interfaces(name):
+    if motion.system.closure_friction.regularized_interfaces(name):
         friction, change = friction_wrench(motion, name)
         F, dF = F + friction, dF + change
     return F, dF

@@ -1,4 +1,4 @@
-"""Outputs of force elements by name: generalised force, power, deflection.
+"""Outputs of force elements by name: generalized force, power, deflection.
 
 A force along one coordinate has ``torque.<name>`` in N m for rotations and ``force.<name>`` in N for translations;
 along several coordinates, ``torque.<name>.<joint>`` and so on; its sign is that of the coordinate. A spring, damper or

@@ -112,7 +112,7 @@ def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Ar
             W = system.constraints.W[:, rows].copy()
             W[3:] -= (lever := skew(bound.pair.pb)) @ W[:3]
             row_wrenches[i], wrench[i], rotations[i] = W, W @ lam[i, rows], bound.pair.Ra
-            if v is not None and system.closure_friction.regularised_interfaces(name):
+            if v is not None and system.closure_friction.regularized_interfaces(name):
                 friction = system.closure_friction.wrench(name, v[i], lam[i])
                 wrench[i] += friction
                 wrench[i, 3:] -= lever @ friction[:3]

@@ -110,7 +110,7 @@ class InputHistory(PiecewiseFunction):
 
     @field_validator("pieces")
     @classmethod
-    def _rise(cls, pieces: tuple[tuple[float, float, float], ...]) -> tuple[tuple[float, float, float], ...]:
+    def _check_times(cls, pieces: tuple[tuple[float, float, float], ...]) -> tuple[tuple[float, float, float], ...]:
         require_increasing([(t, u) for t, u, _ in pieces])
         return pieces
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Point = tuple[float, float]
 Interpolation = Literal["spline", "monotone"]
-Beyond = Literal["hold", "linear", "periodic"]
+Extrapolation = Literal["hold", "linear", "periodic"]
 CACHE_SIZE = 32  # curves
 MAX_POLYNOMIALS = 100_000  # within a run: for more, use a harmonic or another model
 
@@ -27,48 +27,53 @@ class PiecewisePolynomial:
     """u(t) = sum_p c_ip (t - t_i)^(d - p) for t >= t_i; the first polynomial also applies before t_0.
 
     Args:
-        starts: t_i, (n,), increasing.
+        breakpoints: t_i, (n,), increasing: where each polynomial begins.
         coefficients: c, (n, d + 1), highest power first.
-        breaks: times where u is not smooth.
-        period: u(t + period) = u(t) + rise from t_0 on; 0 if u is not periodic.
-        rise: increment per period.
+        nonsmooth_times: times where u is not smooth.
+        period: u(t + period) = u(t) + increment from t_0 on; 0 if u is not periodic.
+        increment_per_period: of u.
     """
 
     def __init__(
         self,
-        starts: Iterable[float],
+        breakpoints: Iterable[float],
         coefficients: Iterable[Iterable[float]],
-        breaks: Sequence[float] = (),
+        nonsmooth_times: Sequence[float] = (),
         period: float = 0.0,
-        rise: float = 0.0,
+        increment_per_period: float = 0.0,
     ) -> None:
         rows = [[float(c) for c in row] for row in coefficients]
-        self.starts, self.breaks, self.period, self.rise = [float(t) for t in starts], breaks, period, rise
+        self.breakpoints, self.nonsmooth_times = [float(t) for t in breakpoints], nonsmooth_times
+        self.period, self.increment_per_period = period, increment_per_period
         self._derivatives = [rows]
         for k in range(3):
             self._derivatives.append([_derivative(row) for row in self._derivatives[k]])
 
     @classmethod
     def from_ppoly(
-        cls, c: "PPoly", breaks: Sequence[float] = (), period: float = 0.0, rise: float = 0.0
+        cls,
+        curve: "PPoly",
+        nonsmooth_times: Sequence[float] = (),
+        period: float = 0.0,
+        increment_per_period: float = 0.0,
     ) -> "PiecewisePolynomial":
         """Return the polynomials of a curve of scipy."""
-        return cls(c.x[:-1], c.c.T, breaks, period, rise)
+        return cls(curve.x[:-1], curve.c.T, nonsmooth_times, period, increment_per_period)
 
     def at(self, t: float, k: int = 0) -> float:
         """Return the k-th derivative, k = 0, 1, 2, 3."""
-        periods = floor((t - self.starts[0]) / self.period) if self.period and isfinite(t) else 0
+        periods = floor((t - self.breakpoints[0]) / self.period) if self.period and isfinite(t) else 0
         t -= periods * self.period
-        i = max(0, bisect_right(self.starts, t) - 1)
-        row, x = self._derivatives[k][i], t - self.starts[i]
+        i = max(0, bisect_right(self.breakpoints, t) - 1)
+        row, x = self._derivatives[k][i], t - self.breakpoints[i]
         value = row[0]
         for j in range(1, len(row)):
             value = value * x + row[j]
-        return value if k else value + periods * self.rise
+        return value if k else value + periods * self.increment_per_period
 
-    def derivative(self, t: float, k: int = 0) -> float:
-        """Return the derivative of the k-th derivative, k = 0, 1, 2."""
-        return self.at(t, k + 1)
+    def derivative(self, t: float, k: int = 1) -> float:
+        """Return the k-th derivative, k = 1, 2, 3."""
+        return self.at(t, k)
 
     def knots_between(self, t0: float, t1: float) -> list[float]:
         """Return the knots between t0 and t1: times where two polynomials join.
@@ -78,19 +83,19 @@ class PiecewisePolynomial:
         """
         low, high = min(t0, t1), max(t0, t1)
         if not self.period:
-            return [t for t in self.starts[1:] if low < t < high]
-        first, last = (floor((t - self.starts[0]) / self.period) for t in (low, high))
-        if (count := (last + 1 - first) * len(self.starts)) > MAX_POLYNOMIALS:
+            return [t for t in self.breakpoints[1:] if low < t < high]
+        first, last = (floor((t - self.breakpoints[0]) / self.period) for t in (low, high))
+        if (count := (last + 1 - first) * len(self.breakpoints)) > MAX_POLYNOMIALS:
             text = f"a table that repeats every {self.period:g} s has {count:.3g} pieces between {t0:g} and {t1:g} s"
             raise InputError(f"{text}: at most {MAX_POLYNOMIALS} are supported")
-        knots = (t + k * self.period for k in range(first, last + 1) for t in self.starts)
+        knots = (t + k * self.period for k in range(first, last + 1) for t in self.breakpoints)
         return [t for t in knots if low < t < high]
 
     def core_data(self) -> CoreData:
         """Return the core data."""
         rows = self._derivatives[0]
-        numbers = {"a": [c for row in rows for c in row], "b": self.starts, "degree": len(rows[0]) - 1}
-        return {"kind": "polynomials", **numbers, "period": self.period, "rise": self.rise}
+        numbers = {"a": [c for row in rows for c in row], "b": self.breakpoints, "degree": len(rows[0]) - 1}
+        return {"kind": "polynomials", **numbers, "period": self.period, "rise": self.increment_per_period}
 
 
 def _derivative(row: list[float]) -> list[float]:
@@ -111,7 +116,7 @@ def require_increasing(points: Sequence[Point]) -> tuple[Point, ...]:
 
 
 def interpolant_of_points(
-    points: Sequence[Point], interpolation: Interpolation, beyond: Beyond, *, at_rest: bool = False
+    points: Sequence[Point], interpolation: Interpolation, extrapolation: Extrapolation, *, at_rest: bool = False
 ) -> "PPoly":
     """Return a smooth curve through points: a natural cubic spline, or a monotone one (Fritsch, Butland 1984).
 
@@ -121,7 +126,7 @@ def interpolant_of_points(
     Args:
         points: pairs (t, u).
         interpolation: kind of the curve.
-        beyond: extrapolation beyond its ends.
+        extrapolation: beyond its ends.
         at_rest: u' = 0 at both ends (a clamped spline), so that constant extrapolation causes no jump of u'.
 
     Raises:
@@ -131,9 +136,10 @@ def interpolant_of_points(
 
     x, y = np.array(points, float).T
     with np.errstate(all="ignore"), suppress(ValueError, np.linalg.LinAlgError):
-        c = _periodic(x, y, interpolation) if beyond == "periodic" else _curve(tuple(points), interpolation, at_rest)
-        if beyond != "periodic":
-            rate = np.zeros(2) if beyond == "hold" else c(x[[0, -1]], 1)
+        periodic = extrapolation == "periodic"
+        c = _periodic(x, y, interpolation) if periodic else _curve(tuple(points), interpolation, at_rest)
+        if not periodic:
+            rate = np.zeros(2) if extrapolation == "hold" else c(x[[0, -1]], 1)
             zero, width = np.zeros(2), x[-1] - x[0]
             ends = np.array([zero, zero, rate, [y[0] - width * rate[0], y[-1]]])  # one polynomial on either side
             c = PPoly(np.column_stack([ends[:, :1], c.c, ends[:, 1:]]), [x[0] - width, *x, x[-1] + width])
@@ -165,9 +171,9 @@ def _periodic(x: np.ndarray, y: np.ndarray, interpolation: Interpolation) -> "PP
     """Return the curve of one period with increment y_n - y_0."""
     from scipy.interpolate import CubicSpline, PPoly
 
-    width, rise, n = x[-1] - x[0], y[-1] - y[0], len(x) - 1
+    width, increment, n = x[-1] - x[0], y[-1] - y[0], len(x) - 1
     if interpolation == "spline" and n > 1:
-        mean_rate = rise / width
+        mean_rate = increment / width
         deviation = y - mean_rate * (x - x[0])
         deviation[-1] = deviation[0]
         c = CubicSpline(x, deviation, bc_type="periodic").c
@@ -175,5 +181,5 @@ def _periodic(x: np.ndarray, y: np.ndarray, interpolation: Interpolation) -> "PP
         c[3] += mean_rate * (x[:-1] - x[0])
         return PPoly(c, x)
     # the middle one of three periods
-    x3, y3 = (np.concatenate([z[:-1] - shift, z[:-1], z + shift]) for z, shift in ((x, width), (y, rise)))
+    x3, y3 = (np.concatenate([z[:-1] - shift, z[:-1], z + shift]) for z, shift in ((x, width), (y, increment)))
     return PPoly(_through(x3, y3, interpolation, at_rest=False).c[:, n : 2 * n], x)

@@ -18,20 +18,20 @@ class BaseTimeFunction(Table):
 
     @abstractmethod
     def at(self, t: float, k: int = 0) -> float:
-        """Return the k-th derivative with respect to time, k = 0, 1, 2."""
+        """Return the k-th derivative with respect to time, k = 0, 1, 2, as given; see `derivative`."""
 
-    def derivative(self, t: float, k: int = 0) -> float:
-        """Return the derivative of the k-th derivative: a sixth-order difference where it is not given."""
-        if k < 2 and self.has_derivative(k + 1):
-            return self.at(t, k + 1)
-        return float(numerical_derivative(lambda x: self.at(t + x, k), SPACING))
+    def derivative(self, t: float, k: int = 1) -> float:
+        """Return the k-th derivative, k = 1, 2, 3: a sixth-order difference of the one before if it is not given."""
+        if k < 3 and self.has_derivative(k):
+            return self.at(t, k)
+        return float(numerical_derivative(lambda x: self.at(t + x, k - 1), SPACING))
 
     def has_derivative(self, k: int) -> bool:
         """Return whether the k-th derivative is given, k = 0, 1, 2."""
         return True
 
     @property
-    def breaks(self) -> Sequence[float]:
+    def nonsmooth_times(self) -> Sequence[float]:
         """Times where the function is not smooth."""
         return ()
 
@@ -45,8 +45,8 @@ class BaseTimeFunction(Table):
         return ()
 
     def breakpoint(self, t: float, sign: float) -> float:
-        """Return the first break after t in the direction of sign; sign * inf if there is none."""
-        return sign * min((sign * s for s in self.breaks if sign * s > sign * t), default=inf)
+        """Return the first nonsmooth time after t in the direction of sign; sign * inf if there is none."""
+        return sign * min((sign * s for s in self.nonsmooth_times if sign * s > sign * t), default=inf)
 
     @abstractmethod
     def core_data(self) -> CoreData:
@@ -65,17 +65,17 @@ class PiecewiseFunction(BaseTimeFunction):
         return self.polynomials.at(t, k)
 
     @property
-    def breaks(self) -> Sequence[float]:
-        return self.polynomials.breaks
+    def nonsmooth_times(self) -> Sequence[float]:
+        return self.polynomials.nonsmooth_times
 
     @property
     def knots(self) -> Sequence[float]:
-        return self.polynomials.starts[1:]
+        return self.polynomials.breakpoints[1:]
 
     def knots_between(self, t0: float, t1: float) -> Sequence[float]:
         return self.polynomials.knots_between(t0, t1)
 
-    def derivative(self, t: float, k: int = 0) -> float:
+    def derivative(self, t: float, k: int = 1) -> float:
         return self.polynomials.derivative(t, k)
 
     def core_data(self) -> CoreData:

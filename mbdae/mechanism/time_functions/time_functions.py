@@ -14,7 +14,7 @@ from ..key_units import Unit
 from ..tagged_union import TaggedByKind
 from . import piecewise_polynomial as piecewise
 from .input_functions import Input, InputHistory
-from .piecewise_polynomial import Beyond, Interpolation, PiecewisePolynomial, Point
+from .piecewise_polynomial import Extrapolation, Interpolation, PiecewisePolynomial, Point
 from .time_function_base import BaseTimeFunction, PiecewiseFunction
 
 T = TypeVar("T")
@@ -111,7 +111,7 @@ class TimeTable(_Points):
     kind: Literal["table"] = "table"
     points: Annotated[tuple[Point, ...], Unit("x", "y")] = Field(min_length=2)
     interpolation: Interpolation = "spline"
-    beyond: Beyond | None = None
+    beyond: Extrapolation | None = None
 
     @cached_property
     def polynomials(self) -> PiecewisePolynomial:
@@ -123,14 +123,17 @@ class TimeTable(_Points):
         jumps = self.points if self.interpolation == "monotone" else (self.points[0], self.points[-1])  # of u''
         return self._interpolate(self.beyond or "linear", [t for t, _ in jumps], at_rest=self.beyond == "hold")
 
-    def _interpolate(self, beyond: Beyond, breaks: Sequence[float], *, at_rest: bool = False) -> PiecewisePolynomial:
-        c = piecewise.interpolant_of_points(self.points, self.interpolation, beyond, at_rest=at_rest)
-        if beyond != "periodic":
-            return PiecewisePolynomial.from_ppoly(c, breaks)
-        return PiecewisePolynomial.from_ppoly(c, (), self.points[-1][0] - self.points[0][0], self.rise)
+    def _interpolate(
+        self, extrapolation: Extrapolation, nonsmooth_times: Sequence[float], *, at_rest: bool = False
+    ) -> PiecewisePolynomial:
+        curve = piecewise.interpolant_of_points(self.points, self.interpolation, extrapolation, at_rest=at_rest)
+        if extrapolation != "periodic":
+            return PiecewisePolynomial.from_ppoly(curve, nonsmooth_times)
+        period = self.points[-1][0] - self.points[0][0]
+        return PiecewisePolynomial.from_ppoly(curve, (), period, self.increment_per_period)
 
     @property
-    def rise(self) -> float:
+    def increment_per_period(self) -> float:
         """Increment per period."""
         return self.points[-1][1] - self.points[0][1]
 
@@ -215,8 +218,8 @@ def _coerce(value: object) -> Any:
     return Function(function=value) if callable(value) and not isinstance(value, BaseTimeFunction) else value
 
 
-def _require_no_rise(u: T) -> T:
-    if isinstance(u, TimeTable) and u.beyond == "periodic" and u.rise:
+def _require_equal_ends(u: T) -> T:
+    if isinstance(u, TimeTable) and u.beyond == "periodic" and u.increment_per_period:
         ends = f"{u.points[0][1]:g} and {u.points[-1][1]:g}"
         raise ValueError(f"a periodic table of a load or speed ends with the value that it begins with, got {ends}")
     return u
@@ -229,4 +232,4 @@ Motion = Annotated[
     ],
     BeforeValidator(_coerce),
 ]
-TimeFunction = Annotated[Motion, AfterValidator(_require_no_rise)]
+TimeFunction = Annotated[Motion, AfterValidator(_require_equal_ends)]

@@ -61,7 +61,7 @@ def coordinate_units_of(model: pin.Model) -> dict[str, str]:
 
 def units_by_coordinate(units: JointUnits) -> dict[str, str]:
     """Return the units of joints by ``q.<coordinate>`` and then ``v.<coordinate>``."""
-    return {f"{k}.{x}": unit for k, joints in units.items() for of in joints.values() for x, unit in of.items()}
+    return {f"{k}.{x}": unit for k, joints in units.items() for joint in joints.values() for x, unit in joint.items()}
 
 
 def joint_coordinate_units(model: pin.Model) -> JointUnits:
@@ -71,11 +71,11 @@ def joint_coordinate_units(model: pin.Model) -> JointUnits:
         kind = _kind(find_joint(model, name))
         prismatic = kind.startswith("P") and kind != "Planar"
         for (letter, per), suffixes in zip((("q", ""), ("v", "/s")), model_suffixes(model, name), strict=True):
-            of = out[letter][name] = dict[str, str]()
+            by_name = out[letter][name] = dict[str, str]()
             for suffix in suffixes:
                 length = suffix.lstrip(".v") in ("x", "y", "z") if suffix else prismatic
                 unit = "m" if length else "1" if suffix[1:] in DIMENSIONLESS else "rad"
-                of[name + suffix] = unit + per
+                by_name[name + suffix] = unit + per
     return out
 
 

@@ -170,7 +170,7 @@ class Pair:
     """Two anchors bound to live Pinocchio data: poses in the world, twists, and the columns of J that move them.
 
     ``sign`` (nv,) is +1 where a joint moves only b, -1 where it moves only a and 0 elsewhere: a wrench w (6,) on b and
-    -w on a, both at the world's origin, has the generalised force sign * (J^T w). ``columns`` are those of the
+    -w on a, both at the world's origin, has the generalized force sign * (J^T w). ``columns`` are those of the
     joints that move a or b or both. Modes that move an anchor on a node have other columns than J, ``nodes``: sign of
     the anchor, the bound body and its node; their ``sign`` is 0.
     """
@@ -240,7 +240,7 @@ class Pair:
         return self._J.dot(self.sign * v) + sum(sign * (node.columns @ v[body.at]) for sign, body, node in self.nodes)
 
     def torque(self, wrench: np.ndarray) -> np.ndarray:
-        """Return the generalised force (nv,) of a wrench (6,) on b and its reaction on a."""
+        """Return the generalized force (nv,) of a wrench (6,) on b and its reaction on a."""
         out = self.sign * wrench.dot(self._J)
         for sign, body, node in self.nodes:
             out[body.at] += sign * wrench.dot(node.columns)

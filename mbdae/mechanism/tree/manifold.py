@@ -188,7 +188,7 @@ class Manifold:
             return np.eye(self.model.nv)
         return pin.tangentMap(self.model, q).reshape(self.model.nq, self.model.nv)  # with nv = 1 it is a vector
 
-    def normalised(self, q: np.ndarray) -> np.ndarray:
+    def normalized(self, q: np.ndarray) -> np.ndarray:
         """Return the configuration of raw coordinates q, (nq,): its unit vectors are divided by their lengths."""
         return q if self.flat else pin.normalize(self.model, q)
 

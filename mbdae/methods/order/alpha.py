@@ -1,4 +1,4 @@
-"""Order and stability of generalised-alpha methods, from their exact numbers.
+"""Order and stability of generalized-alpha methods, from their exact numbers.
 
 On y'' = f, a approximates y'' at t + offset h, offset = alpha_m - alpha_f, and has order 2 with
 gamma = 1/2 - offset; y and y' then have order 2. The method is unconditionally stable for linear oscillations if
@@ -14,7 +14,7 @@ from ..alpha import GeneralizedAlpha
 
 @dataclass(frozen=True)
 class AlphaReport:
-    """Result of the conditions of a generalised-alpha method.
+    """Result of the conditions of a generalized-alpha method.
 
     Attributes:
         name: the method.

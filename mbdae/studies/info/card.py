@@ -60,7 +60,7 @@ class Card(Tabular):
         g_loaded: max |g| of the file's start values, before assembly.
         g: max |g| at the assembled start.
         Gv: max |G v| at the assembled start.
-        open: closure that the file's start values violate, and its violation, in words.
+        violation: closure that the file's start values violate, and its violation, in words.
         motors: names of the inputs that take controls.
         parameters: name and value of each parameter of the model, and its valid values, in words.
         solve: settings of runs in the file.
@@ -92,7 +92,7 @@ class Card(Tabular):
     g_loaded: float
     g: float
     Gv: float
-    open: str = ""
+    violation: str = ""
     motors: tuple[str, ...] = ()
     parameters: tuple[dict[str, Any], ...] = ()
     solve: dict[str, Any] = field(default_factory=dict)
@@ -149,7 +149,8 @@ class Card(Tabular):
             lines.append(f"  solve     {', '.join(f'{name} = {x}' for name, x in self.solve.items())}")
         if self.motors:
             lines.append(f"  motors    {', '.join(self.motors)}")
-        lines.append(f"  start     |g| {self.g:.1e} ({self.g_loaded:.1e} as loaded{self.open}), |G v| {self.Gv:.1e}")
+        as_loaded = f"{self.g_loaded:.1e} as loaded{self.violation}"
+        lines.append(f"  start     |g| {self.g:.1e} ({as_loaded}), |G v| {self.Gv:.1e}")
         lines += [wrapped(f"            {line}") for line in self._start()]
         lines += [wrapped(f"  not modelled: {', '.join(self.not_modelled)}")]
         return "\n".join(lines)
@@ -245,7 +246,7 @@ def card(mech: Mechanism) -> Card:
     positions = rank(mass_scaled_jacobian(system, 0.0, q)[mech.positional])
     by_name, speeds = by_joint(system, 0.0, mech.point())
     g, Gv = mech.residual(q, v)
-    loaded, gap = mech.given[0], mech.gap_as_given
+    loaded, worst = mech.given[0], mech.start_violation
     closures = (
         {
             "name": c.name,
@@ -276,7 +277,7 @@ def card(mech: Mechanism) -> Card:
         g_loaded=float(np.abs(mech.residual(loaded, v)[0]).max(initial=0)),
         g=float(np.abs(g).max(initial=0)),
         Gv=float(np.abs(Gv).max(initial=0)),
-        open=f", {gap.name!r} open by {gap.text}" if gap and gap.size > AGREEMENT else "",
+        violation=f", {worst.name!r} violated by {worst.text}" if worst and worst.size > AGREEMENT else "",
         motors=tuple(m.name for m in mech.motors),
         parameters=tuple((mech.source or {}).get("parameters", ())),
         solve=mech.settings.given,

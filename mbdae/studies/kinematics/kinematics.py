@@ -116,7 +116,7 @@ def _start_on_curve(driven: Mechanism, q: Array, span: tuple[float, float] | Non
         except (AssemblyError, InputError) as e:
             at, reached = (quantity(x, driven.row_units[-1], form) for x, form in ((first, ".6g"), (u, ".4g")))
             text = f"the input cannot start at {at}: it only reaches about {reached}; {e}"
-            known = (e.closure, e.gap) if isinstance(e, AssemblyError) else ("", np.nan)
+            known = (e.closure, e.violation) if isinstance(e, AssemblyError) else ("", np.nan)
             raise AssemblyError(text, *known) from None
     return q, first
 

@@ -33,7 +33,7 @@ from ..path_location import locate
 from .grazing import GrazingMonitor
 from .motion import motion_of
 from .result import Bifurcation, BranchMotion
-from .shooting.cycle import Cycle, Guess, Linearisation
+from .shooting.cycle import Cycle, Guess, ShootingEquations
 from .shooting.exchange import Exchange
 from .shooting.flow import Flow
 
@@ -87,7 +87,7 @@ class BranchPath:
         parameters = Parameters(make, {name: value}, backend.load(), along=along)
         return Flow(parameters.mech, parameters, self.options)
 
-    def equations(self, cycle: Cycle, guess: Guess, value: float) -> Linearisation:
+    def equations(self, cycle: Cycle, guess: Guess, value: float) -> ShootingEquations:
         """Return the equations at a guess and a value of the parameter; its nodes are made consistent.
 
         Raises:
@@ -101,9 +101,9 @@ class BranchPath:
             system.enter(guess.modes[i] if guess.modes else system.mode)
             system.derivative(cycle.t, y)
             nodes.append(system.restore(cycle.t + guess.T * i / cycle.parts, y))
-        return Linearisation(system, flow, replace(cycle, symmetries=symmetries), replace(guess, nodes=nodes))
+        return ShootingEquations(system, flow, replace(cycle, symmetries=symmetries), replace(guess, nodes=nodes))
 
-    def scales(self, at: Linearisation) -> Array:
+    def scales(self, at: ShootingEquations) -> Array:
         """Return the units of the unknowns: 1, T, 1, and the range of the parameter."""
         out = np.ones(at.matrix.shape[1])
         if at.cycle.unknown_period:
@@ -111,7 +111,7 @@ class BranchPath:
         out[-1] = self.over.last - self.over.first
         return out
 
-    def point(self, at: Linearisation, before: BranchMotion | None, along: Array | None = None) -> BranchMotion:
+    def point(self, at: ShootingEquations, before: BranchMotion | None, along: Array | None = None) -> BranchMotion:
         """Return a point of the branch with its tangent, in the direction of that before, or of growing parameter."""
         value = at.flow.parameters.values[self.over.name]
         x = np.linalg.svd(at.matrix * self.scales(at))[2][-1]
@@ -121,13 +121,13 @@ class BranchPath:
         x *= 1.0 if x @ direction >= 0 else -1.0
         return BranchMotion(value, motion_of(at), self.physical(at, x))
 
-    def physical(self, at: Linearisation, x: Array) -> tuple[Array, Array]:
+    def physical(self, at: ShootingEquations, x: Array) -> tuple[Array, Array]:
         """Return a tangent as variations of the nodes, (k, ny), and of the other unknowns in their units."""
         k, n = at.cycle.parts, at.n
         nodes = np.array([lift @ x[i * n : (i + 1) * n] for i, lift in enumerate(at.lifts)])
         return nodes, x[n * k :]
 
-    def transported(self, at: Linearisation, point: BranchMotion) -> Array:
+    def transported(self, at: ShootingEquations, point: BranchMotion) -> Array:
         """Return the tangent of a point in the coordinates of other equations, of unit length."""
         nodes, rest = point.tangent
         parts = [
@@ -155,7 +155,7 @@ class BranchPath:
         except (MbdaeError, np.linalg.LinAlgError):
             return None
 
-    def corrected(self, at: Linearisation, before: BranchMotion) -> BranchMotion | None:
+    def corrected(self, at: ShootingEquations, before: BranchMotion) -> BranchMotion | None:
         """Return the point of the branch across the tangent of the point before; None if Newton's method fails."""
         last = np.inf
         for _ in range(MAX_CORRECTIONS):

@@ -7,11 +7,11 @@ import numpy as np
 from ...system import Array
 from ...tolerances import HALF_DIGITS, SAME_STATE
 from .result import PeriodicMotion, UnitMultiplier
-from .shooting.cycle import Linearisation
+from .shooting.cycle import ShootingEquations
 from .shooting.multipliers import on_quotient, periodic_eigenvalues
 
 
-def motion_of(found: Linearisation) -> PeriodicMotion:
+def motion_of(found: ShootingEquations) -> PeriodicMotion:
     """Return the periodic motion of solved equations, with its multipliers."""
     cycle, at, mech = found.cycle, found.at, found.flow.mechanism
     q, v, s, _ = np.split(at.nodes[0], np.cumsum([mech.nq, mech.nv, len(mech.states)]))
@@ -23,7 +23,7 @@ def motion_of(found: Linearisation) -> PeriodicMotion:
     return PeriodicMotion(mech, T, cycle.t, q, v, s, multipliers, neutral, advances, shifts, found.size, runs, found)
 
 
-def floquet(found: Linearisation) -> tuple[Array, tuple[UnitMultiplier, ...]]:
+def floquet(found: ShootingEquations) -> tuple[Array, tuple[UnitMultiplier, ...]]:
     """Return the multipliers that are not neutral, and the neutral ones with their errors."""
     factors, nodes = found.factors, range(found.cycle.parts)
     names, known = _known_directions(found)
@@ -36,7 +36,7 @@ def floquet(found: Linearisation) -> tuple[Array, tuple[UnitMultiplier, ...]]:
     return periodic_eigenvalues(on_quotient(factors, known)), tuple(neutral)
 
 
-def _known_directions(found: Linearisation) -> tuple[list[str], list[Array]]:
+def _known_directions(found: ShootingEquations) -> tuple[list[str], list[Array]]:
     """Return the names of the free phase and of symmetries, and their directions at each node, (n, m) each."""
     nodes, names = range(found.cycle.parts), [x.name for x in found.cycle.symmetries]
     known, flows = [found.symmetry_directions(i) for i in nodes], [found.flow_direction(i) for i in nodes]

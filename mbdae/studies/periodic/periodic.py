@@ -18,7 +18,7 @@ from .motion import motion_of
 from .period import has_period, is_autonomous
 from .result import PeriodicMotion
 from .returns import CycleStart, points_of, start_from_run
-from .shooting.cycle import Cycle, Guess, Linearisation
+from .shooting.cycle import Cycle, Guess, ShootingEquations
 from .shooting.flow import Flow
 from .shooting.newton import newton, require_motion
 
@@ -130,7 +130,7 @@ def converged(flow: Flow, kind: tuple[Cycle, Guess], rtol: float) -> PeriodicMot
         InputError: if none is found.
     """
     cycle, guess = kind
-    found = newton(Linearisation(flow.mechanism.system(), flow, cycle, guess), GAP * rtol)
+    found = newton(ShootingEquations(flow.mechanism.system(), flow, cycle, guess), GAP * rtol)
     require_motion(found)
     require_period_of_functions(found)
     found = newton(found.refined(), GAP * rtol)
@@ -138,7 +138,7 @@ def converged(flow: Flow, kind: tuple[Cycle, Guess], rtol: float) -> PeriodicMot
     return motion_of(found)
 
 
-def require_period_of_functions(found: Linearisation) -> None:
+def require_period_of_functions(found: ShootingEquations) -> None:
     """Require that the equations of a motion without exchanged joints have its period, if they depend on time.
 
     Raises:
@@ -155,7 +155,7 @@ def require_period_of_functions(found: Linearisation) -> None:
         )
 
 
-def require_second_period(found: Linearisation) -> None:
+def require_second_period(found: ShootingEquations) -> None:
     """Require that a motion whose joints were exchanged at the end of a period is back after the next one.
 
     Raises:

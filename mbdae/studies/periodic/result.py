@@ -18,7 +18,7 @@ from ...tabular import Columns, Tabular
 from ...tolerances import HALF_DIGITS
 from ...units import quantity
 from .section import section_of
-from .shooting.cycle import Linearisation
+from .shooting.cycle import ShootingEquations
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,7 +71,7 @@ class PeriodicMotion(Tabular):
     shifts: dict[str, float]
     gap: float
     runs: tuple[Solution, ...]
-    shooting: Linearisation = field(repr=False)
+    shooting: ShootingEquations = field(repr=False)
 
     @property
     def spectral_radius(self) -> float:

@@ -85,7 +85,7 @@ def _slider(mech: Mechanism, name: str, others: list[str], q: Array) -> Slider:
     dead: tuple[float, ...] = ()
     system = mech.system()
     u, poses = _single_motion(mech, name, q)
-    if max(_gap(system, pose) for pose in (poses[0], poses[len(poses) // 3], poses[-1])) < HALF_DIGITS:
+    if max(_max_violation(system, pose) for pose in (poses[0], poses[len(poses) // 3], poses[-1])) < HALF_DIGITS:
         ended = "limits" if limits_of(mech, name) is not None else "closed" if unit == "rad" else "range"
     else:
         try:
@@ -190,6 +190,6 @@ def value_of(q: Array, joint: object) -> float:
     return float(q[at]) if nq == 1 else float(np.arctan2(q[at + 1], q[at]))
 
 
-def _gap(system: "Index2System", q: Array) -> float:
+def _max_violation(system: "Index2System", q: Array) -> float:
     g = system.closures(q, 0.0)[0]
     return float(np.abs(g / system.mechanism.row_scales).max(initial=0.0))

@@ -82,7 +82,7 @@ def fekete() -> Hessenberg:
         p_i' = q_i + 2 mu_i p_i,   q_i' = -q_i/2 + 2 lam_i p_i + sum_j (p_i - p_j)/|p_i - p_j|^2,
         0 = |p_i|^2 - 1,   0 = 2 p_i . q_i
 
-    At rest all lam_i are -(20 - 1)/4, and the places maximise the product of all distances (Fekete).
+    At rest all lam_i are -(20 - 1)/4, and the places maximize the product of all distances (Fekete).
 
     Source: F. Mazzia, C. Magherini, Test Set for Initial Value Problem Solvers, release 2.4 (2008), II-17; P. M.
     Pardalos, An open global optimization problem on the unit sphere, J. Global Optim. 6 (1995).

@@ -92,7 +92,7 @@ def test_a_given_start_is_checked_without_counting(name, t1):
 def test_an_open_start_is_rejected_by_name():
     mech = shared_model("four_bar")
     q, v = mech.start
-    with pytest.raises(InputError, match=r"the start is not consistent: closure .* is open by .* m"):
+    with pytest.raises(InputError, match=r"the start is not consistent: closure .* is violated by .* m"):
         mbdae.solve(mech, (0, 1e-3), q + 1e-3, v)
-    with pytest.raises(InputError, match=r"the start is not consistent: closure .* is open by .*/s"):
+    with pytest.raises(InputError, match=r"the start is not consistent: closure .* is violated by .*/s"):
         mbdae.solve(mech, (0, 1e-3), q, v + [1e-3, *np.zeros(mech.nv - 1)])

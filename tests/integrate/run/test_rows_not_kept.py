@@ -1,7 +1,7 @@
 """Rows that are dependent at the start and not afterwards: violations are reported in every formulation.
 
 A bead that slides without friction, x = t, on a straight wire z = 0 and on a curved one, z = c (cos x - 1): at x = 0
-both constrain velocities equally, and the rank is one. The curved wire opens by c (1 - cos t), at the speed c sin t.
+both constrain velocities equally, and the rank is one. The curved wire has g = c (1 - cos t), at the speed c sin t.
 """
 
 import numpy as np
@@ -32,7 +32,7 @@ def run(c, end=1, **options):
 def test_a_velocity_violation_of_1e_6_makes_a_run_doubtful(method, c):
     sol = run(c, method=method, project=False)
     assert sol.status == "doubtful"
-    assert f"|G v| reached {c * np.sin(1) / 2:.2g} of the largest speeds ('bent' opens by" in sol.message
+    assert f"|G v| reached {c * np.sin(1) / 2:.2g} of the largest speeds ('bent' is violated by" in sol.message
     assert sol.q[-1] == pytest.approx([1.0, 0.0], abs=1e-9)
 
 
@@ -62,7 +62,7 @@ def test_ggl_ends_where_a_row_not_in_use_opens(options, c):
     """The multiplier mu enforces the straight wire alone; a tenth of a micrometre is allowed at the other one."""
     sol = run(c, FAR, formulation="ggl", **options)
     assert sol.status == "rank"
-    assert "closure 'bent' opens by" in sol.message
+    assert "closure 'bent' is violated by" in sol.message
     assert sol.t[-1] <= np.arccos(1 - 1e-7 / c) * (1 + 1e-9)
     assert mbdae.drift(sol).g_max <= 1.001e-7
 

@@ -41,7 +41,7 @@ def assembled(mech, start, move, v):
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_starts_are_rejected_in_all_units(name):
-    """The gap of a start is relative to the mechanism's size."""
+    """The violation of a start is relative to the mechanism's size."""
     mech = mbdae.load(name)
     q, v = mech.start
     for units in UNIT_SYSTEMS:

@@ -124,9 +124,9 @@ def test_the_start_is_consistent_at_its_time(name, t):
 
 def test_inconsistent_starts_are_rejected_by_name():
     mech = linkage()
-    with pytest.raises(AssemblyError, match=r"stays open by .* \(fixed: crank; driven by 'crank driver'\)"):
+    with pytest.raises(AssemblyError, match=r"is violated by .* \(fixed: crank; driven by 'crank driver'\)"):
         mech.assemble(q={"crank": 0.5})
-    with pytest.raises(InputError, match=r"'crank driver' is open by .*assemble\(q, v, t=0.4\)"):
+    with pytest.raises(InputError, match=r"'crank driver' is violated by .*assemble\(q, v, t=0.4\)"):
         mbdae.solve(mech, (0.4, 1.0), *mech.start)
 
 

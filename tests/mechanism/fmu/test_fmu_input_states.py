@@ -11,7 +11,7 @@ from valves import FREE, at_instants, cylinder, driven, exact, framed, valve
 
 import mbdae
 from mbdae import Driver, Input, JointTorque
-from mbdae.mechanism.fmu.session import kept_states
+from mbdae.mechanism.fmu.session import saved_states
 from mbdae.mechanism.time_functions.input_functions import InputHistory
 
 SETTINGS = {"step": STEP / 2, "method": "pherk5"}
@@ -23,7 +23,7 @@ def solved(m, *rest):
 
 def forget():
     """Forget saved states, as another process."""
-    kept_states._states.clear()
+    saved_states._states.clear()
 
 
 @pytest.mark.usefixtures("back_end")
@@ -134,7 +134,7 @@ def test_wrong_targets(tmp_path):
 def test_no_derivatives(tmp_path):
     m = cylinder(motor(tmp_path), "zero")
     sol = solved(m, (0, 0.1))
-    words = "force 'motor' is an FMU: runs with it have no derivatives"
+    words = "force 'motor' is an FMU: runs with it are not differentiable"
     assert words in message(lambda: mbdae.sensitivity(sol, ["force.spring_damper 1.stiffness"]))
     simulator = mbdae.Simulator(m, **SETTINGS)
     simulator.advance(STEP)

@@ -13,7 +13,7 @@ from test_fmu_motion import END, STEP, cart, drive
 import mbdae
 from mbdae.errors import InputError
 from mbdae.integrate.simulator import simulator as simulators
-from mbdae.mechanism.fmu.session import kept_states
+from mbdae.mechanism.fmu.session import saved_states
 
 SETTINGS = {"step": STEP / 2, "method": "pherk5"}
 
@@ -31,7 +31,7 @@ def whole(tmp_path):
 
 def forget():
     """Forget saved states, as another process."""
-    kept_states._states.clear()
+    saved_states._states.clear()
 
 
 @pytest.mark.usefixtures("back_end")

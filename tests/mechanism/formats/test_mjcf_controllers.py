@@ -46,7 +46,7 @@ def test_a_five_bar_rests_where_mujoco_holds_it(five_bar):
     for _ in range(6000):
         mujoco.mj_step(m, d)
     assert np.abs(d.qvel).max() < 1e-8
-    with pytest.warns(UserWarning, match="assembly closes it"):
+    with pytest.warns(UserWarning, match="assembly corrects it"):
         mech = mbdae.load(five_bar)
     assert mech.left_out == ("option/@timestep", "equality/connect/@solref", "equality/connect/@solimp")
     assert mech.scene.ground == -0.5

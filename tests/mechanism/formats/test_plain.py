@@ -1,4 +1,4 @@
-"""Serialised models in saved runs: restored bit for bit, and rejected in one line if a value is wrong."""
+"""Serialized models in saved runs: restored bit for bit, and rejected in one line if a value is wrong."""
 
 import json
 

@@ -48,9 +48,9 @@ def test_index1_raw_coordinates_move_with_the_tangent_map():
 def test_baumgarte_reduces_the_drift():
     mech = shared_model("four_bar")
     options = {"method": "RK45", "formulation": "index1", "rtol": 1e-6}
-    plain, stabilised = run(mech, 10.0, **options), run(mech, 10.0, baumgarte=(10.0, 10.0), **options)
-    assert levels(plain)[0] > 20 * levels(stabilised)[0]
-    assert stabilised.settings["baumgarte"] == (10.0, 10.0)
+    plain, stabilized = run(mech, 10.0, **options), run(mech, 10.0, baumgarte=(10.0, 10.0), **options)
+    assert levels(plain)[0] > 20 * levels(stabilized)[0]
+    assert stabilized.settings["baumgarte"] == (10.0, 10.0)
 
 
 def test_baumgarte_residuals_obey_their_equation():

@@ -11,7 +11,7 @@ from shared import shared_model
 import mbdae
 from mbdae import METHODS, Closure, Mechanism
 
-# -- the stabilised form ---------------------------------------------------------------------------------------------
+# -- the stabilized form ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", [name for name, m in METHODS.items() if m.error_power and "ggl" not in m.excludes])

@@ -24,7 +24,7 @@ def acceleration(sol, t, h=1e-3):
 
 
 def balance(sol, i, frames, efforts):
-    """Residual generalised force at step i: inertia and gravity, minus reactions at bodies, minus efforts on joints."""
+    """Residual generalized force at step i: inertia and gravity, minus reactions at bodies, minus efforts on joints."""
     model = sol.mechanism.model
     data = model.createData()
     pin.forwardKinematics(model, data, sol.q[i])

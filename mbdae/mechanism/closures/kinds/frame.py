@@ -9,7 +9,7 @@ class FrameClosure(FrameJoint):
     """6 rows: the frames coincide (weld)."""
 
     kind: Literal["frame"] = "frame"
-    gap, direction, coincident_origins = "all", "frame", True
+    translation, direction, coincident_origins = "all", "frame", True
 
     @classmethod
     def create(cls, a: str, b: str, name: str = "") -> "FrameClosure":

@@ -10,4 +10,4 @@ class InPlaneClosure(AxisJoint, UnilateralClosure):
     """1 row: b's origin stays in the plane through a's origin with the axis of a as normal."""
 
     kind: Literal["in_plane"] = "in_plane"
-    gap, friction = "along", "surface"
+    translation, friction = "along", "surface"

@@ -9,7 +9,7 @@ class PointClosure(FrameJoint):
     """3 rows: the origins coincide (spherical joint)."""
 
     kind: Literal["point"] = "point"
-    gap, friction, load_rows, coincident_origins = "all", "spherical", 3, True
+    translation, friction, load_rows, coincident_origins = "all", "spherical", 3, True
 
     @classmethod
     def create(cls, a: str, b: str, name: str = "") -> "PointClosure":

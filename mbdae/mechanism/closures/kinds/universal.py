@@ -14,7 +14,7 @@ class UniversalClosure(TwoAxisJoint):
     """
 
     kind: Literal["universal"] = "universal"
-    gap, direction, coincident_origins = "all", "perpendicular", True
+    translation, direction, coincident_origins = "all", "perpendicular", True
 
     def axes(self) -> tuple[Vector, Vector]:
         return self.axis, self.second_axis or X

@@ -86,7 +86,7 @@ def load(
     with with_error_context(label, recipe.file, recipe.parts):
         mech = make(recipe, [f for f in forces if not isinstance(f, FORCES)])
     if recipe.file.start.assemble and any(p.start.guess for p in recipe.parts):
-        _warn_if_open(mech, recipe.name)
+        _warn_if_violated(mech, recipe.name)
     return mech
 
 
@@ -192,11 +192,11 @@ def _read(
     return MechanismFile(source=(Source(file=found.name),), title=name), chosen
 
 
-def _warn_if_open(mech: Mechanism, name: str) -> None:
+def _warn_if_violated(mech: Mechanism, name: str) -> None:
     """Warn if a source specifies all joint values and violates a closure; assembly will move the joints."""
-    gap = mech.gap_as_given
-    if gap and gap.relative > INPUT_DIGITS:
-        warnings.warn(f"{name}: closure {gap.name!r} is open by {gap.text} as given: assembly closes it", stacklevel=3)
+    violation = mech.start_violation
+    if violation and violation.relative > INPUT_DIGITS:
+        warnings.warn(f"{name}: {violation.message()} as given: assembly corrects it", stacklevel=3)
 
 
 def _with_options(source: Source, free_flyer: bool, key: str) -> Source:

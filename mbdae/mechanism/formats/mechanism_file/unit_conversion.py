@@ -75,8 +75,8 @@ class Conversion:
         try:
             return self._value(value, unit, symbols)
         except InputError as e:
-            of = getattr(table, "name", "") or getattr(table, "kind", "")
-            raise InputError(f"{of}.{key}: {e}".lstrip(".")) from None
+            owner = getattr(table, "name", "") or getattr(table, "kind", "")
+            raise InputError(f"{owner}.{key}: {e}".lstrip(".")) from None
 
     def _value(self, value: Any, unit: Unit | None, symbols: UnitSymbols) -> Any:
         """Return a value of a key; inner tables have the unit as that of their values."""

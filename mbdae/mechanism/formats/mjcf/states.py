@@ -21,7 +21,7 @@ TO_XYZW, TO_WXYZ = [1, 2, 3, 0], [3, 0, 1, 2]
 
 
 def from_mujoco(model: pin.Model, qpos: np.ndarray, qvel: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Return q (nq,) and v (nv,) for MuJoCo's qpos (nq,) and qvel (nv,); quaternions are normalised.
+    """Return q (nq,) and v (nv,) for MuJoCo's qpos (nq,) and qvel (nv,); quaternions are normalized.
 
     Raises:
         InputError: for another length.

@@ -19,62 +19,63 @@ GREY = (0.6, 0.6, 0.6, 1.0)
 ENTRIES = (("ixx", 1.0), ("ixy", 0.0), ("iyy", 1.0), ("ixz", 0.0), ("iyz", 0.0), ("izz", 1.0))
 
 
-def inertia_of(of: SdfElements, link: str) -> pin.Inertia:
+def read_inertia(sdf: SdfElements, link: str) -> pin.Inertia:
     """Return the inertia of a link in its frame, from the file or, on request, from its collision shapes.
 
     Raises:
         InputError: for invalid numbers, masses and tensors that are not physical, and shapes of unknown inertia.
     """
-    e, what = of.by_name[link].first("inertial"), f"the inertial of {link!r}"
+    e, context = sdf.by_name[link].first("inertial"), f"the inertial of {link!r}"
     if e is not None and e.get("auto").lower() in YES:
-        return _of_shapes(of, link, e)
-    mass = of.number(e, "mass", 1.0, what)
-    xx, xy, yy, xz, yz, zz = (of.number(e, f"inertia/{key}", default, what) for key, default in ENTRIES)
+        return _inertia_from_shapes(sdf, link, e)
+    mass = sdf.number(e, "mass", 1.0, context)
+    xx, xy, yy, xz, yz, zz = (sdf.number(e, f"inertia/{key}", default, context) for key, default in ENTRIES)
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    inertia = checked_inertia(mass, np.zeros(3), tensor, f"link {link!r} of {of.file}")
+    inertia = checked_inertia(mass, np.zeros(3), tensor, f"link {link!r} of {sdf.file}")
     if e is None:
         return inertia
-    here = of.links[link]
-    return here.actInv(of.placement_in_world(e, f"{link}, its inertial", here)).act(inertia)
+    placement = sdf.links[link]
+    return placement.actInv(sdf.placement_in_world(e, f"{link}, its inertial", placement)).act(inertia)
 
 
-def _of_shapes(of: SdfElements, link: str, e: Recorded) -> pin.Inertia:
+def _inertia_from_shapes(sdf: SdfElements, link: str, e: Recorded) -> pin.Inertia:
     """Return the sum over collision shapes of density times volume inertia, scaled to the mass if that is given.
 
     Raises:
         InputError: for a shape that is not a solid of the format.
     """
-    what, here, total = f"the inertial of {link!r}", of.links[link], pin.Inertia.Zero()
-    default_density = of.number(e, "density", WATER, what)
-    for shape in of.by_name[link].all("collision"):
+    context, placement, total = f"the inertial of {link!r}", sdf.links[link], pin.Inertia.Zero()
+    default_density = sdf.number(e, "density", WATER, context)
+    for shape in sdf.by_name[link].all("collision"):
         name = f"{link}/{shape.get('name')}"
-        solid = solid_of(of, shape.first("geometry"), name)
+        solid = read_solid(sdf, shape.first("geometry"), name)
         if solid is None:
-            raise InputError(f"{of.file}: {what} follows from its shapes, and {name!r} is not a solid: set the mass")
-        density = of.number(shape, "density", default_density, f"the density of {name!r}")
+            why = f"follows from its shapes, and {name!r} is not a solid"
+            raise InputError(f"{sdf.file}: {context} {why}: set the mass")
+        density = sdf.number(shape, "density", default_density, f"the density of {name!r}")
         moment = density * np.array(solid.computeMomentofInertia())
         com = np.array(solid.computeCOM()).ravel()
-        one = checked_inertia(density * solid.computeVolume(), com, moment, f"{name!r} of {of.file}")
-        total += here.actInv(of.placement_in_world(shape, name, here)).act(one)
+        inertia = checked_inertia(density * solid.computeVolume(), com, moment, f"{name!r} of {sdf.file}")
+        total += placement.actInv(sdf.placement_in_world(shape, name, placement)).act(inertia)
     if not total.mass > 0:
-        raise InputError(f"{of.file}: {what} follows from its shapes, which have no mass")
-    mass = of.number(e, "mass", total.mass, what)
+        raise InputError(f"{sdf.file}: {context} follows from its shapes, which have no mass")
+    mass = sdf.number(e, "mass", total.mass, context)
     tensor = total.inertia * abs(mass / total.mass)
-    return checked_inertia(mass, total.lever, tensor, f"link {link!r} of {of.file}")
+    return checked_inertia(mass, total.lever, tensor, f"link {link!r} of {sdf.file}")
 
 
-def solid_of(of: SdfElements, geometry: Recorded | None, name: str) -> Any:
+def read_solid(sdf: SdfElements, geometry: Recorded | None, name: str) -> Any:
     """Return the solid of a geometry; None for other shapes."""
 
     def sizes(shape: Recorded, *keys: str) -> list[float]:
-        return [of.number(shape, key, 1.0, name) for key in keys]
+        return [sdf.number(shape, key, 1.0, name) for key in keys]
 
     solids: dict[str, Callable[[Recorded], Any]] = {
-        "box": lambda s: coal.Box(*of.parse_numbers(s.text("size") or "1 1 1", 3, name)),
+        "box": lambda s: coal.Box(*sdf.parse_numbers(s.text("size") or "1 1 1", 3, name)),
         "sphere": lambda s: coal.Sphere(*sizes(s, "radius")),
         "cylinder": lambda s: coal.Cylinder(*sizes(s, "radius", "length")),
         "capsule": lambda s: coal.Capsule(*sizes(s, "radius", "length")),
-        "ellipsoid": lambda s: coal.Ellipsoid(*of.parse_numbers(s.text("radii") or "1 1 1", 3, name)),
+        "ellipsoid": lambda s: coal.Ellipsoid(*sdf.parse_numbers(s.text("radii") or "1 1 1", 3, name)),
     }
     for kind, make in solids.items() if geometry else ():
         shape = geometry.first(kind) if geometry else None
@@ -83,30 +84,30 @@ def solid_of(of: SdfElements, geometry: Recorded | None, name: str) -> Any:
     return None
 
 
-def visuals_of(
-    of: SdfElements, allowed: AllowedPaths, carried: Callable[[str], tuple[int, pin.SE3]]
+def read_visuals(
+    sdf: SdfElements, allowed: AllowedPaths, joint_of_link: Callable[[str], tuple[int, pin.SE3]]
 ) -> tuple[pin.GeometryModel, list[str], str]:
     """Return the visuals of the links.
 
     Args:
-        of: the elements.
+        sdf: the elements.
         allowed: allowed paths of meshes.
-        carried: returns the joint that carries a link, and its placement in the world.
+        joint_of_link: returns the parent joint of a link, and its placement in the world.
 
     Returns:
         Solids and meshes; the names of unsupported shapes and of missing meshes; and the reason for the first.
     """
     out, missing, reason = pin.GeometryModel(), list[str](), ""
-    for link, here in of.links.items():
-        joint, origin = carried(link)
-        for e in of.by_name[link].all("visual"):
+    for link, placement in sdf.links.items():
+        joint, origin = joint_of_link(link)
+        for e in sdf.by_name[link].all("visual"):
             name, geometry = f"{link}/{e.get('name')}", e.first("geometry")
             mesh, files, scale = geometry.first("mesh") if geometry else None, ("", ""), np.ones(3)
             try:
                 if mesh is None:
-                    shape = solid_of(of, geometry, name)
+                    shape = read_solid(sdf, geometry, name)
                 else:
-                    scale = np.array(of.parse_numbers(mesh.text("scale") or "1 1 1", 3, f"the scale of {name!r}"))
+                    scale = np.array(sdf.parse_numbers(mesh.text("scale") or "1 1 1", 3, f"the scale of {name!r}"))
                     found = allowed.find(mesh.text("uri") or "")
                     shape, files = placeholder(found, scale), (str(found), str(allowed.companion_folder(found)))
             except InputError as error:
@@ -116,10 +117,10 @@ def visuals_of(
             if shape is None:
                 missing.append(name)
                 continue
-            g = pin.GeometryObject(name, joint, origin.actInv(of.placement_in_world(e, name, here)), shape)
+            g = pin.GeometryObject(name, joint, origin.actInv(sdf.placement_in_world(e, name, placement)), shape)
             (g.meshPath, g.meshTexturePath), g.meshScale = files, scale
             colour = e.text("material/diffuse") or e.text("material/ambient")
-            g.meshColor = np.array(of.parse_numbers(colour, 4, name) if colour else GREY)
+            g.meshColor = np.array(sdf.parse_numbers(colour, 4, name) if colour else GREY)
             g.overrideMaterial = bool(colour)  # replaces the colours of a mesh
             out.addGeometryObject(g)
     return out, missing, reason

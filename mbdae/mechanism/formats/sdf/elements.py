@@ -76,8 +76,8 @@ class SdfElements:
         """
         pose = e.first("pose")
         other = pose.get("relative_to") if pose else ""
-        above = self.placement_of(other, seen) if other else base() if callable(base) else base
-        return above * self.pose(e, name)
+        reference = self.placement_of(other, seen) if other else base() if callable(base) else base
+        return reference * self.pose(e, name)
 
     def pose(self, e: Recorded, name: str) -> pin.SE3:
         """Return the pose of an element, as written."""
@@ -96,7 +96,7 @@ class SdfElements:
             return pin.SE3(pin.Quaternion(x[3:] / np.linalg.norm(x[3:])).matrix(), x[:3])
         return pin.SE3(pin.rpy.rpyToMatrix(np.radians(x[3:]) if degrees else x[3:]), x[:3])
 
-    def parse_numbers(self, text: str | None, n: int, what: str) -> list[float]:
+    def parse_numbers(self, text: str | None, n: int, context: str) -> list[float]:
         """Return ``n`` finite numbers.
 
         Raises:
@@ -107,13 +107,13 @@ class SdfElements:
         except ValueError:
             out = []
         if len(out) != n or not all(abs(x) <= HUGE for x in out):
-            raise InputError(f"{self.file}: {what} takes {n} finite numbers, got {(text or '')[:60]!r}")
+            raise InputError(f"{self.file}: {context} takes {n} finite numbers, got {(text or '')[:60]!r}")
         return out
 
-    def number(self, e: Recorded | None, path: str, default: float, what: str) -> float:
+    def number(self, e: Recorded | None, path: str, default: float, context: str) -> float:
         """Return the number along a path; ``default`` if there is none."""
         text = None if e is None else e.text(path)
-        return default if text is None else self.parse_numbers(text, 1, what)[0]
+        return default if text is None else self.parse_numbers(text, 1, context)[0]
 
     def link_of(self, name: str) -> str | None:
         """Return the link, or the world, to which a link, frame or joint is attached; None if there is none."""

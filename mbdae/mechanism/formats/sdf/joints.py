@@ -108,7 +108,7 @@ class SdfJoint:
             model.upperVelocityLimit[v], model.lowerVelocityLimit[v] = velocity, -velocity
 
 
-def read_joint(of: SdfElements, name: str, e: Recorded) -> SdfJoint:
+def read_joint(sdf: SdfElements, name: str, e: Recorded) -> SdfJoint:
     """Read a joint.
 
     Raises:
@@ -116,36 +116,36 @@ def read_joint(of: SdfElements, name: str, e: Recorded) -> SdfJoint:
     """
     kind, link_names = e.get("type"), [e.text(key) or "" for key in ("parent", "child")]
     if kind not in AXES:
-        raise InputError(f"{of.file}: joint {name!r} is of kind {kind!r}; known: {', '.join(AXES)}")
+        raise InputError(f"{sdf.file}: joint {name!r} is of kind {kind!r}; known: {', '.join(AXES)}")
     links = []
     for end in link_names:
-        link = of.link_of(end) if end else None
+        link = sdf.link_of(end) if end else None
         if link is None:
-            links_known = ", ".join(of.links)
-            raise InputError(f"{of.file}: joint {name!r} joins {end!r}, which is not a link; links: {links_known}")
+            links_known = ", ".join(sdf.links)
+            raise InputError(f"{sdf.file}: joint {name!r} joins {end!r}, which is not a link; links: {links_known}")
         links.append(link)
     if links[0] == links[1]:
-        raise InputError(f"{of.file}: joint {name!r} joins {links[0]!r} with itself")
-    placement, tags = of.placement_of(name), ("axis", "axis2")[: AXES[kind]]
-    axes = tuple(_axis(of, name, kind, e.first(tag), placement) for tag in tags)
+        raise InputError(f"{sdf.file}: joint {name!r} joins {links[0]!r} with itself")
+    placement, tags = sdf.placement_of(name), ("axis", "axis2")[: AXES[kind]]
+    axes = tuple(_axis(sdf, name, kind, e.first(tag), placement) for tag in tags)
     if len(axes) == 2 and abs(np.dot(axes[0].xyz, axes[1].xyz)) > PARALLEL:
-        raise InputError(f"{of.file}: the axes of joint {name!r} are not perpendicular")
-    mimic, unsupported_leader = _mimic(of, name, e.first("axis/mimic") if AXES[kind] == 1 else None)
+        raise InputError(f"{sdf.file}: the axes of joint {name!r} are not perpendicular")
+    mimic, unsupported_leader = _mimic(sdf, name, e.first("axis/mimic") if AXES[kind] == 1 else None)
     return SdfJoint(name, kind, links[0], links[1], placement, axes, mimic, unsupported_leader)
 
 
-def _axis(of: SdfElements, joint: str, kind: str, e: Recorded | None, placement: pin.SE3) -> SdfAxis:
+def _axis(sdf: SdfElements, joint: str, kind: str, e: Recorded | None, placement: pin.SE3) -> SdfAxis:
     found = None if e is None else e.first("xyz")
-    xyz = np.array(of.parse_numbers("0 0 1" if found is None else found.text(), 3, f"the axis of joint {joint!r}"))
+    xyz = np.array(sdf.parse_numbers("0 0 1" if found is None else found.text(), 3, f"the axis of joint {joint!r}"))
     if not np.linalg.norm(xyz) > 0:
-        raise InputError(f"{of.file}: the axis of joint {joint!r} is zero")
-    in_model = of.version <= AXES_IN_MODEL or (e is not None and of.is_set(e, "use_parent_model_frame"))
+        raise InputError(f"{sdf.file}: the axis of joint {joint!r} is zero")
+    in_model = sdf.version <= AXES_IN_MODEL or (e is not None and sdf.is_set(e, "use_parent_model_frame"))
     frame = MODEL if in_model else found.get("expressed_in") if found else ""
-    in_joint = placement.rotation.T @ of.placement_of(frame).rotation @ xyz if frame else xyz
+    in_joint = placement.rotation.T @ sdf.placement_of(frame).rotation @ xyz if frame else xyz
     unit = tuple((in_joint / np.linalg.norm(in_joint)).tolist())
 
-    def number(key: str, what: str, default: float = 0.0) -> float:
-        return of.number(e, key, default, f"the {what} of joint {joint!r}")
+    def number(key: str, quantity: str, default: float = 0.0) -> float:
+        return sdf.number(e, key, default, f"the {quantity} of joint {joint!r}")
 
     def bound(key: str) -> float:
         text = "" if e is None else e.text(f"limit/{key}") or ""
@@ -170,15 +170,15 @@ def _axis(of: SdfElements, joint: str, kind: str, e: Recorded | None, placement:
     )
 
 
-def _mimic(of: SdfElements, joint: str, e: Recorded | None) -> tuple[Mimic | None, str]:
+def _mimic(sdf: SdfElements, joint: str, e: Recorded | None) -> tuple[Mimic | None, str]:
     """Return q = multiplier (q_leader - reference) + offset, or the name of a leader without such a coordinate."""
     if e is None:
         return None, ""
     leader, keys = e.get("joint"), ("multiplier", "offset", "reference")
-    ratio, offset, reference = (of.number(e, key, 0.0, f"the mimic of joint {joint!r}") for key in keys)
-    other = of.by_name.get(leader)
-    one = other is not None and other.tag == "joint" and AXES.get(other.get("type")) == 1
-    if not one or leader == joint or e.get("axis", "axis") != "axis":
+    ratio, offset, reference = (sdf.number(e, key, 0.0, f"the mimic of joint {joint!r}") for key in keys)
+    other = sdf.by_name.get(leader)
+    scalar = other is not None and other.tag == "joint" and AXES.get(other.get("type")) == 1
+    if not scalar or leader == joint or e.get("axis", "axis") != "axis":
         return None, leader or "nothing"
     return Mimic(joint, leader, ratio, offset - ratio * reference), ""
 

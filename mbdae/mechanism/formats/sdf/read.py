@@ -29,7 +29,7 @@ from ...tree.joints import subspace
 from ..body_tables import Source
 from ..reader import KEY, Reader
 from ..recorded import Recorded, unread_phrases
-from .bodies import inertia_of, visuals_of
+from .bodies import read_inertia, read_visuals
 from .elements import SdfElements
 from .joints import SdfAxis, SdfJoint, leaders, read_joint
 
@@ -71,14 +71,14 @@ class SdfModel:
     """The Pinocchio model built from the elements of an SDF file."""
 
     def __init__(self, elements: SdfElements) -> None:
-        self.of = elements
+        self.sdf = elements
         joints = [read_joint(elements, n, e) for n, e in elements.by_name.items() if e.tag == "joint"]
         self.static = elements.is_set(elements.model, "static")
         self.joints, self.static_joints = ([], joints) if self.static else (joints, [])
-        self.inertias = {link: inertia_of(elements, link) for link in elements.links}
+        self.inertias = {link: read_inertia(elements, link) for link in elements.links}
         self.model = pin.Model()
         self.model.name = elements.model.get("name", elements.file)
-        self.carriers: dict[str, int] = {WORLD: 0}  # the joint that carries a link
+        self.parent_joints: dict[str, int] = {WORLD: 0}  # of links
         self.origins = [pin.SE3.Identity()]  # of joints in the world
         self.tree: list[SdfJoint] = []
         self.roots = self._choose_tree()
@@ -89,30 +89,30 @@ class SdfModel:
         """Return the imported model of the file."""
         self._add_subtree(WORLD)
         for link in self.roots:
-            placement = self.of.links[link]
-            self.carriers[link] = (
+            placement = self.sdf.links[link]
+            self.parent_joints[link] = (
                 0 if self.static else self._add(0, pin.JointModelFreeFlyer(), placement, f"{link} free")
             )
             self._add_link(link)
             self._add_subtree(link)
-        for name, e in self.of.by_name.items():
+        for name, e in self.sdf.by_name.items():
             if e.tag == "frame":
-                self._frame(name, self.carriers[self.of.link_of(name) or WORLD], self.of.placement_of(name))
+                self._frame(name, self.parent_joints[self.sdf.link_of(name) or WORLD], self.sdf.placement_of(name))
         closures = [self._close(j) for j in self.joints if j not in self.tree]
-        visuals, shapeless, reason = visuals_of(
-            self.of, allowed, lambda n: (self.carriers[n], self.origins[self.carriers[n]])
+        visuals, shapeless, reason = read_visuals(
+            self.sdf, allowed, lambda n: (self.parent_joints[n], self.origins[self.parent_joints[n]])
         )
         if reason:
-            warnings.warn(f"{self.of.file}: meshes left out, {reason}", stacklevel=2)
-        weightless = dict(filter(None, map(self._weightless, self.of.links)))
+            warnings.warn(f"{self.sdf.file}: meshes left out, {reason}", stacklevel=2)
+        weightless = dict(filter(None, map(self._weightless, self.sdf.links)))
         springs, mimics = self._springs(), self._mimics()
         unsupported = [name_list(what, names) for what, names in self._unsupported(shapeless) if names]
-        unread = chain(root.unread([self.of.model]), self.of.model.unread())
+        unread = chain(root.unread([self.sdf.model]), self.sdf.model.unread())
         return ImportedModel(
             self.model,
             visuals,
             record.copy,
-            gravity=None if gravity is None else tuple(self.of.parse_numbers(gravity, 3, "gravity")),
+            gravity=None if gravity is None else tuple(self.sdf.parse_numbers(gravity, 3, "gravity")),
             closures=tuple(closures),
             forces=tuple(springs),
             mimics=tuple(mimics),
@@ -123,16 +123,16 @@ class SdfModel:
     def _choose_tree(self) -> list[str]:
         """Choose the joints of the tree, breadth first from the world; return the links that have no joint in it."""
         reached, waiting, roots = {WORLD}, [WORLD], []
-        carried = {j.child for j in self.joints}
-        for link in chain([""], (n for n in self.of.links if n not in carried), self.of.links):
+        children = {j.child for j in self.joints}
+        for link in chain([""], (n for n in self.sdf.links if n not in children), self.sdf.links):
             if link and link not in reached:
                 roots.append(link)
                 reached.add(link)
                 waiting.append(link)
             while waiting:
-                here = waiting.pop(0)
+                parent = waiting.pop(0)
                 for j in self.joints:
-                    if j.parent == here and j.child not in reached:
+                    if j.parent == parent and j.child not in reached:
                         reached.add(j.child)
                         waiting.append(j.child)
                         self.tree.append(j)
@@ -142,22 +142,22 @@ class SdfModel:
         """Return whether a loop-closing joint needs coordinates, and can carry half of its child."""
         if not (j.has_force or j.mimic or j.name in leaders(self.joints)) or j.child == WORLD:
             return False
-        placement, axes = j.placement.actInv(self.of.links[j.child]), np.reshape(subspace(j.model()), (6, -1))
+        placement, axes = j.placement.actInv(self.sdf.links[j.child]), np.reshape(subspace(j.model()), (6, -1))
         inertia = placement.act(self.inertias[j.child]).matrix()
         return bool(np.linalg.eigvalsh(axes.T @ inertia @ axes).min() > 0)
 
     def _add_subtree(self, link: str) -> None:
         """Add the subtree of a link, depth first."""
         for j in [j for j in self.tree if j.parent == link]:
-            self.carriers[j.child] = self._add_joint(j)
+            self.parent_joints[j.child] = self._add_joint(j)
             self._add_link(j.child)
             self._add_subtree(j.child)
 
     def _add_joint(self, j: SdfJoint) -> int:
-        at = self.carriers[j.parent]
+        parent = self.parent_joints[j.parent]
         if j.kind == "fixed":
-            return at
-        number = self._add(at, j.model(), j.placement, j.name)
+            return parent
+        number = self._add(parent, j.model(), j.placement, j.name)
         j.copy_to(self.model, number)
         return number
 
@@ -167,25 +167,25 @@ class SdfModel:
         return number
 
     def _add_link(self, link: str) -> None:
-        """Add the frame of a link and its share of the inertia to the joint that carries it."""
-        self._frame(link, self.carriers[link], self.of.links[link], pin.FrameType.BODY)
-        self._append_inertia(link, self.carriers[link])
+        """Add the frame of a link and its share of the inertia to its parent joint."""
+        self._frame(link, self.parent_joints[link], self.sdf.links[link], pin.FrameType.BODY)
+        self._append_inertia(link, self.parent_joints[link])
 
     def _append_inertia(self, link: str, joint: int) -> None:
         inertia, share = self.inertias[link], 1 / (1 + self.pieces[link])
         part = pin.Inertia(inertia.mass * share, inertia.lever, inertia.inertia * share)
-        self.model.appendBodyToJoint(joint, part, self.origins[joint].actInv(self.of.links[link]))
+        self.model.appendBodyToJoint(joint, part, self.origins[joint].actInv(self.sdf.links[link]))
 
     def _frame(self, name: str, joint: int, placement: pin.SE3, kind: pin.FrameType = pin.FrameType.OP_FRAME) -> None:
         self.model.addFrame(pin.Frame(name, joint, self.origins[joint].actInv(placement), kind), False)
 
     def _close(self, j: SdfJoint) -> Closure:
         names, split_joints = (f"{j.name} on {j.parent}", f"{j.name} on {j.child}"), j in self.split_joints
-        carriers = [self.carriers[j.parent], self.carriers[j.child]]
+        parents = [self.parent_joints[j.parent], self.parent_joints[j.child]]
         if split_joints:
-            carriers[0] = self._add_joint(j)
-            self._append_inertia(j.child, carriers[0])
-        for name, joint in zip(names, carriers, strict=True):
+            parents[0] = self._add_joint(j)
+            self._append_inertia(j.child, parents[0])
+        for name, joint in zip(names, parents, strict=True):
             self._frame(name, joint, j.placement)
         axes = {} if split_joints else dict(zip(("axis", "second_axis"), (a.xyz for a in j.axes), strict=False))
         kind = "frame" if split_joints else CLOSED[j.kind]
@@ -193,10 +193,10 @@ class SdfModel:
 
     def _weightless(self, link: str) -> tuple[str, float] | None:
         """Return the frame and mass of a link without weight."""
-        if self.of.is_set(self.of.by_name[link], "gravity", True) or not self.carriers[link]:
+        if self.sdf.is_set(self.sdf.by_name[link], "gravity", True) or not self.parent_joints[link]:
             return None
         name, inertia = f"{link} centre of mass", self.inertias[link]
-        self._frame(name, self.carriers[link], self.of.links[link] * pin.SE3(np.eye(3), inertia.lever))
+        self._frame(name, self.parent_joints[link], self.sdf.links[link] * pin.SE3(np.eye(3), inertia.lever))
         return name, inertia.mass
 
     @property
@@ -219,7 +219,7 @@ class SdfModel:
     def _unsupported(self, shapeless: list[str]) -> list[tuple[str, list[str]]]:
         """Return contents that are read, but not supported, with their names."""
         moving, cut = self.moving, [j for j in self.joints if j not in (*self.tree, *self.split_joints)]
-        led, links = {m.joint for m in self._mimics()}, self.of.by_name
+        led, links = {m.joint for m in self._mimics()}, self.sdf.by_name
 
         def names(joints: Iterable[SdfJoint], has: Callable[[SdfAxis], Any]) -> list[str]:
             return [j.name for j in joints if any(map(has, j.axes))]
@@ -235,7 +235,7 @@ class SdfModel:
             ("springs of joints with two axes", names((j for j in moving if not j.scalar), attrgetter("stiffness"))),
             ("damping and springs where loops are closed", [j.name for j in cut if j.has_force]),
             (MIMICRY, [j.name for j in self.joints if j.unsupported_leader or (j.mimic and j.name not in led)]),
-            ("kinematic motion of links", [n for n in self.of.links if self.of.is_set(links[n], "kinematic")]),
+            ("kinematic motion of links", [n for n in self.sdf.links if self.sdf.is_set(links[n], "kinematic")]),
             ("shapes", shapeless),
         ]
 
@@ -245,8 +245,8 @@ def _read(path: Path, allowed: AllowedPaths, source: Source) -> ImportedModel:
 
 
 def _restored(record: Mapping[str, object], meshes: Sequence[Path] | None) -> ImportedModel:
-    of = SdfRecord.model_validate(record)
-    return read_sdf(of.sdf, "SDF", AllowedPaths.from_record(of.folder, of.packages, meshes))
+    saved = SdfRecord.model_validate(record)
+    return read_sdf(saved.sdf, "SDF", AllowedPaths.from_record(saved.folder, saved.packages, meshes))
 
 
 sdf = Reader(

@@ -38,33 +38,33 @@ def check_urdf(robot: ET.Element, name: str, types: Collection[str]) -> None:
     _require_tree(robot, name)
 
 
-def _require_type(joint: ET.Element, of: str, types: Collection[str]) -> None:
+def _require_type(joint: ET.Element, name: str, types: Collection[str]) -> None:
     """Require a known type, and the limits that the format requires.
 
     Raises:
         InputError: without one of them.
     """
     if (kind := joint.get("type", "")) not in types:
-        raise InputError(f"{of} has type {kind[:60]!r}, expected one of {', '.join(types)}")
+        raise InputError(f"{name} has type {kind[:60]!r}, expected one of {', '.join(types)}")
     if kind in LIMITED:
         limit = joint.find("limit")
         missing = [key for key in ("effort", "velocity") if limit is None or key not in limit.attrib]
         if missing:
-            raise InputError(f"{of} is {kind} and needs a limit with {' and '.join(missing)}")
+            raise InputError(f"{name} is {kind} and needs a limit with {' and '.join(missing)}")
 
 
-def _require_inertia(inertial: ET.Element, of: str) -> None:
+def _require_inertia(inertial: ET.Element, name: str) -> None:
     mass, inertia = (inertial.find(tag) for tag in ("mass", "inertia"))
     if mass is None or inertia is None:
-        raise InputError(f"the inertial of {of} needs a mass and an inertia")
+        raise InputError(f"the inertial of {name} needs a mass and an inertia")
     for e in inertial.findall("origin"):
         for key in e.attrib.keys() & COUNTS:
-            _numbers(e, key, of)
-    tensor = np.reshape([_numbers(inertia, key, of) for key in MOMENTS], (3, 3))
-    checked_inertia(_numbers(mass, "value", of)[0], np.zeros(3), tensor, of)
+            _numbers(e, key, name)
+    tensor = np.reshape([_numbers(inertia, key, name) for key in MOMENTS], (3, 3))
+    checked_inertia(_numbers(mass, "value", name)[0], np.zeros(3), tensor, name)
 
 
-def _numbers(e: ET.Element, key: str, of: str) -> list[float]:
+def _numbers(e: ET.Element, key: str, name: str) -> list[float]:
     """Return the numbers of an attribute.
 
     Raises:
@@ -77,7 +77,7 @@ def _numbers(e: ET.Element, key: str, of: str) -> list[float]:
         out = []
     if len(out) != count or not all(abs(x) <= HUGE for x in out):
         what = "a finite number" if count == 1 else f"{count} finite numbers"
-        raise InputError(f"{e.tag}/@{key} of {of} takes {what}, got {text[:60]!r}")
+        raise InputError(f"{e.tag}/@{key} of {name} takes {what}, got {text[:60]!r}")
     return out
 
 

@@ -6,7 +6,7 @@ In the coordinates (x, v, s, w) of a step, q = q_n (+) x, the residual of an imp
 
 with r independent rows of G.
 
-In the linearised equations, with mu = h times an eigenvalue of the method's matrix, x' can be eliminated; a system of
+In the linearized equations, with mu = h times an eigenvalue of the method's matrix, x' can be eliminated; a system of
 size nv + ns + 1 + r remains. With u = (v, s, w), E = diag(M, 1) and G padded with zeros it is, for vector spaces,
 
     [ E - mu D - mu^2 K   -L ] [du' ]       K = d(f + G^T lam - M v', h, power)/dq,  D = d(f, h, power)/du,
@@ -89,7 +89,7 @@ class ImplicitStages:
         """Return y and the multipliers of all rows, (ng,); the next step reuses the mass matrix and G.
 
         The remaining iteration error of z is |G - G_0| times its last change, much larger than those of x and x'. One
-        linear solve removes it: it minimises |M^-1/2 (f + G^T z - M v')|. If bodies rotate far within a step,
+        linear solve removes it: it minimizes |M^-1/2 (f + G^T z - M v')|. If bodies rotate far within a step,
         components that rounding excites converge slowly: the velocities in x are projected onto 0 = G v + g_t.
         Neither applies without dx, where the step does not end at a stage.
         """

@@ -5,7 +5,7 @@ With u = (v, s, w), and the numbers of a method (`mbdae.methods.alpha`), the unk
     M v_1' = f + G^T lam,   s_1' = h(...),   w_1' = power   at (t_1, q_1, u_1),    0 = g(t_1, q_1)   [0 = G v_1 + g_t]
     u_1 = u_p + b_1 u_1',   q_1 = q_0 (+) (x_p + b_2 v_1' [+ M_0^-1 G_0^T mu])
 
-in index 3, or with the terms in brackets in the stabilised index-2 form. Newton's method has exact partials.
+in index 3, or with the terms in brackets in the stabilized index-2 form. Newton's method has exact partials.
 
 Source: Arnold, Bruels, BIT 47 (2007); Bruels, Cardona, Arnold, Mech. Mach. Theory 48 (2012).
 """
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 class NewmarkStep:
     """Step from (t, y) to t + h with fixed rows, see the module; multipliers are (lam, mu), or lam in index 3."""
 
-    def __init__(self, system: "Index2System", t: float, h: float, y: Array, stabilised: bool) -> None:
-        self.system, self.t, self.h, self.y, self.stabilised = system, t, h, y, stabilised
+    def __init__(self, system: "Index2System", t: float, h: float, y: Array, stabilized: bool) -> None:
+        self.system, self.t, self.h, self.y, self.stabilized = system, t, h, y, stabilized
         self.rows = system.rows_of_step(t, y)
         self.chart = Index2Chart(system, t, y, self.rows)
         U, G = system.point(t, self.chart.q)
-        normal = stabilised and len(self.rows)
+        normal = stabilized and len(self.rows)
         self.normal = lapack().dpotrs(U, G[self.rows].T)[0] if normal else np.zeros((system.nv, 0))
 
     @property
@@ -72,7 +72,7 @@ class NewmarkStep:
         scaled = b2 * self.normal  # mu in units of accelerations
         blocks = [[upper, -p.L, -KV @ scaled], [padded(GV, n), np.zeros((r, r)), GV @ self.normal]]
         right = [left[nv:], -g / b2]
-        if self.stabilised:
+        if self.stabilized:
             blocks.insert(1, [padded(p.G + b2 / b1 * BV, n), np.zeros((r, r)), b2 / b1 * BV @ self.normal])
             right.insert(1, rate / b1)
         s.counts.factorizations += 1
@@ -100,6 +100,6 @@ class NewmarkStep:
         return moved, s.all_multipliers(U, G, self.rows, z[: len(self.rows)])
 
 
-def newmark_step(system: "Index2System", t: float, h: float, y: Array, stabilised: bool) -> NewmarkStep:
+def newmark_step(system: "Index2System", t: float, h: float, y: Array, stabilized: bool) -> NewmarkStep:
     """Open a step of a Newmark-type method at (t, y)."""
-    return NewmarkStep(system, t, h, y, stabilised)
+    return NewmarkStep(system, t, h, y, stabilized)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 ITERATIONS = 10
 MAX_REMAINING = 0.5  # of |g| after a correction: one that leaves more is rejected
 CONTRADICTION = 0.1  # of |g|: rows contradict each other if first-order corrections leave more
-OPEN, STALLED = CLOSED, CLOSED  # a larger residual, with a larger correction, is a failure
+VIOLATED, STALLED = CLOSED, CLOSED  # a larger residual, with a larger correction, is a failure
 
 
 def project_state(system: "Index2System", t: float, y: Array, tight: bool = False) -> Array:
@@ -51,11 +51,12 @@ def project_state(system: "Index2System", t: float, y: Array, tight: bool = Fals
     (*_, q), g, G, size = project_positions(system, t, q, U, tight)
     system.counts.state_projections += 1
     mech = system.mechanism
-    if not np.linalg.norm(g / mech.row_scales) <= OPEN and not size <= STALLED * (1 + np.abs(q / mech.q_scales).max()):
-        gap = largest_error(mech, g)
-        text = f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}"
+    satisfied = np.linalg.norm(g / mech.row_scales) <= VIOLATED
+    if not satisfied and not size <= STALLED * (1 + np.abs(q / mech.q_scales).max()):
+        violation = largest_error(mech, g)
+        text = f"{violation.message()} at t = {t:.17g} and cannot be satisfied"
         if names := contradicting_positions(system, t, q):
-            text += f", {names} contradict each other"
+            text += f": {names} contradict each other"
         raise StepError("newton", text)
     rate = G @ v + system.g_t(t)
     if tight or exceeds_rounding(system, rate, v):
@@ -76,19 +77,19 @@ def project_positions(
     g, G = system.closures(None, t)
     path, size, positional, mech = [q], 0.0, system.constraints.positional, system.mechanism
     scales = mech.row_scales
-    gap = np.linalg.norm(g / scales)
+    residual_norm = np.linalg.norm(g / scales)
     for _ in range(ITERATIONS):
-        if not tight and not gap > SUM_ROUNDING * (1 + np.abs(path[-1] / mech.q_scales).max()):
+        if not tight and not residual_norm > SUM_ROUNDING * (1 + np.abs(path[-1] / mech.q_scales).max()):
             break
         x = _smallest(U, G[positional], g[positional], scales[positional])
         size = float(np.abs(x / mech.coordinate_scales).max())
         new_q = system.manifold.integrate(path[-1], -x)
         new = system.closures(new_q, t)
-        new_gap = np.linalg.norm(new[0] / scales)
-        if not new_gap < MAX_REMAINING * gap:
+        new_norm = np.linalg.norm(new[0] / scales)
+        if not new_norm < MAX_REMAINING * residual_norm:
             break
         path.append(new_q)
-        (g, G), gap = new, new_gap
+        (g, G), residual_norm = new, new_norm
     return path, g, G, size
 
 
@@ -107,7 +108,7 @@ def contradicting_positions(system: "Index2System", t: float, q: Array) -> str:
     U, scales = system.inertia(t, q), system.mechanism.row_scales
     _, g, G, _ = project_positions(system, t, q, U)
     residual = (g - G @ _smallest(U, G, g, scales)) / scales
-    if not np.linalg.norm(residual) > max(OPEN, CONTRADICTION * float(np.linalg.norm(g / scales))):
+    if not np.linalg.norm(residual) > max(VIOLATED, CONTRADICTION * float(np.linalg.norm(g / scales))):
         return ""
     return _names(system.mechanism, residual, system.g_t(t))
 

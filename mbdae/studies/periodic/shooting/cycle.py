@@ -72,7 +72,7 @@ class Guess:
     modes: tuple[tuple[int, ...], ...] = ()
 
 
-class Linearisation:
+class ShootingEquations:
     """The equations of shooting at a guess: residual and tangents.
 
     Args:
@@ -239,7 +239,7 @@ class Linearisation:
         """Longest step of the runs in s."""
         return max(float(np.diff(run.nodes[0]).max()) for run in self.runs)
 
-    def refined(self) -> "Linearisation":
+    def refined(self) -> "ShootingEquations":
         """Return the equations with steps that resolve the tangents of the motion, not only the motion.
 
         Step-size control does not see variations: a steady motion has long steps, however fast its neighbours vary. So
@@ -249,7 +249,7 @@ class Linearisation:
         for _ in range(MAX_REFINEMENTS):
             h, rtol = h / 2, max(rtol / HALVED_STEPS, min(rtol, SOLUTION_ROUNDING))
             options = {**self.flow.options, "max_step": h, "rtol": rtol}
-            there = Linearisation(self.system, replace(self.flow, options=options), self.cycle, self.at)
+            there = ShootingEquations(self.system, replace(self.flow, options=options), self.cycle, self.at)
             change = max(np.abs(a - b).max(initial=0.0) for a, b in zip(here.factors, there.factors, strict=True))
             size = max(np.abs(a).max(initial=1.0) for a in there.factors)
             here = there

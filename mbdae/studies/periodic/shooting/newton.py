@@ -9,13 +9,13 @@ from ....mechanism.hybrid.kinds.unilateral import OPEN, gaps
 from ....mechanism.hybrid.mode_point import AllRows, ModePoint
 from ....system import Array
 from ....tolerances import HALF_DIGITS, SOLUTION_ROUNDING, THREE_DIGITS, TRUNCATION, VISIBLE
-from .cycle import Linearisation
+from .cycle import ShootingEquations
 
 MAX_ITERATIONS, MAX_HALVINGS = 30, 8
 GAIN = 0.1  # of the residual: less is rounding
 
 
-def newton(here: Linearisation, tolerance: float) -> Linearisation:
+def newton(here: ShootingEquations, tolerance: float) -> ShootingEquations:
     """Return the equations at a solution, by Newton's method with halved steps.
 
     Where no step reduces the residual, directions in which the equations hardly change are left out: neighbours in
@@ -43,7 +43,7 @@ def newton(here: Linearisation, tolerance: float) -> Linearisation:
     return here
 
 
-def _contacts_at_ends(here: Linearisation) -> str:
+def _contacts_at_ends(here: ShootingEquations) -> str:
     """Return the names of open contacts whose gaps are zero at an end of a part, where an impact has no derivative."""
     found = list[str]()
     for run in here.runs:
@@ -55,7 +55,7 @@ def _contacts_at_ends(here: Linearisation) -> str:
     return " and ".join(map(repr, dict.fromkeys(found)))
 
 
-def _step(here: Linearisation, truncation: float) -> Array:
+def _step(here: ShootingEquations, truncation: float) -> Array:
     """Return Newton's step of the unknowns without parameters, without directions of small singular values.
 
     Motions of a conservative mechanism have neighbours of any energy, and the matrix would be singular at a solution,
@@ -74,7 +74,7 @@ def _step(here: Linearisation, truncation: float) -> Array:
     return np.linalg.lstsq(matrix, right, rcond=truncation)[0][:unknowns]
 
 
-def conservative(here: Linearisation) -> bool:
+def conservative(here: ShootingEquations) -> bool:
     """Return whether the equations do not depend on time and no force takes or adds energy."""
     if not here.cycle.free or here.flow.mechanism.resets:  # whose work may vanish at a solution
         return False
@@ -83,7 +83,7 @@ def conservative(here: Linearisation) -> bool:
     return works <= SOLUTION_ROUNDING * kinetic
 
 
-def require_motion(here: Linearisation) -> None:
+def require_motion(here: ShootingEquations) -> None:
     """Reject solutions that are no motion: an equilibrium, or an end whose local coordinates another point has.
 
     Raises:
@@ -105,11 +105,11 @@ def require_motion(here: Linearisation) -> None:
         )
 
 
-def _shortened(here: Linearisation, step: Array, trials: int) -> Linearisation | None:
+def _shortened(here: ShootingEquations, step: Array, trials: int) -> ShootingEquations | None:
     """Return the equations after a step, halved until the residual falls; None if it never does."""
     for _ in range(trials):
         with suppress(MbdaeError):
-            there = Linearisation(here.system, here.flow, here.cycle, here.moved(step))
+            there = ShootingEquations(here.system, here.flow, here.cycle, here.moved(step))
             if there.size < here.size and there.tangents:  # a point without derivatives leads no further
                 return there
         step = step / 2

@@ -1,4 +1,4 @@
-"""A custom integrator: generalised-alpha on Lie groups in 30 lines, on the equations at a point alone.
+"""A custom integrator: generalized-alpha on Lie groups in 30 lines, on the equations at a point alone.
 
     q_1 = q_0 (+) h (v_0 + h ((1/2 - beta) a_0 + beta a_1)),   v_1 = v_0 + h ((1 - gamma) a_0 + gamma a_1)
     (1 - alpha_m) a_1 + alpha_m a_0 = (1 - alpha_f) v_1' + alpha_f v_0',   M v_1' = f + G^T lam,   g(q_1) = 0
@@ -7,7 +7,7 @@ The method in index-3 form (Arnold, Bruels, Multibody Syst. Dyn. 18 (2007); Brue
 48 (2012)) has order 2. `Mechanism.at` gives M, f, G, g and the exact partial derivatives of Newton's matrix; rows may
 depend on each other.
 
-Run: python examples/generalised_alpha.py
+Run: python examples/generalized_alpha.py
 """
 
 import numpy as np

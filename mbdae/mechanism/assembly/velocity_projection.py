@@ -1,4 +1,4 @@
-"""Velocities that satisfy G v + g_t = 0 at a configuration, by the least change in the mass metric."""
+"""Projection of velocities onto G v + g_t = 0 at a configuration, in the mass metric."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -22,22 +22,22 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 
-class ClosedVelocities:
-    """Velocities with G v + g_t = 0 at q and t; some coordinates are fixed. Variants of a mechanism may share it."""
+class VelocityProjection:
+    """Projection of velocities onto G v + g_t = 0 at q and t, of which some are fixed. Variants may share it."""
 
     def __init__(self, system: "Index2System", q: Array, fixed: Array, t: float) -> None:
         self.q, self.fixed, self.free = q, fixed, np.delete(np.arange(system.nv), fixed)
         self.G, self.g_t = system.closures_by_size(q, t)[1], system.g_t(t).copy()
         self.rows, self.scales = system.mechanism.row_scales, system.mechanism.coordinate_scales
-        self._change: Callable[[Array], Array] | None = None
+        self._correction: Callable[[Array], Array] | None = None
 
-    def closest(self, system: "Index2System", v: Array, bodies: Sequence[Mapping[int, pin.Inertia]] = ()) -> Array:
+    def project(self, system: "Index2System", v: Array, inertias: Sequence[Mapping[int, pin.Inertia]] = ()) -> Array:
         """Return the velocities closest to v (.., nv) in the mass metric with G v + g_t = 0, (.., nv).
 
         Args:
             system: a workspace of the mechanism.
             v: velocities.
-            bodies: inertias by joint that differ for each of k velocities, which are (k, nv) then.
+            inertias: inertias by joint that differ for each of k velocities, which are (k, nv) then.
 
         Raises:
             AssemblyError: if the fixed velocities contradict the closures.
@@ -47,24 +47,24 @@ class ClosedVelocities:
         residual = _times(self.G, v) + g_t
         if not np.count_nonzero(residual):
             return v
-        if bodies:
-            change = self._least_change(system, _mass_matrices(system, self.q, bodies))
+        if inertias:
+            correction = self._minimum_norm_correction(system, _mass_matrices(system, self.q, inertias))
         else:
-            change = self._change = self._change or self._least_change(system)
+            correction = self._correction = self._correction or self._minimum_norm_correction(system)
         speeds = np.linalg.norm(v / self.scales, axis=-1) + np.linalg.norm(g_t / rows)
         for _ in range(2):  # the second pass removes rounding
-            v = v - change(residual / rows)
+            v = v - correction(residual / rows)
             residual = _times(self.G, v) + g_t
-        is_open = ~(np.linalg.norm(residual / rows, axis=-1) <= AGREEMENT * speeds)
-        if is_open.any():
-            mech, first = system.mechanism, residual.reshape(-1, len(rows))[np.argmax(is_open)]
+        violated = ~(np.linalg.norm(residual / rows, axis=-1) <= AGREEMENT * speeds)
+        if violated.any():
+            mech, first = system.mechanism, residual.reshape(-1, len(rows))[np.argmax(violated)]
             raise assembly_error(mech, largest_error(mech, first, "/s"), self.fixed, "velocity")
         return v
 
-    def _least_change(self, system: "Index2System", masses: Array | None = None) -> Callable[[Array], Array]:
-        """Return the function of residuals (.., ng), scaled by rows, whose least values (.., nv) remove them.
+    def _minimum_norm_correction(self, system: "Index2System", masses: Array | None = None) -> Callable[[Array], Array]:
+        """Return r -> M^-1 G^T (G M^-1 G^T)^+ r: the correction (.., nv) of minimum norm for residuals r (.., ng).
 
-        Without mass matrices (.., nv, nv), that of the mechanism is used.
+        Residuals and G are scaled by rows. Without mass matrices (.., nv, nv), that of the mechanism is used.
         """
         G, many = self.G[:, self.free], system.ng > MANY_ROWS and masses is None
         if many:
@@ -73,18 +73,18 @@ class ClosedVelocities:
             M = symmetric(update_inertia(system.model, system.workspace, self.q)) if masses is None else masses
             M = M[..., self.free[:, None], self.free]
         if not (many and _has_positive_pivots(M)):
-            U = self._factor(system.mechanism, M.toarray() if many else M)
+            U = self._cholesky(system.mechanism, M.toarray() if many else M)
         if many:
             scaled = G.copy()
             divide_rows(scaled, self.rows)
-            return partial(_sparse_change, scaled, M, self.free, system.nv)  # which can be pickled
+            return partial(_sparse_correction, scaled, M, self.free, system.nv)  # which can be pickled
         # G M^-1/2, as `mass_scaled` but without scipy
         root = np.linalg.solve(U.swapaxes(-2, -1), (G / self.rows[:, None]).T).swapaxes(-2, -1)
-        change = np.zeros((*M.shape[:-2], system.nv, system.ng))
-        change[..., self.free, :] = np.linalg.solve(U, np.linalg.pinv(root, rcond=TRUNCATION))
-        return partial(_times, change)
+        correction = np.zeros((*M.shape[:-2], system.nv, system.ng))
+        correction[..., self.free, :] = np.linalg.solve(U, np.linalg.pinv(root, rcond=TRUNCATION))
+        return partial(_times, correction)
 
-    def _factor(self, mech: "Mechanism", M: Array) -> Array:
+    def _cholesky(self, mech: "Mechanism", M: Array) -> Array:
         """Return the upper triangular U with U^T U = M; by numpy, since most runs need nothing else of scipy."""
         try:
             return np.linalg.cholesky(M).swapaxes(-2, -1)
@@ -96,29 +96,29 @@ class ClosedVelocities:
             raise InputError(f"the mass matrix is singular at joint {joint!r}: {why}") from None
 
 
-def _mass_matrices(system: "Index2System", q: Array, bodies: Sequence[Mapping[int, pin.Inertia]]) -> Array:
+def _mass_matrices(system: "Index2System", q: Array, inertias: Sequence[Mapping[int, pin.Inertia]]) -> Array:
     """Return the mass matrices (k, nv, nv) at q for inertias by joint; the model has its own afterwards."""
-    inertias, out = system.model.inertias, []
-    before = {joint: inertias[joint].copy() for joint in bodies[0]}
-    for given in (*bodies, before):
-        for joint, inertia in given.items():
-            inertias[joint] = inertia
+    in_model, out = system.model.inertias, []
+    before = {joint: in_model[joint].copy() for joint in inertias[0]}
+    for by_joint in (*inertias, before):
+        for joint, inertia in by_joint.items():
+            in_model[joint] = inertia
         out.append(update_inertia(system.model, system.workspace, q).copy())
     return symmetric(np.array(out[:-1]))
 
 
-def _sparse_change(G: Any, M: Any, free: Array, nv: int, residual: Array) -> Array:
-    change = np.zeros((*residual.shape[:-1], nv))
-    for x, r in zip(change.reshape(-1, nv), residual.reshape(-1, residual.shape[-1]), strict=True):
+def _sparse_correction(G: Any, M: Any, free: Array, nv: int, residual: Array) -> Array:
+    correction = np.zeros((*residual.shape[:-1], nv))
+    for x, r in zip(correction.reshape(-1, nv), residual.reshape(-1, residual.shape[-1]), strict=True):
         x[free] = sparse_least_squares(G, r, 0.0, M)
-    return change
+    return correction
 
 
 def _times(A: Any, x: Array) -> Array:
     """Return A x for a matrix A (m, n) and vectors x (.., n), (.., m): each has the bits of a single product."""
     if isinstance(A, np.ndarray):
         return np.matmul(A, x[..., None])[..., 0]
-    return A @ x if x.ndim == 1 else np.array([A @ one for one in x])
+    return A @ x if x.ndim == 1 else np.array([A @ column for column in x])
 
 
 def _has_positive_pivots(M: Any) -> bool:
