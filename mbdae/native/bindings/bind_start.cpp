@@ -24,7 +24,7 @@ auto others_depend(PyCore& c, const Array& q, double tolerance) {
 template <class Coefficients>
 auto check_start(PyCore& c, const Coefficients& a, const FirstStep* first_step, const Run& run, size_t n) {
   const Index2System& s = c.core->system;
-  if (!c.callbacks->functions.empty()) reject("a force or a row is a function of Python");
+  if (!c.callbacks->functions.empty()) reject("runs from a start in the core must not call functions of Python");
   auto method = c.core->method(a);
   check_run(c, a, method, run, State{Numbers(n), Numbers(s.carried()), {}, nullptr});
   if (first_step) check_atol(s, first_step->atol);
@@ -70,7 +70,7 @@ auto completed_runs(PyCore& c, const Coefficients& a, const RunStart& start, con
   const Numbers points = checked_numbers(y, runs * length, "y");
   const Numbers numbers = checked_numbers(values, runs * varied.size(), "values");
   VariedNumbers places(s, varied);
-  if (stop.size() != 1 || nodes < 2) reject("one flag, and at least two nodes");
+  if (stop.size() != 1 || nodes < 2) reject("expected one flag and at least two nodes");
   auto method = check_start(c, a, first_step, run, length);
   CompletedRuns out;
   run_unlocked(c, [&] {

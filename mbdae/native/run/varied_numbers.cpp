@@ -9,7 +9,7 @@ VariedNumbers::VariedNumbers(Index2System& s, const std::vector<VariedNumber>& v
     double* target = x.kind == VariedNumber::body      ? s.tree.body_number(x.of, x.i)
                      : x.kind == VariedNumber::gravity ? s.tree.gravity_number(x.i)
                                                        : s.law_number(x.of, x.i);
-    if (!target) reject("the mechanism does not have a varied number");
+    if (!target) reject("the core has no number at the location of a parameter");
     targets_.push_back(target), before_.push_back(*target);
   }
 }
