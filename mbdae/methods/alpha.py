@@ -100,7 +100,7 @@ class GeneralizedAlpha(NewtonMethod):
             alpha_f=float(self.alpha_f),
             beta=float(self.beta),
             gamma=float(self.gamma),
-            stabilised=self.stabilised,
+            stabilized=self.stabilised,
             iteration=self.iteration(native),
         )
 

@@ -8,7 +8,7 @@ namespace {
 
 struct PyParameters {
   const PyCore* core;
-  std::unique_ptr<Parameters> partials;
+  std::unique_ptr<ParameterPartials> partials;
 };
 
 // Laws, or rows with their drivers, perturbed by a parameter.
@@ -44,7 +44,7 @@ void check_components(const std::vector<ModelComponent>& components, const Index
 
 ChangedElement changed_element(ChangedElements x, const Index2System& s) {
   ChangedElement out;
-  out.parameter = x.parameter, out.at = x.at;
+  out.parameter = x.parameter, out.indices = x.at;
   check_indices(x.at, x.laws.empty() ? s.ng : s.ns, x.laws.empty() ? "row" : "state");
   for (PerturbedElements& p : x.laws) {
     check_anchors(p.pairs, s.tree.frames), check_laws(p.laws, p.pairs.size());
@@ -86,7 +86,8 @@ PyParameters bind_parameters(PyCore& c, int count, const nb::list& component_lis
     check_indices({x.parameter}, count, "parameter");
     changed.push_back(changed_element(std::move(x), s));
   }
-  return {&c, std::make_unique<Parameters>(s, count, std::move(components), std::move(directions), std::move(changed))};
+  return {&c, std::make_unique<ParameterPartials>(s, count, std::move(components), std::move(directions),
+                                                  std::move(changed))};
 }
 
 // Steps and their data, checked; arrays live as long as the call.
@@ -146,7 +147,7 @@ std::optional<std::tuple<Out, std::vector<int>, size_t, Out>> recompute_steps(Py
 // While it exists, the core asks a Python function for the partials of friction.
 class WithFriction {
  public:
-  WithFriction(PyCore& c, Parameters& p, const nb::object& f) : p_(p) {
+  WithFriction(PyCore& c, ParameterPartials& p, const nb::object& f) : p_(p) {
     if (f.is_none()) return;
     p.friction = [f = f.ptr(), interrupted = &c.callbacks->interrupted](
                      const Numbers& q, const Numbers& v, const Numbers& lam, Numbers& K, Numbers& D, Numbers& P) {
@@ -157,7 +158,7 @@ class WithFriction {
   WithFriction(const WithFriction&) = delete;
 
  private:
-  Parameters& p_;
+  ParameterPartials& p_;
 };
 
 std::optional<std::pair<Out, Out>> adjoint_of_steps(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project,

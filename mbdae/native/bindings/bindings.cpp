@@ -87,7 +87,7 @@ void set_sampled_controllers(PyCore& c, const nb::list& controllers) {
 void set_friction_interfaces(PyCore& c, const nb::list& list, const Active& active, const Directions& directions) {
   const CoreLock lock(c);
   auto interfaces = c.reader().read<std::vector<FrictionInterface>>(list);
-  complete_interfaces(interfaces, c.core->system.constraints.rows);
+  check_and_complete_interfaces(interfaces, c.core->system.constraints.rows);
   if (active.size() != interfaces.size() || directions.size() != 2 * interfaces.size())
     reject("closure friction needs one state and two slip directions for each interface");
   c.core->system.friction.use(std::move(interfaces), active.data(), directions.data());

@@ -84,7 +84,7 @@ void ExportedMechanism::build() {
   for (const SignalValue& x : outputs)
     if (!x.is_valid(s)) reject("an output does not fit the mechanism");
   s.tree.expand(&expanded_model_), s.samplers = std::move(samplers);
-  complete_interfaces(interfaces, s.constraints.rows);
+  check_and_complete_interfaces(interfaces, s.constraints.rows);
   const auto active = part<std::vector<int>>(now, "friction_active");
   friction_active_.assign(active.begin(), active.end()), slip_directions_ = part<Numbers>(now, "slip_directions");
   if (active.size() != interfaces.size() || slip_directions_.size() != 2 * interfaces.size())

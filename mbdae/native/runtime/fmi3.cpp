@@ -73,15 +73,15 @@ FMI3 void* fmi3InstantiateScheduledExecution(const char*, const char*, const cha
 FMI3 void fmi3FreeInstance(void* x) { delete static_cast<Instance*>(x); }
 
 FMI3 Status fmi3EnterInitializationMode(void* instance, bool, double, double t, bool, double) {
-  return attempt(instance, [&](Instance& x) { x.start = t, x.initialising = true; });
+  return attempt(instance, [&](Instance& x) { x.start = t, x.initializing = true; });
 }
 FMI3 Status fmi3ExitInitializationMode(void* instance) {
-  return attempt(instance, [&](Instance& x) { begin(x), x.initialising = false; });
+  return attempt(instance, [&](Instance& x) { begin(x), x.initializing = false; });
 }
 FMI3 Status fmi3EnterEventMode(void*) { return ok; }
 FMI3 Status fmi3Terminate(void*) { return ok; }
 FMI3 Status fmi3Reset(void* instance) {
-  return attempt(instance, [&](Instance& x) { x.mechanism.reset(), x.initialising = false; });
+  return attempt(instance, [&](Instance& x) { x.mechanism.reset(), x.initializing = false; });
 }
 
 FMI3 Status fmi3GetFloat64(void* instance, References references, size_t n, double* values, size_t size) {
@@ -102,7 +102,7 @@ FMI3 Status fmi3SetFloat64(void* instance, References references, size_t n, cons
       if (to.kind == Variable::input) {
         x.mechanism.set_input(to.i, values[i]);
       } else if (to.kind == Variable::parameter) {
-        if (x.mechanism.started() && !x.initialising)
+        if (x.mechanism.started() && !x.initializing)
           throw std::invalid_argument("parameters must be set before the end of the initialization");
         x.mechanism.set_parameter(to.i, values[i]);
       } else if (to.kind == Variable::state && x.mechanism.started()) {
@@ -146,7 +146,7 @@ FMI3 Status fmi3UpdateDiscreteStates(void* instance, bool* again, bool* terminat
   *again = *terminate = *nominals = *values = *next = false, *time = 0;
   return attempt(instance, [&](Instance& x) {
     x.mechanism.pass_impact();
-    if (!x.exchange || x.initialising) return;
+    if (!x.exchange || x.initializing) return;
     if (x.mechanism.update_mode()) {
       *values = *nominals = true;
     } else if (x.mechanism.margin() < x.mechanism.restart_margin()) {

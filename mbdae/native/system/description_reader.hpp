@@ -1,5 +1,5 @@
 // Reader of the description of a mechanism from any data. Indices of pairs and rows are checked afterwards
-// (description_checks.hpp).
+// (core_description_checks.hpp).
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 #include <string>
 
 #include "math/field_reader.hpp"
-#include "system/description_checks.hpp"
+#include "system/core_description_checks.hpp"
 
 namespace mbdae {
 

@@ -1,4 +1,4 @@
-#include "system/description_checks.hpp"
+#include "system/core_description_checks.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -22,9 +22,11 @@ void check_rows(const std::vector<Row>& rows, size_t pairs) {
 }
 
 void check_row_joints(const Row& row, const Sizes& sizes) {
-  const size_t n = row.joints.size(), most = row.kind == Row::sum ? n : row.kind == Row::ratio ? 3 : 2;
-  const size_t least = row.kind == Row::function ? 0 : row.kind == Row::coordinate || row.kind == Row::ratio ? 1 : 2;
-  if (n < least || n > most) reject("a row of this kind cannot have " + std::to_string(n) + " joints");
+  const size_t n = row.joints.size();
+  const size_t max_joints = row.kind == Row::sum ? n : row.kind == Row::ratio ? 3 : 2;
+  const size_t min_joints =
+      row.kind == Row::function ? 0 : row.kind == Row::coordinate || row.kind == Row::ratio ? 1 : 2;
+  if (n < min_joints || n > max_joints) reject("a row of this kind cannot have " + std::to_string(n) + " joints");
   for (const RowJoint& j : row.joints) {
     if (j.nq != 1 && j.nq != 2) reject("a joint of a row must have one coordinate or two");
     check_indices({j.iq}, sizes.nq - j.nq + 1, "coordinate"), check_indices({j.iv}, sizes.nv, "velocity");
@@ -34,7 +36,7 @@ void check_row_joints(const Row& row, const Sizes& sizes) {
     reject("the function of a curved row must consist of polynomials or be harmonic");
 }
 
-void complete_interfaces(std::vector<FrictionInterface>& interfaces, const std::vector<Row>& rows) {
+void check_and_complete_interfaces(std::vector<FrictionInterface>& interfaces, const std::vector<Row>& rows) {
   const int ng = static_cast<int>(rows.size());
   for (FrictionInterface& x : interfaces) {
     const bool rolling = x.kind == FrictionInterface::rolling;
