@@ -109,7 +109,7 @@ class Composition:
 
 class GeneralizedAlpha:
     def __init__(
-        self, *, alpha_m: float, alpha_f: float, beta: float, gamma: float, stabilised: bool, iteration: NewtonIteration
+        self, *, alpha_m: float, alpha_f: float, beta: float, gamma: float, stabilized: bool, iteration: NewtonIteration
     ) -> None: ...
 
 class SmoothInterval:
@@ -185,7 +185,7 @@ class FirstStep:
         tiny: float,
     ) -> None: ...
 
-class VariedNumber:
+class ParameterLocation:
     def __init__(self, *, kind: str, of: int, i: int) -> None: ...
 
 class RunStart:
@@ -314,7 +314,7 @@ class Core:
     def start(
         self, t: float, y: Array, project: bool, ambiguous: float, fallen: float, dependent: float
     ) -> tuple[Array, Array, Array, list[int], float] | None: ...
-    def others_depend(self, q: Array, tolerance: float) -> bool | None: ...
+    def remaining_rows_dependent(self, q: Array, tolerance: float) -> bool | None: ...
     def first_step(self, t: float, y: Array, F: Array, given: FirstStep) -> float | None: ...
     @overload
     def begin(
@@ -333,53 +333,53 @@ class Core:
         self, alpha: GeneralizedAlpha, start: RunStart, first_step: FirstStep | None, run: Run
     ) -> tuple[Array, Array, Array, list[int], float] | None: ...
     @overload
-    def complete_runs(
+    def solve_runs(
         self,
         tableau: Tableau,
         start: RunStart,
         first_step: FirstStep | None,
         run: Run,
         y: Array,
-        varied: Sequence[VariedNumber],
+        locations: Sequence[ParameterLocation],
         values: Array,
         nodes: int,
         stop: Array,
     ) -> tuple[list[bool], Array, Array, Array, Array, list[list[int]]]: ...
     @overload
-    def complete_runs(
+    def solve_runs(
         self,
         radau: Radau,
         start: RunStart,
         first_step: FirstStep | None,
         run: Run,
         y: Array,
-        varied: Sequence[VariedNumber],
+        locations: Sequence[ParameterLocation],
         values: Array,
         nodes: int,
         stop: Array,
     ) -> tuple[list[bool], Array, Array, Array, Array, list[list[int]]]: ...
     @overload
-    def complete_runs(
+    def solve_runs(
         self,
         composition: Composition,
         start: RunStart,
         first_step: FirstStep | None,
         run: Run,
         y: Array,
-        varied: Sequence[VariedNumber],
+        locations: Sequence[ParameterLocation],
         values: Array,
         nodes: int,
         stop: Array,
     ) -> tuple[list[bool], Array, Array, Array, Array, list[list[int]]]: ...
     @overload
-    def complete_runs(
+    def solve_runs(
         self,
         alpha: GeneralizedAlpha,
         start: RunStart,
         first_step: FirstStep | None,
         run: Run,
         y: Array,
-        varied: Sequence[VariedNumber],
+        locations: Sequence[ParameterLocation],
         values: Array,
         nodes: int,
         stop: Array,

@@ -29,7 +29,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..system import Array, State, Step, System
-from .variational import TYPICAL, NewtonMethod, end_of_step, solved
+from .variational import TYPICAL, NewtonMethod, make_step, solve_newton
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class GeneralizedAlpha(NewtonMethod):
             alpha_f=float(self.alpha_f),
             beta=float(self.beta),
             gamma=float(self.gamma),
-            stabilised=self.stabilized,
+            stabilized=self.stabilized,
             iteration=self.iteration(native),
         )
 
@@ -121,9 +121,9 @@ class GeneralizedAlpha(NewtonMethod):
         weight, known = (1 - af) / (1 - am), (af * rate - am * a) / (1 - am)
         u = h * ((1 - gamma) * a + gamma * known)
         step.predict(h * h * ((0.5 - beta) * a + beta * known), u, (h * gamma * weight, h * h * beta * weight), rate)
-        du, z = solved(system, step)
-        moved, lam = step.end(du, z)
-        return end_of_step(system, state, moved, lam, np.concatenate([known + weight * du, du, [h]]))
+        du, z = solve_newton(system, step)
+        dy, lam = step.end(du, z)
+        return make_step(system, state, dy, lam, np.concatenate([known + weight * du, du, [h]]))
 
     def controlled_step(self, system: Any, t: float, h: float, state: State) -> Step:
         """Take one step and estimate its errors, (1, ny), see the module; the carry is that of `step`.

@@ -23,7 +23,7 @@ from .tableau import Row, Text
 
 MAX_ITERATIONS = 30
 TYPICAL = 4  # evaluations of the equations in a step of RATTLE
-SLOWEST_RATE = 0.5  # of a change: a later one that is larger is rounding, or Newton's method diverges
+SLOWEST_RATE = 0.5  # contraction rate of Newton's method, above which a small change is rounding: the last one
 
 
 class NewtonMethod:
@@ -34,7 +34,7 @@ class NewtonMethod:
     control, blend, noise = PI, 1.0, 0.0
 
     def min_growth(self, ny: int) -> float:
-        """As for `mbdae.methods.tableau.Tableau.min_growth`."""
+        """Return 1: no growth of h is suppressed, as each step has its own partials and factors."""
         return 1.0
 
     def iteration(self, native: Any) -> Any:
@@ -112,7 +112,10 @@ class Composition(NewtonMethod):
 
     @property
     def smallest_pivot(self) -> float:
-        """|gamma_s| / 2; the rounding error of the method's z is eps / (h times it)."""
+        """|gamma_s| / 2; the rounding error of the method's z is eps / (h times it).
+
+        z is mu of the last substep, of size gamma_s h, which adds gamma_s h/2 G^T mu to the momentum.
+        """
         return abs(float(self.weights[-1])) / 2
 
     @property
@@ -121,7 +124,7 @@ class Composition(NewtonMethod):
         return len(self.weights)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Fail: steps of varying size would lose the bounded energy.
+        """Reject the call: with steps of varying size, the error of the energy is not bounded.
 
         Raises:
             InputError: always.
@@ -150,19 +153,19 @@ def rattle_step(system: System, t: float, h: float, state: State) -> Step:
         StepError: if it does not converge.
     """
     step = system.variational_step(t, h, state.y)
-    x, lam = solved(system, step)
-    return end_of_step(system, state, *step.end(x, lam), None)
+    x, lam = solve_newton(system, step)
+    return make_step(system, state, *step.end(x, lam), None)
 
 
-def end_of_step(system: System, state: State, moved: Array, z: Array, carry: object) -> Step:
-    """Return the step that moves y by ``moved`` (ny,), with compensated summation."""
+def make_step(system: System, state: State, dy: Array, z: Array, carry: object) -> Step:
+    """Return the step that moves y by ``dy`` (ny,), with compensated summation."""
     if state.compensation is not None:
-        moved = moved + state.compensation
-    y = system.add(state.y, moved)
-    return Step(State(y, carry, system.rounding_loss(state.y, moved, y)), z, np.empty((0, system.ny)))
+        dy = dy + state.compensation
+    y = system.add(state.y, dy)
+    return Step(State(y, carry, system.rounding_loss(state.y, dy, y)), z, np.empty((0, system.ny)))
 
 
-def solved(system: System, step: VariationalStep) -> tuple[Array, Array]:
+def solve_newton(system: System, step: VariationalStep) -> tuple[Array, Array]:
     """Return x and lam; once changes are small, the next one is at most size^2 / last, as with any faster rate.
 
     Raises:
@@ -174,11 +177,11 @@ def solved(system: System, step: VariationalStep) -> tuple[Array, Array]:
         dx, dlam = step.correction(x, lam)
         x, lam = x + dx, lam + dlam
         system.counts.newton += 1
-        size, whole = step.measure(dx, x)
+        size, scale = step.measure(dx, x)
         if not np.isfinite(size):
             break
         rate = size / last if last else 1.0
-        if rate * size <= BELOW_ROUNDING or (rate > SLOWEST_RATE and size <= ITERATION_ROUNDING * whole):
+        if rate * size <= BELOW_ROUNDING or (rate > SLOWEST_RATE and size <= ITERATION_ROUNDING * scale):
             return x, lam
         last = size
     where = f"the step of {step.h:g} s at t = {step.t:.17g}"

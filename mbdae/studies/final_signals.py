@@ -1,12 +1,12 @@
-"""Signals at the ends of runs that were completed in the core."""
+"""Signals at the ends of runs that were solved in the core."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from ..errors import UnknownNameError
+from ..integrate.run.core_runs import CoreRuns, reason_for_python
 from ..integrate.run.run_state import RunState
-from ..integrate.run.whole_runs import WholeRuns, why_in_python
 from ..mechanism import Mechanism
 from ..solution.signal_value import OF_A_RUN, RESIDUALS, signal_values
 from ..solution.signals import signals
@@ -17,7 +17,7 @@ OF_MOTION = ("t", "y", "position", "gap", *RESIDUALS)  # kinds of signals
 
 
 def why_not_in_core(run: RunState, names: Sequence[str]) -> str:
-    """Return why whole runs with these signals need Python: a signal that depends on more than their ends, for example.
+    """Return why runs with these signals need Python: a signal that depends on more than their ends, for example.
 
     Args:
         run: one of the runs, before its beginning.
@@ -31,16 +31,16 @@ def why_not_in_core(run: RunState, names: Sequence[str]) -> str:
         raise UnknownNameError("signal", unknown[0], known)
     of_a_run = (name for name in names if known[name].kind == "column" and name.partition(".")[0] in OF_A_RUN)
     unwrapped = (name for name in names if known[name].kind == "angle")
-    return next((f"signal {name!r}" for name in (*of_a_run, *unwrapped)), "") or why_in_python(run)
+    return next((f"signal {name!r}" for name in (*of_a_run, *unwrapped)), "") or reason_for_python(run)
 
 
-def depend_on_motion_alone(mech: Mechanism, names: Sequence[str]) -> bool:
+def need_only_kinematics(mech: Mechanism, names: Sequence[str]) -> bool:
     """Return whether signals follow from t, q, v, s and geometry, without masses and forces."""
     known = signal_values(mech)
     return all(name in known and known[name].kind in OF_MOTION for name in names)
 
 
-def signals_at_end(run: RunState, runs: WholeRuns, names: Sequence[str]) -> Array:
+def signals_at_end(run: RunState, runs: CoreRuns, names: Sequence[str]) -> Array:
     """Return signals at the end of the finished runs, (k, signals): those of a solution whose nodes are these ends."""
     done = np.flatnonzero(runs.finished)
     if not names or not len(done):

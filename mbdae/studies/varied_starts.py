@@ -1,6 +1,6 @@
 """Mechanisms and initial points of the runs of a sweep or an ensemble.
 
-Runs that differ in start values share a mechanism, and so do those with other numbers of gravity, bodies and forces.
+Runs that differ in start values share a mechanism, and so do those whose other parameters are written in place.
 """
 
 import json
@@ -13,15 +13,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..integrate.run.whole_runs import OwnNumbers
+from ..integrate.run.core_runs import RunParameters
 from ..mechanism import Mechanism
 from ..mechanism.assembly.initial_points import InitialPoints
+from ..mechanism.formats.in_place_parameters import InPlaceParameters, in_place_parameters
 from ..mechanism.formats.mechanism_file.template import CACHE_SIZE, START, Template
-from ..mechanism.formats.varied_numbers import VariedNumbers, varied_numbers
 from ..system import Array
 from .factories import ParametricFactory
 
-FEWEST = 8  # runs for which parameters that determine numbers alone are sought: it takes longer than a few mechanisms
+FEWEST = 8  # runs for which parameters in place are sought: it takes longer than a few mechanisms
 FEWEST_SHARED = 3  # runs for which a mechanism is copied and its bodies are examined
 Key = tuple[tuple[str, ...], str]  # names of parameters, and the values that runs have in common
 Values = Mapping[str, Any]
@@ -33,14 +33,14 @@ class Beginning(NamedTuple):
     Attributes:
         mech: a mechanism with its parameters, but perhaps with other start values.
         point: the initial point, (n,).
-        varied: numbers that replace those of the mechanism, which belongs to this thread then.
-        numbers: their values.
+        in_place: parameters that are written in the mechanism's core; the mechanism belongs to this thread then.
+        values: their numbers in the core, (k,).
     """
 
     mech: Mechanism
     point: Array
-    varied: VariedNumbers | None = None
-    numbers: Array | None = None
+    in_place: InPlaceParameters | None = None
+    values: Array | None = None
 
     @property
     def shared_parts(self) -> tuple[int, ...]:
@@ -49,10 +49,10 @@ class Beginning(NamedTuple):
         return id(mech.model), id(mech.constraints), id(mech.forces), id(mech.settings)
 
 
-def numbers_of(runs: Sequence[Beginning]) -> OwnNumbers:
-    """Return the numbers of runs that share a mechanism."""
-    varied = runs[0].varied
-    return OwnNumbers(varied.places, np.array([run.numbers for run in runs])) if varied else OwnNumbers()
+def run_parameters(runs: Sequence[Beginning]) -> RunParameters:
+    """Return the parameters in place of runs that share a mechanism."""
+    found = runs[0].in_place
+    return RunParameters(found.locations, np.array([run.values for run in runs])) if found else RunParameters()
 
 
 def _owner(key: Key) -> tuple[Key, int]:
@@ -63,7 +63,7 @@ def _owner(key: Key) -> tuple[Key, int]:
 class _Shared(NamedTuple):
     mech: Mechanism
     points: InitialPoints
-    varied: VariedNumbers | None
+    in_place: InPlaceParameters | None
 
 
 class VariedStarts:
@@ -72,17 +72,17 @@ class VariedStarts:
     Args:
         factory: the factory.
         start_time: returns the start time of a mechanism in s.
-        in_place: returns whether numbers of a mechanism may be replaced in the core; never if omitted.
+        supports_in_place: returns whether parameters of a mechanism may be written in place; never if omitted.
     """
 
     def __init__(
         self,
         factory: ParametricFactory,
         start_time: Callable[[Mechanism], float],
-        in_place: Callable[[Mechanism], bool] | None = None,
+        supports_in_place: Callable[[Mechanism], bool] | None = None,
     ) -> None:
-        self.factory, self.start_time, self.in_place = factory, start_time, in_place
-        self.shared, self._numbers = dict[Any, _Shared](), dict[tuple[str, ...], tuple[str, ...]]()
+        self.factory, self.start_time, self.supports_in_place = factory, start_time, supports_in_place
+        self.shared, self._in_place = dict[Any, _Shared](), dict[tuple[str, ...], tuple[str, ...]]()
         self._names = cache(self._start_values)  # all runs of a grid have the same
 
     def names(self, values: Iterable[str]) -> tuple[str, ...]:
@@ -95,85 +95,85 @@ class VariedStarts:
         return tuple(name for name in names if name.startswith(START) and name not in self.factory.parameters)
 
     def names_in_place(self, runs: Sequence[Values]) -> tuple[str, ...]:
-        """Return the parameters that determine numbers alone; none for few runs where they are not known."""
+        """Return the parameters that can be written in place; none for few runs where they are not known."""
         names = tuple(runs[0])
-        if names not in self._numbers and len(runs) >= FEWEST:
+        if names not in self._in_place and len(runs) >= FEWEST:
             with suppress(Exception):  # the first run has the message
-                self._numbers[names] = self._of_numbers(names, runs[0])
-        return self._numbers.get(names, ())
+                self._in_place[names] = self._find_in_place(names, runs[0])
+        return self._in_place.get(names, ())
 
-    def _of_numbers(self, names: Sequence[str], values: Values) -> tuple[str, ...]:
-        factory = self.factory
-        if self.in_place is None or not isinstance(factory, Template) or not self.in_place(factory.make(values)):
+    def _find_in_place(self, names: Sequence[str], values: Values) -> tuple[str, ...]:
+        factory, supports = self.factory, self.supports_in_place
+        if supports is None or not isinstance(factory, Template) or not supports(factory.make(values)):
             return ()
         others = [name for name in names if name not in self.names(names)]
-        found = [name for name in others if varied_numbers(factory, [name], values)]
-        return tuple(found) if len(found) < 2 or varied_numbers(factory, found, values) else ()
+        found = [name for name in others if in_place_parameters(factory, [name], values)]
+        return tuple(found) if len(found) < 2 or in_place_parameters(factory, found, values) else ()
 
     def make(self, runs: Sequence[Values]) -> Iterator[Beginning | Exception]:
         """Yield the beginning of each run, or the exception that prevents it.
 
         A shared mechanism has the start values of its first run. Points are computed together: from the second run on,
-        or of all runs that have their own numbers.
+        or of all runs with parameters in place.
         """
-        numbers = self.names_in_place(runs)
-        alike = self._alike(runs, numbers)
-        if numbers and any(_owner(key) not in self.shared and len(i) < FEWEST_SHARED for key, i in alike.items()):
-            numbers, alike = (), self._alike(runs, ())
-        parts = [(key, part) for key, i in alike.items() for part in ((i,) if numbers else (i[:1], i[1:])) if part]
+        in_place = self.names_in_place(runs)
+        alike = self._alike(runs, in_place)
+        if in_place and any(_owner(key) not in self.shared and len(i) < FEWEST_SHARED for key, i in alike.items()):
+            in_place, alike = (), self._alike(runs, ())
+        parts = [(key, part) for key, i in alike.items() for part in ((i,) if in_place else (i[:1], i[1:])) if part]
         together, ahead = {part[0]: (key, part) for key, part in parts}, dict[int, Beginning]()
         for i, values in enumerate(runs):
             if i in together:
                 key, part = together[i]
-                ahead |= self._points(key, numbers, part, [runs[k] for k in part])
+                ahead |= self._points(key, in_place, part, [runs[k] for k in part])
             yield ahead.pop(i) if i in ahead else self._made(values)
 
-    def _alike(self, runs: Sequence[Values], numbers: Sequence[str]) -> dict[Key, list[int]]:
+    def _alike(self, runs: Sequence[Values], in_place: Sequence[str]) -> dict[Key, list[int]]:
         """Return the indices of runs that share a mechanism, by what they have in common."""
         out, names, others = defaultdict[Key, list[int]](list), None, list[str]()
         for i, values in enumerate(runs):
             if names is None or names != (*values,):
                 names = tuple(values)
-                varied = {*self.names(names), *numbers}
+                varied = {*self.names(names), *in_place}
                 others = [name for name in names if name not in varied]
             if len(others) < len(names):
                 out[names, json.dumps([values[name] for name in others]) if others else ""].append(i)
         return out
 
     def _points(
-        self, key: Key, numbers: Sequence[str], which: Sequence[int], runs: Sequence[Values]
+        self, key: Key, in_place: Sequence[str], which: Sequence[int], runs: Sequence[Values]
     ) -> dict[int, Beginning]:
         """Return the beginnings of runs that share a mechanism, without those that need their own."""
         names, inertias = self.names(key[0]), list[dict[int, Any]]()
         rows: Sequence[Array | None] = [None] * len(runs)
         try:
-            mech, points, varied = self._shared(key, numbers, runs[0])
-            if varied:
-                all_rows = varied.rows(runs)
+            mech, points, found = self._shared(key, in_place, runs[0])
+            if found:
+                all_rows = found.rows(runs)
                 valid = np.flatnonzero(np.isfinite(all_rows).all(axis=1)).tolist()
                 which, runs = [which[k] for k in valid], [runs[k] for k in valid]
-                rows = own = [*all_rows[valid]]
-                inertias = varied.inertias(own)
-            found = points.at([[values[name] for values in runs] for name in names], len(runs), inertias)
+                finite = [*all_rows[valid]]
+                rows, inertias = finite, found.inertias(finite)
+            at_start = points.at([[values[name] for values in runs] for name in names], len(runs), inertias)
         except Exception:  # their own mechanisms cannot be made, either
             return {}
-        ready = zip(which, found, rows, strict=True)
-        return {i: Beginning(mech, point, varied, row) for i, point, row in ready if point is not None}
+        ready = zip(which, at_start, rows, strict=True)
+        return {i: Beginning(mech, point, found, row) for i, point, row in ready if point is not None}
 
-    def _shared(self, key: Key, numbers: Sequence[str], values: Values) -> _Shared:
-        """Return what runs share; a mechanism whose numbers are replaced belongs to this thread."""
-        owner = _owner(key) if numbers else key
-        if found := self.shared.get(owner):
-            return found
+    def _shared(self, key: Key, in_place: Sequence[str], values: Values) -> _Shared:
+        """Return what runs share; a mechanism with parameters in place belongs to this thread."""
+        owner = _owner(key) if in_place else key
+        if shared := self.shared.get(owner):
+            return shared
         if len(self.shared) >= CACHE_SIZE:
             self.shared.clear()
-        varied = None
-        if numbers:
-            varied = varied_numbers(self.factory, numbers, values)  # type: ignore[arg-type]
-            assert varied, "of parameters that determine numbers alone"
-        mech = varied.mech if varied else self.factory.make(values)
+        found = None
+        if in_place:
+            found = in_place_parameters(self.factory, in_place, values)  # type: ignore[arg-type]
+            assert found, "of parameters that can be written in place"
+        mech = found.mech if found else self.factory.make(values)
         names = tuple(name.removeprefix(START) for name in self.names(key[0]))
-        return self.shared.setdefault(owner, _Shared(mech, InitialPoints(mech, names, self.start_time(mech)), varied))
+        return self.shared.setdefault(owner, _Shared(mech, InitialPoints(mech, names, self.start_time(mech)), found))
 
     def _made(self, values: Values) -> Beginning | Exception:
         try:

@@ -274,7 +274,7 @@ def test_indices_that_overflow_are_rejected():
             make_core(RIGHT[0], RIGHT[1] | {"pairs": [(frame, frame)]})
     with pytest.raises(ValueError, match="sizes"):
         make_core(RIGHT[0], RIGHT[1] | {"ns": 2**31 - 1})
-    with pytest.raises(ValueError, match="as many scales as rows"):
+    with pytest.raises(ValueError, match="scales must be as many as rows"):
         make_core(*RIGHT, more=1)
 
 

@@ -91,7 +91,7 @@ def test_malformed_numbers_are_rejected():
     iteration = METHODS["alpha"].iteration(native)
     with pytest.raises(ValueError, match="a node more than weights"):
         native.Composition(weights=np.ones(3), nodes=np.ones(3), iteration=iteration)
-    with pytest.raises(ValueError, match="beta, gamma > 0"):
-        native.GeneralizedAlpha(alpha_m=0.1, alpha_f=0.2, beta=0.0, gamma=0.5, stabilised=True, iteration=iteration)
+    with pytest.raises(ValueError, match="beta and gamma positive"):
+        native.GeneralizedAlpha(alpha_m=0.1, alpha_f=0.2, beta=0.0, gamma=0.5, stabilized=True, iteration=iteration)
     with pytest.raises(InputError, match="takes fixed steps"):
         mbdae.solve("four_bar", (0, 1), method="rattle4", rtol=1e-6)

@@ -76,7 +76,7 @@ def test_wrong_signals_are_rejected():
     ):
         with pytest.raises(REFUSED):
             events.set_events(wrong)
-    with pytest.raises(ValueError, match="as many nodes as events"):
+    with pytest.raises(ValueError, match="nodes must be as many as events"):
         events.set_nodes([(0.0, 0.0, 0.0)] * 7)
     method = system.method(mbdae.METHODS["herk3"])
     system.derivative(0.0, mech.point())

@@ -42,9 +42,9 @@ def test_many_rows_start_by_sparse_elimination(project, monkeypatch):
         assert np.abs(a - b).max() <= 1e-7 * (1 + np.abs(b).max())
     assert core.in_use == python.in_use
     assert core.rank < core.ng
-    assert core.others_depend(0.0, y)
+    assert core.remaining_rows_dependent(0.0, y)
     core.use_rows(core.in_use[:-1])
-    assert not core.others_depend(0.0, y)
+    assert not core.remaining_rows_dependent(0.0, y)
 
 
 @pytest.mark.parametrize("name", ["four_bar", "andrews_squeezer", "heavy_top", "car_axis"])

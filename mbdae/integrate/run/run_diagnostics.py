@@ -123,7 +123,7 @@ def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
     if not sol.settings["project"] or not 0 < len(used) < system.ng:
         return ""
     ts, ys, _ = sol.nodes
-    if system.others_depend(ts[-1], ys[-1]):
+    if system.remaining_rows_dependent(ts[-1], ys[-1]):
         return ""
     G = mass_scaled_jacobian(system, ts[-1], system.split(ys[-1])[0])
     Q = np.linalg.qr(G[used].T)[0]

@@ -200,9 +200,9 @@ class CompiledSystem(CoreStart):
         found = self.core.smallest_pivot(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)
         return super().smallest_pivot(t, y) if found is None else SmallestPivot(*found)
 
-    def others_depend(self, t: float, y: Array) -> bool:
-        """See `Index2System.others_depend`."""
-        return bool(self.core.others_depend(self.split(y)[0].copy(), SEARCH_TOLERANCE))
+    def remaining_rows_dependent(self, t: float, y: Array) -> bool:
+        """See `Index2System.remaining_rows_dependent`."""
+        return bool(self.core.remaining_rows_dependent(self.split(y)[0].copy(), SEARCH_TOLERANCE))
 
     def take_core_record(self) -> None:
         """Add the core's counts to those of the system, and update its extremes."""

@@ -283,7 +283,7 @@ class Index2System(PinocchioData, RunVariables, System):
     smallest_pivot, pivot_ratio = row_selection.smallest_pivot, row_selection.pivot_ratio
     sparse_closures, closures_by_size = residuals.sparse_closures, residuals.closures_by_size
     residual, residuals = residuals.residual, residuals.residuals
-    multiplier_gain, others_depend = row_selection.multiplier_gain, row_selection.others_depend
+    multiplier_gain, remaining_rows_dependent = row_selection.multiplier_gain, row_selection.remaining_rows_dependent
     features = property(features.features)
     interpolant = interpolation.interpolant
 

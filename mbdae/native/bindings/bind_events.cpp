@@ -9,7 +9,7 @@ namespace {
 using ValueNodes = std::vector<std::tuple<double, double, double>>;  // time, value and rate
 
 void set_nodes(Events& e, const ValueNodes& nodes) {
-  if (nodes.size() != e.events.size()) reject("as many nodes as events");
+  if (nodes.size() != e.events.size()) reject("nodes must be as many as events");
   for (size_t i = 0; i < nodes.size(); ++i)
     e.nodes[i] = {std::get<0>(nodes[i]), std::get<1>(nodes[i]), std::get<2>(nodes[i])};
   e.located.clear(), e.stopped = false;
@@ -26,9 +26,9 @@ GuardStates guard_states(const Modes& m) {
 
 void set_guard_states(Modes& m, const GuardStates& states) {
   if (m.mode.size() != m.switches.size() || m.last_impact.size() != m.switches.size())
-    reject("as many states as switches");
+    reject("modes and times of the last impact must be as many as switches");
   m.guards = guards_of(m.switches, m.mode);
-  if (states.size() != m.guards.size()) reject("as many states as guards");
+  if (states.size() != m.guards.size()) reject("guard states must be as many as guards");
   for (size_t i = 0; i < states.size(); ++i) {
     Guard& x = m.guards[i];
     std::tie(x.size, x.level, x.return_time, x.unit) = states[i];

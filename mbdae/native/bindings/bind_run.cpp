@@ -7,7 +7,7 @@
 #include "bindings/py_core.hpp"
 #include "bindings/structs.hpp"
 #include "run/method_checks.hpp"
-#include "run/whole_run.hpp"
+#include "run/core_runs.hpp"
 
 namespace mbdae {
 
@@ -59,7 +59,7 @@ void bind_structs(nb::module_& m) {
                        complete_radau);
   bind_keywords<NewtonIteration>(m, "NewtonIteration", "Thresholds of Newton's method to rounding.");
   bind_keywords<Composition>(m, "Composition", "Weights of a composition of RATTLE steps.", complete_composition);
-  bind_keywords<GeneralizedAlpha>(m, "GeneralizedAlpha", "Numbers of a generalised-alpha method.", complete_alpha);
+  bind_keywords<GeneralizedAlpha>(m, "GeneralizedAlpha", "Numbers of a generalized-alpha method.", complete_alpha);
   bind_attributes<SmoothInterval>(m, "SmoothInterval", "A smooth interval of a run, and the current time.");
   bind_attributes<StepControl>(m, "StepControl", "Step-size control.");
   bind_attributes<Grid>(m, "Grid", "Steps of equal size.");
@@ -69,7 +69,8 @@ void bind_structs(nb::module_& m) {
           [](SingularityMonitor& x, const RatiosOfModes& given) { x.of_modes = {given.begin(), given.end()}; },
           "Modes, and the largest ratio of each when it was last left.");
   bind_keywords<FirstStep>(m, "FirstStep", "Numbers of Hairer's starting step size algorithm.");
-  bind_keywords<VariedNumber>(m, "VariedNumber", "A number of a body, of gravity or of a law that differs between runs.");
+  bind_keywords<ParameterLocation>(m, "ParameterLocation",
+                                   "Where a parameter in place is: a number of a body, of gravity or of a law.");
   bind_keywords<RunStart>(m, "RunStart", "Numbers of the start of a run.");
   bind_attributes<Jumps>(m, "Jumps", "Times at which a problem may jump.");
 }

@@ -8,7 +8,7 @@ namespace {
 
 struct PyParameters {
   const PyCore* core;
-  std::unique_ptr<Parameters> partials;
+  std::unique_ptr<ParameterPartials> partials;
 };
 
 // Laws, or rows with their drivers, perturbed by a parameter.
@@ -44,7 +44,7 @@ void check_components(const std::vector<ModelComponent>& components, const Index
 
 ChangedElement changed_element(ChangedElements x, const Index2System& s) {
   ChangedElement out;
-  out.parameter = x.parameter, out.at = x.at;
+  out.parameter = x.parameter, out.indices = x.at;
   check_indices(x.at, x.laws.empty() ? s.ng : s.ns, x.laws.empty() ? "row" : "state");
   for (PerturbedElements& p : x.laws) {
     check_anchors(p.pairs, s.tree.frames), check_laws(p.laws, p.pairs.size());
@@ -53,7 +53,7 @@ ChangedElement changed_element(ChangedElements x, const Index2System& s) {
     out.laws.emplace_back(p.weight, std::move(pairs), std::move(p.laws));
   }
   for (PerturbedElements& p : x.rows) {
-    if (p.rows.size() != x.at.size()) reject("as many perturbed rows as there are");
+    if (p.rows.size() != x.at.size()) reject("perturbed rows must be as many as the rows that change");
     check_anchors(p.pairs, s.tree.frames), check_rows(p.rows, p.pairs.size());
     check_drivers(p.drivers, p.rows.size());
     out.rows.push_back(
@@ -61,7 +61,7 @@ ChangedElement changed_element(ChangedElements x, const Index2System& s) {
   }
   check_bodies(x.bodies, s.tree.nq, s.nv, s.tree.joints);
   out.bodies = s.tree.bind(std::move(x.bodies)), out.gravity = std::move(x.gravity);
-  if (!out.gravity.empty() && out.gravity.size() != 3) reject("gravity has three components");
+  if (!out.gravity.empty() && out.gravity.size() != 3) reject("gravity must have three components");
   return out;
 }
 
@@ -69,8 +69,8 @@ PyParameters bind_parameters(PyCore& c, int count, const nb::list& component_lis
                              const nb::list& changed_list) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
-  if (s.formulation == Formulation::index1) reject("tangents are those of index 2 and GGL");
-  if (count < 0) reject("the number of parameters is not negative");
+  if (s.formulation == Formulation::index1) reject("tangents and adjoints need formulation index 2 or GGL");
+  if (count < 0) reject("the number of parameters must not be negative");
   PyDescriptionReader reader = c.reader();
   auto components = reader.read<std::vector<ModelComponent>>(component_list);
   auto directions = reader.read<std::vector<Direction>>(direction_list);
@@ -78,14 +78,16 @@ PyParameters bind_parameters(PyCore& c, int count, const nb::list& component_lis
   for (const Direction& d : directions) {
     check_indices({d.parameter}, count, "parameter");
     check_indices({d.component}, static_cast<int>(components.size()), "component");
-    if (static_cast<int>(d.x.size()) != size_of(components[d.component].kind, s.nv)) reject("a direction does not fit");
+    if (static_cast<int>(d.x.size()) != size_of(components[d.component].kind, s.nv))
+      reject("the size of a direction must be that of its model component");
   }
   std::vector<ChangedElement> changed;
   for (ChangedElements& x : reader.read<std::vector<ChangedElements>>(changed_list)) {
     check_indices({x.parameter}, count, "parameter");
     changed.push_back(changed_element(std::move(x), s));
   }
-  return {&c, std::make_unique<Parameters>(s, count, std::move(components), std::move(directions), std::move(changed))};
+  return {&c, std::make_unique<ParameterPartials>(s, count, std::move(components), std::move(directions),
+                                                  std::move(changed))};
 }
 
 // Steps and their data, checked; arrays live as long as the call.
@@ -97,10 +99,11 @@ struct Nodes {
                 nb::isinstance<Radau>(method) ? nb::cast<const Radau*>(method) : nullptr,
                 halved, project, nodes - 1, ts.data(), ys.data()},
         nc(carry_size(c.core->system, segment)) {
-    if (!nodes) reject("a segment has a node");
-    if (!segment.tableau && !segment.radau) reject("a method is a tableau or Radau");
-    if (c.core->system.formulation == Formulation::index1) reject("tangents are those of index 2 and GGL");
-    if (p && p->core != &c) reject("the parameters are those of another core");
+    if (!nodes) reject("a segment must have a node");
+    if (!segment.tableau && !segment.radau) reject("the method of a segment must be a tableau or Radau");
+    if (c.core->system.formulation == Formulation::index1)
+      reject("tangents and adjoints need formulation index 2 or GGL");
+    if (p && p->core != &c) reject("the parameters belong to another core");
     if ((p || project || segment.radau) && !c.core->system.tree.expanded())
       reject("partials need the expanded tree");
   }
@@ -130,7 +133,7 @@ std::optional<std::tuple<Out, std::vector<int>, size_t, Out>> recompute_steps(Py
                                                                               double same_state, double agreement) {
   const CoreLock lock(c);
   const Nodes x(c, a, halved, run.project, t, y);
-  if (x.segment.radau) reject("a collocation method carries nothing");
+  if (x.segment.radau) reject("steps of a collocation method cannot be recomputed: it has no carry");
   const RepeatTolerances like{run.adaptive, run.control, run.tolerated_move, run.tiny, same_state, agreement};
   const size_t sizes = like.control.atol.size();
   if (like.adaptive && sizes != 1 && sizes != static_cast<size_t>(c.core->system.controlled_components()))
@@ -144,7 +147,7 @@ std::optional<std::tuple<Out, std::vector<int>, size_t, Out>> recompute_steps(Py
 // While it exists, the core asks a Python function for the partials of friction.
 class WithFriction {
  public:
-  WithFriction(PyCore& c, Parameters& p, const nb::object& f) : p_(p) {
+  WithFriction(PyCore& c, ParameterPartials& p, const nb::object& f) : p_(p) {
     if (f.is_none()) return;
     p.friction = [f = f.ptr(), interrupted = &c.callbacks->interrupted](
                      const Numbers& q, const Numbers& v, const Numbers& lam, Numbers& K, Numbers& D, Numbers& P) {
@@ -155,7 +158,7 @@ class WithFriction {
   WithFriction(const WithFriction&) = delete;
 
  private:
-  Parameters& p_;
+  ParameterPartials& p_;
 };
 
 std::optional<std::pair<Out, Out>> adjoint_of_steps(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project,
@@ -199,7 +202,7 @@ std::optional<Out> tangent_of_steps(PyCore& c, PyParameters& p, nb::handle a, bo
 std::optional<std::pair<Out, Out>> projection(PyCore& c, PyParameters& p, double t, const Array& y, bool positions) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
-  if (p.core != &c) reject("the parameters are those of another core");
+  if (p.core != &c) reject("the parameters belong to another core");
   if (!s.tree.expanded()) reject("partials need the expanded tree");
   const size_t ny = s.ny, k = p.partials->count(), d = ny + k;
   Numbers at = checked_numbers(y, s.length, "y"), moved(d * ny, 0.0), dp(d * k, 0.0);

@@ -1,6 +1,6 @@
 // The start of a run.
 #include "bindings/py_core.hpp"
-#include "run/whole_run.hpp"
+#include "run/core_runs.hpp"
 
 namespace mbdae {
 
@@ -14,9 +14,9 @@ auto start_at(PyCore& c, double t, const Array& y, bool project, double ambiguou
   });
 }
 
-auto others_depend(PyCore& c, const Array& q, double tolerance) {
+auto remaining_rows_dependent(PyCore& c, const Array& q, double tolerance) {
   return attempt(c, [&](Index2System& s) {
-    return (s.others_depend(checked_numbers(q, s.nq, "q").data(), tolerance));
+    return (s.remaining_rows_dependent(checked_numbers(q, s.nq, "q").data(), tolerance));
   });
 }
 
@@ -24,7 +24,7 @@ auto others_depend(PyCore& c, const Array& q, double tolerance) {
 template <class Coefficients>
 auto check_start(PyCore& c, const Coefficients& a, const FirstStep* first_step, const Run& run, size_t n) {
   const Index2System& s = c.core->system;
-  if (!c.callbacks->functions.empty()) reject("a force or a row is a function of Python");
+  if (!c.callbacks->functions.empty()) reject("runs from a start in the core must not call functions of Python");
   auto method = c.core->method(a);
   check_run(c, a, method, run, State{Numbers(n), Numbers(s.carried()), {}, nullptr});
   if (first_step) check_atol(s, first_step->atol);
@@ -61,20 +61,20 @@ auto begin(PyCore& c, const Coefficients& a, const RunStart& start, const FirstS
 using Stop = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
 
 template <class Coefficients>
-auto completed_runs(PyCore& c, const Coefficients& a, const RunStart& start, const FirstStep* first_step, const Run& run,
-                    const Array& y, const std::vector<VariedNumber>& varied, const Array& values, int nodes,
-                    const Stop& stop) {
+auto solve_runs_from(PyCore& c, const Coefficients& a, const RunStart& start, const FirstStep* first_step,
+                     const Run& run, const Array& y, const std::vector<ParameterLocation>& locations,
+                     const Array& values, int nodes, const Stop& stop) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
   const size_t length = s.length, runs = y.size() / length;
   const Numbers points = checked_numbers(y, runs * length, "y");
-  const Numbers numbers = checked_numbers(values, runs * varied.size(), "values");
-  VariedNumbers places(s, varied);
-  if (stop.size() != 1 || nodes < 2) reject("one flag, and at least two nodes");
+  const Numbers numbers = checked_numbers(values, runs * locations.size(), "values");
+  InPlaceParameters parameters(s, locations);
+  if (stop.size() != 1 || nodes < 2) reject("expected one flag and at least two nodes");
   auto method = check_start(c, a, first_step, run, length);
-  CompletedRuns out;
+  CoreRuns out;
   run_unlocked(c, [&] {
-    complete_runs(method, s, start, first_step, run, points, places, numbers, nodes, *stop.data(), out);
+    solve_runs(method, s, start, first_step, run, points, parameters, numbers, nodes, *stop.data(), out);
   });
   const size_t n = out.finished.size(), m = nodes, nz = s.nz;
   return std::make_tuple(out.finished, array(out.records, {n, n ? out.records.size() / n : 0}),
@@ -86,10 +86,10 @@ void def_runs(nb::class_<PyCore>& core, const char* method) {
   core.def("begin", begin<Coefficients>, nb::arg(method), nb::arg("start"), nb::arg("first_step").none(), nb::arg("run"),
            "Begin a run and take many steps; return the first y, y' (ny,), lam (ng,), rows in use and smallest ratio of\n"
            "pivots, or None, with no step.");
-  core.def("complete_runs", completed_runs<Coefficients>, nb::arg(method), nb::arg("start"),
-           nb::arg("first_step").none(), nb::arg("run"), nb::arg("y"), nb::arg("varied"), nb::arg("values"),
+  core.def("solve_runs", solve_runs_from<Coefficients>, nb::arg(method), nb::arg("start"),
+           nb::arg("first_step").none(), nb::arg("run"), nb::arg("y"), nb::arg("locations"), nb::arg("values"),
            nb::arg("nodes"), nb::arg("stop"),
-           "Complete the runs from points y (n, length), with values (n, ..) of varied numbers, until the flag is set;\n"
+           "Solve the runs from points y (n, length), with values (n, ..) at locations of parameters, until the flag is set;\n"
            "return whether each finished without Python, its counts and extremes (n, 13), points and energies\n"
            "(n, nodes, 2) of some nodes, last z, and last rows in use.");
 }
@@ -100,7 +100,7 @@ void bind_start(nb::class_<PyCore>& core) {
   core.def("start", start_at, nb::arg("t"), nb::arg("y"), nb::arg("project"), nb::arg("ambiguous"), nb::arg("fallen"),
            nb::arg("dependent"),
            "Determine rank and rows in use; return y, y' (ny,), lam (ng,), the rows and the smallest ratio of pivots, or None.")
-      .def("others_depend", others_depend, nb::arg("q"), nb::arg("tolerance"),
+      .def("remaining_rows_dependent", remaining_rows_dependent, nb::arg("q"), nb::arg("tolerance"),
            "Return whether the other rows depend on those in use at q, or None.")
       .def("first_step", step_size, nb::arg("t"), nb::arg("y"), nb::arg("F"), nb::arg("given"),
            "Return the first step size in s, or None.");

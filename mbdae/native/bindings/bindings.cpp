@@ -57,7 +57,8 @@ void expand(PyCore& c, nb::handle model) {
   const CoreLock lock(c);
   const void* m = model_pointer(model.ptr());
   const auto size = model_sizes(m);
-  if (size[0] != c.core->system.nq || size[1] != c.core->system.nv) reject("the expanded tree has other coordinates");
+  if (size[0] != c.core->system.nq || size[1] != c.core->system.nv)
+    reject("the expanded tree must have the coordinates of the tree");
   c.expanded = nb::borrow(model);
   c.core->system.tree.expand(m);
 }
@@ -86,9 +87,9 @@ void set_sampled_controllers(PyCore& c, const nb::list& controllers) {
 void set_friction_interfaces(PyCore& c, const nb::list& list, const Active& active, const Directions& directions) {
   const CoreLock lock(c);
   auto interfaces = c.reader().read<std::vector<FrictionInterface>>(list);
-  complete_interfaces(interfaces, c.core->system.constraints.rows);
+  check_and_complete_interfaces(interfaces, c.core->system.constraints.rows);
   if (active.size() != interfaces.size() || directions.size() != 2 * interfaces.size())
-    reject("as many numbers as friction interfaces");
+    reject("closure friction needs one state and two slip directions for each interface");
   c.core->system.friction.use(std::move(interfaces), active.data(), directions.data());
   c.active = active, c.directions = directions;
 }
@@ -113,14 +114,14 @@ bool write_core(PyCore& c, nb::handle model, const Tolerances& tolerances, const
 
 void change_law(PyCore& c, int k, const Numbers& a) {
   const CoreLock lock(c);
-  if (!c.core->system.change_law(k, a)) reject("a law has other numbers");
+  if (!c.core->system.change_law(k, a)) reject("the new parameters of a law must be as many as its present ones");
 }
 
 void use_rows(PyCore& c, const std::vector<int>& rows, int rank, double floor, bool frozen) {
   const CoreLock lock(c);
   check_indices(rows, c.core->system.ng, "row");
   if (rank != static_cast<int>(rows.size()) || std::set<int>(rows.begin(), rows.end()).size() != rows.size())
-    reject("rows are different, and as many as the rank");
+    reject("rows in use must be distinct, and as many as the rank");
   c.core->system.use_rows(rows, rank, floor, frozen);
 }
 

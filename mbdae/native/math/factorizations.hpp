@@ -30,10 +30,10 @@ class BandLU {
 // decreasing. B grows by min(m, n) numbers.
 void pivoted_qr(int m, int n, Numbers& B, std::vector<int>& order, Numbers& diagonal);
 
-// The z (m,) of least norm that minimises |B^T z - r|, B (m, n) by columns, of numerical rank at a truncation.
+// The z (m,) of least norm that minimizes |B^T z - r|, B (m, n) by columns, of numerical rank at a truncation.
 void minimum_norm(int m, int n, const double* B, const double* r, double truncation, double* z);
 
-// The X (n, k) that minimises |A X - B|, A (m, n) of full rank, all by columns: written to the first n rows of B (m, k).
+// The X (n, k) that minimizes |A X - B|, A (m, n) of full rank, all by columns: written to the first n rows of B (m, k).
 void least_squares(int m, int n, double* A, int k, double* B);
 
 }  // namespace mbdae

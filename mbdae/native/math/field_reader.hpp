@@ -97,10 +97,10 @@ class Reader {
   void read(Data h, std::pair<A, B>& out) {
     if constexpr (std::is_arithmetic_v<A>) {
       const auto x = Access::template cast<std::vector<A>>(h);
-      if (x.size() != 2) reject("a pair has two items");
+      if (x.size() != 2) reject("a pair must have two items");
       out = {x[0], x[1]};
     } else {
-      if (Access::size(h) != 2) reject("a pair has two items");
+      if (Access::size(h) != 2) reject("a pair must have two items");
       const auto first = Access::item(h, 0), second = Access::item(h, 1);
       static_cast<Derived*>(this)->read(first, out.first), static_cast<Derived*>(this)->read(second, out.second);
     }

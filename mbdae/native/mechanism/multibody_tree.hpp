@@ -60,9 +60,10 @@ class MultibodyTree {
   // model: the expanded tree (mechanism/tree/expanded_tree.py).
   void expand(const void* model);
   bool expanded() const { return !expanded_joints.empty(); }
-  // Partials of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; `alone`: of M a, for v = 0. M, J and
-  // poses are current afterwards.
-  void partials(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone = false);
+  // Partials of M a + nle(q, v) with respect to q in the tangent and to v, (nv, nv) by rows; `inertia_only`: of M a,
+  // for v = 0. M, J and poses are current afterwards.
+  void partials(const double* q, const double* v, const double* a, double* by_q, double* by_v,
+                bool inertia_only = false);
 
   void integrate(const double* q, const double* x, double* out);  // q (+) x
   void difference(const double* q0, const double* q1, double* out);

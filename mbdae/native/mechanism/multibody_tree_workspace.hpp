@@ -38,7 +38,7 @@ struct MultibodyTree::Workspace {
   Numbers poses, saved_poses;             // (frames, 12) R by columns, and p
   Numbers J, M, nle, zero;                // (6, nv and nodes), see `MultibodyTree::M`, (nv,), (nv,)
   struct PartialTerms {                // at (q, v), the same for all accelerations
-    Numbers q, v, J, about, M, poses;  // J about the world's origin, and about the reference point of the partials
+    Numbers q, v, J, J_centroid, M, poses;  // J about the world's origin, and about the reference point of the partials
     Numbers dense;                     // (nv, nv) M
   } terms;
   std::unique_ptr<RneaPartials> partials;

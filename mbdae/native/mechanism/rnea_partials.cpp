@@ -106,13 +106,13 @@ void RneaPartials::begin(const double* J, const double* gravity, const double* v
   }
 }
 
-void RneaPartials::complete(const double* a, double* by_q, double* by_v, bool alone) {
+void RneaPartials::complete(const double* a, double* by_q, double* by_v, bool inertia_only) {
   const size_t nv = columns_.size();
   const int joints = static_cast<int>(parents_.size());
   static const Six zero{};
   for (int p = 0; p < joints; ++p) {
     const int parent = parents_[p];
-    const Six &V = parent < 0 ? zero : V_[parent], &A = alone ? zero : parent < 0 ? base_ : A_[parent];
+    const Six &V = parent < 0 ? zero : V_[parent], &A = inertia_only ? zero : parent < 0 ? base_ : A_[parent];
     Six Aa = parent < 0 ? zero : Aa_[parent], Ap;
     for (int i = 0; i < 6; ++i) Ap[i] = A[i] + Aa[i];
     for (int k : dofs_[p]) {
@@ -128,7 +128,7 @@ void RneaPartials::complete(const double* a, double* by_q, double* by_v, bool al
   for (int p = joints - 1; p >= 0; --p) {
     const InertiaTerms& c = subtrees_[p];
     double F[6];
-    for (int i = 0; i < 6; ++i) F[i] = f_[p][i] + (alone ? 0 : c.f[i]);
+    for (int i = 0; i < 6; ++i) F[i] = f_[p][i] + (inertia_only ? 0 : c.f[i]);
     for (int k : dofs_[p]) {
       const Column& x = columns_[k];
       const auto set_ancestor_entries = [&](int j) {

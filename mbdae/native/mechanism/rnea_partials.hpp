@@ -23,8 +23,9 @@ class RneaPartials {
   // M (nv, nv) and nle(q, v), for J (6, nv) by columns, linear part first, about a fixed point, from which the centres
   // of bodies are given; gravity (3,) in m/s^2.
   void begin(const double* J, const double* gravity, const double* v, double* M, double* nle);
-  // After `begin`, partials of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` if v = 0.
-  void complete(const double* a, double* by_q, double* by_v, bool alone);
+  // After `begin`, partials of M a + nle(q, v) with respect to q in the tangent and to v, (nv, nv) by rows; with
+  // `inertia_only` those of M a, for v = 0.
+  void complete(const double* a, double* by_q, double* by_v, bool inertia_only);
 
  private:
   // Of a body, or of the subtree of a joint: inertia (mass, moment, and about the origin: xx, xy, yy, xz, yz, zz),

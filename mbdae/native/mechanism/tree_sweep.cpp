@@ -203,10 +203,10 @@ void TreeSweep::add_flexible(std::vector<FlexibleBody>& bodies, const double* v,
   }
 }
 
-void TreeSweep::add_partials(const int* expanded_joints, const double* q, const double* v, const double* a, bool alone,
-                             double* by_q, double* by_v) const {
+void TreeSweep::add_partials(const int* expanded_joints, const double* q, const double* v, const double* a,
+                             bool inertia_only, double* by_q, double* by_v) const {
   Six base{};
-  for (int i = 0; i < 3 && !alone; ++i) base[i] = -gravity_[i];
+  for (int i = 0; i < 3 && !inertia_only; ++i) base[i] = -gravity_[i];
   for (const FlexibleBody& body : *flexible_)
     body.add_partials(about_.data(), expanded_joints, q, v, a, base, by_q, by_v, about_.size());
 }

@@ -63,7 +63,7 @@ class Sweep {
   virtual void add_forces(std::vector<FlexibleBody>&, const double*, const double*, const double*, const double*, double*,
                           double*, double*) {}
   // Add the partials of forces of inertia of flexible bodies at the last poses, see `FlexibleBody::add_partials`;
-  // without gravity if `alone`.
+  // without gravity if `inertia_only`.
   virtual void add_partials(const int*, const double*, const double*, const double*, bool, double*, double*) const {}
 };
 
@@ -83,7 +83,7 @@ class TreeSweep final : public Sweep {
   void acceleration(int joint, double* out) const override { shift(A_, joint, out); }
   void add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a, const double* gravity,
                   double* poses, double* J, double* out) override;
-  void add_partials(const int* expanded_joints, const double* q, const double* v, const double* a, bool alone,
+  void add_partials(const int* expanded_joints, const double* q, const double* v, const double* a, bool inertia_only,
                     double* by_q, double* by_v) const override;
 
  private:

@@ -161,7 +161,7 @@ void ModeTransition::jump(const std::vector<ImpactRow>& contacts, const std::vec
       for (const ImpactRow& contact : contacts)
         if (contact.element == x.element && opening(contact) <= rest) acting_rows.push_back(x.row);
     const RowSpace kept(s_, Z_, acting_rows);
-    const Numbers closing = kept.minimum_norm_motion(rate_);
+    const Numbers closing = kept.minimum_norm_correction(rate_);
     move(closing, -1);
     std::vector<ImpactRow> acting;
     std::vector<Multiplier> multipliers;

@@ -11,13 +11,13 @@ namespace {
 
 void check_finite(std::initializer_list<const Numbers*> all) {
   for (const Numbers* x : all)
-    if (!finite(x->data(), static_cast<int>(x->size()))) reject("a method is finite");
+    if (!finite(x->data(), static_cast<int>(x->size()))) reject("the coefficients of a method must be finite");
 }
 
 // The number of rows of as many weights as stages.
 int error_rows(const Numbers& weights, size_t stages, size_t least) {
   if (!stages || weights.size() % stages || weights.size() / stages < least || weights.size() / stages > 2)
-    reject("error weights: one or two rows of as many numbers as stages");
+    reject("error weights must be one or two rows with a number for each stage");
   return static_cast<int>(weights.size() / stages);
 }
 
@@ -27,36 +27,38 @@ void complete_tableau(Tableau& t) {
   const size_t n = t.b.size();
   t.n = static_cast<int>(n), t.errors = error_rows(t.error_weights, n, 0);
   if (t.A.size() != n * n || t.Ahat.size() != n * n || t.c.size() != n || t.chat.size() != n)
-    reject("a tableau has as many rows, columns and nodes as stages");
+    reject("a tableau must have a row, a column and a node for each stage");
   check_finite({&t.A, &t.Ahat, &t.b, &t.c, &t.chat, &t.error_weights});
   for (size_t i = 0; i < n; ++i)
     for (size_t j = i; j < n; ++j)
       if (t.A[i * n + j] != 0 || (j > i && t.Ahat[i * n + j] != 0))
-        reject("A is strictly lower triangular, Ahat lower");
+        reject("A must be strictly lower triangular, Ahat lower triangular");
   for (size_t i = t.explicit_first; i < n; ++i)
-    if (t.Ahat[i * n + i] == 0) reject("Ahat has a regular diagonal");
-  if (!(t.noise >= 0) || !std::isfinite(t.noise)) reject("noise is finite and not negative");
-  if (t.doubling_order < 0) reject("an order is not negative");
+    if (t.Ahat[i * n + i] == 0) reject("the diagonal of Ahat must not vanish");
+  if (!(t.noise >= 0) || !std::isfinite(t.noise)) reject("noise must be finite and not negative");
+  if (t.doubling_order < 0) reject("the order of doubled steps must not be negative");
 }
 
 void complete_radau(Radau& r) {
   const size_t s = r.c.size();
   r.s = static_cast<int>(s), r.errors = error_rows(r.start, s, 1);
-  if (r.A.size() != s * s) reject("A has as many rows and columns as stages");
+  if (r.A.size() != s * s) reject("A must have a row and a column for each stage");
   for (const EigenMode& m : r.modes)
-    if (m.column.size() != s || m.row.size() != s) reject("a mode has as many numbers as stages");
+    if (m.column.size() != s || m.row.size() != s) reject("a mode must have a number for each stage");
   if (r.real < -1 || r.real >= static_cast<int>(r.modes.size()) || r.middle < 0 || r.middle >= r.s)
-    reject("out of range");
+    reject("index of the real mode or of the middle stage out of range");
   check_finite({&r.c, &r.A, &r.start});
 }
 
 void complete_composition(Composition& c) {
-  if (c.weights.empty() || c.nodes.size() != c.weights.size() + 1) reject("a composition has a node more than weights");
+  if (c.weights.empty() || c.nodes.size() != c.weights.size() + 1)
+    reject("a composition must have a node more than weights");
   check_finite({&c.weights, &c.nodes});
 }
 
 void complete_alpha(GeneralizedAlpha& a) {
-  if (!(a.alpha_m < 1) || !(a.alpha_f < 1) || !(a.beta > 0) || !(a.gamma > 0)) reject("alpha < 1, beta, gamma > 0");
+  if (!(a.alpha_m < 1) || !(a.alpha_f < 1) || !(a.beta > 0) || !(a.gamma > 0))
+    reject("alpha_m and alpha_f must be less than 1, beta and gamma positive");
 }
 
 }  // namespace mbdae

@@ -52,7 +52,7 @@ void RowSpace::project_out(Numbers& x) const {
     }
 }
 
-Numbers RowSpace::minimum_norm_motion(const Numbers& rates) const {
+Numbers RowSpace::minimum_norm_correction(const Numbers& rates) const {
   Numbers out(s_.nv, 0.0), w;
   for (size_t j = 0; j < pivots_.size(); ++j) {
     double x = rates[pivots_[j]];

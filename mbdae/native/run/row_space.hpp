@@ -1,4 +1,4 @@
-// The space of some rows of G M^-1/2, and the shortest motions that change their rates.
+// The space of some rows of G M^-1/2, and the corrections of minimum norm that change their rates.
 #pragma once
 
 #include "system/index2.hpp"
@@ -12,8 +12,8 @@ class RowSpace {
 
   size_t rank() const { return pivots_.size(); }
   void project_out(Numbers& x) const;  // x (nv,): its part orthogonal to the rows
-  // The shortest x with these rates (ng,) of the rows, which are consistent.
-  Numbers minimum_norm_motion(const Numbers& rates) const;
+  // The x of minimum norm with Z x = rates (ng,) for these rows; the rates are consistent.
+  Numbers minimum_norm_correction(const Numbers& rates) const;
   // Coefficients (ng,) of the rows that add up to x, of minimum norm in characteristic lengths.
   Numbers multipliers(const Numbers& x) const;
 

@@ -29,7 +29,7 @@ void ExportedMechanism::begin_coordinates() {
 
 void ExportedMechanism::evaluate() {
   if (current_) return;
-  if (!coordinates_) throw std::invalid_argument("equations follow the initialization of a model exchange");
+  if (!coordinates_) throw std::invalid_argument("a model exchange must be initialized before its equations");
   derivatives_current_ = false;
   coordinates_->rate(time(), x_.data(), y().data(), rate_.data());
   current_ = true;
@@ -107,7 +107,7 @@ double ExportedMechanism::output_partial(const SignalValue& signal, const LocalC
       return acts ? along / std::sqrt(size) : 0;
     }
     default:
-      throw std::invalid_argument("an output has no derivative");
+      throw std::invalid_argument("an output of this kind has no derivatives");
   }
 }
 

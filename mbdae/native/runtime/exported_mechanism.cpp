@@ -58,7 +58,7 @@ void ExportedMechanism::reset() {
 }
 
 void ExportedMechanism::set_parameter(int i, double value) {
-  if (!std::isfinite(value)) reject("a parameter is a finite number");
+  if (!std::isfinite(value)) reject("a parameter must be a finite number");
   values_[i] = value, clear_core();
 }
 
@@ -84,11 +84,11 @@ void ExportedMechanism::build() {
   for (const SignalValue& x : outputs)
     if (!x.is_valid(s)) reject("an output does not fit the mechanism");
   s.tree.expand(&expanded_model_), s.samplers = std::move(samplers);
-  complete_interfaces(interfaces, s.constraints.rows);
+  check_and_complete_interfaces(interfaces, s.constraints.rows);
   const auto active = part<std::vector<int>>(now, "friction_active");
   friction_active_.assign(active.begin(), active.end()), slip_directions_ = part<Numbers>(now, "slip_directions");
   if (active.size() != interfaces.size() || slip_directions_.size() != 2 * interfaces.size())
-    reject("as many numbers as friction interfaces");
+    reject("closure friction needs one state and two slip directions for each interface");
   s.friction.use(std::move(interfaces), friction_active_.data(), slip_directions_.data());
   s.friction.smallest_slip = part<double>(now, "smallest_slip");
   check(run_.modes, s), set_mode(s, run_.modes.switches, run_.modes.mode);
@@ -123,7 +123,7 @@ double ExportedMechanism::input(int i) const {
 }
 
 void ExportedMechanism::set_input(int i, double value) {
-  if (!std::isfinite(value)) reject("an input is a finite number");
+  if (!std::isfinite(value)) reject("an input must be a finite number");
   if (started() && by_steps_ && inputs[i].linear) {
     wanted_[i] = value;
   } else if (input(i) != value) {
@@ -169,14 +169,14 @@ void ExportedMechanism::pass_impact() {
 }
 
 void ExportedMechanism::advance(double t, const AfterStep& after_step, bool stop_at_impacts) {
-  if (!started() || !by_steps_) reject("steps follow the initialization of a co-simulation");
+  if (!started() || !by_steps_) reject("a co-simulation must be initialized before its steps");
   pass_impact();
   const double step = run_.grid.step;
   if (!run_.adaptive) {
     const double on_grid = run_.grid.t0 + std::round((t - run_.grid.t0) / step) * step;
     if (std::fabs(on_grid - t) <= run_.grid.coincident * step) t = on_grid;
   }
-  if (!(t > time())) reject("a step leads forwards");
+  if (!(t > time())) reject("a step must end later than it begins");
   try {
     const bool at_jump = time() == run_.interval.end && run_.interval.stop != run_.interval.end;
     const bool restarts = apply_inputs(t) || at_jump, at_start = time() == run_.grid.t0;

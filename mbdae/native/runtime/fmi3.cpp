@@ -35,12 +35,12 @@ void for_derivatives(ExportedMechanism& m, References unknowns, size_t rows, Ref
   for (size_t i = 0; i < rows; ++i) {
     const Variable of = variable(m, unknowns[i]);
     if (of.kind != Variable::output && of.kind != Variable::rate)
-      throw std::invalid_argument("derivatives are those of outputs and of derivatives of states");
+      throw std::invalid_argument("unknowns of derivatives must be outputs or derivatives of states");
     const Numbers& entries = of.kind == Variable::output ? d.outputs : d.rates;
     for (size_t j = 0; j < columns; ++j) {
       const Variable by = variable(m, knowns[j]);
       if (by.kind != Variable::state && by.kind != Variable::input)
-        throw std::invalid_argument("derivatives are those by states and inputs");
+        throw std::invalid_argument("knowns of derivatives must be states or inputs");
       add(i, j, entries[of.i * wide + by.i + (by.kind == Variable::input ? states : 0)]);
     }
   }
@@ -73,20 +73,20 @@ FMI3 void* fmi3InstantiateScheduledExecution(const char*, const char*, const cha
 FMI3 void fmi3FreeInstance(void* x) { delete static_cast<Instance*>(x); }
 
 FMI3 Status fmi3EnterInitializationMode(void* instance, bool, double, double t, bool, double) {
-  return attempt(instance, [&](Instance& x) { x.start = t, x.initialising = true; });
+  return attempt(instance, [&](Instance& x) { x.start = t, x.initializing = true; });
 }
 FMI3 Status fmi3ExitInitializationMode(void* instance) {
-  return attempt(instance, [&](Instance& x) { begin(x), x.initialising = false; });
+  return attempt(instance, [&](Instance& x) { begin(x), x.initializing = false; });
 }
 FMI3 Status fmi3EnterEventMode(void*) { return ok; }
 FMI3 Status fmi3Terminate(void*) { return ok; }
 FMI3 Status fmi3Reset(void* instance) {
-  return attempt(instance, [&](Instance& x) { x.mechanism.reset(), x.initialising = false; });
+  return attempt(instance, [&](Instance& x) { x.mechanism.reset(), x.initializing = false; });
 }
 
 FMI3 Status fmi3GetFloat64(void* instance, References references, size_t n, double* values, size_t size) {
   return attempt(instance, [&](Instance& x) {
-    if (n != size) throw std::invalid_argument("as many values as variables");
+    if (n != size) throw std::invalid_argument("values must be as many as variables");
     for (size_t i = 0; i < n; ++i) {
       if (variable(x.mechanism, references[i]).kind >= Variable::output) begin(x);
       values[i] = value(x.mechanism, references[i]);
@@ -96,20 +96,20 @@ FMI3 Status fmi3GetFloat64(void* instance, References references, size_t n, doub
 
 FMI3 Status fmi3SetFloat64(void* instance, References references, size_t n, const double* values, size_t size) {
   return attempt(instance, [&](Instance& x) {
-    if (n != size) throw std::invalid_argument("as many values as variables");
+    if (n != size) throw std::invalid_argument("values must be as many as variables");
     for (size_t i = 0; i < n; ++i) {
       const Variable to = variable(x.mechanism, references[i]);
       if (to.kind == Variable::input) {
         x.mechanism.set_input(to.i, values[i]);
       } else if (to.kind == Variable::parameter) {
-        if (x.mechanism.started() && !x.initialising)
-          throw std::invalid_argument("parameters are set before the initialization");
+        if (x.mechanism.started() && !x.initializing)
+          throw std::invalid_argument("parameters must be set before the end of the initialization");
         x.mechanism.set_parameter(to.i, values[i]);
       } else if (to.kind == Variable::state && x.mechanism.started()) {
         Numbers now = x.mechanism.x();
         now[to.i] = values[i], x.mechanism.set_x(now.data());
       } else {
-        throw std::invalid_argument("only inputs and parameters are set");
+        throw std::invalid_argument("only inputs, parameters, and after the initialization states can be set");
       }
     }
   });
@@ -125,7 +125,8 @@ FMI3 Status fmi3DoStep(void* instance, double t, double step, bool, bool* event,
       x.update(x.environment, now, false, true, finished, x.early_return, &requested, &until);
       return requested && x.early_return;
     };
-    if (std::fabs(x.mechanism.time() - t) > step) throw std::invalid_argument("the step begins at another time");
+    if (std::fabs(x.mechanism.time() - t) > step)
+      throw std::invalid_argument("a step must begin where the one before ended");
     x.mechanism.advance(t + step, x.update ? ExportedMechanism::AfterStep(after_step) : nullptr, x.events);
     *event = x.mechanism.before_impact();
   });
@@ -145,7 +146,7 @@ FMI3 Status fmi3UpdateDiscreteStates(void* instance, bool* again, bool* terminat
   *again = *terminate = *nominals = *values = *next = false, *time = 0;
   return attempt(instance, [&](Instance& x) {
     x.mechanism.pass_impact();
-    if (!x.exchange || x.initialising) return;
+    if (!x.exchange || x.initializing) return;
     if (x.mechanism.update_mode()) {
       *values = *nominals = true;
     } else if (x.mechanism.margin() < x.mechanism.restart_margin()) {
@@ -165,7 +166,7 @@ FMI3 Status fmi3SetTime(void* instance, double t) {
 }
 FMI3 Status fmi3SetContinuousStates(void* instance, const double* values, size_t n) {
   return attempt(instance, [&](Instance& x) {
-    if (n != static_cast<size_t>(x.mechanism.states())) throw std::invalid_argument("another number of states");
+    if (n != static_cast<size_t>(x.mechanism.states())) throw std::invalid_argument("values must be as many as states");
     x.mechanism.set_x(values);
   });
 }
@@ -183,7 +184,7 @@ FMI3 Status fmi3GetNominalsOfContinuousStates(void* instance, double* values, si
 }
 FMI3 Status fmi3GetEventIndicators(void* instance, double* values, size_t n) {
   return attempt(instance, [&](Instance& x) {
-    if (n != x.mechanism.indicators()) throw std::invalid_argument("another number of event indicators");
+    if (n != x.mechanism.indicators()) throw std::invalid_argument("values must be as many as event indicators");
     const Numbers now = x.mechanism.indicator_values();
     std::copy(now.begin(), now.end(), values);
   });

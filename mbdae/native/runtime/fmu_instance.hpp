@@ -23,7 +23,7 @@ struct Instance {
   void* environment;
   bool exchange;  // model exchange; otherwise co-simulation
   IntermediateUpdate update = nullptr;
-  bool early_return = false, initialising = false, events = false;
+  bool early_return = false, initializing = false, events = false;
   double start = 0;
 
   Status report(Status status, const char* text) const {

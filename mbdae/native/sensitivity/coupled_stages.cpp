@@ -55,7 +55,7 @@ CoupledStages::Matrix CoupledStages::System::solve_transposed(const Matrix& b) c
   return x;
 }
 
-CoupledStages::CoupledStages(Index2System& s, Parameters& parameters, bool forward, StepCoefficients a,
+CoupledStages::CoupledStages(Index2System& s, ParameterPartials& parameters, bool forward, StepCoefficients a,
                              std::unique_ptr<StageRecorder> steps)
     : s_(s), parameters_(parameters), forward_(forward), a_(std::move(a)), steps_(std::move(steps)) {
   for (int i = a_.first; i < a_.n; ++i) stages_.emplace_back(new StageEquations(s, parameters, forward));

@@ -49,7 +49,7 @@ std::unique_ptr<StageRecorder> recorder(Index2System& s, const Radau& a);
 
 class CoupledStages final : public StepMap {
  public:
-  CoupledStages(Index2System& s, Parameters& parameters, bool forward, StepCoefficients a,
+  CoupledStages(Index2System& s, ParameterPartials& parameters, bool forward, StepCoefficients a,
                 std::unique_ptr<StageRecorder> steps);
 
   void repeat(double t, double h, const State& in, State& out) override;
@@ -73,7 +73,7 @@ class CoupledStages final : public StepMap {
   int slip() const { return steps_->positions ? s_.ny + r_ : -1; }
 
   Index2System& s_;
-  Parameters& parameters_;
+  ParameterPartials& parameters_;
   const bool forward_;
   const StepCoefficients a_;
   std::unique_ptr<StageRecorder> steps_;

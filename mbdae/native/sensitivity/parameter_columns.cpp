@@ -1,4 +1,4 @@
-// Partials of a point by each parameter: columns of P and Q, directly from directions.
+// Partials at a point with respect to each parameter: columns of P and Q, directly from directions.
 #include "sensitivity/parameter_partials.hpp"
 
 namespace mbdae {
@@ -18,7 +18,7 @@ void inertial_momentum(const double* x, const double* V, double* out) {
 
 }  // namespace
 
-void Parameters::forces(const LinearisationPoint& point, Numbers& P) {
+void ParameterPartials::forces(const LinearizationPoint& point, Numbers& P) {
   const size_t n = n_;
   P.assign(count_ * n, 0.0);
   evaluate_terms(point);
@@ -36,25 +36,25 @@ void Parameters::forces(const LinearisationPoint& point, Numbers& P) {
     for (size_t e = 0; e < n; ++e) P[changed_[i].parameter * n + e] += changed_P_[i * n + e];
 }
 
-void Parameters::rows(const LinearisationPoint& point, Numbers& Q, const Numbers& q) {
+void ParameterPartials::rows(const LinearizationPoint& point, Numbers& Q, const Numbers& q) {
   const IndependentRows& which = point.rows ? *point.rows : s_.rows;
   const std::vector<int>& position = which.position();
   const size_t r = which.in_use().size();
   Q.assign(count_ * r, 0.0);
-  for_constraint_points(point, q, [&](const LinearisationPoint::ConstraintPoint& constrained, const Pair& pair) {
+  for_constraint_points(point, q, [&](const LinearizationPoint::ConstraintPoint& constrained, const Pair& pair) {
     row_columns(constrained, pair, r, Q);
   });
   for (size_t i = 0; i < changed_.size(); ++i)
     for (int row : which.in_use()) Q[changed_[i].parameter * r + position[row]] += changed_Q_[i * s_.ng + row];
 }
 
-void Parameters::subtract_wrench(int joint, const double* W, double* P) const {
+void ParameterPartials::subtract_wrench(int joint, const double* W, double* P) const {
   const double* J = s_.tree.J();
   for (int j = joint; j; j = s_.tree.parents[j])
     for (int c : columns_[j]) P[c] -= dot6(J + 6 * c, W);
 }
 
-void Parameters::subtract_subtree_wrenches(int joint, double* P) {
+void ParameterPartials::subtract_subtree_wrenches(int joint, double* P) {
   const double* J = s_.tree.J();
   const std::vector<int>& subtree = subtree_[joint];
   for (size_t l = subtree.size(); l-- > 0;) {
@@ -66,7 +66,7 @@ void Parameters::subtract_subtree_wrenches(int joint, double* P) {
   }
 }
 
-void Parameters::inertia_columns(int component, Numbers& P) const {
+void ParameterPartials::inertia_columns(int component, Numbers& P) const {
   const int j = components_[component].id;
   double V[6], A[6], W[6], h[6], rotated[6];
   world_poses_[component].to_local(V_[j].data(), V), world_poses_[component].to_local(A_[j].data(), A);
@@ -78,7 +78,7 @@ void Parameters::inertia_columns(int component, Numbers& P) const {
   }
 }
 
-void Parameters::gravity_columns(int component, Numbers& P) {
+void ParameterPartials::gravity_columns(int component, Numbers& P) {
   for (const Direction* d : along_[component]) {
     const double A[6] = {-d->x[0], -d->x[1], -d->x[2], 0, 0, 0};
     W_[0] = Six{};
@@ -88,7 +88,7 @@ void Parameters::gravity_columns(int component, Numbers& P) {
 }
 
 // The joint's subtree is fixed, and the rest of the tree is displaced by -xi.
-void Parameters::placement_columns(int component, Numbers& P) {
+void ParameterPartials::placement_columns(int component, Numbers& P) {
   const int joint = components_[component].id, before = s_.tree.parents[joint];
   const double *Vp = V_[before].data(), *Ap = A_[before].data();
   for (const Direction* d : along_[component]) {
@@ -119,8 +119,8 @@ void Parameters::placement_columns(int component, Numbers& P) {
   }
 }
 
-double Parameters::wrench_change(const Pair& pair, const WrenchPartials& t, const MovedFrame& by, const double* xi,
-                                 double* dF, double* within) const {
+double ParameterPartials::wrench_change(const Pair& pair, const WrenchPartials& t, const MovedFrame& by,
+                                        const double* xi, double* dF, double* within) const {
   const int a = pair.a.joint, b = pair.b.joint;
   const ModelComponent& x = components_[by.component];
   double V[6], rotated[6], power = 0;
@@ -144,7 +144,7 @@ double Parameters::wrench_change(const Pair& pair, const WrenchPartials& t, cons
   return power + dot6(V, dF);
 }
 
-void Parameters::pair_columns(const ActingWrench& w, Numbers& P) const {
+void ParameterPartials::pair_columns(const ActingWrench& w, Numbers& P) const {
   const Pair& pair = *w.pair;
   const double* J = s_.tree.J();
   for (const MovedFrame& by : moved_frames_.at(&pair)) {
@@ -165,14 +165,14 @@ void Parameters::pair_columns(const ActingWrench& w, Numbers& P) const {
   }
 }
 
-void Parameters::row_columns(const LinearisationPoint::ConstraintPoint& constrained, const Pair& pair, size_t r,
-                             Numbers& Q) const {
+void ParameterPartials::row_columns(const LinearizationPoint::ConstraintPoint& constrained, const Pair& pair, size_t r,
+                                    Numbers& Q) const {
   for (const MovedFrame& by : moved_frames_.at(&pair))
     for (const Direction* d : along_[by.component]) {
       double xi[6], dF[6], within[6];
       world_poses_[by.component].to_world(d->x.data(), xi);
       for (const auto& [at, t] : requested_)
-        Q[d->parameter * r + at] += constrained.weight * (constrained.kind == LinearisationPoint::ConstraintPoint::g
+        Q[d->parameter * r + at] += constrained.weight * (constrained.kind == LinearizationPoint::ConstraintPoint::g
                                                               ? (by.second ? 1 : -1) * dot6(t->F, xi)
                                                               : wrench_change(pair, *t, by, xi, dF, within));
     }

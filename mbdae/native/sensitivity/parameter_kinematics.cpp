@@ -5,7 +5,7 @@ namespace mbdae {
 
 // The axes of a joint are fixed in its parent body: J' v of a joint is V of its parent x J v.
 template <bool accelerated>
-void Parameters::update_motions(const double* v, const double* a) {
+void ParameterPartials::update_motions(const double* v, const double* a) {
   const MultibodyTree& m = s_.tree;
   const double* J = m.J();
   for (int j : moving_joints_) {
@@ -28,10 +28,10 @@ void Parameters::update_motions(const double* v, const double* a) {
   }
 }
 
-template void Parameters::update_motions<true>(const double*, const double*);
-template void Parameters::update_motions<false>(const double*, const double*);
+template void ParameterPartials::update_motions<true>(const double*, const double*);
+template void ParameterPartials::update_motions<false>(const double*, const double*);
 
-void Parameters::update_momenta() {
+void ParameterPartials::update_momenta() {
   const std::vector<int>& parents = s_.tree.parents;
   for (int j : inertial_joints_) F_[parents[j]] = Six{};
   for (int j : inertial_joints_) {
@@ -44,7 +44,7 @@ void Parameters::update_momenta() {
     for (int i = 0; i < 6; ++i) F_[parents[inertial_joints_[l]]][i] += F_[inertial_joints_[l]][i];
 }
 
-void Parameters::update_world_poses() {
+void ParameterPartials::update_world_poses() {
   static const Anchor origin;
   const MultibodyTree& m = s_.tree;
   for (size_t i = 0; i < components_.size(); ++i) {

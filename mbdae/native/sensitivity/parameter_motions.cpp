@@ -1,11 +1,12 @@
-// Partials by motions of placements and frames, masses and gravity at a point: cotangents of all model components.
+// Partials with respect to motions of placements and frames, masses and gravity
+// at a point: cotangents of all model components.
 #include "sensitivity/parameter_partials.hpp"
 
 namespace mbdae {
 
 namespace {
 
-// Adds the partials of U . I A by the ten inertial parameters, in the body's axes, times a factor.
+// Adds the partials of U . I A with respect to the ten inertial parameters, in the body's axes, times a factor.
 void add_inertial_gradient(const double* U, const double* A, double factor, double* out) {
   double first[3], second[3];
   cross(A + 3, U, first), cross(A, U + 3, second);
@@ -27,7 +28,7 @@ void add_frame_gradient(const WorldPose& at, const double* g, double* out) {  //
 
 }  // namespace
 
-void Parameters::update_virtual_velocities(const double* v) {
+void ParameterPartials::update_virtual_velocities(const double* v) {
   const double* J = s_.tree.J();
   for (int j = 1; j < s_.tree.joints; ++j) {
     U_[j] = U_[s_.tree.parents[j]];
@@ -36,8 +37,8 @@ void Parameters::update_virtual_velocities(const double* v) {
   }
 }
 
-void Parameters::add_wrench_gradient(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X,
-                       std::vector<Numbers>& sums) {
+void ParameterPartials::add_wrench_gradient(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X,
+                                            std::vector<Numbers>& sums) {
   const int a = pair.a.joint, b = pair.b.joint;
   Six relative, by_a{}, by_b{}, damping{};
   for (int i = 0; i < 6; ++i) relative[i] = X[b][i] - X[a][i];
@@ -65,7 +66,7 @@ void Parameters::add_wrench_gradient(const Pair& pair, const WrenchPartials& t, 
   }
 }
 
-void Parameters::add_gap_gradient(const Pair& pair, const double* F, std::vector<Numbers>& sums) {
+void ParameterPartials::add_gap_gradient(const Pair& pair, const double* F, std::vector<Numbers>& sums) {
   for (const MovedFrame& m : moved_frames_.at(&pair)) {
     Six g;
     for (int i = 0; i < 6; ++i) g[i] = m.second ? F[i] : -F[i];
@@ -74,7 +75,7 @@ void Parameters::add_gap_gradient(const Pair& pair, const double* F, std::vector
 }
 
 // The joint's subtree is held, and the rest of the tree moved by -xi: U, V, A there become U x xi, ...
-void Parameters::update_virtual_momenta() {
+void ParameterPartials::update_virtual_momenta() {
   const int joints = s_.tree.joints;
   for (int j = 1; j < joints; ++j) {
     double VU[6], IVU[6], rotated[6];
@@ -82,7 +83,7 @@ void Parameters::update_virtual_momenta() {
     H_[j] = C_[j] = Six{};
     if (is_zero(U_[j])) continue;
     momentum(body_[j], U, H_[j].data());
-    if (!placing_) continue;
+    if (!has_placement_) continue;
     motion_cross(V, U, VU), momentum(body_[j], VU, IVU);
     wrench_cross(V, H_[j].data(), C_[j].data()), wrench_cross(U, h_[j].data(), rotated);
     for (int i = 0; i < 6; ++i) C_[j][i] -= rotated[i] + IVU[i];
@@ -94,15 +95,15 @@ void Parameters::update_virtual_momenta() {
   }
 }
 
-void Parameters::contract(const LinearisationPoint& point, const double* above, std::vector<Numbers>& sums) {
+void ParameterPartials::contract(const LinearizationPoint& point, const double* cotangent, std::vector<Numbers>& sums) {
   const MultibodyTree& m = s_.tree;
   const int nv = s_.nv;
-  if (kinematic_) {
-    update_virtual_velocities(above);
+  if (needs_kinematics_) {
+    update_virtual_velocities(cotangent);
     if (!inertial_joints_.empty()) update_virtual_momenta();
     for (const ActingWrench& w : point.wrenches) {
       if (moved_frames_.at(w.pair).empty()) continue;
-      const double power = w.conservative ? 0 : above[n_ - 1];
+      const double power = w.conservative ? 0 : cotangent[n_ - 1];
       for (int j = 0; j < m.joints; ++j)
         for (int i = 0; i < 6; ++i) X_[j][i] = U_[j][i] + power * V_[j][i];
       add_wrench_gradient(*w.pair, w.partials, X_, sums);
@@ -112,7 +113,7 @@ void Parameters::contract(const LinearisationPoint& point, const double* above, 
     const ModelComponent& x = components_[i];
     double* to = sums[i].data();
     if (x.kind == ModelComponent::armature)
-      for (int k = 0; k < nv; ++k) to[k] -= above[k] * point.vdot[k];
+      for (int k = 0; k < nv; ++k) to[k] -= cotangent[k] * point.vdot[k];
     if (x.kind == ModelComponent::gravity && point.loaded)
       for (int k = 0; k < 3; ++k) to[k] += H_[0][k];
     if (x.kind == ModelComponent::inertia && !is_zero(U_[x.id])) {

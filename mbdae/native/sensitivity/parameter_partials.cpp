@@ -12,8 +12,8 @@ PerturbedLaws::PerturbedLaws(double weight_, std::vector<Pair> pairs_, std::vect
     if (law.pair >= 0) law.frames = &pairs[law.pair];
 }
 
-Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> components,
-                       std::vector<Direction> directions, std::vector<ChangedElement> changed)
+ParameterPartials::ParameterPartials(Index2System& s, int count, std::vector<ModelComponent> components,
+                                     std::vector<Direction> directions, std::vector<ChangedElement> changed)
     : s_(s),
       count_(count),
       n_(s.nv + s.ns + 1),
@@ -40,9 +40,9 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
     for (; j; j = m.parents[j]) used[j] = true;
   };
   for (const ModelComponent& x : components_) {
-    kinematic_ = kinematic_ || x.kind != ModelComponent::armature;
-    placing_ = placing_ || x.kind == ModelComponent::placement;
-    move_frames_ = move_frames_ || placing_ || x.kind == ModelComponent::frame;
+    needs_kinematics_ = needs_kinematics_ || x.kind != ModelComponent::armature;
+    has_placement_ = has_placement_ || x.kind == ModelComponent::placement;
+    frames_move_ = frames_move_ || has_placement_ || x.kind == ModelComponent::frame;
     if (x.kind == ModelComponent::inertia) use(x.id);
     if (x.kind != ModelComponent::placement && x.kind != ModelComponent::gravity) continue;
     for (int j : subtree_[x.kind == ModelComponent::placement ? x.id : 0]) {
@@ -50,24 +50,24 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
       if (x.kind == ModelComponent::placement) use(j);
     }
   }
-  const auto find = [&](const std::vector<Pair>& pairs, bool of_laws) {
+  const auto collect_moved_frames = [&](const std::vector<Pair>& pairs, bool of_laws) {
     for (size_t p = 0; p < pairs.size(); ++p) {
       const int a = pairs[p].a.joint, b = pairs[p].b.joint;
-      std::vector<MovedFrame>& found = moved_frames_[&pairs[p]];
+      std::vector<MovedFrame>& moved = moved_frames_[&pairs[p]];
       for (int i = 0; i < static_cast<int>(components_.size()); ++i) {
         const ModelComponent& x = components_[i];
         if (x.kind == ModelComponent::frame && x.of_law == of_laws && x.id == static_cast<int>(p))
-          found.push_back({i, x.second});
+          moved.push_back({i, x.second});
         if (x.kind == ModelComponent::placement && has_ancestor_[a][x.id] != has_ancestor_[b][x.id])
-          found.push_back({i, has_ancestor_[b][x.id]});
+          moved.push_back({i, has_ancestor_[b][x.id]});
       }
-      if (found.empty()) continue;
+      if (moved.empty()) continue;
       use(a), use(b);
-      rows_move_ = rows_move_ || !of_laws;
+      has_moving_rows_ = has_moving_rows_ || !of_laws;
     }
   };
-  find(s.constraints.pairs, false), find(s.law_pairs(), true);
-  for (const ChangedElement& c : changed_) rows_change_ = rows_change_ || !c.rows.empty();
+  collect_moved_frames(s.constraints.pairs, false), collect_moved_frames(s.law_pairs(), true);
+  for (const ChangedElement& c : changed_) has_changed_rows_ = has_changed_rows_ || !c.rows.empty();
   for (int j = 1; j < m.joints; ++j) {
     if (used[j]) moving_joints_.push_back(j);
     if (has_inertia[j]) inertial_joints_.push_back(j);
@@ -76,107 +76,110 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
   body_.resize(m.joints);
 }
 
-void Parameters::update_poses(const LinearisationPoint& point) {
-  if (kinematic_ || !changed_.empty()) s_.tree.poses(point.q.data());
+void ParameterPartials::update_poses(const LinearizationPoint& point) {
+  if (needs_kinematics_ || !changed_.empty()) s_.tree.poses(point.q.data());
 }
 
-void Parameters::evaluate_terms(const LinearisationPoint& point) {
+void ParameterPartials::evaluate_terms(const LinearizationPoint& point) {
   const MultibodyTree& m = s_.tree;
-  if (kinematic_) {
+  if (needs_kinematics_) {
     double g[3] = {0, 0, 0};
     if (point.loaded) m.gravity(g);
     for (int i = 0; i < 3; ++i) A_[0][i] = -g[i];
     update_motions<true>(point.u.data(), point.vdot.data());
     for (int j : inertial_joints_) body_[j] = m.body(j);
-    if (placing_) update_momenta();
+    if (has_placement_) update_momenta();
     update_world_poses();
   }
   if (!changed_.empty()) evaluate_changed(point);
 }
 
-void Parameters::evaluate_changed(const LinearisationPoint& point) {
+void ParameterPartials::evaluate_changed(const LinearizationPoint& point) {
   MultibodyTree& m = s_.tree;
   const size_t nv = s_.nv, n = n_;
   changed_P_.assign(changed_.size() * n, 0.0);
   const double *v = point.u.data(), *s = v + nv;
-  Numbers conservative(nv), other(nv), here, rates, G, speed;
+  Numbers conservative(nv), other(nv), law_states, rates, G, speed;
   for (size_t i = 0; i < changed_.size(); ++i) {
     ChangedElement& c = changed_[i];
     double* P = &changed_P_[i * n];
     if (!c.bodies.empty()) {
       double gravity[3] = {0, 0, 0};
       const Numbers rest(nv, 0.0);
-      const bool weight = !c.gravity.empty();
+      const bool has_gravity = !c.gravity.empty();
       if (point.loaded) m.gravity(gravity);
-      if (weight)
+      if (has_gravity)
         for (int l = 0; l < 3; ++l) gravity[l] = point.loaded ? c.gravity[l] : 0;
       std::fill(other.begin(), other.end(), 0.0);
-      m.add_forces(c.bodies, point.q.data(), weight ? rest.data() : v, weight ? rest.data() : point.vdot.data(),
-                   gravity, other.data());
+      m.add_forces(c.bodies, point.q.data(), has_gravity ? rest.data() : v,
+                   has_gravity ? rest.data() : point.vdot.data(), gravity, other.data());
       for (size_t l = 0; l < nv; ++l) P[l] -= other[l];
     }
-    for (const PerturbedLaws& near : c.laws) {
+    for (const PerturbedLaws& perturbed : c.laws) {
       if (!point.loaded) break;
-      here.resize(c.at.size()), rates.assign(c.at.size(), 0.0);
-      for (size_t l = 0; l < c.at.size(); ++l) here[l] = s[c.at[l]];
+      law_states.resize(c.indices.size()), rates.assign(c.indices.size(), 0.0);
+      for (size_t l = 0; l < c.indices.size(); ++l) law_states[l] = s[c.indices[l]];
       std::fill(conservative.begin(), conservative.end(), 0.0), std::fill(other.begin(), other.end(), 0.0);
-      for (const Law& law : near.laws)
-        law.add(m, point.t, point.q.data(), v, here.data() + law.state, conservative.data(), other.data(),
+      for (const Law& law : perturbed.laws)
+        law.add(m, point.t, point.q.data(), v, law_states.data() + law.state, conservative.data(), other.data(),
                 rates.data() + law.state);
-      for (size_t l = 0; l < nv; ++l) P[l] += near.weight * (conservative[l] + other[l]);
-      for (size_t l = 0; l < c.at.size(); ++l) P[nv + c.at[l]] += near.weight * rates[l];
-      P[n - 1] += near.weight * dot(other.data(), v, static_cast<int>(nv));
+      for (size_t l = 0; l < nv; ++l) P[l] += perturbed.weight * (conservative[l] + other[l]);
+      for (size_t l = 0; l < c.indices.size(); ++l) P[nv + c.indices[l]] += perturbed.weight * rates[l];
+      P[n - 1] += perturbed.weight * dot(other.data(), v, static_cast<int>(nv));
     }
-    for (const PerturbedRows& near : c.rows) {
-      G.assign(near.rows->start.back(), 0.0), speed.assign(c.at.size(), 0.0);
-      near.rows->value(m, point.q.data(), near.rows->all, G.data()), near.rows->evaluate_g_t(point.t, speed.data());
-      for (size_t l = 0; l < c.at.size(); ++l) {
-        const double w = near.weight * point.lam[c.at[l]];
-        near.rows->add(static_cast<int>(l), G, w, P);
+    for (const PerturbedRows& perturbed : c.rows) {
+      G.assign(perturbed.rows->start.back(), 0.0), speed.assign(c.indices.size(), 0.0);
+      perturbed.rows->value(m, point.q.data(), perturbed.rows->all, G.data());
+      perturbed.rows->evaluate_g_t(point.t, speed.data());
+      for (size_t l = 0; l < c.indices.size(); ++l) {
+        const double w = perturbed.weight * point.lam[c.indices[l]];
+        perturbed.rows->add(static_cast<int>(l), G, w, P);
         P[n - 1] -= w * speed[l];
       }
     }
   }
 }
 
-void Parameters::add_changed_rows(const LinearisationPoint::ConstraintPoint& constrained) {
+void ParameterPartials::add_changed_rows(const LinearizationPoint::ConstraintPoint& constrained) {
   Numbers G, g;
   for (size_t i = 0; i < changed_.size(); ++i)
-    for (const PerturbedRows& near : changed_[i].rows) {
-      const std::vector<int>& at = changed_[i].at;
-      G.assign(near.rows->start.back(), 0.0), g.assign(at.size(), 0.0);
-      near.rows->value(s_.tree, constrained.q.data(), near.rows->all, G.data(), g.data());
-      if (constrained.kind == LinearisationPoint::ConstraintPoint::g) {
-        near.rows->complete_g(constrained.t, g.data());
+    for (const PerturbedRows& perturbed : changed_[i].rows) {
+      const std::vector<int>& indices = changed_[i].indices;
+      G.assign(perturbed.rows->start.back(), 0.0), g.assign(indices.size(), 0.0);
+      perturbed.rows->value(s_.tree, constrained.q.data(), perturbed.rows->all, G.data(), g.data());
+      if (constrained.kind == LinearizationPoint::ConstraintPoint::g) {
+        perturbed.rows->complete_g(constrained.t, g.data());
       } else {
         std::fill(g.begin(), g.end(), 0.0);
-        if (constrained.kind == LinearisationPoint::ConstraintPoint::rate)
-          near.rows->evaluate_g_t(constrained.t, g.data());
-        for (size_t l = 0; l < at.size(); ++l) g[l] += near.rows->times(static_cast<int>(l), G, constrained.v.data());
+        if (constrained.kind == LinearizationPoint::ConstraintPoint::rate)
+          perturbed.rows->evaluate_g_t(constrained.t, g.data());
+        for (size_t l = 0; l < indices.size(); ++l)
+          g[l] += perturbed.rows->times(static_cast<int>(l), G, constrained.v.data());
       }
-      for (size_t l = 0; l < at.size(); ++l) changed_Q_[i * s_.ng + at[l]] += constrained.weight * near.weight * g[l];
+      for (size_t l = 0; l < indices.size(); ++l)
+        changed_Q_[i * s_.ng + indices[l]] += constrained.weight * perturbed.weight * g[l];
     }
 }
 
-void Parameters::begin(size_t costs) {
+void ParameterPartials::begin_gradient(size_t costs) {
   Sums zero{{}, Numbers(count_, 0.0), Numbers(changed_.size(), 0.0)};
   for (const ModelComponent& x : components_) zero.components.emplace_back(size_of(x.kind, s_.nv), 0.0);
   sums_.assign(costs, zero);
 }
 
-void Parameters::add(const LinearisationPoint& point, const Numbers& above, const Numbers& nu) {
+void ParameterPartials::add_point(const LinearizationPoint& point, const Numbers& cotangent, const Numbers& nu) {
   if (!count_) return;
   const IndependentRows& rows = point.rows ? *point.rows : s_.rows;
   const std::vector<int>& position = rows.position();
   const size_t costs = sums_.size(), n = n_, r = rows.in_use().size();
   update_poses(point);
   if (!point.at_rest) evaluate_terms(point);
-  for (size_t c = 0; c < costs && !point.at_rest; ++c) contract(point, &above[c * n], sums_[c].components);
-  for_constraint_points(point, point.q, [&](const LinearisationPoint::ConstraintPoint& constrained, const Pair& pair) {
+  for (size_t c = 0; c < costs && !point.at_rest; ++c) contract(point, &cotangent[c * n], sums_[c].components);
+  for_constraint_points(point, point.q, [&](const LinearizationPoint::ConstraintPoint& constrained, const Pair& pair) {
     for (size_t c = 0; c < costs; ++c) {
       WrenchPartials sum;
       for (const auto& [at, t] : requested_) sum.add(constrained.weight * nu[c * r + at], *t);
-      if (constrained.kind == LinearisationPoint::ConstraintPoint::g)
+      if (constrained.kind == LinearizationPoint::ConstraintPoint::g)
         add_gap_gradient(pair, sum.F, sums_[c].components);
       else
         add_wrench_gradient(pair, sum, V_, sums_[c].components);
@@ -185,17 +188,17 @@ void Parameters::add(const LinearisationPoint& point, const Numbers& above, cons
   for (size_t c = 0; c < costs; ++c)
     for (size_t i = 0; i < changed_.size(); ++i) {
       double& sum = sums_[c].changed[i];
-      if (!point.at_rest) sum += dot(&changed_P_[i * n], &above[c * n], n_);
+      if (!point.at_rest) sum += dot(&changed_P_[i * n], &cotangent[c * n], n_);
       for (int k : rows.in_use()) sum += changed_Q_[i * s_.ng + k] * nu[c * r + position[k]];
     }
 }
 
-void Parameters::add_columns(const Numbers& P, const Numbers& above) {
+void ParameterPartials::add_columns(const Numbers& P, const Numbers& cotangent) {
   for (size_t c = 0; c < sums_.size(); ++c)
-    for (size_t l = 0; l < count_; ++l) sums_[c].columns[l] += dot(&P[l * n_], &above[c * n_], n_);
+    for (size_t l = 0; l < count_; ++l) sums_[c].columns[l] += dot(&P[l * n_], &cotangent[c * n_], n_);
 }
 
-void Parameters::end(double* p) {
+void ParameterPartials::end_gradient(double* p) {
   for (const Sums& sums : sums_) {
     for (size_t l = 0; l < count_; ++l) p[l] += sums.columns[l];
     for (const Direction& d : directions_)

@@ -1,5 +1,6 @@
-// Partials of a stage by parameters of a mechanism (mbdae/mechanism/discrete_sensitivity/parameter_partials.py): each
-// is a direction in model components, or a change of laws, rows and flexible bodies.
+// Partials of a stage with respect to parameters of a mechanism
+// (mbdae/mechanism/discrete_sensitivity/parameter_partials.py): each is a direction in model components, or a change of
+// laws, rows and flexible bodies.
 #pragma once
 
 #include <map>
@@ -52,33 +53,34 @@ struct PerturbedRows {
 
 struct ChangedElement {
   int parameter;
-  std::vector<int> at;  // indices of the laws' states, or of the rows
+  std::vector<int> indices;  // of the laws' states, or of the rows
   std::vector<PerturbedLaws> laws;
   std::vector<PerturbedRows> rows;
   std::vector<FlexibleBody> bodies;  // with the rates of their numbers
   Numbers gravity;  // the rate of gravity, which then acts alone on bodies with their numbers; or empty
 };
 
-class Parameters {
+class ParameterPartials {
  public:
-  Parameters(Index2System& system, int count, std::vector<ModelComponent> components, std::vector<Direction> directions,
-             std::vector<ChangedElement> changed);
+  ParameterPartials(Index2System& system, int count, std::vector<ModelComponent> components,
+                    std::vector<Direction> directions, std::vector<ChangedElement> changed);
 
   size_t count() const { return count_; }
-  bool move_frames() const { return move_frames_; }  // do placements or frames change?
+  bool frames_move() const { return frames_move_; }  // do placements or frames change?
 
   // Partials of friction that depends on multipliers, computed in Python at (q, v, lam): K (n, nv), D (n, n), P (k, n).
   using Friction = std::function<void(const Numbers& q, const Numbers& v, const Numbers& lam, Numbers& K, Numbers& D,
                                       Numbers& P)>;
   Friction friction;
 
-  void begin(size_t costs);  // of a sum of cotangents for each cost
-  // P^T above + Q^T nu, (costs, n), (costs, r)
-  void add(const LinearisationPoint& point, const Numbers& above, const Numbers& nu);
-  void add_columns(const Numbers& P, const Numbers& above);                           // P (k, n)
-  void end(double* p);                                                   // adds the sums to p (costs, k)
-  void forces(const LinearisationPoint& point, Numbers& P);                          // P (k, n), J and poses current
-  void rows(const LinearisationPoint& point, Numbers& Q, const Numbers& q);          // Q (k, r), the same at q
+  // The gradient of each cost, a sum over points:
+  void begin_gradient(size_t costs);
+  // Adds P^T cotangent + Q^T nu, (costs, n), (costs, r).
+  void add_point(const LinearizationPoint& point, const Numbers& cotangent, const Numbers& nu);
+  void add_columns(const Numbers& P, const Numbers& cotangent);  // P (k, n)
+  void end_gradient(double* p);  // adds it to p (costs, k)
+  void forces(const LinearizationPoint& point, Numbers& P);                          // P (k, n), J and poses current
+  void rows(const LinearizationPoint& point, Numbers& Q, const Numbers& q);          // Q (k, r), the same at q
 
  private:
   struct MovedFrame {  // components that move only one frame of a pair
@@ -90,10 +92,10 @@ class Parameters {
     const WrenchPartials* partials;
   };
 
-  void update_poses(const LinearisationPoint& point);     // J and poses, if needed
-  void evaluate_terms(const LinearisationPoint& point);   // all other terms, and changed_P_, with current poses
-  void evaluate_changed(const LinearisationPoint& point);                         // changed_P_
-  void add_changed_rows(const LinearisationPoint::ConstraintPoint& constrained);  // adds to changed_Q_
+  void update_poses(const LinearizationPoint& point);     // J and poses, if needed
+  void evaluate_terms(const LinearizationPoint& point);   // all other terms, and changed_P_, with current poses
+  void evaluate_changed(const LinearizationPoint& point);                         // changed_P_
+  void add_changed_rows(const LinearizationPoint::ConstraintPoint& constrained);  // adds to changed_Q_
   template <bool accelerated>
   void update_motions(const double* v, const double* a);  // V_, and A_
   void update_momenta();                                  // F_ and h_
@@ -101,12 +103,13 @@ class Parameters {
   // At each constraint point, computes changed_Q_, and calls each(constrained, pair) with requested_ of the pairs moved
   // by placements and frames; poses are current at q.
   template <class F>
-  void for_constraint_points(const LinearisationPoint& point, const Numbers& q, const F& each);
+  void for_constraint_points(const LinearizationPoint& point, const Numbers& q, const F& each);
 
-  void contract(const LinearisationPoint& point, const double* above, std::vector<Numbers>& sums);
+  void contract(const LinearizationPoint& point, const double* cotangent, std::vector<Numbers>& sums);
   void update_virtual_velocities(const double* v);  // U_
   void update_virtual_momenta();                    // H_ and C_
-  // Adds the partials of F . (X_b - X_a) by motions of placements and frames; velocities V_ for a damped wrench.
+  // Adds the partials of F . (X_b - X_a) with respect to motions of placements and frames; velocities V_ for a damped
+  // wrench.
   void add_wrench_gradient(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X,
                            std::vector<Numbers>& sums);
   // The same of F . d_b - F . d_a.
@@ -116,7 +119,7 @@ class Parameters {
   void placement_columns(int component, Numbers& P);
   void gravity_columns(int component, Numbers& P);
   void pair_columns(const ActingWrench& w, Numbers& P) const;
-  void row_columns(const LinearisationPoint::ConstraintPoint& constrained, const Pair& pair, size_t r,
+  void row_columns(const LinearizationPoint::ConstraintPoint& constrained, const Pair& pair, size_t r,
                    Numbers& Q) const;
   // Change of a wrench due to xi of a frame, or of a placement with its subtree: dF for the rest of the tree, `within`
   // for the subtree. Returns the partial of F . (V_b - V_a).
@@ -132,8 +135,8 @@ class Parameters {
   const std::vector<Direction> directions_;
   std::vector<ChangedElement> changed_;
   std::map<const Pair*, std::vector<MovedFrame>> moved_frames_;  // of all pairs
-  bool move_frames_ = false, placing_ = false, kinematic_ = false, rows_change_ = false;
-  bool rows_move_ = false;                            // with placements and frames
+  bool frames_move_ = false, has_placement_ = false, needs_kinematics_ = false, has_changed_rows_ = false;
+  bool has_moving_rows_ = false;                      // with placements and frames
   std::vector<std::vector<int>> columns_;             // of J, of each joint
   std::vector<int> joint_of_;                         // (nv,) of each column
   std::vector<std::vector<bool>> has_ancestor_;       // (joints, joints) is the second one the first or its ancestor?
@@ -157,18 +160,18 @@ class Parameters {
 };
 
 template <class F>
-void Parameters::for_constraint_points(const LinearisationPoint& point, const Numbers& q, const F& each) {
+void ParameterPartials::for_constraint_points(const LinearizationPoint& point, const Numbers& q, const F& each) {
   changed_Q_.assign(changed_.size() * s_.ng, 0.0);
-  if (!rows_move_ && !rows_change_) return;
+  if (!has_moving_rows_ && !has_changed_rows_) return;
   MultibodyTree& m = s_.tree;
   const std::vector<int>& position = (point.rows ? *point.rows : s_.rows).position();
   const Numbers* current_q = &q;
-  for (const LinearisationPoint::ConstraintPoint& constrained : point.constraint_points) {
+  for (const LinearizationPoint::ConstraintPoint& constrained : point.constraint_points) {
     if (constrained.q != *current_q) m.poses(constrained.q.data());
     current_q = &constrained.q;
-    if (rows_change_) add_changed_rows(constrained);
-    if (!rows_move_) continue;
-    const bool at_position = constrained.kind == LinearisationPoint::ConstraintPoint::g;
+    if (has_changed_rows_) add_changed_rows(constrained);
+    if (!has_moving_rows_) continue;
+    const bool at_position = constrained.kind == LinearizationPoint::ConstraintPoint::g;
     if (!at_position) update_motions<false>(constrained.v.data(), nullptr);
     update_world_poses();
     for (size_t p = 0; p < s_.constraints.pairs.size(); ++p) {

@@ -7,7 +7,7 @@
 
 namespace mbdae {
 
-ProjectionSensitivity::ProjectionSensitivity(Index2System& s, Parameters& parameters, bool forward)
+ProjectionSensitivity::ProjectionSensitivity(Index2System& s, ParameterPartials& parameters, bool forward)
     : s_(s),
       parameters_(parameters),
       forward_(forward && parameters.count()),
@@ -66,16 +66,16 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   Numbers x(nv, 0.0), eta(r);
   solve(c, x.data(), eta.data());
   c.x = x;
-  LinearisationPoint& p = c.point;
+  LinearizationPoint& p = c.point;
   p.loaded = false, p.t = t, p.q.assign(q, q + nq), p.u.assign(nv + s_.ns + 1, 0.0), p.vdot.assign(nv, 0.0);
   p.lam.assign(s_.ng, 0.0), p.wrenches.clear(), p.constraint_points.resize(1);
-  LinearisationPoint::ConstraintPoint& constrained = p.constraint_points[0];
+  LinearizationPoint::ConstraintPoint& constrained = p.constraint_points[0];
   constrained.t = t, constrained.q = p.q,
-  constrained.kind = c.of_v ? LinearisationPoint::ConstraintPoint::rate : LinearisationPoint::ConstraintPoint::g,
+  constrained.kind = c.of_v ? LinearizationPoint::ConstraintPoint::rate : LinearizationPoint::ConstraintPoint::g,
   constrained.weight = 1;
   if (c.of_v) constrained.v.assign(v, v + nv);
   c.moved = largest(x.data(), nv) > s_.tree.limits.evaluation_rounding;
-  const bool requested = parameters_.move_frames();
+  const bool requested = parameters_.frames_move();
   if (c.of_v)
     s_.closure_partials(q, v, nullptr, nullptr, &c.Bv, nullptr, requested ? &constrained.wrench_partials : nullptr);
   if (!c.of_v) {
@@ -88,7 +88,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   if (c.moved) {
     p.vdot = x;
     for (int k : c.rows) p.lam[k] = eta[k];
-    p.constraint_points.push_back({t, p.q, x, LinearisationPoint::ConstraintPoint::Gv, -1});
+    p.constraint_points.push_back({t, p.q, x, LinearizationPoint::ConstraintPoint::Gv, -1});
     c.K.assign(m * m, 0.0);
     s_.closure_partials(q, x.data(), p.lam.data(), c.K.data(), &c.B, requested ? &p.wrenches : nullptr,
                         requested ? &p.constraint_points[1].wrench_partials : nullptr);
@@ -204,7 +204,7 @@ void ProjectionSensitivity::reverse(int costs, double* bars, size_t width) {
       add_transposed(c.T, nv, nv, mu, rotated.data());
       for (int e = 0; e < nv; ++e) start[d * static_cast<size_t>(nv) + e] -= rotated[e];
     }
-    parameters_.add(c.point, mus, nus);
+    parameters_.add_point(c.point, mus, nus);
   }
   for (int d = 0; d < costs; ++d)
     for (int e = 0; e < nv; ++e) bars[d * width + e] += start[d * static_cast<size_t>(nv) + e];

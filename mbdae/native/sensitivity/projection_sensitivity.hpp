@@ -14,7 +14,7 @@ namespace mbdae {
 
 class ProjectionSensitivity {
  public:
-  ProjectionSensitivity(Index2System& system, Parameters& parameters, bool forward);  // or reverse
+  ProjectionSensitivity(Index2System& system, ParameterPartials& parameters, bool forward);  // or reverse
 
   // y (length,) becomes the nearest point that satisfies the closures; or v alone the nearest that they allow.
   void take(double t, double* y, bool positions = true);
@@ -27,7 +27,7 @@ class ProjectionSensitivity {
  private:
   // A correction x of least x^T M x with G x = r, and eta: M x = G^T eta.
   struct Correction {
-    LinearisationPoint point;
+    LinearizationPoint point;
     bool of_v = false, moved = false;  // moved: x is nonzero
     std::vector<int> rows;             // (r,) that it satisfies
     BandLU lu;                         // of G M^-1 G^T
@@ -43,7 +43,7 @@ class ProjectionSensitivity {
   void solve_transposed(const Correction& c, double* above, double* below) const;  // below: 0 before; (r,) after
 
   Index2System& s_;
-  Parameters& parameters_;
+  ParameterPartials& parameters_;
   const bool forward_;
   Configuration factors_;  // of M at its start
   Numbers q0_;  // its start

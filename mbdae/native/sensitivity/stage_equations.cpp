@@ -19,7 +19,7 @@ void times(A&& a, const Blocks& blocks, double (IntegratePartialsBlock::*B)[36])
 
 }  // namespace
 
-StageEquations::StageEquations(Index2System& s, Parameters& parameters, bool forward)
+StageEquations::StageEquations(Index2System& s, ParameterPartials& parameters, bool forward)
     : s_(s), parameters_(parameters), forward_(forward && parameters.count()), n_(s.ny - s.nv) {}
 
 void StageEquations::take(const double* y0, const StageValues& at, const IndependentRows* position_rows) {
@@ -31,7 +31,7 @@ void StageEquations::take(const double* y0, const StageValues& at, const Indepen
   by_unknowns.setZero(m_, m_), x.setZero(m_, ny), xhat.setZero(m_, 2 * nv), y.setZero(m_, ny);
   t.setZero(m_), that.setZero(m_);
   if (forward_) p.setZero(m_, static_cast<int>(parameters_.count()));
-  for (LinearisationPoint* one : {&point_, &slip_}) one->constraint_points.clear(), one->wrenches.clear();
+  for (LinearizationPoint* one : {&point_, &slip_}) one->constraint_points.clear(), one->wrenches.clear();
   constraints(y0, at);
   motion(y0, at);
   if (position_rows_) positions(at);
@@ -54,9 +54,9 @@ void StageEquations::take(const double* y0, const StageValues& at, const Indepen
 
 void StageEquations::constraints(const double* y0, const StageValues& at) {
   const int nv = s_.nv, nq = s_.nq, ny = s_.ny;
-  const bool requested = parameters_.move_frames();
-  LinearisationPoint::ConstraintPoint constrained{at.that, Numbers(nq), Numbers(nv),
-                                                  LinearisationPoint::ConstraintPoint::rate, 1};
+  const bool requested = parameters_.frames_move();
+  LinearizationPoint::ConstraintPoint constrained{at.that, Numbers(nq), Numbers(nv),
+                                                  LinearizationPoint::ConstraintPoint::rate, 1};
   s_.manifold.integrate(y0, at.xhat.data(), constrained.q.data());
   for (int i = 0; i < nv; ++i) constrained.v[i] = y0[nq + i] + at.xhat[nv + i];
   s_.manifold.integrate_partials(at.xhat.data(), constrained.v.data(), integrate_partials_hat_);
@@ -79,9 +79,9 @@ void StageEquations::constraints(const double* y0, const StageValues& at) {
     p.middleRows(ny, r_) = RowsIn(Q_.data(), p.cols(), r_).transpose();
   }
   if (!position_rows_) return;
-  const LinearisationPoint::ConstraintPoint& here = point_.constraint_points[0];
+  const LinearizationPoint::ConstraintPoint& here = point_.constraint_points[0];
   slip_.rows = position_rows_;
-  slip_.constraint_points.push_back({at.that, here.q, here.v, LinearisationPoint::ConstraintPoint::g, 1});
+  slip_.constraint_points.push_back({at.that, here.q, here.v, LinearizationPoint::ConstraintPoint::g, 1});
   time_.assign(s_.ng, 0.0);
   s_.constraints.evaluate_g_t(at.that, time_.data());
   const int first = ny + r_ + nv;
@@ -97,7 +97,7 @@ void StageEquations::constraints(const double* y0, const StageValues& at) {
 
 void StageEquations::motion(const double* y0, const StageValues& at) {
   const int nv = s_.nv, nq = s_.nq, ny = s_.ny;
-  LinearisationPoint& o = point_;
+  LinearizationPoint& o = point_;
   o.t = at.t, o.q.resize(nq), o.u.assign(n_, 0.0), o.vdot.assign(&at.F[nv], &at.F[2 * nv]), o.lam = at.lam;
   s_.manifold.integrate(y0, at.x.data(), o.q.data());
   for (int i = 0; i < nv + s_.ns; ++i) o.u[i] = y0[nq + i] + at.x[nv + i];
@@ -105,7 +105,7 @@ void StageEquations::motion(const double* y0, const StageValues& at) {
   for (int i = 0; position_rows_ && i < nv; ++i) speed[i] += at.slip[i];
   s_.manifold.integrate_partials(at.x.data(), speed.data(), integrate_partials_);
   s_.force_partials(at.t, o.q.data(), o.u.data(), o.vdot.data(), o.lam.data(), at_, nullptr,
-                    parameters_.move_frames() ? &o.wrenches : nullptr);
+                    parameters_.frames_move() ? &o.wrenches : nullptr);
   std::fill(G_.begin(), G_.end(), 0.0);
   s_.constraints.dense_value(s_.tree, o.q.data(), s_.constraints.all, G_);
   by_unknowns.topLeftCorner(ny, ny).setIdentity();
@@ -149,7 +149,7 @@ void StageEquations::friction() {
 void StageEquations::positions(const StageValues& at) {
   const int nv = s_.nv, ny = s_.ny, first = ny + r_;
   const Numbers zero(nv, 0.0);
-  LinearisationPoint& o = slip_;
+  LinearizationPoint& o = slip_;
   o.loaded = false, o.t = at.t, o.q = point_.q, o.u.assign(n_, 0.0), o.vdot = at.slip, o.lam = at.mu;
   by_unknowns.block(first, first, nv, nv) = by_unknowns.block(nv, nv, nv, nv);
   for (int k : position_rows_->in_use()) {
@@ -159,7 +159,7 @@ void StageEquations::positions(const StageValues& at) {
   by_q_.assign(static_cast<size_t>(nv) * nv, 0.0), by_v_ = by_q_;
   Numbers by_mu(by_q_);
   s_.closure_partials(o.q.data(), zero.data(), o.lam.data(), by_mu.data(), nullptr,
-                      parameters_.move_frames() ? &o.wrenches : nullptr, nullptr, position_rows_);
+                      parameters_.frames_move() ? &o.wrenches : nullptr, nullptr, position_rows_);
   s_.tree.partials(o.q.data(), zero.data(), at.slip.data(), by_q_.data(), by_v_.data(), true);
   x.block(first, 0, nv, nv) = RowsIn(by_q_.data(), nv, nv) - RowsIn(by_mu.data(), nv, nv);
   y.block(first, 0, nv, nv) = x.block(first, 0, nv, nv);
@@ -180,11 +180,11 @@ void StageEquations::add_parameters(const Eigen::MatrixXd& mu) {
     }
   };
   gather(nv, ny - nv, ny, ny + r_);
-  parameters_.add(point_, above, below);
+  parameters_.add_point(point_, above, below);
   if (!friction_columns_.empty()) parameters_.add_columns(friction_columns_, above);
   if (!position_rows_) return;
   gather(ny + r_, nv, ny + r_ + nv, m_);
-  parameters_.add(slip_, above, below);
+  parameters_.add_point(slip_, above, below);
 }
 
 }  // namespace mbdae

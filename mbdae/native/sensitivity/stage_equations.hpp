@@ -22,7 +22,7 @@ struct StageValues {
 // where P are the position rows, W = d(P^T mu)/dq - dM slip; the equations on the right exist in GGL alone.
 class StageEquations {
  public:
-  StageEquations(Index2System& system, Parameters& parameters, bool forward);  // or reverse
+  StageEquations(Index2System& system, ParameterPartials& parameters, bool forward);  // or reverse
 
   void take(const double* y0, const StageValues& at, const IndependentRows* positions);
   int size() const { return m_; }
@@ -40,11 +40,11 @@ class StageEquations {
   void friction();
 
   Index2System& s_;
-  Parameters& parameters_;
+  ParameterPartials& parameters_;
   const bool forward_;
   const IndependentRows* position_rows_ = nullptr;
   int m_ = 0, r_ = 0, k_ = 0, n_ = 0;
-  LinearisationPoint point_, slip_;  // of lam, and of mu
+  LinearizationPoint point_, slip_;  // of lam, and of mu
   EquationPartials at_;
   Numbers Bhat_, M_, G_, by_q_, by_v_, time_, P_, Q_, friction_columns_;
   std::vector<IntegratePartialsBlock> integrate_partials_, integrate_partials_hat_;

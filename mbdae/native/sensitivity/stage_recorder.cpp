@@ -141,7 +141,7 @@ class RecordingCollocation final : public Step, public StageRecorder {
       v.mu.assign(s.ng, 0.0), v.slip.assign(nv, 0.0);
       if (this->positions_.in_use().empty()) return;
       this->positions_.saddle().factorize_symmetric();
-      this->positions_.saddle().minimum_norm_motion(along.data(), v.slip.data(), v.mu.data());
+      this->positions_.saddle().minimum_norm_correction(along.data(), v.slip.data(), v.mu.data());
     }
   }
 

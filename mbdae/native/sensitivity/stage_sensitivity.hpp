@@ -12,8 +12,8 @@
 
 namespace mbdae {
 
-// A point with partials by parameters: equations f + G^T lam - M v', and terms of rows.
-struct LinearisationPoint {
+// A point with partials with respect to parameters: equations f + G^T lam - M v', and terms of rows.
+struct LinearizationPoint {
   struct ConstraintPoint {
     double t;
     Numbers q, v;  // (nq,), (nv,)
@@ -31,7 +31,7 @@ struct LinearisationPoint {
 };
 
 // n = nv + ns + 1; rows in use (r,) are in the order of elimination.
-class StageSensitivity : public LinearisationPoint {
+class StageSensitivity : public LinearizationPoint {
  public:
   explicit StageSensitivity(Index2System& s) : point(s.tree, s.constraints, s.counts), s_(s) {}
 

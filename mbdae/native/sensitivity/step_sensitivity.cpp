@@ -5,7 +5,7 @@
 
 namespace mbdae {
 
-StepSensitivity::StepSensitivity(Index2System& s, Parameters* parameters, const Tableau& a, bool forward)
+StepSensitivity::StepSensitivity(Index2System& s, ParameterPartials* parameters, const Tableau& a, bool forward)
     : HalfExplicitStep(s), parameters_(parameters), forward_(forward && parameters && parameters->count()), a_(a) {}
 
 void StepSensitivity::repeat(double t, double h, const State& in, State& out, bool partials) {
@@ -43,11 +43,11 @@ void StepSensitivity::record_stage(int i, double t, double that, double factor, 
   k.lam.assign(s_.ng, 0.0);
   for (int row : s_.rows.in_use()) k.lam[row] = lam_[row];
   s_.manifold.integrate_partials(x_.data(), v_.data(), k.integrate_partials);
-  const bool requested = parameters_ && parameters_->move_frames();
+  const bool requested = parameters_ && parameters_->frames_move();
   if (!s_.rows.in_use().empty()) {
     k.constraint_points.resize(1);
-    LinearisationPoint::ConstraintPoint& constrained = k.constraint_points[0];
-    constrained.t = that, constrained.kind = LinearisationPoint::ConstraintPoint::rate, constrained.weight = 1,
+    LinearizationPoint::ConstraintPoint& constrained = k.constraint_points[0];
+    constrained.t = that, constrained.kind = LinearizationPoint::ConstraintPoint::rate, constrained.weight = 1,
     constrained.q = qhat_, constrained.v.resize(nv_);
     for (int i = 0; i < nv_; ++i) constrained.v[i] = v0_[i] + xhat_[nv_ + i] + factor * k.vdot[i];
     k.Ghat = Ghat_, k.Zhat = Zhat_, k.lu = s_.saddle.factors();
@@ -144,7 +144,7 @@ void StepSensitivity::reverse(int costs, double* bars) {
         for (int c = 0; c < ny; ++c) dF[j * ny + c] += w * x_bar_[c] + what * xhat_bar_[c];
       }
     }
-    if (parameters_) parameters_->add(stage, above_, nu_);
+    if (parameters_) parameters_->add_point(stage, above_, nu_);
   }
   for (int d = 0; d < costs; ++d) {
     double *bar = bars + d * width, *y = &out[d * ny];

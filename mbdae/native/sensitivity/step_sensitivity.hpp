@@ -13,7 +13,7 @@ namespace mbdae {
 class StepSensitivity final : public HalfExplicitStep, public StepMap {
  public:
   // forward: for tangents; otherwise for cotangents
-  StepSensitivity(Index2System& system, Parameters* parameters, const Tableau& a, bool forward = false);
+  StepSensitivity(Index2System& system, ParameterPartials* parameters, const Tableau& a, bool forward = false);
 
   // The same without partials, if they are not requested.
   void repeat(double t, double h, const State& in, State& out, bool partials);
@@ -25,7 +25,7 @@ class StepSensitivity final : public HalfExplicitStep, public StepMap {
  private:
   void record_stage(int stage, double t, double that, double factor, const double* F);
 
-  Parameters* parameters_;
+  ParameterPartials* parameters_;
   const bool forward_;
   const Tableau& a_;
   double h_ = 0;

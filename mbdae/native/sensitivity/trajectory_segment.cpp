@@ -19,8 +19,8 @@ void set_state(const Index2System& s, const TrajectorySegment& g, const double* 
   to.carry.assign(carries + i * nc, carries + (i + 1) * nc);
 }
 
-std::unique_ptr<StepMap> step_map(Index2System& s, Parameters& parameters, const TrajectorySegment& g, bool forward,
-                                  bool varying) {
+std::unique_ptr<StepMap> step_map(Index2System& s, ParameterPartials& parameters, const TrajectorySegment& g,
+                                  bool forward, bool varying) {
   if (g.radau) return std::make_unique<CoupledStages>(s, parameters, forward, StepCoefficients(*g.radau), recorder(s, *g.radau));
   if (!varying && s.formulation == Formulation::index2 && !s.friction)
     return std::make_unique<StepSensitivity>(s, &parameters, *g.tableau, forward);
@@ -30,7 +30,8 @@ std::unique_ptr<StepMap> step_map(Index2System& s, Parameters& parameters, const
 // A node's interval: one step or two, and the projection of its end.
 class Interval {
  public:
-  Interval(Index2System& s, Parameters& parameters, const TrajectorySegment& g, bool forward, bool varying = false)
+  Interval(Index2System& s, ParameterPartials& parameters, const TrajectorySegment& g, bool forward,
+           bool varying = false)
       : s_(s), g_(g), first_(step_map(s, parameters, g, forward, varying)), end_(s, parameters, forward) {
     if (g.halved) second_ = step_map(s, parameters, g, forward, varying);
   }
@@ -131,21 +132,21 @@ void recompute(Index2System& s, const TrajectorySegment& g, const RepeatToleranc
   out.end = now.y;
 }
 
-void adjoint(Index2System& s, Parameters& parameters, const TrajectorySegment& g, const double* carries, int costs,
-             const double* extra, double* bars, double* p) {
+void adjoint(Index2System& s, ParameterPartials& parameters, const TrajectorySegment& g, const double* carries,
+             int costs, const double* extra, double* bars, double* p) {
   Interval interval(s, parameters, g, false);
   const size_t width = s.ny + carry_size(s, g), size = costs * width;
-  parameters.begin(costs);
+  parameters.begin_gradient(costs);
   for (size_t i = g.steps; i-- > 0;) {
     interval.take(carries, i);
     if (i + 1 < g.steps)
       for (size_t c = 0; c < size; ++c) bars[c] += extra[(i + 1) * size + c];
     interval.reverse(costs, bars, width);
   }
-  parameters.end(p);
+  parameters.end_gradient(p);
 }
 
-void tangent(Index2System& s, Parameters& parameters, const TrajectorySegment& g, const double* carries, int d,
+void tangent(Index2System& s, ParameterPartials& parameters, const TrajectorySegment& g, const double* carries, int d,
              const double* dp, const double* dh, const double* first, double* along) {
   Interval interval(s, parameters, g, true, dh);
   const size_t width = s.ny + carry_size(s, g), size = d * width;

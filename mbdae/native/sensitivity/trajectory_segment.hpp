@@ -36,12 +36,12 @@ struct Recomputed {
 void recompute(Index2System& s, const TrajectorySegment& segment, const RepeatTolerances& tolerances, Recomputed& out);
 // Cotangents (costs, ny + nc) at the last node become those at the first; `extra` (m + 1, costs, ny + nc) are added at
 // the inner nodes, and those of parameters (costs, k) are accumulated.
-void adjoint(Index2System& s, Parameters& parameters, const TrajectorySegment& segment, const double* carries, int costs,
-             const double* extra, double* bars, double* p);
+void adjoint(Index2System& s, ParameterPartials& parameters, const TrajectorySegment& segment, const double* carries,
+             int costs, const double* extra, double* bars, double* p);
 size_t carry_size(const Index2System& s, const TrajectorySegment& segment);
 // Tangents (d, ny + nc) at the first node lead to those at all of them, (m + 1, d, ny + nc); dh (d,) are those of the
 // size of each step, or missing.
-void tangent(Index2System& s, Parameters& parameters, const TrajectorySegment& segment, const double* carries, int d,
-             const double* dp, const double* dh, const double* first, double* along);
+void tangent(Index2System& s, ParameterPartials& parameters, const TrajectorySegment& segment, const double* carries,
+             int d, const double* dp, const double* dh, const double* first, double* along);
 
 }  // namespace mbdae

@@ -233,7 +233,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   if (used) {
     s_.saddle.factorize_symmetric();
     for (int i = 0; i < used; ++i) rates_[m->unknowns[i]] = -C[i];
-    s_.saddle.minimum_norm_motion(rates_.data(), f_.data());
+    s_.saddle.minimum_norm_correction(rates_.data(), f_.data());
     for (int i = 0; i < nv_; ++i) {
       x[nv_ + i] -= f_[i];
       out.y[nq_ + i] = y[nq_ + i] + x[nv_ + i];

@@ -68,7 +68,7 @@ void GGLStep::satisfy_constraint(double that, double factor, double* dx) {
 void GGLStep::compute_correction(const Numbers& G) {
   s_.point.scale_rows(positions_.in_use(), G, Zhat_);
   positions_.saddle().factorize(Zhat_);
-  positions_.saddle().minimum_norm_motion(gap_.data(), dslip_.data(), dmu_.data());
+  positions_.saddle().minimum_norm_correction(gap_.data(), dslip_.data(), dmu_.data());
   move_ = dslip_;
   s_.manifold.tangent(at_.data(), move_.data());
 }
@@ -108,7 +108,7 @@ void GGLStep::project(double* e) {
   s_.manifold.velocity(at_.data(), move_.data());
   if (!positions_.same_as_velocity_rows) positions_.saddle().factorize_symmetric();
   for (int k : positions_.in_use()) work_[k] = s_.constraints.times(k, s_.point.G, move_.data());
-  positions_.saddle().minimum_norm_motion(work_.data(), move_.data());
+  positions_.saddle().minimum_norm_correction(work_.data(), move_.data());
   s_.manifold.tangent(at_.data(), move_.data());
   for (int i = 0; i < nv_; ++i) e[i] -= move_[i];
 }

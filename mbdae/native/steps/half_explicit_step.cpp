@@ -129,7 +129,7 @@ void HalfExplicitStep::combine(const double* weights, int count, double h, Numbe
 void HalfExplicitStep::project(double* e) {
   s_.counts.projections += 1;
   for (int k : s_.rows.in_use()) work_[k] = s_.constraints.times(k, s_.point.G, e + nv_);
-  s_.saddle.minimum_norm_motion(work_.data(), f_.data());
+  s_.saddle.minimum_norm_correction(work_.data(), f_.data());
   for (int i = 0; i < nv_; ++i) e[nv_ + i] -= f_[i];
 }
 

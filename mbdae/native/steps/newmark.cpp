@@ -77,7 +77,7 @@ void NewmarkStep::correct(const GeneralizedAlpha& a, double t, Numbers& dx) {
     if (!at_.friction.empty())
       for (size_t i = 0; i <= nv; ++i) column[i < nv ? i : n - 1] -= at_.friction[static_cast<size_t>(k) * (nv + 1) + i];
     int row = n_ + k;
-    if (a.stabilised) {
+    if (a.stabilized) {
       put(row, G, &at_.B[static_cast<size_t>(k) * nv], b2_ / b1_, 1);
       dx[row] = C1_[k] / b1_, row += r;
     }
@@ -116,7 +116,7 @@ void NewmarkStep::take(const GeneralizedAlpha& a, double t, double h, const Stat
     if (!s_.point.is_current(y)) s_.point.evaluate(y, true);
   }
   const std::vector<int>& rows = s_.rows.in_use();
-  const int r = static_cast<int>(rows.size()), m = a.stabilised ? r : 0;
+  const int r = static_cast<int>(rows.size()), m = a.stabilized ? r : 0;
   normal_.assign(static_cast<size_t>(m) * nv_, 0.0);
   for (int k = 0; k < m; ++k) {
     double* row = &normal_[static_cast<size_t>(k) * nv_];

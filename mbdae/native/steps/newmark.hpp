@@ -11,10 +11,10 @@ namespace mbdae {
 
 struct GeneralizedAlpha {
   double alpha_m = 0, alpha_f = 0, beta = 0, gamma = 0;
-  bool stabilised = false;
+  bool stabilized = false;
   NewtonIteration iteration;
 
-  FIELDS(alpha_m, alpha_f, beta, gamma, stabilised, iteration)
+  FIELDS(alpha_m, alpha_f, beta, gamma, stabilized, iteration)
 };
 
 class NewmarkStep : private CollocationStep {  // for the residual of a stage

@@ -1,4 +1,4 @@
-// Newton's method with exact partials, to rounding (`solved` in mbdae/methods/variational.py).
+// Newton's method with exact partials, to rounding (`solve_newton` in mbdae/methods/variational.py).
 #pragma once
 
 #include <cmath>
@@ -13,7 +13,7 @@ namespace mbdae {
 struct NewtonIteration {
   int max_iterations = 0;
   double below_rounding = 0, iteration_rounding = 0;   // mbdae/tolerances.py
-  double slowest_rate = 0;  // ratio of changes above which one near rounding is the last
+  double slowest_rate = 0;  // contraction rate above which a small change is rounding: the last one
 
   FIELDS(max_iterations, below_rounding, iteration_rounding, slowest_rate)
 };
@@ -27,12 +27,11 @@ void solve_by_newton(const NewtonIteration& it, Counts& counts, Numbers& x, Corr
     correct(dx);
     for (size_t i = 0; i < x.size(); ++i) x[i] += dx[i];
     counts.newton += 1;
-    const std::pair<double, double> found = measure(dx);
-    const double size = found.first;
+    const auto [size, scale] = measure(dx);
     if (!std::isfinite(size)) break;
     const double rate = last > 0 ? size / last : 1;
     if (rate * size <= it.below_rounding ||
-        (rate > it.slowest_rate && size <= it.iteration_rounding * found.second))
+        (rate > it.slowest_rate && size <= it.iteration_rounding * scale))
       return;
     last = size;
   }

@@ -27,7 +27,7 @@ VariationalStep::VariationalStep(Index2System& s)
       mean_(s.nv),
       p_(s.nv) {}
 
-void VariationalStep::momentum_partials(const double* q, AppliedForces& out) {
+void VariationalStep::momentum_partials(const double* q, EndpointTerms& out) {
   const size_t n = static_cast<size_t>(nv_) * nv_;
   out.N.resize(n), by_v_.resize(n);
   s_.counts.M += 1;
@@ -36,11 +36,11 @@ void VariationalStep::momentum_partials(const double* q, AppliedForces& out) {
   out.M.resize(n), s_.tree.dense_M(out.M.data());
 }
 
-void VariationalStep::apply_forces(double t, const double* q, AppliedForces& out) {
+void VariationalStep::evaluate_endpoint(double t, const double* q, EndpointTerms& out) {
   momentum_partials(q, out);
   const size_t n = nv_, width = 2 * n;
-  Numbers weight(s_.tree.bias(), s_.tree.bias() + n);  // nle(q, 0)
-  out.D.resize(n), out.by_w.resize(n * n);
+  Numbers gravity_forces(s_.tree.bias(), s_.tree.bias() + n);  // nle(q, 0)
+  out.D.resize(n), out.dD_dw.resize(n * n);
   s_.torque(t, q, w_.data(), nullptr, out.D.data(), &out.power);
   const double *conservative = s_.law_partials(t, q, w_.data(), nullptr), *other = conservative + n * width;
   for (size_t i = 0; i < n; ++i) {
@@ -48,13 +48,13 @@ void VariationalStep::apply_forces(double t, const double* q, AppliedForces& out
     for (size_t j = 0; j < n; ++j) {
       const double N = out.N[j * n + i];
       sum += N * w_[j];
-      out.by_w[i * n + j] = N + conservative[i * width + n + j] + other[i * width + n + j];
+      out.dD_dw[i * n + j] = N + conservative[i * width + n + j] + other[i * width + n + j];
     }
-    out.D[i] += sum / 2 - weight[i];
+    out.D[i] += sum / 2 - gravity_forces[i];
   }
 }
 
-void VariationalStep::add_adjoint_rate(const double* p, double* matrix) {
+void VariationalStep::add_transported_momentum_partials(const double* p, double* matrix) {
   if (!s_.manifold.curved()) return;
   Numbers minus(nv_), unit(nv_);
   for (int i = 0; i < nv_; ++i) minus[i] = -x_[i];
@@ -80,7 +80,7 @@ void VariationalStep::correct(Numbers& dx) {
   Numbers minus(n);
   for (int i = 0; i < n; ++i) w_[i] = x[i] / h_, minus[i] = -x[i];
   s_.manifold.check_rotations(x);
-  apply_forces(t_, q0_.data(), start_);
+  evaluate_endpoint(t_, q0_.data(), start_);
   s_.manifold.integrate(q0_.data(), x, q1_.data());
   momentum_partials(q1_.data(), end_);
   s_.counts.G += s_.ng > 0;
@@ -104,12 +104,12 @@ void VariationalStep::correct(Numbers& dx) {
     for (int j = 0; j < n; ++j) row[j] += mean[static_cast<size_t>(i) * n + j] / h_;
   }
   for (int j = 0; j < n; ++j) multiply_transposed(J_minus_, &matrix_[j], n);
-  add_adjoint_rate(mean_.data(), matrix_.data());
+  add_transported_momentum_partials(mean_.data(), matrix_.data());
   lu_.resize(n + r);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) {
       const size_t at = static_cast<size_t>(i) * n + j;
-      lu_.column(j)[i] = h_ * (matrix_[at] - start_.by_w[at] / 2);
+      lu_.column(j)[i] = h_ * (matrix_[at] - start_.dD_dw[at] / 2);
     }
   multiply_transposed(J_minus_, mean_.data());
   for (int i = 0; i < n; ++i) dx[i] = p_[i] - mean_[i] + h_ / 2 * start_.D[i];
@@ -158,10 +158,10 @@ void VariationalStep::rattle(const NewtonIteration& iteration, double t, double 
       iteration, s_.counts, x_, [&](Numbers& dx) { correct(dx); }, [&](const Numbers& dx) { return measure(dx); });
 
   for (int i = 0; i < n; ++i) w_[i] = x_[i] / h;
-  apply_forces(t, q0_.data(), start_);
+  evaluate_endpoint(t, q0_.data(), start_);
   s_.manifold.integrate(q0_.data(), x_.data(), q1_.data());
-  apply_forces(t + h, q1_.data(), end_);
-  Numbers momentum(n), impulse(s_.ng), g_t(s_.ng, 0.0), moved(s_.ny, 0.0);
+  evaluate_endpoint(t + h, q1_.data(), end_);
+  Numbers momentum(n), impulse(s_.ng), g_t(s_.ng, 0.0), dy(s_.ny, 0.0);
   for (size_t i = 0; i < start_.M.size(); ++i) start_.M[i] += end_.M[i];
   multiply(start_.M, w_.data(), n, momentum.data());
   if (s_.manifold.curved()) {
@@ -181,20 +181,20 @@ void VariationalStep::rattle(const NewtonIteration& iteration, double t, double 
     s_.constraints.evaluate_g_t(t, g_t.data());
     for (int k = 0; k < r; ++k) power -= x_[n + k] * g_t[rows[k]];
   }
-  for (int i = 0; i < n; ++i) moved[i] = x_[i], moved[n + i] = momentum[i] - v0_[i];
-  moved[2 * n] = h / 2 * power;
+  for (int i = 0; i < n; ++i) dy[i] = x_[i], dy[n + i] = momentum[i] - v0_[i];
+  dy[2 * n] = h / 2 * power;
   out.carry.clear(), out.memory.reset();
-  s_.move(in, moved.data(), out);
+  s_.move(in, dy.data(), out);
   s_.saddle.all_multipliers(impulse.data(), z);
   s_.probe_other_rows();
   if (!finite(out.y.data(), s_.length)) throw FallBackToPython();
 }
 
-void VariationalStep::take(const Composition& a, double t, double h, const State& in, State& out, double* z) {
-  State here = in;
-  for (size_t i = 0; i < a.weights.size(); ++i) {
-    rattle(a.iteration, t + a.nodes[i] * h, a.weights[i] * h, here, out, z);
-    if (i + 1 < a.weights.size()) std::swap(here, out);
+void VariationalStep::take(const Composition& composition, double t, double h, const State& in, State& out, double* z) {
+  State start = in;
+  for (size_t i = 0; i < composition.weights.size(); ++i) {
+    rattle(composition.iteration, t + composition.nodes[i] * h, composition.weights[i] * h, start, out, z);
+    if (i + 1 < composition.weights.size()) std::swap(start, out);
   }
 }
 

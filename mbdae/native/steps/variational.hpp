@@ -22,28 +22,29 @@ class VariationalStep {
   explicit VariationalStep(Index2System& system);
 
   // From t to t + h: the state, and mu of the last step of RATTLE (ng,).
-  void take(const Composition& a, double t, double h, const State& in, State& out, double* z);
+  void take(const Composition& composition, double t, double h, const State& in, State& out, double* z);
 
  private:
-  // M, N = d(M w)/dq, D and its partials by w, and the power, at an end of a step.
-  struct AppliedForces {
-    Numbers M, N, D, by_w;  // (nv, nv), (nv, nv), (nv,), (nv, nv) by rows
+  // Terms of the discrete Lagrangian and of the forces at an end of a step: M, N = d(M w)/dq,
+  // D = d(w^T M w/2 - U)/dq + tau with its partials with respect to w, and the power.
+  struct EndpointTerms {
+    Numbers M, N, D, dD_dw;  // (nv, nv), (nv, nv), (nv,), (nv, nv) by rows
     double power = 0;
   };
 
   void rattle(const NewtonIteration& iteration, double t, double h, const State& in, State& out, double* z);
-  void momentum_partials(const double* q, AppliedForces& out);  // M and N; kinematics are current at q afterwards
-  void apply_forces(double t, const double* q, AppliedForces& out);
+  void momentum_partials(const double* q, EndpointTerms& out);  // M and N; updates the kinematics to q
+  void evaluate_endpoint(double t, const double* q, EndpointTerms& out);
   void correct(Numbers& dx);
   std::pair<double, double> measure(const Numbers& dx) const;
-  void add_adjoint_rate(const double* p, double* matrix);  // d(J(-x)^T p)/dx, (nv, nv) by rows
+  void add_transported_momentum_partials(const double* p, double* matrix);  // d(J(-x)^T p)/dx, (nv, nv) by rows
 
   Index2System& s_;
   const int nq_, nv_;
   double t_ = 0, h_ = 0;
   Numbers q0_, v0_, q1_, G0_;       // start of the step, its end, (r, nv) rows in use at the start
   Numbers x_, w_, zero_;           // (nv + r,) displacement and lam; (nv,) w = x/h; zero
-  AppliedForces start_, end_;
+  EndpointTerms start_, end_;
   std::vector<TangentBlock> J_minus_, J_plus_, J_inverse_;  // J(-x), J(x), J(x)^-1
   DenseLU<1> lu_;
   Numbers G_, g_, matrix_, mean_, p_, b_, by_v_;

@@ -1,5 +1,5 @@
 // Reader of the description of a mechanism from any data. Indices of pairs and rows are checked afterwards
-// (description_checks.hpp).
+// (core_description_checks.hpp).
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 #include <string>
 
 #include "math/field_reader.hpp"
-#include "system/description_checks.hpp"
+#include "system/core_description_checks.hpp"
 
 namespace mbdae {
 
@@ -52,7 +52,7 @@ void DescriptionReader<Data>::read(Data h, TimeFunction& out) {
   if (out.kind == TimeFunction::polynomials)
     valid = out.degree >= 0 && (out.input < 0 || (out.degree == 1 && out.b.size() == 1)) && !out.b.empty() &&
             out.a.size() == out.b.size() * (static_cast<size_t>(out.degree) + 1);
-  if (!valid) reject("the numbers of a function of time do not fit its kind");
+  if (!valid) reject("the numbers of a function of time do not match its kind");
   if (out.kind == TimeFunction::python) bind_functions(h, out);
 }
 
@@ -64,7 +64,7 @@ void DescriptionReader<Data>::read(Data h, std::shared_ptr<const Profile>& out) 
   if (p->starts.size() < 2 || p->samples.empty() || p->degree < 0 || n < 2 || n % 2 ||
       !(p->starts.back() > p->starts[0]) || !std::is_sorted(p->starts.begin(), p->starts.end()) ||
       (!p->harmonic && n != 2 * polynomials * (static_cast<size_t>(p->degree) + 1)))
-    reject("the numbers of a profile do not fit");
+    reject("the numbers of a profile do not match its degree and its polynomials");
   for (double s : p->samples) {
     const Profile::Point x = p->at(s);
     p->points.insert(p->points.end(), x.c, x.c + 2);
@@ -97,21 +97,22 @@ void DescriptionReader<Data>::read(Data h, Law& out) {
   this->read_fields(h, out, false);
   check_states(out.state, out.states);
   if (Access::contains(h, "call")) bind_functions(h, out);
-  if (!out.kind->is_valid(out, n_)) reject("the numbers of a force law do not fit its kind");
+  if (!out.kind->is_valid(out, n_)) reject("the numbers of a force law do not match its kind");
 }
 
 template <class Data>
 void DescriptionReader<Data>::read(Data h, SampledController& out) {
   const auto kind = this->template read<SampledController::Kind>(this->field_of(h, "kind"));
   this->read_fields(h, out, kind == SampledController::pid);
-  if (!(out.rate > 0) || !std::isfinite(out.offset) || !(out.coincide >= 0)) reject("a rate is positive");
-  if (out.states < 1) reject("states out of range");
+  if (!(out.rate > 0) || !std::isfinite(out.offset) || !(out.coincide >= 0))
+    reject("a sampled controller must have a positive rate, a finite offset and a tolerance of times from 0");
+  if (out.states < 1) reject("a sampled controller must have a state");
   check_states(out.state, out.states);
   for (const HeldInput& u : out.inputs)
     check_indices({u.value, std::max(u.rate, 0), std::max(u.instant, 0)}, states_, "state");
   if (out.kind != SampledController::pid) return bind_functions(h, out);
   check_indices({out.x, out.v}, n_.nq + n_.nv, "coordinate");
-  if (out.a.size() != 3 || out.states > 2) reject("a PID controller has three gains");
+  if (out.a.size() != 3 || out.states > 2) reject("a PID controller must have three gains, and at most two states");
 }
 
 }  // namespace mbdae

@@ -51,7 +51,7 @@ class IndependentRows {
   void determine(const Numbers& G, const Numbers& Z, long stamp, const InitialRank& first, const Numbers& probe);
   // Is a vector in the null space of the rows in use, from one in general position (nv,) and its reverse, also one of all
   // rows? To a tolerance of their length; negligible rows are ignored. B: G or Z.
-  bool others_depend(const Numbers& B, double tolerance, const Numbers& probe) const;
+  bool remaining_rows_dependent(const Numbers& B, double tolerance, const Numbers& probe) const;
   // From Z (ng, nv), the rows of G M^-1/2: select again; returns whether the rows in use changed. stamp: changes with
   // Z.
   bool select(const Numbers& Z, long stamp);

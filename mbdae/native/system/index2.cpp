@@ -120,7 +120,7 @@ void Index2System::deactivate_rows(std::vector<bool> off, bool sticks) {
 }
 
 void Index2System::probe_other_rows() {
-  if (rows.has_many() && rows.dependent() && !saddle.others_depend(probe_)) rows.others_independent = true;
+  if (rows.has_many() && rows.dependent() && !saddle.remaining_rows_dependent(probe_)) rows.others_independent = true;
 }
 
 void Index2System::torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates) {
@@ -252,7 +252,7 @@ bool Index2System::update_independent_rows(double t, State& s) {
   if (changed && formulation != Formulation::index1) {
     if (!point.is_current(q)) point.evaluate(q, true);
     saddle.factorize_symmetric();
-    saddle.minimum_norm_motion(rate_.data(), f_.data());
+    saddle.minimum_norm_correction(rate_.data(), f_.data());
     for (int i = 0; i < nv; ++i) v[i] -= f_[i];
     s.memory.reset();
     if (!s.carry.empty()) {

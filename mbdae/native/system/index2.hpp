@@ -41,7 +41,7 @@ inline constexpr const char* enumerators(Formulation) { return "index2, ggl, ind
 // Description of a mechanism from Python.
 struct Description {
   Formulation formulation = Formulation::index2;
-  double alpha = 0, beta = 0;  // 1/s, of Baumgarte's stabilisation
+  double alpha = 0, beta = 0;  // 1/s, of Baumgarte's stabilization
   bool flat = false;
   std::vector<Row> rows;
   std::vector<std::pair<Anchor, Anchor>> pairs, law_pairs;
@@ -88,7 +88,7 @@ class Index2System {
   void reset();  // to the state of a new system, in the same mode
   // The numbers of a mechanism of the same structure, in place, and `reset`; false: it has another structure.
   bool write(const void* model, const Tolerances& limits, Description d);
-  bool others_depend(const double* q, double tolerance);  // at q, on the rows in use; uncounted
+  bool remaining_rows_dependent(const double* q, double tolerance);  // at q, on the rows in use; uncounted
   void determine_rows(const double* q, const IndependentRows::InitialRank& first);  // at the start of a run
   bool change_law(int k, const Numbers& a);  // other data for law k, of the same size
   void set_law_number(int k, int i, double x) { laws_[k].a[i] = x, last_stage.t = NAN; }  // one of its data
@@ -133,7 +133,7 @@ class Index2System {
   // Like derivative(), without Baumgarte terms, at the end of a step. Keeps the rows in use; reuses the kinematics of
   // the step where q agrees to rounding.
   void hidden_derivative(double t, const double* y, double* F, double* z);
-  // The same in raw coordinates, normalised: dy/dt (length,) with dq/dt = T(q) v (index1.cpp).
+  // The same in raw coordinates, normalized: dy/dt (length,) with dq/dt = T(q) v (index1.cpp).
   void raw_derivative(double t, const double* y, double* dy, double* z);
   // Between two steps: select rows, and measure the violation of all. True if the rows changed; then v is projected
   // onto them, and the carried derivative is recomputed.

@@ -33,7 +33,8 @@ void IndependentRows::determine(const Numbers& G, const Numbers& Z, long stamp, 
   if (rank < 0) throw FallBackToPython();
   use_first_pivots();
   // Rows that the elimination left out: dependent, or else Python examines them by QR.
-  if (has_many() && rank < most && !(others_depend(Z, first.dependent, probe) && others_depend(G, first.dependent, probe))) {
+  if (has_many() && rank < most && !(remaining_rows_dependent(Z, first.dependent, probe) &&
+                                  remaining_rows_dependent(G, first.dependent, probe))) {
     rank = -1;
     throw FallBackToPython();
   }
@@ -78,7 +79,7 @@ int IndependentRows::dense_rank(const Numbers& entries, const InitialRank& first
   return ratio < first.ambiguous ? -1 : geometric;
 }
 
-bool IndependentRows::others_depend(const Numbers& B, double tolerance, const Numbers& probe) const {
+bool IndependentRows::remaining_rows_dependent(const Numbers& B, double tolerance, const Numbers& probe) const {
   if (!dependent()) return others_.empty();
   const int r = static_cast<int>(rows_.size());
   BandLU S;

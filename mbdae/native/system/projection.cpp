@@ -75,7 +75,7 @@ class MinimumNormCorrection {
   bool find(const Numbers& r, bool of_q, double* x) {
     const bool by_rows_in_use =
         suffices_ && !(of_q && rolls()) && s_.saddle.factorize_symmetric(s_.tree.limits.truncation);
-    by_rows_in_use ? s_.saddle.minimum_norm_motion(r.data(), x) : over_all(r, of_q, x);
+    by_rows_in_use ? s_.saddle.minimum_norm_correction(r.data(), x) : over_all(r, of_q, x);
     return by_rows_in_use;
   }
   void insufficient() { suffices_ = false; }

@@ -11,7 +11,7 @@ SaddleSystem::SaddleSystem(const Configuration& point, const Constraints& constr
                            const Tolerances& limits, Counts& counts, int nv)
     : point_(point), constraints_(constraints), rows_(rows), limits_(limits), counts_(counts), nv_(nv) {}
 
-void SaddleSystem::couple() {
+void SaddleSystem::build_coupling_blocks() {
   const std::vector<int>& rows = rows_.in_use();
   blocks_.clear(), common_.clear();
   for (int i = 0; i < static_cast<int>(rows.size()); ++i) {
@@ -49,7 +49,7 @@ void SaddleSystem::multiply(const Block& x, const double* Zhat) {
 void SaddleSystem::assemble(const Numbers& Zhat) {
   const int r = static_cast<int>(rows_.in_use().size());
   if (version_ != rows_.version()) {
-    lu_.resize(r, rows_.half_bandwidth()), x_.resize(std::max(nv_, r)), couple();
+    lu_.resize(r, rows_.half_bandwidth()), x_.resize(std::max(nv_, r)), build_coupling_blocks();
     version_ = rows_.version();
   } else {
     lu_.zero();
@@ -89,13 +89,13 @@ void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
 }
 
 void SaddleSystem::solve_uncounted(double* rhs, double* f) {
-  const bool by_selection = !constraints_.sticks && rows_.factorize(point_.Z, point_.stamp());
+  const bool use_selection_factors = !constraints_.sticks && rows_.factorize(point_.Z, point_.stamp());
   x_.resize(std::max(x_.size(), rows_.in_use().size()));
-  if (!by_selection) factorize_symmetric();
-  solve_uncounted(point_.Z, rhs, f, by_selection);
+  if (!use_selection_factors) factorize_symmetric();
+  solve_uncounted(point_.Z, rhs, f, use_selection_factors);
 }
 
-void SaddleSystem::solve_uncounted(const Numbers& Zhat, double* rhs, double* f, bool by_selection) {
+void SaddleSystem::solve_uncounted(const Numbers& Zhat, double* rhs, double* f, bool use_selection_factors) {
   point_.solve_root(f);
   const std::vector<int>& position = rows_.position();
   const bool refine = constraints_.sticks;  // one step of iterative refinement
@@ -107,7 +107,7 @@ void SaddleSystem::solve_uncounted(const Numbers& Zhat, double* rhs, double* f, 
       for (int c : constraints_.rows[k].columns) s -= *z++ * f[c];
       x_[position[k]] = s;
     }
-    by_selection ? rows_.solve(x_.data()) : lu_.solve(x_.data());
+    use_selection_factors ? rows_.solve(x_.data()) : lu_.solve(x_.data());
     for (int k : rows_.in_use()) {
       const double l = x_[position[k]];
       rhs[k] = i ? rhs[k] + l : l;
@@ -122,9 +122,9 @@ void SaddleSystem::factorize_symmetric() {
   if (!factorize_symmetric(limits_.smallest_pivot)) throw FallBackToPython();
 }
 
-void SaddleSystem::minimum_norm_motion(const double* by_row, double* out, double* multipliers) {
+void SaddleSystem::minimum_norm_correction(const double* r, double* out, double* multipliers) {
   const std::vector<int>& position = rows_.position();
-  for (int k : rows_.in_use()) x_[position[k]] = by_row[k];
+  for (int k : rows_.in_use()) x_[position[k]] = r[k];
   lu_.solve(x_.data());
   std::fill(out, out + nv_, 0.0);
   for (int k : rows_.in_use()) constraints_.add(k, point_.Z, x_[position[k]], out);
@@ -133,16 +133,16 @@ void SaddleSystem::minimum_norm_motion(const double* by_row, double* out, double
   point_.solve_root_transposed(out);
 }
 
-void SaddleSystem::update_multipliers(double* left, double* lam) {
+void SaddleSystem::update_multipliers(double* residual, double* lam) {
   const std::vector<int>& position = rows_.position();
-  point_.solve_root(left);
-  for (int k : rows_.in_use()) x_[position[k]] = constraints_.times(k, point_.Z, left);
+  point_.solve_root(residual);
+  for (int k : rows_.in_use()) x_[position[k]] = constraints_.times(k, point_.Z, residual);
   lu_.solve(x_.data());
   for (int k : rows_.in_use()) lam[k] -= x_[position[k]];
 }
 
 // Rows that depend on those in use annihilate their null space: tested with one vector in it.
-bool SaddleSystem::others_depend(const Numbers& probe) {
+bool SaddleSystem::remaining_rows_dependent(const Numbers& probe) {
   const std::vector<int>& position = rows_.position();
   Numbers w(probe);
   double scale = 0;
@@ -188,7 +188,7 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   apply_C(u_, residual_);
   p_ = residual_;
   double rho = dot(residual_.data(), residual_.data(), d);
-  if (rho == 0) return;  // the norm is least already: dependent rows vanish, or C lam does
+  if (rho == 0) return;  // the norm is minimal already: dependent rows vanish, or C lam does
   const double target = limits_.cg_tolerance * rho;
   for (int it = 0; it < d + limits_.extra_cg_iterations && rho > target && rho > 0; ++it) {
     apply_C_transposed(p_, u_);

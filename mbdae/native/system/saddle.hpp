@@ -17,19 +17,22 @@ class SaddleSystem {
   void factorize(const Numbers& Zhat);  // S
   // After `factorize`: rhs (ng,) by row becomes lam, f (nv,) becomes v'.
   void solve(const Numbers& Zhat, double* rhs, double* f);
-  // The same without `counts`, for further right-hand sides; by_selection: by the factors of the row selection.
-  void solve_uncounted(const Numbers& Zhat, double* rhs, double* f, bool by_selection = false);
+  // The same without `counts`, for further right-hand sides; `use_selection_factors`: with
+  // the factors of the row selection, in place of those of `factorize`.
+  void solve_uncounted(const Numbers& Zhat, double* rhs, double* f, bool use_selection_factors = false);
   // The same with current Z, by any factors of G M^-1 G^T that exist or will be needed.
   void solve_uncounted(double* rhs, double* f);
   const BandLU& factors() const { return lu_; }  // of S
   void factorize_symmetric();                    // factorize G M^-1 G^T with current Z, unless those are the factors
   bool factorize_symmetric(double least_ratio);  // the same; false where the ratio of its pivots is not above this one
-  // M^-1 G^T S^-1 times a vector (ng,) by row, (nv,); and, if requested, S^-1 times it, (ng,) by row.
-  void minimum_norm_motion(const double* by_row, double* out, double* multipliers = nullptr);
+  // out = M^-1 G^T S^-1 r (nv,), r (ng,) by row: for S = G M^-1 G^T the x of minimum norm in the mass metric with G x = r.
+  // If requested, the multipliers S^-1 r (ng,) by row, too.
+  void minimum_norm_correction(const double* r, double* out, double* multipliers = nullptr);
   // After `factorize_symmetric`:
-  bool others_depend(const Numbers& probe);        // are the rows not in use dependent? Tested with one vector (nv,)
-  // lam (ng,) by row of the rows in use, so that M^-1/2 (left + G^T dlam) is least; left (nv,) is overwritten.
-  void update_multipliers(double* left, double* lam);
+  bool remaining_rows_dependent(const Numbers& probe);  // on those in use? Tested with one vector (nv,)
+  // Updates lam (ng,) of the rows in use by the dlam that minimizes |M^-1/2 (residual + G^T dlam)|; residual (nv,) is
+  // overwritten.
+  void update_multipliers(double* residual, double* lam);
   // Multipliers of all rows (ng,) from those in use, of minimum norm.
   void all_multipliers(const double* lam, double* z);
 
@@ -45,7 +48,7 @@ class SaddleSystem {
   };
   template <int n, bool symmetric>
   void multiply(const Block& block, const double* Zhat);  // entries of S, as independent sums
-  void couple();                       // `blocks_`
+  void build_coupling_blocks();        // `blocks_`
   void assemble(const Numbers& Zhat);  // S of the rows in use
 
   const Configuration& point_;
@@ -60,7 +63,7 @@ class SaddleSystem {
   long symmetric_stamp_ = -1;          // the stamp of the point whose Z Z^T is factorized
   long version_ = -1;                  // of the rows that set its size
   Numbers x_;                          // (max(nv, r),) right-hand side, and solution
-  Numbers rhs_;                        // (ng,) by row, the given one if joints stick
+  Numbers rhs_;                        // (ng,) by row: right-hand side for iterative refinement, while joints stick
   std::vector<Entry> couplings_;       // of Z_others Z_in_use^T, (ng - r, r)
   Numbers u_, n_, residual_, p_, Ap_;  // conjugate gradients: (r,), and (ng - r,) four times
 };

@@ -13,9 +13,9 @@ void Index2System::determine_rows(const double* q, const IndependentRows::Initia
   rows.frozen = true;
 }
 
-bool Index2System::others_depend(const double* q, double tolerance) {
+bool Index2System::remaining_rows_dependent(const double* q, double tolerance) {
   if (!point.is_current(q)) point.evaluate(q, false);
-  return rows.others_depend(point.Z, tolerance, probe_);
+  return rows.remaining_rows_dependent(point.Z, tolerance, probe_);
 }
 
 namespace {

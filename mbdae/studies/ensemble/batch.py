@@ -12,22 +12,22 @@ import numpy as np
 
 from ...errors import STATUS, AssemblyError, InputError, MbdaeError
 from ...integrate.options.options import RunOptions
+from ...integrate.run.core_runs import (
+    COUNTS,
+    CoreRuns,
+    RunParameters,
+    calls_python,
+    consistent_starts,
+    solve_in_core,
+    supports_parameters_in_place,
+)
 from ...integrate.run.run_setup import prepare_at
 from ...integrate.run.run_state import RunState
-from ...integrate.run.whole_runs import (
-    COUNTS,
-    OwnNumbers,
-    WholeRuns,
-    calls_python,
-    complete_runs,
-    consistent_starts,
-    takes_varied_numbers,
-)
 from ...mechanism import Mechanism
 from ...system import Array
 from ..factories import ParametricFactory
-from ..final_signals import depend_on_motion_alone, signals_at_end, why_not_in_core
-from ..varied_starts import FEWEST, Beginning, VariedStarts, numbers_of
+from ..final_signals import need_only_kinematics, signals_at_end, why_not_in_core
+from ..varied_starts import FEWEST, Beginning, VariedStarts, run_parameters
 from ..workers import StopFlag, batch_size
 
 UNFINISHED = "interrupted"
@@ -36,12 +36,12 @@ INCONSISTENT_START = "a start that may be inconsistent"
 
 
 class Group(NamedTuple):
-    """Runs that share a mechanism: their indices (k,), points (k, n) and own numbers."""
+    """Runs that share a mechanism: their indices (k,), points (k, n) and parameters in place."""
 
     mech: Mechanism
     i: Array
     y: Array
-    numbers: OwnNumbers = OwnNumbers()
+    parameters: RunParameters = RunParameters()
 
 
 class Starts(NamedTuple):
@@ -118,7 +118,7 @@ class Results:
         for k in i.tolist():
             self.reasons[k] = reason
 
-    def store(self, i: Array, t: float, runs: WholeRuns, values: Array) -> None:
+    def store(self, i: Array, t: float, runs: CoreRuns, values: Array) -> None:
         """Record runs that finished."""
         done = runs.finished
         self.t[i], self.y[i], self.counts[i], self.drift[i] = t, runs.y[done], runs.counts[done], runs.drift[done]
@@ -212,16 +212,16 @@ class EnsembleJob:
             with self.results.failing(begun):
                 mech = self._checked(all_made[0].mech)
                 points = self.starts.points(mech, begun, np.array([made.point for made in all_made]))
-                yield Group(mech, begun, points, numbers_of(all_made))
+                yield Group(mech, begun, points, run_parameters(all_made))
 
     @cached_property
     def varied_starts(self) -> VariedStarts:
         """Starts of the model by the parameters."""
         assert not isinstance(self.source, Mechanism)
-        return VariedStarts(self.source, lambda mech: self.options(mech).t0, self._takes_varied_numbers)
+        return VariedStarts(self.source, lambda mech: self.options(mech).t0, self._supports_parameters_in_place)
 
-    def _takes_varied_numbers(self, mech: Mechanism) -> bool:
-        return takes_varied_numbers(self.options(mech)) and depend_on_motion_alone(mech, self.names)
+    def _supports_parameters_in_place(self, mech: Mechanism) -> bool:
+        return supports_parameters_in_place(self.options(mech)) and need_only_kinematics(mech, self.names)
 
     def options(self, mech: Mechanism) -> RunOptions:
         """Return the options of a run.
@@ -240,7 +240,7 @@ class EnsembleJob:
         prepare_at(mech, self.options(mech), self.results.y[0]).release()
 
     def groups(self) -> Iterator[Array]:
-        """Yield the indices of runs of the same mechanism, apart from its start values and numbers in place."""
+        """Yield the indices of runs of the same mechanism, apart from its start values and parameters in place."""
         n, shared = self.starts.n, set[str]()
         if not isinstance(self.source, Mechanism):
             shared = {*self.varied_starts.names(self.parameters)}
@@ -285,20 +285,20 @@ def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
 
 
 def _complete(job: EnsembleJob, run: RunState, group: Group, stop: StopFlag) -> None:
-    _, i, y, numbers = group
+    _, i, y, parameters = group
     reason = why_not_in_core(run, job.names)
     if reason:
         job.results.leave(i, reason)
         job.calls_python |= calls_python(run)
         return
     if job.starts.q is not None or job.starts.v is not None:
-        consistent = consistent_starts(run, y, numbers)
+        consistent = consistent_starts(run, y, parameters)
         job.results.leave(i[~consistent], INCONSISTENT_START)
         i, y = i[consistent], y[consistent]
-        numbers = numbers._replace(values=numbers.values[consistent]) if numbers.places else numbers
+        parameters = parameters._replace(values=parameters.values[consistent]) if parameters.locations else parameters
     if not len(i):
         return
-    runs = complete_runs(run, y, stop.memory, numbers)
+    runs = solve_in_core(run, y, stop.memory, parameters)
     i = i[: len(runs.finished)]
     job.results.leave(i[~runs.finished], NEEDS_PYTHON)
     job.results.store(i[runs.finished], run.options.t1, runs, signals_at_end(run, runs, job.names))

@@ -13,12 +13,12 @@ import numpy as np
 
 from ...errors import STATUS, MbdaeError
 from ...integrate.options.options import RunOptions
+from ...integrate.run.core_runs import COUNTS, solve_in_core, supports_parameters_in_place
 from ...integrate.run.run_setup import prepare_at
 from ...integrate.run.run_state import RunState
-from ...integrate.run.whole_runs import COUNTS, complete_runs, takes_varied_numbers
 from ...mechanism import Mechanism
 from ..final_signals import signals_at_end, why_not_in_core
-from ..varied_starts import Beginning, numbers_of
+from ..varied_starts import Beginning, run_parameters
 from ..workers import StopFlag, batch_size
 from .outputs import label, parse
 from .plan import Task, names
@@ -109,7 +109,7 @@ def _groups(job: Job, tasks: Sequence[Task]) -> list[tuple[dict[str, Any], list[
 
 def _needs_python(job: Job, settings: dict[str, Any], start: _Start) -> bool:
     one = _prepared(job, settings, start)
-    reason = why_not_in_core(one, _signals(job))
+    reason = why_not_in_core(one, job.signals)
     one.release()
     return bool(reason)
 
@@ -125,21 +125,17 @@ def _prepared(job: Job, settings: dict[str, Any], start: _Start) -> RunState:
     return prepare_at(mech, RunOptions.from_settings(mech, job.span(mech), given), start.at.point)
 
 
-def _signals(job: Job) -> list[str]:
-    return [parse(x).signal for x in job.outputs if isinstance(x, str)]
-
-
 def _completed(
     job: Job, settings: dict[str, Any], tasks: Sequence[Task], starts: Sequence[_Start], stop: StopFlag
 ) -> dict[int, Row]:
     """Return the rows of the tasks that the core completed, by their indices in the batch."""
-    one, varied = _prepared(job, settings, starts[0]), starts[0].at.varied
-    if varied and not takes_varied_numbers(one.options):
+    one, in_place = _prepared(job, settings, starts[0]), starts[0].at.in_place
+    if in_place and not supports_parameters_in_place(one.options):
         return {}
     try:
-        points, numbers = np.array([x.at.point for x in starts]), numbers_of([x.at for x in starts])
-        runs = complete_runs(one, points, stop.memory, numbers)
-        values = signals_at_end(one, runs, _signals(job))
+        points, parameters = np.array([x.at.point for x in starts]), run_parameters([x.at for x in starts])
+        runs = solve_in_core(one, points, stop.memory, parameters)
+        values = signals_at_end(one, runs, job.signals)
     except MbdaeError:  # `run` has the message
         return {}
     finally:

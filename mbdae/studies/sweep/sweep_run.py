@@ -12,12 +12,12 @@ import numpy as np
 
 from ...errors import AssemblyError, InputError, MbdaeError, UnknownNameError
 from ...integrate.options.options import RunOptions
-from ...integrate.run.whole_runs import COUNTS, takes_varied_numbers
+from ...integrate.run.core_runs import COUNTS, supports_parameters_in_place
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...solution.signals import units
 from ..factories import Model, ParametricFactory, factory_of
-from ..final_signals import depend_on_motion_alone
+from ..final_signals import need_only_kinematics
 from ..varied_starts import VariedStarts
 from ..workers import Stop, stop_check
 from .outputs import Output, evaluate, parse
@@ -63,17 +63,21 @@ class Job:
     @cached_property
     def factory(self) -> ParametricFactory:
         """Factory of the mechanisms; files are read once for a sweep."""
-        return _kept_factory(self.model, self.key) if self.key else factory_of(self.model)
+        return _cached_factory(self.model, self.key) if self.key else factory_of(self.model)
 
     @cached_property
     def varied_starts(self) -> VariedStarts:
         """Mechanisms with their points at the start."""
-        return VariedStarts(self.factory, lambda mech: self.span(mech)[0], self._takes_varied_numbers)
+        return VariedStarts(self.factory, lambda mech: self.span(mech)[0], self._supports_parameters_in_place)
 
-    def _takes_varied_numbers(self, mech: Mechanism) -> bool:
+    def _supports_parameters_in_place(self, mech: Mechanism) -> bool:
         options = RunOptions.from_settings(mech, self.span(mech), self.settings)
-        signals = [parse(x).signal for x in self.outputs if isinstance(x, str)]
-        return takes_varied_numbers(options) and depend_on_motion_alone(mech, signals)
+        return supports_parameters_in_place(options) and need_only_kinematics(mech, self.signals)
+
+    @property
+    def signals(self) -> list[str]:
+        """Signals of outputs that are text."""
+        return [parse(x).signal for x in self.outputs if isinstance(x, str)]
 
     def span(self, mech: Mechanism) -> tuple[float, float]:
         """Return start and end in s."""
@@ -98,7 +102,7 @@ def split(
 
 
 @lru_cache(4)
-def _kept_factory(model: Any, key: str) -> ParametricFactory:
+def _cached_factory(model: Any, key: str) -> ParametricFactory:
     return factory_of(model)
 
 
@@ -136,8 +140,8 @@ def _solved(job: Job, task: Task, stop: Stop) -> Row:
     except InputError as e:
         return {**row, "status": "output", "message": str(e)}
     row |= {**numbers, **samples}
-    if taken := sorted(name for name in more if name in job.columns):
-        text = f"an output function returns {taken[0]!r}, which is a column of the table already"
+    if clashes := sorted(name for name in more if name in job.columns):
+        text = f"an output function returns {clashes[0]!r}, which is a column of the table already"
         return {**row, "status": "output", "message": text}
     return {**row, MORE: more}
 
@@ -145,20 +149,20 @@ def _solved(job: Job, task: Task, stop: Stop) -> Row:
 def known_signals(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, str]:
     """Return signals and their units: those of the first mechanism, and of further ones until all outputs are known.
 
-    Mechanisms that differ in numbers with decimals alone have the same signals.
+    Mechanisms that differ only in float-valued parameters have the same signals.
     """
-    wanted = {parse(x).signal for x in job.outputs if isinstance(x, str)}
-    factory, known, tried = job.factory, units(mech) if wanted else {}, set[str]()
+    requested = {*job.signals}
+    factory, found, made = job.factory, units(mech) if requested else {}, set[str]()
     for task in plan:
-        if wanted <= known.keys():
+        if requested <= found.keys():
             break
         values, _ = split(task.values, factory, task.seed)
         kind = repr([(name, x) for name, x in values.items() if not isinstance(x, float | list)])
-        if kind not in tried:
+        if kind not in made:
             with suppress(Exception):  # the row of the run has the message
-                known |= units(factory.make(values))
-                tried.add(kind)
-    return known
+                found |= units(factory.make(values))
+                made.add(kind)
+    return found
 
 
 def check_settings(

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import STATUS, SUCCESS, InputError, UnknownNameError
-from ...integrate.run.whole_runs import COUNTS
+from ...integrate.run.core_runs import COUNTS
 from ...tabular import Columns, Tabular, align_columns
 from ...units import displayed, unit_name
 from .plan import Task, names

@@ -112,7 +112,7 @@ def test_values_before_the_initialization_are_those_of_the_start(tmp_path, capfd
     master = Master(unit, "cs", initialised=False)
     with pytest.raises(Exception, match="fmi3DoStep"):
         master.step(0.0)
-    assert "steps follow the initialization" in capfd.readouterr().out
+    assert "must be initialized before its steps" in capfd.readouterr().out
     start = m.at(0.0, *m.start).vdot
     assert np.isclose(master.get("a.slider")[0], start[2], rtol=1e-12)
     master.fmu.enterInitializationMode()
@@ -200,9 +200,9 @@ def test_impossible_requests_are_errors(driven, capfd):
     master = Master(unit, "cs")
     for wrong, text in (
         (lambda: master.fmu.setFloat64([4000], [1.0]), "unknown value reference 4000"),
-        (lambda: master.set("motor", np.nan), "an input is a finite number"),
-        (lambda: master.set("q.crank", 1.0), "only inputs and parameters are set"),
-        (lambda: master.step(1.0), "the step begins at another time"),
+        (lambda: master.set("motor", np.nan), "an input must be a finite number"),
+        (lambda: master.set("q.crank", 1.0), "can be set"),
+        (lambda: master.step(1.0), "must begin where the one before ended"),
         (lambda: master.fmu.getInt32([1]), "all variables are of type Float64"),
     ):
         with pytest.raises(Exception, match="fmi3"):

@@ -154,6 +154,6 @@ def pivot_ratio(system: "Index2System", t: float, y: Array) -> float:
     return system.smallest_pivot(t, y).ratio
 
 
-def others_depend(system: "Index2System", t: float, y: Array) -> bool:
+def remaining_rows_dependent(system: "Index2System", t: float, y: Array) -> bool:
     """Return whether rows that are not in use certainly depend on the others at y; False where QR must decide."""
     return False

@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from ..index2 import Index2System
 
 
-class AppliedForces(NamedTuple):
+class EndpointTerms(NamedTuple):
     """M (nv, nv), N (nv, nv), D (nv,), its partials with respect to w, (nv, nv), and the power at an end of a step."""
 
     M: Array
     N: Array
     D: Array
-    by_w: Array
+    dD_dw: Array
     power: float
 
 
@@ -61,18 +61,18 @@ class RattleStep:
             StepError: if its matrix is singular.
         """
         s, m, h, nv, w = self.system, self.system.manifold, self.h, self.system.nv, x / self.h
-        start, unit = self._applied(self.t, self.q, w), np.eye(nv)
+        start, unit = self._endpoint_terms(self.t, self.q, w), np.eye(nv)
         M, N = (a.copy() for a in s.inertial.momentum_partials(m.integrate(self.q, x), w))
         g, G = s.closures(m.integrate(self.q, x), self.t + h)
         mean, back, to_v = (self.M + M) / 2, m.tangent(-x, unit), m.velocity(x, unit)
-        upper = back.T @ (mean / h + N @ to_v / 2) + _adjoint_rate(m, x, mean @ w) - start.by_w / 2
-        left = self.M @ self.v - back.T @ (mean @ w) + h / 2 * (start.D + lam @ self.G)
+        upper = back.T @ (mean / h + N @ to_v / 2) + _transported_momentum_partials(m, x, mean @ w) - start.dD_dw / 2
+        residual = self.M @ self.v - back.T @ (mean @ w) + h / 2 * (start.D + lam @ self.G)
         Gx = G[self.rows] @ to_v
         matrix = np.block([[h * upper, -self.G.T], [Gx, np.zeros((len(Gx), len(Gx)))]])
         s.counts.factorizations += 1
         s.counts.solves += 1
         solve = factorized(matrix, f"the linear system of a variational step at t = {self.t:.17g}")
-        u = solve(np.concatenate([h * left, -g[self.rows]]))
+        u = solve(np.concatenate([h * residual, -g[self.rows]]))
         return u[:nv], 2 / h**2 * u[nv:]
 
     def measure(self, dx: Array, x: Array) -> tuple[float, float]:
@@ -88,7 +88,7 @@ class RattleStep:
         """Return the displacement of y, (ny,), and mu of all rows, (ng,)."""
         s, h, w = self.system, self.h, x / self.h
         t, q = self.t + h, s.manifold.integrate(self.q, x)
-        start, end = self._applied(self.t, self.q, w), self._applied(t, q, w)
+        start, end = self._endpoint_terms(self.t, self.q, w), self._endpoint_terms(t, q, w)
         U, G = s.inertia(t, q), s.jacobian()
         J, used = s.manifold.tangent(x, np.eye(s.nv)), G[self.rows]
         momentum = J.T @ ((self.M + end.M) @ w) / 2 + h / 2 * end.D
@@ -100,15 +100,15 @@ class RattleStep:
             power -= lam @ s.g_t(self.t)[self.rows] + mu @ s.g_t(t)[self.rows]
         return np.concatenate([x, v - self.v, [h / 2 * power]]), s.all_multipliers(U, G, self.rows, mu)
 
-    def _applied(self, t: float, q: Array, w: Array) -> AppliedForces:
+    def _endpoint_terms(self, t: float, q: Array, w: Array) -> EndpointTerms:
         s, none = self.system, np.empty(0)
         s.counts.M += 1
         M, N = (a.copy() for a in s.inertial.momentum_partials(q, w))
         update_poses(s.model, s.workspace, q)
         tau, rates = s.torque(t, q, w, none)
-        by_w = N.T + s.laws.partials(t, q, w, none)[: s.nv, s.nv :]
+        dD_dw = N.T + s.laws.partials(t, q, w, none)[: s.nv, s.nv :]
         D = N.T @ w / 2 + tau - bias(s.model, s.workspace, q, np.zeros(s.nv))
-        return AppliedForces(M, N, D, by_w, float(rates[-1]))
+        return EndpointTerms(M, N, D, dD_dw, float(rates[-1]))
 
 
 def variational_step(system: "Index2System", t: float, h: float, y: Array) -> RattleStep:
@@ -116,7 +116,7 @@ def variational_step(system: "Index2System", t: float, h: float, y: Array) -> Ra
     return RattleStep(system, t, h, y, system.rows_of_step(t, y))
 
 
-def _adjoint_rate(manifold: Manifold, x: Array, p: Array) -> Array:
+def _transported_momentum_partials(manifold: Manifold, x: Array, p: Array) -> Array:
     """Return d(J(-x)^T p)/dx for a constant p, (nv, nv)."""
     unit = np.eye(len(p))
     out = np.zeros_like(unit)

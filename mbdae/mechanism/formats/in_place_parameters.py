@@ -1,4 +1,4 @@
-"""Parameters that change numbers of a mechanism in the core, but not its geometry: its runs share one workspace."""
+"""Parameters that are written in place: they change numbers of the core, not the geometry; runs share a workspace."""
 
 from abc import ABC, abstractmethod
 from collections import defaultdict
@@ -30,24 +30,24 @@ from .mechanism_file.template import Template
 INERTIAL = ("mass", "com", "inertia")  # keys of bodies
 UNSYMMETRIC = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (3.0, 4.0, 5.0, 0.1, 0.2, 0.3)}
 UPPER = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # entries of an inertia in the core
-SYMMETRIC = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # places of the entries of an inertia among those
+SYMMETRIC = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # indices of the entries of an inertia among those
 NUMBERS = ("a", "offset")  # of a law in the core
 Values = Mapping[str, Any]
 
 
-class _Part(ABC):
-    """A part of a mechanism with numbers that parameters determine.
+class _ParametrizedElement(ABC):
+    """Gravity, a body or the forces of a mechanism: numbers of the core that parameters determine.
 
     Attributes:
-        paths: paths within a table of the part, by parameter.
-        places: the numbers in the core, see `native/run/varied_numbers.hpp`.
+        paths: paths within its table, by parameter.
+        locations: where the numbers are in the core, see `native/run/in_place_parameters.hpp`.
         entries: indices of the numbers that are entries of the table themselves, by path.
     """
 
     entries: Mapping[str, int] = {}
 
-    def __init__(self, places: list[CoreData]) -> None:
-        self.places, self.paths = places, dict[str, str]()
+    def __init__(self, locations: list[CoreData]) -> None:
+        self.locations, self.paths = locations, dict[str, str]()
 
     @abstractmethod
     def evaluate(self, values: Values) -> list[float] | None:
@@ -71,14 +71,14 @@ class _Part(ABC):
             found = self.evaluate(values) or []
         except MbdaeError:
             found = []
-        return [*map(_number, found)] if len(found) == len(self.places) else [nan] * len(self.places)
+        return [*map(_number, found)] if len(found) == len(self.locations) else [nan] * len(self.locations)
 
     def changed(self, table: Any, values: Values) -> Any:
         """Return a copy of a table with values of parameters."""
         return with_entries(table, {name: (path, values[name]) for name, path in self.paths.items()})
 
 
-def _place(kind: str, owner: int, i: int) -> CoreData:
+def _location(kind: str, owner: int, i: int) -> CoreData:
     return {"kind": kind, "of": owner, "i": i}
 
 
@@ -87,22 +87,22 @@ def _number(x: object) -> float:
     return x if type(x) in (int, float) and abs(x) <= HUGE else nan  # type: ignore[arg-type, return-value]
 
 
-class _Gravity(_Part):
+class _Gravity(_ParametrizedElement):
     entries: Mapping[str, int] = {str(i): i for i in range(3)}
 
     def __init__(self, gravity: Array) -> None:
-        super().__init__([_place("gravity", 0, i) for i in range(3)])
+        super().__init__([_location("gravity", 0, i) for i in range(3)])
         self.gravity = tuple(gravity.tolist())
 
     def evaluate(self, values: Values) -> list[float] | None:
         return list(self.changed(self.gravity, values))
 
 
-class _BodyInertia(_Part):
+class _BodyInertia(_ParametrizedElement):
     entries: Mapping[str, int] = {"mass": 0, **{f"com.{i}": 1 + i for i in range(3)}}
 
     def __init__(self, owner: str, body: Body, joint: int) -> None:
-        super().__init__([_place("body", joint, i) for i in range(10)])
+        super().__init__([_location("body", joint, i) for i in range(10)])
         self.owner, self.body, self.joint = owner, body, joint
 
     def evaluate(self, values: Values) -> list[float] | None:
@@ -110,7 +110,7 @@ class _BodyInertia(_Part):
         return None if found is None else [found.mass, *found.lever.tolist(), *(float(found.inertia[i]) for i in UPPER)]
 
 
-class _Forces(_Part):
+class _Forces(_ParametrizedElement):
     """All numbers of all laws, since linear ones are combined; ``paths`` begin with the index of a force."""
 
     def __init__(self, mech: Mechanism) -> None:
@@ -118,7 +118,7 @@ class _Forces(_Part):
         bound = bind_forces(mech.forces, mech.model, self.data)
         self.laws, self.states = [law for law, _ in bound.bound], bound.states()
         self.structure, laws = _without_numbers(bound)
-        super().__init__([_place("law", k, i) for k, law in enumerate(laws) for i in range(len(law))])
+        super().__init__([_location("law", k, i) for k, law in enumerate(laws) for i in range(len(law))])
 
     def evaluate(self, values: Values) -> list[float] | None:
         laws, groups = list(self.laws), defaultdict[int, dict[str, tuple[str, Any]]](dict)
@@ -142,19 +142,19 @@ def _without_numbers(laws: ForceElements) -> tuple[Any, list[list[float]]]:
     return (pairs, others, samplers_of(laws)), numbers
 
 
-class VariedNumbers:
-    """Numbers of a mechanism that parameters determine: of gravity, inertias of bodies and forces.
+class InPlaceParameters:
+    """Parameters of a mechanism that are written in place: they determine gravity, inertias of bodies, or forces.
 
     Attributes:
-        mech: a copy of the mechanism whose numbers are written in place: it belongs to one thread.
-        places: the numbers in the core.
-        bodies: parts with inertias.
+        mech: a copy of the mechanism, in whose core they are written: it belongs to one thread.
+        locations: where the numbers are in the core.
+        bodies: elements with inertias.
     """
 
-    def __init__(self, mech: Mechanism, parts: Sequence[_Part], values: Values) -> None:
-        self.mech, self.parts, self.values = mech, parts, values
-        self.places = [place for part in parts for place in part.places]
-        self.bodies = [part for part in parts if isinstance(part, _BodyInertia)]
+    def __init__(self, mech: Mechanism, elements: Sequence[_ParametrizedElement], values: Values) -> None:
+        self.mech, self.elements, self.values = mech, elements, values
+        self.locations = [x for element in elements for x in element.locations]
+        self.bodies = [element for element in elements if isinstance(element, _BodyInertia)]
         self.largest = max(linkage_lengths(mech), default=0.0) / COINCIDENT
 
     def rows(self, runs: Sequence[Values]) -> Array:
@@ -162,11 +162,11 @@ class VariedNumbers:
 
         That is so for invalid values, whose message it has, and for those that change more than numbers.
         """
-        found = [part.rows([self.values, *runs])[1:] for part in self.parts]
+        found = [element.rows([self.values, *runs])[1:] for element in self.elements]
         valid = np.ones(len(runs), bool)
-        for part, x in zip(self.parts, found, strict=True):
+        for element, x in zip(self.elements, found, strict=True):
             valid &= np.isfinite(x).all(axis=1)
-            if isinstance(part, _BodyInertia):  # whose size may not determine the characteristic length
+            if isinstance(element, _BodyInertia):  # whose size may not determine the characteristic length
                 with np.errstate(all="ignore"):
                     radii = np.sqrt(np.abs(x[:, 4:]).max(axis=1) / x[:, 0])
                 valid &= (x[:, 0] > 0) & (np.maximum(np.linalg.norm(x[:, 1:4], axis=1), radii) < self.largest)
@@ -177,16 +177,16 @@ class VariedNumbers:
         if not self.bodies:
             return []
         found = []
-        for part in self.bodies:
-            i = self.places.index(part.places[0])
+        for element in self.bodies:
+            i = self.locations.index(element.locations[0])
             mass, lever, inertia = np.split(np.array([x[i : i + 10] for x in numbers]), [1, 4], axis=1)
             numbers_of_runs = zip(mass[:, 0].tolist(), lever, inertia[:, SYMMETRIC], strict=True)
-            found.append([(part.joint, pin.Inertia(*x)) for x in numbers_of_runs])
+            found.append([(element.joint, pin.Inertia(*x)) for x in numbers_of_runs])
         return [*map(dict, zip(*found, strict=True))]
 
 
-def varied_numbers(template: Template, names: Sequence[str], values: Values) -> VariedNumbers | None:
-    """Return the numbers that parameters determine; None where one of them also changes something else.
+def in_place_parameters(template: Template, names: Sequence[str], values: Values) -> InPlaceParameters | None:
+    """Return parameters that can be written in place; None where one of them also changes something else.
 
     Args:
         template: a mechanism and its parameters.
@@ -201,7 +201,7 @@ def varied_numbers(template: Template, names: Sequence[str], values: Values) -> 
     mech = template.make(values)
     mech = variant(mech, model=copied(mech.model))
     bodies = _bodies(template, mech, values)
-    found: dict[str, _Part] = {}
+    found: dict[str, _ParametrizedElement] = {}
     for name in names:
         table, _, path = name.partition(".")
         if table == "gravity":
@@ -212,7 +212,7 @@ def varied_numbers(template: Template, names: Sequence[str], values: Values) -> 
             found[owner] = bodies[owner]
         else:
             return None
-    out = VariedNumbers(mech, [*found.values()], values)
+    out = InPlaceParameters(mech, [*found.values()], values)
     return out if _bodies_are_alone(template, out, values) else None
 
 
@@ -237,21 +237,21 @@ def _bodies(template: Template, mech: Mechanism, values: Values) -> dict[str, _B
             continue
         joint, owner = path.removesuffix(f".{rest}"), name.removesuffix(f".{rest}")
         if rest.partition(".")[0] in INERTIAL and mech.model.existJointName(joint):
-            part = out.setdefault(owner, _BodyInertia(owner, body, mech.model.getJointId(joint)))
-            part.paths[name] = rest
+            element = out.setdefault(owner, _BodyInertia(owner, body, mech.model.getJointId(joint)))
+            element.paths[name] = rest
     return out
 
 
-def _bodies_are_alone(template: Template, varied: VariedNumbers, values: Values) -> bool:
+def _bodies_are_alone(template: Template, found: InPlaceParameters, values: Values) -> bool:
     """Return whether joints carry only the bodies whose inertia parameters change, in their frames.
 
     Inertias of a joint are a sum of moved ones: of one body alone if that holds for a body without symmetries.
     """
-    owners = [part.owner for part in varied.bodies]
+    owners = [element.owner for element in found.bodies]
     if not owners:
         return True
-    given = {name: x for name, x in values.items() if not any(name in part.paths for part in varied.bodies)}
+    given = {name: x for name, x in values.items() if not any(name in element.paths for element in found.bodies)}
     given |= {f"{owner}.{key}": x for owner in owners for key, x in UNSYMMETRIC.items()}
     made = template.make(given).model
     expected = body_inertia(Body(name="", parent="", **UNSYMMETRIC))
-    return all(made.inertias[part.joint] == expected for part in varied.bodies)
+    return all(made.inertias[element.joint] == expected for element in found.bodies)

@@ -1,4 +1,4 @@
-// Checks of a description: indices and sizes of numbers.
+// Checks of the description of a mechanism for the core: indices and sizes of numbers.
 #pragma once
 
 #include "system/index2.hpp"
@@ -15,7 +15,7 @@ void check_bodies(const std::vector<ModalBody>& bodies, int nq, int nv, int join
 void check_drivers(const std::vector<Driver>& drivers, size_t rows);
 void check(const Description& d, const Sizes& n, const Tolerances& tolerances);
 
-// Friction interfaces of some rows; sets their pairs.
-void complete_interfaces(std::vector<FrictionInterface>& interfaces, const std::vector<Row>& rows);
+// Checks friction interfaces of these rows, and sets their pairs of frames.
+void check_and_complete_interfaces(std::vector<FrictionInterface>& interfaces, const std::vector<Row>& rows);
 
 }  // namespace mbdae

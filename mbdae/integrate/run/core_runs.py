@@ -1,4 +1,4 @@
-"""Whole runs of a mechanism from many starts in the compiled core, if they request nothing from Python.
+"""Runs of a mechanism from many starts in the compiled core, from start to end, if they request nothing from Python.
 
 The core begins each run, estimates its first step and takes all steps with the functions that `mbdae.solve` calls:
 results are equal bit for bit. A run that needs Python in between, or that may be inaccurate, is left to
@@ -33,8 +33,8 @@ COUNTS = ("steps", "rejected", *Counts().to_dict())
 UNLIMITED = 2**31 - 1  # steps
 
 
-class WholeRuns(NamedTuple):
-    """The first k runs of several.
+class CoreRuns(NamedTuple):
+    """The first k of several runs in the core.
 
     Attributes:
         finished: whether each finished in the core, (k,); others are left to `mbdae.solve`.
@@ -53,19 +53,19 @@ class WholeRuns(NamedTuple):
     rows: list[tuple[int, ...]]
 
 
-class OwnNumbers(NamedTuple):
-    """Numbers of a mechanism that differ between runs.
+class RunParameters(NamedTuple):
+    """Parameters that differ between runs, as numbers in the core; see `in_place_parameters`.
 
     Attributes:
-        places: their places in the core.
-        values: (k, ..).
+        locations: where the n numbers are in the core.
+        values: those of each run, (k, n).
     """
 
-    places: Sequence[CoreData] = ()
+    locations: Sequence[CoreData] = ()
     values: Array = np.empty(0)
 
 
-def why_in_python(run: RunState) -> str:
+def reason_for_python(run: RunState) -> str:
     """Return why the runs of a mechanism with these options need Python; empty if they do not.
 
     Args:
@@ -122,13 +122,13 @@ def _in_core(run: RunState) -> tuple[Mechanism, CompiledSystem, NativeStepper]:
     return run.problem, run.system, run.stepper
 
 
-def consistent_starts(run: RunState, y: Array, numbers: OwnNumbers) -> Array:
+def consistent_starts(run: RunState, y: Array, parameters: RunParameters) -> Array:
     """Return whether points are consistent starts as `mbdae.solve` requires, (k,).
 
     Args:
         run: a run of the mechanism, before its beginning.
         y: the points, (k, n).
-        numbers: those of each run; the characteristic rate, which may depend on them, allows no violation then.
+        parameters: those of each run; the characteristic rate, which may depend on them, allows no violation then.
     """
     (mech, system, _), options = _in_core(run), run.options
     tolerance = max(INPUT_DIGITS, 0.0 if options.step else START_DRIFT * float(options.rtol))
@@ -141,7 +141,7 @@ def consistent_starts(run: RunState, y: Array, numbers: OwnNumbers) -> Array:
     speed = np.abs(y[:, system.nq : system.nq + system.nv] / mech.coordinate_scales).max(axis=1)
     gaps, slips = (_largest_violation(mech, x) for x in (g, rates))
     slow = slips > tolerance * speed
-    limit = tolerance * (speed + (mech.characteristic_rate if slow.any() and not numbers.places else 0.0))
+    limit = tolerance * (speed + (mech.characteristic_rate if slow.any() and not parameters.locations else 0.0))
     return valid & (gaps <= tolerance) & (slips <= limit)
 
 
@@ -159,19 +159,19 @@ def _largest_violation(mech: Mechanism, residuals: Array) -> Array:
     return np.max([np.linalg.norm(scaled[:, mech.rows_of(c.name)], axis=1) for c in mech.constraints], axis=0)
 
 
-def takes_varied_numbers(options: RunOptions) -> bool:
-    """Return whether runs can have their own numbers: methods with partial derivatives use a second tree, too."""
+def supports_parameters_in_place(options: RunOptions) -> bool:
+    """Return whether parameters can differ between runs in the core: methods with partials use a second tree, too."""
     return isinstance(options.method, Tableau)
 
 
-def complete_runs(run: RunState, y: Array, stop: Array, numbers: OwnNumbers | None = None) -> WholeRuns:
-    """Complete runs from several starts, as many as possible before a flag is set.
+def solve_in_core(run: RunState, y: Array, stop: Array, parameters: RunParameters | None = None) -> CoreRuns:
+    """Solve runs from several starts in the core, as many as possible before a flag is set.
 
     Args:
-        run: a run of the mechanism, before its beginning; another thread may not use it. See `why_in_python`.
+        run: a run of the mechanism, before its beginning; another thread may not use it. See `reason_for_python`.
         y: starts, (k, n).
         stop: the flag, (1,) of type uint8, which another thread may set.
-        numbers: those of each run, whose mechanism belongs to this thread then; see `takes_varied_numbers`.
+        parameters: those of each run, whose mechanism belongs to this thread then; see `supports_parameters_in_place`.
     """
     (_, system, stepper), options = _in_core(run), run.options
     core, native, control = stepper.core_run_before_start(run), system.native, stepper.control
@@ -181,10 +181,11 @@ def complete_runs(run: RunState, y: Array, stop: Array, numbers: OwnNumbers | No
         y = np.array([run.jumps.adjust_point(run, at) for at in y])
     start = system.run_start(smallest_step(run.t, run.t1), FIRST_CHECK - 1 if detects_stiffness else UNLIMITED)
     first = native.FirstStep(**control.first_step_numbers(run)) if control and control.h is None else None
-    method, own = system.method(options.method), numbers or OwnNumbers()
-    varied = [native.VariedNumber(**x) for x in own.places]
-    found = system.core.complete_runs(method, start, first, core, y, varied, own.values, SAMPLES + 1, stop)
+    method, parameters = system.method(options.method), parameters or RunParameters()
+    locations = [native.ParameterLocation(**x) for x in parameters.locations]
+    values = parameters.values
+    found = system.core.solve_runs(method, start, first, core, y, locations, values, SAMPLES + 1, stop)
     ended, records, points, energies, z, rows = found
     counts, extremes = np.split(records.reshape(-1, len(COUNTS) + 3), [len(COUNTS)], axis=1)
     finished = np.array(ended, bool) & are_accurate(extremes, energies, points[..., -1])
-    return WholeRuns(finished, counts.astype(int), extremes[:, 0], points[:, -1], z, list(map(tuple, rows)))
+    return CoreRuns(finished, counts.astype(int), extremes[:, 0], points[:, -1], z, list(map(tuple, rows)))

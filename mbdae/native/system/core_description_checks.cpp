@@ -1,4 +1,4 @@
-#include "system/description_checks.hpp"
+#include "system/core_description_checks.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -22,30 +22,36 @@ void check_rows(const std::vector<Row>& rows, size_t pairs) {
 }
 
 void check_row_joints(const Row& row, const Sizes& sizes) {
-  const size_t n = row.joints.size(), most = row.kind == Row::sum ? n : row.kind == Row::ratio ? 3 : 2;
-  const size_t least = row.kind == Row::function ? 0 : row.kind == Row::coordinate || row.kind == Row::ratio ? 1 : 2;
-  if (n < least || n > most) reject("a row between joints has one to three of them");
+  const size_t n = row.joints.size();
+  const size_t max_joints = row.kind == Row::sum ? n : row.kind == Row::ratio ? 3 : 2;
+  const size_t min_joints =
+      row.kind == Row::function ? 0 : row.kind == Row::coordinate || row.kind == Row::ratio ? 1 : 2;
+  if (n < min_joints || n > max_joints) reject("a row of this kind cannot have " + std::to_string(n) + " joints");
   for (const RowJoint& j : row.joints) {
-    if (j.nq != 1 && j.nq != 2) reject("a joint of one velocity has one coordinate or two");
+    if (j.nq != 1 && j.nq != 2) reject("a joint of a row must have one coordinate or two");
     check_indices({j.iq}, sizes.nq - j.nq + 1, "coordinate"), check_indices({j.iv}, sizes.nv, "velocity");
   }
-  if (row.kind == Row::sum && row.c.size() != n) reject("a sum has a coefficient for each joint");
-  if (row.kind == Row::curved && row.law.kind == TimeFunction::python) reject("a law is polynomials or a harmonic");
+  if (row.kind == Row::sum && row.c.size() != n) reject("a sum must have a coefficient for each joint");
+  if (row.kind == Row::curved && row.law.kind == TimeFunction::python)
+    reject("the function of a curved row must consist of polynomials or be harmonic");
 }
 
-void complete_interfaces(std::vector<FrictionInterface>& interfaces, const std::vector<Row>& rows) {
+void check_and_complete_interfaces(std::vector<FrictionInterface>& interfaces, const std::vector<Row>& rows) {
   const int ng = static_cast<int>(rows.size());
   for (FrictionInterface& x : interfaces) {
     const bool rolling = x.kind == FrictionInterface::rolling;
     if (rolling == x.no_slip_rows.empty() || x.no_slip_rows.size() > 2)
-      reject("a rolling interface has one or two no-slip rows");
-    if (!(x.width > 0) || !(x.coefficient >= 0) || !std::isfinite(x.coefficient)) reject("friction is positive");
-    if (x.components < 1 || x.components > 3) reject("a force has one to three components");
+      reject("a rolling interface must have one or two no-slip rows, any other none");
+    if (!(x.width > 0)) reject("the velocity width of regularized friction must be positive");
+    if (!(x.coefficient >= 0) || !std::isfinite(x.coefficient))
+      reject("a friction coefficient must be finite and not negative");
+    if (x.components < 1 || x.components > 3)
+      reject("the force of a friction interface must have one to three components");
     check_indices({x.row}, ng - x.components + 1, "row"), check_indices(x.no_slip_rows, ng, "row");
     x.pair = rows[x.row].pair;
-    if (x.pair < 0) reject("friction acts between frames");
+    if (x.pair < 0) reject("the rows of a friction interface must be between two frames");
     for (int k : x.no_slip_rows)
-      if (rows[k].pair != x.pair) reject("no-slip rows are between the frames of their height");
+      if (rows[k].pair != x.pair) reject("no-slip rows must be between the frames of the normal force");
   }
 }
 
@@ -68,7 +74,7 @@ static void check_body(const ModalBody& b, int nq, int nv, int joints) {
   const size_t cube = b.Mq1.size();
   valid = valid && (cube == 0 || cube == k * k * k) && b.H2.size() == 3 * cube && b.Mq2.size() == k * cube;
   for (const ModalNode& x : b.nodes) valid = valid && x.Phi.size() == 3 * k && x.Psi.size() == 3 * k && x.Phi2.size() == 3 * k * k;
-  if (!valid) reject("the numbers of a flexible body do not fit its modes");
+  if (!valid) reject("the numbers of a flexible body do not match its modes");
 }
 
 void check_bodies(const std::vector<ModalBody>& bodies, int nq, int nv, int joints) {
@@ -78,16 +84,16 @@ void check_bodies(const std::vector<ModalBody>& bodies, int nq, int nv, int join
 void check(const Description& d, const Sizes& n, const Tolerances& tolerances) {
   if (static_cast<int>(d.angular.size()) != n.nv || d.probe.size() != d.angular.size())
     reject("sizes do not fit the model");
-  if (d.flat && n.nq != n.nv) reject("a flat manifold has nq = nv");
+  if (d.flat && n.nq != n.nv) reject("a flat manifold must have nq = nv");
   if (tolerances.row_scales.size() != d.rows.size() || static_cast<int>(tolerances.q_scales.size()) != n.nq ||
       static_cast<int>(tolerances.coordinate_scales.size()) != n.nv)
-    reject("as many scales as rows, coordinates and velocities");
-  if (!std::isfinite(d.alpha) || !std::isfinite(d.beta)) reject("alpha and beta are finite");
+    reject("scales must be as many as rows, coordinates and velocities");
+  if (!std::isfinite(d.alpha) || !std::isfinite(d.beta)) reject("alpha and beta must be finite");
   std::vector<int> order(d.order);
   std::sort(order.begin(), order.end());
   for (size_t i = 0; i < order.size(); ++i)
-    if (order[i] != static_cast<int>(i)) reject("the order of elimination is 0, 1, ... in some order");
-  if (order.size() != d.rows.size()) reject("as many positions in the order of elimination as rows");
+    if (order[i] != static_cast<int>(i)) reject("the order of elimination must be a permutation of 0, 1, ...");
+  if (order.size() != d.rows.size()) reject("the order of elimination must have a position for each row");
   size_t frames = n.joints;
   check_bodies(d.flexible, n.nq, n.nv, n.joints);
   for (const ModalBody& body : d.flexible) frames += body.nodes.size();

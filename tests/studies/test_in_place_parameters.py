@@ -1,4 +1,4 @@
-"""Masses, forces and gravity that vary between runs: the bits of new mechanisms, closed forms, other parameters."""
+"""Masses, forces and gravity written in place between runs: bits of new mechanisms, closed forms, other parameters."""
 
 import numpy as np
 import pytest
@@ -6,13 +6,13 @@ import pytest
 import mbdae
 from mbdae import backend
 from mbdae.errors import InputError
+from mbdae.mechanism.formats.in_place_parameters import in_place_parameters
 from mbdae.mechanism.formats.mechanism_file.loaded_model import parameter_value
-from mbdae.mechanism.formats.varied_numbers import varied_numbers
 from mbdae.studies.export.core_file import core_data, numbers_of
 from mbdae.studies.factories import factory_of
 from mbdae.studies.varied_starts import FEWEST, VariedStarts
 
-pytestmark = pytest.mark.skipif(backend.load() is None, reason="the Python back end has no numbers in place")
+pytestmark = pytest.mark.skipif(backend.load() is None, reason="the Python back end has no parameters in place")
 CASES = {  # model, parameters with their first and last values
     "mass": ("slider_crank", {"joint.crank_pin.mass": (0.2, 0.9)}),
     "several bodies and a speed": (
@@ -120,11 +120,11 @@ def test_all_data_of_the_core_are_those_of_new_mechanisms(model, names):
     factory = factory_of(model)
     for name in names:
         value = parameter_value(factory, name) or 0.3
-        varied, other = varied_numbers(factory, [name], {name: value}), 1.1 * value + 0.01
+        found, other = in_place_parameters(factory, [name], {name: value}), 1.1 * value + 0.01
         data, new = (data_of_core(factory.make({name: x})) for x in (value, other))
         assert data != new
-        for place, x in zip(varied.places, varied.rows([{name: other}])[0].tolist(), strict=True):
-            data |= {path: x for path in data if path == path_of(place, data)}
+        for location, x in zip(found.locations, found.rows([{name: other}])[0].tolist(), strict=True):
+            data |= {path: x for path in data if path == path_of(location, data)}
         assert data == new
 
 
@@ -133,8 +133,8 @@ def data_of_core(mech):
     return {path: x for path, x in data.items() if path[0] != "expanded"}
 
 
-def path_of(place, data):
-    kind, of, i = place["kind"], str(place["of"]), place["i"]
+def path_of(location, data):
+    kind, of, i = location["kind"], str(location["of"]), location["i"]
     if kind == "gravity":
         return "tree", "gravity", str(i)
     if kind == "body":
@@ -188,7 +188,7 @@ def test_invalid_values_are_rejected_as_those_of_a_mechanism(name, value):
     ],
 )
 def test_other_parameters_make_mechanisms(model, values):
-    assert varied_numbers(factory_of(model), [*values], values) is None
+    assert in_place_parameters(factory_of(model), [*values], values) is None
 
 
 @pytest.mark.parametrize(("lengths", "shared"), [(2, True), (FEWEST, False)])
@@ -196,19 +196,19 @@ def test_mechanisms_are_copied_for_several_runs_each(lengths, shared):
     runs = [{"joint.crank_pin.xyz.0": 0.1 + 0.01 * (k % lengths), "gravity.2": -float(k)} for k in range(FEWEST)]
     made = [*VariedStarts(factory_of("slider_crank"), lambda mech: 0.0, lambda mech: True).make(runs)]
     assert len({id(found.mech) for found in made}) == lengths
-    assert all(bool(found.varied) == shared for found in made)
+    assert all(bool(found.in_place) == shared for found in made)
 
 
 def test_a_body_that_carries_another_makes_mechanisms(oscillator):
     values = {"body.block.mass": 3.0}
-    assert varied_numbers(factory_of(oscillator()), [*values], values)
-    assert varied_numbers(factory_of(oscillator(FIXED)), [*values], values) is None
+    assert in_place_parameters(factory_of(oscillator()), [*values], values)
+    assert in_place_parameters(factory_of(oscillator(FIXED)), [*values], values) is None
 
 
 def test_a_force_that_vanishes_makes_its_mechanism(oscillator):
     name = "force.spring.stiffness"
-    varied = varied_numbers(factory_of(oscillator()), [name], {name: 8.0})
-    rows = varied.rows([{name: x} for x in (8.0, 0.0, 9.0)])
+    found = in_place_parameters(factory_of(oscillator()), [name], {name: 8.0})
+    rows = found.rows([{name: x} for x in (8.0, 0.0, 9.0)])
     assert np.isfinite(rows).all(axis=1).tolist() == [True, False, True]
 
 
@@ -233,7 +233,7 @@ def test_runs_with_another_number_of_states_fail_alone(oscillator, first, worker
             np.testing.assert_array_equal(q, sol.q[-1])
 
 
-def test_numbers_are_restored(oscillator):
+def test_parameters_are_restored(oscillator):
     name = "body.block.mass"
     starts = VariedStarts(factory_of(oscillator()), lambda mech: 0.0, lambda mech: True)
     made = [*starts.make([{name: x} for x in np.linspace(1.0, 2.0, FEWEST).tolist()])]

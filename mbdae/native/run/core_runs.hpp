@@ -1,8 +1,9 @@
-// Whole runs that request nothing from Python: start, first step, steps to the end (mbdae/integrate/run/whole_runs.py).
+// Runs in the core that request nothing from Python: start, first step, steps to the end
+// (mbdae/integrate/run/core_runs.py).
 #pragma once
 
 #include "run/time_loop.hpp"
-#include "run/varied_numbers.hpp"
+#include "run/in_place_parameters.hpp"
 #include "system/start.hpp"
 
 namespace mbdae {
@@ -16,7 +17,7 @@ struct RunStart {
 };
 
 // Results of runs one after another, in arrays by rows.
-struct CompletedRuns {
+struct CoreRuns {
   std::vector<bool> finished;  // otherwise the run is Python's: a step needs it, or a check of its end
   Numbers records;  // (n, 13): steps, rejected, counts in the order of `Counts`, largest |g|, |G v + g_t| and |v|
   Numbers y;        // (n, nodes, length): some nodes, evenly spread; the last one repeats in short runs
@@ -33,10 +34,10 @@ struct StartDerivative {
 // `first_step`: the first step is estimated. `FallBackToPython` as `start`.
 StartDerivative begin_run(Index2System& s, const RunStart& start, const FirstStep* first_step, Run& run);
 
-// Runs from points y (n, length) with these values (n, ..) of varied numbers to the end of the span of `run`, which has
+// Runs from points y (n, length), with values (n, ..) of parameters in place, to the end of the span of `run`, which has
 // their options and no steps, each begun by `begin_run`. Fewer runs where `stop` becomes true.
-void complete_runs(Method& method, Index2System& s, const RunStart& start, const FirstStep* first_step, const Run& run,
-                   const Numbers& y, VariedNumbers& varied, const Numbers& values, int nodes,
-                   const volatile unsigned char& stop, CompletedRuns& out);
+void solve_runs(Method& method, Index2System& s, const RunStart& start, const FirstStep* first_step, const Run& run,
+                   const Numbers& y, InPlaceParameters& parameters, const Numbers& values, int nodes,
+                   const volatile unsigned char& stop, CoreRuns& out);
 
 }  // namespace mbdae

@@ -1,4 +1,4 @@
-#include "run/whole_run.hpp"
+#include "run/core_runs.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -31,7 +31,7 @@ bool ends_regularly(Index2System& s, const Run& run) {
   if (run.monitored && rank && monitor.last_ratio < monitor.suspicious_ratio * monitor.largest_ratio &&
       s.pivot_ratio(y, rank) < limits.visible * monitor.largest_ratio)
     return false;
-  return !run.project || !rank || rank == s.ng || s.others_depend(y, limits.search_tolerance);
+  return !run.project || !rank || rank == s.ng || s.remaining_rows_dependent(y, limits.search_tolerance);
 }
 
 Energy energy_at(Index2System& s, const double* y) {
@@ -39,7 +39,7 @@ Energy energy_at(Index2System& s, const double* y) {
   return energy(s, y);
 }
 
-void store(Index2System& s, const Run& run, const Numbers& first, const Counts& n, int nodes, CompletedRuns& out) {
+void store(Index2System& s, const Run& run, const Numbers& first, const Counts& n, int nodes, CoreRuns& out) {
   const Steps& steps = run.steps;
   const size_t last = steps.t.size(), length = s.length, most = nodes - 1;
   Energy e{NAN, NAN};
@@ -72,19 +72,19 @@ StartDerivative begin_run(Index2System& s, const RunStart& given, const FirstSte
   return at;
 }
 
-void complete_runs(Method& method, Index2System& s, const RunStart& start, const FirstStep* first_step, const Run& given,
-                   const Numbers& y, VariedNumbers& varied, const Numbers& values, int nodes,
-                   const volatile unsigned char& stop, CompletedRuns& out) {
+void solve_runs(Method& method, Index2System& s, const RunStart& start, const FirstStep* first_step, const Run& given,
+                   const Numbers& y, InPlaceParameters& parameters, const Numbers& values, int nodes,
+                   const volatile unsigned char& stop, CoreRuns& out) {
   const size_t length = s.length;
   const double* numbers = values.data();
-  for (auto at = y.begin(); at != y.end(); at += length, numbers += varied.count()) {
+  for (auto at = y.begin(); at != y.end(); at += length, numbers += parameters.count()) {
     Run run = given;
     run.state.y.assign(at, at + length);
     Numbers first = run.state.y;
     Counts counts;
     bool finished = false;
     try {
-      if (!varied.write(numbers)) throw FallBackToPython();
+      if (!parameters.write(numbers)) throw FallBackToPython();
       begin_run(s, start, first_step, run);
       first = run.state.y;
       finished = take_all_steps(method, s, start.longest, stop, run);

@@ -1,0 +1,35 @@
+// Parameters that are written in place between runs: they change numbers in the core, not the geometry
+// (mbdae/mechanism/formats/in_place_parameters.py).
+#pragma once
+
+#include <vector>
+
+#include "system/index2.hpp"
+
+namespace mbdae {
+
+struct ParameterLocation {  // of a number in the core
+  NAMED_ENUM(enum, Kind, body, gravity, law)
+  Kind kind;
+  int of = 0, i = 0;  // joint of the body, or the law; and the index, see `MultibodyTree` and `Index2System::law_number`
+
+  FIELDS(kind, of, i)
+};
+
+class InPlaceParameters {
+ public:
+  // std::invalid_argument for a location without a number.
+  InPlaceParameters(Index2System& s, const std::vector<ParameterLocation>& locations);
+  ~InPlaceParameters() { write(original_.data()); }  // restores the values
+  InPlaceParameters(const InPlaceParameters&) = delete;
+
+  size_t count() const { return targets_.size(); }
+  bool write(const double* values);  // (count(),); false: they are invalid
+
+ private:
+  Index2System& s_;
+  std::vector<double*> targets_;
+  Numbers original_;
+};
+
+}  // namespace mbdae
