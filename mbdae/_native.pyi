@@ -165,7 +165,7 @@ class SingularityMonitor:
     near_singular: bool
     suspicious: bool
     by_mode: bool
-    of_modes: list[tuple[list[int], float]]
+    ratio_by_mode: list[tuple[list[int], float]]
 
 class FirstStep:
     def __init__(

@@ -46,7 +46,7 @@ AMBIGUOUS_PIVOT = 1e-5  # of the largest pivot: closer to dependence than interp
 # Accuracy of numbers that are given and shown.
 HALF_DIGITS = 1e-8  # of a norm, of the largest force, of a state: the root of EPS, whose square is rounding
 INPUT_DIGITS = 1e-6  # of a number, rad or characteristic lengths: numbers in files have six digits
-VISIBLE = 1e-6  # of the largest speed, load or term: smaller violations do not show in results of six digits
+VISIBLE = 1e-6  # of the largest speed, multiplier or term: smaller violations do not show in results of six digits
 INTERPOLATION = 1e-5  # of the size of a curve: errors of interpolants and of difference quotients
 COARSE = 1e-4  # of a search interval: a first estimate, which a later step refines
 THREE_DIGITS = 1e-3  # of a length, rad, a rate: numbers that were given with three digits

@@ -31,7 +31,7 @@ PROSE = re.compile(
     r"|\b(?:stands?|stood) (?:at|there|in|behind|beside|still|for|open)\b"
     r"|\b(?:is|are) (?:told|asked|struck|found anew|once more)\b"
     r"|\b(?:his|her|one's) own\b|\bof (?:one's|its|their) own\b|\bbut for\b"
-    r"|\b(?:shall|likewise|alike|thither|whereto)\b|\bcarr(?:y|ies) load\b"
+    r"|\b(?:shall|likewise|alike|thither|whereto)\b|\bcarr(?:y|ies) (?:no |a |the )?load\b"
 )
 PROSE_OF_PYTHON = re.compile(PROSE.pattern + r"|(?:^|[.:;] )[Ww]hat (?!if\b)\w+")
 STAYING = {  # names that stay, by folder or file
@@ -92,6 +92,12 @@ def stays(path, name):
 def found_names():
     found = ((p, n) for p in package() for n in defined(p) if any(PART.fullmatch(w) for w in words(n)))
     return [f"{p.name}: {n}" for p, n in found if not stays(p, n)]
+
+
+def found_loads():
+    """Loads are applied: rows have multipliers, contacts normal forces, limits an utilisation."""
+    files = (p for p in package() if {"hybrid", "events", "discrete_sensitivity"} & {*p.parts})
+    return [f"{p.name}: {n}" for p in files for n in defined(p) if {"load", "loads", "loaded"} & {*words(n)}]
 
 
 def found_in_tests():
@@ -159,6 +165,7 @@ def found_in_pages():
 
 FOUND = {
     "names": found_names,
+    "loads of switches": found_loads,
     "names of tests": found_in_tests,
     "members": found_members,
     "messages": found_messages,

@@ -36,7 +36,7 @@ from mbdae.solution.columns import residuals
 Array = np.ndarray
 RTOL, TIGHT = 1e-8, (1e-10, 1e-11, 1e-12)
 SAME = 1e-5  # of the largest coordinate or speed, and of the duration: ends and times of transitions are the same
-GAP, BALANCE, LOAD = 1e-9, 1e-6, 1e-6  # relative to 1 m, the largest energy, the largest multiplier
+GAP, BALANCE, MULTIPLIER = 1e-9, 1e-6, 1e-6  # relative to 1 m, the largest energy, the largest multiplier
 LEAST = 1e-3  # J: the least scale of the energy
 MAX_STEPS = 50_000
 BRIEF = range(40, 50)  # one of each kind, with few impacts
@@ -84,7 +84,7 @@ def outcome(d: Drop, backend: str, rtol: float = RTOL) -> Outcome:
 
 def visible(impact: Impact) -> tuple[str, ...]:
     """Return the names of an impact whose impulses are not zero by rounding."""
-    least = LOAD * max(map(abs, impact.impulse), default=0.0)
+    least = MULTIPLIER * max(map(abs, impact.impulse), default=0.0)
     return tuple(name for name, p in zip(impact.where, impact.impulse, strict=True) if abs(p) > least)
 
 
@@ -109,16 +109,16 @@ def wrong_mode(sol: mbdae.Solution) -> str:
         mode = sol.mode(i)
         sticking = sum(isinstance(x, JointStiction) and mode[x.index] == 1 for x in switches)
         for x in switches:
-            if isinstance(x, JointStiction) and sticking > 1:  # they may share a load
+            if isinstance(x, JointStiction) and sticking > 1:  # they may be statically indeterminate
                 continue
             over = excess(x, mode[x.index], lam, sol.v[i]) / largest
-            if over > LOAD:
-                return f"{x.name} at t = {t:.6g}, {x.states[mode[x.index]]}: load off by {over:.1e}"
+            if over > MULTIPLIER:
+                return f"{x.name} at t = {t:.6g}, {x.states[mode[x.index]]}: multiplier off by {over:.1e}"
     return ""
 
 
 def excess(x: object, state: int, lam: Array, v: Array) -> float:
-    """Return by how much the load of a switch exceeds what its state allows, in its units."""
+    """Return by how much the multiplier of a switch exceeds what its state allows, in its units."""
     if isinstance(x, FrictionalContact):
         beyond = abs(lam[x.no_slip]) - x.coefficient * lam[x.row] if state == 1 else 0.0
         return max(beyond, -lam[x.row])

@@ -17,7 +17,7 @@ import numpy as np
 from common import brief, machine, medians, microseconds, ratio, table
 
 import mbdae
-from mbdae.integrate.events import hybrid
+from mbdae.integrate.events import mode_changes
 
 MODELS = {  # span in s: until a contact closes, or the whole run
     "pendulum_on_stop": (4.2829, 8.0),
@@ -53,7 +53,7 @@ class Cost(NamedTuple):
 @contextmanager
 def in_python() -> Iterator[None]:
     """Leave all modes to Python."""
-    with patch.object(hybrid, "core_switches", lambda system: None):
+    with patch.object(mode_changes, "core_switches", lambda system: None):
         yield
 
 

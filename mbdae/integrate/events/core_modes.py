@@ -19,13 +19,13 @@ from ...mechanism.hybrid.kinds.rolling_stiction import TRANSVERSE
 from ...tolerances import COINCIDENT, MODE_ROUNDING
 from .guard_location import GRAZING, MAX_HALVINGS, MAX_NEWTON, RETURN_FACTOR, START_ROOT
 from .level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
-from .load_resolution import CLOSE_EXTREMUM, FINEST, NEAR_LIMIT, OUTSIDE, ROUGH, SAFETY, SHRINK
+from .multiplier_resolution import CLOSE_EXTREMUM, FINEST, NEAR_LIMIT, OUTSIDE, ROUGH, SAFETY, SHRINK
 
 if TYPE_CHECKING:
     from ..._native import Core, Modes
     from ...mechanism import Mechanism
     from ...system import Array
-    from .hybrid import ModeChanges
+    from .mode_changes import ModeChanges
 
 MAX_STATES = 1000  # of all rows of a complementarity problem, which the core tries one after the other
 

@@ -12,7 +12,7 @@ from ...mechanism.hybrid.switch import Guard
 from ...system import Array
 from ...tolerances import COINCIDENT, EVALUATION_ROUNDING, REAL, SOLUTION_ROUNDING, VISIBLE
 from .level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
-from .load_resolution import QUARTERS, PointAt, sample_points
+from .multiplier_resolution import QUARTERS, PointAt, sample_points
 
 if TYPE_CHECKING:
     from ...mechanism.hybrid.mode_point import ModePoint
@@ -52,8 +52,8 @@ class TrackedGuard:
             self.return_time = point.t - RETURN_FACTOR * 2 * speed / a
 
     @classmethod
-    def adopted(cls, guard: Guard, point: "ModePoint") -> "TrackedGuard":
-        """Return a guard whose other attributes follow; a guard that refers to its first evaluation has it here."""
+    def without_state(cls, guard: Guard, point: "ModePoint") -> "TrackedGuard":
+        """Return a guard whose state is then set from the core; one that refers to its first evaluation has it here."""
         out = cls.__new__(cls)
         out.guard = guard
         if not guard.needs_multipliers:
@@ -98,7 +98,7 @@ def first_guard_root(
         guards: the guards of the mode.
         step: the step.
         at: function of theta that returns the point there.
-        thetas: values of theta at which loads are sampled.
+        thetas: values of theta at which multipliers are sampled.
     """
     theta, fired = 2.0, list[Guard]()
     tolerance = 4 * _time_tolerance(step)
@@ -124,7 +124,7 @@ def _time_tolerance(step: "StepMap") -> float:
 
 
 def _negative_fraction(tracked: TrackedGuard, step: "StepMap", at: PointAt, thetas: Array) -> float | None:
-    """Return a theta at which a guard is negative; for loads, the first of the samples; None if it stays positive."""
+    """Return a theta at which a guard is negative, the first sample for multipliers; None if it stays positive."""
     rounding, guard = tracked.rounding, tracked.guard
     if guard.needs_multipliers:
         for theta in sample_points(guard, at, thetas)[1:]:

@@ -115,7 +115,7 @@ class Jumps(EventSource):
         t, current = step.run.t, step.run.interval
         return Occurrence(t) if t == current.end and current.restart is not None else None
 
-    def act(self, run: "RunState") -> bool:
+    def handle_event(self, run: "RunState") -> bool:
         """Restart after the jump."""
         assert run.interval.restart is not None
         run.restart_after_jump(run.interval.restart)
@@ -167,7 +167,7 @@ def _width(t: float, t1: float) -> float:
 
 
 def _knots(run: "RunState", t0: float, t1: float) -> Sequence[float]:
-    """Return the knots of loads and motions between two times if the run has modes: loads may have extrema there."""
+    """Return the knots of forces and motions between two times if the run has modes: extrema of multipliers."""
     if not (system := run.mechanical) or not system.mechanism.switches:
         return ()
     laws = (signal for law, _ in system.laws.bound for signal in law.signals)

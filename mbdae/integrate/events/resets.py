@@ -10,7 +10,7 @@ from ...data_types import JsonObject
 from ...errors import InputError, StepError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.hybrid.kinds.unilateral import penetrated
+from ...mechanism.hybrid.kinds.unilateral import penetration_message
 from ...mechanism.hybrid.mode_point import ModePoint
 from ...mechanism.hybrid.reset import Reset, StateReset
 from ...solution.signal_value import find_point_signal
@@ -104,7 +104,7 @@ class Resets(EventSource):
             return False
         return condition is None or condition.direction * condition.value(t, y) > 0
 
-    def act(self, run: "RunState") -> bool:
+    def handle_event(self, run: "RunState") -> bool:
         """Let the state jump, unless the run ends at this node."""
         if run.time_left() <= 0:
             return False
@@ -122,15 +122,15 @@ class Resets(EventSource):
         else:
             self.system.enter((0,) * len(self.system.mode))  # a start
             point = ModePoint(self.system, run.mode_changes.all_rows, run.t, found.closed(run.t, y))
-            if contact := penetrated(point):
+            if contact := penetration_message(point):
                 raise StepError("impact", f"{contact} after event {found.reset.name!r}, at t = {run.t:.17g}")
             run.mode_changes.continue_from(run, point, set(), partial(found.with_work, y))
         return False
 
-    def act_at_end(self, run: "RunState") -> None:
+    def handle_event_at_end(self, run: "RunState") -> None:
         """Let the state jump if the run goes on; otherwise its end is before the jump, as before an impact."""
         if run.continues:
-            self.act(run)
+            self.handle_event(run)
         else:
             self._left = self.maps[self._found].reset.name
 

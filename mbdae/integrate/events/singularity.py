@@ -114,7 +114,8 @@ class SingularityMonitor(SingularityLocation):
         """Pass the ratios so far to the core."""
         monitor.largest_ratio, monitor.last_ratio = self.largest, self.ratios[-1]
         monitor.near_singular = self.monitored_from is not None
-        monitor.mode_ratio, monitor.of_modes = self.mode_ratio, [(list(mode), x) for mode, x in self.of_modes.items()]
+        monitor.mode_ratio = self.mode_ratio
+        monitor.ratio_by_mode = [(list(mode), x) for mode, x in self.ratio_by_mode.items()]
 
     def skip_regular_steps(self, least_pivot_ratio: Array, inspect: bool = True) -> int:
         """Return the number of regular steps before the first suspicious one, given their smallest pivot ratios.

@@ -91,7 +91,7 @@ class SingularityLocation(EventSource):
         found: singular configurations crossed so far.
         largest: largest pivot ratio so far.
         mode_ratio: largest pivot ratio in the mode so far.
-        of_modes: the largest pivot ratio of each mode when it was last left.
+        ratio_by_mode: the largest pivot ratio of each mode when it was last left.
     """
 
     def __init__(self, system: Index2System, kept: bool, controlled: bool) -> None:
@@ -99,7 +99,7 @@ class SingularityLocation(EventSource):
         self._workspace: Index2System | None = None
         self.found: list[Singular] = []
         self.largest = self.mode_ratio = 0.0
-        self.of_modes: dict[Mode, float] = {}
+        self.ratio_by_mode: dict[Mode, float] = {}
 
     @property
     def workspace(self) -> Index2System:
@@ -135,16 +135,17 @@ class SingularityLocation(EventSource):
 
     def from_core(self, monitor: "CoreMonitor") -> None:
         """Take over the largest ratios of modes."""
-        self.mode_ratio, self.of_modes = monitor.mode_ratio, {tuple(x): ratio for x, ratio in monitor.of_modes}
+        self.mode_ratio = monitor.mode_ratio
+        self.ratio_by_mode = {tuple(x): ratio for x, ratio in monitor.ratio_by_mode}
 
     def _change_mode(self, run: "RunState", node: int) -> None:
         """Continue with the largest ratio of the mode that begins at a node, if it is another one than before."""
         left, entered = (mode for _, mode in run.mode_changes.modes[-2:])
         if left == entered:
             return
-        self.of_modes[left] = self.mode_ratio
-        if entered in self.of_modes:
-            self.mode_ratio = self.of_modes[entered]
+        self.ratio_by_mode[left] = self.mode_ratio
+        if entered in self.ratio_by_mode:
+            self.mode_ratio = self.ratio_by_mode[entered]
             return
         here, w = self._smallest_pivot(run.ts[node], run.ys[node]), self.workspace
         w.enter(left)

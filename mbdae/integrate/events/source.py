@@ -1,11 +1,11 @@
 """Interface between the time loop and the sources of events.
 
 After each step, the sources detect their first event in it, one source after the other; an event before the end of the
-step truncates the step, so the next source checks the shorter step. The source of the earliest event acts: it ends the
-run, or continues it from another point or in another mode. In order, the sources are
+step truncates the step, so the next source checks the shorter step. The source of the earliest event handles it: it
+ends the run, or continues it from another point or in another mode. In order, the sources are
 
 1. `driver_checks`, at the end of the run only;
-2. `hybrid`: guards of contacts, stops, clutches and stiction;
+2. `mode_changes`: guards of contacts, stops, clutches and stiction;
 3. `singularity`: singular configurations, which are crossed by extrapolation in place of a step;
 4. `mbdae.integrate.run.stiffness_detection`, which warns only;
 5. `user_events`: signals and functions; terminal events end the run;
@@ -89,14 +89,14 @@ class EventSource:
         return False
 
     def first_event(self, step: "StepMap") -> Occurrence | None:
-        """Return the first event of a step at which the source must act; None if there is none."""
+        """Return the first event of a step that the source must handle; None if there is none."""
         return None
 
-    def act(self, run: "RunState") -> bool:
+    def handle_event(self, run: "RunState") -> bool:
         """Handle the last detected event; return whether it ends the run."""
         return False
 
-    def act_at_end(self, run: "RunState") -> None:
+    def handle_event_at_end(self, run: "RunState") -> None:
         """Handle the last detected event where another source has just ended the run at the same instant."""
 
     def discard_beyond_end(self, run: "RunState") -> None:

@@ -78,9 +78,9 @@ def time_loop(run: RunState, progress: Progress | None = None) -> bool:
         if acting is None:  # no step was taken, or the last one was rejected
             continue
         for i, source in enumerate(acting):
-            if source.act(run):
+            if source.handle_event(run):
                 for later in acting[i + 1 :]:
-                    later.act_at_end(run)
+                    later.handle_event_at_end(run)
                 return True
         if progress:
             progress(1 - run.time_left() / total)

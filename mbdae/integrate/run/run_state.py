@@ -14,8 +14,8 @@ from ...solution.solution import Problem, Solution
 from ...system import Array, State, Step, System
 from ...tolerances import JUMP_MARGIN
 from ..events.driver_checks import DriverChecks
-from ..events.hybrid import ModeChanges
 from ..events.jumps import Jumps, SmoothInterval
+from ..events.mode_changes import ModeChanges
 from ..events.resets import Resets
 from ..events.singularity import SingularityMonitor
 from ..events.source import EventSource, Occurrence

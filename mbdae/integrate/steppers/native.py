@@ -7,7 +7,7 @@ from ...data_types import JsonObject
 from ...mechanism.formulations.index2 import Index2System
 from ...system import Array, State, Step
 from ..events.core_modes import modes_to_core
-from ..events.load_resolution import shortest_step
+from ..events.multiplier_resolution import shortest_step
 from .adaptive import Adaptive
 from .core_record import record_steps
 from .fixed import Fixed
@@ -244,7 +244,7 @@ class NativeStepper(Stepper):
 
 
 def _needs_sources(options: "RunOptions", system: Index2System) -> bool:
-    """Return whether sources of events may act in a run that stays away from singular configurations."""
+    """Return whether sources may have events in a run that stays away from singular configurations."""
     mech, jumps = system.mechanism, options.jumps
     timed = mech.drivers or system.laws.over_time or not (isinstance(jumps, tuple) and not jumps)
     return bool(options.events or mech.switches or mech.resets or timed)

@@ -168,7 +168,7 @@ class ModeJumps:
         return rate
 
     def _event(self, i: int, point: ModePoint, rates: Array) -> Array:
-        """Return the derivatives of the time at which a guard ends a mode by (y, p), (ny + k,).
+        """Return the derivatives of the time at which a guard ends a mode with respect to (y, p), (ny + k,).
 
         Raises:
             InputError: for grazing and for simultaneous events of different derivatives.
@@ -195,7 +195,7 @@ class ModeJumps:
 
     def _time(self, guard: Guard, i: int, partials: GuardPartials, rates: Array) -> Array | None:
         """Return the derivatives of the time at which a guard falls below zero, (ny + k,); None if it does not here."""
-        gradient, point, trajectory = partials.of(guard), partials.point, self.trajectory
+        gradient, point, trajectory = partials.gradient(guard), partials.point, self.trajectory
         terms = np.append(gradient[: self.sensitivity.ny] * rates, gradient[-1])
         total, size = float(terms.sum()), float(np.abs(terms).sum())
         tolerance = SAME_STATE * float(trajectory.ts[i] - trajectory.ts[i - 1]) + trajectory.sol.jump_margin

@@ -17,7 +17,7 @@ class TimeDerivativePartials(NamedTuple):
     """Partial derivatives of y' and of lam of all rows at a point of the hidden constraint.
 
     Attributes:
-        rate: by (dy, dp, dt), (ny, ny + k + 1).
+        rate: with respect to (y, p, t), (ny, ny + k + 1).
         lam: similarly, (ng, ny + k + 1).
     """
 

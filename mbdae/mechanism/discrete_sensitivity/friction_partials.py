@@ -34,15 +34,15 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
 
     n = nv + ns + 1; lam (r,) are the multipliers of the rows in use.
     """
-    jacobians, size = _terms(s, q, lam, rows)
+    jacobians, normal_forces = _terms(s, q, lam, rows)
     by_q, by_v = np.zeros((s.nv, s.nv)), np.zeros((s.nv, s.nv))
-    by_load, total, along_rows = np.zeros((s.nv, len(size))), np.zeros(s.nv), np.zeros(s.ng)
+    by_normal_force, total, along_rows = np.zeros((s.nv, len(normal_forces))), np.zeros(s.nv), np.zeros(s.ng)
     regularised, exact = [], []
     for k, (S, interface) in enumerate(zip(jacobians, _active_interfaces(s), strict=True)):
         direction, by_slip = interface.direction(S @ v)
-        T = interface.factor * size[k]
+        T = interface.factor * normal_forces[k]
         by_v += T * (S.T @ by_slip @ S)
-        by_load[:, k] = interface.factor * (S.T @ direction)
+        by_normal_force[:, k] = interface.factor * (S.T @ direction)
         total += T * (S.T @ direction)
         if interface.width:
             regularised.append((k, T * S.T @ by_slip, T * direction))
@@ -53,8 +53,8 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
     into = np.eye(s.nv)[_relevant(s, rows)]
 
     def flat_terms(x: Array) -> Array:
-        changed, load = _terms(s, s.manifold.integrate(q, x @ into), lam, rows)
-        return np.concatenate([*(changed[k].ravel() for k, *_ in regularised), load])
+        changed, normal_forces = _terms(s, s.manifold.integrate(q, x @ into), lam, rows)
+        return np.concatenate([*(changed[k].ravel() for k, *_ in regularised), normal_forces])
 
     if len(into):
         terms_by_q, end = numerical_jacobian(flat_terms, len(into), WIDTH) @ into, 0
@@ -62,7 +62,7 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
             S = jacobians[k]
             dS = terms_by_q[end : (end := end + S.size)].reshape(*S.shape, s.nv)
             by_q += by_turn @ np.einsum("ijm,j->im", dS, v) + np.einsum("ijm,i->jm", dS, force)
-        by_q += by_load @ terms_by_q[end:]
+        by_q += by_normal_force @ terms_by_q[end:]
     s.jacobian(q)  # restores the kinematics
     nv, n = s.nv, s.ny - s.nv
     K, D = np.zeros((n, nv)), np.zeros((n, n))
@@ -73,21 +73,21 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
 
 def friction(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> Array:
     """Return the generalised friction and its power, (nv + 1,)."""
-    jacobians, size = _terms(s, q, lam, rows)
+    jacobians, normal_forces = _terms(s, q, lam, rows)
     out = np.zeros(s.nv)
-    for load, S, interface in zip(size, jacobians, _active_interfaces(s), strict=True):
-        out += interface.factor * load * (S.T @ interface.direction(S @ v)[0])
+    for N, S, interface in zip(normal_forces, jacobians, _active_interfaces(s), strict=True):
+        out += interface.factor * N * (S.T @ interface.direction(S @ v)[0])
     return np.append(out, out @ v)
 
 
 def _terms(s: "Index2System", q: Array, lam: Array, rows: Array) -> tuple[list[Array], Array]:
-    """Return S (m, nv) of each sliding interface, and its |F|, (k,)."""
+    """Return S (m, nv) of each sliding interface, and its normal force |F|, (k,)."""
     friction, W = s.closure_friction, s.constraints.W
     active = np.flatnonzero(friction.active)
     update_poses(s.model, s.workspace, q)
     s.constraints.update_wrenches(friction.interfaces[k].closure.name for k in active)
-    load = friction.normal_forces(friction.minimum_norm_map(rows) @ lam)[0]
-    return [friction.interfaces[k].sliding_jacobian(W) for k in active], load[active]
+    normal_forces = friction.normal_forces(friction.minimum_norm_map(rows) @ lam)[0]
+    return [friction.interfaces[k].sliding_jacobian(W) for k in active], normal_forces[active]
 
 
 def _relevant(s: "Index2System", rows: Array) -> Array:

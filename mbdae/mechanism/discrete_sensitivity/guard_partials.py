@@ -1,8 +1,8 @@
 """Partial derivatives of guards with respect to y, parameters and time.
 
 A guard is a small function of g, G v + g_t, q, v and lam of a point. These have exact derivatives; the guard itself is
-differentiated along them by sixth-order differences, which are exact for the linear guards of contacts, loads and
-speeds.
+differentiated along them by sixth-order differences, which are exact for the linear guards of contacts, normal forces
+and speeds.
 """
 
 from typing import TYPE_CHECKING
@@ -39,43 +39,43 @@ class GuardPartials:
         self.n = s.ny + len(parameters) + 1
         self.g, self.rate = np.zeros((2, s.ng, self.n))
         self.g[:, self.columns], self.rate[:, self.columns] = g, rate
-        self.loads: tuple[Array, Array] | None = None
+        self.derivative_partials: tuple[Array, Array] | None = None  # of y' and lam, once a guard needs them
 
-    def of(self, guard: "Guard") -> Array:
-        """Return the derivatives of a guard by (dy, dp, dt), (ny + k + 1,)."""
-        if guard.needs_multipliers and self.loads is None:
+    def gradient(self, guard: "Guard") -> Array:
+        """Return the partial derivatives of a guard with respect to (y, p, t), (ny + k + 1,)."""
+        if guard.needs_multipliers and self.derivative_partials is None:
             at = self.sensitivity.rate(self.point.t, self.point.y)
-            self.loads = at.rate, at.lam
+            self.derivative_partials = at.rate, at.lam
         piece = int(np.argmin(np.abs(guard.pieces(self.point)))) if guard.pieces else None
         value = _smooth(guard, piece)
         out = np.array([self._along(value, j) for j in range(self.n)])
         ny = self.sensitivity.ny
-        out[ny:-1] += self._of_constants(guard, piece)
+        out[ny:-1] += self._parameter_partials(guard, piece)
         return out
 
     def _along(self, guard: "PointFunction", j: int) -> float:
         """Return the derivative along one direction: of y, of a parameter, or of time."""
         parameters, i = self.sensitivity.parameters.all, j - self.sensitivity.ny
         h = parameters[i].width if 0 <= i < len(parameters) else WIDTH
-        if self.loads:  # guards are linear in all but the loads
-            change = h * np.abs(self.loads[1][:, j]).max() / (np.abs(self.point.lam).max() + TINY)
+        if self.derivative_partials:  # guards are linear in all but the multipliers
+            change = h * np.abs(self.derivative_partials[1][:, j]).max() / (np.abs(self.point.lam).max() + TINY)
             h /= max(1.0, float(change / WIDTH))
         return float(numerical_derivative(lambda x: guard(self._moved(j, x)), h))
 
     def _moved(self, j: int, x: float, rows: AllRows | None = None) -> ModePoint:
-        """Return the point moved by x along a direction, with its rows and loads to first order."""
+        """Return the point moved by x along a direction, with its rows and multipliers to first order."""
         point, s, dy = self.point, self.sensitivity.system, np.zeros(self.sensitivity.ny)
         if j < len(dy):
             dy[j] = x
         t = point.t + (x if j == self.n - 1 else 0.0)
         out = ModePoint(s, rows or point.all_rows, t, s.add(point.y, dy))
         vars(out)["g"], vars(out)["rate"] = point.g + x * self.g[:, j], point.rate + x * self.rate[:, j]
-        if self.loads:
-            F, lam = point.derivative
-            vars(out)["derivative"] = F + x * self.loads[0][:, j], lam + x * self.loads[1][:, j]
+        if self.derivative_partials:
+            (F, lam), (dF, dlam) = point.derivative, self.derivative_partials
+            vars(out)["derivative"] = F + x * dF[:, j], lam + x * dlam[:, j]
         return out
 
-    def _of_constants(self, guard: "Guard", piece: int | None) -> Array:
+    def _parameter_partials(self, guard: "Guard", piece: int | None) -> Array:
         """Return the derivatives with respect to parameters in a guard: limits, teeth, ranges, directions of rows."""
         parameters, out = self.sensitivity.parameters, np.zeros(len(self.sensitivity.parameters))
         state = self.point.system.mode[guard.switch]

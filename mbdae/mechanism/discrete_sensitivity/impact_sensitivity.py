@@ -39,7 +39,10 @@ def all_rows_active(parameters: Parameters) -> Iterator[None]:
 
 
 def row_rate_partials(parameters: Parameters, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return the partial derivatives of g and of G v + g_t of all rows by (dq, dv, dp, dt), (ng, 2 nv + k + 1) each."""
+    """Return the partial derivatives of g and of G v + g_t of all rows with respect to (q, v, p, t).
+
+    Both are (ng, 2 nv + k + 1).
+    """
     s = parameters.system
     with all_rows_active(parameters):
         G = s.jacobian(q)
@@ -50,43 +53,44 @@ def row_rate_partials(parameters: Parameters, t: float, q: Array, v: Array) -> t
 
 
 def impact_partials(parameters: Parameters, t: float, q: Array, impacts: Sequence["RowImpact"]) -> Array:
-    """Return the partial derivatives of v after successive impacts by (dq, dv, dp, dt), (nv, 2 nv + k + 1)."""
+    """Return the partial derivatives of v after successive impacts with respect to (q, v, p, t), (nv, 2 nv + k + 1)."""
     nv = parameters.system.nv
     found = np.eye(nv, 2 * nv + len(parameters) + 1, nv)
     for impact in impacts:
-        found = _after(parameters, t, q, impact, found)
+        found = _through_impact(parameters, t, q, impact, found)
     return found
 
 
-def _after(parameters: Parameters, t: float, q: Array, impact: "RowImpact", dv: Array) -> Array:
+def _through_impact(parameters: Parameters, t: float, q: Array, impact: "RowImpact", dv: Array) -> Array:
     """Return the partial derivatives of v after an impact, from those before it, both (nv, 2 nv + k + 1)."""
     s, rows, E = parameters.system, impact.rows, impact.restitution[:, None]
     nv, rest, w, P = s.nv, np.zeros(s.nv), impact.after - impact.before, impact.impulses
-    of_p = slice(2 * nv, -1)
-    M, by_q = (x.copy() for x in s.inertial.momentum_partials(q, w))
+    p_columns = slice(2 * nv, -1)
+    M, dMw_dq = (x.copy() for x in s.inertial.momentum_partials(q, w))
     before, after = (row_rate_partials(parameters, t, q, v)[1][rows] for v in (impact.before, impact.after))
     with all_rows_active(parameters):
         G = s.jacobian(q)
         K = s.constraints.partials(rest, P)[0]
         states = np.array(list(s.mechanism.states.values()))
-        moved, at_rest = (parameters.force_partials(t, q, rest, states, *x)[:nv] for x in ((w, P), (rest, 0 * P)))
-    top, A, C = M @ dv, G[rows], G[rows].copy()
-    top[:, :nv] += K - by_q
-    top[:, of_p] += moved - at_rest
+        # of r = f + G^T P - M w, and of f alone
+        dr_dp, df_dp = (parameters.force_partials(t, q, rest, states, *x)[:nv] for x in ((w, P), (rest, 0 * P)))
+    rhs_momentum, A, C = M @ dv, G[rows], G[rows].copy()
+    rhs_momentum[:, :nv] += K - dMw_dq
+    rhs_momentum[:, p_columns] += dr_dp - df_dp
     for row, normal, switch in impact.sliding:
         ratio = P[row] / P[normal]
         C[rows == normal] += ratio * G[row]
-        by_p = np.sign(ratio) * P[normal] * _coefficient_partials(parameters, switch, "coefficient")
-        top[:, of_p] += np.outer(G[row], by_p)
-    below = -after - E * before
-    below[:, nv : 2 * nv] = 0.0  # velocities enter by dv
-    below -= E * (A @ dv)
+        dmu_dp = _coefficient_partials(parameters, switch, "coefficient")
+        rhs_momentum[:, p_columns] += np.outer(G[row], np.sign(ratio) * P[normal] * dmu_dp)
+    rhs_restitution = -after - E * before
+    rhs_restitution[:, nv : 2 * nv] = 0.0  # v enters by dv
+    rhs_restitution -= E * (A @ dv)
     speeds = A @ impact.before + s.g_t(t)[rows]
     for i, switch in enumerate(impact.switches):
         if switch >= 0:
-            below[i, of_p] -= speeds[i] * _coefficient_partials(parameters, switch, "restitution")
-    free, response = np.linalg.solve(M, top), np.linalg.solve(M, C.T)
-    return free + response @ np.linalg.lstsq(A @ response, below - A @ free, rcond=RANK)[0]
+            rhs_restitution[i, p_columns] -= speeds[i] * _coefficient_partials(parameters, switch, "restitution")
+    dv_free, response = np.linalg.solve(M, rhs_momentum), np.linalg.solve(M, C.T)
+    return dv_free + response @ np.linalg.lstsq(A @ response, rhs_restitution - A @ dv_free, rcond=RANK)[0]
 
 
 def _coefficient_partials(parameters: Parameters, switch: int, name: str) -> Array:

@@ -35,7 +35,7 @@ from .constant_directions import ConstantDirections
 from .friction_partials import friction
 from .modal_direction import modal_partials
 from .parameter_direction import SMALL, WIDTH, LawDifferences, Parameter, RowDifferences
-from .perturbed_mechanisms import changed_mechanism
+from .perturbed_mechanisms import perturbed_mechanism
 from .placement_tree import PlacementTree
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class Parameters:
         self.system = s = system or Index2System(mech)
         self.all: list[Parameter] = []
         for name, value in values.items():
-            near = partial(changed_mechanism, make, rest, name, value)
+            near = partial(perturbed_mechanism, make, rest, name, value)
             self.all.append(p := Parameter(name, mech, near, WIDTH * abs(value) or SMALL))
             if p.side:
                 end = f"parameter {name!r} = {value:.9g} is at the end of its range"
@@ -120,7 +120,7 @@ class Parameters:
         self.mech, self.values = mech, values
         self.system.bind(mech)
         for p in self.all:
-            p.write(mech, partial(changed_mechanism, self.make, values, p.name, values[p.name]))
+            p.write(mech, partial(perturbed_mechanism, self.make, values, p.name, values[p.name]))
         for name in ("perturbed_systems", "perturbed_friction"):
             vars(self).pop(name, None)
         self._found = {name: x for name, x in self._found.items() if name in KEPT}

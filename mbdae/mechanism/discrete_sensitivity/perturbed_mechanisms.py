@@ -30,8 +30,12 @@ class PerturbedMechanisms(Mapping[int, "Mechanism"]):
         return len(self.stencil)
 
 
-def changed_mechanism(
-    make: Callable[[Mapping[str, float]], "Mechanism"], values: Mapping[str, float], name: str, value: float, by: float
+def perturbed_mechanism(
+    make: Callable[[Mapping[str, float]], "Mechanism"],
+    values: Mapping[str, float],
+    name: str,
+    value: float,
+    delta: float,
 ) -> "Mechanism":
     """Return the mechanism with one parameter changed.
 
@@ -39,9 +43,9 @@ def changed_mechanism(
         InputError: if there is none: a parameter at the limit of its valid range.
     """
     try:
-        return make({**values, name: value + by})
+        return make({**values, name: value + delta})
     except MbdaeError as e:
-        text = f"parameter {name!r} = {value:.9g} cannot be changed by {by:+.3g} to find its derivative"
+        text = f"parameter {name!r} = {value:.9g} cannot be changed by {delta:+.3g} to find its derivative"
         raise InputError(f"{text}: {e}") from e
 
 

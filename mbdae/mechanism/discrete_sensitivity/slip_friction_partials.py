@@ -24,7 +24,7 @@ def with_slip_friction_partials(
         q: configuration, (nq,).
         v: velocity, (nv,).
         lam: multipliers of all rows without that friction, (ng,).
-        dlam: their partials by (dy, dp, dt), (ng, ny + k + 1).
+        dlam: their partials with respect to (y, p, t), (ng, ny + k + 1).
     """
     s, friction = at.system, at.system.closure_friction
     if not has_slip_friction(s):

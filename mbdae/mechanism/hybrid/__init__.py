@@ -15,7 +15,7 @@ Each kind of switch is a class in a file of this folder, which is discovered. It
   multipliers (`box_lcp`, Gauss's principle);
 * ``next_state(...)``: the state that follows from the selected multipliers and accelerations.
 
-The loop over steps, guards and transitions is `mbdae.integrate.events.hybrid`. A switch whose state sets a force
+The loop over steps, guards and transitions is `mbdae.integrate.events.mode_changes`. A switch whose state sets a force
 (kinetic friction) does so in ``enter(system, state)``.
 
 Source: Brogliato, Nonsmooth Mechanics, 3rd ed. (2016), chapters 4 to 6; Acary, Brogliato (2008), section 3.6.

@@ -1,4 +1,4 @@
-"""Mode after an event: the active set of the complementarity problem of accelerations and loads.
+"""Mode after an event: the active set of the complementarity problem of accelerations and multipliers.
 
 Velocities are continuous here. Candidates are rows in contact and at rest: the multiplier of a row is either within its
 bounds and the row does not accelerate, or at a bound (separating, slipping), and it accelerates as the bound allows.
@@ -18,7 +18,7 @@ from .friction_lcp import FrictionBound, solve_friction_lcp
 from .impact_law import project_out, range_and_inverse
 from .switch import CandidateRow
 from .switches import error_with_names
-from .undecided_rows import LoadsAfterStep, rows_that_stay_active
+from .undecided_rows import MultipliersAfterStep, rows_that_stay_active
 
 if TYPE_CHECKING:
     from .mode_point import ModePoint
@@ -28,14 +28,16 @@ if TYPE_CHECKING:
 Candidates = dict[int, tuple[CandidateRow, ...]]  # by index of the switch
 
 
-def select_mode(point: "ModePoint", unswitched: Array, separated: set[int], loads_after_step: LoadsAfterStep) -> "Mode":
+def select_mode(
+    point: "ModePoint", unswitched: Array, separated: set[int], multipliers_after_step: MultipliersAfterStep
+) -> "Mode":
     """Return the mode after an event, at a point where velocities no longer jump.
 
     Args:
         point: the point, in the mode before.
         unswitched: indices of the rows without a switch.
         separated: indices of the switches whose contacts separate in the event.
-        loads_after_step: the loads after a short step, for rows that are neither active nor separate.
+        multipliers_after_step: the multipliers after a short step, for rows that are neither active nor separate.
 
     Raises:
         StepError: if friction has no solution, or several (Painleve paradox), or if no force can keep a row closed.
@@ -44,7 +46,7 @@ def select_mode(point: "ModePoint", unswitched: Array, separated: set[int], load
     problem.release()
     problem.require_solution()
     problem.enter_states()
-    problem.decide_undecided(loads_after_step)
+    problem.decide_undecided(multipliers_after_step)
     return tuple(problem.mode)
 
 
@@ -54,7 +56,7 @@ class _ActiveSet:
     Attributes:
         mode: states of all switches.
         remaining: candidates that are not released.
-        separating: those of them that separate, unless others load them.
+        separating: those of them that separate, unless their gaps would close.
         lam, rates, scale: multipliers, accelerations G v' + gamma and their sizes, (ng,) each, of the candidates that
             do not separate.
     """
@@ -87,16 +89,16 @@ class _ActiveSet:
         return bool(approaching)
 
     def _release_inactive(self) -> bool:
-        """Release rows outside of their bounds that change the load of others; False if there are none."""
+        """Release rows outside of their bounds that change the multipliers of others; False if there are none."""
         self.is_active = {i: self._is_active(c[0]) for i, c in self.active.items()}
         released = [i for i, active in self.is_active.items() if not active and _releases(self.active[i])]
-        for i in released:  # less friction while slipping changes the load of the others
+        for i in released:  # less friction while slipping changes the multipliers of the others
             del self.remaining[i]
             self._next_state(i, self.active[i] if self.active[i][0].is_bounded else (), False)
         return bool(released)
 
     def require_solution(self) -> None:
-        """Require that rows which carry no load do not close: one that depends on closures cannot stop their motion.
+        """Require that rows with zero multipliers do not close: one that depends on closures cannot stop their motion.
 
         Raises:
             StepError: with their names.
@@ -113,13 +115,13 @@ class _ActiveSet:
         for i in self.separating:
             self._next_state(i, (), False)
 
-    def decide_undecided(self, loads_after_step: LoadsAfterStep) -> None:
+    def decide_undecided(self, multipliers_after_step: MultipliersAfterStep) -> None:
         """Decide unilateral rows that are neither active nor separate by their multipliers after a short step."""
         alone = {i: c[0] for i, c in self.active.items() if len(c) == 1 and c[0].is_unilateral}
         undecided = {i: x for i, x in alone.items() if self._is_undecided(x)}
         if undecided:
             others = tuple(0 if i in undecided else k for i, k in enumerate(self.mode))
-            active = rows_that_stay_active(others, undecided, loads_after_step)
+            active = rows_that_stay_active(others, undecided, multipliers_after_step)
             for i, x in undecided.items():
                 self._next_state(i, (x,), i in active)
 
@@ -193,7 +195,7 @@ class _ActiveSet:
 
 
 def _releases(candidates: tuple[CandidateRow, ...]) -> bool:
-    """Return whether the release of rows outside of their bounds changes the load of others."""
+    """Return whether the release of rows outside of their bounds changes the multipliers of others."""
     return len(candidates) > 1 or candidates[0].is_bounded
 
 

@@ -26,7 +26,7 @@ def solve_box_lcp(C: Array, c: Array, lower: Array, upper: Array) -> Array:
 
     Args:
         C: M^1/2 A S^T, (nv, k): W = C^T C.
-        c: accelerations of the rows without load, (k,).
+        c: accelerations of the rows at lam = 0, (k,).
         lower: lower bounds of the multipliers, (k,).
         upper: upper bounds of the multipliers, (k,).
     """

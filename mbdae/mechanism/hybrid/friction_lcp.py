@@ -44,7 +44,7 @@ def solve_friction_lcp(C: Array, c: Array, lower: Array, upper: Array, limits: d
 
     Args:
         C: M^1/2 A S^T, (nv, k).
-        c: accelerations, or velocities after an impact, of the rows without load, (k,).
+        c: accelerations, or velocities after an impact, of the rows at lam = 0, (k,).
         lower: lower bounds of the multipliers, (k,); those in ``limits`` are ignored.
         upper: upper bounds of the multipliers, (k,).
         limits: friction bounds by index.

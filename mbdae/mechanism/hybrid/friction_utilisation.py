@@ -1,6 +1,6 @@
 """Utilisation of the stiction limit of a sticking row, also for redundant rows.
 
-The crank and the slider of one loop may both stick: only a combination of their loads is determined, not each, and
+The crank and the slider of one loop may both stick: only a combination of their torques is determined, not each, and
 multipliers of minimum norm are not meaningful. They stick as long as multipliers within all limits exist: the smallest
 kappa with |lam_i| <= kappa F_i and G^T lam = const is the solution of a linear programme,
 
@@ -8,7 +8,7 @@ kappa with |lam_i| <= kappa F_i and G^T lam = const is the solution of a linear 
 
 and they slip together when it reaches 1. Its dual is kappa = max y^T lam over N^T y = 0, sum F_i |y_i| <= 1. If there
 is only one direction y, as for sticking joints of a mechanism with one degree of freedom, kappa is the ratio of the
-work of the loads to the work of the limits along y, and no programme is solved.
+work of the multipliers to the work of the limits along y, and no programme is solved.
 
 Source: P. Loetstedt, SIAM J. Appl. Math. 42 (1982), for non-unique multipliers.
 """
@@ -46,25 +46,25 @@ def friction_utilisation(point: "ModePoint", row: int, limits: dict[int, float])
     return least_utilisation(lam[rows] / F, free[rows] / F[:, None])
 
 
-def least_utilisation(load: Array, N: Array) -> float:
-    """Return the smallest kappa with |load + N z| <= kappa.
+def least_utilisation(ratios: Array, N: Array) -> float:
+    """Return the smallest kappa with |ratios + N z| <= kappa.
 
     Args:
-        load: multipliers relative to their limits, (m,).
+        ratios: multipliers relative to their limits, with sign, (m,).
         N: null vectors, relative to the limits, (m, k).
 
     Raises:
         StepError: if the linear programme is not solved.
     """
     left, sizes, _ = np.linalg.svd(N)
-    k, ones = int(np.count_nonzero(sizes > UNINVOLVED * sizes[:1])), np.ones((len(load), 1))
+    k, ones = int(np.count_nonzero(sizes > UNINVOLVED * sizes[:1])), np.ones((len(ratios), 1))
     basis, left_null = left[:, :k], left[:, k:]
     if left_null.shape[1] == 1:
-        return float(abs(left_null[:, 0] @ load) / np.abs(left_null).sum())
-    size = float(np.abs(load).max(initial=0.0))
+        return float(abs(left_null[:, 0] @ ratios) / np.abs(left_null).sum())
+    size = float(np.abs(ratios).max(initial=0.0))
     if size == 0 or not isfinite(size):
         return size
-    relative = load / size  # tolerances of linprog are absolute, and from 1e20 on its numbers are infinite
+    relative = ratios / size  # tolerances of linprog are absolute, and from 1e20 on its numbers are infinite
     A, b = np.block([[basis, -ones], [-basis, -ones]]), np.concatenate([-relative, relative])
     found = linprog(np.append(np.zeros(k), 1.0), A, b, bounds=(None, None), method="highs")
     if not found.success:

@@ -198,10 +198,10 @@ class _ImpactProblem:
         first = [(self.switches[i].name, rows[0]) for i, rows in self.rows_near_contact.items() if rows[0].sign]
         rows, signs = np.array([s.row for _, s in first], int), np.array([s.sign for _, s in first])
         p = signs * impulses[rows]
-        loaded = self._are_loaded(rows, p * self.scales[rows]).tolist()
-        return [(name, x) for (name, _), x, is_loaded in zip(first, p.tolist(), loaded, strict=True) if is_loaded]
+        significant = self._are_significant(rows, p * self.scales[rows]).tolist()
+        return [(name, x) for (name, _), x, counts in zip(first, p.tolist(), significant, strict=True) if counts]
 
-    def _are_loaded(self, rows: Array, p: Array) -> Array:
+    def _are_significant(self, rows: Array, p: Array) -> Array:
         """Return which contact impulses (n,), by characteristic lengths, are positive, not only by rounding.
 
         An impulse is rounding relative to the largest one, or if it alone changes its rate by rounding of the speeds.
@@ -221,7 +221,7 @@ class _ImpactProblem:
         """Return one of the successive impacts in terms of rows."""
         G, g_t = self.point.values[1:]
         speeds = G @ stage.before + g_t, G @ stage.after + g_t
-        contacts = self._loaded_contacts(stage)
+        contacts = self._contacts_with_impulse(stage)
         normal = {i: s.row for i, s, _ in reversed(contacts)}
         tangential = [(s.row, normal[i], i) for i, s in self.frictional if i in normal]
         slip_speeds = np.abs(speeds[1]) / self.scales
@@ -233,11 +233,11 @@ class _ImpactProblem:
         impulses, at = self._impulses(stage), rows.astype(int)
         return RowImpact(stage.before, stage.after, impulses, at, restitution, switches.astype(int), sliding)
 
-    def _loaded_contacts(self, stage: ImpactStage) -> list[tuple[int, ImpactRow, float]]:
+    def _contacts_with_impulse(self, stage: ImpactStage) -> list[tuple[int, ImpactRow, float]]:
         """Return the contacts with an impulse: switch, row and coefficient of restitution."""
-        significant = self._are_loaded(np.array([s.row for _, s in self.contacts], int), stage.p)
+        significant = self._are_significant(np.array([s.row for _, s in self.contacts], int), stage.p)
         found = zip(self.contacts, stage.restitution.tolist(), significant.tolist(), strict=True)
-        return [(i, s, e) for (i, s), e, loaded in found if loaded]
+        return [(i, s, e) for (i, s), e, counts in found if counts]
 
     def _impulses(self, impact: ImpactSolution | ImpactStage) -> Array:
         """Return the impulses of all rows, (ng,), in their units."""

@@ -263,7 +263,7 @@ def _least_distance(A: Array, f: Array, size: float) -> Array:
 
 
 def _shortest(A: Array, p: Array) -> Array:
-    """Return the shortest impulses (m,) >= 0 with the same A p: a contact at many points loads all of them.
+    """Return the shortest impulses (m,) >= 0 with the same A p: a contact at many points acts at all of them.
 
     They are p_0 + N z, p_0 the shortest ones of any sign, N z the shortest such that none is negative.
     """
@@ -274,7 +274,7 @@ def _shortest(A: Array, p: Array) -> Array:
         return p
     p0 = (p - N @ (N.T @ p)) / size
     u, _ = nnls(np.vstack([N.T, -p0]), np.append(np.zeros(N.shape[1]), 1.0))
-    loaded = p0 + N @ (N.T @ u) / (1.0 + float(p0 @ u)) > MODE_ROUNDING
+    positive = p0 + N @ (N.T @ u) / (1.0 + float(p0 @ u)) > MODE_ROUNDING
     out = np.zeros(len(p))
-    out[loaded] = np.linalg.lstsq(A[:, loaded], A @ p, rcond=TRUNCATION)[0]  # to rounding, for these points
+    out[positive] = np.linalg.lstsq(A[:, positive], A @ p, rcond=TRUNCATION)[0]  # to rounding, for these points
     return out

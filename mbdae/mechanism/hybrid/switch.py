@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 PointFunction = Callable[["ModePoint"], float]
 PiecesFunction = Callable[["ModePoint"], Sequence[float]]
-LoadFunction = Callable[["ModePoint"], "float | Array"]
+MultiplierFunction = Callable[["ModePoint"], "float | Array"]
 COMMANDS = ("command", "speed step")  # kinds of guards that jump, at known times
 ACTIVE_STATE = 1  # state in which closed, locked, engaged or stuck rows are active
 
@@ -31,8 +31,9 @@ class Guard(NamedTuple):
         rate: its time derivative, if known, to detect an excursion below 0 and back within a step.
         second_rate: its second time derivative.
         needs_multipliers: whether the guard depends on multipliers, and is sampled within steps.
-        load: the multipliers that steps should resolve: relative to the limit, with sign, for sticking; the multiplier
-            itself for a row that separates at 0.
+        monitored_multiplier: the multiplier that steps must resolve: for ``"slip"``, over its limit and with sign, so
+            that the row slips where the norm exceeds 1, (m,) for m no-slip rows; for ``"separation"``, the multiplier
+            itself, positive while the row is active. None: the guard does not depend on the multiplier of its row.
         max_step: the longest step in s in which the guard cannot cross zero twice.
         pieces: of a guard with kinks, the smooth functions one of which it is at each point.
         ends: whether the state ends at the start of a step, where errors hide the zero of the function, given the fixed
@@ -46,7 +47,7 @@ class Guard(NamedTuple):
     rate: PointFunction | None = None
     second_rate: PointFunction | None = None
     needs_multipliers: bool = False
-    load: "LoadFunction | None" = None
+    monitored_multiplier: "MultiplierFunction | None" = None
     max_step: PointFunction | None = None
     pieces: PiecesFunction | None = None
     ends: Callable[["ModePoint", float], bool] | None = None
@@ -182,7 +183,7 @@ class Switch:
         return int(active)
 
     def prescribed(self, t: float, q: "Array", v: "Array") -> int:
-        """Return the state in a prescribed motion, where unilateral rows carry no load.
+        """Return the state in a prescribed motion, where multipliers of unilateral rows are zero.
 
         Args:
             t: time.
@@ -239,6 +240,11 @@ class UnilateralRow(Switch):
         """Return the time derivative of `speed`."""
         return self.sign * point.acceleration(self.row)
 
-    def load(self, point: "ModePoint") -> float:
-        """Return the normal force, or the transmitted torque; positive under load."""
+    def multiplier(self, point: "ModePoint") -> float:
+        """Return sign lam: the normal force of a contact, the torque of a locked clutch; not negative while active."""
         return self.sign * float(point.lam[self.row])
+
+    def separation_guard(self) -> Guard:
+        """Return the guard of the active row, which separates where the multiplier falls below zero."""
+        lam = self.multiplier
+        return Guard("separation", self.name, self.index, lam, needs_multipliers=True, monitored_multiplier=lam)

@@ -2,8 +2,8 @@
 
 For a closed contact with lam = 0 and zero acceleration, the first nonzero derivative of lam decides, with all undecided
 rows active: it stays active if lam^(k) > 0 and separates if lam^(k) < 0 (lexicographic complementarity). Derivatives
-are not formed: all undecided rows are active over a short step, after which the signs of their loads decide. Rows are
-released one at a time, the one with the largest tension first.
+are not formed: all undecided rows are active over a short step, after which the signs of their multipliers decide.
+Rows are released one at a time, the one with the largest tension first.
 
 Source: A. J. van der Schaft, J. M. Schumacher, Math. Control Signals Systems 9 (1996), for mode selection by the first
     nonzero derivative.
@@ -24,40 +24,40 @@ if TYPE_CHECKING:
     from .switches import Mode
 
 STEP_FRACTIONS = 10.0 ** np.arange(-9, -2)  # of the time to the next jump, beyond which no step may reach
-SIGNIFICANT = 1e3  # times the rounding error of multipliers: smallest significant load
+SIGNIFICANT = 1e3  # times the rounding error of multipliers: smallest significant one
 
-LoadsAfterStep = Callable[["Mode", float], tuple[Array, float]]
+MultipliersAfterStep = Callable[["Mode", float], tuple[Array, float]]
 """lam (ng,) and its rounding error after a step in a mode, of a fraction of the time to the next jump."""
 
 
-def rows_that_stay_active(mode: "Mode", undecided: dict[int, "CandidateRow"], step: LoadsAfterStep) -> set[int]:
+def rows_that_stay_active(mode: "Mode", undecided: dict[int, "CandidateRow"], step: MultipliersAfterStep) -> set[int]:
     """Return the undecided switches that remain active.
 
     Args:
         mode: states of all switches, in which the undecided ones are open.
         undecided: rows of the undecided switches, by their indices.
-        step: the loads after a step.
+        step: the multipliers after a step.
     """
     remaining = dict(undecided)
     while remaining:
-        loads = _loads(mode, remaining, step)
-        worst = min(loads, key=lambda i: loads[i])
-        if loads[worst] >= 0:
-            return {i for i, load in loads.items() if load > 0}
+        multipliers = _multipliers(mode, remaining, step)
+        worst = min(multipliers, key=lambda i: multipliers[i])
+        if multipliers[worst] >= 0:
+            return {i for i, lam in multipliers.items() if lam > 0}
         del remaining[worst]
     return set()
 
 
-def _loads(mode: "Mode", active: dict[int, "CandidateRow"], step: LoadsAfterStep) -> dict[int, float]:
-    """Return the loads of the given switches if all are active, positive under compression; 0 if insignificant."""
-    trial, loads = list(mode), dict.fromkeys(active, 0.0)
+def _multipliers(mode: "Mode", active: dict[int, "CandidateRow"], step: MultipliersAfterStep) -> dict[int, float]:
+    """Return the multipliers of switches if all of them are active, positive under compression; 0 if insignificant."""
+    trial, multipliers = list(mode), dict.fromkeys(active, 0.0)
     for i in active:
         trial[i] = ACTIVE_STATE
     with suppress(StepError):
         for fraction in STEP_FRACTIONS:
             lam, rounding = step(tuple(trial), float(fraction))
             signed = {i: float(lam[c.row]) * (1.0 if np.isfinite(c.lower) else -1.0) for i, c in active.items()}
-            loads = {i: x if abs(x) > SIGNIFICANT * rounding else 0.0 for i, x in signed.items()}
-            if all(loads.values()):
+            multipliers = {i: x if abs(x) > SIGNIFICANT * rounding else 0.0 for i, x in signed.items()}
+            if all(multipliers.values()):
                 break
-    return loads
+    return multipliers

@@ -65,8 +65,9 @@ void bind_structs(nb::module_& m) {
   bind_attributes<Grid>(m, "Grid", "Steps of equal size.");
   bind_attributes<SingularityMonitor>(m, "SingularityMonitor", "Pivot ratios, and their thresholds.")
       .def_prop_rw(
-          "of_modes", [](const SingularityMonitor& x) { return RatiosOfModes(x.of_modes.begin(), x.of_modes.end()); },
-          [](SingularityMonitor& x, const RatiosOfModes& given) { x.of_modes = {given.begin(), given.end()}; },
+          "ratio_by_mode",
+          [](const SingularityMonitor& x) { return RatiosOfModes(x.ratio_by_mode.begin(), x.ratio_by_mode.end()); },
+          [](SingularityMonitor& x, const RatiosOfModes& given) { x.ratio_by_mode = {given.begin(), given.end()}; },
           "Modes, and the largest ratio of each when it was last left.");
   bind_keywords<FirstStep>(m, "FirstStep", "Numbers of Hairer's starting step size algorithm.");
   bind_keywords<ParameterLocation>(m, "ParameterLocation",

@@ -17,21 +17,22 @@ double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& sho
   if (!referenced_) prepare(), set_references(point(0));
   point(0);
   if (first) s_.counts = counts;  // they do not depend on how a run is split into calls
-  double worst = unresolved();
-  for (; refines && worst > 1 && intervals_ < modes_.finest; worst = unresolved())
+  double worst = resolution_error();
+  for (; refines && worst > 1 && intervals_ < modes_.finest; worst = resolution_error())
     intervals_ *= 2, interpolated_.clear();
   return worst;
 }
 
-double GuardMonitor::unresolved() {
+double GuardMonitor::resolution_error() {
   double worst = 0;
-  for (const Guard& guard : modes_.guards) worst = std::max(worst, unresolved(guard));
+  for (const Guard& guard : modes_.guards) worst = std::max(worst, resolution_error(guard));
   return worst;
 }
 
-Numbers GuardMonitor::loads(const Guard& guard) {
+Numbers GuardMonitor::monitored_multipliers(const Guard& guard) {
   Numbers out;
-  for (int k = 0; k <= intervals_; ++k) out.push_back(load(guard, point(static_cast<double>(k) / intervals_)));
+  for (int k = 0; k <= intervals_; ++k)
+    out.push_back(monitored_multiplier(guard, point(static_cast<double>(k) / intervals_)));
   return out;
 }
 
@@ -41,17 +42,17 @@ double GuardMonitor::longest_step(const Guard& guard, const Point& p) const {
   return x.shortest / std::max(std::fabs(p.y[s_.nq + x.column]), s_.tree.limits.zero_speed * speed(p) * scale);
 }
 
-// Whether the value of a guard follows from its load alone, which several sticking joints may share.
-bool GuardMonitor::has_own_load(const Guard& guard) const {
-  if (guard.kind != Guard::slip || of(guard).frictional()) return guard.has_load();
+// Whether the value of a guard follows from its own multiplier alone: not where several joints stick.
+bool GuardMonitor::depends_on_one_multiplier(const Guard& guard) const {
+  if (guard.kind != Guard::slip || of(guard).frictional()) return guard.monitors_multiplier();
   int sticking = 0;
   for (size_t k = 0; k < modes_.switches.size(); ++k)
     sticking += modes_.switches[k].kind == Switch::Kind::stiction && modes_.mode[k] == active;
   return sticking == 1;
 }
 
-// Loads at the samples: at the ends of the step, and between them on the cubic through both ends and their rates.
-Numbers GuardMonitor::interpolated_loads(const Guard& guard) {
+// Multipliers at the samples: at the ends of the step, and between them on the cubic through both ends and their rates.
+Numbers GuardMonitor::interpolated_multipliers(const Guard& guard) {
   const Point &start = point(0), &end = point(1);
   if (interpolated_.empty()) {
     const double h = step_->t1 - step_->t;
@@ -67,20 +68,20 @@ Numbers GuardMonitor::interpolated_loads(const Guard& guard) {
       interpolated_.push_back(std::move(p));
     }
   }
-  Numbers out{load(guard, start)};
-  for (const Point& p : interpolated_) out.push_back(load(guard, p));
-  out.push_back(load(guard, end));
+  Numbers out{monitored_multiplier(guard, start)};
+  for (const Point& p : interpolated_) out.push_back(monitored_multiplier(guard, p));
+  out.push_back(monitored_multiplier(guard, end));
   return out;
 }
 
-double GuardMonitor::unresolved(const Guard& guard) {
+double GuardMonitor::resolution_error(const Guard& guard) {
   const double h = step_->t1 - step_->t;
   if (guard.kind == Guard::range_boundary)
     return std::pow(4 * h / intervals_ / std::min(longest_step(guard, point(0)), longest_step(guard, point(1))), 4);
-  if (!guard.has_load()) return 0;
+  if (!guard.monitors_multiplier()) return 0;
   const bool slips = guard.kind == Guard::slip;
   const double fourth[5] = {1, -4, 6, -4, 1};
-  const Numbers all = interpolated_loads(guard);
+  const Numbers all = interpolated_multipliers(guard);
   double most = 0, least = INFINITY, bend = 0, terms = 0;
   for (double x : all) most = std::max(most, std::fabs(x)), least = std::min(least, x);
   for (double x : fourth) terms += std::fabs(x);
@@ -91,16 +92,18 @@ double GuardMonitor::unresolved(const Guard& guard) {
   return bend / (size * modes_.rough * std::max(distance >= 0 ? distance : 1.0, modes_.near_limit));
 }
 
-// Fractions of the step, in order, at which a guard may be negative: the samples and, with loads, extrema of the quartics
-// through them, only where these are close to the limit.
+// Fractions of the step, in order, at which a guard may be negative: the samples and, with multipliers, extrema of the
+// quartics through them, only where these are close to the limit.
 std::vector<double> GuardMonitor::samples(int i) {
   const Guard& guard = modes_.guards[i];
-  const bool own = has_own_load(guard);
-  const Numbers all = own ? interpolated_loads(guard) : guard.has_load() ? loads(guard) : Numbers();
+  const bool own = depends_on_one_multiplier(guard);
+  const Numbers all = own                           ? interpolated_multipliers(guard)
+                      : guard.monitors_multiplier() ? monitored_multipliers(guard)
+                                                    : Numbers();
   const double size = largest(all.data(), static_cast<int>(all.size()));
-  const auto close = [&](double load) {
-    if (guard.kind == Guard::slip) return std::fabs(load) > 1 - modes_.close_extremum;
-    return load < modes_.close_extremum * (size > 0 ? size : 1);
+  const auto close = [&](double multiplier) {
+    if (guard.kind == Guard::slip) return std::fabs(multiplier) > 1 - modes_.close_extremum;
+    return multiplier < modes_.close_extremum * (size > 0 ? size : 1);
   };
   std::vector<double> out;
   for (int k = 1; k <= intervals_; ++k)
@@ -142,7 +145,7 @@ double GuardMonitor::time_tolerance() const {
 }
 
 double GuardMonitor::locate(int i, double high) {
-  if (!has_rate(modes_.guards[i])) return dynamic_ ? locate_by_loads(i, high) : locate_by_brent(i, high);
+  if (!has_rate(modes_.guards[i])) return dynamic_ ? locate_by_quartic(i, high) : locate_by_brent(i, high);
   const double h = step_->t1 - step_->t, tolerance = time_tolerance();
   const Value start = at(0, i), end = at(high, i);
   const bool starts_at_zero = start.f <= rounding(i);
@@ -166,14 +169,14 @@ double GuardMonitor::locate(int i, double high) {
 }
 
 // The root of the quartic through five values, corrected by the polynomial through its errors at points of steps.
-double GuardMonitor::locate_by_loads(int i, double high) {
+double GuardMonitor::locate_by_quartic(int i, double high) {
   if (intervals_ > 4) return locate_by_brent(i, high);
   const double tolerance = time_tolerance();
   const Guard& guard = modes_.guards[i];
-  const bool own = has_own_load(guard);
+  const bool own = depends_on_one_multiplier(guard);
   Numbers values;
   if (own) {
-    values = interpolated_loads(guard);
+    values = interpolated_multipliers(guard);
     for (double& x : values) x = (guard.kind == Guard::slip ? 1 - std::fabs(x) : x) - guard.level;
   } else {
     for (int k = 0; k < 5; ++k) values.push_back(at(static_cast<double>(k) / 4, i).f);

@@ -131,8 +131,9 @@ bool ModeTransition::resolve_impact(double* y, const std::vector<int>& resting, 
     const int k = modes_.switches[i].rows[0];
     const Numbers z = root(k);
     const double change = impulse(i) * dot(z.data(), z.data(), s_.nv) / (scales[k] * scales[k]);
-    const bool loaded = change > limits_.evaluation_rounding * speed && impulse(i) > modes_.mode_rounding * largest;
-    if (out.impact && loaded) out.contacts.push_back(i);
+    const bool has_impulse =
+        change > limits_.evaluation_rounding * speed && impulse(i) > modes_.mode_rounding * largest;
+    if (out.impact && has_impulse) out.contacts.push_back(i);
   }
   update_rates();
   return true;

@@ -49,8 +49,8 @@ double largest_force(Index2System& s, const double* y, const double* F, const do
   return largest(inertial.data(), nv) + largest(reaction.data(), nv);
 }
 
-double stiction_load(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
-                     const Numbers& lam) {
+double stiction_utilisation(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
+                            const Numbers& lam) {
   const int nv = s.nv;
   const double truncation = s.tree.limits.truncation;
   std::vector<const Switch*> sticking;
@@ -144,9 +144,9 @@ double GuardMonitor::value(const Guard& guard, const Point& p) {
     case Guard::separation:
       return guard.sign * p.lam[x.rows[0]];
     case Guard::slip:
-      if (x.frictional()) return 1 - std::fabs(load(guard, p));
+      if (x.frictional()) return 1 - std::fabs(monitored_multiplier(guard, p));
       if (!s_.point.is_current(p.y.data())) s_.point.evaluate(p.y.data(), false);
-      return 1 - std::fabs(stiction_load(s_, modes_.switches, modes_.mode, guard.element, p.lam));
+      return 1 - std::fabs(stiction_utilisation(s_, modes_.switches, modes_.mode, guard.element, p.lam));
     case Guard::zero_velocity:
       return guard.sign * p.rate[x.rows[x.frictional()]];
     default:
@@ -160,7 +160,7 @@ double GuardMonitor::rate(const Guard& guard, const Point& p) const {
   return guard.kind == Guard::zero_velocity ? guard.sign * p.acceleration[x.rows[x.frictional()]] : 0;
 }
 
-double GuardMonitor::load(const Guard& guard, const Point& p) {
+double GuardMonitor::monitored_multiplier(const Guard& guard, const Point& p) {
   const Switch& x = of(guard);
   if (guard.kind == Guard::separation) return guard.sign * p.lam[x.rows[0]];
   if (!x.frictional()) return p.lam[x.rows[0]] / x.limit;
@@ -181,13 +181,13 @@ void GuardMonitor::set_reference(Guard& guard, const Point& p) const {
 
 double GuardMonitor::unit(const Guard& guard, const Point& p) const {
   const double scale = s_.tree.limits.row_scales[of(guard).rows[0]];
-  if (guard.has_load()) return p.force;
+  if (guard.monitors_multiplier()) return p.force;
   return guard.kind == Guard::zero_velocity ? scale * speed(p) : scale;
 }
 
 void GuardMonitor::prepare() {
   dynamic_ = std::any_of(modes_.guards.begin(), modes_.guards.end(), [&](const Guard& x) {
-    return x.has_load() || x.kind == Guard::zero_velocity;
+    return x.monitors_multiplier() || x.kind == Guard::zero_velocity;
   });
   rows_.clear();
   for (const Guard& x : modes_.guards)

@@ -1,5 +1,5 @@
 // Guards of a mode, checked in many steps, and their first root (mbdae/integrate/events/guard_location.py,
-// load_resolution.py). Rare cases are left to Python.
+// multiplier_resolution.py). Rare cases are left to Python.
 #pragma once
 
 #include <list>
@@ -25,8 +25,8 @@ struct Guard {
   double return_time = NAN;  // s: predicted end of a flight after an impact; nan: none
   double unit = 0;           // typical size
 
-  bool has_load() const { return kind == separation || kind == slip; }
-  bool needs_multipliers() const { return has_load() || kind == range_boundary; }
+  bool monitors_multiplier() const { return kind == separation || kind == slip; }
+  bool needs_multipliers() const { return monitors_multiplier() || kind == range_boundary; }
 };
 
 // A change of the mode, or an impact in the same mode.
@@ -58,14 +58,15 @@ struct Modes {
   double spacings = 0, step_tolerance = 0;  // location tolerance: spacings of t, and relative to the step
   int iterations = 0;            // of Newton's method
   int root_iterations = 0, max_halvings = 0;  // of Brent's method; of a bracket
-  // of loads: largest deviation from a cubic and its scale, extrema close to the limit, and how far outside five samples
+  // of monitored multipliers: largest deviation from a cubic and its scale, extrema close to the limit, and how far
+  // outside five samples
   double rough = 0, near_limit = 0, close_extremum = 0, outside = 0;
-  int finest = 0;                 // largest number of intervals between samples of loads in a step of fixed size
-  double safety = 0, shrink = 0;  // of the largest step that resolves the loads; smallest ratio of consecutive steps
-  double shortest = 0;            // s: step that resolves all loads
+  int finest = 0;                 // largest number of intervals between samples in a step of fixed size
+  double safety = 0, shrink = 0;  // of the largest step that resolves the multipliers; smallest ratio of step sizes
+  double shortest = 0;            // s: step that resolves all multipliers
   double coincident = 0;          // of a pitch, or of the limit of friction
   double transverse = 0;          // of the speed of rest: a slower contact does not slide
-  double at_limit = 0;            // of the limit of friction: a contact slides whose load is closer to it
+  double at_limit = 0;            // of the limit of friction: a contact slides whose friction is closer to it
   double lookahead = 0;           // rad or characteristic lengths: of a joint at the boundary of a range
   double ambiguous = 0, fallen = 0;  // ratios of pivots in a new mode, see IndependentRows::InitialRank
   int max_impacts = 0, max_states = 0;        // successive impacts at an instant; states of a complementarity problem
@@ -87,18 +88,19 @@ std::vector<Guard> guards_of(const std::vector<Switch>& switches, const Mode& mo
 // Rounding error of multipliers at the current point, where y' and lam are F and lam, over that of solved systems.
 double largest_force(Index2System& s, const double* y, const double* F, const double* lam);
 
-// Load of a sticking joint relative to its limit, at the current point of a mode. Several sticking joints are independent,
-// or share the load along the only motion that they prevent; otherwise FallBackToPython.
-double stiction_load(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
-                     const Numbers& lam);
+// Utilisation of the limit of a sticking joint, with sign, at the current point of a mode: lam / limit where sticking
+// rows are independent; where they prevent one motion together, so that their torques are indeterminate, the work of all
+// over that of all limits along it. Otherwise FallBackToPython.
+double stiction_utilisation(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
+                            const Numbers& lam);
 
 class GuardMonitor {
  public:
   GuardMonitor(Index2System& s, Modes& modes) : s_(s), modes_(modes) {}
 
   bool checks_steps() const { return modes_.in_core && !modes_.guards.empty(); }
-  // Begin to check a step; return the largest unresolved part of a load relative to the tolerance. `refines`: with as
-  // many samples as resolve it, for a step of fixed size.
+  // Begin to check a step; return the largest resolution error of a multiplier relative to the tolerance. `refines`:
+  // with as many samples as resolve it, for a step of fixed size.
   double begin_step(const AcceptedStep& step, const PartialStep& shorter, bool refines);
   std::vector<int> first_roots(double& theta);  // guards that end the mode in the step together, and the fraction
   void advance() { advance(point(1)); }  // to the end of this step
@@ -132,7 +134,8 @@ class GuardMonitor {
   const Point& point(double theta);
   double value(const Guard& guard, const Point& p);
   double rate(const Guard& guard, const Point& p) const;
-  double load(const Guard& guard, const Point& p);
+  // The multiplier that steps must resolve: for a slip, over its limit, signed; for a separation, itself, >= 0.
+  double monitored_multiplier(const Guard& guard, const Point& p);
   Value at(const Point& p, int i) {  // minus its level
     return {value(modes_.guards[i], p) - modes_.guards[i].level, rate(modes_.guards[i], p)};
   }
@@ -146,16 +149,16 @@ class GuardMonitor {
     return s_.tree.limits.evaluation_rounding * (modes_.guards[i].unit + modes_.guards[i].size);
   }
 
-  bool has_own_load(const Guard& guard) const;
-  Numbers interpolated_loads(const Guard& guard);  // at the samples
-  double unresolved();
-  double unresolved(const Guard& guard);
-  Numbers loads(const Guard& guard);
+  bool depends_on_one_multiplier(const Guard& guard) const;
+  Numbers interpolated_multipliers(const Guard& guard);  // at the samples, on a cubic
+  double resolution_error();
+  double resolution_error(const Guard& guard);
+  Numbers monitored_multipliers(const Guard& guard);  // at the samples, points of steps
   double longest_step(const Guard& guard, const Point& p) const;
   std::vector<double> samples(int i);  // fractions of the step at which a guard is sampled
   double negative_fraction(int i);     // a fraction at which a guard is negative; 0: it stays positive
   double locate(int i, double high);
-  double locate_by_loads(int i, double high);  // of a guard without a rate, sampled at quarters of the step
+  double locate_by_quartic(int i, double high);  // of a guard without a rate, sampled at quarters of the step
   double locate_by_brent(int i, double high);
   double time_tolerance() const;  // of a root, relative to the step
   [[noreturn]] void leave_to_python() const { throw FallBackToPython(); }

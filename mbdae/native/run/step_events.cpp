@@ -42,11 +42,11 @@ bool TimeLoop::detect_transition(Proposal& p, std::vector<int>& fired) {
   const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), nullptr, nullptr};
   double theta = 1;
   const PartialStep shorter = [&](double x) { return steps.take(x); };
-  const double unresolved = guards_.begin_step(taken, shorter, !run_.adaptive);
-  if (unresolved > 0 && run_.adaptive) {
-    const double factor = std::max(modes.shrink, modes.safety * std::pow(unresolved, -1.0 / 4));
+  const double error = guards_.begin_step(taken, shorter, !run_.adaptive);
+  if (error > 0 && run_.adaptive) {
+    const double factor = std::max(modes.shrink, modes.safety * std::pow(error, -1.0 / 4));
     run_.control.h = std::min(run_.control.h, std::max(modes.shortest, h * factor)), run_.control.uncut_size = 0;
-    if (unresolved > 1 && h > 2 * modes.shortest) return false;
+    if (error > 1 && h > 2 * modes.shortest) return false;
   }
   fired = guards_.first_roots(theta);
   if (fired.empty()) {

@@ -17,7 +17,7 @@ struct Switch {
   NAMED_ENUM(enum class, Kind, contact, clutch, ratchet, stiction, range)
   Kind kind = Kind::contact;
   std::vector<int> rows;      // the first one decides for the others
-  double sign = 1;            // of the gap, of the overrunning speed, and of the load
+  double sign = 1;            // of the gap, of the overrunning speed, and of the multiplier
   double restitution = 0;
   double rest = 0;            // s: duration below which a flight ends in rest
   double friction = 0;        // coefficient, or the torque of a slipping joint

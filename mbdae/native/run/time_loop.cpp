@@ -9,8 +9,8 @@
 namespace mbdae {
 
 double SingularityMonitor::largest_in(const Mode& mode, const SmallestPivot& before, const SmallestPivot& here) const {
-  const auto known = of_modes.find(mode);
-  if (known != of_modes.end()) return known->second;
+  const auto known = ratio_by_mode.find(mode);
+  if (known != ratio_by_mode.end()) return known->second;
   const double smaller = std::min(before.size, here.size), larger = std::max(before.size, here.size);
   const double share = smaller < larger ? std::pow(smaller / larger, 2) : 1;
   const double regularity = before.ratio < mode_ratio ? std::pow(before.ratio / mode_ratio, 2) : 1;
@@ -19,7 +19,7 @@ double SingularityMonitor::largest_in(const Mode& mode, const SmallestPivot& bef
 }
 
 void SingularityMonitor::enter(const Mode& left, double largest) {
-  of_modes[left] = mode_ratio, mode_ratio = largest;
+  ratio_by_mode[left] = mode_ratio, mode_ratio = largest;
   if (by_mode) largest_ratio = largest;
 }
 

@@ -28,7 +28,7 @@ struct SingularityMonitor {
   bool near_singular = false;  // the ratio is small already
   bool suspicious = false;     // there may be a singular configuration around a recorded step
   bool by_mode = false;        // is the largest ratio that of the mode? Where Python inspects suspicious steps, of the run
-  std::map<Mode, double> of_modes;  // the largest ratio of each mode when it was last left
+  std::map<Mode, double> ratio_by_mode;  // the largest ratio of each mode when it was last left
 
   void update(double ratio) {
     last_ratio = ratio, largest_ratio = std::max(largest_ratio, ratio), mode_ratio = std::max(mode_ratio, ratio);
@@ -148,7 +148,7 @@ class TimeLoop {
   bool undoes_step(double h, double moved);  // did the projection, by this norm, undo the step?
   class ShorterSteps;
   void detect_events(Proposal& p);  // on the step just taken, which is cut where an event ends the run
-  // The guards that end the mode in it, where it is cut. False if the step does not resolve its loads.
+  // The guards that end the mode in it, where it is cut. False if the step does not resolve its multipliers.
   bool detect_transition(Proposal& p, std::vector<int>& fired);
   // Check guards, and select the rows of the next step; false if it is too long, or the mode ends where it begins.
   bool complete_step(Proposal& p);

@@ -42,7 +42,7 @@ Numbers ExportedMechanism::state() {
   add(slip_directions_), add(Numbers(run_.modes.mode.begin(), run_.modes.mode.end()));
   add(run_.modes.last_impact), add(guards());
   Numbers ratios;
-  for (const auto& [mode, largest] : run_.monitor.of_modes)
+  for (const auto& [mode, largest] : run_.monitor.ratio_by_mode)
     ratios.insert(ratios.end(), mode.begin(), mode.end()), ratios.push_back(largest);
   add(ratios);
   for (const Setting& u : settings_) add({u.t, u.value, u.rate});
@@ -78,7 +78,7 @@ void ExportedMechanism::set_state(const Numbers& state) {
   const size_t switches = run.modes.mode.size();
   require(ratios.size() % (switches + 1) == 0);
   for (auto at_mode = ratios.begin(); at_mode != ratios.end(); at_mode += switches + 1)
-    run.monitor.of_modes[Mode(at_mode, at_mode + switches)] = at_mode[switches];
+    run.monitor.ratio_by_mode[Mode(at_mode, at_mode + switches)] = at_mode[switches];
   require(run.state.y.size() == start_.y.size() && values.size() == values_.size() && wanted.size() == wanted_.size() &&
           static_cast<int>(x.size()) == states_);
   std::vector<Setting> settings;

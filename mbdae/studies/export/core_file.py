@@ -9,7 +9,7 @@ import numpy as np
 from ...data_types import CoreData, JsonObject
 from ...errors import InputError, NotCompiled
 from ...integrate.events.core_modes import modes_to_core
-from ...integrate.events.load_resolution import shortest_step
+from ...integrate.events.multiplier_resolution import shortest_step
 from ...integrate.run.run_state import RunState
 from ...integrate.simulator.simulator import Simulator
 from ...integrate.steppers.native import NativeStepper

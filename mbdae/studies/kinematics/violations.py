@@ -167,7 +167,7 @@ def violation_lines(found: Sequence[Violation], over: str, unit: str) -> list[st
         more = f" and {len(intervals) - LISTED} times more" if len(intervals) > LISTED else ""
         most = max(p.most for p in intervals)
         how = f"violates {name!r}, which does not act, by up to {quantity(most, intervals[0].unit, '.4g')}"
-        how = f"is in contact with {name!r}, which carries no load here" if touches else how
+        how = f"is in contact with {name!r}, which exerts no force here" if touches else how
         out.append(f"  {how}: {over} = {where}{more} {unit_name(unit)}")
     return out
 

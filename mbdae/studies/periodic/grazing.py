@@ -4,7 +4,7 @@ Margins are the least values of guards between the events of a motion, gaps and 
 They are smooth along a branch up to where one becomes zero; beyond, the motion has an event more, or one less, and its
 map has a square root. So a margin is followed from its side, and the parameter at its zero is extrapolated from the
 last few points, as a polynomial in the margin. Impacts and user-defined events end a branch there; where a joint
-begins to stick it has a corner; where a load touches its limit only a higher derivative jumps.
+begins to stick it has a corner; where a multiplier touches its limit only a higher derivative jumps.
 Source: A. B. Nordmark, Non-periodic motion caused by grazing incidence in an impact oscillator, J. Sound Vib. 145
 (1991).
 """

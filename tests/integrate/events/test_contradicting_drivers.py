@@ -127,7 +127,7 @@ def valve(folder, *lift):
 
 
 def test_contacts_that_are_closed_without_clearance_are_named(tmp_path):
-    """Loads are not unique at the start, and neither contact opens where the cam lifts."""
+    """Normal forces are not unique at the start, and neither contact opens where the cam lifts."""
     mech = valve(tmp_path, 0.0, 0.0, 0.0, 0.1)
     sol = mbdae.solve(mech, (0, 1), *mech.assemble())
     assert sol.status == "driver"
@@ -136,11 +136,11 @@ def test_contacts_that_are_closed_without_clearance_are_named(tmp_path):
 
 @pytest.mark.usefixtures("back_end")
 def test_a_cam_without_clearance_opens_the_valve(tmp_path):
-    """It accelerates from the start: the seat has no load, the cam that of the spring and of m a."""
+    """It accelerates from the start: the seat exerts no force, the cam that of the spring and m a."""
     mech = valve(tmp_path, 0.0, 0.0, 0.5)
     sol = mbdae.solve(mech, (0, 1), *mech.assemble())
     assert sol.success, sol.message
     np.testing.assert_allclose(sol.q[:, 1], sol.t**2 / 2, atol=1e-12)
-    load = sol.signals(["effort.contact", "effort.seat"])
-    np.testing.assert_allclose(load["effort.contact"], 10.0 + mech.model.inertias[2].mass, rtol=1e-9)
-    assert not load["effort.seat"].any()
+    efforts = sol.signals(["effort.contact", "effort.seat"])
+    np.testing.assert_allclose(efforts["effort.contact"], 10.0 + mech.model.inertias[2].mass, rtol=1e-9)
+    assert not efforts["effort.seat"].any()

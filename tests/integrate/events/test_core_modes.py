@@ -11,7 +11,7 @@ from shared import shared_model
 
 import mbdae
 from mbdae import Mechanism, Stop
-from mbdae.integrate.events.hybrid import ModeChanges
+from mbdae.integrate.events.mode_changes import ModeChanges
 from mbdae.mechanism.hybrid.box_lcp import solve_box_lcp
 from mbdae.mechanism.hybrid.kinds.unilateral import Unilateral
 
@@ -20,7 +20,7 @@ RUNS = {
     "pendulum_on_stop": (4.0, "herk5", 0.05, 9, 9),
     "slider_crank_with_stop": (0.6, "radau5", 0.01, 5, 5),
     "bouncing_chain": (0.5, "pherk5", 0.01, 32, 32),
-    "woodpecker": (0.1, "pherk5", 4e-3, 2, 5),  # loads between nodes need more samples
+    "woodpecker": (0.1, "pherk5", 4e-3, 2, 5),  # multipliers between nodes need more samples
     "stick_slip_slider": (1.0, "pherk5", 0.04, 0, 4),
     "ratchet": (1.0, "pherk5", 0.08, 1, 2),
     "geneva_drive": (1.0, "pherk5", 0.02, 0, 2),
@@ -61,7 +61,7 @@ def test_the_core_resolves_all_transitions(runs):
     ("name", "end"), [("woodpecker", 0.14), ("ratchet", 2.2), ("stick_slip_slider", 0.7), ("geneva_drive", 1.1)]
 )
 def test_both_back_ends_agree_under_step_size_control(name, end):
-    """Steps that do not resolve a load are rejected, in the core, too."""
+    """Steps that do not resolve a multiplier are rejected, in the core, too."""
     mech = shared_model(name)
     native, python = (mbdae.solve(mech, (0, end), rtol=1e-7, backend=backend) for backend in ("native", "python"))
     assert [mode for _, mode in native.modes] == [mode for _, mode in python.modes]
@@ -96,7 +96,7 @@ def bouncing_pair(e=0.5, heights=(1.0, 0.3)):
 @pytest.mark.parametrize("how", [{"rtol": 1e-8}, {"step": 0.02}, {"method": "radau5", "step": 0.02}])
 def test_a_contact_rebounds_while_another_one_bears_its_load(monkeypatch, how):
     """Without restitution the second ball rests from sqrt(2 h/g) on; the first one bounces at t_1 (3 - 2^(1 - k))."""
-    monkeypatch.setattr(ModeChanges, "act", None)  # Python resolves nothing
+    monkeypatch.setattr(ModeChanges, "handle_event", None)  # Python resolves nothing
     mech, q, v = bouncing_pair()
     sol = mbdae.solve(mech, (0, 1.2), q, v, **how)
     first, second = np.sqrt(2 * q / G)
@@ -187,8 +187,8 @@ def test_a_run_does_not_depend_on_the_number_of_calls(name, end, monkeypatch):
     assert divided.stats | {"seconds": 0} == whole.stats | {"seconds": 0}
 
 
-def test_both_back_ends_check_loads_at_the_same_points():
-    """At a loose tolerance the loads limit the steps; points between their ends are on a cubic."""
+def test_both_back_ends_check_multipliers_at_the_same_points():
+    """At a loose tolerance the multipliers limit the steps; points between their ends are on a cubic."""
     native, python = (mbdae.solve("woodpecker", (0, 0.14), rtol=1e-5, backend=x).stats for x in ("native", "python"))
     assert python["rejected"] > 20
     assert native["rejected"] == pytest.approx(python["rejected"], rel=0.2)

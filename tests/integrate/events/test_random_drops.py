@@ -14,7 +14,7 @@ from mbdae.solution.columns import residuals
 LEAST = 1e-3  # J: a chain at rest from the start has no energy to compare with
 
 
-# at rest; a stop without load; an end that hardly rotates; one that rolls over an upright hinge
+# at rest; a stop without normal force; an end that hardly rotates; one that rolls over an upright hinge
 @pytest.mark.parametrize("seed", [*range(12), 38, 51, 239, 21])
 def test_a_chain_that_falls(seed):
     mech, q, v = dropped_chain(np.random.default_rng(seed))

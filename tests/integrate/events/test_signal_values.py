@@ -87,8 +87,8 @@ def test_values_are_those_of_the_columns(name, monkeypatch):
         x = value(system, known, t, y)
         kind = signal.partition(".")[0]
         expected = columns[signal][-1]
-        loads = np.abs(sol.lam[-1]).max(initial=0)
-        size = 1 + {"a": fastest, **dict.fromkeys(("force", "torque", "effort", "lam"), loads)}.get(kind, abs(x))
+        force = np.abs(sol.lam[-1]).max(initial=0)
+        size = 1 + {"a": fastest, **dict.fromkeys(("force", "torque", "effort", "lam"), force)}.get(kind, abs(x))
         assert x == pytest.approx(float(expected), abs=1e-9 * size, nan_ok=True), signal
 
 

@@ -81,6 +81,6 @@ def test_both_back_ends_have_the_largest_ratios_of_all_modes(monkeypatch):
     for backend in ("python", "native"):
         assert mbdae.solve("slider_crank_with_stop", (0, 3), rtol=1e-6, backend=backend).success
     python, native = found
-    assert python.mode_ratio < 0.5 * python.of_modes[(0,)]  # the crank rests on the stop in the end
-    assert native.of_modes == pytest.approx(python.of_modes, rel=1e-3)
+    assert python.mode_ratio < 0.5 * python.ratio_by_mode[(0,)]  # the crank rests on the stop in the end
+    assert native.ratio_by_mode == pytest.approx(python.ratio_by_mode, rel=1e-3)
     assert native.mode_ratio == pytest.approx(python.mode_ratio, rel=1e-3)

@@ -90,11 +90,11 @@ def test_dependent_rows_have_least_norm(gear, together, part):
 def test_the_least_utilisation_minimises_the_maximum(seed):
     """Against a fine search over the single free multiplier."""
     rng = np.random.default_rng(seed)
-    load, null = rng.normal(size=5), rng.normal(size=(5, 1))
+    ratios, null = rng.normal(size=5), rng.normal(size=(5, 1))
     z = np.linspace(-20, 20, 400001)
-    searched = np.abs(load[:, None] + null * z).max(axis=0).min()
-    assert least_utilisation(load, null) == pytest.approx(searched, abs=3e-4)
-    assert least_utilisation(load, null) <= searched
+    searched = np.abs(ratios[:, None] + null * z).max(axis=0).min()
+    assert least_utilisation(ratios, null) == pytest.approx(searched, abs=3e-4)
+    assert least_utilisation(ratios, null) <= searched
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -102,19 +102,19 @@ def test_where_one_motion_is_left_the_share_is_that_of_the_works(seed, monkeypat
     """Against the linear programme, which is not solved where joints of one degree of freedom stick."""
     rng = np.random.default_rng(seed)
     m = int(rng.integers(2, 6))
-    load, null = rng.normal(size=m), rng.normal(size=(m, m - 1))
+    ratios, null = rng.normal(size=m), rng.normal(size=(m, m - 1))
     ones = np.ones((m, 1))
-    A, b = np.block([[null, -ones], [-null, -ones]]), np.concatenate([-load, load])
+    A, b = np.block([[null, -ones], [-null, -ones]]), np.concatenate([-ratios, ratios])
     least = linprog(np.append(np.zeros(m - 1), 1.0), A, b, bounds=(None, None), method="highs").fun
     monkeypatch.setattr(friction_utilisation, "linprog", None)
-    assert least_utilisation(load, null) == pytest.approx(least, rel=1e-9)
+    assert least_utilisation(ratios, null) == pytest.approx(least, rel=1e-9)
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-12, 1e-9, 1.0, 1e20, np.inf])
-def test_the_utilisation_is_that_of_loads_of_any_size(size):
+def test_the_utilisation_is_that_of_multipliers_of_any_size(size):
     """|1 + z|, |2 z - 2| and |3 - z| <= 2 with z = 1 alone, which the first and the last row determine."""
-    load, null = np.array([1.0, -2.0, 3.0]) * size, np.array([[1.0], [2.0], [-1.0]])
-    assert least_utilisation(load, null) == pytest.approx(2 * size, rel=1e-13)
+    ratios, null = np.array([1.0, -2.0, 3.0]) * size, np.array([[1.0], [2.0], [-1.0]])
+    assert least_utilisation(ratios, null) == pytest.approx(2 * size, rel=1e-13)
 
 
 def test_a_linear_programme_that_fails_is_an_error(monkeypatch):

@@ -161,5 +161,5 @@ def test_a_motion_that_stays_in_contact():
     found = mbdae.inverse_dynamics(mech, {"t": t, "rod": [0.3] * 4}, "rod")
     (touching,) = found.violations
     assert touching == ("rod stop", 0.0, 0.3, 0.0, "rad")
-    assert "is in contact with 'rod stop', which carries no load here: t = 0 to 0.3 s" in str(found)
+    assert "is in contact with 'rod stop', which exerts no force here: t = 0 to 0.3 s" in str(found)
     assert mbdae.inverse_dynamics(mech, {"t": t, "rod": [0.6] * 4}, "rod").violations == ()

@@ -160,7 +160,7 @@ def _require_satisfied(system: "Index2System", t: float, G: Array, x: Array, r: 
     if names:
         text = f"no {what} satisfy all of them, the residual is {size:.1g} of the largest"
         closed = [repr(s.name) for s in system.mechanism.switches if repr(s.name) in names]
-        if len(closed) > 1:  # loads of contacts that depend on each other are not unique, so none of them opens
+        if len(closed) > 1:  # multipliers of contacts that depend on each other are not unique, so none of them opens
             text += f"; {' and '.join(closed)} are closed without clearance between them: give one of them a gap"
         raise StepError("driver", f"{names} contradict each other at t = {t:.17g}: {text}")
 

@@ -45,7 +45,7 @@ class OneWayClutch(UnilateralRow):
 
     def guards(self, state: int) -> tuple[Guard, ...]:
         if state == LOCKED:
-            return (Guard("separation", self.name, self.index, self.load, needs_multipliers=True, load=self.load),)
+            return (self.separation_guard(),)
         return (Guard("zero velocity", self.name, self.index, self.speed, self.acceleration),)
 
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:

@@ -53,13 +53,18 @@ class JointStiction(Switch):
             point, self.row, {s.row: s.spec.static for s in self.others if mode[s.index] == STICKING}
         )
 
-    def load(self, point: "ModePoint") -> float:
-        """Return the multiplier as a fraction of the limit."""
+    def signed_utilisation(self, point: "ModePoint") -> float:
+        """Return lam / static, with sign: the utilisation of the limit, unless its row is redundant (see `margin`)."""
         return float(point.lam[self.row]) / self.spec.static
 
     def guards(self, state: int) -> tuple[Guard, ...]:
         if state == STICKING:
-            return (Guard("slip", self.name, self.index, self.margin, needs_multipliers=True, load=self.load),)
+            ratio = self.signed_utilisation
+            return (
+                Guard(
+                    "slip", self.name, self.index, self.margin, needs_multipliers=True, monitored_multiplier=ratio
+                ),
+            )
         if sign := SIGN.get(state):
             return (
                 Guard(

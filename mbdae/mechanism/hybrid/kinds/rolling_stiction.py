@@ -134,7 +134,11 @@ class RollingStiction(Switch):
     def guards(self, state: int) -> tuple[Guard, ...]:
         if state == STICKING:
             ratio = lambda x: self.friction_ratio(x.lam)  # noqa: E731
-            return (Guard("slip", self.name, self.index, self.margin, needs_multipliers=True, load=ratio),)
+            return (
+                Guard(
+                    "slip", self.name, self.index, self.margin, needs_multipliers=True, monitored_multiplier=ratio
+                ),
+            )
         return (self.slip_guard(),) if state == SLIDING else ()
 
     def candidate_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[CandidateRow, ...]:

@@ -64,7 +64,7 @@ class Unilateral(UnilateralRow):
     def guards(self, state: int) -> tuple[Guard, ...]:
         if state == OPEN:
             return (Guard("contact", self.name, self.index, self.gap, self.speed, self.acceleration),)
-        return (Guard("separation", self.name, self.index, self.load, needs_multipliers=True, load=self.load),)
+        return (self.separation_guard(),)
 
     def core_data(self, system: "Index2System") -> CoreData:
         return core_switch(self, "contact", sign=self.sign)
@@ -92,7 +92,7 @@ def closed_contacts(point: "ModePoint", tolerance: float) -> list[str]:
     return [s.name for s, gap in gaps(point) if abs(gap) <= tolerance * scales[s.rows[0]]]
 
 
-def penetrated(point: "ModePoint") -> str:
+def penetration_message(point: "ModePoint") -> str:
     """Return the first contact with a negative gap, in words; empty without one."""
     mech = point.system.mechanism
     found = [(s, gap) for s, gap in gaps(point) if gap < -TOUCHING * mech.row_scales[s.rows[0]]]

@@ -1,9 +1,9 @@
-"""Sampling of loads within a step, and a check that the step resolves them.
+"""Sampling of multipliers within a step, and a check that the step resolves them.
 
-Sticking or closed rows cause no local error, so steps would grow until a peak of a load falls between two samples. A
-step resolves a load if a cubic fits five equidistant samples, up to a small share of the distance of the load to its
-limit: 1 for the utilisation of friction, 0 for a normal force. For this check, points between the ends of the step are
-on the cubic through both ends and their rates.
+Sticking or closed rows cause no local error, so steps would grow until a peak of a multiplier falls between two
+samples. A step resolves a monitored multiplier (`Guard.monitored_multiplier`) if a cubic fits five equidistant samples,
+up to a small fraction of its distance to its limit: 1 for the utilisation of friction, 0 for a normal force. For this
+check, points between the ends of the step are on the cubic through both ends and their rates.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,21 +22,21 @@ from ...tolerances import REAL, SMALLEST_PART, VISIBLE
 
 if TYPE_CHECKING:
     from ...mechanism.hybrid.switches import Mode
-    from ...mechanism.hybrid.undecided_rows import LoadsAfterStep
+    from ...mechanism.hybrid.undecided_rows import MultipliersAfterStep
     from ..run.run_state import RunState
     from ..run.step_map import StepMap
     from .guard_location import TrackedGuard
 
-QUARTERS = np.linspace(0.0, 1.0, 5)  # of a step: sampling points of loads
+QUARTERS = np.linspace(0.0, 1.0, 5)  # of a step: sampling points of multipliers
 QUARTIC = np.linalg.inv(np.vander(QUARTERS))  # coefficients of the quartic through five samples
 FINEST = 64  # largest number of sampling intervals in a step of fixed size
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth difference of samples
-ROUGH = 0.05  # of the distance of a load to its limit: largest deviation from a cubic
-NEAR_LIMIT = 0.02  # of the limit, or of the largest load: lower bound of this distance
-CLOSE_EXTREMUM = 0.1  # of the limit, or of the largest load: extrema this close to the limit are sampled
+ROUGH = 0.05  # of the distance of a multiplier to its limit: largest deviation from a cubic
+NEAR_LIMIT = 0.02  # of the limit, or of the largest multiplier: lower bound of this distance
+CLOSE_EXTREMUM = 0.1  # of the limit, or of the largest multiplier: extrema this close to the limit are sampled
 OUTSIDE = 0.1  # of the range of five samples: extrema this far outside the range are included
-SAFETY, SHRINK = 0.8, 0.2  # of the largest step that resolves the loads; smallest ratio of consecutive step sizes
-SHORTEST_STEP = SMALLEST_PART  # of the span: loads that are not resolved by steps of this size are jumps
+SAFETY, SHRINK = 0.8, 0.2  # of the largest step that resolves multipliers; smallest ratio of step sizes
+SHORTEST_STEP = SMALLEST_PART  # of the span: multipliers that are not resolved by steps of this size are jumps
 PointAt = Callable[[float], ModePoint]
 
 
@@ -60,15 +60,14 @@ def interpolated_points(step: "StepMap", at: PointAt) -> PointAt:
 
 
 def shortest_step(run: "RunState") -> float:
-    """Return the size of the steps of a run that resolve all loads, in s."""
+    """Return the size of the steps of a run that resolve all multipliers, in s."""
     return SHORTEST_STEP * abs(run.t1 - run.ts[0])
 
 
-def loads_unresolved(guards: Sequence["TrackedGuard"], at: PointAt, thetas: Array, step_size: float) -> float:
-    """Return the largest unresolved part of a load relative to the tolerance; above 1, more samples are needed.
+def resolution_error(guards: Sequence["TrackedGuard"], at: PointAt, thetas: Array, step_size: float) -> float:
+    """Return the largest deviation of a multiplier from a cubic over the tolerance; above 1, more samples are needed.
 
-    The same holds for samples that may miss a double crossing of a guard. The measure is of fourth order in the
-    distance of the samples.
+    Samples that may miss a double crossing of a guard count, too. It is of fourth order in the distance of the samples.
 
     Args:
         guards: the guards of the mode.
@@ -82,20 +81,20 @@ def loads_unresolved(guards: Sequence["TrackedGuard"], at: PointAt, thetas: Arra
         if guard.max_step is not None:
             max_step = min(guard.max_step(at(theta)) for theta in (0.0, 1.0))
             worst = max(worst, (4 * step_size / (len(thetas) - 1) / max_step) ** 4)
-        if guard.load is not None:
-            loads = _samples(guard, at, thetas)
-            size, distance = _distance_to_limit(guard, loads, VISIBLE * tracked.size)
-            bend = max(float(np.linalg.norm(FOURTH @ five)) for five in _groups_of_five(loads))
+        if guard.monitored_multiplier is not None:
+            samples = _samples(guard, at, thetas)
+            size, distance = _distance_to_limit(guard, samples, VISIBLE * tracked.size)
+            bend = max(float(np.linalg.norm(FOURTH @ five)) for five in _groups_of_five(samples))
             if guard.kind == "slip" or bend > np.abs(FOURTH).sum() * at(0.0).rounding:
                 worst = max(worst, bend / (size * ROUGH * max(distance, NEAR_LIMIT)))
     return worst
 
 
 def resolving_step(guards: Sequence["TrackedGuard"], at: PointAt, step_size: float) -> Array:
-    """Return the values of theta at which loads are sampled in a step of fixed size: enough to resolve them."""
+    """Return the values of theta at which multipliers are sampled in a step of fixed size: enough to resolve them."""
     thetas = QUARTERS
     with suppress(StepError):
-        while len(thetas) <= FINEST and loads_unresolved(guards, at, thetas, step_size) > 1:
+        while len(thetas) <= FINEST and resolution_error(guards, at, thetas, step_size) > 1:
             thetas = np.linspace(0.0, 1.0, 2 * len(thetas) - 1)
     return thetas
 
@@ -104,9 +103,9 @@ def sample_points(guard: Guard, at: PointAt, thetas: Array) -> Array:
     """Return the samples, and the extrema, close to the limit, of the quartics through five samples each."""
     points = list(thetas)
     with suppress(StepError):
-        loads = _samples(guard, at, thetas) if guard.load else np.empty((0, 1))
-        slips, size = guard.kind == "slip", float(np.abs(loads).max(initial=0.0)) or 1.0
-        for k, five in enumerate(_groups_of_five(loads / size)):
+        samples = _samples(guard, at, thetas) if guard.monitored_multiplier else np.empty((0, 1))
+        slips, size = guard.kind == "slip", float(np.abs(samples).max(initial=0.0)) or 1.0
+        for k, five in enumerate(_groups_of_five(samples / size)):
             quartics = (QUARTIC @ five).T
             polynomial = np.sum([np.convolve(c, c) for c in quartics], axis=0) if slips else quartics[0]
             for x in np.roots(np.polyder(polynomial)):
@@ -118,37 +117,37 @@ def sample_points(guard: Guard, at: PointAt, thetas: Array) -> Array:
 
 
 def _samples(guard: Guard, at: PointAt, thetas: Array) -> Array:
-    """Return the loads of a guard at the given values of theta, (n, k)."""
-    assert guard.load
-    return np.array([np.atleast_1d(guard.load(at(float(theta)))) for theta in thetas])
+    """Return the monitored multiplier of a guard at the given values of theta, (n, m)."""
+    assert guard.monitored_multiplier
+    return np.array([np.atleast_1d(guard.monitored_multiplier(at(float(theta)))) for theta in thetas])
 
 
-def _groups_of_five(loads: Array) -> list[Array]:
+def _groups_of_five(samples: Array) -> list[Array]:
     """Return groups of five samples that share their end points."""
-    return [loads[k : k + 5] for k in range(0, len(loads) - 1, 4)]
+    return [samples[k : k + 5] for k in range(0, len(samples) - 1, 4)]
 
 
-def _distance_to_limit(guard: Guard, loads: Array, smallest: float) -> tuple[float, float]:
-    """Return the size of a load, and its distance to the limit relative to the size; 1 beyond the limit."""
-    sizes = np.linalg.norm(loads, axis=1)
+def _distance_to_limit(guard: Guard, samples: Array, smallest: float) -> tuple[float, float]:
+    """Return the size of a multiplier, and its distance to the limit relative to the size; 1 beyond the limit."""
+    sizes = np.linalg.norm(samples, axis=1)
     size = 1.0 if guard.kind == "slip" else max(float(sizes.max()), smallest)
-    distance = 1.0 - float(sizes.max()) if guard.kind == "slip" else float(loads.min()) / (size or 1.0)
+    distance = 1.0 - float(sizes.max()) if guard.kind == "slip" else float(samples.min()) / (size or 1.0)
     return size, distance if distance >= 0 else 1.0
 
 
-def short_step_loads(run: "RunState", at: ModePoint) -> "LoadsAfterStep":
-    """Return a function that computes the loads after a step in a mode; its size is a share of the smooth interval."""
+def multipliers_after_short_step(run: "RunState", point: ModePoint) -> "MultipliersAfterStep":
+    """Return a function that computes lam after a step in a mode, which is a fraction of the smooth interval."""
 
-    def step(mode: "Mode", share: float) -> tuple[Array, float]:
-        system, before = at.system, at.system.mode
+    def step(mode: "Mode", fraction: float) -> tuple[Array, float]:
+        system, before = point.system, point.system.mode
         system.enter(mode)
         try:
-            h = share * (run.jumps.interval(at.t).stop - at.t)
-            start = system.update_independent_rows(at.t, State(at.y)).y
-            carry = system.carry(*system.derivative(at.t, start))
-            end = run.tableau.step(system, at.t, h, State(start, carry)).state.y
-            point = ModePoint(system, at.all_rows, at.t + h, end)
-            return point.lam, point.rounding
+            h = fraction * (run.jumps.interval(point.t).stop - point.t)
+            start = system.update_independent_rows(point.t, State(point.y)).y
+            carry = system.carry(*system.derivative(point.t, start))
+            end = run.tableau.step(system, point.t, h, State(start, carry)).state.y
+            after = ModePoint(system, point.all_rows, point.t + h, end)
+            return after.lam, after.rounding
         finally:
             system.enter(before)
 

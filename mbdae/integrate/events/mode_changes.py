@@ -1,4 +1,4 @@
-"""Modes of a run: guards are monitored from step to step, and the mode changes where a guard crosses zero."""
+"""Source of mode changes: guards are tracked from step to step, and the mode changes where a guard crosses zero."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ from ...mechanism.formulations.friction_interface import smallest_slip
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.hybrid.active_set import select_mode
 from ...mechanism.hybrid.impact import Impact, resolve_impact
-from ...mechanism.hybrid.kinds.unilateral import closed_contacts, penetrated
+from ...mechanism.hybrid.kinds.unilateral import closed_contacts, penetration_message
 from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...mechanism.hybrid.switch import Guard
 from ...mechanism.hybrid.switches import describe_mode, unswitched_rows
@@ -20,15 +20,15 @@ from ...system import Array
 from .chattering import Chattering
 from .core_modes import CoreTransition, core_switches
 from .guard_location import TrackedGuard, first_guard_root
-from .load_resolution import (
+from .multiplier_resolution import (
     QUARTERS,
     SAFETY,
     SHRINK,
     PointAt,
     interpolated_points,
-    loads_unresolved,
+    multipliers_after_short_step,
+    resolution_error,
     resolving_step,
-    short_step_loads,
     shortest_step,
 )
 from .singularity_crossing import POSITION_ACCURACY
@@ -64,12 +64,12 @@ class ModeChanges(EventSource):
         self.impacts_in_core = self.transitions_in_core = 0
         self.core_switches = core_switches(system)
         self.fired: list[Guard] = []  # guards that are zero at the end of the last step
-        self.resting: set[int] = set()  # contacts that close at the start of a step: their flight is below rounding
+        self.resting: set[int] = set()  # contacts that close at the start of a step: too short a flight to resolve
         # end of the last step, and points of the step by theta
         self.point_cache: tuple[Array | None, dict[float, ModePoint]] = (None, {})
         self.last_impact: dict[int, float] = {}  # time of the last impact of each switch
         self.chattering = Chattering(self.switches)
-        self._enter(system.mode)
+        self._set_mode(system.mode)
 
     @classmethod
     def from_run(cls, run: "RunState") -> "ModeChanges | None":
@@ -87,7 +87,7 @@ class ModeChanges(EventSource):
     def _point(self, t: float, y: Array) -> ModePoint:
         return ModePoint(self.system, self.all_rows, t, y)
 
-    def _enter(self, mode: "Mode", run: "RunState | None" = None) -> None:
+    def _set_mode(self, mode: "Mode", run: "RunState | None" = None) -> None:
         self.system.enter(mode)
         for signal in run.user_events.signals.values() if run else ():
             signal.system.enter(mode)
@@ -108,13 +108,14 @@ class ModeChanges(EventSource):
             self._track(run.t, run.ys[-1])
 
     def _track(self, t: float, y: Array, tracked: Callable[[Guard, ModePoint], TrackedGuard] = TrackedGuard) -> None:
-        at, mode, self.system.ambiguous_pivot = self._point(t, y), self.system.mode, AMBIGUOUS_UNDERWAY
-        self.guards = [tracked(g, at) for s in self.switches for g in s.guards(mode[s.index])]
+        point, mode, self.system.ambiguous_pivot = self._point(t, y), self.system.mode, AMBIGUOUS_UNDERWAY
+        self.guards = [tracked(g, point) for s in self.switches for g in s.guards(mode[s.index])]
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
-        """Return the point in the first mode, at the start, or in the next mode, after a jump of commands or loads.
+        """Select the mode of a smooth interval, and return the point at which the interval begins.
 
-        Impacts are resolved first, if a closed contact approaches.
+        At the start this is the first mode. After a jump of commands or applied forces, the mode changes only if a
+        guard is negative. Where a closed contact approaches, an impact precedes the new mode.
 
         Raises:
             InputError: if a gap is negative at the start.
@@ -122,28 +123,28 @@ class ModeChanges(EventSource):
         """
         if self.modes:
             return self._after_jump(run, y)
-        at = self._point(run.t, y)
-        if contact := penetrated(at):
+        point = self._point(run.t, y)
+        if contact := penetration_message(point):
             raise InputError(f"{contact} at the start")
-        y, mode = self._resolved_mode(run, at, set())
+        y, mode = self._resolve_mode(run, point, set())
         self.modes = [(0, mode)]
-        self._enter(mode, run)
+        self._set_mode(mode, run)
         return y
 
     def resume(self, run: "RunState", mode: "Mode") -> None:
         """Enter the mode of a snapshot; `begin_interval` tracks its guards."""
         self.modes = [(0, mode)]
-        self._enter(mode, run)
+        self._set_mode(mode, run)
 
-    def _resolved_mode(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
-        recent = {i for i, when in self.last_impact.items() if abs(at.t - when) < self.switches[i].rest}
-        y, impact = resolve_impact(at, self.unswitched, recent, self.resting)
+    def _resolve_mode(self, run: "RunState", point: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
+        recent = {i for i, when in self.last_impact.items() if abs(point.t - when) < self.switches[i].rest}
+        y, impact = resolve_impact(point, self.unswitched, recent, self.resting)
         self.resting = set()
         if impact:
             self.impacts.append(impact)
-            self.last_impact |= {s.index: at.t for s in self.switches if s.name in impact.where}
-        at = self._point(at.t, y)
-        return y, select_mode(at, self.unswitched, opened, short_step_loads(run, at))
+            self.last_impact |= {s.index: point.t for s in self.switches if s.name in impact.where}
+        point = self._point(point.t, y)
+        return y, select_mode(point, self.unswitched, opened, multipliers_after_short_step(run, point))
 
     def first_event(self, step: "StepMap") -> Occurrence | None:
         """Return the end of the mode in a step, where the first guards cross zero."""
@@ -176,12 +177,12 @@ class ModeChanges(EventSource):
         return theta, fired
 
     def rejects(self, step: "StepMap") -> bool:
-        """Return whether a step is too long to resolve loads of sticking or closed rows, and limit the next step."""
+        """Return whether a step is too long to resolve multipliers of sticking or closed rows; limit the next step."""
         run = step.run
         if self.checked_in_core or not run.stepper.controls or not run.stepper.any_size:
             return False
         h, shortest = abs(step.h), shortest_step(run)
-        worst = loads_unresolved(self.guards, interpolated_points(step, self._points(step)), QUARTERS, h)
+        worst = resolution_error(self.guards, interpolated_points(step, self._points(step)), QUARTERS, h)
         if worst > 0:
             run.stepper.limit_step(max(shortest, h * max(SHRINK, SAFETY * worst**-0.25)))
         return worst > 1 and h > 2 * shortest
@@ -190,37 +191,37 @@ class ModeChanges(EventSource):
         """Return a function of theta that returns the point of a step there; points are cached."""
         if self.point_cache[0] is not step.y1:
             self.point_cache = step.y1, {}
-        known = self.point_cache[1]
+        cache = self.point_cache[1]
 
         def at(theta: float) -> ModePoint:
-            if theta not in known:
+            if theta not in cache:
                 y = step.y if not theta else step.y1 if theta == 1 else step.point(theta)
-                known[theta] = self._point(step.t + theta * step.h, y)
-            return known[theta]
+                cache[theta] = self._point(step.t + theta * step.h, y)
+            return cache[theta]
 
         return at
 
     def _after_jump(self, run: "RunState", y: Array) -> Array:
         """Return the point in the mode after a jump: the node of the jump is the first one of that mode."""
-        at = self._point(run.t, y)
-        fired = [g.guard for g in self.guards if g.value(at) < -g.rounding]
+        point = self._point(run.t, y)
+        fired = [g.guard for g in self.guards if g.value(point) < -g.rounding]
         if not fired:
             return y
         self._check_chattering(run, fired)
-        y, mode = self._entered(run, at, _separating(fired))
+        y, mode = self._enter_next_mode(run, point, _separating(fired))
         self.modes.append((len(run.ts) - 1, mode))
         return y
 
-    def _entered(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
-        """Return the point after impacts at a point, in the next mode, which is entered, and that mode."""
-        y, mode = self._resolved_mode(run, at, opened)
-        self._enter(mode, run)
+    def _enter_next_mode(self, run: "RunState", point: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
+        """Resolve impacts at a point, and enter the next mode; return the point after them, and that mode."""
+        y, mode = self._resolve_mode(run, point, opened)
+        self._set_mode(mode, run)
         return self.system.restore(run.t, y) if run.project else y, mode
 
     def _check_chattering(self, run: "RunState", fired: list[Guard]) -> None:
         self.chattering.check(len(run.ts) - 1, run.t, (g.name for g in fired), self.system.mode)
 
-    def act(self, run: "RunState") -> bool:
+    def handle_event(self, run: "RunState") -> bool:
         """Continue in the next mode with a second node at the same time, unless the run ends at this node.
 
         Raises:
@@ -232,14 +233,20 @@ class ModeChanges(EventSource):
             self.continue_from(run, self._point(run.t, run.ys[-1]), _separating(self.fired))
         return False
 
-
     def continue_from(
-        self, run: "RunState", at: ModePoint, opened: set[int], completed: Callable[[Array], Array] = np.asarray
+        self, run: "RunState", point: ModePoint, opened: set[int], with_work: Callable[[Array], Array] = np.asarray
     ) -> None:
-        """Continue after impacts at a point, completed by its work: a second node of the run at the same time."""
-        y, mode = self._entered(run, at, opened)
+        """Continue after impacts at a point, with a second node of the run at the same time.
+
+        Args:
+            run: the run.
+            point: the point.
+            opened: indices of the switches whose contacts separate.
+            with_work: returns y with its work component updated.
+        """
+        y, mode = self._enter_next_mode(run, point, opened)
         self.modes.append((len(run.ts), mode))
-        run.switch_mode(completed(y))
+        run.switch_mode(with_work(y))
         self._track(run.t, run.ys[-1])
 
     def adopt_transition(self, node: int, t: float, transition: CoreTransition) -> None:
@@ -258,7 +265,7 @@ class ModeChanges(EventSource):
 
     def adopt_guards(self, t: float, y: Array) -> None:
         """Continue at a point with the guards of the mode, whose sizes the core knows."""
-        self._track(t, y, TrackedGuard.adopted)
+        self._track(t, y, TrackedGuard.without_state)
 
     def explain(self, run: "RunState", reason: StepError) -> StepError:
         """Add the time and the mode in which a run stopped, or the contact that closed at a singular configuration."""
