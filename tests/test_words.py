@@ -95,7 +95,7 @@ def found_names():
 
 
 def found_loads():
-    """Loads are applied: rows have multipliers, contacts normal forces, limits an utilisation."""
+    """Loads are applied: rows have multipliers, contacts normal forces, limits an utilization."""
     files = (p for p in package() if {"hybrid", "events", "discrete_sensitivity"} & {*p.parts})
     return [f"{p.name}: {n}" for p in files for n in defined(p) if {"load", "loads", "loaded"} & {*words(n)}]
 

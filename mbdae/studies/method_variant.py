@@ -3,7 +3,7 @@
 ``pherk5`` enforces closures at velocity level (index 2); ``project:pherk5`` also projects the state onto g = 0, G v = 0
 after each step; ``ggl:radau5`` enforces closures at both levels; ``index1:dop853`` integrates accelerations,
 ``index1:DOP853`` with scipy, and ``baumgarte=20,20:dop853`` with Baumgarte's alpha and beta in 1/s. ``ggl:ida`` is
-SUNDIALS' BDF on the stabilised form.
+SUNDIALS' BDF on the stabilized form.
 """
 
 from collections.abc import Iterable

@@ -167,7 +167,7 @@ def pool(
     if kind == "processes":
         context = get_context("spawn")
         shared = context.RawArray("B", 1)
-        executor = ProcessPoolExecutor(count, context, _initialise_worker, (sent, shared))
+        executor = ProcessPoolExecutor(count, context, _initialize_worker, (sent, shared))
         with _shut_down_after(executor, StopFlag(shared)) as processes:
             yield Pool(lambda task: _submit_ignoring_sigint(processes, task), lambda: count)
         return
@@ -209,8 +209,8 @@ def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _initialise_worker(sent: bytes, shared: Any) -> None:
-    """Initialise a worker process: imports happen after the exit handling is set up."""
+def _initialize_worker(sent: bytes, shared: Any) -> None:
+    """Initialize a worker process: imports happen after the exit handling is set up."""
     _exit_with_parent()
     warnings.filterwarnings("ignore", backend.SLOW_WARNING)  # issued once, by the parent
     function, job = pickle.loads(sent)

@@ -1,4 +1,4 @@
-"""Modes, linearisations, root loci, equilibria and load paths are independent of units.
+"""Modes, linearizations, root loci, equilibria and load paths are independent of units.
 
 Five mechanisms (hinges, sliders, closed loops with redundant rows, a free platform with controllers, rolling) in five
 systems of units: results change by their dimension, to 1e-9 of their size.

@@ -2,7 +2,7 @@
 
 Sticking or closed rows cause no local error, so steps would grow until a peak of a multiplier falls between two
 samples. A step resolves a monitored multiplier (`Guard.monitored_multiplier`) if a cubic fits five equidistant samples,
-up to a small fraction of its distance to its limit: 1 for the utilisation of friction, 0 for a normal force. For this
+up to a small fraction of its distance to its limit: 1 for the utilization of friction, 0 for a normal force. For this
 check, points between the ends of the step are on the cubic through both ends and their rates.
 """
 

@@ -40,7 +40,7 @@ class SingularityMonitor(SingularityLocation):
 
     The indicator is the pivot ratio of the stage solves, which costs nothing. Where it becomes small, a run with
     step-size control projects its states onto the closures, approaches in steps that halve the distance, and crosses by
-    `singularity_crossing`. At a minimum between other steps, the smallest pivot is minimised on the dense output, and
+    `singularity_crossing`. At a minimum between other steps, the smallest pivot is minimized on the dense output, and
     any singularity found is recorded.
 
     Branches that intersect in a singular configuration have different tangent spaces: after a crossing, the tangent

@@ -190,7 +190,7 @@ class SingularityLocation(EventSource):
         return run.ts[node], run.ys[node]
 
     def search(self, run: "RunState", nodes: list[int]) -> None:
-        """Minimise the pivot ratio over u = i + theta, the point at the fraction theta of the step from node i."""
+        """Minimize the pivot ratio over u = i + theta, the point at the fraction theta of the step from node i."""
         if len(nodes) < 2:  # an interval that has just begun
             return
         paths = {i: self._path(run, i) for i in nodes[:-1]}

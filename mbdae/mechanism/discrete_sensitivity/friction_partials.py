@@ -37,7 +37,7 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
     jacobians, normal_forces = _terms(s, q, lam, rows)
     by_q, by_v = np.zeros((s.nv, s.nv)), np.zeros((s.nv, s.nv))
     by_normal_force, total, along_rows = np.zeros((s.nv, len(normal_forces))), np.zeros(s.nv), np.zeros(s.ng)
-    regularised, exact = [], []
+    regularized, exact = [], []
     for k, (S, interface) in enumerate(zip(jacobians, _active_interfaces(s), strict=True)):
         direction, by_slip = interface.direction(S @ v)
         T = interface.factor * normal_forces[k]
@@ -45,7 +45,7 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
         by_normal_force[:, k] = interface.factor * (S.T @ direction)
         total += T * (S.T @ direction)
         if interface.width:
-            regularised.append((k, T * S.T @ by_slip, T * direction))
+            regularized.append((k, T * S.T @ by_slip, T * direction))
         else:
             exact.append(interface.closure)
             along_rows[interface.no_slip_rows] = T * direction
@@ -54,11 +54,11 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
 
     def flat_terms(x: Array) -> Array:
         changed, normal_forces = _terms(s, s.manifold.integrate(q, x @ into), lam, rows)
-        return np.concatenate([*(changed[k].ravel() for k, *_ in regularised), normal_forces])
+        return np.concatenate([*(changed[k].ravel() for k, *_ in regularized), normal_forces])
 
     if len(into):
         terms_by_q, end = numerical_jacobian(flat_terms, len(into), WIDTH) @ into, 0
-        for k, by_turn, force in regularised:
+        for k, by_turn, force in regularized:
             S = jacobians[k]
             dS = terms_by_q[end : (end := end + S.size)].reshape(*S.shape, s.nv)
             by_q += by_turn @ np.einsum("ijm,j->im", dS, v) + np.einsum("ijm,i->jm", dS, force)
@@ -72,7 +72,7 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
 
 
 def friction(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> Array:
-    """Return the generalised friction and its power, (nv + 1,)."""
+    """Return the generalized friction and its power, (nv + 1,)."""
     jacobians, normal_forces = _terms(s, q, lam, rows)
     out = np.zeros(s.nv)
     for N, S, interface in zip(normal_forces, jacobians, _active_interfaces(s), strict=True):
@@ -107,7 +107,7 @@ class _ActiveInterface(NamedTuple):
 
     Attributes:
         factor: c = -mu r.
-        width: of the regularisation in m/s or rad/s; 0 for exact friction, along one no-slip row.
+        width: of the regularization in m/s or rad/s; 0 for exact friction, along one no-slip row.
         sense: the direction of that slip, (1,).
         closure: name of the closure.
         no_slip_rows: of the closure.
@@ -123,7 +123,7 @@ class _ActiveInterface(NamedTuple):
         """Return phi s (m,) and its partial derivatives with respect to the slip s, (m, m)."""
         if not self.width:
             return self.sense, np.zeros((1, 1))
-        phi, psi = regularisation_factors(float(np.linalg.norm(slip)), self.width)
+        phi, psi = regularization_factors(float(np.linalg.norm(slip)), self.width)
         return phi * slip, psi * np.outer(slip, slip) + phi * np.eye(len(slip))
 
 
@@ -137,7 +137,7 @@ def _active_interfaces(s: "Index2System") -> list[_ActiveInterface]:
     return out
 
 
-def regularisation_factors(x: float, width: float) -> tuple[float, float]:
+def regularization_factors(x: float, width: float) -> tuple[float, float]:
     """Return phi = tanh(x/w)/x and phi'/x."""
     r = x / width
     if r < SMALL:

@@ -42,12 +42,12 @@ class PointSensitivity(AccelerationSensitivity):
 
     def __init__(self, system: "CompiledSystem", parameters: Parameters, native: "NativeParameters") -> None:
         super().__init__(system, parameters)
-        self.system, self.native, self.stabilised = system, native, system.formulation == "ggl"
+        self.system, self.native, self.stabilized = system, native, system.formulation == "ggl"
 
     @property
     def n_carry(self) -> int:
         """Length of the carry of methods with an explicit first stage: (v', s', w'), in GGL form after M^-1 G^T mu."""
-        return self.ny - (0 if self.stabilised else self.system.nv)
+        return self.ny - (0 if self.stabilized else self.system.nv)
 
     def restarted_carry(self, t: float, y: Array) -> Array:
         """Return the partials of the carry restarted at y, (nc, ny + k); there M^-1 G^T mu = 0."""

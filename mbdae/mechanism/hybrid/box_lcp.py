@@ -1,6 +1,6 @@
 """Active-set selection: Gauss's principle of least constraint over a box of multipliers.
 
-    minimise  lam W lam/2 + lam c,   lower <= lam <= upper,   W = S A S^T,  c = S a + gamma_S
+    minimize  lam W lam/2 + lam c,   lower <= lam <= upper,   W = S A S^T,  c = S a + gamma_S
 
 S are the rows that may become active, a the accelerations without them, A = M^-1 projected onto the null space of the
 active rows. Rows with a multiplier between its bounds do not accelerate; rows at a bound accelerate with the sign that
@@ -48,7 +48,7 @@ def solve_box_lcp(C: Array, c: Array, lower: Array, upper: Array) -> Array:
 
 
 def _of_two(w: float, b: list[float], lower: list[float], upper: list[float]) -> Array:
-    """Minimise (x^2 + 2 w x y + y^2)/2 - b_x x - b_y y over a box: inside, or on one of its sides."""
+    """Minimize (x^2 + 2 w x y + y^2)/2 - b_x x - b_y y over a box: inside, or on one of its sides."""
     inside = [(b[i] - w * b[1 - i]) / (1 - w * w) for i in (0, 1)]
     if all(lo <= x <= hi for lo, x, hi in zip(lower, inside, upper, strict=True)):
         return np.array(inside)
@@ -61,7 +61,7 @@ def _of_two(w: float, b: list[float], lower: list[float], upper: list[float]) ->
 
 
 def _of_contradicting_rows(A: Array, c: Array, lower: Array, upper: Array) -> Array:
-    """Minimise |A x|^2/2 + c x over a box, where c has a part along null directions of A, by active sets.
+    """Minimize |A x|^2/2 + c x over a box, where c has a part along null directions of A, by active sets.
 
     Source: J. Nocedal, S. J. Wright, Numerical Optimization (2006), algorithm 16.3.
     """

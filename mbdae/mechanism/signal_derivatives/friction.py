@@ -15,7 +15,7 @@ import numpy as np
 from ...system import Array
 from ...tolerances import TINY
 from ..closures.contact import ContactHeightRow
-from ..discrete_sensitivity.friction_partials import regularisation_factors
+from ..discrete_sensitivity.friction_partials import regularization_factors
 from ..formulations.friction_interface import ROTATIONAL, FrictionInterface
 from ..tree.frames import point_velocities
 from .motion_tangent import MotionTangent
@@ -31,7 +31,7 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
         lam, dlam, c = motion.lam[interface.rows], motion.d.lam[interface.rows], -float(sliding.coefficient[k])
         slip, ds = A @ V, np.einsum("ijm,j->im", dA, V) + A @ dV
         size = np.sqrt(lam @ lam)
-        phi, psi = regularisation_factors(float(np.sqrt(slip @ slip)), interface.force.width)
+        phi, psi = regularization_factors(float(np.sqrt(slip @ slip)), interface.force.width)
         along = A.T @ slip
         F += c * size * phi * along
         dF += c * phi * np.outer(along, lam @ dlam / (size + TINY)) + c * size * psi * np.outer(along, slip @ ds)

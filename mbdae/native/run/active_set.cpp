@@ -88,7 +88,7 @@ std::vector<ModeTransition::Candidate> ModeTransition::candidates(int i) {
       double limit = x.limit;
       if (state == active) evaluate_forces();
       if (state == active &&
-          1 - std::fabs(stiction_utilisation(s_, modes_.switches, modes_.mode, i, lam_before_)) < modes_.coincident)
+          1 - std::fabs(stiction_utilization(s_, modes_.switches, modes_.mode, i, lam_before_)) < modes_.coincident)
         limit = std::min(x.friction, (1 - limits_.visible) * limit);
       out.push_back({x.rows[0], {-limit, limit}});
       break;

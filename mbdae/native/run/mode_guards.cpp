@@ -49,7 +49,7 @@ double largest_force(Index2System& s, const double* y, const double* F, const do
   return largest(inertial.data(), nv) + largest(reaction.data(), nv);
 }
 
-double stiction_utilisation(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
+double stiction_utilization(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
                             const Numbers& lam) {
   const int nv = s.nv;
   const double truncation = s.tree.limits.truncation;
@@ -146,7 +146,7 @@ double GuardMonitor::value(const Guard& guard, const Point& p) {
     case Guard::slip:
       if (x.frictional()) return 1 - std::fabs(monitored_multiplier(guard, p));
       if (!s_.point.is_current(p.y.data())) s_.point.evaluate(p.y.data(), false);
-      return 1 - std::fabs(stiction_utilisation(s_, modes_.switches, modes_.mode, guard.element, p.lam));
+      return 1 - std::fabs(stiction_utilization(s_, modes_.switches, modes_.mode, guard.element, p.lam));
     case Guard::zero_velocity:
       return guard.sign * p.rate[x.rows[x.frictional()]];
     default:

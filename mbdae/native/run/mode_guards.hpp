@@ -91,7 +91,7 @@ double largest_force(Index2System& s, const double* y, const double* F, const do
 // Utilisation of the limit of a sticking joint, with sign, at the current point of a mode: lam / limit where sticking
 // rows are independent; where they prevent one motion together, so that their torques are indeterminate, the work of all
 // over that of all limits along it. Otherwise FallBackToPython.
-double stiction_utilisation(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
+double stiction_utilization(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
                             const Numbers& lam);
 
 class GuardMonitor {

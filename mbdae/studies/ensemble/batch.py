@@ -1,8 +1,7 @@
 """Batches of runs of an ensemble in the compiled core, each by one thread."""
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
@@ -10,11 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...errors import STATUS, AssemblyError, InputError, MbdaeError
+from ...errors import InputError, MbdaeError
 from ...integrate.options.options import RunOptions
 from ...integrate.run.core_runs import (
-    COUNTS,
-    CoreRuns,
     RunParameters,
     calls_python,
     consistent_starts,
@@ -29,8 +26,8 @@ from ..factories import ParametricFactory
 from ..final_signals import need_only_kinematics, signals_at_end, why_not_in_core
 from ..varied_starts import FEWEST, Beginning, VariedStarts, run_parameters
 from ..workers import StopFlag, batch_size
+from .run_results import RunResults
 
-UNFINISHED = "interrupted"
 NEEDS_PYTHON = "a singular configuration, a failed step, many steps or inaccurate results"
 INCONSISTENT_START = "a start that may be inconsistent"
 
@@ -66,73 +63,6 @@ class Starts(NamedTuple):
 
 
 @dataclass
-class Results:
-    """Results of n runs, by rows; threads write different rows.
-
-    Attributes:
-        t: end times, (n,).
-        y: end points, (n, ...).
-        counts: `COUNTS`, (n, 10).
-        drift: largest |g|, (n,).
-        signals: values at the end, (n, k).
-        status: status of each run.
-        message: message of each run.
-        reasons: why a run is left to `mbdae.solve`; "" for others.
-    """
-
-    t: Array
-    y: Array
-    counts: Array
-    drift: Array
-    signals: Array
-    status: list[str]
-    message: list[str]
-    reasons: list[str]
-
-    @classmethod
-    def of(cls, mech: Mechanism, n: int, names: tuple[str, ...]) -> "Results":
-        """Return the results of n runs that have not begun."""
-        length = mech.nq + mech.nv + len(mech.states) + 1
-        y, values = np.full((n, length), np.nan), np.full((n, len(names)), np.nan)
-        counts, missing = np.zeros((n, len(COUNTS)), int), np.full(n, np.nan)
-        texts = ([text] * n for text in (UNFINISHED, STATUS[UNFINISHED], ""))
-        return cls(missing, y, counts, missing.copy(), values, *texts)
-
-    def fail(self, i: Array, error: Exception) -> None:
-        """Record runs that could not begin, with the statuses of a sweep."""
-        invalid = "input" if isinstance(error, InputError) else "error"
-        status = "assembly" if isinstance(error, AssemblyError) else invalid
-        for k in i.tolist():
-            self.status[k], self.message[k] = status, str(error)
-
-    @contextmanager
-    def failing(self, i: Array) -> Iterator[None]:
-        """Record an error of the block as that of these runs."""
-        try:
-            yield
-        except MbdaeError as e:
-            self.fail(i, e)
-
-    def leave(self, i: Array, reason: str) -> None:
-        """Leave runs to `mbdae.solve`."""
-        for k in i.tolist():
-            self.reasons[k] = reason
-
-    def store(self, i: Array, t: float, runs: CoreRuns, values: Array) -> None:
-        """Record runs that finished."""
-        done = runs.finished
-        self.t[i], self.y[i], self.counts[i], self.drift[i] = t, runs.y[done], runs.counts[done], runs.drift[done]
-        self.signals[i] = values
-        for k in i.tolist():
-            self.status[k], self.message[k] = "finished", STATUS["finished"]
-
-    def in_python(self) -> dict[str, int]:
-        """Return the numbers of runs that `mbdae.solve` made, by reason."""
-        pairs = zip(self.reasons, self.status, strict=True)
-        return dict(Counter(reason for reason, status in pairs if reason and status != UNFINISHED))
-
-
-@dataclass
 class EnsembleJob:
     """Data that all runs of an ensemble share.
 
@@ -154,7 +84,7 @@ class EnsembleJob:
     parameters: dict[str, Array]
     names: tuple[str, ...]
     settings: dict[str, Any]
-    results: Results
+    results: RunResults
     calls_python: bool = False
     seconds: float | None = None
 
@@ -270,7 +200,7 @@ def batches(job: EnsembleJob, pending: int) -> Iterator[list[Array]]:
 
 
 def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
-    """Make the runs of a batch in the core; others are marked, see `Results`."""
+    """Make the runs of a batch in the core; others are marked, see `RunResults`."""
     started = perf_counter()
     for i in batch:
         if stop():

@@ -14,8 +14,9 @@ from ...system import Array
 from ..factories import Model, ParametricFactory, factory_of
 from ..sweep.sweep_run import NOT_SETTINGS, check_settings
 from ..workers import pool
-from .batch import EnsembleJob, Results, Starts, batches, run_batch
+from .batch import EnsembleJob, Starts, batches, run_batch
 from .result import Ensemble
+from .run_results import RunResults
 from .single_runs import complete_singly
 
 __all__ = ["ensemble"]
@@ -73,7 +74,7 @@ def ensemble(
     first = source if isinstance(source, Mechanism) else _first_made(source, values)
     starts = _starts(first, q, v, {name: len(x) for name, x in values.items()})
     names = tuple(find(first, as_list(signals, "signals are a list of names")))
-    job = EnsembleJob(source, t_span, starts, values, names, settings, Results.of(first, starts.n, names))
+    job = EnsembleJob(source, t_span, starts, values, names, settings, RunResults.of(first, starts.n, names))
     job.check(first)
     if _run_in_core(job, workers, progress):
         complete_singly(job, workers, progress)

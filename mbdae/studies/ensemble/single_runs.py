@@ -6,12 +6,14 @@ from contextlib import suppress
 import numpy as np
 
 from ...errors import MbdaeError
+from ...integrate.run.core_runs import COUNTS
 from ...integrate.solve import solve
 from ...solution.columns import residuals
 from ...solution.signals import signals
 from ...solution.solution import Solution
 from ..workers import StopFlag, pool, stop_check
-from .batch import COUNTS, UNFINISHED, EnsembleJob
+from .batch import EnsembleJob
+from .run_results import UNFINISHED
 
 Progress = Callable[[float, str], None]
 

@@ -1,6 +1,6 @@
 """Parameters of a mechanism from measured signals: least squares with exact derivatives, over increasing time spans.
 
-    minimise  sum_k r_k^2,   r_k = (signal(t_k; p) - data_k) / sigma,   low <= p <= high
+    minimize  sum_k r_k^2,   r_k = (signal(t_k; p) - data_k) / sigma,   low <= p <= high
 
 by a trust region with bounds (Branch, Coleman, Li, SIAM J. Sci. Comput. 21 (1999)), with the Jacobian of
 `mbdae.sensitivity`. Over long spans the sum has false minima at motions that are shifted by whole periods. Therefore
@@ -65,7 +65,7 @@ def fit(
 ) -> Fit:
     """Identify parameters p of a mechanism from measurements of its motion.
 
-        minimise sum_k ((signal(t_k; p) - data_k) / sigma)^2,   low <= p <= high
+        minimize sum_k ((signal(t_k; p) - data_k) / sigma)^2,   low <= p <= high
 
     by a trust region with exact derivatives (Branch, Coleman, Li, SIAM J. Sci. Comput. 21 (1999)).
 

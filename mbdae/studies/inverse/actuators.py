@@ -39,7 +39,7 @@ class Actuators(NamedTuple):
     replaced: tuple[str, ...]
 
     def rows_at(self, G: Array) -> Array:
-        """Return S (m, nv), whose generalised force is S^T effort, for G (ng, nv) of all rows."""
+        """Return S (m, nv), whose generalized force is S^T effort, for G (ng, nv) of all rows."""
         out = self.fixed.copy()
         for i, row in enumerate(self.rows):
             if row >= 0:

@@ -166,7 +166,7 @@ def _basis(G: Array, free: Array) -> tuple[int, Array]:
 
 
 def _weighted_least_norm(A: Array, b: Array, weight: Array) -> Array:
-    """Return the x with A x = b that minimises the sum of weight x^2."""
+    """Return the x with A x = b that minimizes the sum of weight x^2."""
     root = np.sqrt(weight)
     return np.linalg.lstsq(A / root, b, rcond=RANK)[0] / root
 

@@ -35,7 +35,7 @@ AXES = "xyz"
 
 
 class Poses(NamedTuple):
-    """Rows of a curve's poses, linearised.
+    """Rows of a curve's poses, linearized.
 
     Attributes:
         inverse: pseudoinverses of G, (n, nv, ng).
@@ -108,7 +108,7 @@ class CurveSignals(Mapping[str, Array]):
 
     @cached_property
     def poses(self) -> Poses:
-        """Linearised rows in each pose."""
+        """Linearized rows in each pose."""
         s, all_rows = self.parameters.system, np.arange(self.parameters.system.ng)
         found = []
         for u, q, v in zip(self.found.u, self.found.q, self.found.rates, strict=True):

@@ -1,1 +1,1 @@
-"""Linearisation around equilibria and steady motions: modes, linear systems for control, root loci."""
+"""Linearization around equilibria and steady motions: modes, linear systems for control, root loci."""

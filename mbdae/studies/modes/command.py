@@ -37,7 +37,7 @@ def root_locus(study: Study, model: ChosenModel, over: str, **options: Any) -> R
 
 @command("inputs outputs", PLOT, shared=f"{STATE} units")
 def linearize(study: Study, out: Output, model: ChosenModel, **options: Any) -> None:
-    """Linearise a model with inputs and outputs. Prints gain and phase over frequency; with --json also A, B, C, D."""
+    """Linearize a model with inputs and outputs. Prints gain and phase over frequency; with --json also A, B, C, D."""
     import numpy as np
 
     system = study(model.load(), **options)

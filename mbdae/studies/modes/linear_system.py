@@ -51,7 +51,7 @@ class LinearSystem(Tabular):
         D: (outputs, inputs).
         inputs: names.
         outputs: names.
-        motion: the linearised motion; its ``state`` returns z for changes of q, v and s.
+        motion: the linearized motion; its ``state`` returns z for changes of q, v and s.
         units: of the gain from each input to each output, (outputs, inputs); "" if unknown or dimensionless.
     """
 
@@ -142,7 +142,7 @@ def linearize(
     t: float = 0.0,
     hold: str | Iterable[str] = (),
 ) -> LinearSystem:
-    """Linearise a mechanism with inputs and outputs around an equilibrium or a steady motion.
+    """Linearize a mechanism with inputs and outputs around an equilibrium or a steady motion.
 
         z' = A z + B u,   y = C z + D u
 

@@ -44,7 +44,7 @@ class Modes(Tabular):
     Attributes:
         mechanism: the mechanism.
         t: time in s.
-        motion: the linearised motion: A, and its point q, v, s.
+        motion: the linearized motion: A, and its point q, v, s.
         around: ``"start"``, ``"given"``, ``"equilibrium"`` or ``"steady motion"``.
         spectrum: eigenvalues of A by magnitude, with eigenvectors and rounding errors.
         locked: velocity indices of the locked coordinates.
@@ -86,9 +86,9 @@ class Modes(Tabular):
         """
         n = self.motion.positions.shape[1]
         shapes = self.motion.positions @ self.spectrum.vectors[:n, self.eigenvalues.imag >= 0]
-        return np.array([self._normalised(dq) for dq in shapes.T]).reshape(-1, self.mechanism.nv)
+        return np.array([self._normalized(dq) for dq in shapes.T]).reshape(-1, self.mechanism.nv)
 
-    def _normalised(self, dq: Array) -> Array:
+    def _normalized(self, dq: Array) -> Array:
         size = np.linalg.norm(self.motion.free.U @ dq)
         if not size:
             return np.zeros(len(dq), complex)

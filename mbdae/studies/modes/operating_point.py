@@ -1,4 +1,4 @@
-"""Operating point of a linearisation."""
+"""Operating point of a linearization."""
 
 import warnings
 from collections.abc import Iterable
@@ -27,7 +27,7 @@ def operating_point(
     t: float,
     hold: str | Iterable[str],
 ) -> tuple[Statics, ForceBalance, LinearMotion, str]:
-    """Return the force balance at which to linearise, and its kind.
+    """Return the force balance at which to linearize, and its kind.
 
     A full configuration (nq,) is used unchanged, with the speeds v. By default, the start is used if it is an
     equilibrium or a steady motion with its speeds; else the equilibrium found from there.
@@ -61,7 +61,7 @@ def operating_point(
         where = _locked_text(mech, locked) + (f", resting on {', '.join(resting)}" if resting else "")
         raise InputError(f"{mech.title!r} has no degree of freedom left{where}: it has no modes")
     if loses_rank(statics, balance):
-        raise InputError(f"the closures of {mech.title!r} lose rank in this pose: motions near it cannot be linearised")
+        raise InputError(f"the closures of {mech.title!r} lose rank in this pose: motions near it cannot be linearized")
     _warn_of_frozen_drivers(statics, balance)
     statics.system.inertia(t, balance.q)
     statics.system.laws.require_directions()
@@ -71,7 +71,7 @@ def operating_point(
 def _warn_of_frozen_drivers(statics: Statics, balance: ForceBalance) -> None:
     if frozen := frozen_drivers(statics.mech, balance.q, statics.v, statics.t):
         remedy = "a steady motion has speeds of joints, v={...} or --v joint=value"
-        warnings.warn(f"this linearisation freezes {', '.join(frozen)}: {remedy}", stacklevel=4)
+        warnings.warn(f"this linearization freezes {', '.join(frozen)}: {remedy}", stacklevel=4)
 
 
 def _locked_text(mech: Mechanism, locked: Array) -> str:

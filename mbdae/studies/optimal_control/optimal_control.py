@@ -1,4 +1,4 @@
-"""Optimal control by direct single shooting: inputs over time that minimise an integral of signals."""
+"""Optimal control by direct single shooting: inputs over time that minimize an integral of signals."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -44,9 +44,9 @@ def optimal_control(
     progress: Callable[[str], None] | None = None,
     **settings: Any,
 ) -> OptimalControl:
-    """Find the inputs u(t) of a mechanism, and the duration T, that minimise an integral of its motion.
+    """Find the inputs u(t) of a mechanism, and the duration T, that minimize an integral of its motion.
 
-        minimise  w T + int_0^T L dt,   q' = v,  M v' = f(q, v, s, u) + G^T lam,  0 = G v + g_t,  (q, v, s)(0) given
+        minimize  w T + int_0^T L dt,   q' = v,  M v' = f(q, v, s, u) + G^T lam,  0 = G v + g_t,  (q, v, s)(0) given
         low <= u <= high,   low_j <= x_j(T) <= high_j,   low_i <= x_i(t_k) <= high_i,   T_low <= T <= T_high
 
     by direct single shooting: unknowns are the values of u at equal intervals, constant or linear in between as each

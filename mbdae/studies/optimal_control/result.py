@@ -20,7 +20,7 @@ __all__: list[str] = []
 
 @dataclass(frozen=True)
 class OptimalControl(Tabular):
-    """Inputs that minimise a cost of a motion.
+    """Inputs that minimize a cost of a motion.
 
     Attributes:
         t: times of the grid in s, (points,).

@@ -1,1 +1,1 @@
-"""Optimisation of mechanism parameters: an interface to `scipy.optimize`, with exact gradients."""
+"""Optimization of mechanism parameters: an interface to `scipy.optimize`, with exact gradients."""

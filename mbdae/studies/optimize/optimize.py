@@ -1,6 +1,6 @@
-"""Optimisation of mechanism parameters for a cost of the motion: an interface to `scipy.optimize`.
+"""Optimization of mechanism parameters for a cost of the motion: an interface to `scipy.optimize`.
 
-    minimise c(p),   low <= p <= high,   low_j <= c_j(p) <= high_j
+    minimize c(p),   low <= p <= high,   low_j <= c_j(p) <= high_j
 
 by sequential least squares (Kraft, DFVLR-FB 88-28 (1988)) or another search of scipy with exact gradients: by the
 adjoint of a run (`mbdae.gradient`), or along a curve of poses (`mbdae.kinematics`) by the implicit function theorem.
@@ -56,9 +56,9 @@ def optimize(
     progress: Callable[[str], None] | None = None,
     **settings: Any,
 ) -> Optimum:
-    """Find the parameters p of a mechanism that minimise a cost of its motion.
+    """Find the parameters p of a mechanism that minimize a cost of its motion.
 
-        minimise c(p),   low <= p <= high,   low_j <= c_j(p) <= high_j
+        minimize c(p),   low <= p <= high,   low_j <= c_j(p) <= high_j
 
     by sequential least squares (Kraft, DFVLR-FB 88-28 (1988)), or another search of scipy, with exact gradients.
 

@@ -25,8 +25,8 @@ class Verdict:
         stability: ``"stable"``, ``"unstable"``, ``"neutral"``, ``"rigid"`` or ``"singular"``.
         unstable: number of unstable motions.
         neutral: number of motions without stiffness and growth.
-        squares: generalised eigenvalues of stiffness and mass matrix, 1/s^2, in ascending order, (k,).
-        by: ``"stiffness"`` or ``"eigenvalues"`` of the linearised motion, where damping, states or speeds matter.
+        squares: generalized eigenvalues of stiffness and mass matrix, 1/s^2, in ascending order, (k,).
+        by: ``"stiffness"`` or ``"eigenvalues"`` of the linearized motion, where damping, states or speeds matter.
     """
 
     stability: str
@@ -66,7 +66,7 @@ def verdict(statics: Statics, balance: ForceBalance) -> Verdict:
     """Assess the stability of an equilibrium.
 
     By the stiffness if forces have a potential and velocities only dissipate (Kelvin, Tait, Chetaev); by the
-    eigenvalues of the linearised motion for controllers with states, forces without a potential, or gyroscopic terms.
+    eigenvalues of the linearized motion for controllers with states, forces without a potential, or gyroscopic terms.
     """
     w = symmetric_part(balance.H)[0]
     if not len(w) and not len(balance.s):

@@ -65,7 +65,7 @@ def test_a_run_ends_where_drivers_part(tmp_path, scene, c, p, method):
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("options", [{"method": "pherk5"}, {"method": "radau5"}, {"step": 0.01}], ids=str)
 @pytest.mark.parametrize("scene", SCENES)
-def test_the_stabilised_form_ends_there_too(tmp_path, scene, options):
+def test_the_stabilized_form_ends_there_too(tmp_path, scene, options):
     """Position rows end the run of a joint and of gears, speeds that of a wheel, whose rolling has no position rows."""
     sol = mbdae.solve(SCENES[scene](tmp_path, 0.5, 4), (0, FAR), formulation="ggl", max_steps=2000, **options)
     assert sol.status in ("rank", "driver")

@@ -60,7 +60,7 @@ def test_redundant_bilateral_rows_change_nothing(seed):
 
 @pytest.mark.parametrize("backend", ["native", "python"])
 def test_many_stops_of_which_none_is_active(backend):
-    """More rows than are factorised densely, all zero at the start; carts reach their stops at 1 m."""
+    """More rows than are factorized densely, all zero at the start; carts reach their stops at 1 m."""
     model, n = empty(), 17
     for k in range(n):
         add_body(model, 0, pin.JointModelPX(), f"cart_{k}")

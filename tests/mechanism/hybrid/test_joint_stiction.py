@@ -158,7 +158,7 @@ def test_friction_of_the_source_is_taken_on_request():
 def test_wrong_friction_is_rejected():
     with pytest.raises(InputError, match=r"static is at least friction, 2, got 1"):
         JointFriction(friction=2.0, static=1.0)
-    with pytest.raises(InputError, match="velocity belongs to regularised friction"):
+    with pytest.raises(InputError, match="velocity belongs to regularized friction"):
         JointFriction(friction=2.0, static=3.0, velocity=0.1)
     with pytest.raises(InputError, match="joint 'x' has two frictions that stick"):
         block(JointFriction(friction=2.0, exact=True), JointFriction(friction=2.0, exact=True))

@@ -209,7 +209,7 @@ def test_a_driven_wheel_slips_above_its_friction_limit():
 def test_wrong_grip_is_rejected():
     with pytest.raises(InputError, match="the grip of 'floor' needs exact = true, or grip = 'none'"):
         ball()
-    with pytest.raises(InputError, match="velocity belongs to regularised friction"):
+    with pytest.raises(InputError, match="velocity belongs to regularized friction"):
         ball(exact=True, velocity=0.1)
     with pytest.raises(InputError, match=r"static is at least coefficient, 0.3, got 0.2"):
         ball(static=0.2)

@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import OptimizeResult, linprog
 
 from mbdae.errors import StepError
-from mbdae.mechanism.hybrid import friction_utilisation
+from mbdae.mechanism.hybrid import friction_utilization
 from mbdae.mechanism.hybrid.box_lcp import solve_box_lcp
-from mbdae.mechanism.hybrid.friction_utilisation import least_utilisation
+from mbdae.mechanism.hybrid.friction_utilization import least_utilization
 
 INF = np.inf
 
@@ -81,20 +81,20 @@ def test_dependent_rows_have_least_norm(gear, together, part):
     B, a, limit = np.array([[1.0, gear]]), np.array([1.0, gear]), np.array([3.0, 1.0])
     lam = -part * together * np.linalg.pinv(B)[:, 0]  # of least norm
     null = np.array([[gear], [-1.0]])
-    assert least_utilisation(lam / limit, null / limit[:, None]) == pytest.approx(part, rel=1e-13)
+    assert least_utilization(lam / limit, null / limit[:, None]) == pytest.approx(part, rel=1e-13)
     acc = part * together + (B @ solve_box_lcp(B, part * together * a, -limit, limit))[0]
     assert acc == pytest.approx(max(0.0, part - 1) * together, abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_the_least_utilisation_minimises_the_maximum(seed):
+def test_the_least_utilization_minimizes_the_maximum(seed):
     """Against a fine search over the single free multiplier."""
     rng = np.random.default_rng(seed)
     ratios, null = rng.normal(size=5), rng.normal(size=(5, 1))
     z = np.linspace(-20, 20, 400001)
     searched = np.abs(ratios[:, None] + null * z).max(axis=0).min()
-    assert least_utilisation(ratios, null) == pytest.approx(searched, abs=3e-4)
-    assert least_utilisation(ratios, null) <= searched
+    assert least_utilization(ratios, null) == pytest.approx(searched, abs=3e-4)
+    assert least_utilization(ratios, null) <= searched
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -106,20 +106,20 @@ def test_where_one_motion_is_left_the_share_is_that_of_the_works(seed, monkeypat
     ones = np.ones((m, 1))
     A, b = np.block([[null, -ones], [-null, -ones]]), np.concatenate([-ratios, ratios])
     least = linprog(np.append(np.zeros(m - 1), 1.0), A, b, bounds=(None, None), method="highs").fun
-    monkeypatch.setattr(friction_utilisation, "linprog", None)
-    assert least_utilisation(ratios, null) == pytest.approx(least, rel=1e-9)
+    monkeypatch.setattr(friction_utilization, "linprog", None)
+    assert least_utilization(ratios, null) == pytest.approx(least, rel=1e-9)
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-12, 1e-9, 1.0, 1e20, np.inf])
-def test_the_utilisation_is_that_of_multipliers_of_any_size(size):
+def test_the_utilization_is_that_of_multipliers_of_any_size(size):
     """|1 + z|, |2 z - 2| and |3 - z| <= 2 with z = 1 alone, which the first and the last row determine."""
     ratios, null = np.array([1.0, -2.0, 3.0]) * size, np.array([[1.0], [2.0], [-1.0]])
-    assert least_utilisation(ratios, null) == pytest.approx(2 * size, rel=1e-13)
+    assert least_utilization(ratios, null) == pytest.approx(2 * size, rel=1e-13)
 
 
 def test_a_linear_programme_that_fails_is_an_error(monkeypatch):
     failed = OptimizeResult(success=False, status=4, message="numerical difficulties", x=None)
-    monkeypatch.setattr(friction_utilisation, "linprog", lambda *a, **k: failed)
-    with pytest.raises(StepError, match="utilisation of redundant stiction limits is unknown: numerical diff") as e:
-        least_utilisation(np.array([1.0, -2.0, 3.0]), np.array([[1.0], [2.0], [-1.0]]))
+    monkeypatch.setattr(friction_utilization, "linprog", lambda *a, **k: failed)
+    with pytest.raises(StepError, match="utilization of redundant stiction limits is unknown: numerical diff") as e:
+        least_utilization(np.array([1.0, -2.0, 3.0]), np.array([[1.0], [2.0], [-1.0]]))
     assert e.value.status == "friction"

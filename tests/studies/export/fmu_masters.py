@@ -16,7 +16,7 @@ from fmpy import fmi3, simulation  # noqa: E402
 STEP = 1e-3
 
 
-def motorised(name, hold="zero", value=0.5):
+def motorized(name, hold="zero", value=0.5):
     """A model with an input torque on its first joint of one velocity, or on the first velocity of its first joint."""
     m = mbdae.load(name)
     single = [j for j in m.joint_names if sum(m.coordinate_joint(i) == j for i in range(m.nv)) == 1]
@@ -41,7 +41,7 @@ class Master:
         early: whether a step may end early; ``update`` is then called after each internal step.
     """
 
-    def __init__(self, unit, kind, start=None, t=0.0, early=False, update=None, initialised=True):
+    def __init__(self, unit, kind, start=None, t=0.0, early=False, update=None, initialized=True):
         self.unit, self.found = unit, fmpy.read_model_description(str(unit.path))
         self.folder = fmpy.extract(str(unit.path))
         interface = self.found.coSimulation if kind == "cs" else self.found.modelExchange
@@ -54,7 +54,7 @@ class Master:
         self.references = {x.name: x.valueReference for x in self.found.modelVariables}
         for name, x in (start or {}).items():
             self.set(name, x)
-        if not initialised:
+        if not initialized:
             return
         self.fmu.enterInitializationMode(startTime=t)
         self.fmu.exitInitializationMode()

@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from fmu_masters import STEP, Master, fmpy, motion_outputs, motorised, simulated
+from fmu_masters import STEP, Master, fmpy, motion_outputs, motorized, simulated
 
 import mbdae
 from mbdae.mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
@@ -16,7 +16,7 @@ N = 100
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
-    m = motorised("slider_crank")
+    m = motorized("slider_crank")
     outputs = [*motion_outputs(m), "a.crank", "force.wrist pin", "g"]
     return m, mbdae.export(m, tmp_path_factory.mktemp("fmu") / "driven.fmu", outputs=outputs, step=STEP)
 
@@ -39,7 +39,7 @@ def test_steps_are_those_of_a_simulator(name, tmp_path):
 
 @pytest.mark.parametrize("hold", ["zero", "first"])
 def test_inputs_are_those_of_a_simulator(hold, tmp_path):
-    m = motorised("slider_crank", hold)
+    m = motorized("slider_crank", hold)
     unit = mbdae.export(m, tmp_path / "driven.fmu", step=STEP)
     master, simulator = Master(unit, "cs"), mbdae.Simulator(m, step=STEP, record=False)
     for k in range(N):
@@ -56,7 +56,7 @@ def test_inputs_are_those_of_a_simulator(hold, tmp_path):
 def test_a_controller_is_sampled_once_at_each_instant(tmp_path):
     """Inputs are set after each step, which ends a rounding before or after an instant."""
     servo = mbdae.JointPID(joint="crank", kp=0.2, ki=3.0, rate=10.0, reference=1.0)
-    m = motorised("slider_crank", value=0.0)
+    m = motorized("slider_crank", value=0.0)
     m = mbdae.Mechanism(m.model, m.closures, [*m.forces, servo], start=m.start_values)
     unit = mbdae.export(m, tmp_path / "servo.fmu", kind="cs", outputs=["q.crank"], rtol=1e-5)
     master, reference = Master(unit, "cs"), mbdae.Simulator(m, rtol=1e-5, record=False)
@@ -109,7 +109,7 @@ def test_a_parameter_is_set_before_the_initialization(name, tmp_path):
 def test_values_before_the_initialization_are_those_of_the_start(tmp_path, capfd):
     m = mbdae.load("slider_crank")
     unit = mbdae.export(m, tmp_path / "model.fmu", kind="cs", parameters=["gravity.2"], outputs=["a.slider"], step=STEP)
-    master = Master(unit, "cs", initialised=False)
+    master = Master(unit, "cs", initialized=False)
     with pytest.raises(Exception, match="fmi3DoStep"):
         master.step(0.0)
     assert "must be initialized before its steps" in capfd.readouterr().out

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from fmu_masters import Master, motion_outputs, motorised, simulated
+from fmu_masters import Master, motion_outputs, motorized, simulated
 
 import mbdae
 from mbdae.finite_differences import numerical_derivative
@@ -22,7 +22,7 @@ def unit_of(tmp_path_factory):
 
     @cache
     def exported(name, motor=False):
-        m = motorised(name) if motor else mbdae.load(name)
+        m = motorized(name) if motor else mbdae.load(name)
         outputs = [
             *motion_outputs(m),
             *(["g", "Gv"] if not motor else [next(n for n in units(m) if n.startswith("a."))]),

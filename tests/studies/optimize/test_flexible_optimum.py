@@ -1,4 +1,4 @@
-"""Optimisation of the section of a beam: a cantilever that comes to rest at a given sag, against its closed form."""
+"""Optimization of the section of a beam: a cantilever that comes to rest at a given sag, against its closed form."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Claims of RATTLE and generalised alpha by the order study itself: (q, v, lam) on six mechanisms, exit code 0."""
+"""Claims of RATTLE and generalized alpha by the order study itself: (q, v, lam) on six mechanisms, exit code 0."""
 
 import json
 
@@ -47,7 +47,7 @@ def test_steps_between_halvings_share_the_common_times():
 
 @pytest.mark.native
 def test_rounding_of_multipliers_of_index_3_grows_with_the_square_of_the_steps():
-    """The own multipliers of alpha_i3 stop to converge at h = 1e-4 s; those of the stabilised form do not."""
+    """The own multipliers of alpha_i3 stop to converge at h = 1e-4 s; those of the stabilized form do not."""
     mech = mbdae.load("pendulum")
     measure = Measurement(mech, 2.0, 10, mech.assemble(mech.order.q, mech.order.v), lambda name: None, "native")
     size, h = np.array([1.0, 4.0, 40.0, 40.0]), 2 / 20480

@@ -45,7 +45,7 @@ def test_orders(model, half, back_end, monkeypatch):
     monkeypatch.setattr(Measurement, "reference", shared_reference)
     mech = mbdae.load(model)
     native = back_end == "native"
-    fast = [  # the orders of RATTLE and generalised alpha: test_variational, test_alpha
+    fast = [  # the orders of RATTLE and generalized alpha: test_variational, test_alpha
         n
         for n, m in mbdae.METHODS.items()
         if isinstance(m, Tableau) or (native and m.in_core and not isinstance(m, NewtonMethod))

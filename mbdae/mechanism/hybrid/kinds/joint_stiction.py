@@ -7,7 +7,7 @@ from ....tolerances import COINCIDENT, VISIBLE
 from ...closures.brake import Brake
 from ...forces.joint_friction import KineticFrictionElement
 from ...tree.frames import find_joint
-from ..friction_utilisation import friction_utilisation
+from ..friction_utilization import friction_utilization
 from ..switch import CandidateRow, Guard, Switch, core_switch
 
 if TYPE_CHECKING:
@@ -49,17 +49,17 @@ class JointStiction(Switch):
     def margin(self, point: "ModePoint") -> float:
         """Return the stiction margin as a fraction of the limit."""
         mode = point.system.mode
-        return 1.0 - friction_utilisation(
+        return 1.0 - friction_utilization(
             point, self.row, {s.row: s.spec.static for s in self.others if mode[s.index] == STICKING}
         )
 
-    def signed_utilisation(self, point: "ModePoint") -> float:
-        """Return lam / static, with sign: the utilisation of the limit, unless its row is redundant (see `margin`)."""
+    def signed_utilization(self, point: "ModePoint") -> float:
+        """Return lam / static, with sign: the utilization of the limit, unless its row is redundant (see `margin`)."""
         return float(point.lam[self.row]) / self.spec.static
 
     def guards(self, state: int) -> tuple[Guard, ...]:
         if state == STICKING:
-            ratio = self.signed_utilisation
+            ratio = self.signed_utilization
             return (
                 Guard(
                     "slip", self.name, self.index, self.margin, needs_multipliers=True, monitored_multiplier=ratio

@@ -1,4 +1,4 @@
-"""Utilisation of the stiction limit of a sticking row, also for redundant rows.
+"""Utilization of the stiction limit of a sticking row, also for redundant rows.
 
 The crank and the slider of one loop may both stick: only a combination of their torques is determined, not each, and
 multipliers of minimum norm are not meaningful. They stick as long as multipliers within all limits exist: the smallest
@@ -30,7 +30,7 @@ linprog = lazy_import("scipy.optimize", "linprog")
 ACTIVE_TOLERANCE = SAME_STATE  # of kappa: slack of active inequalities
 
 
-def friction_utilisation(point: "ModePoint", row: int, limits: dict[int, float]) -> float:
+def friction_utilization(point: "ModePoint", row: int, limits: dict[int, float]) -> float:
     """Return |lam_i| / F_i of a sticking row; for redundant rows, their common kappa.
 
     Args:
@@ -43,10 +43,10 @@ def friction_utilisation(point: "ModePoint", row: int, limits: dict[int, float])
         return abs(float(lam[row])) / limits[row]
     rows = [k for k in limits if np.abs(free[k]).max() >= UNINVOLVED]
     F = np.array([limits[k] for k in rows])
-    return least_utilisation(lam[rows] / F, free[rows] / F[:, None])
+    return least_utilization(lam[rows] / F, free[rows] / F[:, None])
 
 
-def least_utilisation(ratios: Array, N: Array) -> float:
+def least_utilization(ratios: Array, N: Array) -> float:
     """Return the smallest kappa with |ratios + N z| <= kappa.
 
     Args:
@@ -68,6 +68,6 @@ def least_utilisation(ratios: Array, N: Array) -> float:
     A, b = np.block([[basis, -ones], [-basis, -ones]]), np.concatenate([-relative, relative])
     found = linprog(np.append(np.zeros(k), 1.0), A, b, bounds=(None, None), method="highs")
     if not found.success:
-        raise StepError("friction", f"the utilisation of redundant stiction limits is unknown: {found.message}")
+        raise StepError("friction", f"the utilization of redundant stiction limits is unknown: {found.message}")
     active = b - A @ found.x < ACTIVE_TOLERANCE * (1 + abs(found.x[-1]))
     return size * float(np.linalg.lstsq(A[active], b[active])[0][-1])  # the vertex, to rounding
