@@ -12,12 +12,15 @@ def is_real(x: Array) -> bool:
 
 
 def as_numbers(value: object) -> Array:
-    """Return an argument as an array of numbers; nan for any other, which checks of finite numbers reject."""
+    """Return an argument as an array of numbers; nan for any other, and for masked ones, which checks reject."""
     try:
         given = np.asarray(value)
-        return given.astype(float) if is_real(given) else np.array(np.nan)
+        out = given.astype(float) if is_real(given) else np.array(np.nan)
     except (TypeError, ValueError):
         return np.array(np.nan)
+    if isinstance(value, np.ma.MaskedArray) and out.shape:
+        out[np.ma.getmaskarray(value)] = np.nan
+    return out
 
 
 def number(name: str, value: object) -> float:

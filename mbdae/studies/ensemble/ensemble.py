@@ -161,6 +161,8 @@ def _starts(mech: Mechanism, q: object, v: object, lengths: dict[str, int]) -> S
     arrays: list[Array | None] = []
     for name, given, width in (("q", q, mech.nq), ("v", v, mech.nv)):
         x = None if given is None else as_numbers(given)
+        if x is not None and not x.ndim:
+            raise InputError(f"{name} is an array of numbers, (n, {width}) or ({width},), got {given!r:.60}")
         if x is not None and (x.ndim not in (1, 2) or x.shape[-1] != width):
             raise InputError(f"{name} has shape {x.shape}, expected (n, {width}) or ({width},) for {mech.title!r}")
         arrays.append(x)

@@ -27,6 +27,12 @@ def test_a_first_value_that_is_invalid_fails_alone(values):
     assert mbdae.ensemble("n_four_bar", parameters=values, t_span=(0.0, 0.01)).status == ["input", "finished"]
 
 
+def test_masked_values_fail_alone():
+    masked = np.ma.array([-9.81, -9.81], mask=[True, False])
+    found = mbdae.ensemble("n_four_bar", parameters={"gravity.2": masked}, t_span=(0.0, 0.01))
+    assert found.status == ["input", "finished"]
+
+
 def test_a_run_without_the_signals_fails_alone():
     def model(sprung):
         springs = [mbdae.JointSpring(name="spring", joint="rod", stiffness=1.0)] if sprung else []

@@ -112,6 +112,7 @@ def test_outputs_do_not_overwrite_columns(outputs, words):
         ({"solve.rtol": [1e-3]}, {"backend": "nativ"}, "'nativ'"),
         ({"solve.rtol": [1e-3]}, {"times": [0.1, 0.05, 0.07]}, "in the span's order"),
         ({"solve.rtol": [1, 2**70]}, {}, "64 bits"),
+        ([{"gravity.2": -1.0, "gravity": [0, 0, -9.81]}], {}, "'gravity' would replace 'gravity.2': give it first"),
     ],
 )
 def test_what_all_runs_share_is_rejected_at_once(parameters, more, words):

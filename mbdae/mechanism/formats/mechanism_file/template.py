@@ -89,7 +89,13 @@ class Template:
 
         Raises:
             UnknownNameError: with the valid names.
+            InputError: for a table that would replace an entry given before it.
         """
+        earlier = list[str]()
+        for name in values:
+            if replaced := next((x for x in earlier if x.startswith(f"{name}.")), ""):
+                raise InputError(f"{name!r} would replace {replaced!r}: give it first, or leave one of them out")
+            earlier.append(name)
         mech, recipe = self.make({n: x for n, x in values.items() if n in self.parameters}), self.recipe(values)
         for name in values:
             root, dot, rest = name.partition(".")
