@@ -73,8 +73,8 @@ StartDerivative begin_run(Index2System& s, const RunStart& given, const FirstSte
 }
 
 void solve_runs(Method& method, Index2System& s, const RunStart& start, const FirstStep* first_step, const Run& given,
-                   const Numbers& y, InPlaceParameters& parameters, const Numbers& values, int nodes,
-                   const volatile unsigned char& stop, CoreRuns& out) {
+                const Numbers& y, InPlaceParameters& parameters, const Numbers& values, int nodes,
+                const volatile unsigned char& stop, CoreRuns& out) {
   const size_t length = s.length;
   const double* numbers = values.data();
   for (auto at = y.begin(); at != y.end(); at += length, numbers += parameters.count()) {

@@ -37,7 +37,7 @@ StartDerivative begin_run(Index2System& s, const RunStart& start, const FirstSte
 // Runs from points y (n, length), with values (n, ..) of parameters in place, to the end of the span of `run`, which has
 // their options and no steps, each begun by `begin_run`. Fewer runs where `stop` becomes true.
 void solve_runs(Method& method, Index2System& s, const RunStart& start, const FirstStep* first_step, const Run& run,
-                   const Numbers& y, InPlaceParameters& parameters, const Numbers& values, int nodes,
-                   const volatile unsigned char& stop, CoreRuns& out);
+                const Numbers& y, InPlaceParameters& parameters, const Numbers& values, int nodes,
+                const volatile unsigned char& stop, CoreRuns& out);
 
 }  // namespace mbdae

@@ -88,7 +88,7 @@ std::vector<Guard> guards_of(const std::vector<Switch>& switches, const Mode& mo
 // Rounding error of multipliers at the current point, where y' and lam are F and lam, over that of solved systems.
 double largest_force(Index2System& s, const double* y, const double* F, const double* lam);
 
-// Utilisation of the limit of a sticking joint, with sign, at the current point of a mode: lam / limit where sticking
+// Utilization of the limit of a sticking joint, with sign, at the current point of a mode: lam / limit where sticking
 // rows are independent; where they prevent one motion together, so that their torques are indeterminate, the work of all
 // over that of all limits along it. Otherwise FallBackToPython.
 double stiction_utilization(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
