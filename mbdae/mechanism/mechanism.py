@@ -258,13 +258,13 @@ class Mechanism(DynamicsTerms):
         t = t if self.drivers else 0.0
         if t not in self._starts:
             if not self.start_values.assemble:
-                require_consistent(self, *self.given, t)
-                return self.given
+                require_consistent(self, *self.unassembled_start, t)
+                return self.unassembled_start
             self._starts[t] = assemble_start(self, t)[:2]
         return self._starts[t]
 
     @property
-    def given(self) -> tuple[Array, Array]:
+    def unassembled_start(self) -> tuple[Array, Array]:
         """Start values of the file, before assembly: q (nq,), v (nv,)."""
         values = self.start_values
         q = self.coordinates({**values.guess, **values.q})[0]
@@ -273,7 +273,7 @@ class Mechanism(DynamicsTerms):
     @property
     def start_violation(self) -> ClosureError | None:
         """Closure with the largest violation at the start values before assembly; None without closures."""
-        return largest_error(self, self.residual(*self.given)[0]) if self.ng else None
+        return largest_error(self, self.residual(*self.unassembled_start)[0]) if self.ng else None
 
     def point(
         self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None,

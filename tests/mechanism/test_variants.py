@@ -65,7 +65,7 @@ def new_mechanism(template, values):
 
 def terms(mech, native, fresh=False):
     """All that a workspace computes at a point off the start, and what the mechanism says about itself."""
-    q = mech.manifold.integrate(mech.given[0], np.full(mech.nv, 0.01))
+    q = mech.manifold.integrate(mech.unassembled_start[0], np.full(mech.nv, 0.01))
     v = 0.1 + 0.05 * np.arange(mech.nv)
     y = np.concatenate([q, v, [*mech.states.values()], [0]])
     s = mech.system(native=native) if fresh else mech.workspaces.acquire(native=native)

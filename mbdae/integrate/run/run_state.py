@@ -63,7 +63,7 @@ class RunState:
         self.interval = SmoothInterval(self.t1, self.t1, None)  # as far as is known before the run begins
         self.rejected: int | None = 0
         self.undone_motion: Array | None = None  # since a step was undone, and its undone part, see `projected_step`
-        self.given = start.copy()  # before controllers are sampled, see `unsampled`
+        self.initial_point = start.copy()  # before controllers are sampled, see `unsampled`
         self.ts, self.ys, self.zs = [self.t], GrowingArray(start), GrowingArray(np.full(system.nz, np.nan))
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # first node of each set of rows in use
         self.carries = CarryRecord()
@@ -108,7 +108,7 @@ class RunState:
     def unsampled(self) -> Array:
         """Return the point at the start of a mechanism, with the states before its controllers were sampled."""
         out, first = self.ys[-1].copy(), -1 - self.system.ns  # type: ignore[attr-defined]
-        out[first:-1] = self.given[first:-1]
+        out[first:-1] = self.initial_point[first:-1]
         return out
 
     def _start_at(self, y: Array, restarted: bool = False) -> None:

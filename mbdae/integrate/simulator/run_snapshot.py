@@ -31,7 +31,7 @@ class RunSnapshot(NamedTuple):
         mode: of the mechanism.
         stepper: of the step-size control.
         interval: the smooth interval, if a jump follows at t; None within one.
-        given: the point at the start of the run, before controllers were sampled.
+        initial_point: the point at the start of the run, before controllers were sampled.
     """
 
     t: float
@@ -43,7 +43,7 @@ class RunSnapshot(NamedTuple):
     mode: tuple[int, ...]
     stepper: StepperState
     interval: SmoothInterval | None
-    given: Array
+    initial_point: Array
 
 
 class Origin(NamedTuple):
@@ -131,13 +131,14 @@ def snapshot(run: RunState) -> RunSnapshot:
     y, compensation = run.ys[-1].copy(), run.state.compensation
     interval = run.interval if run.interval.leaves_jump(run.t) else None
     stepper = run.stepper.snapshot()
-    return RunSnapshot(run.t, y, carry, compensation, rows, s.rank_threshold, s.mode, stepper, interval, run.given)
+    system_state = rows, s.rank_threshold, s.mode
+    return RunSnapshot(run.t, y, carry, compensation, *system_state, stepper, interval, run.initial_point)
 
 
 def resume(run: RunState, start: RunSnapshot) -> None:
     """Begin a new run at a snapshot, in place of `RunState.begin`."""
     s: Any = run.system
-    t, y, carry, compensation, rows, s.rank_threshold, mode, stepper, interval, run.given = start
+    t, y, carry, compensation, rows, s.rank_threshold, mode, stepper, interval, run.initial_point = start
     run.ys[-1] = y
     s.laws.set_inputs(s.element_states(y))
     if run.mode_changes:

@@ -71,7 +71,7 @@ class Trajectory:
     Attributes:
         ts: times of the nodes, (n,).
         ys: points there, (n, ...).
-        given: the initial point, before controllers, mode selection and projection change it.
+        initial_point: the point at the start, before controllers, mode selection and projection change it.
         system: a workspace, shared by runs with the same parameters; `enter_node` sets its mode and rows in use.
         sensitivity: discrete sensitivity of the maps other than steps.
         n_carry: length of the carry.
@@ -88,7 +88,7 @@ class Trajectory:
         self.ts, self.ys, _ = (np.asarray(a) for a in sol.nodes)
         q, v, _ = np.split(self.ys[0], [mech.nq, mech.nq + mech.nv])
         defaults = {"q": q, "v": v, "s": list(mech.states.values())}  # for files without these settings
-        self.given = np.concatenate([*(settings.get(name) or x for name, x in defaults.items()), [0.0]])
+        self.initial_point = np.concatenate([*(settings.get(name) or x for name, x in defaults.items()), [0.0]])
         self.system: Any = parameters.workspace(settings["formulation"], backend.load())
         self.system.set_min_slip_speed(smallest_slip(mech, 0.0))
         self._enter(0, parameters)
@@ -154,7 +154,7 @@ class Trajectory:
     def start_parts(self) -> Iterator[TrajectoryPart]:
         """Yield the maps from the initial point to the first node."""
         self.enter_node(0)
-        t, y = float(self.ts[0]), self.given
+        t, y = float(self.ts[0]), self.initial_point
         if len(self.system.mechanism.states):
             yield LinearMap(self.sensitivity.jump(t, y, LATE), False)
             y = self.system.jump(t, y, LATE)
@@ -173,7 +173,7 @@ class Trajectory:
     def at_start(self, name: str, find: Callable[[], Any]) -> Any:
         """Return partials at the first node, computed once for runs with the same start and parameters."""
         s = self.system
-        key = type(s), s.in_use, self.ts[0], self.ys[0].tobytes(), self.given.tobytes()
+        key = type(s), s.in_use, self.ts[0], self.ys[0].tobytes(), self.initial_point.tobytes()
         return self.sensitivity.parameters.once(name, key, find)
 
     def step_parts(self, i: int) -> Iterator[TrajectoryPart]:

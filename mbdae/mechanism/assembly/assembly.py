@@ -159,7 +159,7 @@ def start_position(mech: "Mechanism") -> Array:
     values = mech.start_values
     fixed = tangent_indices(mech.model, list(_undriven(mech, values.q)))
     system, held = mech.system(), _held_modes(mech, {**values.guess, **values.q})
-    return _with_modes_held(lambda fixed: close_position(system, mech.given[0], fixed, 0.0), fixed, held)[0]
+    return _with_modes_held(lambda fixed: close_position(system, mech.unassembled_start[0], fixed, 0.0), fixed, held)[0]
 
 
 def _held_modes(mech: "Mechanism", named: Iterable[str]) -> Array:

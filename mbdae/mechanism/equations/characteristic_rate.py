@@ -19,7 +19,8 @@ def characteristic_rate(mech: "Mechanism") -> float:
     scales = mech.coordinate_scales
     squares = [gravity_rate(mech) ** 2]
     try:
-        q, v = mech.start if mech.start_values.assemble else mech.given  # `start` checks them with this rate
+        # without assembly `start` checks the values with this rate
+        q, v = mech.start if mech.start_values.assemble else mech.unassembled_start
         squares += ((v / scales) ** 2).tolist()
         y = np.concatenate([q, v, list(mech.states.values()), [0.0]])
         with mech.workspaces.borrowed() as system:

@@ -246,7 +246,7 @@ def card(mech: Mechanism) -> Card:
     positions = rank(mass_scaled_jacobian(system, 0.0, q)[mech.positional])
     by_name, speeds = by_joint(system, 0.0, mech.point())
     g, Gv = mech.residual(q, v)
-    loaded, worst = mech.given[0], mech.start_violation
+    loaded, worst = mech.unassembled_start[0], mech.start_violation
     closures = (
         {
             "name": c.name,

@@ -38,8 +38,8 @@ class Demand(NamedTuple):
         power: largest delivered power, in W.
         braking: largest absorbed power, in W.
         energy: in J: delivered minus absorbed.
-        given: delivered energy in J.
-        taken: absorbed energy in J.
+        delivered: energy in J.
+        absorbed: energy in J.
     """
 
     name: str
@@ -51,8 +51,8 @@ class Demand(NamedTuple):
     power: float
     braking: float
     energy: float
-    given: float
-    taken: float
+    delivered: float
+    absorbed: float
 
 
 @dataclass(frozen=True)
@@ -118,13 +118,13 @@ class InverseDynamics(Tabular):
             tau, speed, power = self.efforts[valid, i], self.speeds[valid, i], self.power[valid, i]
             length = float(t[-1] - t[0])
             rms = np.sqrt(_integral(tau, t, intervals, 2) / length) if length > 0 else np.abs(tau).max()
-            given, taken = delivered_and_absorbed(power, t, intervals)
+            delivered, absorbed = delivered_and_absorbed(power, t, intervals)
             peak, at = located_peak(tau, t, self.over[valid], intervals)
             out.append(
                 Demand(
                     name, unit, peak, at, float(rms),
                     float(np.abs(speed).max()), float(max(power.max(), 0)), float(max(-power.min(), 0)),
-                    _integral(power, t, intervals), given, taken,
+                    _integral(power, t, intervals), delivered, absorbed,
                 )
             )  # fmt: skip
         return tuple(out)
@@ -260,11 +260,11 @@ class InverseDynamics(Tabular):
                 f"  {d.name}: peak {quantity(d.peak, d.unit, '.5g')} at {name} = {quantity(d.at, unit, '.4g')}, "
                 f"RMS {quantity(d.rms, d.unit, '.5g')}, up to {quantity(d.speed, SPEEDS[d.unit], '.4g')}"
             )
-            energy, low = rounded_zero(d.energy, d.given + d.taken), displayed(-d.braking, "W")[0]
-            given, taken = (displayed(x, "J")[0] for x in (d.given, d.taken))
+            energy, low = rounded_zero(d.energy, d.delivered + d.absorbed), displayed(-d.braking, "W")[0]
+            delivered, absorbed = (displayed(x, "J")[0] for x in (d.delivered, d.absorbed))
             lines.append(
                 f"    power {low:.4g} to {quantity(d.power, 'W', '.4g')}; energy {quantity(energy, 'J', '.5g')}, "
-                f"delivered {given:.5g}, absorbed {taken:.5g}"
+                f"delivered {delivered:.5g}, absorbed {absorbed:.5g}"
             )
         return "\n".join([*lines, *self.remarks()])
 
@@ -273,7 +273,7 @@ def _cells(d: Demand) -> list[str]:
     """Return the cells of an actuator."""
     speed = unit_name(SPEEDS[d.unit])
     values = ((d.peak, d.unit, ".5g"), (d.rms, d.unit, ".5g"), (d.speed, SPEEDS[d.unit], ".4g"), (d.power, "W", ".4g"),
-              (d.braking, "W", ".4g"), (rounded_zero(d.energy, d.given + d.taken), "J", ".5g"))  # fmt: skip
+              (d.braking, "W", ".4g"), (rounded_zero(d.energy, d.delivered + d.absorbed), "J", ".5g"))  # fmt: skip
     peak, rms, most, *rest = (f"{displayed(x, unit)[0]:{digits}}" for x, unit, digits in values)
     return [d.name, peak, rms, unit_name(d.unit), most, speed, *rest]
 

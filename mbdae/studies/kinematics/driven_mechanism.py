@@ -127,7 +127,7 @@ def start_pose(mech: Mechanism) -> Array:
     Raises:
         AssemblyError: if its loops cannot be closed.
     """
-    return start_position(mech) if mech.start_values.assemble else mech.given[0]
+    return start_position(mech) if mech.start_values.assemble else mech.unassembled_start[0]
 
 
 def input_at(driven: Mechanism, system: "Index2System", q: Array) -> float:

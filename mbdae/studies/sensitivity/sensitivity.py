@@ -259,7 +259,7 @@ def start_tangent(trajectory: Trajectory, dp: Array, start: bool) -> Array:
 
 def _model_start_derivatives(trajectory: Trajectory) -> Array:
     """Return derivatives of the mechanism's start, (ny, k); zeros for (q, v), or s, if the run began elsewhere."""
-    t, y, s, sensitivity = float(trajectory.ts[0]), trajectory.given, trajectory.system, trajectory.sensitivity
+    t, y, s, sensitivity = float(trajectory.ts[0]), trajectory.initial_point, trajectory.system, trajectory.sensitivity
     out, model_start, nx = np.zeros((s.ny, sensitivity.k)), np.empty(0), s.nq + s.nv
     if all(p.keeps_start and p.keeps_states for p in sensitivity.parameters.all):
         return out

@@ -18,9 +18,9 @@ def test_a_bar_lifted_at_constant_speed():
     demand = inverse_dynamics(Mechanism(model), curve, speed=speed).demands[0]
     assert demand.peak == pytest.approx(size, rel=1e-12)
     assert demand.at == pytest.approx(0.0, abs=1e-8)
-    assert demand.given == pytest.approx(size * (1 - np.sin(low)), rel=1e-6)
-    assert demand.taken == pytest.approx(size * (1 - np.sin(high)), rel=1e-5)
-    assert demand.energy == pytest.approx(demand.given - demand.taken, rel=1e-12)
+    assert demand.delivered == pytest.approx(size * (1 - np.sin(low)), rel=1e-6)
+    assert demand.absorbed == pytest.approx(size * (1 - np.sin(high)), rel=1e-5)
+    assert demand.energy == pytest.approx(demand.delivered - demand.absorbed, rel=1e-12)
 
 
 def test_next_to_jumps_and_corners_the_largest_sample_counts():
