@@ -99,7 +99,7 @@ def test_headings_with_units_are_read_back(sol, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "heads"),
+    ("words", "headers"),
     [
         ("equilibrium pendulum", "q.ball.z [mm]"),
         ("kinematics slider_crank --drive crank --points 9", "q.slider [mm]"),
