@@ -8,69 +8,32 @@ even harmonics due to the rod are out of reach of a mass that rotates with the c
 Run: python examples/balancing.py
 """
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
-
 import numpy as np
 
 import mbdae
 
 CRANK, ROD, COM, ARM, SPEED = 0.1, 0.35, 0.12, 0.08, 20.0  # m, m, m from the crank pin, m, rad/s
 ROD_MASS, BLOCK_MASS = 0.4, 0.6  # kg
-HINGE = 'joint = "revolute"\naxis = [0.0, -1.0, 0.0]'
-MACHINE = f"""
-title = "Slider-crank on its bed"
-gravity = [0.0, 0.0, 0.0]
-[[body]] # three translations, locked by the closure, whose multipliers are the force on the ground
-name = "bed"
-parent = "world"
-joint = "translation"
-mass = 5.0
-[[body]]
-name = "crank"
-parent = "bed"
-{HINGE}
-mass = 1.5
-inertia = [0.006, 0.012, 0.006, 0.0, 0.0, 0.0]
-[[body]]
-name = "counterweight"
-parent = "crank"
-joint = "fixed"
-xyz = [{-ARM}, 0.0, 0.0]
-mass = 0.1
-[[body]]
-name = "rod"
-parent = "crank"
-{HINGE}
-xyz = [{CRANK}, 0.0, 0.0]
-mass = {ROD_MASS}
-com = [{COM}, 0.0, 0.0]
-inertia = [0.0, 0.004, 0.004, 0.0, 0.0, 0.0]
-[[body]]
-name = "block"
-parent = "bed"
-joint = "prismatic"
-axis = [1.0, 0.0, 0.0]
-mass = {BLOCK_MASS}
-[[frame]]
-name = "rod_tip"
-parent = "rod"
-xyz = [{ROD}, 0.0, 0.0]
-[[closure]]
-name = "ground"
-kind = "point"
-frames = ["world", "bed"]
-[[closure]]
-name = "wrist pin"
-kind = "point"
-frames = ["rod_tip", "block"]
-[[driver]]
-name = "motor"
-joint = "crank"
-motion = {{ kind = "polynomial", coefficients = [0.0, {SPEED}] }}
-[start]
-guess = {{ block = {CRANK + ROD} }}
-"""
+HINGE = {"joint": "revolute", "axis": [0.0, -1.0, 0.0]}
+MACHINE = {
+    "title": "Slider-crank on its bed",
+    "gravity": [0.0, 0.0, 0.0],
+    "body": [  # the closure locks the three translations of the bed: its multipliers are the force on the ground
+        {"name": "bed", "parent": "world", "joint": "translation", "mass": 5.0},
+        {"name": "crank", "parent": "bed", **HINGE, "mass": 1.5, "inertia": [0.006, 0.012, 0.006, 0.0, 0.0, 0.0]},
+        {"name": "counterweight", "parent": "crank", "joint": "fixed", "xyz": [-ARM, 0.0, 0.0], "mass": 0.1},
+        {"name": "rod", "parent": "crank", **HINGE, "xyz": [CRANK, 0.0, 0.0], "mass": ROD_MASS, "com": [COM, 0.0, 0.0],
+         "inertia": [0.0, 0.004, 0.004, 0.0, 0.0, 0.0]},
+        {"name": "block", "parent": "bed", "joint": "prismatic", "axis": [1.0, 0.0, 0.0], "mass": BLOCK_MASS},
+    ],
+    "frame": [{"name": "rod_tip", "parent": "rod", "xyz": [ROD, 0.0, 0.0]}],
+    "closure": [
+        {"name": "ground", "kind": "point", "frames": ["world", "bed"]},
+        {"name": "wrist pin", "kind": "point", "frames": ["rod_tip", "block"]},
+    ],
+    "driver": [{"name": "motor", "joint": "crank", "motion": {"kind": "polynomial", "coefficients": [0.0, SPEED]}}],
+    "start": {"guess": {"block": CRANK + ROD}},
+}  # fmt: skip
 
 
 def shaking(signals) -> tuple[float, dict[str, np.ndarray]]:
@@ -84,18 +47,15 @@ def main(points: int = 24) -> dict[str, float]:
     """Print the best counterweight and the closed form, and return both."""
     period = 2 * np.pi / SPEED
     times = period * np.arange(points) / points  # equal angles of one revolution
-    with TemporaryDirectory() as folder:
-        path = Path(folder, "machine.toml")
-        path.write_text(MACHINE)
-        found = mbdae.optimize(
-            path,
-            shaking,
-            ["body.counterweight.mass"],
-            bounds={"body.counterweight.mass": (0.0, 5.0)},
-            t_span=(0.0, period),
-            t_eval=times,
-            step=period / (2 * points),
-        )
+    found = mbdae.optimize(
+        mbdae.load(MACHINE),
+        shaking,
+        ["body.counterweight.mass"],
+        bounds={"body.counterweight.mass": (0.0, 5.0)},
+        t_span=(0.0, period),
+        t_eval=times,
+        step=period / (2 * points),
+    )
     rotating, reciprocating = ROD_MASS * (1 - COM / ROD), ROD_MASS * COM / ROD + BLOCK_MASS
     closed = (rotating + reciprocating / 2) * CRANK / ARM
     mass = found.values["body.counterweight.mass"]

@@ -7,70 +7,34 @@ holding torque at rest is differentiated by stiffness, rest length and anchor of
 Run: python examples/lift_assist.py
 """
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
-
 import numpy as np
 
 import mbdae
 
-HINGE = 'joint = "revolute"\naxis = [0.0, -1.0, 0.0]'
+HINGE = {"joint": "revolute", "axis": [0.0, -1.0, 0.0]}
 SHUT, OPEN = -0.6, 0.9  # rad
-HATCH = f"""
-title = "Hatch on two arms"
-[[body]]
-name = "arm"
-parent = "world"
-{HINGE}
-mass = 0.8
-com = [0.2, 0.0, 0.0]
-inertia = [0.0, 0.01, 0.01, 0.0, 0.0, 0.0]
-[[body]]
-name = "hatch"
-parent = "arm"
-{HINGE}
-xyz = [0.4, 0.0, 0.0]
-mass = 6.0
-com = [0.15, 0.0, 0.1]
-inertia = [0.3, 0.5, 0.3, 0.0, 0.0, 0.0]
-[[body]]
-name = "stay"
-parent = "world"
-{HINGE}
-xyz = [0.05, 0.0, 0.2]
-mass = 0.7
-com = [0.2, 0.0, 0.0]
-inertia = [0.0, 0.01, 0.01, 0.0, 0.0, 0.0]
-[[frame]]
-name = "hatch_pin"
-parent = "hatch"
-xyz = [0.02, 0.0, 0.22]
-[[frame]]
-name = "stay_tip"
-parent = "stay"
-xyz = [0.38, 0.0, 0.0]
-[[frame]]
-name = "anchor"
-parent = "world"
-xyz = [-0.05, 0.0, 0.25]
-[[frame]]
-name = "eye"
-parent = "arm"
-xyz = [0.15, 0.0, 0.0]
-[[closure]]
-name = "pin"
-kind = "point"
-frames = ["hatch_pin", "stay_tip"]
-[[force]]
-name = "spring"
-kind = "spring_damper"
-frames = ["anchor", "eye"]
-stiffness = 400.0
-length = 0.1
-[start]
-q = {{ arm = {SHUT} }}
-guess = {{ hatch = {-SHUT}, stay = {SHUT} }}
-"""
+HATCH = {
+    "title": "Hatch on two arms",
+    "body": [
+        {"name": "arm", "parent": "world", **HINGE, "mass": 0.8, "com": [0.2, 0.0, 0.0],
+         "inertia": [0.0, 0.01, 0.01, 0.0, 0.0, 0.0]},
+        {"name": "hatch", "parent": "arm", **HINGE, "xyz": [0.4, 0.0, 0.0], "mass": 6.0, "com": [0.15, 0.0, 0.1],
+         "inertia": [0.3, 0.5, 0.3, 0.0, 0.0, 0.0]},
+        {"name": "stay", "parent": "world", **HINGE, "xyz": [0.05, 0.0, 0.2], "mass": 0.7, "com": [0.2, 0.0, 0.0],
+         "inertia": [0.0, 0.01, 0.01, 0.0, 0.0, 0.0]},
+    ],
+    "frame": [
+        {"name": "hatch_pin", "parent": "hatch", "xyz": [0.02, 0.0, 0.22]},
+        {"name": "stay_tip", "parent": "stay", "xyz": [0.38, 0.0, 0.0]},
+        {"name": "anchor", "parent": "world", "xyz": [-0.05, 0.0, 0.25]},
+        {"name": "eye", "parent": "arm", "xyz": [0.15, 0.0, 0.0]},
+    ],
+    "closure": [{"name": "pin", "kind": "point", "frames": ["hatch_pin", "stay_tip"]}],
+    "force": [
+        {"name": "spring", "kind": "spring_damper", "frames": ["anchor", "eye"], "stiffness": 400.0, "length": 0.1},
+    ],
+    "start": {"q": {"arm": SHUT}, "guess": {"hatch": -SHUT, "stay": SHUT}},
+}  # fmt: skip
 BOUNDS = {
     "force.spring.stiffness": (50.0, 4000.0),
     "force.spring.length": (0.02, 0.3),
@@ -82,11 +46,8 @@ BOUNDS = {
 def main(torque: float = -1.0, points: int = 25) -> dict[str, float]:
     """Print the spring, and the deviation of the holding torque from a constant in N m; return the deviation."""
     cost = mbdae.Squares({"holding": np.full(points, torque)}, sigma=points**0.5)
-    with TemporaryDirectory() as folder:
-        path = Path(folder, "hatch.toml")
-        path.write_text(HATCH)
-        found = mbdae.optimize(path, cost, list(BOUNDS), BOUNDS, drive="arm", span=(SHUT, OPEN), points=points,
-                               tolerance=1e-6)  # fmt: skip
+    hatch, span = mbdae.load(HATCH), (SHUT, OPEN)
+    found = mbdae.optimize(hatch, cost, list(BOUNDS), BOUNDS, drive="arm", span=span, points=points, tolerance=1e-6)
     print(found)
     before, after = ((2 * x) ** 0.5 for x in (found.start.cost, found.cost))
     print(f"the torque departs from {torque:g} N m by {before:.3g} N m before, {after:.2g} N m after (RMS)")
