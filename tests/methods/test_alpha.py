@@ -15,7 +15,7 @@ from mbdae.errors import InputError
 from mbdae.methods import METHODS, method
 from mbdae.methods.alpha import GeneralizedAlpha
 from mbdae.methods.order.alpha import check_alpha
-from mbdae.methods.order.reports import check_claims
+from mbdae.methods.order.claims import check_claims
 from mbdae.system import State
 
 NAMES = [name for name, m in METHODS.items() if isinstance(m, GeneralizedAlpha)]

@@ -11,8 +11,8 @@ import mbdae
 from mbdae import JointDamping, backend
 from mbdae.errors import InputError
 from mbdae.methods import METHODS
+from mbdae.methods.order.claims import check_claims
 from mbdae.methods.order.composition import check_composition
-from mbdae.methods.order.reports import check_claims
 from mbdae.methods.variational import Composition
 from mbdae.system import State
 

@@ -62,7 +62,7 @@ def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:
     """List the methods, or check their order conditions. The check is exact."""
     from ...methods import METHODS, method
     from ...methods.method_table import summary
-    from ...methods.order.reports import check_claims
+    from ...methods.order.claims import check_claims
 
     chosen = [method(n) for n in names or METHODS]
     if check:
