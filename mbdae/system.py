@@ -225,7 +225,7 @@ class System(Protocol):
     def difference(self, y0: Array, y1: Array) -> Array:
         """Return y1 (-) y0 in the tangent at y0, (ny,)."""
 
-    def restore(self, t: float, y: Array, tight: bool = False) -> Array:
+    def project_state(self, t: float, y: Array, tight: bool = False) -> Array:
         """Return y (n,) projected onto constraints that methods do not enforce (positions); to rounding, if tight."""
         return y
 
@@ -238,7 +238,7 @@ class System(Protocol):
             project: whether y is projected onto the constraints.
         """
         with suppress(StepError):
-            closed = self.restore(t, y)
+            closed = self.project_state(t, y)
             self.update_independent_rows(t, State(closed))
             self.counts.state_projections = 0  # only those of steps are counted
             y = closed if project else y

@@ -78,7 +78,7 @@ def repeated_run(trajectory, mech, start=None):
     system, tableau, t = mech.system(), trajectory.tableau, trajectory.ts
     y = mech.point() if start is None else start
     if trajectory.project:
-        y = system.restore(t[0], y)
+        y = system.project_state(t[0], y)
     carry = system.carry(*system.derivative(t[0], y)) if trajectory.n_carry else None
     out, state = [y], State(y, carry)
     for i, h in enumerate(np.diff(t)):
@@ -90,7 +90,7 @@ def repeated_run(trajectory, mech, start=None):
         for part in parts:
             state, at = tableau.step(system, at, part, state).state, at + part
         if trajectory.project:
-            y = system.restore(t[i + 1], state.y)
+            y = system.project_state(t[i + 1], state.y)
             carry = system.carry(*system.derivative(t[i + 1], y)) if trajectory.restarted[i + 1] else state.carry
             state = State(y, carry)
         out.append(state.y)

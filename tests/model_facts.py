@@ -103,7 +103,8 @@ class Facts:
             Z, still = null(system.closures(q, 0.0)[1][rows]), np.zeros(mech.nv)
             for z in (Z @ np.random.default_rng(0).standard_normal((Z.shape[1], 20))).T:
                 poses = [mech.manifold.integrate(q, h * z) for h in (1e-3, -1e-3)]
-                closed = [system.restore(0.0, np.concatenate([x, still, states, [0.0]]))[: mech.nq] for x in poses]
+                points = [np.concatenate([x, still, states, [0.0]]) for x in poses]
+                closed = [system.project_state(0.0, y)[: mech.nq] for y in points]
                 if sum(system.energy(x, still)[1] for x in closed) < 2 * system.energy(q, still)[1] - 1e-9:
                     return True
             return False

@@ -136,7 +136,7 @@ def force_rows(mech: "Mechanism") -> dict[str, list[int]]:
     The multipliers of these rows are components of a force in orthogonal directions. Closures with regularized friction
     are excluded, since friction is not one of their multipliers.
     """
-    regularized = {f.closure for f in mech.forces if isinstance(f, CoulombFriction) and not f.sticks}
+    regularized = {f.closure for f in mech.forces if isinstance(f, CoulombFriction) and not f.is_exact}
     framed = [c.name for c in mech.constraints if c.frames and c.name not in regularized]
     return {name: [i for i in mech.rows_of(name) if mech.row_units[i] == "m"] for name in framed}
 

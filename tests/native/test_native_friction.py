@@ -55,7 +55,7 @@ def made(name):
     if v is None:
         return mech, mech.start
     q, v = np.zeros(mech.nq) if q is None else np.array(q, float), np.array(v, float)
-    y = mech.system().restore(0.0, np.concatenate([q, v, [0.0]]))
+    y = mech.system().project_state(0.0, np.concatenate([q, v, [0.0]]))
     return mech, (y[: mech.nq], y[mech.nq : mech.nq + mech.nv])
 
 

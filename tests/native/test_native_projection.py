@@ -25,7 +25,7 @@ def both(name, **parameters):
 def test_the_nearest_point_is_that_of_the_pseudoinverse(name, away):
     mech, y, python, native = both(name)
     off = python.add(y, away * np.random.default_rng(0).standard_normal(python.ny))
-    expected, found = python.restore(0.0, off), native.core.restore(0.0, off)
+    expected, found = python.project_state(0.0, off), native.core.project_state(0.0, off)
     assert np.abs(found - off).max() > 0.1 * away, "nothing was moved"
     size = 1 + np.abs(y).max()
     assert np.abs(found - expected).max() < 1e-13 * size + 1e-7 * away
@@ -35,7 +35,7 @@ def test_the_nearest_point_is_that_of_the_pseudoinverse(name, away):
 def test_many_rows_are_projected_as_few():
     _, y, python, native = both("n_four_bar", N=40)
     off = python.add(y, 1e-4 * np.random.default_rng(0).standard_normal(python.ny))
-    assert np.abs(native.core.restore(0.0, off) - python.restore(0.0, off)).max() < 1e-13
+    assert np.abs(native.core.project_state(0.0, off) - python.project_state(0.0, off)).max() < 1e-13
 
 
 def test_rows_that_the_rows_in_use_leave_open_are_closed():
@@ -46,7 +46,7 @@ def test_rows_that_the_rows_in_use_leave_open_are_closed():
     native = mech.system(native=backend.load())
     native.derivative(0.0, np.concatenate([*mech.assemble(q={"crank": 1.0}), [0.0]]))  # rows in use of another pose
     off = native.add(y, 1e-7 * np.random.default_rng(0).standard_normal(native.ny))
-    found, expected = native.core.restore(0.0, off), mech.system().restore(0.0, off)
+    found, expected = native.core.project_state(0.0, off), mech.system().project_state(0.0, off)
     assert np.abs(mech.residual(*native.split(found))[0]).max() < 1e-12
     assert np.abs(found - expected).max() < 1e-9
 
@@ -55,7 +55,7 @@ def test_the_motion_along_the_manifold_is_left():
     """Off the manifold all five rows of Bricard's loop are independent: the pseudoinverse moves the loop, too."""
     mech, y, python, native = both("bricard")
     off = python.add(y, 1e-4 * np.random.default_rng(0).standard_normal(python.ny))
-    moved = [python.difference(off, s(0.0, off))[: mech.nv] for s in (native.core.restore, python.restore)]
+    moved = [python.difference(off, s(0.0, off))[: mech.nv] for s in (native.core.project_state, python.project_state)]
     M = np.diag(np.ones(mech.nv))
     M[:] = python.inertia(0.0, off[: mech.nq])
     sizes = [np.linalg.norm(M @ x) for x in moved]

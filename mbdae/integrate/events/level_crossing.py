@@ -1,4 +1,4 @@
-"""Level crossings of signals: detected at the ends of steps, located on steps of the method.
+"""Level crossings of signals: bracketed by ends of steps and extrema between them, located on steps of the method.
 
 A step of size theta h from the same start ends at a point of the full order of the method, so the event time has this
 order too. The dense output is not used: its order is lower by one.
@@ -26,10 +26,10 @@ brentq = lazy_import("scipy.optimize", "brentq")
 TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
 NOT_A_SIGNAL = re.compile(r"[=<>!]$|^[-+.\d]")  # "q.slider >= 0.3", "0.1 < q.slider < 0.3"
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
-TIME_SPACINGS = 2  # roundings of t: tolerance of the time of an event
+TIME_SPACINGS = 2  # units in the last place of t: tolerance of the time of an event
 RELATIVE_TOLERANCE = 4 * EPS  # of theta: tolerance of the time of an event
-ON_A_SIDE = float(np.sqrt(np.finfo(float).tiny))  # of a signal at its level to rounding; products do not underflow
-DEPARTURE_WIDTH = 1e-3  # of a step
+ON_A_SIDE = float(np.sqrt(np.finfo(float).tiny))  # in place of a zero approached from one side; squares are normal
+DEPARTURE_WIDTH = 1e-3  # of a step: where the side is seen on which a signal leaves its level
 MAX_ITERATIONS = 100  # of Brent's method, which bisects in the worst case
 EventRoot = tuple[float, Array]
 

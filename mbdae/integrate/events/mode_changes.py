@@ -216,7 +216,7 @@ class ModeChanges(EventSource):
         """Resolve impacts at a point, and enter the next mode; return the point after them, and that mode."""
         y, mode = self._resolve_mode(run, point, opened)
         self._set_mode(mode, run)
-        return self.system.restore(run.t, y) if run.project else y, mode
+        return self.system.project_state(run.t, y) if run.project else y, mode
 
     def _check_chattering(self, run: "RunState", fired: list[Guard]) -> None:
         self.chattering.check(len(run.ts) - 1, run.t, (g.name for g in fired), self.system.mode)

@@ -121,7 +121,7 @@ class Resets(EventSource):
             run.switch_mode(found(run.t, y))
         else:
             self.system.enter((0,) * len(self.system.mode))  # a start
-            point = ModePoint(self.system, run.mode_changes.all_rows, run.t, found.closed(run.t, y))
+            point = ModePoint(self.system, run.mode_changes.all_rows, run.t, found.assembled(run.t, y))
             if contact := penetration_message(point):
                 raise StepError("impact", f"{contact} after event {found.reset.name!r}, at t = {run.t:.17g}")
             run.mode_changes.continue_from(run, point, set(), partial(found.with_work, y))
@@ -171,7 +171,7 @@ def _require_comparison(mech: Mechanism, where: str, text: str, signs: str) -> N
     try:
         signal, _, direction = parse_level_crossing(text)
         if signal == text.strip() or not (direction or "=" in signs):
-            raise InputError(f"it is a signal, one of {signs}, and a number, got {text!r:.80}")
+            raise InputError(f"expected a signal, one of {signs}, and a number, got {text!r:.80}")
         find_point_signal(mech, signal)
     except UnknownNameError as e:
         raise UnknownNameError(f"signal in {where}", e.name, e.valid) from None

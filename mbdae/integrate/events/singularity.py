@@ -50,12 +50,12 @@ class SingularityMonitor(SingularityLocation):
         system: workspace of the run.
         kept: whether the method enforces positions of closures, by projection or a multiplier.
         control: step-size control of a run that may cross singular configurations; None for other runs.
-        closing: whether states must be projected where the ratio is small; not for ggl, whose multiplier does so.
+        projects: whether states must be projected where the ratio is small; not for ggl, whose multiplier does so.
     """
 
-    def __init__(self, system: Index2System, kept: bool, control: "Adaptive | None", closing: bool) -> None:
+    def __init__(self, system: Index2System, kept: bool, control: "Adaptive | None", projects: bool) -> None:
         super().__init__(system, kept, control is not None)
-        self.control, self.closing, self.newest_ratio = control, closing, 1.0
+        self.control, self.projects, self.newest_ratio = control, projects, 1.0
         self._reset_history(0)
 
     @classmethod
@@ -178,7 +178,7 @@ class SingularityMonitor(SingularityLocation):
             self.monitored_from = len(run.ts) - 2
         if self.monitored_from is not None and (last or not near):
             self._leave(run)
-        return bool(near and self.control and self.closing and not ends)
+        return bool(near and self.control and self.projects and not ends)
 
     def _inspect_end(self, run: "RunState") -> None:
         """Inspect the last step of the run.

@@ -136,7 +136,7 @@ def cross_singularity(
         return None
     t = run.interval.end if end == run.time_to_interval_end() else run.t + run.sign * end
     y1 = path(run.sign * end)
-    closed = y1 if ends_near else system.restore(t, y1, True)  # near it, rounding would spoil v
+    closed = y1 if ends_near else system.project_state(t, y1, True)  # near it, rounding would spoil v
     error = system.difference(lower(run.sign * end), y1)
     passed = singular(system, run.t + dt, path(dt), (run.t, y), DEPTH * here)
     if passed is None:

@@ -237,7 +237,7 @@ class UserEvents(EventSource):
         with suppress(StepError):
             if run.stepper.any_size:
                 return self._on_step(step, theta, event)
-        y = run.system.restore(t, step.dense(theta)) if run.stepper.any_size else step.dense(theta)
+        y = run.system.project_state(t, step.dense(theta)) if run.stepper.any_size else step.dense(theta)
         return Occurrence(t, Step(State(y), run.system.derivative(t, y)[1], empty))
 
     def _on_step(self, step: "StepMap", theta: float, event: Event) -> Occurrence:

@@ -221,7 +221,7 @@ class RunState:
 
     def projected(self, t: float, state: State, tight: bool = False) -> State:
         """Return the state projected onto the closures, with a new carry if the projection exceeds the tolerance."""
-        y = self.system.restore(t, state.y, tight)
+        y = self.system.project_state(t, state.y, tight)
         move = self.system.difference(state.y, y)
         self.restarted = not (state.carry is None or self.stepper.tolerates(self, y, move))
         if not self.restarted:

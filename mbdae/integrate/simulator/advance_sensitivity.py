@@ -114,7 +114,7 @@ class AdvanceSensitivity:
         self.trajectory = Trajectory(self.sol, parameters.bound)
         if self.trajectory.n_carry and not last.restarted:
             raise InputError(
-                f"method {self.trajectory.tableau.name!r} carries v' from the advance before: for derivatives of"
+                f"method {self.trajectory.tableau.name!r} reuses v' of the previous step: for derivatives of"
                 " advances create the simulator with restart=True"
             )
         self.trajectory.restarted[0] = not self.trajectory.jumped[0]
@@ -176,7 +176,8 @@ class AdvanceSensitivity:
         """
         m, trajectory, cells = self.sol.mechanism, self.trajectory, list(self.parameters.inputs.cells.values())
         if samplers_of(trajectory.system.laws) or any(trajectory.jumped[1:]):
-            raise InputError("instants of the advance do not scale with its length: no derivative with respect to dt")
+            why = "sampling times or jumps within the advance do not scale with dt"
+            raise InputError(f"{why}: no derivative with respect to dt")
         settings = [cell.setting for cell in cells]
         try:
             for cell in cells:

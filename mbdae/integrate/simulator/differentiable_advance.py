@@ -100,7 +100,8 @@ class DifferentiableAdvance:
         many = {np.shape(x)[-1] for x, _ in state.values() if np.ndim(x) > 1}
         many |= {np.shape(x)[-1] for x in numbers if np.ndim(x)}
         if len(many) > 1:
-            raise InputError(f"variations have different numbers of directions: {', '.join(map(str, sorted(many)))}")
+            widths = ", ".join(map(str, sorted(many)))
+            raise InputError(f"variations must have the same number of columns, got {widths}")
         width = next(iter(many), 1)
         dy = np.vstack([*(_columns(name, x, n, width) for name, (x, n) in state.items()), np.zeros((1, width))])
         dp = np.zeros((len(p.columns), width))
@@ -161,7 +162,7 @@ class DifferentiableAdvance:
         if last is None:
             raise InputError("no advance to differentiate: the simulator has not advanced since its start or restore")
         if self.status == "event":
-            raise InputError("the last advance ended in an event, whose time varies: no derivative")
+            raise InputError("the last advance ended in an event, whose time varies: it has no derivative at fixed dt")
         if self._bound is None or self._bound.names != tuple(parameters):
             m = self.mechanism
             mode = self._run.system.mode  # type: ignore[attr-defined]

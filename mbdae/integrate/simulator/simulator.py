@@ -86,7 +86,7 @@ class Simulator(DifferentiableAdvance):
         if not isinstance(problem, Mechanism):
             raise InputError("a simulator needs a mechanism; textbook problems run by mbdae.solve")
         if of_runs := options.keys() & {"t_span", "t_eval", "max_steps", "progress"}:
-            raise InputError(f"a simulator has no {min(of_runs)}: it starts at t, and goes on by advance")
+            raise InputError(f"a simulator takes no {min(of_runs)}: it starts at t, and advance() steps it")
         if not is_number(t):
             raise InputError(f"t must be a finite number, got {t!r:.60}")
         self.inputs = Inputs(problem)

@@ -80,7 +80,7 @@ class Ida(LibraryStepper):
         self.unknowns: Any = ()
         self.raw = RawCoordinates(system)
         if self.atol.ndim and self.raw.units:
-            raise InputError("method 'ida' takes one number as atol for quaternions and unbounded revolute joints")
+            raise InputError("method 'ida' needs one number as atol for quaternions and unbounded revolute joints")
         self.check_atol(system)
 
     def _open(self, run: "RunState") -> None:

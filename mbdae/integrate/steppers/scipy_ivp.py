@@ -82,7 +82,7 @@ class Scipy(LibraryStepper):
                 )
             if self.atol.ndim:
                 raise InputError(
-                    "formulation 'index1' takes one number as atol for quaternions and unbounded revolute joints"
+                    "formulation 'index1' needs one number as atol for quaternions and unbounded revolute joints"
                 )
         self.check_atol(system)
         self.baseline: ScipySolver = baseline

@@ -177,7 +177,7 @@ class ModeJumps:
         found = [(name, x) for name, x in times if len(x)]
         if not found:
             name = next((name for name, _ in times), self.switches[0].name)
-            raise InputError(f"{name!r} only grazes its limit at t = {point.t:.9g} s: no derivative of the run")
+            raise InputError(f"{name!r} only grazes its limit at t = {point.t:.9g} s: the run is not differentiable")
         self._require_one_time(point, found)
         return found[0][1]
 
@@ -219,7 +219,8 @@ class ModeJumps:
         if first == i:
             return i > 0
         if first > 0 and self.trajectory.ts[first] == self.trajectory.ts[first + 1]:
-            raise InputError(f"the mode changes twice at t = {self.trajectory.ts[i]:.9g} s: no derivative of the run")
+            when = f"t = {self.trajectory.ts[i]:.9g} s"
+            raise InputError(f"the mode changes twice at {when}: the run is not differentiable")
         return False
 
     def _require_one_time(self, point: ModePoint, found: list[tuple[str, Array]]) -> None:
@@ -239,4 +240,5 @@ class ModeJumps:
         times = [x[np.r_[0 : 2 * nv, ny : len(x)]] @ free.T for _, x in found]
         if any(np.abs(x - times[0]).max() > INPUT_DIGITS * np.abs(times[0]).max() for x in times[1:]):
             names = " and ".join(repr(name) for name, _ in found)
-            raise InputError(f"{names} switch at the same time, t = {point.t:.9g} s: their order has no derivative")
+            why = "the run is not differentiable, since perturbations change their order"
+            raise InputError(f"{names} switch at the same time, t = {point.t:.9g} s: {why}")

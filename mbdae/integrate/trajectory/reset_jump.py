@@ -41,13 +41,15 @@ class ResetJumps:
         trajectory, reset, sensitivity = self.trajectory, self.resets[self.names[i]], self.trajectory.sensitivity
         t, y, ny = float(trajectory.ts[i]), trajectory.ys[i], sensitivity.ny
         if i and trajectory.jumped[i - 1]:
-            raise InputError(f"event {reset.name!r} follows another one at t = {t:.9g} s: no derivative of the run")
+            when = f"coincides with another event at t = {t:.9g} s"
+            raise InputError(f"event {reset.name!r} {when}: the run is not differentiable")
         trajectory.enter_node(i)
         before = trajectory.system.derivative(t, y)[0]
         gradient = SignalJacobian(trajectory, [parse_level_crossing(reset.signal).signal]).rows(i, t, y)[0]
         total = float(gradient[:ny] @ before + gradient[-1])
         if abs(total) <= VISIBLE * float(np.abs(gradient[:ny] * before).sum() + abs(gradient[-1])):
-            raise InputError(f"event {reset.name!r} only grazes its level at t = {t:.9g} s: no derivative of the run")
+            when = f"only grazes its level at t = {t:.9g} s"
+            raise InputError(f"event {reset.name!r} {when}: the run is not differentiable")
         state_reset = StateReset(trajectory.system, reset)
         for k, (p, others) in enumerate(
             zip(sensitivity.parameters.all, state_reset.of_parameters(sensitivity), strict=True)
@@ -62,10 +64,10 @@ class ResetJumps:
         return trajectory.jumps.projected(i, jump) if switched else jump
 
     def _map(self, reset: StateReset, t: float, y: Array) -> Array:
-        """Return the derivatives of y after the event and its impacts by (y, p, t), (ny, ny + k + 1)."""
+        """Return the derivatives of y after the event and its impacts with respect to (y, p, t), (ny, ny + k + 1)."""
         trajectory, sensitivity = self.trajectory, self.trajectory.sensitivity
         trajectory.jumps.enter_idle_mode()
-        after, R = trajectory.jumps.impact(t, reset.closed(t, y), reset.closed_partials(sensitivity, t, y))
+        after, R = trajectory.jumps.impact(t, reset.assembled(t, y), reset.assembled_partials(sensitivity, t, y))
         return reset.with_work_partials(sensitivity, y, after, R)
 
 

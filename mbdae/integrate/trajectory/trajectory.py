@@ -208,7 +208,7 @@ class Trajectory:
         start = self.state(i)
         self.enter_node(i)
         y = self._taken(float(self.ts[i]), t - float(self.ts[i]), start).y
-        return self.system.restore(t, y) if self.project else y
+        return self.system.project_state(t, y) if self.project else y
 
     @property
     def halved(self) -> bool:
@@ -274,7 +274,7 @@ class Trajectory:
             state = self._taken(t, h, start)
             if not self.project:
                 return State(state.y, state.carry), False
-            closed, view = self.system.restore(t + h, state.y), _RunView(self.system, start)
+            closed, view = self.system.project_state(t + h, state.y), _RunView(self.system, start)
             if self.stepper.tolerates(view, closed, self.system.difference(state.y, closed)):
                 return State(closed, state.carry), False
             return State(closed, self._restarted_carry(i + 1, closed)), True

@@ -68,7 +68,7 @@ def close_position(system: "Index2System", q: Array, fixed: Array, t: float) -> 
 
 def _require_finite(system: "Index2System", q: Array, t: float) -> None:
     try:
-        g, G = system.closures_by_size(q, t)
+        g, G = system.closures_dense_or_sparse(q, t)
     except StepError as e:
         raise InputError(f"the initial estimate cannot be assembled: {e}") from e
     with np.errstate(over="ignore", invalid="ignore"):

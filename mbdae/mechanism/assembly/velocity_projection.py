@@ -27,7 +27,7 @@ class VelocityProjection:
 
     def __init__(self, system: "Index2System", q: Array, fixed: Array, t: float) -> None:
         self.q, self.fixed, self.free = q, fixed, np.delete(np.arange(system.nv), fixed)
-        self.G, self.g_t = system.closures_by_size(q, t)[1], system.g_t(t).copy()
+        self.G, self.g_t = system.closures_dense_or_sparse(q, t)[1], system.g_t(t).copy()
         self.rows, self.scales = system.mechanism.row_scales, system.mechanism.coordinate_scales
         self._correction: Callable[[Array], Array] | None = None
 

@@ -97,7 +97,7 @@ def _relevant(s: "Index2System", rows: Array) -> Array:
     friction = s.closure_friction
     sliding = [friction.interfaces[k] for k in np.flatnonzero(friction.active)]
     mask = np.zeros(s.nv, bool)
-    for pair in (p.pair for p in sliding if not p.force.sticks):
+    for pair in (p.pair for p in sliding if not p.force.is_exact):
         mask[pair.columns if pair.nodes else pair.sign != 0] = True
     return mask
 
@@ -132,7 +132,7 @@ def _active_interfaces(s: "Index2System") -> list[_ActiveInterface]:
     friction, out = s.closure_friction, []
     for k in np.flatnonzero(friction.active):
         p, factor = friction.interfaces[k], -float(friction.coefficient[k])
-        width = 0.0 if p.force.sticks else p.force.width
+        width = 0.0 if p.force.is_exact else p.force.width
         out.append(_ActiveInterface(factor, width, friction.directions[k], p.closure.name, p.no_slip_rows))
     return out
 

@@ -63,7 +63,10 @@ class PointSensitivity(AccelerationSensitivity):
         return F, lam, found._replace(lam=dlam)
 
     def projection(self, t: float, y: Array) -> Array:
-        """Return the partials of `mbdae.system.System.restore` at y, (ny, ny + k): each Gauss-Newton step, and v."""
+        """Return the partials of `mbdae.system.System.project_state` at y: each Gauss-Newton step, and v.
+
+        They are (ny, ny + k).
+        """
         return self._projected(t, y, True)[1]
 
     def row_update(self, t: float, y: Array) -> Array:

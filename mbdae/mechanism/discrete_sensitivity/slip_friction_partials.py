@@ -31,7 +31,7 @@ def with_slip_friction_partials(
         return lam, dlam
     total, out = with_slip_friction(s, q, v, lam), dlam.copy()
     for k in np.flatnonzero(friction.active):
-        if (interface := friction.interfaces[k]).force.sticks:
+        if (interface := friction.interfaces[k]).force.is_exact:
             F = lam[interface.rows]
             relative = F @ dlam[interface.rows] / (F @ F or 1.0)
             out[interface.no_slip_rows] = np.outer(total[interface.no_slip_rows], relative)

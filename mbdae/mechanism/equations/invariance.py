@@ -105,7 +105,7 @@ def _with_velocities(system: Index2System, points: Sequence[MotionPoint]) -> lis
     system.enter(mode)
     try:
         system.derivative(t, y)
-        return [*points, MotionPoint(t, system.restore(t, tilted), mode)]
+        return [*points, MotionPoint(t, system.project_state(t, tilted), mode)]
     except StepError:
         return list(points)
 

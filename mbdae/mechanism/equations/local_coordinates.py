@@ -30,7 +30,7 @@ LARGEST_ROTATION = 2.0  # rad of a spherical, planar or free joint; J(x) ends at
 
 
 class StatePartials(NamedTuple):
-    """Partial derivatives of a state by (x, t), (..., n + 1), and the displacement from the origin, (nv,).
+    """Partial derivatives of a state with respect to (x, t), (..., n + 1), and the displacement from the origin, (nv,).
 
     Attributes:
         moved: the displacement.
@@ -170,7 +170,7 @@ class LocalCoordinates:
         return min((cosine - SMALLEST_COSINE) / (1 - SMALLEST_COSINE), 1 - max(turns, default=0.0) / LARGEST_ROTATION)
 
     def partials(self, t: float, x: Array) -> StatePartials:
-        """Return the exact partial derivatives of the state by (x, t).
+        """Return the exact partial derivatives of the state with respect to (x, t).
 
         Raises:
             StepError: beyond the range of the coordinates.

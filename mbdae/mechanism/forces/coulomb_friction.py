@@ -46,14 +46,14 @@ class CoulombFriction(Force):
 
     @model_validator(mode="after")
     def _check_keys(self) -> "CoulombFriction":
-        if self.sticks and self.velocity is not None:
+        if self.is_exact and self.velocity is not None:
             raise ValueError("velocity belongs to regularized friction, not to static or exact")
         if self.static is not None and self.static < self.coefficient:
             raise ValueError(f"static is at least coefficient, {self.coefficient:g}, got {self.static:g}")
         return self
 
     @property
-    def sticks(self) -> bool:
+    def is_exact(self) -> bool:
         """Whether the friction is exact, so that the contact can stick."""
         return self.exact or self.static is not None
 

@@ -78,7 +78,7 @@ class ForceElement:
         Raises:
             InputError: for a law without partial derivatives.
         """
-        users = "implicit methods, equilibria and gradients take the method partials(t, q, v, s) of its law"
+        users = "implicit methods, equilibria and gradients need the method partials(t, q, v, s) of its law"
         raise InputError(f"force {self.name!r} has no partials: {users} {type(self).__name__}")
 
     def time_partials(self, t: float, q: Array, v: Array, s: Array) -> Array | float:

@@ -66,14 +66,14 @@ class JointFriction(Force):
 
     @model_validator(mode="after")
     def _check_keys(self) -> "JointFriction":
-        if self.sticks and self.velocity is not None:
+        if self.is_exact and self.velocity is not None:
             raise ValueError("velocity belongs to regularized friction, not to static or exact")
         if self.static is not None and self.static < (self.friction or 0.0):
             raise ValueError(f"static is at least friction, {self.friction:g}, got {self.static:g}")
         return self
 
     @property
-    def sticks(self) -> bool:
+    def is_exact(self) -> bool:
         """Whether the friction is exact, so that joints can stick."""
         return self.exact or self.static is not None
 
@@ -83,13 +83,13 @@ class JointFriction(Force):
         Raises:
             InputError: for a joint of several coordinates, or static friction below the kinetic one of the model.
         """
-        if not self.sticks:
+        if not self.is_exact:
             return
         source = self._kinetic_limits(model)
         for name in self._joints(model):
             (j,) = find_joints(model, name)
             if self.joint and j.nv != 1:
-                raise InputError(f"friction that sticks needs a joint with one velocity; {name!r} has {j.nv}")
+                raise InputError(f"exact friction needs a joint of one degree of freedom; {name!r} has {j.nv}")
             kinetic = float(source[j.idx_v : j.idx_v + j.nv].max(initial=0.0))
             static = kinetic if self.static is None else self.static
             if kinetic > static:
@@ -97,7 +97,7 @@ class JointFriction(Force):
             if j.nv == 1 and static:
                 yield StictionJoint(name, self.name, kinetic, static)
             elif kinetic:
-                raise InputError(f"friction that sticks needs a joint with one velocity; {name!r} has {j.nv}")
+                raise InputError(f"exact friction needs a joint of one degree of freedom; {name!r} has {j.nv}")
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         d = self._kinetic_limits(model)
@@ -105,7 +105,7 @@ class JointFriction(Force):
             raise InputError(f"the model has no friction for force {self.name!r}: set friction = ...")
         return (
             KineticFrictionElement(self.name, d)
-            if self.sticks
+            if self.is_exact
             else FrictionElement(self.name, d, self.velocity or DEFAULT_VELOCITY)
         )
 

@@ -66,7 +66,7 @@ class ClosureFriction:
                 rows, no_slip = slice(start, start + closure.load_rows), slice(start + 1, start + closure.m)
                 self.interfaces.append(FrictionInterface(force, closure, pair, rows, no_slip))
         self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.interfaces])
-        self.active = np.array([not p.force.sticks for p in self.interfaces], np.uint8)
+        self.active = np.array([not p.force.is_exact for p in self.interfaces], np.uint8)
         self.slip_directions = np.empty((len(self.interfaces), 2))
         self.reset()
         sizes = [p.no_slip_rows.stop - p.no_slip_rows.start for p in self.interfaces]
@@ -83,7 +83,7 @@ class ClosureFriction:
     @property
     def can_stick(self) -> bool:
         """Whether any sliding interface can stick."""
-        return any(active and p.force.sticks for active, p in zip(self.active, self.interfaces, strict=True))
+        return any(active and p.force.is_exact for active, p in zip(self.active, self.interfaces, strict=True))
 
     def core_data(self) -> list[CoreData]:
         """Return the core data of the interfaces; `active` and `slip_directions` are shared with the core."""
@@ -94,7 +94,7 @@ class ClosureFriction:
         W, k = self.constraints.W, len(self.interfaces)
         e, speed, d = np.zeros((k, len(v))), np.zeros(k), np.zeros(k)
         for i, p in enumerate(self.interfaces):
-            if p.force.sticks and self.active[i]:
+            if p.force.is_exact and self.active[i]:
                 direction = p.slip_direction(v, W, self.directions[i], self.min_slip_speed, within_step)
                 e[i], d[i] = p.pair.torque(W[:, p.no_slip_rows] @ direction), 1.0
                 speed[i] = e[i] @ v
@@ -113,7 +113,7 @@ class ClosureFriction:
 
     def regularized_interfaces(self, name: str) -> list[int]:
         """Return the indices of a closure's interfaces with regularized friction, which is not a multiplier."""
-        return [k for k, p in enumerate(self.interfaces) if p.closure.name == name and not p.force.sticks]
+        return [k for k, p in enumerate(self.interfaces) if p.closure.name == name and not p.force.is_exact]
 
     def wrench(self, name: str, v: Array, lam: Array) -> Array:
         """Return the regularized friction wrench of a closure on its second frame, at the world's origin, (6,).
@@ -136,7 +136,7 @@ class ClosureFriction:
     def planar_slips(self) -> list[int]:
         """Indices of sliding interfaces whose slip has two components: its direction changes within a mode."""
         found = np.flatnonzero(self.active).tolist() if self.interfaces else []
-        return [k for k in found if self.interfaces[k].force.sticks and len(self.directions[k]) > 1]
+        return [k for k in found if self.interfaces[k].force.is_exact and len(self.directions[k]) > 1]
 
     def reject_planar_slips(self, what: str) -> None:
         """Raise an InputError if an interface slides in two directions: its friction has no partial derivatives."""
@@ -160,7 +160,7 @@ class ClosureFriction:
         """Update the slip directions of sliding interfaces; return False if one is at rest. W must be current."""
         moving = True
         for k in np.flatnonzero(self.active).tolist():
-            if (p := self.interfaces[k]).force.sticks:
+            if (p := self.interfaces[k]).force.is_exact:
                 slip, size = p.no_slip_velocity(v, self.constraints.W)
                 moving &= self.is_clear(size)
                 self.directions[k][:] = slip / size if self.is_clear(size) else self.directions[k]
@@ -174,7 +174,7 @@ class ClosureFriction:
         """Return multipliers with -mu |F| d in the inactive no-slip rows of sliding interfaces, (ng,)."""
         out = lam.copy()
         for k in np.flatnonzero(self.active):
-            if (p := self.interfaces[k]).force.sticks:
+            if (p := self.interfaces[k]).force.is_exact:
                 direction = p.slip_direction(v, self.constraints.W, self.directions[k], self.min_slip_speed, False)
                 F = lam[p.rows]
                 out[p.no_slip_rows] = -self.coefficient[k] * np.sqrt(F @ F) * direction
@@ -278,11 +278,11 @@ def _require_supported(force: CoulombFriction, closure: Closure) -> None:
 
 def _require_valid_grip(force: CoulombFriction, closure: Closure, grips: Sequence[object]) -> None:
     """Require a friction law that applies to the no-slip rows of a closure."""
-    if grips and not force.sticks:
+    if grips and not force.is_exact:
         how = "exact = true, or grip = 'none'"
         raise InputError(f"coulomb_friction {force.name!r}: the grip of {closure.name!r} needs {how}")
     if grips and closure.is_unilateral and (len(grips) > 1 or force.static is not None):
         how = "exact = true without static, and grip in one direction: 'longitudinal', 'lateral' or an angle"
         raise InputError(f"coulomb_friction {force.name!r}: {closure.name!r}, which is unilateral, needs {how}")
-    if force.sticks and not grips:
+    if force.is_exact and not grips:
         raise InputError(f"coulomb_friction {force.name!r}: static and exact are for rolling closures with a grip")

@@ -225,11 +225,11 @@ class CompiledSystem(CoreStart):
         self.core.use_rows(rows, len(rows), self.rank_threshold, self.rows_frozen)
         self._rank_known = True
 
-    def restore(self, t: float, y: Array, tight: bool = False) -> Array:
-        """See `Index2System.restore`."""
-        projected = self.core.restore(t, y) if self._rank_known and not tight else None
+    def project_state(self, t: float, y: Array, tight: bool = False) -> Array:
+        """See `Index2System.project_state`."""
+        projected = self.core.project_state(t, y) if self._rank_known and not tight else None
         self.take_core_record()
-        return super().restore(t, y, tight) if projected is None else projected
+        return super().project_state(t, y, tight) if projected is None else projected
 
     def rows_of_all_modes(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array, Array] | None:
         """See `Index2System.rows_of_all_modes`."""
@@ -246,7 +246,7 @@ class CompiledSystem(CoreStart):
         if not self.mechanism.switches:
             return
         inactive = self.constraints.inactive
-        self.core.deactivate_rows([k in inactive for k in range(self.ng)], self.sticks)
+        self.core.deactivate_rows([k in inactive for k in range(self.ng)], self.has_sticking_joints)
         for k, (law, _) in enumerate(self.laws.acting):
             if isinstance(law, KineticFrictionElement):
                 self.core.change_law(k, law.core_data()["a"])

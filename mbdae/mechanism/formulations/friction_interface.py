@@ -86,7 +86,7 @@ class FrictionInterface(NamedTuple):
 
     def sliding_jacobian(self, W: Array) -> Array:
         """Return S (m, nv) of an interface that slides, from the wrenches W (6, ng) of all rows."""
-        if self.force.sticks:
+        if self.force.is_exact:
             return np.array([self.pair.torque(w) for w in W[:, self.no_slip_rows].T])
         return self.slip_jacobian(W[:, self.rows])
 
@@ -105,10 +105,10 @@ class FrictionInterface(NamedTuple):
         """Return the core data of the interface."""
         force = self.force
         return {
-            "kind": "rolling" if force.sticks else self.closure.friction,
+            "kind": "rolling" if force.is_exact else self.closure.friction,
             "row": self.rows.start,
             "components": self.rows.stop - self.rows.start,
-            "no_slip_rows": list(range(self.no_slip_rows.start, self.no_slip_rows.stop)) if force.sticks else [],
+            "no_slip_rows": list(range(self.no_slip_rows.start, self.no_slip_rows.stop)) if force.is_exact else [],
             "axis": self.axis.tolist(),
             "coefficient": force.coefficient * (force.radius or 1.0),
             "width": force.width,

@@ -42,7 +42,7 @@ class Index2System(PinocchioData, RunVariables, System):
         self._last = np.empty(0), np.empty(0)  # U and G at the last point
         self.nq, self.nv, self.ng, self.nz = mechanism.nq, mechanism.nv, mechanism.ng, mechanism.ng
         self.mode: Mode = (0,) * len(mechanism.switches)
-        self.sticks, self.driven = False, bool(mechanism.drivers)  # whether joints stick in the mode
+        self.has_sticking_joints, self.driven = False, bool(mechanism.drivers)  # whether joints stick in the mode
         self.bind(mechanism)
 
     def bind(self, mechanism: "Mechanism") -> None:
@@ -161,7 +161,7 @@ class Index2System(PinocchioData, RunVariables, System):
         if mode == self.mode:
             return
         self.mode, switches = mode, self.mechanism.switches
-        self.constraints.inactive, self.sticks = inactive_rows(switches, mode), False
+        self.constraints.inactive, self.has_sticking_joints = inactive_rows(switches, mode), False
         for switch, state in zip(switches, mode, strict=True):
             switch.enter(self, state)
         self.rank, self.rows, self.rows_frozen = None, None, False
@@ -198,7 +198,7 @@ class Index2System(PinocchioData, RunVariables, System):
         """Return (v, v', s', w') and lam (ng,) from M v' = f + G^T lam, 0 = G v' + gamma."""
         q, v = self.split(y)
         U, (f, rates) = self.inertia(t, q), self.force(t, q, v, self.element_states(y))
-        rows = self.choose_rows(t, U, G := self.jacobian())
+        rows = self.select_independent_rows(t, U, G := self.jacobian())
         slips = self.closure_friction.slip_terms(v, within_step=False) if self.closure_friction else None
         rhs = -self.gamma(q, v, t)[rows] if self.ng else np.empty(0)
         vdot, lam = self.solve(t, U, G, rows, G[rows], f, rhs, rates, slips)
@@ -251,7 +251,7 @@ class Index2System(PinocchioData, RunVariables, System):
             name = self.mechanism.row_names[int(self.rows[i] if self.rows is not None else 0)]
             raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: closure {name!r}")
         vdot = X[r] + lam.dot(X[:r]) if f.ndim == 1 else X[r:] + lam.T.dot(X[:r])
-        if self.sticks:  # iterative refinement removes rounding
+        if self.has_sticking_joints:  # iterative refinement removes rounding
             residual = -Ghat.dot(vdot.T)
             np.atleast_2d(residual.T)[0] += rhs
             dlam = lapack().dgetrs(lu, piv, residual)[0]
@@ -276,16 +276,16 @@ class Index2System(PinocchioData, RunVariables, System):
         return out
 
     partials, rate_partials = equation_partials.equation_partials, equation_partials.rate_partials
-    restore, magnitude = projection.project_state, projection.magnitude
-    choose_rows, update_independent_rows = row_selection.select_independent_rows, row_selection.update_independent_rows
+    project_state, magnitude = projection.project_state, projection.magnitude
+    select_independent_rows = row_selection.select_independent_rows
+    update_independent_rows = row_selection.update_independent_rows
     start, rows_of_step = row_selection.start, row_selection.rows_of_step
     variational_step, newmark_step = variational_step, newmark_step
     smallest_pivot, pivot_ratio = row_selection.smallest_pivot, row_selection.pivot_ratio
-    sparse_closures, closures_by_size = residuals.sparse_closures, residuals.closures_by_size
+    sparse_closures, closures_dense_or_sparse = residuals.sparse_closures, residuals.closures_dense_or_sparse
     residual, residuals = residuals.residual, residuals.residuals
     multiplier_gain, remaining_rows_dependent = row_selection.multiplier_gain, row_selection.remaining_rows_dependent
-    features = property(features.features)
-    interpolant = interpolation.interpolant
+    features, interpolant = property(features.features), interpolation.interpolant
 
     def size(self, y: Array) -> Array:
         size = np.concatenate([self.manifold.size(y[: self.nq]), np.abs(y[self.nq :])])

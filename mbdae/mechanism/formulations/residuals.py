@@ -20,14 +20,14 @@ def sparse_closures(system: "Index2System", q: Array, t: float) -> tuple[Array, 
     return system.constraints.residual(t), G
 
 
-def closures_by_size(system: "Index2System", q: Array, t: float) -> "tuple[Array, Array | csr_array]":
+def closures_dense_or_sparse(system: "Index2System", q: Array, t: float) -> "tuple[Array, Array | csr_array]":
     """Return g(t, q) (ng,) and G (ng, nv) over all rows, of many rows without its zeros."""
     return system.sparse_closures(q, t) if system.ng > MANY_ROWS else system.closures(q, t)
 
 
 def residual(system: "Index2System", t: float, q: Array, v: Array) -> tuple[Array, Array]:
     """Return g(t, q) and G v + g_t over all rows, (ng,) each."""
-    g, G = closures_by_size(system, q, t)
+    g, G = closures_dense_or_sparse(system, q, t)
     return g, G @ v + system.g_t(t)
 
 

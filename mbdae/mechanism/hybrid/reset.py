@@ -123,8 +123,8 @@ class StateReset:
         Raises:
             StepError: if a value cannot be computed, or closures cannot be satisfied.
         """
-        out = self.closed(t, y)
-        return self.with_work(y, self.system.restore(t, out) if self.system.ng else out)
+        out = self.assembled(t, y)
+        return self.with_work(y, self.system.project_state(t, out) if self.system.ng else out)
 
     def with_work(self, before: Array, after: Array) -> Array:
         """Return y after the event (n,), whose work is that before it and the change of energy."""
@@ -132,25 +132,25 @@ class StateReset:
         out[-1] = before[-1] + sum(self._energy(after)) - sum(self._energy(before))
         return out
 
-    def closed(self, t: float, y: Array) -> Array:
+    def assembled(self, t: float, y: Array) -> Array:
         """Return y (n,) with the values of the table, and positions that satisfy closures; velocities may not.
 
         Raises:
             StepError: if a value cannot be computed, or the values contradict a closure or a driver.
         """
-        return self._closed(t, self._assigned(t, y))
+        return self._assembled(t, self._assigned(t, y))
 
     def partials(self, sensitivity: "PointSensitivity", t: float, y: Array) -> Array:
-        """Return the derivatives of y after the event by (y, p, t), (ny, ny + k + 1), without rows that switch."""
+        """Return the derivatives of y after the event with respect to (y, p, t), (ny, ny + k + 1), for fixed modes."""
         s, ny, k = self.system, sensitivity.ny, sensitivity.k
-        closed, out = self.closed(t, y), self.closed_partials(sensitivity, t, y)
+        closed, out = self.assembled(t, y), self.assembled_partials(sensitivity, t, y)
         if not s.ng:
             return self.with_work_partials(sensitivity, y, closed, out)
         P, time = sensitivity.projection(t, closed), out[:, -1:].copy()
-        out, after = P[:, :ny] @ out, s.restore(t, closed)
+        out, after = P[:, :ny] @ out, s.project_state(t, closed)
         out[:, ny : ny + k] += P[:, ny:]
         if s.mechanism.drivers:
-            moved = numerical_derivative(lambda x: s.difference(after, s.restore(t + x, closed)), self._width)
+            moved = numerical_derivative(lambda x: s.difference(after, s.project_state(t + x, closed)), self._width)
             out[:, -1] = P[:, :ny] @ time[:, 0] + moved
         return self.with_work_partials(sensitivity, y, after, out)
 
@@ -170,11 +170,11 @@ class StateReset:
         row[ny - 1] += 1.0
         return np.vstack([out[:-1], row])
 
-    def closed_partials(self, sensitivity: "PointSensitivity", t: float, y: Array) -> Array:
-        """Return the derivatives of `closed` by (y, p, t), (ny, ny + k + 1)."""
+    def assembled_partials(self, sensitivity: "PointSensitivity", t: float, y: Array) -> Array:
+        """Return the derivatives of `assembled` with respect to (y, p, t), (ny, ny + k + 1)."""
         s, nv, ny, k = self.system, self.system.nv, sensitivity.ny, sensitivity.k
         assigned = self._assigned(t, y)
-        closed = self._closed(t, assigned)
+        closed = self._assembled(t, assigned)
         out = np.zeros((ny, ny + k + 1))
         out[:, np.r_[0:ny, -1]] = self._assigned_partials(t, y, assigned)
         for i, (p, others) in enumerate(zip(sensitivity.parameters.all, self.of_parameters(sensitivity), strict=True)):
@@ -221,7 +221,7 @@ class StateReset:
         return out
 
     def _assigned_partials(self, t: float, y: Array, after: Array) -> Array:
-        """Return the derivatives of `_assigned` by (y, t), (ny, ny + 1)."""
+        """Return the derivatives of `_assigned` with respect to (y, t), (ny, ny + 1)."""
         s, ny, nv = self.system, self.system.ny, self.system.nv
         out = np.eye(ny, ny + 1)
         for name, value in self.values.items():
@@ -232,7 +232,7 @@ class StateReset:
         return out
 
     def _function_partials(self, t: float, y: Array, after: Array) -> Array:
-        """Return the partials of (q, v) after the event by (q, v) before it, (2 nv, 2 nv), given or by differences."""
+        """Return the partials of (q, v) after the event: given, or finite differences, (2 nv, 2 nv)."""
         s, n = self.system, 2 * self.system.nv
         if self.reset._partials is not None:
             what = f"partials of event {self.reset.name!r}"
@@ -243,8 +243,8 @@ class StateReset:
 
         return numerical_jacobian(moved, n, WIDTH * s.mechanism.motion_scales)
 
-    def _closed(self, t: float, y: Array) -> Array:
-        """Return y with closures satisfied by the positions that the table does not have, see `closed`."""
+    def _assembled(self, t: float, y: Array) -> Array:
+        """Return y with closures satisfied by the positions that the table does not have, see `assembled`."""
         s, q = self.system, y[: self.system.nq]
         rows, scales = self._position_rows, s.mechanism.row_scales
         if not len(rows) or self.reset.function:
@@ -290,7 +290,8 @@ def checked_resets(mech: "Mechanism", resets: Sequence[Reset]) -> tuple[Reset, .
         assignments(mech, reset)
         ranged = [c.name for c in mech.closures if c.within]
         if ranged:
-            raise InputError(f"event {reset.name!r}: closure {ranged[0]!r} acts in ranges, which events do not know")
+            why = "is active only in ranges, which events that change the state do not support"
+            raise InputError(f"event {reset.name!r}: closure {ranged[0]!r} {why}")
     if resets:
         lazy_import("mbdae.integrate.events.resets", "require_known_signals")(mech, resets)
     return tuple(resets)

@@ -187,7 +187,7 @@ def rank(G: Array) -> int:
 def multiplier_null_space(system: "Index2System", t: float, q: Array) -> Array:
     """Return the null space of G^T: N (ng, n - r), G^T N = 0, N^T N = 1, of n active rows, r the rank in use."""
     U, G = system.inertia(t, q), system.jacobian()
-    r, active = len(system.choose_rows(t, U, G)), np.delete(np.arange(len(G)), system.constraints.inactive)
+    r, active = len(system.select_independent_rows(t, U, G)), np.delete(np.arange(len(G)), system.constraints.inactive)
     N = np.zeros((len(G), len(active) - r))
     N[active] = np.linalg.svd(G[active])[0][:, r:]
     return N

@@ -71,7 +71,7 @@ void advance(PyCore& c, const Coefficients& a, Run& run) {
   take_steps(c, method, run);
 }
 
-auto restored(PyCore& c, double t, const Array& y) {
+auto project_state_of(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
     Numbers at = checked_numbers(y, s.length, "y");
     project_state(s, t, at.data());
@@ -203,6 +203,6 @@ NB_MODULE(_native, m) {
       .def(
           "set_smallest_slip", [](PyCore& c, double speed) { c.core->system.friction.smallest_slip = speed; },
           arg("speed"), "Set the speed below which a slip has no direction.")
-      .def("restore", restored, arg("t"), arg("y"), "Return the projected point, or None.");
+      .def("project_state", project_state_of, arg("t"), arg("y"), "Return the projected point, or None.");
   bind_run(m), bind_points(core), bind_start(core), bind_sensitivity(m, core);
 }

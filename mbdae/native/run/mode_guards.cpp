@@ -236,7 +236,7 @@ GuardMonitor::Values GuardMonitor::values(double t, const double* y, const Numbe
   return out;
 }
 
-double GuardMonitor::flight_begins(int i) const {
+double GuardMonitor::takeoff_end(int i) const {
   const Guard& guard = modes_.guards[i];
   const double impact = modes_.last_impact[guard.element];
   return std::isnan(guard.return_time) ? -INFINITY : impact + (guard.return_time - impact) / (4 * modes_.return_factor);

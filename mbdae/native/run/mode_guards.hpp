@@ -116,8 +116,9 @@ class GuardMonitor {
     Numbers tolerances;
   };
   Values values(double t, const double* y, const Numbers& F, const Numbers& lam, bool advances);
-  // s: until then, a flight after an impact begins, whose gap a step of another method may not resolve; -inf: no flight.
-  double flight_begins(int i) const;
+  // s: end of the first quarter of the flight after an impact, whose gap a step of another method may not resolve;
+  // -inf: no flight.
+  double takeoff_end(int i) const;
 
  private:
   struct Point {

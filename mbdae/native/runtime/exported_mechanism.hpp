@@ -121,7 +121,8 @@ class ExportedMechanism {
   void begin_coordinates();  // with their origin at y
   GuardMonitor::Values guard_values(const double* at, bool advances);
   void end_flights(const std::vector<int>& fired, Numbers& at);
-  std::vector<int> step_back(Numbers& at);  // to the first of the guards that are negative; those that are zero there
+  // Move back to the first of the guards that are negative; return those that are zero there.
+  std::vector<int> correct_overshoot(Numbers& at);
   void require_determinate(const std::vector<int>& rows);
   double output_partial(const SignalValue& signal, const LocalCoordinates::Partials& p, size_t column, size_t wide);
   Index2System& system() { return core_->system; }

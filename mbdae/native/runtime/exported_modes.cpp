@@ -1,4 +1,5 @@
-// Modes in model exchange: guards as event indicators, impacts and changes of the mode at events.
+// Modes of contacts, clutches and stiction in FMI model exchange: guards are event indicators; impacts and mode changes
+// happen at events.
 #include <algorithm>
 #include <cmath>
 
@@ -24,13 +25,13 @@ GuardMonitor::Values ExportedMechanism::guard_values(const double* at, bool adva
   return monitor_->values(time(), at, coordinates_->F(), coordinates_->multipliers(), advances);
 }
 
-// A flight is divided, so that a solver of any step makes flights shorter after each impact.
+// An event at a quarter of each flight after an impact: large steps of the solver do not miss short flights.
 double ExportedMechanism::next_event() const {
   double out = INFINITY;
   for (size_t i = 0; i < run_.modes.guards.size(); ++i) {
-    const double begins = monitor_->flight_begins(static_cast<int>(i));
+    const double end = monitor_->takeoff_end(static_cast<int>(i));
     const double impact = run_.modes.last_impact[run_.modes.guards[i].element];
-    if (begins - time() > run_.modes.coincident * (begins - impact)) out = std::min(out, begins);
+    if (end - time() > run_.modes.coincident * (end - impact)) out = std::min(out, end);
   }
   return out;
 }
@@ -57,9 +58,9 @@ bool ExportedMechanism::complete_step() {
   return due;
 }
 
-// A solver that has located the zero to rounding stays where it is. Others have gone further, with a velocity that the
+// A solver that has located the zero to rounding keeps its state. Others have overshot it, with a velocity that the
 // mode after the event does not have, or through a contact.
-std::vector<int> ExportedMechanism::step_back(Numbers& at) {
+std::vector<int> ExportedMechanism::correct_overshoot(Numbers& at) {
   GuardMonitor::Values now = guard_values(at.data(), false);
   std::vector<int> out;
   int first = -1;
@@ -84,7 +85,8 @@ std::vector<int> ExportedMechanism::step_back(Numbers& at) {
   return {first};
 }
 
-// A contact that closes while it opens in a flight: the flight is lower than the solver resolves, and ends in rest.
+// A contact whose gap is negative while it separates: the flight is below the resolution of the solver, and rest
+// replaces it.
 void ExportedMechanism::end_flights(const std::vector<int>& fired, Numbers& at) {
   const Modes& modes = run_.modes;
   const GuardMonitor::Values now = guard_values(at.data(), false);
@@ -101,7 +103,7 @@ bool ExportedMechanism::update_mode() {
   evaluate();
   try {
     Numbers at(y());
-    const std::vector<int> fired = step_back(at);
+    const std::vector<int> fired = correct_overshoot(at);
     if (fired.empty()) return false;
     end_flights(fired, at);
     y() = enter_next_mode(system(), run_.modes, *monitor_, true, time(), at, fired).state.y;

@@ -48,7 +48,7 @@ def compare(
     outputs: tuple[str, ...],
     **options: Any,
 ) -> None:
-    """Compare errors, drift, work and time of methods. Also tells which method is best for a given accuracy.
+    """Compare errors, drift, work and time of methods. Also reports the most efficient method for a given accuracy.
 
     A method's name may follow a formulation and a colon: -m pherk5 -m ggl:pherk5 -m project:herk5 -m index1:dop853
     -m baumgarte=20,20:RK45. -m all takes every method that suits the model, and names the others. After Ctrl-C finished

@@ -152,6 +152,15 @@ def _first_made(factory: ParametricFactory, values: dict[str, Array]) -> Mechani
     raise InputError(f"no mechanism can be made of these values: {reason}")
 
 
+def _start_values(name: str, given: object, width: int, title: str) -> Array:
+    x = as_numbers(given)
+    if not x.ndim:
+        raise InputError(f"{name} is an array of numbers, (n, {width}) or ({width},), got {given!r:.60}")
+    if x.ndim > 2 or x.shape[-1] != width:
+        raise InputError(f"{name} has shape {x.shape}, expected (n, {width}) or ({width},) for {title!r}")
+    return x
+
+
 def _starts(mech: Mechanism, q: object, v: object, lengths: dict[str, int]) -> Starts:
     """Return the starts, after checks of all shapes.
 
@@ -160,11 +169,7 @@ def _starts(mech: Mechanism, q: object, v: object, lengths: dict[str, int]) -> S
     """
     arrays: list[Array | None] = []
     for name, given, width in (("q", q, mech.nq), ("v", v, mech.nv)):
-        x = None if given is None else as_numbers(given)
-        if x is not None and not x.ndim:
-            raise InputError(f"{name} is an array of numbers, (n, {width}) or ({width},), got {given!r:.60}")
-        if x is not None and (x.ndim not in (1, 2) or x.shape[-1] != width):
-            raise InputError(f"{name} has shape {x.shape}, expected (n, {width}) or ({width},) for {mech.title!r}")
+        x = None if given is None else _start_values(name, given, width, mech.title)
         arrays.append(x)
         if x is not None and x.ndim == 2:
             lengths = {**lengths, name: len(x)}

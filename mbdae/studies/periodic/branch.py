@@ -210,7 +210,7 @@ def periodic_branch(
     require_period_of_functions(found)
     require_second_period(found)
     begin = path.point(found, None)
-    if cycle.free and any(x.name == "energy" for x in begin.motion.neutral):
+    if cycle.autonomous and any(x.name == "energy" for x in begin.motion.neutral):
         raise InputError(
             f"the motion keeps its energy, and for each {name!r} motions of any energy are periodic: there is no single"
             " branch; add damping and a drive, or call mbdae.periodic for each value"

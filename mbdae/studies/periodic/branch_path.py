@@ -100,7 +100,7 @@ class BranchPath:
         for i, y in enumerate(guess.nodes):
             system.enter(guess.modes[i] if guess.modes else system.mode)
             system.derivative(cycle.t, y)
-            nodes.append(system.restore(cycle.t + guess.T * i / cycle.parts, y))
+            nodes.append(system.project_state(cycle.t + guess.T * i / cycle.parts, y))
         return ShootingEquations(system, flow, replace(cycle, symmetries=symmetries), replace(guess, nodes=nodes))
 
     def scales(self, at: ShootingEquations) -> Array:

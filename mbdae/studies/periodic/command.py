@@ -56,7 +56,7 @@ def _model_or_run(model: ChosenModel) -> "Mechanism | Solution":
     if not model.name.endswith(".npz"):
         return model.load()
     if model.start:
-        raise InputError("--start belongs to a model: a run begins where it began")
+        raise InputError("--start is for models: a stored run has a start")
     return Solution.load(model.name)
 
 

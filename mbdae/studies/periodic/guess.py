@@ -86,7 +86,7 @@ def _advances(cycle: Cycle, mech: Mechanism, q: Array, end: MotionPoint) -> tupl
     w = np.column_stack([*(symmetry.direction(q) for symmetry in symmetries), np.zeros((mech.nv, 0))])
     units[np.abs(w).max(axis=1, initial=0.0) > 0] = 0.0
     shifts = units * np.round(np.divide(moved, units, out=np.zeros(mech.nv), where=units > 0))
-    if shifts.any() and not is_invariant(mech, end, shifts, 0.0 if cycle.free else end.t - cycle.t):
+    if shifts.any() and not is_invariant(mech, end, shifts, 0.0 if cycle.autonomous else end.t - cycle.t):
         shifts[:] = 0.0
     return -np.linalg.lstsq(w, moved - shifts, rcond=None)[0] if symmetries else np.zeros(0), shifts
 

@@ -40,7 +40,7 @@ def _known_directions(found: ShootingEquations) -> tuple[list[str], list[Array]]
     """Return the names of the free phase and of symmetries, and their directions at each node, (n, m) each."""
     nodes, names = range(found.cycle.parts), [x.name for x in found.cycle.symmetries]
     known, flows = [found.symmetry_directions(i) for i in nodes], [found.flow_direction(i) for i in nodes]
-    if not found.cycle.free or min(np.linalg.norm(x) for x in flows) <= HALF_DIGITS:
+    if not found.cycle.autonomous or min(np.linalg.norm(x) for x in flows) <= HALF_DIGITS:
         return names, known
     return ["time", *names], [np.column_stack([f, w]) for f, w in zip(flows, known, strict=True)]
 

@@ -46,7 +46,7 @@ def periodic(
 
         y(t + T) = g(sigma) y(t),   mu: eigenvalues of dy(T)/dy(0)
 
-    Shooting by Newton's method with the exact tangents of the computed steps, in local coordinates of the closed
+    Shooting by Newton's method with the exact tangents of the computed steps, in local coordinates of the constraint
     manifold. If forces or drivers depend on time, T is a period of theirs; otherwise it is found, too.
 
     Args:
@@ -145,7 +145,7 @@ def require_period_of_functions(found: ShootingEquations) -> None:
         InputError: for a given T that is none, and the time between two crossings of a section.
     """
     cycle, end = found.cycle, found.runs[-1]
-    if cycle.free or cycle.exchange:
+    if cycle.autonomous or cycle.exchange:
         return
     T, points = float(end.t[-1]) - cycle.t, [p for run in found.runs for p in points_of(run)]
     if not has_period(found.flow.mechanism, T, points, found.at.shifts):

@@ -97,7 +97,7 @@ class PeriodicMotion(Tabular):
     def section(self) -> str:
         """Signal and level at which a period begins, as given, or found; empty if there is none."""
         cycle = self.shooting.cycle
-        if cycle.section or not cycle.free:
+        if cycle.section or not cycle.autonomous:
             return cycle.section or ""
         return section_of(self.mechanism, self.runs)
 

@@ -144,7 +144,7 @@ class Deviations:
         """
         row = self.worst[self._index(signal)]
         if np.isnan(row).all():
-            raise InputError(f"the influences on {signal!r} are infinite in all poses")
+            raise InputError(f"the influences on {signal!r} are undefined in all poses")
         return int(np.nanargmax(row))
 
     def contributions(self, signal: str) -> list[Contribution]:

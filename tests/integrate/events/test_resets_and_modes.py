@@ -157,5 +157,5 @@ def test_the_gradient_is_the_transposed_tangent():
 
 
 def test_a_closure_within_a_range_is_rejected():
-    with pytest.raises(InputError, match="acts in ranges, which events do not know"):
+    with pytest.raises(InputError, match="is active only in ranges, which events that change the state do not support"):
         mbdae.load("geneva_drive", resets=[Reset(name="stop", signal="t > 1", state={"v.crank": 0.0})])

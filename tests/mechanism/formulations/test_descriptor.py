@@ -192,8 +192,8 @@ def test_matrices_of_a_perturbed_point_are_not_reused_in_a_step():
     system, given = mech.system(), []
     F, z = system.derivative(0.0, mech.point())
     end = METHODS["pherk4"].step(system, 0.0, 1e-2, State(mech.point(), system.carry(F, z))).state.y
-    choose = system.choose_rows
-    system.choose_rows = lambda t, U, G: (given.append((U.copy(), G.copy())), choose(t, U, G))[1]
+    choose = system.select_independent_rows
+    system.select_independent_rows = lambda t, U, G: (given.append((U.copy(), G.copy())), choose(t, U, G))[1]
     for away in (0.0, 1e-12, 1e-4):
         q = end[: mech.nq] + away
         system.chart(0.0, np.concatenate([q, end[mech.nq :]]))

@@ -144,7 +144,7 @@ def test_projection_is_least_in_the_mass_metric(name):
     system, rng = mech.system(), np.random.default_rng(1)
     y = np.concatenate([*start_of(mech), [0.0]])
     off = system.add(y, 1e-4 * rng.standard_normal(system.ny))
-    back = system.restore(0.0, off)
+    back = system.project_state(0.0, off)
     assert max(np.abs(r).max() for r in mech.residual(*system.split(back))) < 1e-13
     M = pin.crba(mech.model, mech.model.createData(), off[: mech.nq])
     M = np.triu(M) + np.triu(M, 1).T
@@ -163,6 +163,6 @@ def test_projection_iterates_until_positions_converge(away):
     system = mech.system()
     off = mech.point()
     off[: mech.nq] += away * np.array([1.0, -0.5, 0.3])
-    back = system.restore(0.0, off)
+    back = system.project_state(0.0, off)
     assert np.abs(mech.residual(off[: mech.nq], np.zeros(mech.nv))[0]).max() > 0.1 * away
     assert max(np.abs(r).max() for r in mech.residual(*system.split(back))) < 1e-13

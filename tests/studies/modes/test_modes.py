@@ -98,7 +98,7 @@ def test_runs_flow_as_the_linear_system_says(name):
         ends = {}
         for k in (-2, -1, 1, 2):
             q = mech.manifold.integrate(rest.q, k * a * change[:nv])
-            y = system.restore(0.0, np.concatenate([q, k * a * change[nv : 2 * nv], rest.s, [0.0]]), tight=True)
+            y = system.project_state(0.0, np.concatenate([q, k * a * change[nv : 2 * nv], rest.s, [0.0]]), tight=True)
             s = rest.s + k * a * change[2 * nv :]
             sol = mbdae.solve(mech, (0, T), *system.split(y), s=s, method="pherk6", step=T / 200)
             ends[k] = motion.state(mech.manifold.difference(rest.q, sol.q[-1]), sol.v[-1], sol.s[-1] - rest.s)

@@ -91,11 +91,7 @@ class Template:
             UnknownNameError: with the valid names.
             InputError: for a table that would replace an entry given before it.
         """
-        earlier = list[str]()
-        for name in values:
-            if replaced := next((x for x in earlier if x.startswith(f"{name}.")), ""):
-                raise InputError(f"{name!r} would replace {replaced!r}: give it first, or leave one of them out")
-            earlier.append(name)
+        _check_order(list(values))
         mech, recipe = self.make({n: x for n, x in values.items() if n in self.parameters}), self.recipe(values)
         for name in values:
             root, dot, rest = name.partition(".")
@@ -151,6 +147,12 @@ class Template:
 
     def _unchanged(self, file_parameters: dict[str, Any]) -> Mechanism:
         return make(self.recipe(file_parameters), self.functions, recorded=False)
+
+
+def _check_order(names: Sequence[str]) -> None:
+    for i, name in enumerate(names):
+        if replaced := next((x for x in names[:i] if x.startswith(f"{name}.")), ""):
+            raise InputError(f"{name!r} would replace {replaced!r}: give it first, or leave one of them out")
 
 
 def _check_joint(recipe: Recipe, name: str, rest: str) -> None:

@@ -197,7 +197,7 @@ def _speed(system: "Index2System", v: Array) -> float:
 def exceeds_rounding(system: "Index2System", rate: Array, v: Array) -> bool:
     """Return whether G v + g_t, (ng,), exceeds rounding; always true if joints stick."""
     size = np.linalg.norm(rate / system.mechanism.row_scales)
-    return system.sticks or bool(size > SUM_ROUNDING * _speed(system, v))
+    return system.has_sticking_joints or bool(size > SUM_ROUNDING * _speed(system, v))
 
 
 def _smallest(U: Array, G: Array, r: Array, scales: Array) -> Array:

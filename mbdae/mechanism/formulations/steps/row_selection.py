@@ -84,7 +84,7 @@ def rows_of_step(system: "Index2System", t: float, y: Array) -> Array:
     """Return the rows in use of a step from (t, y), (r,)."""
     if system.rows_frozen and system.rows is not None:
         return system.rows
-    return system.choose_rows(t, *system.point(t, system.split(y)[0])) if system.ng else np.empty(0, int)
+    return system.select_independent_rows(t, *system.point(t, system.split(y)[0])) if system.ng else np.empty(0, int)
 
 
 def _weakest(system: "Index2System", B: Array, rank: int) -> str:
@@ -107,7 +107,7 @@ def update_independent_rows(system: "Index2System", t: float, state: State) -> S
     q, v = system.split(state.y)
     U, G = system.point(t, q)
     before, system.rows_frozen = system.rows, False
-    rows = system.choose_rows(t, U, G)
+    rows = system.select_independent_rows(t, U, G)
     system.rows_frozen = True
     rate = G @ v + system.g_t(t)
     if before is not None and not np.array_equal(rows, before):
@@ -129,7 +129,7 @@ def multiplier_gain(system: "Index2System", t: float, y: Array, z: Array) -> flo
     """Return the largest eigenvalue of (G M^-1 G^T)^+: the change of lam per unit residual of G v', in kg."""
     q, _ = system.split(y)
     U, G = system.inertia(t, q), system.jacobian()
-    rows = system.choose_rows(t, U, G)
+    rows = system.select_independent_rows(t, U, G)
     if not len(rows):
         return 0.0
     B = independent_rows.mass_scaled(U, G[rows])

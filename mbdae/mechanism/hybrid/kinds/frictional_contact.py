@@ -51,7 +51,7 @@ class FrictionalContact(Unilateral):
         return [
             cls(opening[f.closure], f, mechanism.rows_of(f.closure), k)
             for k, f in enumerate(found)
-            if f.sticks and f.closure in opening
+            if f.is_exact and f.closure in opening
         ]
 
     @property

@@ -94,7 +94,7 @@ class JointStiction(Switch):
         return FORWARDS if (rates[0] if len(rates) else point.v[self.column]) > 0 else BACKWARDS
 
     def enter(self, system: "Index2System", state: int) -> None:
-        system.sticks |= state == STICKING
+        system.has_sticking_joints |= state == STICKING
         for law, _ in system.laws.bound:
             if isinstance(law, KineticFrictionElement) and law.name == self.spec.force:
                 law.sign[self.column] = SIGN.get(state, 0.0)

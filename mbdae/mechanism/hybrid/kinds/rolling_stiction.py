@@ -47,7 +47,7 @@ class RollingStiction(Switch):
         return [
             cls(f, mechanism.rows_of(f.closure), k)
             for k, f in enumerate(found)
-            if f.sticks and f.closure not in unilateral
+            if f.is_exact and f.closure not in unilateral
         ]
 
     @property

@@ -40,7 +40,7 @@ class Unilateral(UnilateralRow):
     @classmethod
     def from_mechanism(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         out: list[Switch] = []
-        frictional = {f.closure for f in mechanism.forces if isinstance(f, CoulombFriction) and f.sticks}
+        frictional = {f.closure for f in mechanism.forces if isinstance(f, CoulombFriction) and f.is_exact}
         for spec in mechanism.constraints:
             rows = mechanism.rows_of(spec.name)
             if isinstance(spec, Stop):

@@ -1,13 +1,13 @@
-"""Multiple shooting for periodic motions in local coordinates of the closed manifold.
+"""Multiple shooting for periodic motions in local coordinates of the constraint manifold.
 
 Unknown: the states at k nodes of a period, the period T unless it is given, advances sigma along symmetries,
 
     0 = x(phi_i(y_i)) - x_i+1,   i < k - 1;      0 = x(g(sigma) S P phi_k-1(y_k-1)) - x_0
 
 with coordinates x of states near y_i+1 (`mbdae.mechanism.equations.local_coordinates`): closures are not among the
-equations. S takes full turns and pitches of ratchets from joints, P exchanges joints. An autonomous motion without a
-section has free phases: the first node moves across F = y' and across the symmetries. Newton's matrix consists of exact
-tangents of the computed steps.
+equations. S subtracts full turns and pitches of ratchets from joints, P exchanges joints. The phases of an autonomous
+motion without a section are undetermined: the change of the first node is orthogonal to F = y' and to the directions of
+the symmetries. Newton's matrix consists of exact tangents of the computed steps.
 Source: Lust, Roose, An adaptive Newton-Picard algorithm (1998); Seydel, Practical bifurcation and stability analysis.
 """
 
@@ -38,8 +38,8 @@ class Cycle:
         t: time of its start.
         parts: number k of parts.
         section: signal and level at which a period ends; None for phases that are free, or given by the time.
-        forced: whether the period is given.
-        free: whether the equations do not depend on time.
+        period_is_given: whether the period is not unknown.
+        autonomous: whether the equations do not depend on time.
         symmetries: along which it advances.
         exchange: of joints at its end.
     """
@@ -47,15 +47,15 @@ class Cycle:
     t: float
     parts: int
     section: str | None
-    forced: bool
-    free: bool
+    period_is_given: bool
+    autonomous: bool
     symmetries: tuple[Symmetry, ...]
     exchange: Exchange
 
     @property
     def unknown_period(self) -> bool:
         """Whether the period is one of Newton's unknowns."""
-        return not self.forced and not self.section
+        return not self.period_is_given and not self.section
 
 
 @dataclass(frozen=True)
@@ -128,8 +128,8 @@ class ShootingEquations:
         return out
 
     @cached_property
-    def closing(self) -> tuple[Array, Array, Array]:
-        """The end of the last part after P, S and g(sigma): y (n,), tangent map (ny, ny), directions w (ny, m)."""
+    def return_map(self) -> tuple[Array, Array, Array]:
+        """The last end after P, S and g(sigma), y (n,), its tangent map (ny, ny), and directions w (ny, m)."""
         s, y = self.system, self.runs[-1].y[-1].copy()
         q, nq, nv = self.cycle.exchange.moved(s.split(y)[0]), s.nq, s.nv
         q = s.manifold.integrate(q, -self.at.shifts) if self.at.shifts.any() else q
@@ -154,7 +154,7 @@ class ShootingEquations:
     def residual(self) -> Array:
         """Distance of the end of each part from the next node, in coordinates there, (k n,)."""
         charts = [*self.charts[1:], self.charts[0]]
-        ends = [*(run.y[-1] for run in self.runs[:-1]), self.closing[0]]
+        ends = [*(run.y[-1] for run in self.runs[:-1]), self.return_map[0]]
         return np.concatenate([chart.coordinates_of(y) - chart.x0 for chart, y in zip(charts, ends, strict=True)])
 
     def _at_next_node(self, i: int, dy: Array) -> Array:
@@ -162,7 +162,7 @@ class ShootingEquations:
         k = self.cycle.parts
         if i < k - 1:
             return self.charts[i + 1].coordinate_tangents(self.runs[i].y[-1], dy)
-        y, tangent_map, _ = self.closing
+        y, tangent_map, _ = self.return_map
         return self.charts[0].coordinate_tangents(y, tangent_map @ dy)
 
     @cached_property
@@ -190,7 +190,7 @@ class ShootingEquations:
 
     @cached_property
     def matrix(self) -> Array:
-        """Newton's matrix: derivatives of residual and phase conditions by (x_0, ..., x_k-1, T, sigma, p)."""
+        """Newton's matrix: partials of residual and phases with respect to (x_0, ..., x_k-1, T, sigma, p)."""
         n, k, m = self.n, self.cycle.parts, len(self.cycle.symmetries)
         period = int(self.cycle.unknown_period)
         A = np.zeros((n * k, n * k + period + m + self.p))
@@ -206,7 +206,7 @@ class ShootingEquations:
                     self.at.nodes[following], self.tangents[following].start[:, n:]
                 )
                 A[rows, n * k + period + m :] = transition[:, n:] - nodes
-        y, _, w = self.closing
+        y, _, w = self.return_map
         A[n * (k - 1) :, n * k + period : n * k + period + m] = self.charts[0].coordinate_tangents(y, w)
         phases = np.zeros((period + m, A.shape[1]))
         if period:

@@ -35,30 +35,30 @@ def periodic_eigenvalues(factors: Sequence[Array]) -> Array:
         for M in factors:
             Z, R = np.linalg.qr(M @ Z)
             triangular.append(R)
-        closing, Q = Q.T @ Z, Z
-        blocks = _blocks(closing)
+        Q_return, Q = Q.T @ Z, Z
+        blocks = _blocks(Q_return)
         if max(b.stop - b.start for b in blocks) == 1:
             break
-    return _sorted(np.concatenate([_block_eigenvalues(closing[b, b], [R[b, b] for R in triangular]) for b in blocks]))
+    return _sorted(np.concatenate([_block_eigenvalues(Q_return[b, b], [R[b, b] for R in triangular]) for b in blocks]))
 
 
-def _blocks(closing: Array) -> list[slice]:
+def _blocks(Q_return: Array) -> list[slice]:
     """Return the diagonal blocks of an orthogonal matrix (n, n) that couple with no others, up to rounding."""
-    n, starts = len(closing), [0]
+    n, starts = len(Q_return), [0]
     for i in range(1, n):
-        coupling = max(np.abs(closing[i:, :i]).max(), np.abs(closing[:i, i:]).max())
+        coupling = max(np.abs(Q_return[i:, :i]).max(), np.abs(Q_return[:i, i:]).max())
         if coupling <= SUM_ROUNDING * n:
             starts.append(i)
     return [slice(a, b) for a, b in zip(starts, [*starts[1:], n], strict=True)]
 
 
-def _block_eigenvalues(closing: Array, factors: Sequence[Array]) -> Array:
-    """Return the eigenvalues of closing R_k ... R_1 of one block, whose multipliers have similar magnitudes."""
-    product, scale = np.eye(len(closing)), 0.0
+def _block_eigenvalues(Q_return: Array, factors: Sequence[Array]) -> Array:
+    """Return the eigenvalues of Q_return R_k ... R_1 of one block, whose multipliers have similar magnitudes."""
+    product, scale = np.eye(len(Q_return)), 0.0
     for R in factors:  # scaled, since products overflow
         size = np.linalg.norm(R) or 1.0
         product, scale = (R / size) @ product, scale + np.log(size)
-    return np.linalg.eigvals(closing @ product).astype(complex) * np.exp(scale)
+    return np.linalg.eigvals(Q_return @ product).astype(complex) * np.exp(scale)
 
 
 def _sorted(values: Array) -> Array:

@@ -76,7 +76,7 @@ def _step(here: ShootingEquations, truncation: float) -> Array:
 
 def conservative(here: ShootingEquations) -> bool:
     """Return whether the equations do not depend on time and no force takes or adds energy."""
-    if not here.cycle.free or here.flow.mechanism.resets:  # whose work may vanish at a solution
+    if not here.cycle.autonomous or here.flow.mechanism.resets:  # whose work may vanish at a solution
         return False
     works = max(float(np.ptp(run.y[:, -1])) for run in here.runs)
     kinetic = max(here.system.energy(*here.system.split(y))[0] for run in here.runs for y in run.y)
@@ -90,13 +90,13 @@ def require_motion(here: ShootingEquations) -> None:
         InputError: if the nodes of equations that do not depend on time are at rest, or an end is not the next node.
     """
     rates = (np.linalg.norm(here.flow_direction(i)) for i in range(here.cycle.parts))
-    if here.cycle.free and max(rates) <= HALF_DIGITS:
+    if here.cycle.autonomous and max(rates) <= HALF_DIGITS:
         raise InputError(
             "no periodic motion found: Newton's method ends at an equilibrium, of which every T is a period; start"
             " further from it, or give a section"
         )
     mech, s = here.flow.mechanism, here.system
-    nodes, ends = [*here.at.nodes[1:], here.at.nodes[0]], [*(run.y[-1] for run in here.runs[:-1]), here.closing[0]]
+    nodes, ends = [*here.at.nodes[1:], here.at.nodes[0]], [*(run.y[-1] for run in here.runs[:-1]), here.return_map[0]]
     moved = [mech.manifold.difference(s.split(a)[0], s.split(b)[0]) for a, b in zip(nodes, ends, strict=True)]
     if np.abs(np.array(moved) / mech.coordinate_scales).max() > VISIBLE:
         raise InputError(
