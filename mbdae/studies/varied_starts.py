@@ -152,8 +152,8 @@ class VariedStarts:
                 all_rows = found.rows(runs)
                 valid = np.flatnonzero(np.isfinite(all_rows).all(axis=1)).tolist()
                 which, runs = [which[k] for k in valid], [runs[k] for k in valid]
-                finite = [*all_rows[valid]]
-                rows, inertias = finite, found.inertias(finite)
+                finite = all_rows[valid]
+                rows, inertias = [*finite], found.inertias(finite)
             at_start = points.at([[values[name] for values in runs] for name in names], len(runs), inertias)
         except Exception:  # their own mechanisms cannot be made, either
             return {}

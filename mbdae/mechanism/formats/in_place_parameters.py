@@ -172,14 +172,14 @@ class InPlaceParameters:
                 valid &= (x[:, 0] > 0) & (np.maximum(np.linalg.norm(x[:, 1:4], axis=1), radii) < self.largest)
         return np.where(valid[:, None], np.hstack(found), nan)
 
-    def inertias(self, numbers: Sequence[Array]) -> list[dict[int, pin.Inertia]]:
-        """Return the inertias by joint for numbers (n,) of each run; none where they do not change."""
+    def inertias(self, numbers: Array) -> list[dict[int, pin.Inertia]]:
+        """Return the inertias by joint of each run, for numbers (k, n); none where they do not change."""
         if not self.bodies:
             return []
         found = []
         for element in self.bodies:
             i = self.locations.index(element.locations[0])
-            mass, lever, inertia = np.split(np.array([x[i : i + 10] for x in numbers]), [1, 4], axis=1)
+            mass, lever, inertia = np.split(numbers[:, i : i + 10], [1, 4], axis=1)
             numbers_of_runs = zip(mass[:, 0].tolist(), lever, inertia[:, SYMMETRIC], strict=True)
             found.append([(element.joint, pin.Inertia(*x)) for x in numbers_of_runs])
         return [*map(dict, zip(*found, strict=True))]
