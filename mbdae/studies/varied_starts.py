@@ -3,12 +3,11 @@
 Runs that differ in start values share a mechanism, and so do those whose other parameters are written in place.
 """
 
-import json
 import threading
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
+from math import nan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,44 +19,38 @@ from ..mechanism.formats.in_place_parameters import InPlaceParameters, in_place_
 from ..mechanism.formats.mechanism_file.template import CACHE_SIZE, START, Template
 from ..system import Array
 from .factories import ParametricFactory
+from .run_columns import Columns, Indices, equal_rows, pick_rows, row
 
 FEWEST = 8  # runs for which parameters in place are sought: it takes longer than a few mechanisms
+SHARED = "model", "constraints", "forces", "settings"  # parts of mechanisms that runs may share
 FEWEST_SHARED = 3  # runs for which a mechanism is copied and its bodies are examined
-Key = tuple[tuple[str, ...], str]  # names of parameters, and the values that runs have in common
 Values = Mapping[str, Any]
 
 
-class Beginning(NamedTuple):
-    """Beginning of a run.
+class Begun(NamedTuple):
+    """Runs of a group that can begin.
 
     Attributes:
-        mech: a mechanism with its parameters, but perhaps with other start values.
-        point: the initial point, (n,).
-        in_place: parameters that are written in the mechanism's core; the mechanism belongs to this thread then.
-        values: their numbers in the core, (k,).
+        i: their indices, (k,).
+        y: their initial points, (k, n).
+        parameters: their parameters in place; the mechanism belongs to this thread if there are any.
+    """
+
+    i: Array
+    y: Array
+    parameters: RunParameters = RunParameters()
+
+
+class RunGroup(NamedTuple):
+    """Runs that share a mechanism.
+
+    Attributes:
+        mech: a mechanism with their parameters, but perhaps with other start values.
+        begin: returns those that can begin with it; the others follow with a mechanism each, unless it cannot be made.
     """
 
     mech: Mechanism
-    point: Array
-    in_place: InPlaceParameters | None = None
-    values: Array | None = None
-
-    @property
-    def shared_parts(self) -> tuple[int, ...]:
-        """Identities of what runs have in common that can be completed together."""
-        mech = self.mech
-        return id(mech.model), id(mech.constraints), id(mech.forces), id(mech.settings)
-
-
-def run_parameters(runs: Sequence[Beginning]) -> RunParameters:
-    """Return the parameters in place of runs that share a mechanism."""
-    found = runs[0].in_place
-    return RunParameters(found.locations, np.array([run.values for run in runs])) if found else RunParameters()
-
-
-def _owner(key: Key) -> tuple[Key, int]:
-    """Return the key of a mechanism that belongs to this thread."""
-    return key, threading.get_ident()
+    begin: Callable[[], Begun]
 
 
 class _Shared(NamedTuple):
@@ -71,6 +64,7 @@ class VariedStarts:
 
     Args:
         factory: the factory.
+        n: number of runs of all groups.
         start_time: returns the start time of a mechanism in s.
         supports_in_place: returns whether parameters of a mechanism may be written in place; never if omitted.
     """
@@ -78,10 +72,11 @@ class VariedStarts:
     def __init__(
         self,
         factory: ParametricFactory,
+        n: int,
         start_time: Callable[[Mechanism], float],
         supports_in_place: Callable[[Mechanism], bool] | None = None,
     ) -> None:
-        self.factory, self.start_time, self.supports_in_place = factory, start_time, supports_in_place
+        self.factory, self.n, self.start_time, self.supports_in_place = factory, n, start_time, supports_in_place
         self.shared, self._in_place = dict[Any, _Shared](), dict[tuple[str, ...], tuple[str, ...]]()
         self._names = cache(self._start_values)  # all runs of a grid have the same
 
@@ -94,12 +89,12 @@ class VariedStarts:
             return ()
         return tuple(name for name in names if name.startswith(START) and name not in self.factory.parameters)
 
-    def names_in_place(self, runs: Sequence[Values]) -> tuple[str, ...]:
-        """Return the parameters that can be written in place; none for few runs where they are not known."""
-        names = tuple(runs[0])
-        if names not in self._in_place and len(runs) >= FEWEST:
-            with suppress(Exception):  # the first run has the message
-                self._in_place[names] = self._find_in_place(names, runs[0])
+    def names_in_place(self, columns: Columns) -> tuple[str, ...]:
+        """Return the parameters that can be written in place; none for few runs, or an invalid first one."""
+        names = (*columns,)
+        if names not in self._in_place and self.n >= FEWEST:
+            with suppress(Exception):
+                self._in_place[names] = self._find_in_place(names, row(columns, 0))
         return self._in_place.get(names, ())
 
     def _find_in_place(self, names: Sequence[str], values: Values) -> tuple[str, ...]:
@@ -110,60 +105,61 @@ class VariedStarts:
         found = [name for name in others if in_place_parameters(factory, [name], values)]
         return tuple(found) if len(found) < 2 or in_place_parameters(factory, found, values) else ()
 
-    def make(self, runs: Sequence[Values]) -> Iterator[Beginning | Exception]:
-        """Yield the beginning of each run, or the exception that prevents it.
+    def groups(self, columns: Columns, n: int) -> Iterator[RunGroup]:
+        """Yield runs that share a mechanism, without those whose mechanism cannot be made.
 
-        A shared mechanism has the start values of its first run. Points are computed together: from the second run on,
-        or of all runs with parameters in place.
+        Args:
+            columns: values of the parameters of n runs.
+            n: number of runs.
         """
-        in_place = self.names_in_place(runs)
-        alike = self._alike(runs, in_place)
-        if in_place and any(_owner(key) not in self.shared and len(i) < FEWEST_SHARED for key, i in alike.items()):
-            in_place, alike = (), self._alike(runs, ())
-        parts = [(key, part) for key, i in alike.items() for part in ((i,) if in_place else (i[:1], i[1:])) if part]
-        together, ahead = {part[0]: (key, part) for key, part in parts}, dict[int, Beginning]()
-        for i, values in enumerate(runs):
-            if i in together:
-                key, part = together[i]
-                ahead |= self._points(key, in_place, part, [runs[k] for k in part])
-            yield ahead.pop(i) if i in ahead else self._made(values)
+        if not isinstance(self.factory, Template):  # a function may return any mechanism
+            for k in range(n):
+                yield from self._single(columns, k)
+            return
+        in_place = self.names_in_place(columns)
+        for i in equal_rows(columns, self._common(columns, in_place), n):
+            yield from self._groups(columns, i, in_place)
 
-    def _alike(self, runs: Sequence[Values], in_place: Sequence[str]) -> dict[Key, list[int]]:
-        """Return the indices of runs that share a mechanism, by what they have in common."""
-        out, names, others = defaultdict[Key, list[int]](list), None, list[str]()
-        for i, values in enumerate(runs):
-            if names is None or names != (*values,):
-                names = tuple(values)
-                varied = {*self.names(names), *in_place}
-                others = [name for name in names if name not in varied]
-            if len(others) < len(names):
-                out[names, json.dumps([values[name] for name in others]) if others else ""].append(i)
-        return out
+    def _common(self, columns: Columns, in_place: Sequence[str]) -> list[str]:
+        """Return the names of parameters whose values are equal in a group."""
+        varied = {*self.names(columns), *in_place}
+        return [name for name in columns if name not in varied]
 
-    def _points(
-        self, key: Key, in_place: Sequence[str], which: Sequence[int], runs: Sequence[Values]
-    ) -> dict[int, Beginning]:
-        """Return the beginnings of runs that share a mechanism, without those that need their own."""
-        names, inertias = self.names(key[0]), list[dict[int, Any]]()
-        rows: Sequence[Array | None] = [None] * len(runs)
-        try:
-            mech, points, found = self._shared(key, in_place, runs[0])
-            if found:
-                all_rows = found.rows(runs)
-                valid = np.flatnonzero(np.isfinite(all_rows).all(axis=1)).tolist()
-                which, runs = [which[k] for k in valid], [runs[k] for k in valid]
-                finite = all_rows[valid]
-                rows, inertias = [*finite], found.inertias(finite)
-            at_start = points.at([[values[name] for values in runs] for name in names], len(runs), inertias)
-        except Exception:  # their own mechanisms cannot be made, either
-            return {}
-        ready = zip(which, at_start, rows, strict=True)
-        return {i: Beginning(mech, point, found, row) for i, point, row in ready if point is not None}
+    def _groups(self, columns: Columns, i: Indices, in_place: Sequence[str]) -> Iterator[RunGroup]:
+        """Yield the groups of runs i, whose parameters are equal, except start values and those in place."""
+        common = self._common(columns, in_place)
+        key: Any = (*columns,), repr([columns[name][i[0]] for name in common])
+        if in_place:
+            key = key, threading.get_ident()  # the mechanism belongs to this thread
+            if key not in self.shared and len(i) < FEWEST_SHARED:
+                for k in i:
+                    yield from self._groups(columns, [k], ())
+                return
+        elif len(i) == 1 and len(common) == len(columns):
+            yield from self._single(columns, i[0])
+            return
+        for k, first in enumerate(i):
+            with suppress(Exception):  # the mechanism of the first run cannot be made
+                shared = self._shared(key, in_place, row(columns, first))
+                others = list[int]()  # that need a mechanism each
+                yield RunGroup(shared.mech, partial(self._begin, shared, columns, i[k:], others))
+                for other in others:
+                    yield from self._single(columns, other)
+                return
 
-    def _shared(self, key: Key, in_place: Sequence[str], values: Values) -> _Shared:
-        """Return what runs share; a mechanism with parameters in place belongs to this thread."""
-        owner = _owner(key) if in_place else key
-        if shared := self.shared.get(owner):
+    def _single(self, columns: Columns, i: int) -> Iterator[RunGroup]:
+        def begin() -> Begun:
+            with suppress(Exception):
+                return Begun(np.array([i]), mech.point(t=self.start_time(mech))[None])
+            return Begun(np.array([], int), np.empty((0, 0)))
+
+        with suppress(Exception):
+            mech = self.factory.make(row(columns, i))
+            yield RunGroup(mech, begin)
+
+    def _shared(self, key: Any, in_place: Sequence[str], values: Values) -> _Shared:
+        """Return what runs share."""
+        if shared := self.shared.get(key):
             return shared
         if len(self.shared) >= CACHE_SIZE:
             self.shared.clear()
@@ -172,12 +168,31 @@ class VariedStarts:
             found = in_place_parameters(self.factory, in_place, values)  # type: ignore[arg-type]
             assert found, "of parameters that can be written in place"
         mech = found.mech if found else self.factory.make(values)
-        names = tuple(name.removeprefix(START) for name in self.names(key[0]))
-        return self.shared.setdefault(owner, _Shared(mech, InitialPoints(mech, names, self.start_time(mech)), found))
+        names = tuple(name.removeprefix(START) for name in self.names(values))
+        return self.shared.setdefault(key, _Shared(mech, InitialPoints(mech, names, self.start_time(mech)), found))
 
-    def _made(self, values: Values) -> Beginning | Exception:
-        try:
+    def _begin(self, shared: _Shared, columns: Columns, i: Indices, others: list[int]) -> Begun:
+        """Return the runs that can begin, see `RunGroup`; append the others to a list."""
+        mech, points, found = shared
+        parameters, inertias, which = RunParameters(), list[Any](), np.array(i)
+        if found:
+            numbers = found.rows(pick_rows(columns, i))
+            valid = np.isfinite(numbers).all(axis=1)
+            which, numbers = which[valid], numbers[valid]
+            parameters, inertias = RunParameters(found.locations, numbers), found.inertias(numbers)
+        starts = pick_rows(columns, which.tolist())
+        y = points.at([starts[name] for name in self.names(columns)], len(which), inertias)
+        if not found:
+            for k in np.flatnonzero(np.isnan(y).any(axis=1)).tolist():
+                y[k] = self._point(mech, row(starts, k))
+        valid = ~np.isnan(y).any(axis=1)
+        others += sorted({*i} - {*which[valid].tolist()})
+        return Begun(which[valid], y[valid], parameters.of_runs(valid))
+
+    def _point(self, shared: Mechanism, values: Values) -> Array | float:
+        """Return the initial point of a run (n,) that shares a mechanism; nan if its own cannot be made, or differs."""
+        with suppress(Exception):
             mech = self.factory.make(values)
-            return Beginning(mech, mech.point(t=self.start_time(mech)))
-        except Exception as e:
-            return e
+            if all(getattr(mech, part) is getattr(shared, part) for part in SHARED):
+                return mech.point(t=self.start_time(mech))
+        return nan

@@ -10,6 +10,7 @@ from mbdae.mechanism.formats.in_place_parameters import in_place_parameters
 from mbdae.mechanism.formats.mechanism_file.loaded_model import parameter_value
 from mbdae.studies.export.core_file import core_data, numbers_of
 from mbdae.studies.factories import factory_of
+from mbdae.studies.run_columns import row
 from mbdae.studies.varied_starts import FEWEST, VariedStarts
 
 pytestmark = pytest.mark.skipif(backend.load() is None, reason="the Python back end has no parameters in place")
@@ -72,9 +73,14 @@ def oscillator(tmp_path):
     return write
 
 
-def runs_of(parameters, n=FEWEST):
-    columns = {name: np.linspace(*ends, n).tolist() for name, ends in parameters.items()}
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+def columns_of(parameters, n=FEWEST):
+    return {name: np.linspace(*ends, n).tolist() for name, ends in parameters.items()}
+
+
+def begun_groups(factory, columns):
+    n = len(next(iter(columns.values())))
+    starts = VariedStarts(factory, n, lambda mech: 0.0, lambda mech: True)
+    return [(group.mech, group.begin()) for group in starts.groups(columns, n)]
 
 
 
@@ -97,13 +103,14 @@ def test_ends_have_the_bits_of_new_mechanisms(case, workers):
 @pytest.mark.parametrize("case", CASES)
 def test_runs_share_a_mechanism_with_the_points_of_new_ones(case):
     model, parameters = CASES[case]
-    runs, factory = runs_of(parameters), factory_of(model)
-    made = [*VariedStarts(factory, lambda mech: 0.0, lambda mech: True).make(runs)]
-    assert len({id(found.mech) for found in made}) == 1
-    assert made[0].mech.model is not factory.make(runs[0]).model
-    for found, values in zip(made, runs, strict=True):
-        np.testing.assert_array_equal(found.point, factory.make(values).point())
-    np.testing.assert_array_equal(made[0].mech.point(), factory.make(runs[0]).point())
+    columns, factory = columns_of(parameters), factory_of(model)
+    ((mech, (which, points, in_place)),) = begun_groups(factory, columns)
+    assert which.tolist() == [*range(FEWEST)]
+    assert in_place.locations
+    made = [factory.make(row(columns, i)) for i in range(FEWEST)]
+    assert mech.model is not made[0].model
+    np.testing.assert_array_equal(points, [x.point() for x in made])
+    np.testing.assert_array_equal(mech.point(), made[0].point())
 
 
 @pytest.mark.parametrize(
@@ -123,7 +130,7 @@ def test_all_data_of_the_core_are_those_of_new_mechanisms(model, names):
         found, other = in_place_parameters(factory, [name], {name: value}), 1.1 * value + 0.01
         data, new = (data_of_core(factory.make({name: x})) for x in (value, other))
         assert data != new
-        for location, x in zip(found.locations, found.rows([{name: other}])[0].tolist(), strict=True):
+        for location, x in zip(found.locations, found.rows({name: [other]})[0].tolist(), strict=True):
             data |= {path: x for path in data if path == path_of(location, data)}
         assert data == new
 
@@ -155,7 +162,8 @@ def test_oscillators_follow_the_cosine(oscillator):
 
 def test_a_sweep_has_the_rows_of_single_runs():
     model, parameters = CASES["several bodies and a speed"]
-    runs, outputs = runs_of(parameters, 40), ["final q.slider", "final position.rod_tip.z", "final g"]
+    runs, outputs = columns_of(parameters, 40), ["final q.slider", "final position.rod_tip.z", "final g"]
+    runs = [row(runs, i) for i in range(40)]
     found = mbdae.sweep(model, runs, (0.0, 0.1), outputs=outputs, workers=1)
     with_energy = ["final energy", *outputs]  # which needs mechanisms
     alone = mbdae.sweep(model, runs, (0.0, 0.1), outputs=with_energy, workers=1)
@@ -167,13 +175,15 @@ def test_a_sweep_has_the_rows_of_single_runs():
     ("name", "value"), [("joint.crank_pin.mass", -1.0), ("joint.crank_pin.mass", 1e200), ("gravity.2", np.nan)]
 )
 def test_invalid_values_are_rejected_as_those_of_a_mechanism(name, value):
-    factory = factory_of("slider_crank")
+    factory, values = factory_of("slider_crank"), np.array([1.0, 2.0, value, *range(3, FEWEST)])
     with pytest.raises(InputError) as alone:
         factory.make({name: value})
-    starts = VariedStarts(factory, lambda mech: 0.0, lambda mech: True)
-    made = [*starts.make([{name: x} for x in (1.0, 2.0, value, *range(3, FEWEST))])]
-    assert str(made[2]) == str(alone.value)
-    assert len({id(found.mech) for i, found in enumerate(made) if i != 2}) == 1
+    ((_, begun),) = begun_groups(factory, {name: values.tolist()})
+    assert begun.i.tolist() == [i for i in range(FEWEST) if i != 2]
+    found = mbdae.ensemble("slider_crank", parameters={name: values}, t_span=(0.0, 0.01))
+    assert (found.status[2], found.message[2]) == ("input", str(alone.value))
+    assert found.status.count("finished") == FEWEST - 1
+    assert found.in_python == {}
 
 
 @pytest.mark.parametrize(
@@ -193,10 +203,11 @@ def test_other_parameters_make_mechanisms(model, values):
 
 @pytest.mark.parametrize(("lengths", "shared"), [(2, True), (FEWEST, False)])
 def test_mechanisms_are_copied_for_several_runs_each(lengths, shared):
-    runs = [{"joint.crank_pin.xyz.0": 0.1 + 0.01 * (k % lengths), "gravity.2": -float(k)} for k in range(FEWEST)]
-    made = [*VariedStarts(factory_of("slider_crank"), lambda mech: 0.0, lambda mech: True).make(runs)]
-    assert len({id(found.mech) for found in made}) == lengths
-    assert all(bool(found.in_place) == shared for found in made)
+    gravity = [-float(k) for k in range(FEWEST)]
+    columns = {"joint.crank_pin.xyz.0": [0.1 + 0.01 * (k % lengths) for k in range(FEWEST)], "gravity.2": gravity}
+    found = begun_groups(factory_of("slider_crank"), columns)
+    assert len(found) == lengths
+    assert all(bool(begun.parameters.locations) == shared for _, begun in found)
 
 
 def test_a_body_that_carries_another_makes_mechanisms(oscillator):
@@ -208,7 +219,7 @@ def test_a_body_that_carries_another_makes_mechanisms(oscillator):
 def test_a_force_that_vanishes_makes_its_mechanism(oscillator):
     name = "force.spring.stiffness"
     found = in_place_parameters(factory_of(oscillator()), [name], {name: 8.0})
-    rows = found.rows([{name: x} for x in (8.0, 0.0, 9.0)])
+    rows = found.rows({name: [8.0, 0.0, 9.0]})
     assert np.isfinite(rows).all(axis=1).tolist() == [True, False, True]
 
 
@@ -234,7 +245,17 @@ def test_runs_with_another_number_of_states_fail_alone(oscillator, first, worker
 
 
 def test_parameters_are_restored(oscillator):
-    name = "body.block.mass"
-    starts = VariedStarts(factory_of(oscillator()), lambda mech: 0.0, lambda mech: True)
-    made = [*starts.make([{name: x} for x in np.linspace(1.0, 2.0, FEWEST).tolist()])]
-    assert made[0].mech.model.inertias[1].mass == 1.0
+    masses = {"body.block.mass": np.linspace(1.0, 2.0, FEWEST).tolist()}
+    ((mech, begun),) = begun_groups(factory_of(oscillator()), masses)
+    assert len(begun.i) == FEWEST
+    assert mech.model.inertias[1].mass == 1.0
+
+
+@pytest.mark.parametrize("first", [0.0, 0.2])
+def test_a_body_that_determines_the_characteristic_length_makes_mechanisms(oscillator, first):
+    """A single body has no other length than its own: that of its centre of mass."""
+    values = [first, *np.linspace(0.0, 0.7, FEWEST - 1).tolist()]
+    found = begun_groups(factory_of(oscillator()), {"body.block.com.0": values})
+    in_place = [i for _, begun in found if begun.parameters.locations for i in begun.i.tolist()]
+    assert in_place == ([0, 1] if first == 0.0 else [])
+    assert sorted(i for _, begun in found for i in begun.i.tolist()) == [*range(FEWEST)]

@@ -64,6 +64,10 @@ class RunParameters(NamedTuple):
     locations: Sequence[CoreData] = ()
     values: Array = np.empty(0)
 
+    def of_runs(self, which: Array) -> "RunParameters":
+        """Return the parameters of some runs, by indices or Booleans."""
+        return self._replace(values=self.values[which]) if self.locations else self
+
 
 def reason_for_python(run: RunState) -> str:
     """Return why the runs of a mechanism with these options need Python; empty if they do not.

@@ -44,8 +44,8 @@ class InitialPoints:
 
     def at(
         self, columns: Sequence[Sequence[Any]], k: int, inertias: Sequence[Mapping[int, pin.Inertia]] = ()
-    ) -> list[Array | None]:
-        """Return the points (n,) of k runs; None where a new variant must be made.
+    ) -> Array:
+        """Return the points of k runs, (k, n); nan where a new variant must be made.
 
         A new variant is needed for values that are no numbers, and has the message where no point is consistent.
 
@@ -56,7 +56,7 @@ class InitialPoints:
         """
         values = np.array([[x if type(x) in (int, float) else nan for x in column] for column in columns], float)
         values = values.reshape(len(columns), k)
-        out: list[Array | None] = [None] * k
+        out = np.full((k, self.mech.nq + self.mech.nv + len(self.states)), nan)
         if self.estimate is None or (inertias and self.mech.ng > MANY_ROWS):
             return out
         valid = np.flatnonzero(np.isfinite(values).all(axis=0))
@@ -64,12 +64,9 @@ class InitialPoints:
         while groups:
             group = groups.pop()
             try:
-                points = self._points(values[:, group], [inertias[i] for i in group.tolist()] if inertias else ())
+                out[group] = self._points(values[:, group], [inertias[i] for i in group.tolist()] if inertias else ())
             except MbdaeError:
                 groups += [*group[:, None]] if len(group) > 1 else []
-                continue
-            for i, point in zip(group.tolist(), points, strict=True):
-                out[i] = point
         return out
 
     def _points(self, columns: Array, inertias: Sequence[Mapping[int, pin.Inertia]]) -> Array:

@@ -33,6 +33,7 @@ UPPER = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # entries of an inerti
 SYMMETRIC = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # indices of the entries of an inertia among those
 NUMBERS = ("a", "offset")  # of a law in the core
 Values = Mapping[str, Any]
+Columns = Mapping[str, Sequence[Any]]  # values of many runs
 
 
 class _ParametrizedElement(ABC):
@@ -57,14 +58,17 @@ class _ParametrizedElement(ABC):
             MbdaeError: for invalid values.
         """
 
-    def rows(self, runs: Sequence[Values]) -> Array:
-        """Return the numbers (k, n) for values of k runs, the first of them valid; nan where they do not suffice."""
+    def rows(self, columns: Columns, valid: Values) -> Array:
+        """Return the numbers (k, n) for values of k runs; nan where they do not suffice. ``valid`` values do."""
         if set(self.paths.values()) <= self.entries.keys():
-            out = np.tile(self._row(runs[0]), (len(runs), 1))
-            for name, path in self.paths.items():
-                out[:, self.entries[path]] = [_number(values[name]) for values in runs]
+            found = {self.entries[path]: [*map(_number, columns[name])] for name, path in self.paths.items()}
+            out = np.tile(self._row(valid), (len(next(iter(found.values()))), 1))
+            for i, column in found.items():
+                out[:, i] = column
             return out
-        return np.array([self._row(values) for values in runs], float)
+        names = [*self.paths]
+        rows = zip(*(columns[name] for name in names), strict=True)
+        return np.array([self._row(dict(zip(names, row, strict=True))) for row in rows], float)
 
     def _row(self, values: Values) -> list[float]:
         try:
@@ -157,19 +161,20 @@ class InPlaceParameters:
         self.bodies = [element for element in elements if isinstance(element, _BodyInertia)]
         self.largest = max(linkage_lengths(mech), default=0.0) / COINCIDENT
 
-    def rows(self, runs: Sequence[Values]) -> Array:
+    def rows(self, columns: Columns) -> Array:
         """Return the numbers (k, n) for values of the parameters in k runs; nan where a mechanism must be made.
 
         That is so for invalid values, whose message it has, and for those that change more than numbers.
         """
-        found = [element.rows([self.values, *runs])[1:] for element in self.elements]
-        valid = np.ones(len(runs), bool)
+        found = [element.rows(columns, self.values) for element in self.elements]
+        valid = np.ones(len(found[0]), bool)
         for element, x in zip(self.elements, found, strict=True):
             valid &= np.isfinite(x).all(axis=1)
             if isinstance(element, _BodyInertia):  # whose size may not determine the characteristic length
                 with np.errstate(all="ignore"):
                     radii = np.sqrt(np.abs(x[:, 4:]).max(axis=1) / x[:, 0])
-                valid &= (x[:, 0] > 0) & (np.maximum(np.linalg.norm(x[:, 1:4], axis=1), radii) < self.largest)
+                size = np.maximum(np.linalg.norm(x[:, 1:4], axis=1), radii)
+                valid &= (x[:, 0] > 0) & ((size < self.largest) | (size == 0))
         return np.where(valid[:, None], np.hstack(found), nan)
 
     def inertias(self, numbers: Array) -> list[dict[int, pin.Inertia]]:
@@ -200,6 +205,18 @@ def in_place_parameters(template: Template, names: Sequence[str], values: Values
         return None
     mech = template.make(values)
     mech = variant(mech, model=copied(mech.model))
+    elements = _elements(template, mech, names, values)
+    if not elements:
+        return None
+    out = InPlaceParameters(mech, elements, values)
+    first = out.rows({name: [values[name]] for name in names})
+    return out if np.isfinite(first).all() and _bodies_are_alone(template, out, values) else None
+
+
+def _elements(
+    template: Template, mech: Mechanism, names: Sequence[str], values: Values
+) -> list[_ParametrizedElement] | None:
+    """Return the elements that parameters determine; None where one of them also changes something else."""
     bodies = _bodies(template, mech, values)
     found: dict[str, _ParametrizedElement] = {}
     for name in names:
@@ -212,8 +229,7 @@ def in_place_parameters(template: Template, names: Sequence[str], values: Values
             found[owner] = bodies[owner]
         else:
             return None
-    out = InPlaceParameters(mech, [*found.values()], values)
-    return out if _bodies_are_alone(template, out, values) else None
+    return [*found.values()]
 
 
 def _path_of_force(mech: Mechanism, name: str) -> str:

@@ -1,6 +1,5 @@
 """Batches of runs of an ensemble in the compiled core, each by one thread."""
 
-from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...errors import InputError, MbdaeError
+from ...errors import InputError
 from ...integrate.options.options import RunOptions
 from ...integrate.run.core_runs import (
     RunParameters,
@@ -24,11 +23,13 @@ from ...mechanism import Mechanism
 from ...system import Array
 from ..factories import ParametricFactory
 from ..final_signals import need_only_kinematics, signals_at_end, why_not_in_core
-from ..varied_starts import FEWEST, Beginning, VariedStarts, run_parameters
+from ..run_columns import equal_rows, row
+from ..varied_starts import VariedStarts
 from ..workers import StopFlag, batch_size
 from .run_results import RunResults
 
 NEEDS_PYTHON = "a singular configuration, a failed step, many steps or inaccurate results"
+OTHER_MECHANISM = "a start or a parameter that needs a mechanism of its run"
 INCONSISTENT_START = "a start that may be inconsistent"
 
 
@@ -75,7 +76,7 @@ class EnsembleJob:
         settings: arguments of `mbdae.solve`.
         results: the results.
         calls_python: whether a run that is left to `mbdae.solve` calls functions of Python.
-        seconds: wall time of a run of the last batch; None before it.
+        seconds: wall time of a completed run of the last batch that had one; None before it.
     """
 
     source: Mechanism | ParametricFactory
@@ -96,10 +97,10 @@ class EnsembleJob:
         """
         if isinstance(self.source, Mechanism):
             return self.source
-        return self._checked(self.source.make(self._values(i)))
+        return self._checked(self.source.make(row(self._columns(np.array([i])), 0)))
 
-    def _values(self, i: int) -> dict[str, Any]:
-        return {name: x[i].item() for name, x in self.parameters.items()}
+    def _columns(self, i: Array) -> dict[str, list[Any]]:
+        return {name: x[i].tolist() for name, x in self.parameters.items()}
 
     def _checked(self, mech: Mechanism) -> Mechanism:
         length, common = mech.nq + mech.nv + len(mech.states) + 1, self.results.y.shape[1]
@@ -111,7 +112,7 @@ class EnsembleJob:
         return mech
 
     def begin(self, i: Array) -> "Iterator[Group]":
-        """Yield those of some runs that can begin, by their mechanism; the others are recorded.
+        """Yield those of some runs that can begin, by their mechanism.
 
         Raises:
             MbdaeError: if none can begin, for the same reason.
@@ -123,32 +124,29 @@ class EnsembleJob:
             mech = self.source
             points = np.tile(mech.point(t=self.options(mech).t0), (len(i), 1))
         else:
-            yield from self._begin_each(i)
+            yield from self._begin_at_starts_of_model(i)
             return
         yield Group(mech, i, self.starts.points(mech, i, points))
 
-    def _begin_each(self, i: Array) -> "Iterator[Group]":
-        """See `begin`: starts of the model, which depend on the parameters."""
-        found, runs = defaultdict[Any, dict[int, Beginning]](dict), i.tolist()
-        for k, made in zip(runs, self.varied_starts.make([*map(self._values, runs)]), strict=True):
-            if isinstance(made, MbdaeError):
-                self.results.fail(np.array([k]), made)
-            elif isinstance(made, Exception):
-                raise made
-            else:
-                found[made.shared_parts][k] = made
-        for group in found.values():
-            begun, all_made = np.array([*group]), [*group.values()]
-            with self.results.failing(begun):
-                mech = self._checked(all_made[0].mech)
-                points = self.starts.points(mech, begun, np.array([made.point for made in all_made]))
-                yield Group(mech, begun, points, run_parameters(all_made))
+    def _begin_at_starts_of_model(self, i: Array) -> "Iterator[Group]":
+        """See `begin`: starts of the model depend on the parameters. Runs that need a mechanism each are left."""
+        left = np.ones(len(i), bool)
+        for group in self.varied_starts.groups(self._columns(i), len(i)):
+            which, y, parameters = group.begin()
+            if not len(which):
+                continue
+            runs, left[which] = i[which], False
+            with self.results.failing(runs):
+                mech = self._checked(group.mech)
+                yield Group(mech, runs, self.starts.points(mech, runs, y), parameters)
+        self.results.leave(i[left], OTHER_MECHANISM)
 
     @cached_property
     def varied_starts(self) -> VariedStarts:
         """Starts of the model by the parameters."""
         assert not isinstance(self.source, Mechanism)
-        return VariedStarts(self.source, lambda mech: self.options(mech).t0, self._supports_parameters_in_place)
+        start_time, supported = lambda mech: self.options(mech).t0, self._supports_parameters_in_place
+        return VariedStarts(self.source, self.starts.n, start_time, supported)
 
     def _supports_parameters_in_place(self, mech: Mechanism) -> bool:
         return supports_parameters_in_place(self.options(mech)) and need_only_kinematics(mech, self.names)
@@ -175,12 +173,9 @@ class EnsembleJob:
         if not isinstance(self.source, Mechanism):
             shared = {*self.varied_starts.names(self.parameters)}
             if self.starts.q is None or self.starts.v is None:
-                shared |= {*self.varied_starts.names_in_place([self._values(i) for i in range(min(n, FEWEST))])}
-        columns = [x for name, x in self.parameters.items() if name not in shared]
-        found = defaultdict(list)
-        for i, values in enumerate(zip(*columns, strict=True)):
-            found[values].append(i)
-        yield from map(np.array, found.values()) if columns else [np.arange(n)]
+                shared |= {*self.varied_starts.names_in_place(self._columns(np.arange(1)))}
+        columns = {name: x.tolist() for name, x in self.parameters.items() if name not in shared}
+        yield from map(np.array, equal_rows(columns, columns, n))
 
 
 def batches(job: EnsembleJob, pending: int) -> Iterator[list[Array]]:
@@ -201,7 +196,7 @@ def batches(job: EnsembleJob, pending: int) -> Iterator[list[Array]]:
 
 def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
     """Make the runs of a batch in the core; others are marked, see `RunResults`."""
-    started = perf_counter()
+    started, completed = perf_counter(), 0
     for i in batch:
         if stop():
             return
@@ -209,26 +204,29 @@ def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
             for group in job.begin(i):
                 with job.results.failing(group.i):
                     run = prepare_at(group.mech, job.options(group.mech), group.y[0])
-                    _complete(job, run, group, stop)
+                    completed += _complete(job, run, group, stop)
                     run.release()
-    job.seconds = (perf_counter() - started) / sum(map(len, batch))
+    if completed:
+        job.seconds = (perf_counter() - started) / completed
 
 
-def _complete(job: EnsembleJob, run: RunState, group: Group, stop: StopFlag) -> None:
+def _complete(job: EnsembleJob, run: RunState, group: Group, stop: StopFlag) -> int:
+    """Make the runs of a group in the core; return how many it completed."""
     _, i, y, parameters = group
     reason = why_not_in_core(run, job.names)
     if reason:
         job.results.leave(i, reason)
         job.calls_python |= calls_python(run)
-        return
+        return 0
     if job.starts.q is not None or job.starts.v is not None:
         consistent = consistent_starts(run, y, parameters)
         job.results.leave(i[~consistent], INCONSISTENT_START)
         i, y = i[consistent], y[consistent]
-        parameters = parameters._replace(values=parameters.values[consistent]) if parameters.locations else parameters
+        parameters = parameters.of_runs(consistent)
     if not len(i):
-        return
+        return 0
     runs = solve_in_core(run, y, stop.memory, parameters)
     i = i[: len(runs.finished)]
     job.results.leave(i[~runs.finished], NEEDS_PYTHON)
     job.results.store(i[runs.finished], run.options.t1, runs, signals_at_end(run, runs, job.names))
+    return int(runs.finished.sum())

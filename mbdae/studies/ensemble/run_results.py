@@ -53,7 +53,7 @@ class RunResults:
         invalid = "input" if isinstance(error, InputError) else "error"
         status = "assembly" if isinstance(error, AssemblyError) else invalid
         for k in i.tolist():
-            self.status[k], self.message[k] = status, str(error)
+            self.status[k], self.message[k], self.reasons[k] = status, str(error), ""
 
     @contextmanager
     def failing(self, i: Array) -> Iterator[None]:

@@ -23,14 +23,13 @@ def complete_singly(job: EnsembleJob, workers: int | None, progress: Progress | 
 
     Runs that call functions of Python, which may have memory, follow one after another.
     """
-    reasons = job.results.reasons
-    left = [i for i, reason in enumerate(reasons) if reason]
+    left = {i: reason for i, reason in enumerate(job.results.reasons) if reason}
     done = [job.starts.n - len(left)]
 
     def report(i: int, _: None) -> None:
         done[0] += 1
         if progress:
-            progress(done[0] / job.starts.n, f"{done[0]} of {job.starts.n} runs, {reasons[i]} by mbdae.solve")
+            progress(done[0] / job.starts.n, f"{done[0]} of {job.starts.n} runs, {left[i]} by mbdae.solve")
 
     count = 1 if job.calls_python else workers
     with suppress(KeyboardInterrupt), pool("threads", count, _complete, job, "") as threads:

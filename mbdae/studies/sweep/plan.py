@@ -1,14 +1,16 @@
 """The runs of a sweep: parameter values from a grid, a list or a random sample, and a seed for each run."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain, product
+from itertools import chain, repeat
 from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...errors import InputError, UnknownNameError, is_count
+from ..run_columns import pick, pick_rows
 from .seeds import PARAMETER_STREAM, run_seeds
 
 __all__ = ["Random"]
@@ -54,12 +56,44 @@ class Task(NamedTuple):
     seed: int
     values: dict[str, Any]
 
+
+@dataclass(frozen=True)
+class Runs:
+    """Runs with the same parameters, as columns.
+
+    Attributes:
+        run: their numbers, increasing, k of them.
+        seeds: their seeds, k.
+        columns: values by parameter, k each.
+    """
+
+    run: Sequence[int]
+    seeds: Sequence[int]
+    columns: dict[str, Sequence[Any]]
+
+    def __len__(self) -> int:
+        return len(self.run)
+
     def __str__(self) -> str:
-        return f"run {self.run}"
+        return f"batch of runs {self.run[0]} to {self.run[-1]}" if len(self) > 1 else f"run {self.run[0]}"
+
+    def subset(self, which: Sequence[int] | slice) -> "Runs":
+        """Return some of the runs, by indices or a slice."""
+        return Runs(pick(self.run, which), pick(self.seeds, which), pick_rows(self.columns, which))
+
+    def without(self, done: Container[int]) -> "Runs":
+        """Return the runs whose numbers are not in ``done``."""
+        return self.subset([k for k, run in enumerate(self.run) if run not in done])
+
+    def tasks(self) -> Iterator[Task]:
+        """Yield the runs one by one."""
+        rows = zip(*self.columns.values(), strict=True) if self.columns else repeat(())
+        for run, seed, row in zip(self.run, self.seeds, rows, strict=False):
+            yield Task(run, seed, dict(zip(self.columns, row, strict=True)))
 
 
-def tasks(parameters: Parameters, seed: int) -> list[Task]:
-    """Return the runs in order; in a grid the last parameter varies fastest.
+def planned_runs(parameters: Parameters, seed: int) -> list[Runs]:
+    """Return all runs, those with the same parameters together; in a grid the last parameter varies fastest.
 
     Raises:
         InputError: for other parameters, or values that a table cannot store.
@@ -69,21 +103,40 @@ def tasks(parameters: Parameters, seed: int) -> list[Task]:
         raise InputError(f"seed is a whole number, not negative, got {seed!r}")
     if not all(isinstance(name, str) for name in _named(parameters)):
         raise InputError(f"parameters are named by texts, got {parameters!r:.60}")
-    values = [{n: builtin_value(n, x) for n, x in run.items()} for run in _runs(parameters, int(seed))]
-    if not values:
+    groups = _columns(parameters, int(seed))
+    n = sum(len(run) for run, _ in groups)
+    if not n:
         raise InputError("a sweep needs at least one run: the list of parameters is empty")
-    return [*map(Task, range(len(values)), run_seeds(int(seed), len(values)), values)]
+    seeds = run_seeds(int(seed), n)
+    return [Runs(run, pick(seeds, run), columns) for run, columns in groups]
 
 
-def _runs(parameters: Parameters, seed: int) -> Iterable[Mapping[str, Any]]:
-    """Return the values of each run, from a sample, a grid or a list."""
+def _columns(parameters: Parameters, seed: int) -> list[tuple[Sequence[int], dict[str, Sequence[Any]]]]:
+    """Return the numbers of runs with the same parameters, and their values by parameter."""
+    if isinstance(parameters, Mapping):
+        axes = {n: _builtin_values(n, _listed(n, values)) for n, values in parameters.items()}
+        _check_number(n := prod(map(len, axes.values())))
+        return [(range(n), dict(zip(axes, _grid([*axes.values()], n), strict=True)))]
+    rows, by_names = [*_listed_runs(parameters, seed)], defaultdict[tuple[str, ...], list[int]](list)
+    for i, row in enumerate(rows):
+        by_names[(*row,)].append(i)
+    return [(run, {n: _builtin_values(n, (rows[i][n] for i in run)) for n in key}) for key, run in by_names.items()]
+
+
+def _grid(axes: Sequence[Sequence[Any]], n: int) -> Iterator[list[Any]]:
+    """Yield the column of each axis of a grid with n points, the last of which varies fastest."""
+    before, after = 1, n
+    for axis in axes:
+        after //= len(axis)
+        yield [x for x in axis for _ in range(after)] * before
+        before *= len(axis)
+
+
+def _listed_runs(parameters: Parameters, seed: int) -> Iterable[Mapping[str, Any]]:
+    """Return the values of each run, from a sample or a list."""
     if isinstance(parameters, Random):
         _check_number(parameters.n)
         return _sample(parameters, seed)
-    if isinstance(parameters, Mapping):
-        lists = [_listed(name, values) for name, values in parameters.items()]
-        _check_number(prod(map(len, lists)))
-        return (dict(zip(parameters, values, strict=True)) for values in product(*lists))
     if isinstance(parameters, Sequence) and all(isinstance(p, Mapping) for p in parameters):
         return parameters
     raise InputError(
@@ -106,9 +159,13 @@ def _named(parameters: object) -> Iterable[Any]:
     return (name for run in runs if isinstance(run, Mapping) for name in run)
 
 
-def names(runs: Iterable[Task]) -> list[str]:
+def names(plan: Iterable[Runs]) -> list[str]:
     """Return the names of all parameters, in order."""
-    return list(dict.fromkeys(chain.from_iterable(dict.fromkeys(tuple(task.values) for task in runs))))
+    return list(dict.fromkeys(chain.from_iterable(runs.columns for runs in plan)))
+
+
+def _builtin_values(name: str, values: Iterable[object]) -> list[Any]:
+    return [x if type(x) in BUILTIN else builtin_value(name, x) for x in values]
 
 
 def builtin_value(name: str, value: object) -> Any:
@@ -117,8 +174,6 @@ def builtin_value(name: str, value: object) -> Any:
     Raises:
         InputError: for any other value.
     """
-    if type(value) in BUILTIN:
-        return value
     value = value.item() if isinstance(value, np.generic) else value
     if isinstance(value, BUILTIN):
         return value

@@ -6,8 +6,9 @@ that all finished runs are readable after a crash. The same sweep resumes from i
 
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from itertools import chain, repeat
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -19,6 +20,7 @@ PART, SUFFIX = ".part", ".parquet"
 META = b"mbdae.sweep"
 MORE = "more"  # results of functions, whose names are unknown until all runs are finished
 Row = dict[str, Any]  # numbers, texts, arrays and lists, by column: `Kinds` has their types
+Results = dict[str, Sequence[Any]]  # of k runs: columns, k values each
 Kinds = Mapping[str, str]  # name of a column: int, float, text, bool or floats
 
 
@@ -32,7 +34,7 @@ class SweepFile:
         fresh: replace an existing file without reading it.
 
     Attributes:
-        rows: runs finished earlier, by number.
+        results: of runs finished earlier.
 
     Raises:
         InputError: without pyarrow; for a file of another sweep, another file, one in use, or an unwritable one.
@@ -43,14 +45,13 @@ class SweepFile:
             raise InputError(f"the file of a sweep ends in {SUFFIX}, got {str(path)!r}")
         self.path, self.kinds, self.meta = path, kinds, meta
         self.schema = _schema({**kinds, MORE: MORE}, meta)
-        self.rows: dict[int, Row] = {}
+        self.results = results_of([])
         self.part = path.with_name(path.name + PART)
         self._file: int | None = None
         self._replace_old = fresh and path.exists()  # removed after the first run
         if not fresh and path.exists():
-            rows, found = read(path)
+            self.results, found = read(path)
             self._require_same_sweep(found)
-            self.rows = {row["run"]: row for row in rows}
         else:
             self._open(fresh)
 
@@ -65,9 +66,8 @@ class SweepFile:
         head = self.schema.serialize().to_pybytes()
         end = 0
         if len(content) >= len(head) or not head.startswith(content):
-            rows, found, end = _stream(content, self.part)
+            self.results, found, end = _stream(content, self.part)
             self._require_same_sweep(found)
-            self.rows = {row["run"]: row for row in rows}
         os.ftruncate(self._file, end)
         os.lseek(self._file, end, os.SEEK_SET)
         if not end:
@@ -92,12 +92,13 @@ class SweepFile:
                 f"{self.path} has another sweep, with other {' and '.join(other)}: give another file, or delete it"
             )
 
-    def append(self, rows: Sequence[Row]) -> None:
+    def append(self, results: Results) -> None:
         """Append finished runs, a record batch each."""
-        batch = arrow().RecordBatch.from_pylist([{**row, MORE: list(row[MORE].items())} for row in rows], self.schema)
+        more = [list(x.items()) for x in results[MORE]]
+        batch = arrow().RecordBatch.from_pydict({**results, MORE: more}, self.schema)
         if self._file is None:
             return
-        data = memoryview(b"".join(batch.slice(i, 1).serialize() for i in range(len(rows))))
+        data = memoryview(b"".join(batch.slice(i, 1).serialize() for i in range(len(more))))
         try:
             while data:
                 data = data[os.write(self._file, data) :]
@@ -106,10 +107,10 @@ class SweepFile:
         except OSError as e:
             raise InputError(f"cannot write {self.part}, finished runs are stored: {e.strerror}") from None
 
-    def finish(self, rows: list[Row]) -> None:
+    def finish(self, results: Results) -> None:
         """Write the Parquet file of all runs, and remove the stream."""
         if self._file is not None:
-            write(self.path, rows, self.kinds, self.meta)
+            write(self.path, results, self.kinds, self.meta)
             self.part.unlink(missing_ok=True)
 
     def close(self) -> None:
@@ -119,23 +120,38 @@ class SweepFile:
             self._file = None
 
 
-def write(path: Path, rows: Iterable[Row], kinds: Kinds, meta: Mapping[str, Any]) -> None:
-    """Write rows as Parquet, atomically; the same rows give the same bytes.
+def results_of(rows: Sequence[Row]) -> Results:
+    """Return the results of runs as columns, of which there are two without any run."""
+    return {name: [row[name] for row in rows] for name in rows[0]} if rows else {"run": [], MORE: []}
+
+
+def joined(parts: Sequence[Results]) -> Results:
+    """Return the results of several parts in the order of their runs."""
+    parts = sorted((part for part in parts if len(part["run"])), key=lambda part: part["run"][0])
+    out: Results = {name: [*chain.from_iterable(x[name] for x in parts)] for name in (*parts, results_of([]))[0]}
+    run = out["run"]
+    if run == sorted(run):
+        return out
+    order = sorted(range(len(run)), key=run.__getitem__)
+    return {name: [x[k] for k in order] for name, x in out.items()}
+
+
+def write(path: Path, results: Results, kinds: Kinds, meta: Mapping[str, Any]) -> None:
+    """Write results as Parquet, atomically; the same results give the same bytes.
 
     Raises:
         InputError: without pyarrow, or for an unwritable path.
     """
-    pa, rows = arrow(), list(rows)
-    more = sorted({name for row in rows for name in row[MORE]})
-    table = pa.Table.from_pylist(
-        [{**row, **row[MORE]} for row in rows], _schema({**kinds, **dict.fromkeys(more, "float")}, meta)
-    )
+    pa, more = arrow(), results[MORE]
+    names = sorted({name for x in more for name in x})
+    columns = {**results, **{name: [x.get(name) for x in more] for name in names}}
+    table = pa.Table.from_pydict(columns, _schema({**kinds, **dict.fromkeys(names, "float")}, meta))
     with atomic_write(path) as temporary:
         pa.parquet.write_table(table.combine_chunks(), temporary)
 
 
-def read(path: Path) -> tuple[list[Row], dict[str, Any]]:
-    """Read the rows and the metadata of a sweep's file, or of its stream if that is incomplete.
+def read(path: Path) -> tuple[Results, dict[str, Any]]:
+    """Read the results and the metadata of a sweep's file, or of its stream if that is incomplete.
 
     Raises:
         InputError: without pyarrow, or for a missing or damaged file, or one without a sweep.
@@ -148,16 +164,16 @@ def read(path: Path) -> tuple[list[Row], dict[str, Any]]:
     except (OSError, ValueError, pa.ArrowException) as e:
         raise InputError(f"cannot read {path}: {' '.join(str(e).split())}") from None
     meta = _meta(table.schema, path)
-    rows = table.to_pylist()
-    for row in rows:
-        more = {name: row.pop(name) for name in list(row) if name not in meta["kinds"]}
-        row[MORE] = {name: x for name, x in more.items() if x is not None}
-    return rows, meta
+    columns = table.to_pydict()
+    more = {name: columns.pop(name) for name in list(columns) if name not in meta["kinds"]}
+    by_run = zip(*more.values(), strict=True) if more else repeat((), table.num_rows)
+    columns[MORE] = [{name: x for name, x in zip(more, row, strict=True) if x is not None} for row in by_run]
+    return columns, meta
 
 
-def _stream(content: bytes, path: Path) -> tuple[list[Row], dict[str, Any], int]:
-    """Return the rows of a stream, its metadata, and the end of its last complete batch."""
-    pa, rows = arrow(), []
+def _stream(content: bytes, path: Path) -> tuple[Results, dict[str, Any], int]:
+    """Return the results in a stream, its metadata, and the end of its last complete batch."""
+    pa, parts = arrow(), []
     source = pa.BufferReader(content)
     try:
         reader = pa.ipc.open_stream(source)
@@ -167,11 +183,10 @@ def _stream(content: bytes, path: Path) -> tuple[list[Row], dict[str, Any], int]
         raise InputError(f"{path} is not a file of a sweep, or damaged") from None
     with suppress(StopIteration, OSError, ValueError, pa.ArrowException):
         while True:
-            rows += reader.read_next_batch().to_pylist()
+            part = reader.read_next_batch().to_pydict()
+            parts.append({**part, MORE: [*map(dict, part[MORE])]})
             end = source.tell()
-    for row in rows:
-        row[MORE] = dict(row[MORE])
-    return rows, meta, end
+    return joined(parts), meta, end
 
 
 def _meta(schema: Any, path: Path) -> dict[str, Any]:

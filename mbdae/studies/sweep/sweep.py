@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +27,9 @@ from ..factories import Model, ParametricFactory, model_title
 from ..workers import pool
 from .fingerprint import fingerprint
 from .outputs import Output, check, label, parse
-from .plan import Parameters, Task, names, tasks
-from .results_file import Row, SweepFile
-from .sweep_batch import Batch, batches_of, run_batch
+from .plan import Parameters, Runs, names, planned_runs
+from .result_collector import ResultCollector
+from .sweep_batch import batches_of, run_batch
 from .sweep_run import SOLVE, Job, check_settings, known_signals, split
 from .table import Sweep, column_kinds
 
@@ -105,62 +106,30 @@ def sweep(
         raise InputError(f"path is the name of a file, got {path!r:.60}")
     check_backend = checked_backend if isinstance(executor, Executor) else select_core  # an executor: other machines
     check_backend(settings.get("backend", "auto"))
-    plan = tasks(parameters, seed)
+    plan = planned_runs(parameters, seed)
     job = _job(model, t_span, times, outputs, settings)
     mech = _checked(job, plan)
     known = known_signals(job, plan, mech)
     check(known, job.outputs, job.times is not None)
     meta = _meta(job, plan, mech, known)
-    job.columns, job.key = tuple(meta["kinds"]), json.dumps(meta["manifest"])
-    with closing(_Collector(meta, None if path is None else Path(path), fresh, progress)) as collector:
-        _run(job, [task for task in plan if task.run not in collector.rows], executor, workers, collector)
+    job.runs, job.columns, job.key = meta["manifest"]["runs"], tuple(meta["kinds"]), json.dumps(meta["manifest"])
+    with closing(ResultCollector(meta, None if path is None else Path(path), fresh, progress)) as collector:
+        _run(job, [runs.without(collector.done) for runs in plan], executor, workers, collector)
         return collector.finish()
 
 
 def _run(
-    job: Job, plan: list[Task], executor: str | Executor | None, workers: int | None, collector: "_Collector"
+    job: Job, plan: list[Runs], executor: str | Executor | None, workers: int | None, collector: ResultCollector
 ) -> None:
     """Make runs in batches until Ctrl-C."""
-    if not plan:
+    if not any(map(len, plan)):
         return
     with suppress(KeyboardInterrupt), pool(executor, workers, run_batch, job, "executor='threads'") as workers_pool:
-        batches = batches_of(plan, workers_pool.max_pending, collector.result.seconds)
+        batches = batches_of(plan, workers_pool.max_pending, collector.seconds)
         workers_pool.run(batches, collector.record)
 
 
-class _Collector:
-    """Table of finished runs: in memory, and in a file if a path is given."""
-
-    def __init__(self, meta: dict[str, Any], path: Path | None, fresh: bool, progress: Progress | None) -> None:
-        self.file = None if path is None else SweepFile(path, meta["kinds"], meta, fresh)
-        self.result, self.progress = Sweep([], meta, path=path), progress
-        self.rows = dict(self.file.rows) if self.file else {}
-
-    def record(self, batch: Batch, found: Sequence[tuple[Row, float]]) -> None:
-        """Record the rows and wall times of a batch of completed or failed runs, and report the progress."""
-        done = [x for x in found if x[0]["status"] != "interrupted"]  # by a signal to the worker: still pending
-        if self.file:
-            self.file.append([row for row, _ in done])
-        for row, seconds in done:
-            self.rows[row["run"]], self.result.seconds[row["run"]] = row, seconds
-        if self.progress:
-            n, total = len(self.rows), self.result.total
-            self.progress(n / total, f"{n} of {total} runs")
-
-    def finish(self) -> Sweep:
-        """Return the table of finished runs; write the file if all are finished."""
-        self.result.rows = [self.rows[i] for i in sorted(self.rows)]
-        if self.file and self.result.complete:
-            self.file.finish(self.result.rows)
-        return self.result
-
-    def close(self) -> None:
-        """Close the file."""
-        if self.file:
-            self.file.close()
-
-
-def _meta(job: Job, plan: Sequence[Task], mech: Mechanism, known: Mapping[str, str]) -> dict[str, Any]:
+def _meta(job: Job, plan: Sequence[Runs], mech: Mechanism, known: Mapping[str, str]) -> dict[str, Any]:
     """Return the metadata of a table, see `Sweep`."""
     wanted = [parse(x) for x in job.outputs if isinstance(x, str)]
     numbers, samples = ([w.text for w in wanted if bool(w.reduction) is scalar] for scalar in (True, False))
@@ -214,7 +183,7 @@ def _times(times: Any) -> int | tuple[float, ...] | None:
     return found
 
 
-def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
+def _checked(job: Job, plan: Sequence[Runs]) -> Mechanism:
     """Reject unknown names; return the mechanism of the first run that can be made.
 
     Raises:
@@ -229,12 +198,12 @@ def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
     return mech
 
 
-def _first_made(factory: ParametricFactory, plan: Sequence[Task]) -> Mechanism:
-    """Check the names of all runs, or of some if all have the same; return the first mechanism that can be made."""
+def _first_made(factory: ParametricFactory, plan: Sequence[Runs]) -> Mechanism:
+    """Check the names of all parameters; return the first mechanism that can be made."""
     checked = set[tuple[str, ...]]()
     mech, problem = None, ""
-    sample = [*plan[:TRIALS], *plan[TRIALS :: max(1, len(plan) // TRIALS)]]
-    for task in sample if len({tuple(t.values) for t in plan}) == 1 else plan:
+    sample = [*chain.from_iterable(runs.subset(_sample(len(runs))).tasks() for runs in plan)]
+    for task in sample:
         values, _ = split(task.values, factory, task.seed)
         if mech is not None and tuple(values) in checked:
             continue
@@ -251,6 +220,10 @@ def _first_made(factory: ParametricFactory, plan: Sequence[Task]) -> Mechanism:
     return mech
 
 
+def _sample(n: int) -> list[int]:
+    return [*range(n)[:TRIALS], *range(n)[TRIALS :: max(1, n // TRIALS)]]
+
+
 def _made(factory: ParametricFactory, values: Mapping[str, Any]) -> Mechanism:
     try:
         return factory.make(values)
@@ -258,23 +231,26 @@ def _made(factory: ParametricFactory, values: Mapping[str, Any]) -> Mechanism:
         raise InputError(str(e)) from e
 
 
-def _methods(job: Job, plan: Sequence[Task]) -> Iterable[tuple[str, str]]:
+def _methods(job: Job, plan: Sequence[Runs]) -> Iterable[tuple[str, str]]:
     """Return the formulations and methods of the runs."""
-    columns = (
-        [task.values.get(SOLVE + key, job.settings.get(key)) or DEFAULTS[key] for task in plan]
-        for key in ("formulation", "method")
-    )
-    return dict.fromkeys(zip(*columns, strict=True))
+    found = dict[tuple[str, str], None]()
+    for runs in plan:
+        columns = (
+            [x or DEFAULTS[key] for x in runs.columns.get(SOLVE + key, [job.settings.get(key)] * len(runs))]
+            for key in ("formulation", "method")
+        )
+        found |= dict.fromkeys(zip(*columns, strict=True))
+    return found
 
 
-def _manifest(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]:
+def _manifest(job: Job, plan: Sequence[Runs], mech: Mechanism) -> dict[str, Any]:
     """Return data that identify a sweep; long entries as checksums."""
     made = describe(mech) if isinstance(job.model, str | Mechanism) else fingerprint(job.model)
     return {
         "model": model_title(job.model),
         "mechanism": _checksum(made),
-        "runs": len(plan),
-        "parameters": _checksum([(task.seed, task.values) for task in plan]),
+        "runs": sum(map(len, plan)),
+        "parameters": _checksum([[*runs.run, *runs.seeds, [*runs.columns.items()]] for runs in plan]),
         "t_span": job.t_span and list(job.t_span),
         "times": list(job.times) if isinstance(job.times, tuple) else job.times,
         "outputs": [label(x) for x in job.outputs],

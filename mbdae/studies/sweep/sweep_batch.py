@@ -3,9 +3,9 @@
 Runs with outputs at the end alone are completed in the compiled core, if possible.
 """
 
-import json
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import islice, repeat
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from itertools import chain, islice
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -18,62 +18,61 @@ from ...integrate.run.run_setup import prepare_at
 from ...integrate.run.run_state import RunState
 from ...mechanism import Mechanism
 from ..final_signals import signals_at_end, why_not_in_core
-from ..varied_starts import Beginning, run_parameters
+from ..run_columns import Columns, equal_rows
+from ..varied_starts import Begun
 from ..workers import StopFlag, batch_size
 from .outputs import label, parse
-from .plan import Task, names
-from .results_file import MORE, Row
-from .sweep_run import Job, run, split
+from .plan import Runs
+from .results_file import MORE, Results, results_of
+from .sweep_run import SOLVE, Job, run
 
 MAX_BATCH = 500  # runs
 BATCH_SECONDS = 0.2  # of several runs in a batch: at least ten times what sending them to a cluster takes
 LAST_RUNS = 8  # whose mean time determines the next batch
+FIRST_BATCH, FIRST_PART = 8, 1 / 32  # of a batch before any time is known: runs, and of all that each worker makes
 FINAL = "final"
 
 
-class _Start(NamedTuple):
-    """Start of a task, and its index in the batch."""
+class FinishedRuns(NamedTuple):
+    """Results of runs that finished together, and the wall time of each in s."""
 
-    i: int
-    at: Beginning
-
-
-class Batch(NamedTuple):
-    """Tasks that one worker makes together."""
-
-    tasks: Sequence[Task]
-
-    def __str__(self) -> str:
-        first, *others = self.tasks
-        return f"batch of runs {first.run} to {others[-1].run}" if others else str(first)
+    results: Results
+    seconds: float
 
 
-def batches_of(plan: Sequence[Task], pending: int, seconds: dict[int, float]) -> Iterator[Batch]:
-    """Yield the tasks in batches, see `batch_size`; they are short enough for a stop to lose little.
+def batches_of(plan: Sequence[Runs], pending: int, seconds: dict[int, float]) -> Iterator[Runs]:
+    """Yield the runs in batches, see `batch_size`; they are short enough for a stop to lose little.
 
     Args:
-        plan: the tasks.
+        plan: the runs.
         pending: number of batches that are submitted at a time.
-        seconds: wall times of finished runs by number, the latest last; batches have one run until there are any.
+        seconds: wall times of finished runs by number, the latest last.
     """
-    i = 0
-    while i < len(plan):
-        last = list(islice(reversed(seconds.values()), LAST_RUNS))
-        mean = sum(last) / len(last) if last else None
-        longest = min(MAX_BATCH, max(1, int(BATCH_SECONDS / mean))) if mean else 1
-        size = min(longest, batch_size(len(plan) - i, pending, mean))
-        yield Batch(plan[i : i + size])
-        i += size
+    remaining = sum(map(len, plan))
+    first = min(FIRST_BATCH, int(FIRST_PART * remaining / pending))
+    for runs in plan:
+        i = 0
+        while i < len(runs):
+            last = list(islice(reversed(seconds.values()), LAST_RUNS))
+            mean = sum(last) / len(last) if last else None
+            longest = max(1, min(MAX_BATCH, int(BATCH_SECONDS / mean)) if mean else first)
+            batch = runs.subset(slice(i, i + min(longest, batch_size(remaining, pending, mean))))
+            yield batch
+            i, remaining = i + len(batch), remaining - len(batch)
 
 
-def run_batch(job: Job, batch: Batch, stop: StopFlag | None = None) -> list[tuple[Row, float]]:
-    """Return rows and wall times in s of several tasks; those that the core cannot complete are run one by one."""
-    started, rows, flag = perf_counter(), dict[int, Row](), stop or StopFlag()
-    if _ends_suffice(job):
-        for settings, starts in _groups(job, batch.tasks):
-            rows |= _completed(job, settings, batch.tasks, starts, flag)
-    seconds = (perf_counter() - started) / max(1, len(rows))
-    return [(rows[i], seconds) if i in rows else run(job, task, flag) for i, task in enumerate(batch.tasks)]
+def run_batch(job: Job, batch: Runs, stop: StopFlag | None = None) -> list[FinishedRuns]:
+    """Return the results of a batch; runs that the core cannot complete follow one by one, until a stop."""
+    flag = stop or StopFlag()
+    found = [*_completed_in_core(job, batch, flag)] if _ends_suffice(job) else []
+    done = {*chain.from_iterable(x.results["run"] for x in found)}
+    for task in batch.without(done).tasks():
+        if flag():
+            break
+        of_run, seconds = run(job, task, flag)
+        if of_run["status"] != "interrupted":
+            found.append(FinishedRuns(results_of([of_run]), seconds))
+    return found
 
 
 def _ends_suffice(job: Job) -> bool:
@@ -82,71 +81,61 @@ def _ends_suffice(job: Job) -> bool:
     return final and job.times is None and not job.settings.get("events")
 
 
-def _groups(job: Job, tasks: Sequence[Task]) -> list[tuple[dict[str, Any], list[_Start]]]:
-    """Return settings and starts of tasks whose mechanisms differ in their starts alone.
-
-    They end at the first task that needs Python, since those after it most likely do, too.
-    """
-    found, group = dict[tuple, tuple[dict[str, Any], list[_Start]]](), list[_Start]()
-    last: tuple[Mechanism, str] | None = None  # of this group
-    values, all_settings = zip(*(split(task.values, job.factory, task.seed) for task in tasks), strict=True)
-    for i, (made, settings) in enumerate(zip(job.varied_starts.make(values), all_settings, strict=True)):
-        if isinstance(made, Exception):  # `run` has the message
-            continue
-        mech, start = made.mech, _Start(i, made)
-        text = json.dumps(settings) if settings else ""
-        if last != (mech, text):
-            key = (text, mech.duration, *made.shared_parts)
-            try:
-                if key not in found and _needs_python(job, settings, start):
-                    break
-            except Exception:  # as above
-                continue
-            last, group = (mech, text), found.setdefault(key, (settings, []))[1]
-        group.append(start)
-    return list(found.values())
+def _completed_in_core(job: Job, batch: Runs, stop: StopFlag) -> Iterator[FinishedRuns]:
+    """Yield the runs that the core completed, up to the first that needs Python: those after it most likely do, too."""
+    for settings, runs in _by_settings(batch):
+        for group in job.varied_starts.groups(_parameters(job, runs), len(runs)):
+            started = perf_counter()
+            with suppress(MbdaeError), _prepared(job, settings, group.mech) as one:  # `run` has the message
+                if why_not_in_core(one, job.signals):
+                    return
+                begun = group.begin()
+                if begun.parameters.locations and not supports_parameters_in_place(one.options):
+                    continue
+                results = _run_in_core(job, one, runs, begun, stop)
+                if k := len(results["run"]):
+                    yield FinishedRuns(results, (perf_counter() - started) / k)
 
 
-def _needs_python(job: Job, settings: dict[str, Any], start: _Start) -> bool:
-    one = _prepared(job, settings, start)
-    reason = why_not_in_core(one, job.signals)
-    one.release()
-    return bool(reason)
+def _by_settings(batch: Runs) -> Iterator[tuple[dict[str, Any], Runs]]:
+    """Yield the runs of a batch with equal settings of `mbdae.solve`, and these settings."""
+    names = [name for name in batch.columns if name.startswith(SOLVE)]
+    for which in equal_rows(batch.columns, names, len(batch)):
+        runs = batch if len(which) == len(batch) else batch.subset(which)
+        yield {name.removeprefix(SOLVE): runs.columns[name][0] for name in names}, runs
 
 
-def _prepared(job: Job, settings: dict[str, Any], start: _Start) -> RunState:
-    """Return a run before its beginning.
+def _parameters(job: Job, runs: Runs) -> Columns:
+    """Return the values for mechanisms, with the seeds of the runs if these have that parameter."""
+    columns = {name: x for name, x in runs.columns.items() if not name.startswith(SOLVE)}
+    return {"seed": runs.seeds, **columns} if "seed" in job.factory.parameters else columns
+
+
+@contextmanager
+def _prepared(job: Job, settings: dict[str, Any], mech: Mechanism) -> Iterator[RunState]:
+    """Yield a run before its beginning, without its initial point.
 
     Raises:
         MbdaeError: for invalid settings.
     """
     given = {name: x for name, x in {**job.settings, **settings}.items() if name != "events"}
-    mech = start.at.mech
-    return prepare_at(mech, RunOptions.from_settings(mech, job.span(mech), given), start.at.point)
-
-
-def _completed(
-    job: Job, settings: dict[str, Any], tasks: Sequence[Task], starts: Sequence[_Start], stop: StopFlag
-) -> dict[int, Row]:
-    """Return the rows of the tasks that the core completed, by their indices in the batch."""
-    one, in_place = _prepared(job, settings, starts[0]), starts[0].at.in_place
-    if in_place and not supports_parameters_in_place(one.options):
-        return {}
+    no_point = np.full(mech.nq + mech.nv + len(mech.states) + 1, np.nan)
+    run = prepare_at(mech, RunOptions.from_settings(mech, job.span(mech), given), no_point)
     try:
-        points, parameters = np.array([x.at.point for x in starts]), run_parameters([x.at for x in starts])
-        runs = solve_in_core(one, points, stop.memory, parameters)
-        values = signals_at_end(one, runs, job.signals)
-    except MbdaeError:  # `run` has the message
-        return {}
+        yield run
     finally:
-        one.release()
-    done = np.flatnonzero(runs.finished)
-    indices = [starts[k].i for k in done.tolist()]
-    made = [tasks[i] for i in indices]
+        run.release()
+
+
+def _run_in_core(job: Job, one: RunState, runs: Runs, begun: Begun, stop: StopFlag) -> Results:
+    """Return the results of the runs that the core completed."""
+    found = solve_in_core(one, begun.y, stop.memory, begun.parameters)
+    values = signals_at_end(one, found, job.signals)
+    done = np.flatnonzero(found.finished)
+    made = runs.subset(begun.i[done].tolist())
     common = {"status": "finished", "message": STATUS["finished"], "t": one.options.t1, "backend": one.stepper.backend}
-    columns: dict[str, Iterable[Any]] = {name: repeat(x) for name, x in (dict.fromkeys(job.columns) | common).items()}
-    columns |= {"run": [task.run for task in made], "seed": [task.seed for task in made], MORE: repeat({})}
-    columns |= {name: [task.values.get(name) for task in made] for name in names(made)}
-    columns |= zip(COUNTS, runs.counts[done].T.tolist(), strict=True)
-    columns |= zip(map(label, job.outputs), values.T.tolist(), strict=True)
-    return {i: dict(zip(columns, row, strict=True)) for i, *row in zip(indices, *columns.values(), strict=False)}
+    k = len(made)
+    columns = {name: [x] * k for name, x in (dict.fromkeys(job.columns) | common).items()} | dict(made.columns)
+    columns |= {"run": made.run, "seed": made.seeds, MORE: [{} for _ in range(k)]}
+    columns |= zip(COUNTS, found.counts[done].T.tolist(), strict=True)
+    return columns | dict(zip(map(label, job.outputs), values.T.tolist(), strict=True))

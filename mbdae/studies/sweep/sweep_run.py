@@ -5,6 +5,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from itertools import chain
 from time import perf_counter
 from typing import Any
 
@@ -21,7 +22,7 @@ from ..final_signals import need_only_kinematics
 from ..varied_starts import VariedStarts
 from ..workers import Stop, stop_check
 from .outputs import Output, evaluate, parse
-from .plan import Task
+from .plan import Runs, Task
 from .results_file import MORE, Row
 
 SOLVE = "solve."
@@ -44,6 +45,7 @@ class Job:
         times: number of equidistant times or the times at which signals are taken; the steps when None.
         outputs: results of each run.
         settings: arguments of `mbdae.solve`.
+        runs: number of runs.
         columns: names of the columns of the table.
         key: identifies the sweep, for caches of its files.
     """
@@ -53,6 +55,7 @@ class Job:
     times: int | tuple[float, ...] | None = None
     outputs: tuple[Output, ...] = ()
     settings: dict[str, Any] = field(default_factory=dict)
+    runs: int = 1
     columns: tuple[str, ...] = ()
     key: str = ""
 
@@ -68,7 +71,8 @@ class Job:
     @cached_property
     def varied_starts(self) -> VariedStarts:
         """Mechanisms with their points at the start."""
-        return VariedStarts(self.factory, lambda mech: self.span(mech)[0], self._supports_parameters_in_place)
+        start_time, supported = lambda mech: self.span(mech)[0], self._supports_parameters_in_place
+        return VariedStarts(self.factory, self.runs, start_time, supported)
 
     def _supports_parameters_in_place(self, mech: Mechanism) -> bool:
         options = RunOptions.from_settings(mech, self.span(mech), self.settings)
@@ -146,14 +150,14 @@ def _solved(job: Job, task: Task, stop: Stop) -> Row:
     return {**row, MORE: more}
 
 
-def known_signals(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, str]:
+def known_signals(job: Job, plan: Sequence[Runs], mech: Mechanism) -> dict[str, str]:
     """Return signals and their units: those of the first mechanism, and of further ones until all outputs are known.
 
     Mechanisms that differ only in float-valued parameters have the same signals.
     """
     requested = {*job.signals}
     factory, found, made = job.factory, units(mech) if requested else {}, set[str]()
-    for task in plan:
+    for task in chain.from_iterable(runs.tasks() for runs in plan):
         if requested <= found.keys():
             break
         values, _ = split(task.values, factory, task.seed)

@@ -3,6 +3,8 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +15,8 @@ from ...errors import STATUS, SUCCESS, InputError, UnknownNameError
 from ...integrate.run.core_runs import COUNTS
 from ...tabular import Columns, Tabular, align_columns
 from ...units import displayed, unit_name
-from .plan import Task, names
-from .results_file import MORE, Row, read, write
+from .plan import Runs, names
+from .results_file import MORE, Results, Row, read, write
 from .sweep_run import FAILURES
 
 if TYPE_CHECKING:
@@ -31,19 +33,24 @@ class Sweep(Tabular):
     """The runs of a sweep, in the order of their numbers.
 
     Attributes:
-        rows: for each run its number ``run``, parameters, ``seed``, ``status``, ``message``, end time ``t`` in s,
-            counts of work, ``backend``, and outputs; those of an incomplete run are None. Results of functions are
-            a table ``more``.
+        results: number ``run``, parameters, ``seed``, ``status``, ``message``, end time ``t`` in s, counts of work,
+            ``backend``, and outputs of the runs, by name; those of an incomplete run are None. Results of functions are
+            tables ``more``.
         meta: manifest, names of parameters, numbers and signals, and their units, if the file defines them.
         seconds: wall time of each run of this call, by number; not a column of the table, which is reproducible bit for
             bit.
         path: the file, if any.
     """
 
-    rows: list[Row]
+    results: Results
     meta: dict[str, Any] = field(repr=False)
     seconds: dict[int, float] = field(default_factory=dict, repr=False)
     path: Path | None = None
+
+    @cached_property
+    def rows(self) -> list[Row]:
+        """The results of each run as a table."""
+        return [dict(zip(self.results, row, strict=True)) for row in zip(*self.results.values(), strict=True)]
 
     @property
     def kinds(self) -> dict[str, str]:
@@ -58,7 +65,7 @@ class Sweep(Tabular):
     @property
     def outputs(self) -> list[str]:
         """Names of the scalar outputs, results of functions last."""
-        return [*self.meta["outputs"], *sorted({name for row in self.rows for name in row[MORE]})]
+        return [*self.meta["outputs"], *sorted({name for more in self.results[MORE] for name in more})]
 
     @property
     def samples(self) -> list[str]:
@@ -78,7 +85,7 @@ class Sweep(Tabular):
     @property
     def complete(self) -> bool:
         """Whether every run has its row."""
-        return len(self.rows) == self.total
+        return len(self) == self.total
 
     @property
     def failed(self) -> list[Row]:
@@ -86,7 +93,7 @@ class Sweep(Tabular):
         return [row for row in self.rows if row["status"] not in SUCCESS]
 
     def __len__(self) -> int:
-        return len(self.rows)
+        return len(self.results["run"])
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Return a column as an array, (n,), or (n, times) for a signal; nan for missing values.
@@ -96,7 +103,10 @@ class Sweep(Tabular):
         """
         if name not in self.names:
             raise UnknownNameError("column", name, self.names)
-        values = [_value(row, name) for row in self.rows]
+        if name not in self.results:
+            values: Sequence[Any] = [more.get(name) for more in self.results[MORE]]
+        else:
+            values = self.results[name]
         if name in self.samples:
             return _padded(values)
         kind = self.kinds.get(name, "float")
@@ -130,7 +140,7 @@ class Sweep(Tabular):
         if Path(path).suffix != ".parquet":
             super().save(path)
             return
-        write(Path(path), self.rows, self.kinds, self.meta)
+        write(Path(path), self.results, self.kinds, self.meta)
 
     def plot(self, path: str | Path | None = None, output: str | None = None) -> "Figure":
         """Draw a result of all runs over each parameter; saved if a path is given.
@@ -151,11 +161,10 @@ class Sweep(Tabular):
         Raises:
             InputError: for a missing or damaged file, or one without a sweep.
         """
-        rows, meta = read(Path(path))
-        return cls(sorted(rows, key=lambda row: row["run"]), meta, path=Path(path))
+        return cls(*read(Path(path)), path=Path(path))
 
     def __str__(self) -> str:
-        counts = Counter(row["status"] for row in self.rows)
+        counts = Counter(self.results.get("status", ()))
         statuses = ", ".join(f"{n} {status}" for status, n in counts.most_common())
         remaining = "" if self.complete else f"; stopped, {self.total - len(self)} remain"
         headers, *body = self.cells()
@@ -190,14 +199,14 @@ class Sweep(Tabular):
         return [heading, *(f"{v:.6g}" for v in (x.mean(), spread, x.min(), x.max()))]
 
 
-def column_kinds(tasks: Sequence[Task], numbers: Sequence[str], samples: Sequence[str]) -> dict[str, str]:
+def column_kinds(plan: Sequence[Runs], numbers: Sequence[str], samples: Sequence[str]) -> dict[str, str]:
     """Return names and kinds of the columns of a sweep.
 
     Raises:
         InputError: for a parameter with the name of another column, or with values of several kinds.
     """
     fixed = {"run": "int", "seed": "int", **STATE}
-    swept = {name: _kind(name, [t.values[name] for t in tasks if name in t.values]) for name in names(tasks)}
+    swept = {n: _kind(n, [*chain.from_iterable(runs.columns.get(n, ()) for runs in plan)]) for n in names(plan)}
     for name in swept:
         if name in fixed or name == MORE:
             raise InputError(f"parameter {name!r} has the name of another column of the table: rename it")

@@ -5,14 +5,12 @@ import pinocchio as pin
 import pytest
 from closure_kinds import body_and_closure
 from scipy.special import ellipk
-from scipy.stats import norm
 
 import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.mechanism.formats.model_library import models_directory
 from mbdae.solution.signals import signals
-from mbdae.studies.sweep.plan import tasks
 
 PENDULUM = """
 title = "Pendulum"
@@ -148,31 +146,6 @@ def test_runs_that_differ_in_their_start_share_a_mechanism():
 
 
 # -- values and seeds ------------------------------------------------------------------------------------------------
-
-
-def values(parameters, seed=0):
-    return [task.values for task in tasks(parameters, seed)]
-
-
-def test_grids_and_lists():
-    grid = {"a": [1, 2], "b": {"from": 0.0, "to": 1.0, "n": 3}}
-    assert values(grid) == [{"a": a, "b": b} for a in (1, 2) for b in (0.0, 0.5, 1.0)]
-    assert values([{"a": np.float64(1.5)}, {"b": (1, 2)}]) == [{"a": 1.5}, {"b": [1.0, 2.0]}]
-
-
-def test_random_values_belong_to_the_run_and_the_seed():
-    def sample(n):
-        return mbdae.Random(n, {"a": {"distribution": "normal", "loc": 3.0, "scale": 0.1}, "b": norm(0, 1), "c": 7})
-
-    few, many, other = values(sample(5)), values(sample(400)), values(sample(5), seed=1)
-    assert few == many[:5]
-    assert few != other
-    a, b = (np.array([run[name] for run in many]) for name in "ab")
-    assert abs(a.mean() - 3.0) < 0.02
-    assert 0.09 < a.std() < 0.11
-    assert abs(np.corrcoef(a, b)[0, 1]) < 0.15
-    assert {run["c"] for run in many} == {7}
-    assert len({task.seed for task in tasks(sample(400), 0)}) == 400
 
 
 def noisy(gain, seed):

@@ -83,7 +83,7 @@ def test_runs_that_finish_together_are_stored_one_by_one(tmp_path):
     written = mbdae.sweep("pendulum", {"solve.rtol": [1e-3, 1e-4, 1e-5]}, 0.05, outputs=["final energy"])
     path = tmp_path / "runs.parquet"
     with closing(SweepFile(path, written.kinds, written.meta, fresh=False)) as file:
-        file.append(written.rows)
+        file.append(written.results)
     assert mbdae.Sweep.load(path).rows == written.rows
     part = tmp_path / "runs.parquet.part"
     part.write_bytes(part.read_bytes()[:-10])
@@ -147,7 +147,7 @@ def test_outputs_have_the_units_of_their_signals(tmp_path):
     assert table.to_pandas().attrs["units"] == wanted
     assert mbdae.Sweep.load(path).to_pandas().attrs["units"] == wanted
     older = {key: x for key, x in table.meta.items() if key != "units"}
-    write(path, table.rows, table.kinds, older)
+    write(path, table.results, table.kinds, older)
     again = mbdae.Sweep.load(path)
     assert again.to_pandas().attrs["units"] == {"t": "s"}
     np.testing.assert_array_equal(again["max v.joint1"], table["max v.joint1"])

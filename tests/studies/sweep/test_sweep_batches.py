@@ -9,7 +9,7 @@ import pytest
 import mbdae
 from mbdae import backend
 from mbdae.studies.sweep import sweep_batch
-from mbdae.studies.sweep.plan import tasks
+from mbdae.studies.sweep.plan import planned_runs
 from mbdae.studies.workers import StopFlag
 
 pytestmark = pytest.mark.skipif(backend.load() is None, reason="batches are made in the compiled core")
@@ -58,16 +58,22 @@ def test_tables_have_the_bits_of_single_runs(case, workers, executor, monkeypatc
 
 
 def test_batches_take_a_fifth_of_a_second():
-    plan, seconds = tasks([{}] * 1000, 0), {}
+    plan, seconds = planned_runs([{}] * 1000, 0), {}
     batches = sweep_batch.batches_of(plan, 4, seconds)
     made = []
-    for run_seconds, size in ((None, 1), (9.0, 1), (0.05, 4), (1e-9, 500)):
+    for run_seconds, size in ((None, 7), (9.0, 1), (0.05, 4), (1e-9, 500)):
         if run_seconds:
             seconds |= dict.fromkeys(range(len(seconds), len(seconds) + sweep_batch.LAST_RUNS), run_seconds)
         made.append(next(batches))
-        assert len(made[-1].tasks) == size
-    assert list(map(str, made)) == ["run 0", "run 1", "batch of runs 2 to 5", "batch of runs 6 to 505"]
-    assert [task for batch in (*made, *batches) for task in batch.tasks] == plan
+        assert len(made[-1]) == size
+    texts = ["batch of runs 0 to 6", "run 7", "batch of runs 8 to 11", "batch of runs 12 to 511"]
+    assert list(map(str, made)) == texts
+    assert [task for batch in (*made, *batches) for task in batch.tasks()] == [*plan[0].tasks()]
+
+
+@pytest.mark.parametrize(("runs", "size"), [(1, 1), (200, 1), (256, 2), (10_000, 8)])
+def test_the_first_batch_is_short(runs, size):
+    assert len(next(sweep_batch.batches_of(planned_runs([{}] * runs, 0), 4, {}))) == size
 
 
 @pytest.mark.parametrize(
@@ -79,15 +85,16 @@ def test_batches_take_a_fifth_of_a_second():
     ],
 )
 def test_the_last_batches_are_short(seconds, expected):
-    batches = sweep_batch.batches_of(tasks([{}] * 40, 0), 4, {0: seconds})
-    assert [len(batch.tasks) for batch in batches] == expected
+    batches = sweep_batch.batches_of(planned_runs([{}] * 40, 0), 4, {0: seconds})
+    assert [*map(len, batches)] == expected
 
 
 def test_a_stopped_batch_leaves_its_runs():
     job = sweep_batch.Job("slider_crank", (0.0, 0.5), None, ("final q.slider",))
-    batch, shared = sweep_batch.Batch(tasks([{}, {"start.v.crank": 5.0}], 0)), bytearray(1)
-    for status in ("finished", "interrupted"):
-        assert [row["status"] for row, _ in sweep_batch.run_batch(job, batch, StopFlag(shared))] == [status] * 2
+    (batch,), shared = planned_runs({"start.v.crank": [4.0, 5.0]}, 0), bytearray(1)
+    for runs in ([0, 1], []):
+        found = sweep_batch.run_batch(job, batch, StopFlag(shared))
+        assert [i for x in found for i in x.results["run"]] == runs
         StopFlag(shared).set()  # by another process
 
 
