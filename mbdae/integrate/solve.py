@@ -18,7 +18,7 @@ from .run.run_setup import prepare
 
 def solve(
     problem: Problem | str | Path,
-    t_span: Sequence[float] | None = None,
+    t_span: float | Sequence[float] | None = None,
     q: Array | None = None,
     v: Array | None = None,
     s: Array | None = None,
@@ -50,7 +50,8 @@ def solve(
 
     Args:
         problem: a mechanism, a `mbdae.Hessenberg` problem (with its own start), or a name or path, see `mbdae.load`.
-        t_span: start and end in s; the end may lie before the start. From 0 to the model's duration when left out.
+        t_span: end, or start and end in s; the end may lie before the start. From 0 to the model's duration when left
+            out.
         q: consistent start configuration (nq,); the model's start when left out.
         v: consistent start velocity (nv,); the model's start when left out.
         s: start values (ns,) of the states of actuators and controllers; their defaults when left out.

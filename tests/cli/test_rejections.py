@@ -57,7 +57,7 @@ SOLVE = [
     ({"t_eval": []}, ["t_eval"]),
     ({"t_eval": "soon"}, ["t_eval", "'soon'"]),
     ({"t_eval": [0.0, np.nan]}, ["t_eval"]),
-    ({"t_span": 5}, ["t_span is a pair of times", "5"]),
+    ({"t_span": "5 s"}, ["t_span is an end, or a start and an end", "'5 s'"]),
     ({"t_span": (0, 1, 2)}, ["t_span"]),
     ({"t_span": (0, np.inf)}, ["t_span must be finite"]),
     ({"q": np.zeros(2)}, ["q has shape (2,), expected (3,)"]),

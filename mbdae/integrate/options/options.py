@@ -52,7 +52,7 @@ class RunOptions(NamedTuple):
 
     @classmethod
     def from_settings(
-        cls, problem: Problem, t_span: Sequence[float] | None, settings: Mapping[str, Any]
+        cls, problem: Problem, t_span: float | Sequence[float] | None, settings: Mapping[str, Any]
     ) -> "RunOptions":
         """Return the options for arguments of `mbdae.solve` by name, without events and times of output.
 
@@ -66,7 +66,7 @@ class RunOptions(NamedTuple):
     def from_arguments(
         cls,
         problem: Problem,
-        t_span: Sequence[float] | None,
+        t_span: float | Sequence[float] | None,
         t_eval: Array | None,
         jumps: Sequence[float],
         events: Events,
@@ -85,7 +85,7 @@ class RunOptions(NamedTuple):
         if "step" in given and (controls := [name for name in CONTROL_SETTINGS if name in given]):
             raise InputError(f"step fixes the size of all steps: give it, or {', '.join(controls)}, not both")
         c = complete_settings(problem, given)
-        t0, t1 = checked_span((0.0, problem.duration) if t_span is None else t_span, pair=True)
+        t0, t1 = checked_span((0.0, problem.duration) if t_span is None else t_span, may_be_empty=True)
         end = end_of_tables(problem.drivers, t0, t1)
         times = None if t_eval is None else checked_times(t_eval, t0, end)
         c |= {"jumps": jumps, "events": as_events(events), "backend": backend, "t_eval": times}

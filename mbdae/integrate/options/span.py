@@ -12,27 +12,26 @@ from ...mechanism import Driver
 from ...system import Array
 
 
-def checked_span(t_span: Any, *, pair: bool = False, end: bool = False) -> tuple[float, float]:
+def checked_span(t_span: Any, *, may_be_empty: bool = False, end: bool = False) -> tuple[float, float]:
     """Return start and end of a run in s; the end may lie before the start.
 
     Args:
         t_span: start and end, or only the end of a span from 0.
-        pair: require start and end, which may coincide.
+        may_be_empty: start and end may coincide.
         end: require only an end, which must be positive.
 
     Raises:
         InputError: for an invalid time span.
     """
     try:
-        alone = end or (not pair and np.ndim(t_span) == 0)
+        alone = end or np.ndim(t_span) == 0
         t0, t1 = (0.0, float(t_span)) if alone else (float(t) for t in t_span)
     except (TypeError, ValueError):
-        expected = "a pair of times" if pair else "an end, or a start and an end in s"
-        raise InputError(f"t_span is {expected}, got {t_span!r:.60}") from None
+        raise InputError(f"t_span is an end, or a start and an end in s, got {t_span!r:.60}") from None
     if end and not t1 > 0:
         raise InputError(f"the end time must be positive, got {t_span}")
-    if not (isfinite(t0) and isfinite(t1)) or (t0 == t1 and not pair):
-        raise InputError(f"t_span must be finite{'' if pair else ' and not empty'}, got {t_span!r:.60}")
+    if not (isfinite(t0) and isfinite(t1)) or (t0 == t1 and not may_be_empty):
+        raise InputError(f"t_span must be finite{'' if may_be_empty else ' and not empty'}, got {t_span!r:.60}")
     return t0, t1
 
 

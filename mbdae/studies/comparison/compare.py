@@ -29,7 +29,7 @@ REFERENCE = ("pherk6", "radau9")
 
 def compare(
     problem: Problem | str | Path,
-    t_span: Sequence[float] | None = None,
+    t_span: float | Sequence[float] | None = None,
     q: Array | None = None,
     v: Array | None = None,
     *,
@@ -60,7 +60,7 @@ def compare(
 
     Args:
         problem: a mechanism, a textbook problem, or the name or path of one, see `mbdae.load`.
-        t_span: start and end in s; from 0 to the model's duration when left out.
+        t_span: end, or start and end in s; from 0 to the model's duration when left out.
         q: consistent start configuration (nq,); the model's when left out.
         v: consistent start velocity (nv,); the model's when left out.
         methods: names, or tableaus, alone or with a formulation in front: ``"pherk5"``, ``"project:pherk5"``,
@@ -125,7 +125,12 @@ def compare(
 
 
 def motion_of(
-    problem: Problem, t_span: Sequence[float] | None, q: Array | None, v: Array | None, outputs: int, max_steps: int
+    problem: Problem,
+    t_span: float | Sequence[float] | None,
+    q: Array | None,
+    v: Array | None,
+    outputs: int,
+    max_steps: int,
 ) -> ReferenceMotion:
     """Return the motion of a comparison; arguments as for `compare`.
 

@@ -29,7 +29,7 @@ def ensemble(
     q: Array | None = None,
     v: Array | None = None,
     parameters: Mapping[str, Array] | None = None,
-    t_span: Sequence[float] | None = None,
+    t_span: float | Sequence[float] | None = None,
     *,
     signals: Sequence[str] | str = (),
     workers: int | None = None,
@@ -52,7 +52,7 @@ def ensemble(
         q: consistent start configurations, (n, nq), or a common one, (nq,); the model's start when left out.
         v: consistent start velocities, (n, nv), or a common one, (nv,); the model's start when left out.
         parameters: name = values, (n,) each; names as for `mbdae.sweep`. A start of the model depends on them.
-        t_span: start and end in s; from 0 to the model's duration when left out.
+        t_span: end, or start and end in s; from 0 to the model's duration when left out.
         signals: names of signals whose values at the end are returned, see `mbdae.Solution.signals`, of the first
             mechanism that can be made.
         workers: threads; one per processor when left out.

@@ -55,7 +55,7 @@ def fit(
     signals: Sequence[str] = (),
     sigma: float | Mapping[str, float] | None = None,
     scales: Mapping[str, float] | None = None,
-    t_span: Sequence[float] | None = None,
+    t_span: float | Sequence[float] | None = None,
     spans: Sequence[float] = SPANS,
     known: Sequence[Mapping[str, float]] | Mapping[str, float] = (),
     starts: int = 1,
@@ -79,7 +79,7 @@ def fit(
         sigma: noise level of all signals, or by name, in their units. Without, all signals have the weight 1, standard
             deviations follow from the residuals of each signal, and the fit cannot be refuted.
         scales: typical changes of the parameters; a tenth of the range when left out.
-        t_span: start of the runs, and the latest time of data; 0 and the last of them when left out.
+        t_span: start of the runs, 0 when left out, and the latest time of data, the last of them when left out.
         spans: fractions of the samples that are fitted successively; ``(1,)`` for all at once.
         known: other parameters of each run, for instance start values: a table for each, or one for all.
         starts: searches, from starts within the bounds. The first is from the given start; others are logarithmic

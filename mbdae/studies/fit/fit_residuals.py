@@ -33,14 +33,14 @@ class FitResiduals:
         recordings: list[Recording],
         known: list[dict[str, float]],
         sigma: float | Mapping[str, float] | None,
-        t_span: Sequence[float] | None,
+        t_span: float | Sequence[float] | None,
         settings: dict[str, Any],
     ) -> None:
         self.make, self.names, self.recordings, self.known = make, names, recordings, known
         self.noise_known, self.fraction, self.runs, self.gradients = sigma is not None, 1.0, 0, 0
         self.settings, self.parameters = settings, [VaryingParameters(_WithFixed(make, table)) for table in known]
         latest = max(float(r.t[-1]) for r in recordings)
-        start, end = checked_span((0.0, latest) if t_span is None else t_span, pair=True)
+        start, end = checked_span((0.0, latest) if t_span is None else t_span, may_be_empty=True)
         self.start = start
         for r in recordings:
             outside = r.t[(r.t < start) | (r.t > end)]

@@ -112,3 +112,13 @@ def test_step_sizes_in_single_precision_do_not_round_the_run(name):
     runs = [mbdae.solve("four_bar", (0, 0.5), backend="python", **{name: x}) for x in (size, float(size))]
     np.testing.assert_array_equal(runs[0].t, runs[1].t)
     np.testing.assert_array_equal(runs[0].q, runs[1].q)
+
+
+@pytest.mark.parametrize("end", [0.25, np.float64(0.25), -0.25])
+def test_a_span_is_an_end_or_a_start_and_an_end(end):
+    mech = mbdae.load("pendulum")
+    alone, both = (mbdae.solve(mech, span) for span in (end, (0, end)))
+    assert alone.t[-1] == end
+    np.testing.assert_array_equal(alone.y, both.y)
+    found = mbdae.ensemble(mech, v=mech.start[1][None], t_span=end)
+    np.testing.assert_array_equal(found.q[0], both.q[-1])

@@ -237,7 +237,7 @@ WRONG = [
     ({"known": 3}, {}, InputError, "tables, name = value, got 3"),
     ({"scales": {"gravity.1": 1.0}}, {}, UnknownNameError, r"parameter 'gravity\.1'"),
     ({"scales": {"gravity.2": "x"}}, {}, InputError, r"scale of parameter 'gravity\.2' is a positive number, got 'x'"),
-    ({"t_span": 3}, {}, InputError, "t_span is a pair of times, got 3"),
+    ({"t_span": "3 s"}, {}, InputError, "t_span is an end, or a start and an end in s, got '3 s'"),
     ({"events": "q.crank"}, {}, InputError, "a fit takes no events"),
     ({}, ["gravity.2"], InputError, "a fit needs parameters"),
 ]
