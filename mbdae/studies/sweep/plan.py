@@ -1,7 +1,7 @@
 """The runs of a sweep: parameter values from a grid, a list or a random sample, and a seed for each run."""
 
 from collections import defaultdict
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, repeat
 from math import prod
@@ -81,9 +81,9 @@ class Runs:
         """Return some of the runs, by indices or a slice."""
         return Runs(pick(self.run, which), pick(self.seeds, which), pick_rows(self.columns, which))
 
-    def without(self, done: Container[int]) -> "Runs":
+    def without(self, done: set[int]) -> "Runs":
         """Return the runs whose numbers are not in ``done``."""
-        return self.subset([k for k, run in enumerate(self.run) if run not in done])
+        return self if not done else self.subset([k for k, run in enumerate(self.run) if run not in done])
 
     def tasks(self) -> Iterator[Task]:
         """Yield the runs one by one."""
