@@ -46,7 +46,7 @@ std::optional<StepResult> step(PyCore& c, const Coefficients& a, double t, doubl
   return attempt(c, [&](Index2System& s) -> StepResult {
     State in = state(y, carry, low), out;
     c.check(in, tableau_of(a));
-    Numbers z(s.nz), errors;
+    Vector z(s.nz), errors;
     c.core->method(a).take((false || ... || controlled), t, h, in, out, z.data(), errors);
     const size_t ny = s.ny;
     return {vector(out.y), carried(out), maybe(out.low), vector(z), array(errors, {errors.size() / ny, ny})};
@@ -73,7 +73,7 @@ void advance(PyCore& c, const Coefficients& a, Run& run) {
 
 auto project_state_of(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
-    Numbers at = checked_numbers(y, s.length, "y");
+    Vector at = checked_numbers(y, s.length, "y");
     project_state(s, t, at.data());
     return vector(at);
   });
@@ -112,7 +112,7 @@ bool write_core(PyCore& c, nb::handle model, const Tolerances& tolerances, const
   return c.write(model, tolerances, description);
 }
 
-void change_law(PyCore& c, int k, const Numbers& a) {
+void change_law(PyCore& c, int k, const Vector& a) {
   const CoreLock lock(c);
   if (!c.core->system.change_law(k, a)) reject("the new parameters of a law must be as many as its present ones");
 }

@@ -33,7 +33,7 @@ class FlexibleBody {
   // Rotation by theta = Psi q, by rows, with the functions a, b, a1, b1; position d and its derivatives Phi by q.
   struct Node {
     double theta[3], functions[4], E[9], Jr[9], d[3];
-    Numbers Phi;
+    Vector Phi;
     bool curved = false;  // are there displacements of second order?
   };
   const Node& node(int i) const { return nodes_[i]; }
@@ -68,7 +68,7 @@ class FlexibleBody {
   std::vector<Node> nodes_;
   FramePose at_;
   std::vector<int> used_;
-  Numbers deformed_at_, turned_at_;  // (k,)
+  Vector deformed_at_, turned_at_;  // (k,)
   Deformation<double> now_;
   mutable std::vector<double> nu_, F_;
   mutable std::vector<Six> columns_;  // (base,) in the axes of the frame

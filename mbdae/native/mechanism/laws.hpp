@@ -80,7 +80,7 @@ struct Law {
   using Call =
       std::function<void(double t, const double* q, const double* v, const double* s, double* tau, double* ds)>;
   // Partials of (tau, s'), (nv + states, 2 nv + states) by rows.
-  using EquationPartials = std::function<void(double t, const double* q, const double* v, const double* s, Numbers& out)>;
+  using EquationPartials = std::function<void(double t, const double* q, const double* v, const double* s, Vector& out)>;
 
   const LawKind* kind = nullptr;
   std::vector<int> rows, columns;  // indices

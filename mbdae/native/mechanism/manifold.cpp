@@ -48,7 +48,7 @@ void multiply_transposed(const std::vector<TangentBlock>& blocks, double* a, int
   }
 }
 
-void multiply_rows(const std::vector<TangentBlock>& blocks, Numbers& X, int n) {
+void multiply_rows(const std::vector<TangentBlock>& blocks, Vector& X, int n) {
   if (blocks.empty()) return;
   for (size_t at = 0; at < X.size(); at += n) multiply_transposed(blocks, &X[at]);
 }

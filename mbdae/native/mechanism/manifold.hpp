@@ -26,7 +26,7 @@ struct TangentBlock {
 
 // a := J^T a for J of blocks, elsewhere 1; the numbers of a are a stride apart.
 void multiply_transposed(const std::vector<TangentBlock>& blocks, double* a, int stride = 1);
-void multiply_rows(const std::vector<TangentBlock>& blocks, Numbers& X, int n);  // X := X J for X (k, n) by rows
+void multiply_rows(const std::vector<TangentBlock>& blocks, Vector& X, int n);  // X := X J for X (k, n) by rows
 
 // Partials of a block: d(q (+) x) = A dq + R dx, d(J(x) v) = J dv + T dx, (n, n) by rows.
 struct IntegratePartialsBlock {
@@ -57,7 +57,7 @@ class Manifold {
   MultibodyTree& m_;
   std::vector<GroupJoint> group_joints_;
   std::vector<int> angular_;  // (nv,) flags: rotations, whose magnitude is no scale
-  Numbers neutral_;           // (nq,)
+  Vector neutral_;            // (nq,)
 };
 
 }  // namespace mbdae

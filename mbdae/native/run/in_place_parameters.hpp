@@ -29,7 +29,7 @@ class InPlaceParameters {
  private:
   Index2System& s_;
   std::vector<double*> targets_;
-  Numbers original_;
+  Vector original_;
 };
 
 }  // namespace mbdae

@@ -9,7 +9,7 @@ class TimeLoop::ShorterSteps {
  public:
   ShorterSteps(TimeLoop& loop, double h) : loop_(loop), h_(h), restarted_(loop.restarted_) {}
 
-  Numbers take(double theta) {
+  Vector take(double theta) {
     Run& run = loop_.run_;
     const double t = run.interval.t;
     if (!taken()) {
@@ -40,7 +40,7 @@ class TimeLoop::ShorterSteps {
   const double h_;
   const bool restarted_;
   State end_;  // exchanged with that of the loop: arrays keep their addresses
-  Numbers z_, size_;
+  Vector z_, size_;
   double last_ = 1;  // fraction of the step that was taken last
 };
 

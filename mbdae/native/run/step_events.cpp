@@ -103,9 +103,9 @@ bool TimeLoop::is_near_singular(const NextMode& next, double largest) {
   if (!run_.adaptive) return here < monitor.adjacent_ratio * largest;
   if (!(here < monitor.monitored_ratio * largest)) return false;
   double before = INFINITY;
-  Numbers earlier(s_.length);
+  Vector earlier(s_.length);
   for (double h = run_.control.h; std::fabs(before - here) > monitor.max_change * here;) {
-    Numbers move(next.F);
+    Vector move(next.F);
     h /= 2;
     for (double& x : move) x *= -h;
     s_.add(y, move.data(), earlier.data());
@@ -131,7 +131,7 @@ void TimeLoop::resolve_transition(const std::vector<int>& fired, double t, bool 
   changes_mode_ = true;
 }
 
-void TimeLoop::begin_interval(const Numbers& z) {
+void TimeLoop::begin_interval(const Vector& z) {
   z_ = z;
   run_.steps.after_jumps.push_back(static_cast<long>(run_.steps.t.size()));
   record();
@@ -156,7 +156,7 @@ bool TimeLoop::apply_jump() {
   SmoothInterval interval = run_.interval;
   State& next = next_;
   next = State(), next.y = run_.state.y;
-  Numbers F(s_.ny), z(s_.nz);
+  Vector F(s_.ny), z(s_.nz);
   const long node = static_cast<long>(run_.steps.t.size());
   try {
     if (!jumps.next_interval(s_.samplers, t, interval)) return false;

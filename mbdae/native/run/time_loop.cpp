@@ -74,9 +74,9 @@ bool TimeLoop::shorten(double h) {
   return true;
 }
 
-double TimeLoop::move_norm(const Numbers& move) const {
+double TimeLoop::move_norm(const Vector& move) const {
   if (run_.adaptive) return error_norm(move.data(), 1, 0);
-  Numbers magnitude(size1_);
+  Vector magnitude(size1_);
   add_magnitude(s_, next_.y.data(), magnitude.data());
   return largest_move(move, magnitude, s_.controlled_components(), run_.tolerated_move, run_.tiny);
 }
@@ -105,7 +105,7 @@ void TimeLoop::project(double t) {
   const double moved = move_norm(move_);
   if (undoes_step(t - run_.interval.t, moved)) throw FallBackToPython();
   if (!method_.carries || moved <= 1) return;
-  Numbers F(s_.ny), z(s_.ng);  // the carry restarts
+  Vector F(s_.ny), z(s_.ng);  // the carry restarts
   s_.derivative(t, next_.y.data(), F.data(), z.data());
   next_.carry = s_.carry(F), next_.memory.reset(), restarted_ = true;
 }

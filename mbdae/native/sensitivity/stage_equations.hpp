@@ -8,9 +8,9 @@ namespace mbdae {
 
 struct StageValues {
   double t, that;
-  Numbers x, xhat;        // (ny,), and (2 nv,) of the constraint point: increments with the own part of the stage
-  Numbers F;              // (ny,) x'
-  Numbers lam, mu, slip;  // (ng,) by row twice, (nv,); the last two are those of GGL
+  Vector x, xhat;        // (ny,), and (2 nv,) of the constraint point: increments with the own part of the stage
+  Vector F;              // (ny,) x'
+  Vector lam, mu, slip;  // (ng,) by row twice, (nv,); the last two are those of GGL
 };
 
 // With dq = A dq_n + R dx, du = du_n + dx_u, and dqhat, dvhat by xhat, in the unknowns (x', u', lam, slip, mu):
@@ -31,7 +31,7 @@ class StageEquations {
 
   Rows<double> by_unknowns, x, xhat, y;  // (m, m) by the unknowns with x and xhat fixed; (m, ny), (m, 2 nv), (m, ny)
   Rows<double> p;                // (m, k); for tangents
-  Vector<double> t, that;        // (m,)
+  Eigen::VectorXd t, that;       // (m,)
 
  private:
   void constraints(const double* y0, const StageValues& at);
@@ -46,7 +46,7 @@ class StageEquations {
   int m_ = 0, r_ = 0, k_ = 0, n_ = 0;
   LinearizationPoint point_, slip_;  // of lam, and of mu
   EquationPartials at_;
-  Numbers Bhat_, M_, G_, by_q_, by_v_, time_, P_, Q_, friction_columns_;
+  Vector Bhat_, M_, G_, by_q_, by_v_, time_, P_, Q_, friction_columns_;
   std::vector<IntegratePartialsBlock> integrate_partials_, integrate_partials_hat_;
 };
 

@@ -16,9 +16,9 @@ bool violates_velocity_constraints(const Index2System& system, double t, const d
 void add_magnitude(const Index2System& system, const double* y, double* size);
 
 // The largest component of a move away from a point of this magnitude, of a share of it.
-double largest_move(const Numbers& move, const Numbers& magnitude, int measured, double ratio, double tiny);
+double largest_move(const Vector& move, const Vector& magnitude, int measured, double ratio, double tiny);
 
 // y becomes the nearest point with g = 0 and G v + g_t = 0; all configurations on the way except the last.
-void project_state(Index2System& system, double t, double* y, std::vector<Numbers>* path = nullptr);
+void project_state(Index2System& system, double t, double* y, std::vector<Vector>* path = nullptr);
 
 }  // namespace mbdae
