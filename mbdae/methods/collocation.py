@@ -82,7 +82,7 @@ def collocation_step(
         memory = None
     F, K, Z, z_n = _guess(system, chart, a, h, memory)
     accuracy = system.accuracy if estimate else 0.0
-    stages = _Stages(system, chart, a, t, h, system.size(state.y), max_iterations, accuracy)
+    stages = _Stages(system, chart, a, t, h, system.component_magnitudes(state.y), max_iterations, accuracy)
     found = None
     if memory is not None and memory.h == h and memory.rate < REUSE_RATE:
         with suppress(StepError):

@@ -186,7 +186,7 @@ class HessenbergSystem(System):
     def use_rows(self, rows: tuple[int, ...], frozen: bool = True) -> None:
         """Do nothing: all constraints are always in use."""
 
-    def size(self, y: Array) -> Array:
+    def component_magnitudes(self, y: Array) -> Array:
         """Return |y|, (ny,)."""
         return np.abs(y)
 

@@ -113,7 +113,7 @@ void Manifold::difference(const double* q0, const double* q1, double* out) const
   if (!flat) m_.difference(q0, q1, out);
 }
 
-void Manifold::size(const double* q, double* out) const {
+void Manifold::component_magnitudes(const double* q, double* out) const {
   if (!flat) difference(neutral_.data(), q, out);
   for (int i = 0; i < m_.nv; ++i) out[i] = flat ? std::fabs(q[i]) : angular_[i] ? 1.0 : std::fabs(out[i]);
 }

@@ -43,7 +43,7 @@ class Manifold {
 
   void integrate(const double* q, const double* x, double* out) const;     // q (+) x, (nq,)
   void difference(const double* q0, const double* q1, double* out) const;  // q1 (-) q0, (nv,)
-  void size(const double* q, double* out) const;                           // magnitudes in the tangent, (nv,)
+  void component_magnitudes(const double* q, double* out) const;           // magnitudes in the tangent, (nv,)
   double largest_rotation(const double* x) const;  // of a joint, in rad
   void check_rotations(const double* x) const;     // throws if a joint rotates too far in one step
   void tangent(const double* x, double* dx) const;  // dx: v (nv,) becomes J(x) v

@@ -17,7 +17,7 @@ class TimeLoop::ShorterSteps {
       z_ = loop_.z_, size_ = loop_.size1_;
     }
     loop_.method_.take(run.adaptive, t, theta * h_, run.state, loop_.next_, loop_.z_.data(), loop_.errors_);
-    if (run.adaptive || run.project) loop_.s_.size(loop_.next_.y.data(), loop_.size1_.data());
+    if (run.adaptive || run.project) loop_.s_.component_magnitudes(loop_.next_.y.data(), loop_.size1_.data());
     if (run.project) loop_.project(t + theta * h_);
     last_ = theta;
     return loop_.next_.y;

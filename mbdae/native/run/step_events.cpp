@@ -136,7 +136,7 @@ void TimeLoop::begin_interval(const Vector& z) {
   run_.steps.after_jumps.push_back(static_cast<long>(run_.steps.t.size()));
   record();
   run_.monitor.last_ratio = INFINITY;
-  if (run_.adaptive || run_.project) s_.size(run_.state.y.data(), size0_.data());
+  if (run_.adaptive || run_.project) s_.component_magnitudes(run_.state.y.data(), size0_.data());
 }
 
 void TimeLoop::apply_transition() {

@@ -77,13 +77,13 @@ bool project(Index2System& s, const RepeatTolerances& tolerances, double t, cons
   Vector y = next.y, move(s.ny), size0(s.ny), size1(s.ny);
   project_state(s, t, next.y.data());
   s.difference(y.data(), next.y.data(), move.data());
-  s.size(start.y.data(), size0.data()), s.size(next.y.data(), size1.data());
+  s.component_magnitudes(start.y.data(), size0.data()), s.component_magnitudes(next.y.data(), size1.data());
   double moved;
   if (tolerances.adaptive) {
     moved = tolerances.control.error_norm(move.data(), 1, s.ny, s.controlled_components(), size0.data(), size1.data(),
                                           0, 0, 0);
   } else {
-    add_magnitude(s, next.y.data(), size1.data());
+    add_characteristic_magnitudes(s, next.y.data(), size1.data());
     moved = largest_move(move, size1, s.controlled_components(), tolerances.tolerated_move, tolerances.tiny);
   }
   if (moved <= 1) return false;

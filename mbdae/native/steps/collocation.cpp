@@ -180,7 +180,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   auto m = std::make_shared<StageMemory>();
   m->unknowns = unknowns();
   const int r = static_cast<int>(m->unknowns.size()), used = static_cast<int>(rows.in_use().size());
-  s_.size(y, size_.data());
+  s_.component_magnitudes(y, size_.data());
   const RowsIn A(a.A.data(), s, s);
   m->h = h, m->K.resize(static_cast<size_t>(s) * ny_), m->Z.resize(s * r);
   RowsOut K(m->K.data(), s, ny_), Z(m->Z.data(), s, r);

@@ -158,7 +158,7 @@ class Index2System {
   // out = in (+) x with compensated summation; x (ny,) with in.low added.
   void move(const State& in, double* x, State& out) const;
   void difference(const double* y0, const double* y1, double* out) const;
-  void size(const double* y, double* out);  // magnitudes in the tangent, (ny,)
+  void component_magnitudes(const double* y, double* out);  // magnitudes in the tangent, (ny,)
 
   const std::vector<Pair>& law_pairs() const { return law_pairs_; }
   const Vector& multipliers() const { return lam_; }  // (ng,) of the rows in use, from the last `derivative`

@@ -43,15 +43,15 @@ bool violates_velocity_constraints(const Index2System& s, double t, const double
   return !(violation <= limits.visible * terms);
 }
 
-void add_magnitude(const Index2System& s, const double* y, double* size) {
+void add_characteristic_magnitudes(const Index2System& s, const double* y, double* magnitudes) {
   const std::vector<double>& scales = s.tree.limits.coordinate_scales;
   const double speed = largest_scaled(y + s.nq, scales);
-  for (int i = 0; i < s.nv; ++i) size[i] += scales[i], size[s.nv + i] += scales[i] * speed;
+  for (int i = 0; i < s.nv; ++i) magnitudes[i] += scales[i], magnitudes[s.nv + i] += scales[i] * speed;
 }
 
-double largest_move(const Vector& move, const Vector& magnitude, int measured, double ratio, double tiny) {
+double largest_move(const Vector& move, const Vector& magnitudes, int measured, double ratio, double tiny) {
   double most = 0;
-  for (int k = 0; k < measured; ++k) most = std::max(most, std::fabs(move[k]) / (ratio * magnitude[k] + tiny));
+  for (int k = 0; k < measured; ++k) most = std::max(most, std::fabs(move[k]) / (ratio * magnitudes[k] + tiny));
   return most;
 }
 

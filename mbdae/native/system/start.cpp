@@ -66,7 +66,7 @@ void start(Index2System& s, double t, bool project, const IndependentRows::Initi
 double first_step(Index2System& s, double t, const Vector& y, const Vector& F, const FirstStep& given) {
   const int n = s.controlled_components();
   Vector scale(s.ny), size(s.ny), move(F), next(s.length), change(s.ny), z(s.ng);
-  s.size(y.data(), size.data());
+  s.component_magnitudes(y.data(), size.data());
   for (int i = 0; i < n; ++i)
     scale[i] = given.atol[given.atol.size() == 1 ? 0 : i] + given.rtol * size[i] + given.tiny;
   const auto norm = [&](const Vector& x) {
