@@ -230,7 +230,8 @@ void bind_sensitivity(nb::module_& m, nb::class_<PyCore>& core) {
            "and their end; or None.")
       .def("adjoint", adjoint_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
            arg("y"), arg("carries"), arg("extra"), arg("bar"), arg("friction") = nb::none(),
-           "Return the cotangents of y and carry (costs, ny + nc) at the first node, and of parameters (costs, k), or None;\n"
+           "Return the cotangents of y and carry (costs, ny + nc) at the first node, and of parameters (costs, k), or "
+           "None;\n"
            "extra (m + 1, costs, ny + nc) are added at the inner nodes.")
       .def(
           "tangent", tangent_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
@@ -238,9 +239,9 @@ void bind_sensitivity(nb::module_& m, nb::class_<PyCore>& core) {
           "Return variations of y and carry at all nodes, (m + 1, d, ny + nc), or None; dh (d,) are those of the step\n"
           "sizes. friction: (q, v, lam) -> K (n, nv), D (n, n), P (k, n) of friction that depends on multipliers.")
       .def("projection", projection, arg("parameters"), arg("t"), arg("y"), arg("positions"),
-           "Return the nearest point that satisfies the closures, or the nearest v alone, and its partials by y and "
-           "the\n"
-           "parameters, transposed, (ny + k, ny); or None.");
+           "Return the nearest point that satisfies the closures, or the nearest v alone, and its partials with "
+           "respect to\n"
+           "y and the parameters, transposed, (ny + k, ny); or None.");
 }
 
 }  // namespace mbdae

@@ -94,10 +94,10 @@ void set_friction_interfaces(PyCore& c, const nb::list& list, const Active& acti
   c.active = active, c.directions = directions;
 }
 
-void deactivate_rows(PyCore& c, const std::vector<bool>& off, bool sticks) {
+void deactivate_rows(PyCore& c, const std::vector<bool>& off, bool has_sticking_joints) {
   const CoreLock lock(c);
   if (!off.empty() && static_cast<int>(off.size()) != c.core->system.ng) reject("off has the wrong length");
-  c.core->system.deactivate_rows(off, sticks);
+  c.core->system.deactivate_rows(off, has_sticking_joints);
 }
 
 nb::tuple take_record(PyCore& c) {  // called after each call of the core: a dict would take longer
@@ -177,14 +177,14 @@ NB_MODULE(_native, m) {
           },
           arg("input"), arg("t"), arg("value"), arg("rate"), "Set an input to value + rate (t' - t).")
       .def("change_law", change_law, arg("k"), arg("a"), "Set the numbers of law k, which are constant in a mode.")
-      .def("deactivate_rows", deactivate_rows, arg("off"), arg("sticks"),
+      .def("deactivate_rows", deactivate_rows, arg("off"), arg("has_sticking_joints"),
            "Set the rows that are inactive in the mode, an empty list for none, and whether joints stick.")
       .def("update_independent_rows", update_independent_rows, arg("t"), arg("y"), arg("carry").none(),
            "Select the rows of the next step: return whether they changed, y and carry, or None.")
       .def("step", step<Tableau>, arg("tableau"), arg("t"), arg("h"), arg("y"), arg("carry").none(), arg("low").none(),
            "Return y, carry, low, z and errors after one step; None where it cannot be taken.")
-      .def("step", step<Radau, bool>, arg("radau"), arg("t"), arg("h"), arg("y"), arg("carry").none(), arg("low").none(),
-           arg("controlled"))
+      .def("step", step<Radau, bool>, arg("radau"), arg("t"), arg("h"), arg("y"), arg("carry").none(),
+           arg("low").none(), arg("controlled"))
       .def("step", step<Composition>, arg("composition"), arg("t"), arg("h"), arg("y"), arg("carry").none(),
            arg("low").none())
       .def("step", step<GeneralizedAlpha>, arg("alpha"), arg("t"), arg("h"), arg("y"), arg("carry").none(),

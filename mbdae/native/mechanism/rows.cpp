@@ -195,7 +195,7 @@ void Row::partials(const Pair& pair, WrenchPartials& t) const {
   }
   skew(x, X), of_skews(pair.pb, x, XX);
   add_block(t.Da, 0, 3, X, -1), add_block(t.Da, 3, 3, XX, -1);
-  carried(pair.pb, x, t.Db);
+  moved_line_partials(pair.pb, x, t.Db);
 }
 
 double Row::coordinate_value(const double* q, double* first) const {

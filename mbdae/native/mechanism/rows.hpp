@@ -166,7 +166,7 @@ class Constraints {
   std::vector<std::vector<int>> of_pair;  // rows of each pair
   std::vector<Driver> drivers;
   std::vector<bool> off;  // (ng,) rows that are inactive in the mode: zero, with all their terms; empty: none
-  bool sticks = false;    // joints stick in the mode
+  bool has_sticking_joints = false;
 
   // Entries of G for some rows, into G + start[row], and g if requested.
   void value(const MultibodyTree& m, const double* q, const std::vector<int>& which, double* G, double* g = nullptr);

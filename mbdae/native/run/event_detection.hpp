@@ -60,6 +60,6 @@ struct DetectedEvents {
 using PartialStep = std::function<Vector(double theta)>;
 
 DetectedEvents detect_events(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step,
-                        const PartialStep& shorter);
+                             const PartialStep& partial_step);
 
 }  // namespace mbdae

@@ -8,8 +8,8 @@
 
 namespace mbdae {
 
-double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& shorter, bool refines) {
-  step_ = &step, shorter_ = &shorter, intervals_ = 4, interpolated_.clear();
+double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& partial_step, bool refines) {
+  step_ = &step, partial_step_ = &partial_step, intervals_ = 4, interpolated_.clear();
   known_.remove_if([&](const Point& p) { return p.t != step.t || !std::equal(p.y.begin(), p.y.end(), step.y); });
   for (Point& p : known_) p.theta = 0;  // the end of the last step, or the start of one that was rejected
   const bool first = known_.empty();

@@ -162,8 +162,8 @@ void ModeTransition::jump(const std::vector<ImpactRow>& contacts, const std::vec
       for (const ImpactRow& contact : contacts)
         if (contact.element == x.element && opening(contact) <= rest) acting_rows.push_back(x.row);
     const RowSpace kept(s_, Z_, acting_rows);
-    const Vector closing = kept.minimum_norm_correction(rate_);
-    move(closing, -1);
+    const Vector correction = kept.minimum_norm_correction(rate_);
+    move(correction, -1);
     std::vector<ImpactRow> acting;
     std::vector<Multiplier> multipliers;
     std::vector<Vector> roots, full_roots;
@@ -205,7 +205,7 @@ void ModeTransition::jump(const std::vector<ImpactRow>& contacts, const std::vec
       for (int c = 0; c < nv; ++c)
         added[c] += impulses[i] * roots[i][c], taken[c] += impulses[i] * (roots[i][c] - full_roots[i][c]);
     move(added, 1);
-    for (int c = 0; c < nv; ++c) taken[c] -= closing[c];
+    for (int c = 0; c < nv; ++c) taken[c] -= correction[c];
     Vector now = kept.multipliers(taken);
     for (size_t i = 0; i < m; ++i)
       now[acting[i].row] += (acting[i].sign != 0 ? acting[i].sign : 1) * impulses[i] / scales[acting[i].row];

@@ -128,7 +128,7 @@ const GuardMonitor::Point& GuardMonitor::point(double theta) {
     const double* y = theta == 0 ? step_->y : step_->y1;
     p.y.assign(y, y + s_.length);
   } else {
-    p.y = (*shorter_)(theta);
+    p.y = (*partial_step_)(theta);
   }
   evaluate(p);
   known_.push_back(std::move(p));

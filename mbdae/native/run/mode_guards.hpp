@@ -101,7 +101,7 @@ class GuardMonitor {
   bool checks_steps() const { return modes_.in_core && !modes_.guards.empty(); }
   // Begin to check a step; return the largest resolution error of a multiplier relative to the tolerance. `refines`:
   // with as many samples as resolve it, for a step of fixed size.
-  double begin_step(const AcceptedStep& step, const PartialStep& shorter, bool refines);
+  double begin_step(const AcceptedStep& step, const PartialStep& partial_step, bool refines);
   std::vector<int> first_roots(double& theta);  // guards that end the mode in the step together, and the fraction
   void advance() { advance(point(1)); }  // to the end of this step
   // Guards of a new mode, from y on, where y' and lam are F and lam.
@@ -172,7 +172,7 @@ class GuardMonitor {
   std::vector<int> rows_;      // of switches
   Vector G_;                   // entries by rows
   const AcceptedStep* step_ = nullptr;
-  const PartialStep* shorter_ = nullptr;
+  const PartialStep* partial_step_ = nullptr;
   std::list<Point> known_;
   std::vector<Point> interpolated_;  // at the samples
 };

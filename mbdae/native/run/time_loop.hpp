@@ -146,7 +146,7 @@ class TimeLoop {
   void project(double t);  // its end
   double move_norm(const Vector& move) const;  // of the projected end of a step, in tolerances
   bool undoes_step(double h, double moved);  // did the projection, by this norm, undo the step?
-  class ShorterSteps;
+  class PartialSteps;
   void detect_events(Proposal& p);  // on the step just taken, which is cut where an event ends the run
   // The guards that end the mode in it, where it is cut. False if the step does not resolve its multipliers.
   bool detect_transition(Proposal& p, std::vector<int>& fired);

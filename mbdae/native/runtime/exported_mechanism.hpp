@@ -22,7 +22,7 @@ struct InputData {
   FIELDS(value, linear, by_rate)
 };
 
-// What a number of the mechanism depends on: its place, and its derivative by the parameter.
+// What a number of the mechanism depends on: its place, and its derivative with respect to the parameter.
 struct ParameterEffect {
   std::vector<std::string> path;
   double by = 0;

@@ -27,7 +27,7 @@ void* instantiate(const char* token, const char* folder, bool exchange, void* en
   }
 }
 
-// Entries of derivatives of unknowns by knowns, added up by `add(unknown, known, entry)`.
+// Entries of derivatives of unknowns with respect to knowns, added up by `add(unknown, known, entry)`.
 template <class Add>
 void for_derivatives(ExportedMechanism& m, References unknowns, size_t rows, References knowns, size_t columns, Add&& add) {
   const ExportedMechanism::Derivatives& d = m.derivatives();

@@ -28,8 +28,8 @@ class LocalCoordinates {
   const Vector& multipliers() const { return z_; }               // (ng,) lam there
   // How far the state of the last call is inside the range: 1 at the origin, 0 at the end.
   double margin() const { return margin_; }
-  // Partials at x: of the tangent of y (ny, size), of F = y' (ny, size + m) and of x' (size, size + m) by x and m inputs,
-  // and of lam of the rows in use, (ng, size + m); by rows. inputs: sets the input i to its value plus a change.
+  // d/d(x, m inputs) at x: of the tangent of y (ny, size), of F = y' (ny, size + m), of x' (size, size + m), and of lam
+  // of the rows in use, (ng, size + m); by rows. inputs: sets the input i to its value plus a change.
   struct Partials {
     Vector y, F, x, lam, raw;  // raw: of q itself, (nq, size)
   };

@@ -1,4 +1,4 @@
-// Exact partial derivatives of the equation in local coordinates; those of gamma by q are differences of order six.
+// Exact partial derivatives of the equation in local coordinates; dgamma/dq by differences of order six.
 #include <algorithm>
 #include <stdexcept>
 
@@ -110,7 +110,7 @@ void LocalCoordinates::begin_partials(double t, const double* x, Partials& out, 
     for (int i : s_.rows.in_use()) below[s_.rows.position()[i]] = change[i] + (above[i] - under[i]) / 2;
     add_product(Ba.data(), r, nv, tangent.data(), below);
   }
-  s_.tree.poses(y.data()), s_.tree.motions(y.data(), &y[s_.nq]);  // for the partials by inputs
+  s_.tree.poses(y.data()), s_.tree.motions(y.data(), &y[s_.nq]);  // for the partials with respect to inputs
 }
 
 void LocalCoordinates::complete_partials(int inputs, Partials& out) {

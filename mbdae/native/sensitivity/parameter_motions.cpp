@@ -18,7 +18,7 @@ void add_inertial_gradient(const double* U, const double* A, double factor, doub
   out[9] += factor * w[2] * a[2];
 }
 
-void add_frame_gradient(const WorldPose& at, const double* g, double* out) {  // of partials by a motion in the world
+void add_frame_gradient(const WorldPose& at, const double* g, double* out) {  // d/d(a motion in the world)
   double rotated[3], all[6];
   cross(g, at.p, rotated);
   for (int i = 0; i < 3; ++i) rotated[i] += g[3 + i];

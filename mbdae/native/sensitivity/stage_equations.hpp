@@ -13,7 +13,7 @@ struct StageValues {
   Vector lam, mu, slip;  // (ng,) by row twice, (nv,); the last two are those of GGL
 };
 
-// With dq = A dq_n + R dx, du = du_n + dx_u, and dqhat, dvhat by xhat, in the unknowns (x', u', lam, slip, mu):
+// With dq = A dq_n + R dx, du = du_n + dx_u, and dqhat, dvhat from dxhat, in the unknowns (x', u', lam, slip, mu):
 //
 //   dx' - J (dv + dslip) - T dx = 0                        M dslip - P^T dmu - W dq = (P^T mu - M slip)_p dp
 //   E du' - K dq - D du - L dlam = P dp + f_t dt           Phat dqhat = -g_p dp - g_t dthat
@@ -29,7 +29,7 @@ class StageEquations {
   // The cotangents of the parameters, of those of the equations, (m,).
   void add_parameters(const Eigen::MatrixXd& mu);
 
-  Rows<double> by_unknowns, x, xhat, y;  // (m, m) by the unknowns with x and xhat fixed; (m, ny), (m, 2 nv), (m, ny)
+  Rows<double> by_unknowns, x, xhat, y;  // (m, m) d/d(unknowns), x and xhat fixed; (m, ny), (m, 2 nv), (m, ny)
   Rows<double> p;                // (m, k); for tangents
   Eigen::VectorXd t, that;       // (m,)
 

@@ -161,7 +161,7 @@ class ModeSolver final : public StageSolver {
     for (int i = 0; i < r_ + k_; ++i) add(n_ + i, column, times(constraint_partials(i), y.data()));
   }
 
-  const double* constraint_partials(int k) const {  // of a row of velocity by q, or a row of P
+  const double* constraint_partials(int k) const {  // d(G v)/dq of a row, or a row of P
     const Vector& of = k < r_ ? at_->partials.B : at_->P;
     return &of[static_cast<size_t>(k < r_ ? k : k - r_) * nv_];
   }

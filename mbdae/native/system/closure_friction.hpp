@@ -54,7 +54,7 @@ class ClosureFriction {
   double add(const double* G, const double* lam, double* tau);
   // Writes the friction of the last `solve` as multipliers of inactive no-slip rows into lam (ng,) of all rows.
   void write_multipliers(double* lam) const;
-  // Partials of this by lam: of tau and of the power, (r, nv + 1) by rows.
+  // d(tau, power)/dlam of this, (r, nv + 1) by rows.
   void partials(const double* G, const double* lam, Vector& out);
 
  private:

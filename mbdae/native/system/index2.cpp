@@ -93,7 +93,7 @@ bool Index2System::change_law(int k, const Vector& a) {
   return true;
 }
 
-double* Index2System::law_number(int k, int i) {
+double* Index2System::law_parameter(int k, int i) {
   if (k < 0 || k >= static_cast<int>(laws_.size()) || i < 0) return nullptr;
   Law& law = laws_[k];
   return static_cast<size_t>(i) < law.a.size() ? &law.a[i] : &law.offset;
@@ -113,8 +113,8 @@ void Index2System::set_input(int input, double t, double value, double rate) {
   last_stage.t = NAN;
 }
 
-void Index2System::deactivate_rows(std::vector<bool> off, bool sticks) {
-  constraints.off = std::move(off), constraints.sticks = sticks;
+void Index2System::deactivate_rows(std::vector<bool> off, bool has_sticking_joints) {
+  constraints.off = std::move(off), constraints.has_sticking_joints = has_sticking_joints;
   point.invalidate();
   for (Vector* rows : {&point.G, &point.Z, &point.scratch_G}) std::fill(rows->begin(), rows->end(), 0.0);
 }

@@ -28,9 +28,9 @@ struct State {
 // Partials of (f + G^T lam - M v', h, power) and of G v + g_t at a point, by rows; n = nv + ns + 1
 // (mbdae/mechanism/formulations/equation_partials.py).
 struct EquationPartials {
-  Vector M, K, D, G, B;  // (nv, nv), (n, nv) by q, (n, n) by (v, s, w), (r, nv), (r, nv) of G v by q
+  Vector M, K, D, G, B;  // (nv, nv), (n, nv) d/dq, (n, n) d/d(v, s, w), (r, nv), (r, nv) d(G v)/dq
   Vector g_t;            // (r,)
-  Vector friction;       // (r, nv + 1) partials by lam of f and of the power due to friction; empty: no friction
+  Vector friction;       // (r, nv + 1) d(f, power)/dlam due to friction; empty: no friction
 };
 
 // Constraints that are kept: G v + g_t = 0; g = 0 too, by a second multiplier; or neither, with accelerations from the
@@ -91,14 +91,13 @@ class Index2System {
   bool remaining_rows_dependent(const double* q, double tolerance);  // at q, on the rows in use; uncounted
   void determine_rows(const double* q, const IndependentRows::InitialRank& first);  // at the start of a run
   bool change_law(int k, const Vector& a);  // other data for law k, of the same size
-  void set_law_number(int k, int i, double x) { laws_[k].a[i] = x, last_stage.t = NAN; }  // one of its data
   size_t law_size(int k) const { return k < 0 || k >= static_cast<int>(laws_.size()) ? 0 : laws_[k].a.size(); }
-  double* law_number(int k, int i);  // of its data, or after these the offset of its potential; nullptr: none
+  double* law_parameter(int k, int i);  // of its data, or after these the offset of its potential; nullptr: none
   bool renew();  // after such numbers, or those of the model, have changed; false: they are invalid
   void set_input(int input, double t, double value, double rate);  // value + rate (t' - t) from now on
   Vector joint_friction;  // (ng,) of slipping joints in the mode, as multipliers of their inactive rows
   // Inactive rows of the mode, (ng,), and whether joints stick; then the rows in use must be set.
-  void deactivate_rows(std::vector<bool> off, bool sticks);
+  void deactivate_rows(std::vector<bool> off, bool has_sticking_joints);
 
   // f (nv,) and the rates (s', power in W), (ns + 1,), with current kinematics at q; biased: and nle at (q, v).
   void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates,
@@ -111,14 +110,15 @@ class Index2System {
   // closures, summed over rows.
   void force_partials(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out,
                     Vector* B = nullptr, std::vector<ActingWrench>* wrenches = nullptr);
-  // Partials of all laws by (q, v, s): of conservative forces and others, (nv, width) each, followed by those of s', (ns,
-  // width), width = 2 nv + ns; with current kinematics at q. Valid until the next call.
+  // Partials of all laws with respect to (q, v, s): of conservative forces and others, (nv, width) each, followed by
+  // those of s', (ns, width), width = 2 nv + ns; with current kinematics at q. Valid until the next call.
   const double* law_partials(double t, const double* q, const double* v, const double* s,
                              std::vector<ActingWrench>* wrenches = nullptr);
-  // The derivative by t of the same equations as K, (n,), at a point with lam (ng,); kinematics current at q.
+  // The partial time derivative of the same equations as K, (n,), at a point with lam (ng,); kinematics current at q.
   void time_partials(double t, const double* q, const double* u, const double* lam, double* out);
-  // Adds partials of G^T lam by q with lam (ng,) to K (nv, nv), and writes partials of G v by q, (r, nv) by rows: each
-  // if requested; and the partials of rows in use, (ng,). J and poses are current at q. Other rows may take their place.
+  // Adds d(G^T lam)/dq with lam (ng,) to K (nv, nv), and writes d(G v)/dq, (r, nv) by rows: each
+  // if requested; and the partials of rows in use, (ng,). J and poses are current at q. Other rows may take their
+  // place.
   void closure_partials(const double* q, const double* v, const double* lam, double* K, Vector* B,
                         std::vector<ActingWrench>* wrenches = nullptr,
                         std::vector<WrenchPartials>* wrench_partials = nullptr,

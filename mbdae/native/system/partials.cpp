@@ -17,7 +17,7 @@ void Index2System::partials(double t, const double* q, const double* u, const do
   out.G.assign(r * m, 0.0);
   constraints.dense_value(tree, q, rows.in_use(), all_G_);
   out.friction.clear();
-  if (friction) {  // its partials by q and v are left out: only the convergence of Newton's iteration suffers
+  if (friction) {  // its d/d(q, v) are left out: only the convergence of Newton's iteration suffers
     constraints.dense_value(tree, q, rows.others(), all_G_);
     friction.update_slips(u), friction.partials(all_G_.data(), lam, out.friction);
   }

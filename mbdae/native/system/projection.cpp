@@ -57,7 +57,7 @@ double largest_move(const Vector& move, const Vector& magnitudes, int measured, 
 
 bool exceeds_rounding(const Index2System& s, const double* rate, const double* v) {
   const Tolerances& limits = s.tree.limits;
-  return s.constraints.sticks ||
+  return s.constraints.has_sticking_joints ||
          norm_of(rate, limits.row_scales) > limits.sum_rounding * largest_scaled(v, limits.coordinate_scales);
 }
 
@@ -69,7 +69,8 @@ namespace {
 // pseudoinverse, in cubic time.
 class MinimumNormCorrection {
  public:
-  explicit MinimumNormCorrection(Index2System& s) : s_(s), suffices_(!s.constraints.sticks && s.rows.rank >= 0) {}
+  explicit MinimumNormCorrection(Index2System& s)
+      : s_(s), suffices_(!s.constraints.has_sticking_joints && s.rows.rank >= 0) {}
 
   // Returns whether it is by the rows in use: if these leave rows open, `insufficient`, and again.
   bool find(const Vector& r, bool of_q, double* x) {

@@ -89,7 +89,7 @@ void SaddleSystem::solve(const Vector& Zhat, double* rhs, double* f) {
 }
 
 void SaddleSystem::solve_uncounted(double* rhs, double* f) {
-  const bool use_selection_factors = !constraints_.sticks && rows_.factorize(point_.Z, point_.stamp());
+  const bool use_selection_factors = !constraints_.has_sticking_joints && rows_.factorize(point_.Z, point_.stamp());
   x_.resize(std::max(x_.size(), rows_.in_use().size()));
   if (!use_selection_factors) factorize_symmetric();
   solve_uncounted(point_.Z, rhs, f, use_selection_factors);
@@ -98,7 +98,7 @@ void SaddleSystem::solve_uncounted(double* rhs, double* f) {
 void SaddleSystem::solve_uncounted(const Vector& Zhat, double* rhs, double* f, bool use_selection_factors) {
   point_.solve_root(f);
   const std::vector<int>& position = rows_.position();
-  const bool refine = constraints_.sticks;  // one step of iterative refinement
+  const bool refine = constraints_.has_sticking_joints;  // one step of iterative refinement
   if (refine) rhs_.assign(rhs, rhs + position.size());
   for (int i = 0; i <= refine && !rows_.in_use().empty(); ++i) {
     for (int k : rows_.in_use()) {

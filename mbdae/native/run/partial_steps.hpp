@@ -1,13 +1,13 @@
-// Steps from the start of the step just taken, shorter than it, at whose ends events are located.
+// Partial steps from the start of the step just taken, at whose ends events are located.
 #pragma once
 
 #include "run/time_loop.hpp"
 
 namespace mbdae {
 
-class TimeLoop::ShorterSteps {
+class TimeLoop::PartialSteps {
  public:
-  ShorterSteps(TimeLoop& loop, double h) : loop_(loop), h_(h), restarted_(loop.restarted_) {}
+  PartialSteps(TimeLoop& loop, double h) : loop_(loop), h_(h), restarted_(loop.restarted_) {}
 
   Vector take(double theta) {
     Run& run = loop_.run_;
