@@ -35,7 +35,7 @@ EXPECTED_RATE = 0.1  # initial estimate of the rate; above REUSE: partial deriva
 REUSE_RATE = 0.03  # convergence rate below which partial derivatives and factors are reused for the same h
 ANDERSON_DEPTH = 10  # changes that are combined if the simplified Newton iteration does not converge
 TINY = float(np.finfo(float).tiny)  # keeps quotients finite
-MAX_FIRST_CHANGE = 0.5  # of the size of y and its displacement: a larger change means that the guess is useless
+MAX_FIRST_CHANGE = 0.5  # fraction of the size of y and its displacement: above, the guess is useless
 
 
 class StageMemory(NamedTuple):

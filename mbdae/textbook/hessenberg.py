@@ -22,7 +22,7 @@ from .newton import is_last, largest
 
 Function = Callable[..., Array]
 CACHE_SIZE = 8
-START_TOLERANCE = INPUT_DIGITS  # of 1 + |y|: largest |g| at the start
+START_TOLERANCE = INPUT_DIGITS  # fraction of 1 + |y|: largest |g| at the start
 
 
 @dataclass(frozen=True)

@@ -27,10 +27,10 @@ brentq = lazy_import("scipy.optimize", "brentq")
 COMPARISON = re.compile(r"(?P<signal>(?![-+.\d]).*?[^=<>!\s])\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
 TIME_SPACINGS = 2  # units in the last place of t: tolerance of the time of an event
-RELATIVE_TOLERANCE = 4 * EPS  # of theta: tolerance of the time of an event
+RELATIVE_TOLERANCE = 4 * EPS  # tolerance of theta, the time of an event in a step
 ON_A_SIDE = float(np.sqrt(np.finfo(float).tiny))  # in place of a zero approached from one side; squares are normal
-DEPARTURE_WIDTH = 1e-3  # of a step: where the side is seen on which a signal leaves its level
-MAX_ITERATIONS = 100  # of Brent's method, which bisects in the worst case
+DEPARTURE_WIDTH = 1e-3  # fraction of a step: where the side is seen on which a signal leaves its level
+MAX_ITERATIONS = 100  # iterations of Brent's method, which bisects in the worst case
 EventRoot = tuple[float, Array]
 
 
@@ -108,7 +108,7 @@ class SignalEvent:
             speed = system.mechanism.coordinate_scales[i] * system.mechanism.characteristic_rate
             self.unchanged_within = SOLUTION_ROUNDING * (abs(level) + speed)
         self.node = (np.nan, np.nan, 0.0)  # the last node: time, value, rate of an angle
-        self.side = 0.0  # of the level, from which the signal comes in the last step; 0 if it does not matter
+        self.side = 0.0  # side of the level, from which the signal comes in the last step; 0 if it does not matter
 
     @classmethod
     def from_text(cls, system: Index2System, mechanism: Mechanism, text: str, direction: int) -> "SignalEvent":

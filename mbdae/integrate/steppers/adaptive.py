@@ -44,7 +44,7 @@ class Adaptive(PythonStepper):
         self.h: Any = first_step
         self.cap = np.inf  # limit of the next step near singular configurations
         self.reason = self._reason = ""  # failure of this and of the previous attempt
-        self.size_before_truncation = 0.0  # of a step that is truncated at the end of an interval; else 0
+        self.size_before_truncation = 0.0  # size of a step that is truncated at the end of an interval; else 0
 
     @property
     def control(self) -> "Adaptive | None":

@@ -13,8 +13,8 @@ from .stepper import PythonStepper, StepperState, smallest_step
 if TYPE_CHECKING:
     from ..run.run_state import RunState
 
-DETOUR = (0.309, 0.655)  # of two steps: ends of the steps that avoid the grid point in between
-FIXED_STEP_TOLERANCE = HALF_DIGITS  # of the magnitude of a component: largest projection without a new carry
+DETOUR = (0.309, 0.655)  # fractions of two steps: ends of the steps that avoid the grid point in between
+FIXED_STEP_TOLERANCE = HALF_DIGITS  # fraction of the magnitude of a component: largest projection without a new carry
 
 
 class Fixed(PythonStepper):

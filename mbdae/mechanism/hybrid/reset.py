@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 ITERATIONS = 20
-WIDTH = 1e-3  # of difference quotients of a user function, in rad, characteristic lengths, speeds and times
+WIDTH = 1e-3  # width of difference quotients of a user function, in rad, characteristic lengths, speeds and times
 StateMap = Callable[[float, Array, Array], tuple[Array, Array]]
 
 

@@ -25,7 +25,7 @@ from ..method_variant import Variant, variants
 from ..workers import Stop
 
 OUTPUTS = 20  # common times of errors, as in `mbdae.compare`
-MAX_STEPS = 20_000  # of a run
+MAX_STEPS = 20_000  # steps of a run
 PROBE = "radau5"  # the steps of its run are the coarsest number of fixed steps
 RUN_TOLERANCES = {"reference": 1e-12, PROBE: 1e-3}  # rtol; of the reference as there
 LOADED = 4  # mechanisms that a worker keeps

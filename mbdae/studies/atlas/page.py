@@ -27,7 +27,7 @@ SECTIONS = {
     "failed": "Failures",
 }
 COUNTS = ("steps", "rejected", "solves", "f", "factorizations")
-DIGITS = 4  # of numbers on the page
+DIGITS = 4  # digits of numbers on the page
 
 
 def page(atlas: Atlas) -> str:

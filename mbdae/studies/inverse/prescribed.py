@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from ...mechanism.formulations.index2 import Index2System
 
-DEGREE = 5  # of the spline through a table: accelerations are splines of degree 3
+DEGREE = 5  # degree of the spline through a table: accelerations are splines of degree 3
 ITERATIONS = 20
 
 

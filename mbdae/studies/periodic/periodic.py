@@ -25,7 +25,7 @@ from .shooting.newton import newton, require_motion
 __all__ = ["periodic"]
 
 METHOD, RTOL = "pherk6", SOLUTION_ROUNDING
-GAP = 100.0  # of rtol: residual of shooting, which step-size control makes uneven
+GAP = 100.0  # multiple of rtol: residual of shooting, which step-size control makes uneven
 
 
 def periodic(

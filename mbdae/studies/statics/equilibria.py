@@ -36,7 +36,7 @@ __all__ = ["equilibria"]
 POINTS = 361
 INPUTS = 3  # values of the input, over its range, at which circuits are searched
 Resting = tuple[TrustRegion, dict[str, float]]  # a balance of forces, and the normal forces of its contacts
-ON_CURVE = 0.25  # of the distance between two poses: tolerance for a pose on the curve
+ON_CURVE = 0.25  # fraction of the distance between two poses: tolerance for a pose on the curve
 
 
 def equilibria(

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from ..index2 import Index2System
 
 ITERATIONS = 10
-MAX_REMAINING = 0.5  # of |g| after a correction: one that leaves more is rejected
-CONTRADICTION = 0.1  # of |g|: rows contradict each other if first-order corrections leave more
+MAX_REMAINING = 0.5  # fraction of |g| after a correction: one that leaves more is rejected
+CONTRADICTION = 0.1  # fraction of |g|: rows contradict each other if first-order corrections leave more
 VIOLATED, STALLED = CLOSED, CLOSED  # a larger residual, with a larger correction, is a failure
 
 

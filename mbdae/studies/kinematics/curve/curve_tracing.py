@@ -7,9 +7,9 @@ from ....errors import StepError
 from .branch_points import branch_point
 from .pose_curve import MAX_TRAVEL, PoseCurve
 
-FIRST_STEP, MAX_STEP, MIN_STEP = 0.02, 0.4, tol.SMALLEST_PART  # of the arclength
+FIRST_STEP, MAX_STEP, MIN_STEP = 0.02, 0.4, tol.SMALLEST_PART  # steps of the arclength
 JUMP = tol.INTERPOLATION  # longer steps between branches that do not intersect are rejected
-PREDICTOR_ERROR = 0.02  # of a step: target for the error of the predictor
+PREDICTOR_ERROR = 0.02  # fraction of a step: target for the error of the predictor
 MAX_NODES = 5000  # nodes of a curve
 
 

@@ -27,7 +27,7 @@ from .flow import Flow, FlowTangent, require_same_rows
 
 MAX_REFINEMENTS = 12
 HALVED_STEPS = 2**6  # change of rtol, for methods of order 6
-SHORTEST = 0.5  # of the period before: one iteration may not do more
+SHORTEST = 0.5  # fraction of the period before: one iteration may not do more
 
 
 @dataclass(frozen=True)

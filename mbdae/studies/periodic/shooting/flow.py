@@ -16,7 +16,7 @@ from ....solution.solution import Solution
 from ....system import Array
 from ...sensitivity.sensitivity import run_tangents
 
-LONGEST = 20.0  # of the expected duration: a run must return to its section within it
+LONGEST = 20.0  # multiple of the expected duration: a run must return to its section within it
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from ....tolerances import HALF_DIGITS, SOLUTION_ROUNDING, THREE_DIGITS, TRUNCAT
 from .cycle import ShootingEquations
 
 MAX_ITERATIONS, MAX_HALVINGS = 30, 8
-GAIN = 0.1  # of the residual: less is rounding
+GAIN = 0.1  # fraction of the residual: less is rounding
 
 
 def newton(here: ShootingEquations, tolerance: float) -> ShootingEquations:
