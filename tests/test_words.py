@@ -31,6 +31,7 @@ PROSE = re.compile(
     r"|\b(?:stands?|stood) (?:at|there|in|behind|beside|still|for|open)\b"
     r"|\b(?:is|are) (?:told|asked|struck|found anew|once more)\b"
     r"|\b(?:his|her|one's) own\b|\bof (?:one's|its|their) own\b|\bbut for\b"
+    r"|\b(?:[Pp]artials?|[Dd]erivatives?) (?:[^.;:]* )?by (?:\(|(?:[a-z]|lam)\b(?! [a-z]))"
     r"|\b(?:shall|likewise|alike|thither|whereto)\b|\bcarr(?:y|ies) (?:no |a |the )?load\b"
 )
 PROSE_OF_PYTHON = re.compile(PROSE.pattern + r"|(?:^|[.:;] )[Ww]hat (?!if\b)\w+")
