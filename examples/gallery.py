@@ -119,7 +119,7 @@ def drift(folder: Path, end: float = 10.0, methods: Sequence[str] = ("herk3", "h
 
 
 def foot_bands(folder: Path) -> None:
-    """Tolerance bands of the foot of Jansen's leg: 0.2 mm in every length, 0.1 mm in the closing pins."""
+    """Tolerance bands of the foot of Jansen's leg: 0.2 mm in every length, 0.1 mm in the pins of its closures."""
     mech, signals = mbdae.load("jansen_walker?legs=1"), ["position.foot_0.x", "position.foot_0.z"]
     pins = {closure.name: 1e-4 for closure in mech.closures}
     found = mbdae.tolerance(mech, "crank", signals, {"*.xyz.[02]": 2e-4}, pins, points=181)

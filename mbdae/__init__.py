@@ -32,8 +32,8 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .mechanism.flexible import attach_flexible as attach_flexible
     from .mechanism.flexible import beam as beam
     from .mechanism.flexible.craig_bampton import modal_body as modal_body
-    from .mechanism.flexible.finite_elements import FiniteElements as FiniteElements
-    from .mechanism.flexible.finite_elements import read_finite_elements as read_finite_elements
+    from .mechanism.flexible.finite_element_files import FiniteElements as FiniteElements
+    from .mechanism.flexible.finite_element_files import read_finite_elements as read_finite_elements
     from .mechanism.flexible.modal_data import save_modal_body as save_modal_body
     from .mechanism.forces.actuator import Actuator as Actuator
     from .mechanism.forces.bushing import Bushing as Bushing
@@ -100,7 +100,7 @@ _NAMES = {
     "integrate.solve": ["solve"],
     "mechanism.flexible": ["ModalBody", "attach_flexible", "beam"],
     "mechanism.flexible.craig_bampton": ["modal_body"],
-    "mechanism.flexible.finite_elements": ["FiniteElements", "read_finite_elements"],
+    "mechanism.flexible.finite_element_files": ["FiniteElements", "read_finite_elements"],
     "mechanism.flexible.modal_data": ["save_modal_body"],
     "mechanism": [
         "Closure",

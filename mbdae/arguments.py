@@ -18,7 +18,7 @@ def as_numbers(value: object) -> Array:
         out = given.astype(float) if is_real(given) else np.array(np.nan)
     except (TypeError, ValueError):
         return np.array(np.nan)
-    mask = getattr(value, "mask", None)  # of numpy.ma, which takes time to import
+    mask = getattr(value, "mask", None)  # a mask of numpy.ma, which takes time to import
     if isinstance(mask, np.ndarray):
         out[mask] = np.nan
     return out

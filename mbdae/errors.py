@@ -32,7 +32,7 @@ STATUS = {
     "friction": "Painleve paradox: with friction there is no motion, or more than one",
     "chart": "a joint rotated too far within one step",
 }
-SUCCESS = ("finished", "event")  # of runs that came to their end and can be trusted
+SUCCESS = ("finished", "event")  # statuses of runs that came to their end and can be trusted
 
 
 def printable(text: str) -> str:

@@ -276,12 +276,12 @@ class System(Protocol):
         """Return y (n,) just after time t: with the components that jump at t or at most ``late`` roundings before."""
         return y
 
-    def size(self, y: Array) -> Array:
-        """Magnitude of each tangent component for relative tolerances, (ny,); 1 for rotations."""
+    def component_magnitudes(self, y: Array) -> Array:
+        """Return |y| by tangent components, (ny,), for relative tolerances; 1 for rotations."""
 
-    def magnitude(self, y: Array) -> Array:
-        """Return `size` plus characteristic lengths and the largest speed, a scale that never vanishes, (ny,)."""
-        return 1 + self.size(y)
+    def characteristic_magnitudes(self, y: Array) -> Array:
+        """Return `component_magnitudes` plus characteristic lengths and the largest speed, (ny,)."""
+        return 1 + self.component_magnitudes(y)
 
     def noise(self, y: Array, relative: float) -> Array:
         """Return the rounding error of an error estimate at y, (ny,).

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-HEADING = re.compile(r"(.*\S) \[(.*)\]")  # of a column with a unit
+HEADING = re.compile(r"(.*\S) \[(.*)\]")  # heading of a column with a unit
 POWER = re.compile(r"(<?)(-?[\d.]+)e([+-]?\d+)")
 SPECIAL = {c: rf"\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"} | {
     "^": r"\textasciicircum{}", "|": "$|$", "<": "$<$", ">": "$>$"

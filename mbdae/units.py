@@ -179,7 +179,7 @@ def common_unit(units: Iterable[str]) -> str:
     return ", ".join(dict.fromkeys(unit for text in units for unit in text.split(", ")))
 
 
-KEY_SYMBOLS = ("q", "q1", "q2", "e", "r", "x", "y")  # of joints and functions, see `mbdae.mechanism.key_units`
+KEY_SYMBOLS = ("q", "q1", "q2", "e", "r", "x", "y")  # symbols of joints and functions, see `mbdae.mechanism.key_units`
 SI_UNITS = Units()
 _shown: ContextVar[Units] = ContextVar("shown", default=SI_UNITS)
 

@@ -71,7 +71,8 @@ def test_the_table_is_short_explained_and_used():
     names = [x.targets[0].id for x in ast.parse(text).body if isinstance(x, ast.Assign)]
     assert len(set(names)) == len(names) <= MOST
     for name in names:
-        assert re.search(rf"^{name} = \S+  # (of|in|rad|s:)", text, re.M), f"{name} has no scale"
+        scale = re.search(rf"^{name} = \S+  # (relative to|absolute|multiple of|level of|in|rad|s:)", text, re.M)
+        assert scale, f"{name} has no scale"
     used = set(re.findall(r"\b[A-Z_]+\b", " ".join(p.read_text("utf-8") for p in FILES)))
     assert set(names) <= used
 

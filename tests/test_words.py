@@ -31,6 +31,7 @@ PROSE = re.compile(
     r"|\b(?:stands?|stood) (?:at|there|in|behind|beside|still|for|open)\b"
     r"|\b(?:is|are) (?:told|asked|struck|found anew|once more)\b"
     r"|\b(?:his|her|one's) own\b|\bof (?:one's|its|their) own\b|\bbut for\b"
+    r"|\b(?:[Pp]artials?|[Dd]erivatives?) (?:[^.;:]* )?by (?:\(|(?:[a-z]|lam)\b(?! [a-z]))"
     r"|\b(?:shall|likewise|alike|thither|whereto)\b|\bcarr(?:y|ies) (?:no |a |the )?load\b"
 )
 PROSE_OF_PYTHON = re.compile(PROSE.pattern + r"|(?:^|[.:;] )[Ww]hat (?!if\b)\w+")
@@ -40,6 +41,7 @@ STAYING = {  # names that stay, by folder or file
 }
 FITTED = ("order", "benchmarks", "report")  # folders whose slopes are those of fitted lines
 PAGE_ON_ORDERS = "check.md"
+OTHER_COMMENTS = ("sweep", "in_place_parameters.py")  # whose comments of constants begin with "of"
 OF_TESTS = re.compile("slopes?|doubtful|freedoms?")  # of fitted lines, a status, degrees of freedom
 
 
@@ -142,6 +144,12 @@ def identifiers(path):
     return set(re.findall(r"[A-Za-z_]\w*", re.sub(r'"(?:\\.|[^"\\])*"|\.back\(\)', "", text)))
 
 
+def found_constants():
+    """Comments of constants that begin with "of": the noun, a fraction or a number, is missing."""
+    lines = [(p, x) for p in package() for x in p.read_text("utf-8").splitlines() if not {*p.parts} & {*OTHER_COMMENTS}]
+    return [f"{p.name}: {x}" for p, x in lines if re.match(r"[A-Z_][A-Z0-9_, ]*[:=].*#\s+of\b", x)]
+
+
 def found_identifiers():
     """Old words within identifiers of the core, and as members, functions and fields that its headers declare."""
     found = [(p, n) for p in sources(".cpp", ".hpp") for n in identifiers(p)]
@@ -169,6 +177,7 @@ FOUND = {
     "names of tests": found_in_tests,
     "members": found_members,
     "messages": found_messages,
+    "constants": found_constants,
     "identifiers of C++": found_identifiers,
     "prose of Python": found_in_python,
     "prose of C++": found_in_core,

@@ -16,7 +16,7 @@ from .values import TimeSpan, locked_joints, parsed_numbers, split_names, texts_
 
 Decorator = Callable[..., Any]
 LETTERS = {"actuator": "-a", "method": "-m", "parameter": "-p", "signal": "-s", "T": "-t"}
-PARSERS: dict[str, Callable[[tuple[str, ...], str], Any]] = {  # of options that can be repeated, by annotation
+PARSERS: dict[str, Callable[[tuple[str, ...], str], Any]] = {  # parsers of options that can be repeated, by annotation
     "Sequence[float]": lambda values, option: parsed_numbers(values, float, option),
     "Sequence[int]": lambda values, option: parsed_numbers(values, int, option),
     "Hold": locked_joints,

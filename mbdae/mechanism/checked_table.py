@@ -11,7 +11,7 @@ from ..errors import InputError
 from .key_units import Coordinates, Unit, UnitSymbols, declared_unit
 
 HUGE = 1e50  # larger numbers in SI units are mistakes; their products overflow
-Location = Sequence[int | str]  # of a value in a table: keys and positions
+Location = Sequence[int | str]  # location of a value in a table: keys and positions
 KnownKeys = Callable[[Location], list[str]]
 
 
@@ -90,7 +90,7 @@ def tables_in(annotation: object) -> list[type[Table]]:
     """Return the tables in a type, such as the kinds of a union."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
         return [annotation]
-    by_kind = getattr(annotation, "tables", None) or {}  # of TaggedByKind
+    by_kind = getattr(annotation, "tables", None) or {}  # tables of TaggedByKind
     return [*by_kind.values(), *(table for argument in get_args(annotation) for table in tables_in(argument))]
 
 

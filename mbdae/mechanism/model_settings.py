@@ -60,7 +60,7 @@ class OrderSettings(Table):
     v: Annotated[dict[str, Value], Coordinates(per_time=True)] = Field(default_factory=dict)
 
 
-CONTROL_SETTINGS = "rtol", "atol", "first_step", "max_step"  # of step-size control
+CONTROL_SETTINGS = "rtol", "atol", "first_step", "max_step"  # settings of step-size control
 
 
 class SolveSettings(Table):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 SINGULAR = AMBIGUOUS_PIVOT  # pivot ratio to its regular value, with projection
 MAX_WITH_VIOLATION = 1e-2  # the same for a run that violates closures: beyond, it does not represent the mechanism
 BYPASS = 5.0  # times the square root of the violation: how far from a singularity such a run may pass it
-ROTATION_WIDTH = 1e-4  # of a step: large enough to measure the rotation of the tangent space
+ROTATION_WIDTH = 1e-4  # fraction of a step: large enough to measure the rotation of the tangent space
 
 
 @dataclass(frozen=True)

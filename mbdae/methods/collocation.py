@@ -35,7 +35,7 @@ EXPECTED_RATE = 0.1  # initial estimate of the rate; above REUSE: partial deriva
 REUSE_RATE = 0.03  # convergence rate below which partial derivatives and factors are reused for the same h
 ANDERSON_DEPTH = 10  # changes that are combined if the simplified Newton iteration does not converge
 TINY = float(np.finfo(float).tiny)  # keeps quotients finite
-MAX_FIRST_CHANGE = 0.5  # of the size of y and its displacement: a larger change means that the guess is useless
+MAX_FIRST_CHANGE = 0.5  # fraction of the size of y and its displacement: above, the guess is useless
 
 
 class StageMemory(NamedTuple):
@@ -82,7 +82,7 @@ def collocation_step(
         memory = None
     F, K, Z, z_n = _guess(system, chart, a, h, memory)
     accuracy = system.accuracy if estimate else 0.0
-    stages = _Stages(system, chart, a, t, h, system.size(state.y), max_iterations, accuracy)
+    stages = _Stages(system, chart, a, t, h, system.component_magnitudes(state.y), max_iterations, accuracy)
     found = None
     if memory is not None and memory.h == h and memory.rate < REUSE_RATE:
         with suppress(StepError):

@@ -8,7 +8,7 @@ import numpy as np
 from ..system import Array
 from ..tolerances import INPUT_DIGITS, SUM_ROUNDING
 
-SEPARATION = INPUT_DIGITS  # of an eigenvalue: shift of multiple ones, see `stage_arrays`
+SEPARATION = INPUT_DIGITS  # fraction of an eigenvalue: shift of multiple ones, see `stage_arrays`
 
 
 class EigenMode(NamedTuple):

@@ -80,7 +80,7 @@ class Tableau:
     control = PI
     roundings = 0  # per step, of sums that are not compensated
     position_pivot = np.inf  # stages do not divide residuals of positions by h^2
-    blend = 1.0  # of two error estimates, see `mbdae.methods.controller.error_norm`
+    blend = 1.0  # weight between two error estimates, see `mbdae.methods.controller.error_norm`
 
     def __post_init__(self) -> None:
         for key, order in vars(self).items():

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 TWO_PI = 2 * np.pi
 CONTACT = ("normal", "longitudinal", "lateral", "friction")
 WRENCH_UNITS, WORLD_AXES, LOCAL_AXES = {"force": "N", "torque": "N m"}, "xyz", "123"
-MOTIONS = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # of frames
-MOVING = COARSE  # of the rate of gravity, which needs no evaluation: faster mechanisms move
+MOTIONS = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # units of motions of frames
+MOVING = COARSE  # fraction of the rate of gravity, which needs no evaluation: faster mechanisms move
 
 
 class Residuals(NamedTuple):
@@ -98,7 +98,7 @@ def residuals(sol: "Solution") -> Residuals:
         InputError: for a solution without times.
     """
     require_times(sol)
-    with np.errstate(over="ignore", invalid="ignore"):  # of a diverging run
+    with np.errstate(over="ignore", invalid="ignore"):  # overflow of a diverging run
         g, Gv, energies = residuals_and_energies(sol)
     return Residuals(g, Gv, *energies.T)
 

@@ -16,7 +16,7 @@ from ..system import Array
 from ..tolerances import JUMP_MARGIN, NEGLIGIBLE
 from .sampling import sample_together, set_slip_directions
 
-# of the spacing of t: the sides of a jump are closer; far from t = 0 steps are, too, but they change q
+# multiple of the spacing of t: the sides of a jump are closer; far from t = 0 steps are, too, but they change q
 JUMP_DISTANCE = 6 * JUMP_MARGIN
 
 

@@ -179,7 +179,7 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
     mech = sol.mechanism
     wanted = [name for name in units(mech) if not name.startswith(WORK)] if names is None else find(mech, names)
     out: dict[str, Array] = {}
-    with np.errstate(over="ignore", invalid="ignore"):  # of a diverging run
+    with np.errstate(over="ignore", invalid="ignore"):  # overflow of a diverging run
         for family, known in zip(reversed(FAMILIES), reversed(_units(mech)), strict=True):
             if any(name in known and name not in out for name in wanted):
                 out |= family.values(sol)

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from .solution import Solution
 
 DEGREES = (4, 8, 16, 32)
-EXTREMUM_TOLERANCE = COINCIDENT  # of the range of a signal: last coefficients of series whose extrema are exact
+EXTREMUM_TOLERANCE = COINCIDENT  # fraction of the range of a signal: last terms of series whose extrema are exact
 INTEGRAL_TOLERANCE = INTERPOLATION  # the same for integrals, which are accurate to about 1e-10: omitted terms oscillate
-UNRESOLVED = 0.05  # of the range: larger last coefficients that do not decay are rounding of a constant signal
+UNRESOLVED = 0.05  # fraction of the range: larger last coefficients that do not decay are rounding of a constant signal
 RESIDUALS, DISCRETE = ("g", "Gv"), ("impulse", "mode")  # evaluated at the ends of steps only
 FINE = 64  # points at which a series is sampled before the roots of its derivative are computed
 

@@ -11,7 +11,7 @@ from ..finite_differences import ABOVE, BELOW, STENCIL, converged_difference
 from ..system import Array
 from ..tolerances import THREE_DIGITS
 
-WIDTH = 1e-3  # of 1 + |u|, of the time: largest width
+WIDTH = 1e-3  # fraction of 1 + |u|, of the time: largest width
 IRRATIONAL = (np.sqrt(5) - 1) / 2  # its multiples differ for all components of y
 
 

@@ -22,7 +22,7 @@ from .newton import is_last, largest
 
 Function = Callable[..., Array]
 CACHE_SIZE = 8
-START_TOLERANCE = INPUT_DIGITS  # of 1 + |y|: largest |g| at the start
+START_TOLERANCE = INPUT_DIGITS  # fraction of 1 + |y|: largest |g| at the start
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ class HessenbergSystem(System):
     def use_rows(self, rows: tuple[int, ...], frozen: bool = True) -> None:
         """Do nothing: all constraints are always in use."""
 
-    def size(self, y: Array) -> Array:
+    def component_magnitudes(self, y: Array) -> Array:
         """Return |y|, (ny,)."""
         return np.abs(y)
 

@@ -98,7 +98,7 @@ class Probe(System):
     def start(self):
         return np.zeros(self.ny), np.full(self.nz, 5.0)
 
-    def size(self, y):
+    def component_magnitudes(self, y):
         return np.ones(self.ny)
 
     def residual(self, t, x, dx, z):

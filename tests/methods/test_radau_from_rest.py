@@ -39,6 +39,6 @@ def test_the_mixed_iteration_starts_from_rest_too():
     system, y, a, h = wheels().system(), np.zeros(5), methods.method("radau5").arrays, 0.1
     chart = system.chart(0.0, y)
     F, z = chart.start()
-    stages = collocation._Stages(system, chart, a, 0.0, h, system.size(y), max_iterations=30)
+    stages = collocation._Stages(system, chart, a, 0.0, h, system.component_magnitudes(y), max_iterations=30)
     found = stages.anderson(np.tile(F, (3, 1)), np.tile(z, (3, 1)))
     assert h * (a.A[-1] @ found.K)[:2] == pytest.approx((h - np.sin(h)) / 2.5 * np.array([1.0, 2.0]), rel=1e-3)

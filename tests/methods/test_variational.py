@@ -60,7 +60,7 @@ def test_a_step_back_returns_and_loops_stay_closed(name, method):
     system, state = steps_of(mech, method, 0.02, 4)
     there = METHODS[method].step(system, 0.02, 0.01, State(state.y))
     back = METHODS[method].step(system, 0.03, -0.01, State(there.state.y))
-    scale = 1 + system.size(state.y)
+    scale = 1 + system.component_magnitudes(state.y)
     assert np.abs(system.difference(state.y, back.state.y) / scale).max() < ROUNDING
     g, rate = system.residual(0.03, *system.split(there.state.y))
     assert np.abs(g).max() < ROUNDING

@@ -5,7 +5,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError, is_count
-from mbdae.studies.periodic.guess import number_of_parts
+from mbdae.studies.periodic.guess import number_of_segments
 
 
 def test_counts():
@@ -31,7 +31,7 @@ def test_text_and_true_are_no_numbers(other):
 
 def test_studies_accept_them(tmp_path):
     assert len(mbdae.kinematics(mbdae.load("slider_crank"), "crank", points=np.int64(5)).q) == 5
-    assert number_of_parts(np.int64(3), None) == 3
+    assert number_of_segments(np.int64(3), None) == 3
     data = {"t": [0.1, 0.2], "q.crank": [1.2, 1.1]}
     counts = {"starts": np.int64(1), "seed": np.int64(2)}
     found = mbdae.fit("four_bar", {"gravity.2": (-12, -8)}, data, step=0.1, method="herk3", **counts)

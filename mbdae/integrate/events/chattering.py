@@ -24,7 +24,7 @@ class Chattering:
 
     def __init__(self, switches: "Sequence[Switch]") -> None:
         self.switches, self.rest = switches, min((s.rest for s in switches if s.rest), default=0.0)
-        self.times = deque[float](maxlen=1 + MAX_TRANSITIONS * (1 + len(switches)))  # of the last transitions
+        self.times = deque[float](maxlen=1 + MAX_TRANSITIONS * (1 + len(switches)))  # times of the last transitions
 
     def check(self, node: int, t: float, fired: Iterable[str], mode: "Mode") -> None:
         """Add a transition at a node.

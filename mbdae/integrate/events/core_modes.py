@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ...system import Array
     from .mode_changes import ModeChanges
 
-MAX_STATES = 1000  # of all rows of a complementarity problem, which the core tries one after the other
+MAX_STATES = 1000  # combined states of all rows of a complementarity problem, which the core tries one after the other
 
 
 class CoreTransition(NamedTuple):

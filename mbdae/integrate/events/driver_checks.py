@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ..run.run_state import RunState
 
 STATUSES = ("step_size", "max_steps", "newton", "singular", "rank")  # failures that drivers may cause
-BEYOND = 1 / 16  # of the time span, after a failure: enough samples to recognize an inconsistent derivative
+BEYOND = 1 / 16  # fraction of the time span, after a failure: enough samples to recognize an inconsistent derivative
 
 
 class DriverChecks(EventSource):

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 brentq = lazy_import("scipy.optimize", "brentq")
 RETURN_FACTOR = 1.05  # times the flight time predicted from speed and acceleration: the gap is then negative again
-START_ROOT = VISIBLE  # of a bracket: after an impact, a root this close to the start is the start itself
-GRAZING = 0.25  # of the gaps at both ends of a step: a minimum of their cubic above it is no contact
-MAX_HALVINGS = 40  # of a step, towards its start
+START_ROOT = VISIBLE  # fraction of a bracket: after an impact, a root this close to the start is the start itself
+GRAZING = 0.25  # fraction of the gaps at both ends of a step: a minimum of their cubic above it is no contact
+MAX_HALVINGS = 40  # halvings of a step, towards its start
 MAX_NEWTON = 12  # iterations; three or four are typical
 
 
@@ -153,7 +153,7 @@ def _lowest_fraction(tracked: TrackedGuard, step: "StepMap", at: PointAt) -> flo
     if r0 >= 0 and not (b < 0 < c and square > 0 and -b < 3 * c):  # the cubic does not fall, or not within the step
         return None
     root = np.sqrt(max(0.0, square))
-    x = -m0 / (b + root) if b >= 0 else (root - b) / (3 * c)  # of m0 + 2 b x + 3 c x^2, where it rises
+    x = -m0 / (b + root) if b >= 0 else (root - b) / (3 * c)  # root of m0 + 2 b x + 3 c x^2, where it rises
     if f0 + x * (m0 + x * (b + x * c)) > GRAZING * min(f0, f1):
         return None
     falling = 0.0 if r0 < 0 else -b / (3 * c)  # where the cubic falls fastest

@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
 
 brentq = lazy_import("scipy.optimize", "brentq")
-TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
-NOT_A_SIGNAL = re.compile(r"[=<>!]$|^[-+.\d]")  # "q.slider >= 0.3", "0.1 < q.slider < 0.3"
+# A signal neither begins like a number nor ends with another sign: not "0.1 < q.slider < 0.3", not "q.slider >= 0.3".
+COMPARISON = re.compile(r"(?P<signal>(?![-+.\d]).*?[^=<>!\s])\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
 TIME_SPACINGS = 2  # units in the last place of t: tolerance of the time of an event
-RELATIVE_TOLERANCE = 4 * EPS  # of theta: tolerance of the time of an event
+RELATIVE_TOLERANCE = 4 * EPS  # tolerance of theta, the time of an event in a step
 ON_A_SIDE = float(np.sqrt(np.finfo(float).tiny))  # in place of a zero approached from one side; squares are normal
-DEPARTURE_WIDTH = 1e-3  # of a step: where the side is seen on which a signal leaves its level
-MAX_ITERATIONS = 100  # of Brent's method, which bisects in the worst case
+DEPARTURE_WIDTH = 1e-3  # fraction of a step: where the side is seen on which a signal leaves its level
+MAX_ITERATIONS = 100  # iterations of Brent's method, which bisects in the worst case
 EventRoot = tuple[float, Array]
 
 
@@ -48,14 +48,14 @@ def parse_level_crossing(text: str) -> LevelCrossing:
     Raises:
         InputError: for any other text.
     """
-    found = TEXT.fullmatch(text.strip())
-    if not found:
+    found = COMPARISON.fullmatch(text.strip())
+    if not found and not any(sign in text for sign in DIRECTIONS):
         return LevelCrossing(text.strip(), 0.0, 0)
     try:
-        level = float(found["level"])
+        level = float(found["level"]) if found else np.nan
     except ValueError:
         level = np.nan
-    if not np.isfinite(level) or not found["signal"] or NOT_A_SIGNAL.search(found["signal"]):
+    if not found or not np.isfinite(level):
         raise InputError(f"an event is a signal, or a signal, one of = > <, and a number, got {text!r:.80}")
     return LevelCrossing(found["signal"], level, DIRECTIONS[found["sign"]])
 
@@ -108,7 +108,7 @@ class SignalEvent:
             speed = system.mechanism.coordinate_scales[i] * system.mechanism.characteristic_rate
             self.unchanged_within = SOLUTION_ROUNDING * (abs(level) + speed)
         self.node = (np.nan, np.nan, 0.0)  # the last node: time, value, rate of an angle
-        self.side = 0.0  # of the level, from which the signal comes in the last step; 0 if it does not matter
+        self.side = 0.0  # side of the level, from which the signal comes in the last step; 0 if it does not matter
 
     @classmethod
     def from_text(cls, system: Index2System, mechanism: Mechanism, text: str, direction: int) -> "SignalEvent":
@@ -132,12 +132,12 @@ class SignalEvent:
         """Continue tracking from a point, given the value there."""
         self.node = (t, f, self._speed(y))
 
-    def pass_level(self, t: float, y: Array) -> None:
+    def continue_after_crossing(self, t: float, y: Array) -> None:
         """Continue tracking from an event: the signal has crossed its level."""
         self.side = float(self.direction)
         self.advance(t, y, 0.0)
 
-    def wait(self, t: float, y: Array) -> None:
+    def continue_after_other_event(self, t: float, y: Array) -> None:
         """Continue tracking from an event of another signal: if this one is at its level, it has not crossed it."""
         f = self.value(t, y)
         self.advance(t, y, f if abs(f) > self._rounding else ON_A_SIDE * self.side)

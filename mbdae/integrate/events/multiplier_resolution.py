@@ -27,16 +27,16 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
     from .guard_location import TrackedGuard
 
-QUARTERS = np.linspace(0.0, 1.0, 5)  # of a step: sampling points of multipliers
+QUARTERS = np.linspace(0.0, 1.0, 5)  # fractions of a step: sampling points of multipliers
 QUARTIC = np.linalg.inv(np.vander(QUARTERS))  # coefficients of the quartic through five samples
 FINEST = 64  # largest number of sampling intervals in a step of fixed size
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth difference of samples
-ROUGH = 0.05  # of the distance of a multiplier to its limit: largest deviation from a cubic
-NEAR_LIMIT = 0.02  # of the limit, or of the largest multiplier: lower bound of this distance
-CLOSE_EXTREMUM = 0.1  # of the limit, or of the largest multiplier: extrema this close to the limit are sampled
-OUTSIDE = 0.1  # of the range of five samples: extrema this far outside the range are included
-SAFETY, SHRINK = 0.8, 0.2  # of the largest step that resolves multipliers; smallest ratio of step sizes
-SHORTEST_STEP = SMALLEST_PART  # of the span: multipliers that are not resolved by steps of this size are jumps
+ROUGH = 0.05  # fraction of the distance of a multiplier to its limit: largest deviation from a cubic
+NEAR_LIMIT = 0.02  # fraction of the limit, or of the largest multiplier: lower bound of this distance
+CLOSE_EXTREMUM = 0.1  # fraction of the limit, or of the largest multiplier: extrema this close to the limit are sampled
+OUTSIDE = 0.1  # fraction of the range of five samples: extrema this far outside the range are included
+SAFETY, SHRINK = 0.8, 0.2  # fraction of the largest step that resolves multipliers; smallest ratio of step sizes
+SHORTEST_STEP = SMALLEST_PART  # fraction of the span: multipliers that are not resolved by steps of this size are jumps
 PointAt = Callable[[float], ModePoint]
 
 

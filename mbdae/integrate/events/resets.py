@@ -12,7 +12,7 @@ from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.hybrid.kinds.unilateral import penetration_message
 from ...mechanism.hybrid.mode_point import ModePoint
-from ...mechanism.hybrid.reset import Reset, StateReset
+from ...mechanism.hybrid.reset import Reset, ResetMap
 from ...solution.signal_value import find_point_signal
 from ...system import Array
 from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
@@ -43,7 +43,7 @@ class Resets(EventSource):
 
     def __init__(self, system: Index2System) -> None:
         self.system, resets = system, system.mechanism.resets
-        self.maps = [StateReset(system, reset) for reset in resets]
+        self.maps = [ResetMap(system, reset) for reset in resets]
         self.workspace = workspace = system.new_workspace()
         bound = partial(SignalEvent.from_text, workspace, system.mechanism, direction=0)
         self.signals = [bound(reset.signal) for reset in resets]
@@ -114,7 +114,8 @@ class Resets(EventSource):
             raise StepError("switching", f"event {found.reset.name!r} repeats without end at t = {run.t:.17g}")
         run.end_interval(len(run.ts) - 1)
         for i, signal in enumerate(self.signals):  # the last step was longer before the event
-            (signal.pass_level if i == self._found else signal.wait)(run.t, run.ys[-1])
+            after = signal.continue_after_crossing if i == self._found else signal.continue_after_other_event
+            after(run.t, run.ys[-1])
         self.done.append((len(run.ts), found.reset.name))
         y = run.ys[-1]
         if run.mode_changes is None:

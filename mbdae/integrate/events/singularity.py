@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
     from ..steppers.adaptive import Adaptive
 
-ADJACENT_RATIO = 0.5 * POSITION_ACCURACY  # of the largest ratio: a singular configuration cannot be told apart
-APPROACH = 0.5  # of the time to the singular configuration: the longest step
-RETRY_SHARE = 0.75  # of the time to the singular configuration at the previous attempt: when the next one is made
-ERROR_REDUCTION, MAX_STALLED = 0.5, 2  # of the last error: attempts without this reduction are limited by step errors
+ADJACENT_RATIO = 0.5 * POSITION_ACCURACY  # fraction of the largest ratio: a singular configuration cannot be told apart
+APPROACH = 0.5  # fraction of the time to the singular configuration: the longest step
+RETRY_SHARE = 0.75  # fraction of the time to the singularity at the previous attempt: when the next one is made
+ERROR_REDUCTION, MAX_STALLED = 0.5, 2  # fraction of the last error: attempts without it are limited by step errors
 MAX_STEP_ERROR, MAX_PROJECTION = 1e3, 100.0  # times the tolerance: error due to steps; distance from the closures
-SINGULAR_RATIO = NEGLIGIBLE  # of the ratio one step before: below it, the configuration is singular
-MAX_RATIO_CHANGE = 0.02  # of the ratio at the start of an interval: largest change over a linear backward step
+SINGULAR_RATIO = NEGLIGIBLE  # fraction of the ratio one step before: below it, the configuration is singular
+MAX_RATIO_CHANGE = 0.02  # fraction of the ratio at the start of an interval: largest change over a linear backward step
 
 
 class SingularityMonitor(SingularityLocation):
@@ -82,7 +82,7 @@ class SingularityMonitor(SingularityLocation):
 
     def _reset_history(self, first: int) -> None:
         self.monitored_from: int | None = None  # the node at which the ratio became small
-        self.last_attempt, self.stalled_attempts = (np.inf, np.inf), 0  # of a crossing: time ahead, and error
+        self.last_attempt, self.stalled_attempts = (np.inf, np.inf), 0  # time to a crossing, and its error
         self._restart_ratios(first)
 
     def _restart_ratios(self, first: int) -> None:

@@ -28,17 +28,17 @@ if TYPE_CHECKING:
     from ..run.run_state import RunState
 
 minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
-Ratio = TypeVar("Ratio", float, Array)  # of one node, or of several
+Ratio = TypeVar("Ratio", float, Array)  # pivot ratio of one node, or of several
 
-SUSPICIOUS_RATIO = 0.6  # of the largest ratio so far: minima above are regular
-SMALL, NOTCH = 0.1, 0.7  # of the largest ratio, or of the larger neighbour: minima below may contain a zero
+SUSPICIOUS_RATIO = 0.6  # fraction of the largest ratio so far: minima above are regular
+SMALL, NOTCH = 0.1, 0.7  # fraction of the largest ratio, or of the larger neighbour: minima below may contain a zero
 AHEAD = 20.0  # steps: a ratio that would take more steps to vanish is small for another reason
-MONITORED_RATIO = 0.2  # of the largest pivot ratio: below it, states are projected, and falling ratios extrapolated
-CROSSING_RATIO = 0.1  # of the largest ratio: below it, a crossing is attempted
+MONITORED_RATIO = 0.2  # fraction of the largest pivot ratio: below, states are projected, falling ratios extrapolated
+CROSSING_RATIO = 0.1  # fraction of the largest ratio: below it, a crossing is attempted
 MAX_ANGLE, ROTATION_FACTOR = 0.2, 3.0  # rad, and times the rotation expected: between tangent spaces
-NEAR_FRACTIONS = 1 / 2.0 ** np.arange(6, 0, -1)  # of the interval from a singularity to a node
-SAMPLES = 5  # of each step
-CONSTANT_RATIO = 0.999  # of the largest sample: ratios above are constant
+NEAR_FRACTIONS = 1 / 2.0 ** np.arange(6, 0, -1)  # fractions of the interval from a singularity to a node
+SAMPLES = 5  # samples of each step
+CONSTANT_RATIO = 0.999  # fraction of the largest sample: ratios above are constant
 
 
 def may_vanish(before: Ratio, here: Ratio, after: Ratio, largest: Ratio) -> Ratio:

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
 
 brentq = lazy_import("scipy.optimize", "brentq")
-SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
-WIDTH = 1e-3  # of a step: distance of the points on both sides of an event for the derivative of its function
+SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # fractions of a step: a function may change sign several times within it
+WIDTH = 1e-3  # fraction of a step: distance of the points on both sides of an event for the derivative of its function
 TRIALS = 8  # steps to locate a terminal event; three or four are typical
 
 
@@ -57,7 +57,7 @@ class UserEvents(EventSource):
         self.checked_in_core = self.stopped = False  # for the last steps; whether it found a terminal event
         self.found: list[list[tuple[float, Array]]] = [[] for _ in events]
         self._last_values: dict[int, float] = {}
-        self._sides: dict[int, float] = {}  # of zero, from which the functions come in the last step
+        self._sides: dict[int, float] = {}  # sides of zero from which functions come in the last step
         self._checked_until = np.nan  # time up to which steps were checked; nan after an impact
 
     @classmethod

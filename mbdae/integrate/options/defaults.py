@@ -9,7 +9,7 @@ DEFAULTS: dict[str, Any] = {
     "project": "auto",
     "baumgarte": None,
     "step": None,
-    "rtol": 1e-8,  # of every run, in Python, on the command line and in studies; see examples/guide/methods.md
+    "rtol": 1e-8,  # default of all runs, in Python, on the command line and in studies; see examples/guide/methods.md
     "atol": None,
     "first_step": None,
     "max_step": inf,

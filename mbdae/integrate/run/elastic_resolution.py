@@ -24,10 +24,10 @@ from ...tolerances import COARSE, EVALUATION_ROUNDING, NEGLIGIBLE, TINY, VISIBLE
 from ..steppers.solvers import find_method
 
 SAMPLES = 9  # nodes at which the vibrations are computed, the first one among them
-SIZES = 48  # of steps, at which R is evaluated; interpolated between them
-QUOTIENT_WIDTH = 1e-3  # of 1/w: step of the forward difference of the quasi-static deflection
-RATE_ROUNDING = EVALUATION_ROUNDING / QUOTIENT_WIDTH  # of such a difference, relative to sqrt(2 T)
-MAX_ERROR = 0.05  # of the largest velocity amplitude: above it, a vibration is not resolved
+SIZES = 48  # number of step sizes at which R is evaluated; interpolated between them
+QUOTIENT_WIDTH = 1e-3  # fraction of 1/w: step of the forward difference of the quasi-static deflection
+RATE_ROUNDING = EVALUATION_ROUNDING / QUOTIENT_WIDTH  # rounding of such a difference, relative to sqrt(2 T)
+MAX_ERROR = 0.05  # fraction of the largest velocity amplitude: above it, a vibration is not resolved
 AMPLIFIED = 10.0  # amplification of a vibration over a run that has diverged
 LIMITING = 0.2  # h w: below it, a vibration does not limit the step
 OSCILLATING = 0.3  # damping ratio: above it, a vibration decays within a cycle
@@ -115,7 +115,7 @@ def find_vibrations(sol: Solution) -> Vibrations | None:
     rounding = RATE_ROUNDING * np.sqrt(2 * kinetic)
     tolerance = max(relative * np.maximum(largest, w * deflections).max(), rounding)
     atol = np.asarray(sol.settings.get("atol", 0.0))
-    errors = (1 + w) * (atol[modes.at] if atol.ndim else atol).max()  # of eta' and of w eta
+    errors = (1 + w) * (atol[modes.at] if atol.ndim else atol).max()  # tolerances of eta' and of w eta
     return Vibrations(modes, _names(modes), nodes, rates, largest, tolerance, errors)
 
 

@@ -26,7 +26,7 @@ from .skipped_shapes import shaped_closures, skipped_shape, tables_over_time
 Check = Callable[[Solution, Index2System], str]
 
 POSITION_TOLERANCE = 0.01  # rad or characteristic lengths
-ENERGY_TOLERANCE = 0.1  # of the energy that is exchanged
+ENERGY_TOLERANCE = 0.1  # fraction of the energy that is exchanged
 SAMPLES = 8  # steps at which the energy is computed
 PRECONDITION_NODES = 400  # nodes at which preconditions of closures are checked
 

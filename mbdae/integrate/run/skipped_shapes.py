@@ -19,9 +19,9 @@ from ...tolerances import SMALLEST_PART
 
 LONGEST = 64  # steps that are examined: one that skips a shape is among the longest
 SAMPLES = 24  # times within a step at which closures are computed
-SHARE = 0.1  # of the range of a table by which values within a step may differ from a cubic through its ends
+SHARE = 0.1  # fraction of the range of a table by which values within a step may differ from a cubic through its ends
 MAX_VIOLATION = 0.01  # rad or characteristic lengths, within a step
-LOST_DIGITS = 1e4  # of rtol: larger violations within a step are no error of the dense output
+LOST_DIGITS = 1e4  # multiple of rtol: larger violations within a step are no error of the dense output
 
 
 def skipped_shape(sol: Solution, system: Index2System) -> str:

@@ -26,9 +26,9 @@ WINDOW = 50  # steps over which one polynomial approximates the velocities
 NODES, COMPARED = (0, 7, 25, 43, 50), (3, 14, 19, 31, 36, 47)  # interpolation nodes and comparison points of a window
 ROUGH = 3.0  # times the tolerance: amplitude of fast modes that remain excited at the stability limit
 STEP_RATIO = 2.0  # ratio of a hypothetical longer step, which must be unstable
-ITERATIONS = 12  # of the power method
-WIDTH = 1e-7  # of 1 + |y|: size of the difference
-MAX_FREE = 0.9  # of max_step: longer steps are limited by max_step, and by neither stability nor accuracy
+ITERATIONS = 12  # iterations of the power method
+WIDTH = 1e-7  # fraction of 1 + |y|: size of the difference
+MAX_FREE = 0.9  # fraction of max_step: longer steps are limited by max_step, and by neither stability nor accuracy
 
 
 @dataclass

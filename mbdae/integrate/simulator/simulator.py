@@ -29,7 +29,7 @@ from .input_settings import InputSettings
 from .run_snapshot import Origin, SimulatorState, external_states, prepare_again, resume, snapshot
 
 ENDLESS = 2**31 - 1  # fixed steps
-MAX_NODES = 4096  # of a simulator without a record, which then begins a new run
+MAX_NODES = 4096  # number of nodes of a simulator without a record, which then begins a new run
 
 
 class Simulator(DifferentiableAdvance):

@@ -44,7 +44,7 @@ class Adaptive(PythonStepper):
         self.h: Any = first_step
         self.cap = np.inf  # limit of the next step near singular configurations
         self.reason = self._reason = ""  # failure of this and of the previous attempt
-        self.size_before_truncation = 0.0  # of a step that is truncated at the end of an interval; else 0
+        self.size_before_truncation = 0.0  # size of a step that is truncated at the end of an interval; else 0
 
     @property
     def control(self) -> "Adaptive | None":
@@ -120,7 +120,7 @@ class Adaptive(PythonStepper):
 
     def _scale(self, run: "RunState", y: Array) -> Array:
         m = run.system.measured
-        size = np.maximum(run.system.size(run.state.y)[m], run.system.size(y)[m])
+        size = np.maximum(run.system.component_magnitudes(run.state.y)[m], run.system.component_magnitudes(y)[m])
         return self.atol + self.rtol * size + TINY
 
     def first_step_numbers(self, run: "RunState") -> dict[str, Any]:
@@ -143,7 +143,7 @@ class Adaptive(PythonStepper):
         def norm(x: Array) -> float:
             return float(np.sqrt(np.mean((x[m] / scale) ** 2)))
 
-        d0, d1 = norm(s.size(y)), norm(F)
+        d0, d1 = norm(s.component_magnitudes(y)), norm(F)
         h0 = min(default_step if min(d0, d1) < small_norm else change * d0 / d1, left)
         if not h0 > 0:  # the rates overflow: the error appears in the smallest step
             return 0.0

@@ -13,8 +13,8 @@ from .stepper import PythonStepper, StepperState, smallest_step
 if TYPE_CHECKING:
     from ..run.run_state import RunState
 
-DETOUR = (0.309, 0.655)  # of two steps: ends of the steps that avoid the grid point in between
-FIXED_STEP_TOLERANCE = HALF_DIGITS  # of the magnitude of a component: largest projection without a new carry
+DETOUR = (0.309, 0.655)  # fractions of two steps: ends of the steps that avoid the grid point in between
+FIXED_STEP_TOLERANCE = HALF_DIGITS  # fraction of the magnitude of a component: largest projection without a new carry
 
 
 class Fixed(PythonStepper):
@@ -97,7 +97,7 @@ class Fixed(PythonStepper):
 
     def tolerance_norms(self, run: "RunState", y: Array, moves: Array) -> list[float]:
         """Return the largest components of displacements of the state from y, in units of `FIXED_STEP_TOLERANCE`."""
-        scale, m = FIXED_STEP_TOLERANCE * run.system.magnitude(y) + TINY, run.system.measured
+        scale, m = FIXED_STEP_TOLERANCE * run.system.characteristic_magnitudes(y) + TINY, run.system.measured
         return (np.abs(moves) / scale)[:, m].max(axis=1, initial=0.0).tolist()
 
     def ready_for_core(self, run: "RunState") -> bool:

@@ -109,7 +109,7 @@ class Ida(LibraryStepper):
         f_z = np.abs(np.linalg.solve(E, L))[at]
         of_y = np.full(len(y), UNCONTROLLED)
         of_y[: len(y) - s.ny + len(f_z)] = self.atol
-        tolerance = self.atol + self.rtol * s.magnitude(y)[at]
+        tolerance = self.atol + self.rtol * s.characteristic_magnitudes(y)[at]
         return np.concatenate([of_y, 1 / (f_z / tolerance[:, None]).max(axis=0)])
 
     def propose(self, run: "RunState") -> tuple[float, float]:

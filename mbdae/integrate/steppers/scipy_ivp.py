@@ -50,7 +50,7 @@ SCIPY: dict[str, ScipySolver] = {
         ScipySolver("RK45", 5, False),
         ScipySolver("DOP853", 8, False),
         ScipySolver("Radau", 5, True),
-        ScipySolver("LSODA", 5, True),  # of variable order
+        ScipySolver("LSODA", 5, True),  # its order varies
     )
 }
 

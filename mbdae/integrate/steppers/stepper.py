@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 SPACINGS = 16  # roundings of t: smallest step size
 
-StepperState = tuple[Any, ...]  # of step-size control: only `resume` of the same stepper reads it
+StepperState = tuple[Any, ...]  # state of step-size control: only `resume` of the same stepper reads it
 
 
 class Stepper(ABC):

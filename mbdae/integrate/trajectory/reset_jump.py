@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import InputError
-from ...mechanism.hybrid.reset import Reset, StateReset
+from ...mechanism.hybrid.reset import Reset, ResetMap
 from ...system import Array
 from ...tolerances import VISIBLE
 from ..events.level_crossing import parse_level_crossing
@@ -50,20 +50,20 @@ class ResetJumps:
         if abs(total) <= VISIBLE * float(np.abs(gradient[:ny] * before).sum() + abs(gradient[-1])):
             when = f"only grazes its level at t = {t:.9g} s"
             raise InputError(f"event {reset.name!r} {when}: the run is not differentiable")
-        state_reset = StateReset(trajectory.system, reset)
+        reset_map = ResetMap(trajectory.system, reset)
         for k, (p, others) in enumerate(
-            zip(sensitivity.parameters.all, state_reset.of_parameters(sensitivity), strict=True)
+            zip(sensitivity.parameters.all, reset_map.of_parameters(sensitivity), strict=True)
         ):
             gradient[ny + k] -= p.quotient({j: np.array(_level(other)) for j, other in others.items()})
         switched = bool(trajectory.system.mechanism.switches)
-        R = self._map(state_reset, t, y) if switched else state_reset.partials(sensitivity, t, y)
+        R = self._map(reset_map, t, y) if switched else reset_map.partials(sensitivity, t, y)
         trajectory.enter_node(i + 1)
         after = trajectory.system.derivative(float(trajectory.ts[i + 1]), trajectory.ys[i + 1])[0]
         time = -gradient[:-1] / total
         jump = Jump(R[:, :-1] + np.outer(R[:, :ny] @ before + R[:, -1] - after, time), time)
         return trajectory.jumps.projected(i, jump) if switched else jump
 
-    def _map(self, reset: StateReset, t: float, y: Array) -> Array:
+    def _map(self, reset: ResetMap, t: float, y: Array) -> Array:
         """Return the derivatives of y after the event and its impacts with respect to (y, p, t), (ny, ny + k + 1)."""
         trajectory, sensitivity = self.trajectory, self.trajectory.sensitivity
         trajectory.jumps.enter_idle_mode()

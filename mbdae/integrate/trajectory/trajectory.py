@@ -41,7 +41,7 @@ class _RunView(NamedTuple):
 
 
 class LinearMap(NamedTuple):
-    """Partials of a map by (y, p): a matrix (ny, ny + k) for a map of y, or (nc, ny + k) for the carry."""
+    """Partials of a map with respect to (y, p): a matrix (ny, ny + k) for a map of y, or (nc, ny + k) for the carry."""
 
     matrix: Array
     maps_carry: bool

@@ -150,16 +150,16 @@ def _undriven(mech: "Mechanism", q: Mapping[str, Any]) -> dict[str, Any]:
     return {name: x for name, x in q.items() if name not in moved}
 
 
-def start_position(mech: "Mechanism") -> Array:
-    """Return the configuration (nq,) of the start at t = 0, without velocities.
+def start_configuration(mech: "Mechanism") -> Array:
+    """Return the configuration (nq,) of the start at t = 0, without assembling velocities.
 
     Raises:
         AssemblyError: if its loops cannot be closed.
     """
-    values = mech.start_values
-    fixed = tangent_indices(mech.model, list(_undriven(mech, values.q)))
-    system, held = mech.system(), _held_modes(mech, {**values.guess, **values.q})
-    return _with_modes_held(lambda fixed: close_position(system, mech.unassembled_start[0], fixed, 0.0), fixed, held)[0]
+    if not mech.start_values.assemble:
+        return mech.unassembled_start[0]
+    system, at = mech.system(), start_estimate(mech)
+    return _with_modes_held(lambda fixed: close_position(system, at.q, fixed, 0.0), at.fixed_q, at.held_q)[0]
 
 
 def _held_modes(mech: "Mechanism", named: Iterable[str]) -> Array:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from ..formulations.index2 import Index2System
 
-Jacobian = Union[Array, "csr_array"]  # of many rows: without its zeros
+Jacobian = Union[Array, "csr_array"]  # sparse for many rows
 Residuals = Callable[["Index2System", Array, float], tuple[Array, Jacobian]]
 
 

@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 ITERATIONS = 100
-WIDTHS = (0.1, 0.4, 1.5, 3.0)  # of random displacements of the initial estimate
+WIDTHS = (0.1, 0.4, 1.5, 3.0)  # widths of random displacements of the initial estimate
 STARTS = 6  # for each width
-FRACTIONS = [0.5**k for k in range(12)]  # of a step, in its line search
+FRACTIONS = [0.5**k for k in range(12)]  # fractions of a step, in its line search
 NEAR = 0.05  # change of a coordinate: a configuration this close to the estimate is always accepted
 APPROACHES = 10  # steps along the null space towards the estimate
-DAMPING = 0.1  # of |g|, at the start
-SLOW = 0.5  # of |g|: a step shorter than NEAR that leaves more of it is damped too much
+DAMPING = 0.1  # fraction of |g|, at the start
+SLOW = 0.5  # fraction of |g|: a step shorter than NEAR that leaves more of it is damped too much
 DAMPING_REDUCTION = 0.1  # after such a step
-STATIONARY = VISIBLE  # of |g|: a smaller predicted decrease means that |g| has a minimum
-MIN_DAMPING = SOLUTION_ROUNDING  # of the largest diagonal entry of G G^T, which dependent rows make singular
+STATIONARY = VISIBLE  # fraction of |g|: a smaller predicted decrease means that |g| has a minimum
+MIN_DAMPING = SOLUTION_ROUNDING  # fraction of the largest diagonal entry of G G^T, which dependent rows make singular
 
 
 def close_position(system: "Index2System", q: Array, fixed: Array, t: float) -> Array:

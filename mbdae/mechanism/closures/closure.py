@@ -98,7 +98,7 @@ class Closure(Table, metaclass=ByKind):
     friction: ClassVar[str] = ""
     """Kind of friction interface: ``"revolute"`` (a pin in a bearing), ``"spherical"`` (a ball joint), ``"prismatic"``
     (along an axis) or ``"surface"`` (on a surface); empty if the closure has none."""
-    load_rows: ClassVar[int] = 1
+    normal_force_rows: ClassVar[int] = 1
     """Number of rows, the first ones, whose multipliers make up the normal force of friction."""
     coincident_origins: ClassVar[bool] = False
     """Whether the origins of both frames coincide."""

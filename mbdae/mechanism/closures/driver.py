@@ -23,7 +23,7 @@ from .joint_rows import Coordinate
 from .rows import Distance, FrameRows
 
 SAMPLES = 64  # times of a run at which derivatives are compared with difference quotients
-MIN_MISMATCHES = 2  # of the samples: one may coincide with a jump of u''
+MIN_MISMATCHES = 2  # smallest number of samples: one may coincide with a jump of u''
 GOLDEN = (sqrt(5) - 1) / 2  # its multiples modulo 1 fill (0, 1) evenly and avoid any grid
 SPACING, START_OFFSET = 1e-5, 1e-3  # s: of the quotients, and of their centre from the start
 Target = str | tuple[str, str]

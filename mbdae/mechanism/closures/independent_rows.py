@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from .constraints import Constraints
 
 reverse_cuthill_mckee = lazy_import("scipy.sparse.csgraph", "reverse_cuthill_mckee")
-WORST_CONDITIONING = 0.1  # of the smallest pivot of the best selection: below, rows in use are replaced
-GROWTH_TOLERANCE = 1e-2  # of the largest pivot: a dependent row whose pivot exceeds it has become independent
-SMALLEST_PIVOT = SUM_ROUNDING  # of the largest, in the system of the rows in use: below, it is singular
+WORST_CONDITIONING = 0.1  # fraction of the smallest pivot of the best selection: below, rows in use are replaced
+GROWTH_TOLERANCE = 1e-2  # fraction of the largest pivot: a dependent row whose pivot exceeds it has become independent
+SMALLEST_PIVOT = SUM_ROUNDING  # fraction of the largest, in the system of the rows in use: below, it is singular
 AMBIGUOUS_UNDERWAY = TRUNCATION  # AMBIGUOUS_PIVOT of a run that follows its branch, with loops closed to its square
 MANY_ROWS = 32  # rows: above, sparse and band factorizations are used, and all rows are inspected only when triggered
-RESELECTION_RATIO = 0.01  # of the best pivot ratio since the last selection: a smaller one triggers a selection
-# of the largest row: a dependent row with this component along a probe triggers a selection, too
+RESELECTION_RATIO = 0.01  # fraction of the best pivot ratio since the last selection: below, rows are selected
+# fraction of the largest row: a dependent row with this component along a probe triggers a selection, too
 PROBE_TOLERANCE = 0.1 * GROWTH_TOLERANCE
-CONVERGED = BELOW_ROUNDING**2  # of a squared residual
-EXTRA_CG_ITERATIONS = 20  # of the core: rounding requires more than exact arithmetic
+CONVERGED = BELOW_ROUNDING**2  # square of the relative residual
+EXTRA_CG_ITERATIONS = 20  # iterations of the core: rounding requires more than exact arithmetic
 FALLEN = 100.0  # multiple of the pivot ratio at the start below which later ones may have fallen
 
 

@@ -15,7 +15,7 @@ from ..tagged_union import TaggedByKind
 from ..time_functions.piecewise_polynomial import PiecewisePolynomial, Point, require_increasing
 from ..time_functions.time_functions import Harmonic
 
-DEGREE = 7  # of splines: their seventh derivative jumps, which does not affect methods of order 6
+DEGREE = 7  # degree of splines: their seventh derivative jumps, which does not affect methods of order 6
 
 
 class LawDerivatives(NamedTuple):

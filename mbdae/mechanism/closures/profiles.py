@@ -27,8 +27,8 @@ from .motion_laws import DEGREE, spline
 
 SAMPLES = 8  # for each polynomial or half a wave of the highest harmonic
 MIN_SAMPLES = 64
-ITERATIONS = 12  # of Newton's method, each of which doubles the number of correct digits
-CENTRE_TOLERANCE = RANK  # of c'.c': below, the point is close to the centre of curvature
+ITERATIONS = 12  # iterations of Newton's method, each of which doubles the number of correct digits
+CENTRE_TOLERANCE = RANK  # fraction of c'.c': below, the point is close to the centre of curvature
 Point = tuple[float, float]
 
 
@@ -57,7 +57,7 @@ class PlaneCurve:
         if self.harmonic:
             k, (a, b) = np.arange(1, len(coefficients) // 2 + 1)[:, None], (coefficients[1::2], coefficients[2::2])
             rates = np.hstack([a, k * b, -k * k * a]), np.hstack([b, -k * a, -k * k * b])
-            self.orders, self.amplitudes = k[:, 0], np.vstack(rates)  # of c - a_0, c' and c''
+            self.orders, self.amplitudes = k[:, 0], np.vstack(rates)  # orders; and amplitudes of c - a_0, c' and c''
         self.first, self.length = float(starts[0]), float(starts[-1] - starts[0])
         n = max(MIN_SAMPLES, SAMPLES * len(coefficients))
         self.samples = self.first + self.length * np.arange(n + (not closed)) / n

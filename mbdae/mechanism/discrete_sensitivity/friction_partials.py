@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
 
 WIDTH = 2e-3  # rad and m, of finite differences
-SMALL = 0.03  # of the width: below, series
+SMALL = 0.03  # fraction of the width: below, series
 
 
 def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> tuple[Array, Array]:

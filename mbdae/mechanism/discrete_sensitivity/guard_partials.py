@@ -35,11 +35,11 @@ class GuardPartials:
         self.sensitivity, self.first, self.point = sensitivity, first, point
         parameters, s = sensitivity.parameters, sensitivity.system
         g, rate = row_rate_partials(parameters, point.t, point.q, point.v)
-        self.columns = np.r_[0 : 2 * s.nv, s.ny : s.ny + len(parameters) + 1]  # of y without (s, w), p and t
+        self.columns = np.r_[0 : 2 * s.nv, s.ny : s.ny + len(parameters) + 1]  # columns of y without (s, w), p and t
         self.n = s.ny + len(parameters) + 1
         self.g, self.rate = np.zeros((2, s.ng, self.n))
         self.g[:, self.columns], self.rate[:, self.columns] = g, rate
-        self.derivative_partials: tuple[Array, Array] | None = None  # of y' and lam, once a guard needs them
+        self.derivative_partials: tuple[Array, Array] | None = None  # partials of y' and lam, once a guard needs them
 
     def gradient(self, guard: "Guard") -> Array:
         """Return the partial derivatives of a guard with respect to (y, p, t), (ny + k + 1,)."""

@@ -72,7 +72,7 @@ def _through_impact(parameters: Parameters, t: float, q: Array, impact: "RowImpa
         G = s.jacobian(q)
         K = s.constraints.partials(rest, P)[0]
         states = np.array(list(s.mechanism.states.values()))
-        # of r = f + G^T P - M w, and of f alone
+        # partials of r = f + G^T P - M w, and of f alone
         dr_dp, df_dp = (parameters.force_partials(t, q, rest, states, *x)[:nv] for x in ((w, P), (rest, 0 * P)))
     rhs_momentum, A, C = M @ dv, G[rows], G[rows].copy()
     rhs_momentum[:, :nv] += K - dMw_dq

@@ -20,8 +20,8 @@ from .perturbed_mechanisms import TRIAL_POINTS, PerturbedMechanisms, feasible_st
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-WIDTH, SMALL = 1e-2, 1e-3  # of the value; and in its unit, if it is zero
-KNOT_WIDTH = 1e-5  # of the value, if it is a time between polynomials of a curve
+WIDTH, SMALL = 1e-2, 1e-3  # fraction of the value; and in its unit, if it is zero
+KNOT_WIDTH = 1e-5  # fraction of the value, if it is a time between polynomials of a curve
 
 
 def _structure(model: pin.Model) -> tuple[list[str], list[Any]]:

@@ -41,10 +41,10 @@ from .placement_tree import PlacementTree
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-UNREACHABLE, NEGLIGIBLE = TRUNCATION, SOLUTION_ROUNDING  # of |dg/dp|, not corrected by any motion; absolute, rounding
+UNREACHABLE, NEGLIGIBLE = TRUNCATION, SOLUTION_ROUNDING  # fraction of |dg/dp| beyond any motion; absolute, rounding
 Make = Callable[[Mapping[str, float]], "Mechanism"]
 At = tuple[float, Array, Array, Array, Mode]  # (t, q, v, s, mode)
-KEPT = "workspace", "core data", "native"  # of `Parameters.once`, for other values
+KEPT = "workspace", "core data", "native"  # keys of `Parameters.once` that are kept for other values
 
 
 class Parameters:

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from ..._native import Parameters as NativeParameters
     from ..formulations.compiled_systems import CompiledSystem
 
-START_REDUCTIONS = 3  # of the difference width of starts: the assembly tolerance must not dominate
-JUMP_WIDTH = 1e-3  # of differences of sampled controllers, which are user functions, in units of q, v, or of states
+START_REDUCTIONS = 3  # reductions of the difference width of starts: the assembly tolerance must not dominate
+JUMP_WIDTH = 1e-3  # width of differences of sampled controllers (user functions), in units of q, v, or of states
 
 
 class PointSensitivity(AccelerationSensitivity):

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 TWO_PI = 2 * np.pi
 AMOUNTS = (0.7, -1.9)  # rad, characteristic lengths
-TILT = 0.3  # of the characteristic speed: velocities of a point at which terms of velocities are compared
+TILT = 0.3  # fraction of the characteristic speed: velocities of a point at which terms of velocities are compared
 
 
 class MotionPoint(NamedTuple):

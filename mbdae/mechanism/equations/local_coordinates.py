@@ -23,7 +23,7 @@ from ..formulations.equation_partials import rate_partials
 from ..formulations.index2 import Index2System
 
 ITERATIONS = 10
-HALVINGS = 12  # of the way from the last point, until Newton's iteration converges
+HALVINGS = 12  # halvings of the way from the last point, until Newton's iteration converges
 LARGEST_STEP = 0.3  # rad or characteristic lengths: larger corrections may lead to other branches
 SMALLEST_COSINE = 0.3  # between the tangent spaces at q0 and at q: beyond, Newton's iteration for mu is ill-conditioned
 LARGEST_ROTATION = 2.0  # rad of a spherical, planar or free joint; J(x) ends at 3, and solvers try points beyond

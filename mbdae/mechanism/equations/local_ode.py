@@ -30,7 +30,7 @@ from .local_coordinates import LocalCoordinates
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-UNIT = 1.0 / WIDTH  # of an input: differences have a width of 1 in its unit, since laws are linear in inputs
+UNIT = 1.0 / WIDTH  # change of an input: differences have a width of 1 in its unit, since laws are linear in inputs
 
 
 class OdeJacobian(NamedTuple):

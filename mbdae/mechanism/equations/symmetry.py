@@ -24,8 +24,8 @@ from ..tree.tree_terms import require_rigid
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-AXES = {"x": 0, "y": 1, "z": 2}  # of translations in the world
-MOTIONS = (*AXES, "incline", "level", "turn")  # of all bodies: also down and across an incline, and about the vertical
+AXES = {"x": 0, "y": 1, "z": 2}  # axes of translations in the world
+MOTIONS = (*AXES, "incline", "level", "turn")  # motions of all bodies: along, across an incline, about the vertical
 ITERATIONS = 20
 
 

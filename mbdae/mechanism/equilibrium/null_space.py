@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
 
 ITERATIONS = 20
-MAX_REMAINING = 0.5  # of a residual after a full correction: a larger one is rounding, or the step overshoots
-STEP_FACTORS = (1.0, 0.5, 0.25, 0.125)  # of corrections
+MAX_REMAINING = 0.5  # fraction of a residual after a full correction: a larger one is rounding, or the step overshoots
+STEP_FACTORS = (1.0, 0.5, 0.25, 0.125)  # factors of corrections
 NO_INDICES = np.empty(0, int)
 ResidualFunction = Callable[[Array], tuple[Array, Array]]
 """Further residuals (k,) at a configuration (nq,), at the workspace's kinematics, and partials (k, nv)."""

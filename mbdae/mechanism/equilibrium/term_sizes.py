@@ -19,7 +19,7 @@ from ...system import Array
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
 
-DIFFERENCE_ERROR = 2e5  # of finite differences of Python functions, in roundings
+DIFFERENCE_ERROR = 2e5  # error of finite differences of Python functions, in roundings
 
 
 class TermSizes:

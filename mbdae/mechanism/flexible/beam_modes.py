@@ -30,7 +30,7 @@ ENDS = {  # displacements u, v, w and rotations about y, z that vanish at the le
     "clamped-pinned": ("uvwyz", "vw"),
 }
 TURNS = {"y": "z", "z": "y"}  # axis of the rotations of bending, by direction
-COORDINATES = {"x": "u", "y": "vz", "z": "wy"}  # of a node, by direction: displacement, rotation
+COORDINATES = {"x": "u", "y": "vz", "z": "wy"}  # coordinates of a node, by direction: displacement, rotation
 
 
 class Elements:

@@ -7,7 +7,7 @@ import pinocchio as pin
 from ...system import Array
 from ..tree.tree_terms import flexible_bodies
 
-MAX_DEFLECTION = 0.1  # of the size of a body: its square is the relative error of a linear deformation
+MAX_DEFLECTION = 0.1  # fraction of the size of a body: its square is the relative error of a linear deformation
 MAX_ROTATION = 0.3  # rad: sine and angle differ by a fiftieth
 
 

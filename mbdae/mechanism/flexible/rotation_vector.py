@@ -16,7 +16,7 @@ import numpy as np
 from ...system import Array
 from ..tree.frames import cross, skew
 
-TERMS = 20  # of each series at most; to rounding up to 5 rad
+TERMS = 20  # terms of each series at most; to rounding up to 5 rad
 _ONE = np.eye(3)
 
 

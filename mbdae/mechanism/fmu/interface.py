@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import InputError, UnknownNameError, is_number
 
 REALS = {"2.0": "Real", "3.0": "Float64"}  # type of inputs and outputs by version of FMI
-TYPES: dict[str, tuple[type, ...]] = {"Boolean": (bool,), "String": (str,)}  # of values; of others numbers
+TYPES: dict[str, tuple[type, ...]] = {"Boolean": (bool,), "String": (str,)}  # types of values; all others are numbers
 SIZES = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 INTEGERS = {"Integer": np.iinfo("int32"), "Enumeration": np.iinfo("int32")} | {x: np.iinfo(x.lower()) for x in SIZES}
 SETTABLE = ("parameter", "structuralParameter", "local", "input")  # with initial = "exact": values before a start

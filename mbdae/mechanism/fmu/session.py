@@ -88,7 +88,7 @@ class FmuSession:
         self.name, self.path, self.description, self.step = name, path, description, step
         self.parameters, self.inputs, self.outputs = parameters, inputs, outputs
         self._instance: FmuInstance | None = None
-        self._number, self._t = 0.0, 0.0  # of the state of the instance
+        self._number, self._t = 0.0, 0.0  # number and time of the state of the instance
         self._last: tuple[tuple[float, float, Values], FmuSample | StepError] | None = None
         origin = (description.token, step, sorted(parameters.items()), list(inputs), list(outputs))
         self._origin = hashlib.sha256(repr(origin).encode()).digest()

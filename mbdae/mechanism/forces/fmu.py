@@ -70,7 +70,7 @@ class FMU(Force):
     parameters: Annotated[dict[str, float | bool | str], Unit("1")] = Field(default_factory=dict)
     offset: Annotated[float, Unit("s")] = 0.0
     recorded: bool = False
-    _inputs: Mapping[str, Input] = PrivateAttr(default_factory=dict)  # of the mechanism
+    _inputs: Mapping[str, Input] = PrivateAttr(default_factory=dict)  # inputs of the mechanism
 
     def with_inputs(self, inputs: Mapping[str, Input]) -> "FMU":
         """Return it with the inputs of its mechanism, which its outputs may set."""

@@ -98,7 +98,7 @@ class ForceElement:
     differenced = False  # the partial derivatives are finite differences
     by_state = True  # the force depends on (t, q, v, s) only, not on multipliers and modes
     differentiated: Sequence[TimeFunction] = ()  # those on whose rates it depends
-    deflections: Sequence[tuple[int, str]] = ()  # of springs: velocity of the joint, or -1; axis or ""
+    deflections: Sequence[tuple[int, str]] = ()  # deflections of springs: velocity of the joint, or -1; axis or ""
 
     def acting_components(self, nv: int) -> list[int]:
         """Return the indices of the velocity components that the force may act on; all if unknown."""

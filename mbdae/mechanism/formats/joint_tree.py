@@ -63,8 +63,8 @@ class Tree:
         for name in (*kinds, *rotations, *locked):
             find_joint(model, name)
         base = (parent.placement if parent else pin.SE3.Identity()) * (placement or pin.SE3.Identity())
-        new_index = {0: parent.parentJoint if parent else 0}  # of each old joint
-        placements = {0: base}  # of each old joint in the new one
+        new_index = {0: parent.parentJoint if parent else 0}  # new index of each old joint
+        placements = {0: base}  # placement of each old joint in the new one
         append_body(self.model, new_index[0], model.inertias[0], base)
         for j in _depth_first_order(model, 0):
             old, name = model.joints[j], model.names[j]

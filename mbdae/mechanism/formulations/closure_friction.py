@@ -63,7 +63,7 @@ class ClosureFriction:
                 closure = named[force.closure]
                 _require_supported(force, closure)
                 pair, start = constraints.frame_rows[closure.name].pair, constraints.spans[closure.name].start
-                rows, no_slip = slice(start, start + closure.load_rows), slice(start + 1, start + closure.m)
+                rows, no_slip = slice(start, start + closure.normal_force_rows), slice(start + 1, start + closure.m)
                 self.interfaces.append(FrictionInterface(force, closure, pair, rows, no_slip))
         self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.interfaces])
         self.active = np.array([not p.force.is_exact for p in self.interfaces], np.uint8)

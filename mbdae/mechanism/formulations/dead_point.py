@@ -13,7 +13,7 @@ from ..closures.independent_rows import mass_scaled
 if TYPE_CHECKING:
     from .index2 import Index2System
 
-REMAINING = 0.5  # of the smallest singular value: at a dead point it is zero, to first order of the motion there
+REMAINING = 0.5  # fraction of the smallest singular value: it is zero at a dead point, to first order of the motion
 
 
 def require_no_dead_point(system: "Index2System", t: float, y: Array, sign: float, step: float) -> None:

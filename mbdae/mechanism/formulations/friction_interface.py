@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 ROTATIONAL = ("revolute", "spherical")  # friction torques, in a bearing with a radius
 CLEAR_SLIP = 10.0  # times the speed below which a slip has no direction: above, it is no rounding error
 SLIP_ERROR = 3.0  # times rtol and the characteristic speed: errors of a run rotate slower slips
-MIN_COSINE = 0.7  # of the rotation of a slip within one step: below, its direction is not reliable
+MIN_COSINE = 0.7  # cosine of the rotation of a slip within one step: below, its direction is not reliable
 
 
 def smallest_slip(mechanism: "Mechanism", rtol: float) -> float:

@@ -276,7 +276,7 @@ class Index2System(PinocchioData, RunVariables, System):
         return out
 
     partials, rate_partials = equation_partials.equation_partials, equation_partials.rate_partials
-    project_state, magnitude = projection.project_state, projection.magnitude
+    project_state, characteristic_magnitudes = projection.project_state, projection.characteristic_magnitudes
     select_independent_rows = row_selection.select_independent_rows
     update_independent_rows = row_selection.update_independent_rows
     start, rows_of_step = row_selection.start, row_selection.rows_of_step
@@ -287,8 +287,8 @@ class Index2System(PinocchioData, RunVariables, System):
     multiplier_gain, remaining_rows_dependent = row_selection.multiplier_gain, row_selection.remaining_rows_dependent
     features, interpolant = property(features.features), interpolation.interpolant
 
-    def size(self, y: Array) -> Array:
-        size = np.concatenate([self.manifold.size(y[: self.nq]), np.abs(y[self.nq :])])
+    def component_magnitudes(self, y: Array) -> Array:
+        size = np.concatenate([self.manifold.component_magnitudes(y[: self.nq]), np.abs(y[self.nq :])])
         if self.driven:
             size[-1] += self.energy(*self.split(y))[0]
         return size

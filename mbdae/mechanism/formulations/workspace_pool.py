@@ -37,7 +37,7 @@ class RunVariables:
         self.rows: Array | None = None
         self.rows_frozen = False  # freezes the rows in use, except in `update_independent_rows`
         self.selection_trigger = independent_rows.SelectionTrigger(self.ng)
-        self.least_pivot_ratio = 1.0  # of G M^-1 G^T, in all solves
+        self.least_pivot_ratio = 1.0  # smallest pivot ratio of G M^-1 G^T in all solves
         # |g| and |G v + g_t| over all rows, and |v|, at ends of steps; lengths in characteristic lengths
         self.largest_g = self.largest_rate = self.largest_speed = 0.0
         self.accuracy = 0.0

@@ -18,7 +18,7 @@ from ...tolerances import MODE_ROUNDING, ROUNDING, TRUNCATION
 
 lsq_linear = lazy_import("scipy.optimize", "lsq_linear")
 MAX_SETS = 100  # active sets per row
-WELL_CONDITIONED = 0.1  # of two rows: least squared sine of their angle for a solution by normal equations
+WELL_CONDITIONED = 0.1  # least squared sine of the angle of two rows for a solution by normal equations
 
 
 def solve_box_lcp(C: Array, c: Array, lower: Array, upper: Array) -> Array:

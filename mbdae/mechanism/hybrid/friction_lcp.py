@@ -22,7 +22,7 @@ from .box_lcp import solve_box_lcp
 RELAXATION = (1.0, 0.5, 0.2, 0.05)  # factors of the updates of the bounds, tried in order
 MAX_ITERATIONS = 60  # iterations with each factor; one reduces the error by a factor of about mu |W_tn|/W_nn
 MAX_NEWTON = 8  # iterations; within one linear piece of the problem one is enough
-WIDTH = 1e-3  # of a bound: finite-difference width
+WIDTH = 1e-3  # fraction of a bound: finite-difference width
 
 
 class FrictionBound(NamedTuple):

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 linprog = lazy_import("scipy.optimize", "linprog")
-ACTIVE_TOLERANCE = SAME_STATE  # of kappa: slack of active inequalities
+ACTIVE_TOLERANCE = SAME_STATE  # fraction of kappa: slack of active inequalities
 
 
 def friction_utilization(point: "ModePoint", row: int, limits: dict[int, float]) -> float:

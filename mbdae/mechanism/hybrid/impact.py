@@ -96,7 +96,7 @@ class _ImpactProblem:
     """Rows of all switches in contact, by their role in the impact; rates and rows in characteristic lengths.
 
     Attributes:
-        closing: contact rows that approach, rest, or are active: (index of the switch, row).
+        not_separating: contact rows that approach, rest, or are active: (index of the switch, row).
         separating: contact rows that already separate.
         frictional: tangential rows.
         approaching: switches whose contacts approach.
@@ -112,10 +112,10 @@ class _ImpactProblem:
         near = {s.index: s.impact_rows(point, mode[s.index], SOLUTION_ROUNDING) for s in self.switches}
         self.rows_near_contact = {i: rows for i, rows in near.items() if rows}
         active = self._active_switches()
-        self.closing = self._contacts(active)
+        self.not_separating = self._contacts(active)
         self.separating = self._contacts(i for i in self.rows_near_contact if i not in active)
         self.frictional = [(i, s) for i, s in self._rows(self.rows_near_contact) if s.friction >= 0]
-        self.approaching = [i for i, s in self.closing if s.sign * self.rate[s.row] < -self.rest_speed]
+        self.approaching = [i for i, s in self.not_separating if s.sign * self.rate[s.row] < -self.rest_speed]
         self._collect_bilateral(active, unswitched)
 
     def _active_switches(self) -> list[int]:
@@ -141,9 +141,9 @@ class _ImpactProblem:
     def make_active_bilateral(self, recent: set[int]) -> None:
         """Treat active contacts without friction as bilateral: they come to rest together."""
         mode, frictional = self.point.system.mode, {i for i, _ in self.frictional}
-        resting = [(i, s) for i, s in self.closing if (i in recent or mode[i]) and i not in frictional]
+        resting = [(i, s) for i, s in self.not_separating if (i in recent or mode[i]) and i not in frictional]
         self.bilateral += [s.row for _, s in resting]
-        self.closing = [x for x in self.closing if x not in resting]
+        self.not_separating = [x for x in self.not_separating if x not in resting]
 
     def close_slowly_opening(self, resting: Collection[int]) -> None:
         """Bring contacts to rest that open so slowly that their flights are lower than the rounding of their gaps."""
@@ -156,7 +156,7 @@ class _ImpactProblem:
     @property
     def contacts(self) -> list[tuple[int, ImpactRow]]:
         """Contact rows of the complementarity problem."""
-        return [*self.closing, *self.separating]
+        return [*self.not_separating, *self.separating]
 
     def solve(self, recent: set[int]) -> ImpactSolution | None:
         """Solve the complementarity problem, with e = 0 for ``recent`` switches; None if no velocity jumps.
@@ -173,9 +173,10 @@ class _ImpactProblem:
         first = {i: k for k, (i, _) in reversed(list(enumerate(contacts)))}
         friction = [FrictionRow(first[i], G[s.row], float(g_t[s.row]), s.friction) for i, s in self.frictional]
         followed = [first[i] for i, _ in self.following]
-        U, closing = point.system.inertia(point.t, point.q), (signs[:, None] * G[rows], signs * g_t[rows])
+        U, gap_rates = point.system.inertia(point.t, point.q), (signs[:, None] * G[rows], signs * g_t[rows])
         try:
-            return solve_impact(U, G[bilateral], g_t[bilateral], *closing, e, point.v, friction, point.speed, followed)
+            bilateral_rows = G[bilateral], g_t[bilateral]
+            return solve_impact(U, *bilateral_rows, *gap_rates, e, point.v, friction, point.speed, followed)
         except StepError as reason:
             raise error_with_names(reason, self.switches, point.t, (i for i, _ in contacts)) from None
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 ITERATIONS = 20
-WIDTH = 1e-3  # of difference quotients of a user function, in rad, characteristic lengths, speeds and times
+WIDTH = 1e-3  # width of difference quotients of a user function, in rad, characteristic lengths, speeds and times
 StateMap = Callable[[float, Array, Array], tuple[Array, Array]]
 
 
@@ -97,7 +97,7 @@ class Reset(Table):
         return out
 
 
-class StateReset:
+class ResetMap:
     """The map R of an event, bound to a workspace.
 
     Args:
@@ -179,7 +179,7 @@ class StateReset:
         out[:, np.r_[0:ny, -1]] = self._assigned_partials(t, y, assigned)
         for i, (p, others) in enumerate(zip(sensitivity.parameters.all, self.of_parameters(sensitivity), strict=True)):
             if any(other != self.reset for other in others.values()):
-                maps = {j: StateReset(s, other) for j, other in others.items()}
+                maps = {j: ResetMap(s, other) for j, other in others.items()}
                 out[:, ny + i] = p.quotient({j: s.difference(assigned, m._assigned(t, y)) for j, m in maps.items()})
         q, rows = s.split(closed)[0], self._position_rows
         if not len(rows) or self.reset.function:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .switch import CandidateRow
     from .switches import Mode
 
-STEP_FRACTIONS = 10.0 ** np.arange(-9, -2)  # of the time to the next jump, beyond which no step may reach
+STEP_FRACTIONS = 10.0 ** np.arange(-9, -2)  # fractions of the time to the next jump, beyond which no step may reach
 SIGNIFICANT = 1e3  # times the rounding error of multipliers: smallest significant one
 
 MultipliersAfterStep = Callable[["Mode", float], tuple[Array, float]]

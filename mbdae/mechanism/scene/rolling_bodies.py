@@ -10,7 +10,7 @@ import pinocchio as pin
 from .shapes import mesh
 from .stick_figure import GROUND_COLOUR, JOINT_COLOUR, LINK_COLOURS, ShapeWithRole, along, coloured
 
-THICKNESS = 0.04  # of the radius: half the thickness of a drawn knife edge
+THICKNESS = 0.04  # fraction of the radius: half the thickness of a drawn knife edge
 SPOKES, RING_SEGMENTS, SECTION_SEGMENTS = 6, 48, 10
 
 

@@ -9,7 +9,7 @@ from ...tolerances import COINCIDENT
 from .surfaces import Surface, welded
 
 AROUND, ACROSS = 48, 16
-WIRE_CORNERS, WINDING_POINTS = 8, 20  # of the section of a wire; along a winding
+WIRE_CORNERS, WINDING_POINTS = 8, 20  # corners of the section of a wire; points along a winding
 
 
 @cache

@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 from ...system import Array
 from .scene import Scene
 
-FRAMES = 60  # of a motion
-FLAT = 0.3  # of the widest extent: thinner scenes are shown without perspective along their thinnest axis
+FRAMES = 60  # frames of a motion
+FLAT = 0.3  # fraction of the widest extent: thinner scenes are shown without perspective along their thinnest axis
 FAR = 2.5  # times the size of a mechanism: one that travels farther is followed
-REACH = 0.2  # of the size of what moves: resting shapes are shown up to there
-CORNERS = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T  # of a box
-COUNT = 150  # of directions around a sphere in which extreme points are kept
+REACH = 0.2  # fraction of the size of what moves: resting shapes are shown up to there
+CORNERS = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T  # corners of a box
+COUNT = 150  # number of directions around a sphere in which extreme points are kept
 
 
 class Visible(NamedTuple):

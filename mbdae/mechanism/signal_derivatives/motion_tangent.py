@@ -64,7 +64,7 @@ class MotionTangent:
         self.expanded = self.system.inertial.model
         self.data = make_data(self.expanded)
         counts = [len(factor_joints(joint)) for joint in list(self.model.joints)[1:]]
-        self.last_joints = [0, *np.cumsum(counts, dtype=int).tolist()]  # of each joint in the expanded tree
+        self.last_joints = [0, *np.cumsum(counts, dtype=int).tolist()]  # last joint of each joint in the expanded tree
 
     def evaluate(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array, d: TangentDirections) -> None:
         """Evaluate at a point with directions d; `system` is at the same point, with accelerations for v' = 0."""

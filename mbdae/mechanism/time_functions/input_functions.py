@@ -49,7 +49,7 @@ class Input(BaseTimeFunction):
     unit: str = ""
     hold: Literal["zero", "first"] = "zero"
     _setting: InputSetting | None = PrivateAttr(None)
-    _number: int = PrivateAttr(-1)  # of a mechanism in which it can be set
+    _number: int = PrivateAttr(-1)  # number in a mechanism in which it can be set
     _listeners: Any = PrivateAttr(())  # a set of weak references in such a mechanism
 
     @property

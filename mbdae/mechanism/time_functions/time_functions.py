@@ -120,7 +120,7 @@ class TimeTable(_Points):
     @cached_property
     def motion(self) -> PiecewisePolynomial:
         """Polynomials of a motion: at rest beyond its ends with "hold", extrapolated linearly by default."""
-        jumps = self.points if self.interpolation == "monotone" else (self.points[0], self.points[-1])  # of u''
+        jumps = self.points if self.interpolation == "monotone" else (self.points[0], self.points[-1])  # jumps of u''
         return self._interpolate(self.beyond or "linear", [t for t, _ in jumps], at_rest=self.beyond == "hold")
 
     def _interpolate(

@@ -73,7 +73,7 @@ def joint_transform(joint: pin.JointModel, q: np.ndarray) -> pin.SE3:
 
 def is_depth_first(model: pin.Model) -> bool:
     """Return whether joints of each subtree have consecutive indices, as Pinocchio's algorithms require."""
-    path = [0]  # of the joint before: each joint is attached to one of these
+    path = [0]  # tail of the joint before: each joint is attached to one of these
     for j, parent in enumerate(list(model.parents)[1:], 1):
         if parent not in path:
             return False

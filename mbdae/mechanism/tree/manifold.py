@@ -145,7 +145,7 @@ class Manifold:
             if angles.dot(angles) > MAX_ROTATION**2:
                 raise StepError("chart", f"joint {name!r} rotates by more than {MAX_ROTATION} rad in one step")
 
-    def size(self, q: np.ndarray) -> np.ndarray:
+    def component_magnitudes(self, q: np.ndarray) -> np.ndarray:
         """Return magnitudes of tangent components, (nv,): |q| for lengths and bounded angles, 1 for rotations."""
         if self.flat:
             return np.abs(q)

@@ -42,7 +42,7 @@ class PairPartials:
         self.Jv = self.J * v[at]
         self.moves_b = self.sign > 0
         self.W = self.Jv.dot(self.before.T)
-        self.dV = motion_cross(self.J, self.W)  # of V_b or V_a
+        self.dV = motion_cross(self.J, self.W)  # partials of V_b or V_a
         self.at, self._sums = _sums_of_columns(at) if pair.nodes else (at, None)
         end = len(self.sign)
         for _, body, node in pair.nodes[::-1]:

@@ -37,7 +37,7 @@ void set_guard_states(Modes& m, const GuardStates& states) {
 
 // Node, switches that end the mode, the mode after it, whether there is an impact, its contacts and rows that become
 // active, its work, and impulses of all rows.
-using Found = std::tuple<long, std::vector<int>, Mode, bool, std::vector<int>, std::vector<int>, double, Numbers>;
+using Found = std::tuple<long, std::vector<int>, Mode, bool, std::vector<int>, std::vector<int>, double, Vector>;
 
 std::vector<Found> transitions(const Modes& m) {
   std::vector<Found> out;

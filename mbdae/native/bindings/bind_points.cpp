@@ -12,8 +12,8 @@ auto partials(PyCore& c, double t, const Array& q, const Array& u, const Array& 
   return attempt(c, [&](Index2System& s) {
     if (!s.tree.expanded()) reject("partials need the expanded tree");
     const size_t nv = s.nv, n = s.ny - s.nv;
-    Numbers a = checked_numbers(q, s.nq, "q"), b = checked_numbers(u, n, "u"), d = checked_numbers(vdot, nv, "vdot");
-    Numbers l = checked_numbers(lam, s.ng, "lam");
+    Vector a = checked_numbers(q, s.nq, "q"), b = checked_numbers(u, n, "u"), d = checked_numbers(vdot, nv, "vdot");
+    Vector l = checked_numbers(lam, s.ng, "lam");
     EquationPartials out;
     s.partials(t, a.data(), b.data(), d.data(), l.data(), out);
     const size_t r = out.g_t.size();
@@ -24,7 +24,7 @@ auto partials(PyCore& c, double t, const Array& q, const Array& u, const Array& 
 
 auto derivative(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
-    Numbers at = checked_numbers(y, s.length, "y"), F(s.ny), z(s.ng);
+    Vector at = checked_numbers(y, s.length, "y"), F(s.ny), z(s.ng);
     s.derivative(t, at.data(), F.data(), z.data());
     return std::make_tuple(vector(F), vector(z));
   });
@@ -32,7 +32,7 @@ auto derivative(PyCore& c, double t, const Array& y) {
 
 auto raw_derivative(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
-    Numbers at = checked_numbers(y, s.length, "y"), dy(s.length), z(s.ng);
+    Vector at = checked_numbers(y, s.length, "y"), dy(s.length), z(s.ng);
     s.raw_derivative(t, at.data(), dy.data(), z.data());
     return std::make_tuple(vector(dy), vector(z));
   });
@@ -42,7 +42,7 @@ auto derivatives(PyCore& c, const Array& t, const Array& y) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
   const size_t n = t.size(), length = s.length, ng = s.ng, ny = s.ny;
-  Numbers ts(t.data(), t.data() + n), at = checked_numbers(y, n * length, "y"), F(n * ny, NAN), z(n * ng, NAN);
+  Vector ts(t.data(), t.data() + n), at = checked_numbers(y, n * length, "y"), F(n * ny, NAN), z(n * ng, NAN);
   run_unlocked(c, [&] {
     for (size_t i = 0; i < n; ++i) try {
         s.derivative(ts[i], &at[i * length], &F[i * ny], z.data() + i * ng);
@@ -58,7 +58,7 @@ auto residuals(PyCore& c, const Array& t, const Array& y) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
   const size_t n = t.size(), length = s.length, ng = s.ng;
-  Numbers ts(t.data(), t.data() + n), at = checked_numbers(y, n * length, "y"), g(n * ng), rate(n * ng), energies(2 * n);
+  Vector ts(t.data(), t.data() + n), at = checked_numbers(y, n * length, "y"), g(n * ng), rate(n * ng), energies(2 * n);
   bool unknown = false;
   run_unlocked(c, [&] {
     for (size_t i = 0; i < n; ++i) try {
@@ -78,8 +78,8 @@ auto rows_of_all_modes(PyCore& c, double t, const Array& q, const Array& v) {
   return attempt(c, [&](Index2System& s) {
     const AllRowsActive all(s.constraints);
     const size_t ng = s.ng, nv = s.nv;
-    Numbers at = checked_numbers(q, s.nq, "q"), u = checked_numbers(v, nv, "v");
-    Numbers g(ng), G(ng * nv, 0.0), g_t(ng, 0.0), gamma(ng), g_tt(ng, 0.0);
+    Vector at = checked_numbers(q, s.nq, "q"), u = checked_numbers(v, nv, "v");
+    Vector g(ng), G(ng * nv, 0.0), g_t(ng, 0.0), gamma(ng), g_tt(ng, 0.0);
     s.tree.poses(at.data()), s.tree.motions(at.data(), u.data());
     s.constraints.dense_value(s.tree, at.data(), s.constraints.all, G, g.data());
     s.constraints.complete_g(t, g.data()), s.constraints.evaluate_g_t(t, g_t.data());
@@ -92,7 +92,7 @@ auto rows_of_all_modes(PyCore& c, double t, const Array& q, const Array& v) {
 
 std::optional<std::pair<double, double>> smallest_pivot(PyCore& c, const Array& q, int rank) {
   Index2System& s = c.core->system;
-  Numbers at = checked_numbers(q, s.nq, "q");
+  Vector at = checked_numbers(q, s.nq, "q");
   if (rank < 1 || rank > std::min(s.ng, s.nv)) reject("rank out of range");
   try {
     const SmallestPivot found = s.smallest_pivot(at.data(), rank);
@@ -108,9 +108,9 @@ nb::object dynamics(PyCore& c, const Array& q, const Array& v, const Array& a) {
   MultibodyTree& m = c.core->system.tree;
   c.core->system.point.invalidate();
   const size_t nv = m.nv, n = m.joints;
-  Numbers at = checked_numbers(q, m.nq, "q"), u = checked_numbers(v, nv, "v"), rate = checked_numbers(a, nv, "a"), V(6 * n), A(6 * n), full(nv);
+  Vector at = checked_numbers(q, m.nq, "q"), u = checked_numbers(v, nv, "v"), rate = checked_numbers(a, nv, "a"), V(6 * n), A(6 * n), full(nv);
   m.dynamics(at.data(), u.data());
-  Numbers M(nv * nv), nle(m.bias(), m.bias() + nv), J(m.J(), m.J() + 6 * nv);
+  Vector M(nv * nv), nle(m.bias(), m.bias() + nv), J(m.J(), m.J() + 6 * nv);
   m.dense_M(M.data());
   m.inverse(at.data(), u.data(), rate.data(), full.data());
   m.motions(at.data(), u.data(), rate.data());
@@ -122,10 +122,10 @@ nb::object dynamics(PyCore& c, const Array& q, const Array& v, const Array& a) {
 double minimal_stage_seconds(PyCore& c, const Array& q, const Array& v, int repetitions) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
-  Numbers a = checked_numbers(q, s.nq, "q"), b = checked_numbers(v, s.nv, "v");
+  Vector a = checked_numbers(q, s.nq, "q"), b = checked_numbers(v, s.nv, "v");
   try {
     s.point.evaluate(a.data(), false);
-    Numbers G;
+    Vector G;
     for (int k : s.rows.in_use())
       G.resize(G.size() + s.nv), s.constraints.expand(k, s.point.G.data(), G.data() + G.size() - s.nv);
     const int r = static_cast<int>(s.rows.in_use().size());

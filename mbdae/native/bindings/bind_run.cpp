@@ -20,9 +20,9 @@ double partials_seconds(PyCore& c, const Array& q, const Array& v, int repetitio
   const CoreLock lock(c);
   Index2System& s = c.core->system;
   if (!s.tree.expanded()) reject("partials need the expanded tree");
-  Numbers at = checked_numbers(q, s.nq, "q"), u = checked_numbers(v, s.nv, "v"), vdot(s.nv), lam(s.ng);
+  Vector at = checked_numbers(q, s.nq, "q"), u = checked_numbers(v, s.nv, "v"), vdot(s.nv), lam(s.ng);
   u.resize(s.ny - s.nv);
-  Numbers other(u);  // alternating: no cached point when partials are computed
+  Vector other(u);  // alternating: no cached point when partials are computed
   other[0] += 1;
   const Counts counts = s.counts;
   EquationPartials out;

@@ -27,7 +27,7 @@ struct ChangedElements {
   std::vector<int> at;  // indices of the laws' states, or of the rows
   std::vector<PerturbedElements> laws, rows;
   std::vector<ModalBody> bodies;  // with the rates of their numbers
-  Numbers gravity;                // the rate of gravity; or empty
+  Vector gravity;                // the rate of gravity; or empty
 
   FIELDS(parameter, at, laws, rows, bodies, gravity)
 };
@@ -108,7 +108,7 @@ struct Nodes {
       reject("partials need the expanded tree");
   }
   const size_t ny, nodes;
-  const Numbers ts, ys;
+  const Vector ts, ys;
   const TrajectorySegment segment;
   const size_t nc;
 };
@@ -150,7 +150,7 @@ class WithFriction {
   WithFriction(PyCore& c, ParameterPartials& p, const nb::object& f) : p_(p) {
     if (f.is_none()) return;
     p.friction = [f = f.ptr(), interrupted = &c.callbacks->interrupted](
-                     const Numbers& q, const Numbers& v, const Numbers& lam, Numbers& K, Numbers& D, Numbers& P) {
+                     const Vector& q, const Vector& v, const Vector& lam, Vector& K, Vector& D, Vector& P) {
       call_python(f, interrupted, {{q.data(), q.size()}, {v.data(), v.size()}, {lam.data(), lam.size()}}, {&K, &D, &P});
     };
   }
@@ -168,9 +168,9 @@ std::optional<std::pair<Out, Out>> adjoint_of_steps(PyCore& c, PyParameters& p, 
   const WithFriction with_friction(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc, costs = bar.size() / width, k = p.partials->count();
-  const Numbers known = checked_numbers(carries, x.nodes * x.nc, "carries");
-  const Numbers more = checked_numbers(extra, x.nodes * costs * width, "extra");
-  Numbers by_start = checked_numbers(bar, costs * width, "bar"), by_p(costs * k);
+  const Vector known = checked_numbers(carries, x.nodes * x.nc, "carries");
+  const Vector more = checked_numbers(extra, x.nodes * costs * width, "extra");
+  Vector by_start = checked_numbers(bar, costs * width, "bar"), by_p(costs * k);
   if (!succeeds(c, [&](Index2System& s) {
         adjoint(s, *p.partials, x.segment, known.data(), static_cast<int>(costs), more.data(), by_start.data(),
                 by_p.data());
@@ -186,10 +186,10 @@ std::optional<Out> tangent_of_steps(PyCore& c, PyParameters& p, nb::handle a, bo
   const WithFriction with_friction(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc, d = first.size() / width;
-  const Numbers known = checked_numbers(carries, x.nodes * x.nc, "carries"), along_p = checked_numbers(dp, d * p.partials->count(), "dp");
-  const Numbers start = checked_numbers(first, d * width, "first");
-  const Numbers late = dh ? checked_numbers(*dh, d, "dh") : Numbers();
-  Numbers along(x.nodes * d * width);
+  const Vector known = checked_numbers(carries, x.nodes * x.nc, "carries"), along_p = checked_numbers(dp, d * p.partials->count(), "dp");
+  const Vector start = checked_numbers(first, d * width, "first");
+  const Vector late = dh ? checked_numbers(*dh, d, "dh") : Vector();
+  Vector along(x.nodes * d * width);
   if (!succeeds(c, [&](Index2System& s) {
         tangent(s, *p.partials, x.segment, known.data(), static_cast<int>(d), along_p.data(),
                 dh ? late.data() : nullptr, start.data(), along.data());
@@ -205,7 +205,7 @@ std::optional<std::pair<Out, Out>> projection(PyCore& c, PyParameters& p, double
   if (p.core != &c) reject("the parameters belong to another core");
   if (!s.tree.expanded()) reject("partials need the expanded tree");
   const size_t ny = s.ny, k = p.partials->count(), d = ny + k;
-  Numbers at = checked_numbers(y, s.length, "y"), moved(d * ny, 0.0), dp(d * k, 0.0);
+  Vector at = checked_numbers(y, s.length, "y"), moved(d * ny, 0.0), dp(d * k, 0.0);
   for (size_t i = 0; i < ny; ++i) moved[i * ny + i] = 1;
   for (size_t i = 0; i < k; ++i) dp[(ny + i) * k + i] = 1;
   if (!succeeds(c, [&](Index2System&) {
@@ -230,7 +230,8 @@ void bind_sensitivity(nb::module_& m, nb::class_<PyCore>& core) {
            "and their end; or None.")
       .def("adjoint", adjoint_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
            arg("y"), arg("carries"), arg("extra"), arg("bar"), arg("friction") = nb::none(),
-           "Return the cotangents of y and carry (costs, ny + nc) at the first node, and of parameters (costs, k), or None;\n"
+           "Return the cotangents of y and carry (costs, ny + nc) at the first node, and of parameters (costs, k), or "
+           "None;\n"
            "extra (m + 1, costs, ny + nc) are added at the inner nodes.")
       .def(
           "tangent", tangent_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
@@ -238,9 +239,9 @@ void bind_sensitivity(nb::module_& m, nb::class_<PyCore>& core) {
           "Return variations of y and carry at all nodes, (m + 1, d, ny + nc), or None; dh (d,) are those of the step\n"
           "sizes. friction: (q, v, lam) -> K (n, nv), D (n, n), P (k, n) of friction that depends on multipliers.")
       .def("projection", projection, arg("parameters"), arg("t"), arg("y"), arg("positions"),
-           "Return the nearest point that satisfies the closures, or the nearest v alone, and its partials by y and "
-           "the\n"
-           "parameters, transposed, (ny + k, ny); or None.");
+           "Return the nearest point that satisfies the closures, or the nearest v alone, and its partials with "
+           "respect to\n"
+           "y and the parameters, transposed, (ny + k, ny); or None.");
 }
 
 }  // namespace mbdae

@@ -8,7 +8,7 @@ namespace {
 
 auto start_at(PyCore& c, double t, const Array& y, bool project, double ambiguous, double fallen, double dependent) {
   return attempt(c, [&](Index2System& s) {
-    Numbers at = checked_numbers(y, s.length, "y"), F(s.ny), z(s.ng);
+    Vector at = checked_numbers(y, s.length, "y"), F(s.ny), z(s.ng);
     start(s, t, project, {ambiguous, fallen, dependent}, at, F, z);
     return std::make_tuple(vector(at), vector(F), vector(z), s.rows.in_use(), s.rows.floor);
   });
@@ -26,7 +26,7 @@ auto check_start(PyCore& c, const Coefficients& a, const FirstStep* first_step, 
   const Index2System& s = c.core->system;
   if (!c.callbacks->functions.empty()) reject("runs from a start in the core must not call functions of Python");
   auto method = c.core->method(a);
-  check_run(c, a, method, run, State{Numbers(n), Numbers(s.carried()), {}, nullptr});
+  check_run(c, a, method, run, State{Vector(n), Vector(s.carried()), {}, nullptr});
   if (first_step) check_atol(s, first_step->atol);
   return method;
 }
@@ -67,8 +67,8 @@ auto solve_runs_from(PyCore& c, const Coefficients& a, const RunStart& start, co
   const CoreLock lock(c);
   Index2System& s = c.core->system;
   const size_t length = s.length, runs = y.size() / length;
-  const Numbers points = checked_numbers(y, runs * length, "y");
-  const Numbers numbers = checked_numbers(values, runs * locations.size(), "values");
+  const Vector points = checked_numbers(y, runs * length, "y");
+  const Vector numbers = checked_numbers(values, runs * locations.size(), "values");
   InPlaceParameters parameters(s, locations);
   if (stop.size() != 1 || nodes < 2) reject("expected one flag and at least two nodes");
   auto method = check_start(c, a, first_step, run, length);

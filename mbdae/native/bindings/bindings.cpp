@@ -46,7 +46,7 @@ std::optional<StepResult> step(PyCore& c, const Coefficients& a, double t, doubl
   return attempt(c, [&](Index2System& s) -> StepResult {
     State in = state(y, carry, low), out;
     c.check(in, tableau_of(a));
-    Numbers z(s.nz), errors;
+    Vector z(s.nz), errors;
     c.core->method(a).take((false || ... || controlled), t, h, in, out, z.data(), errors);
     const size_t ny = s.ny;
     return {vector(out.y), carried(out), maybe(out.low), vector(z), array(errors, {errors.size() / ny, ny})};
@@ -73,7 +73,7 @@ void advance(PyCore& c, const Coefficients& a, Run& run) {
 
 auto project_state_of(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
-    Numbers at = checked_numbers(y, s.length, "y");
+    Vector at = checked_numbers(y, s.length, "y");
     project_state(s, t, at.data());
     return vector(at);
   });
@@ -94,10 +94,10 @@ void set_friction_interfaces(PyCore& c, const nb::list& list, const Active& acti
   c.active = active, c.directions = directions;
 }
 
-void deactivate_rows(PyCore& c, const std::vector<bool>& off, bool sticks) {
+void deactivate_rows(PyCore& c, const std::vector<bool>& off, bool has_sticking_joints) {
   const CoreLock lock(c);
   if (!off.empty() && static_cast<int>(off.size()) != c.core->system.ng) reject("off has the wrong length");
-  c.core->system.deactivate_rows(off, sticks);
+  c.core->system.deactivate_rows(off, has_sticking_joints);
 }
 
 nb::tuple take_record(PyCore& c) {  // called after each call of the core: a dict would take longer
@@ -112,7 +112,7 @@ bool write_core(PyCore& c, nb::handle model, const Tolerances& tolerances, const
   return c.write(model, tolerances, description);
 }
 
-void change_law(PyCore& c, int k, const Numbers& a) {
+void change_law(PyCore& c, int k, const Vector& a) {
   const CoreLock lock(c);
   if (!c.core->system.change_law(k, a)) reject("the new parameters of a law must be as many as its present ones");
 }
@@ -177,14 +177,14 @@ NB_MODULE(_native, m) {
           },
           arg("input"), arg("t"), arg("value"), arg("rate"), "Set an input to value + rate (t' - t).")
       .def("change_law", change_law, arg("k"), arg("a"), "Set the numbers of law k, which are constant in a mode.")
-      .def("deactivate_rows", deactivate_rows, arg("off"), arg("sticks"),
+      .def("deactivate_rows", deactivate_rows, arg("off"), arg("has_sticking_joints"),
            "Set the rows that are inactive in the mode, an empty list for none, and whether joints stick.")
       .def("update_independent_rows", update_independent_rows, arg("t"), arg("y"), arg("carry").none(),
            "Select the rows of the next step: return whether they changed, y and carry, or None.")
       .def("step", step<Tableau>, arg("tableau"), arg("t"), arg("h"), arg("y"), arg("carry").none(), arg("low").none(),
            "Return y, carry, low, z and errors after one step; None where it cannot be taken.")
-      .def("step", step<Radau, bool>, arg("radau"), arg("t"), arg("h"), arg("y"), arg("carry").none(), arg("low").none(),
-           arg("controlled"))
+      .def("step", step<Radau, bool>, arg("radau"), arg("t"), arg("h"), arg("y"), arg("carry").none(),
+           arg("low").none(), arg("controlled"))
       .def("step", step<Composition>, arg("composition"), arg("t"), arg("h"), arg("y"), arg("carry").none(),
            arg("low").none())
       .def("step", step<GeneralizedAlpha>, arg("alpha"), arg("t"), arg("h"), arg("y"), arg("carry").none(),

@@ -14,20 +14,20 @@ namespace mbdae {
 
 using Out = nb::ndarray<nb::numpy, double>;
 
-inline Numbers checked_numbers(const Array& x, size_t n, const char* name) {
+inline Vector checked_numbers(const Array& x, size_t n, const char* name) {
   if (x.size() != n)
     reject(std::string(name) + " has " + std::to_string(x.size()) + " numbers, expected " + std::to_string(n));
-  return Numbers(x.data(), x.data() + n);
+  return Vector(x.data(), x.data() + n);
 }
 
-inline Out array(const Numbers& x, std::initializer_list<size_t> shape) {
-  auto* data = new Numbers(x);
-  nb::capsule owner(data, [](void* p) noexcept { delete static_cast<Numbers*>(p); });
+inline Out array(const Vector& x, std::initializer_list<size_t> shape) {
+  auto* data = new Vector(x);
+  nb::capsule owner(data, [](void* p) noexcept { delete static_cast<Vector*>(p); });
   return Out(data->data(), shape, owner);
 }
 
-inline Out vector(const Numbers& x) { return array(x, {x.size()}); }
-inline std::optional<Out> maybe(const Numbers& x) { return x.empty() ? std::nullopt : std::optional(vector(x)); }
+inline Out vector(const Vector& x) { return array(x, {x.size()}); }
+inline std::optional<Out> maybe(const Vector& x) { return x.empty() ? std::nullopt : std::optional(vector(x)); }
 
 // What a method carries from step to step: numbers, the stages of the last step, or None.
 inline nb::object carried(const State& s) { return s.memory ? nb::cast(s.memory) : nb::cast(maybe(s.carry)); }

@@ -49,7 +49,7 @@ Law::Call law_function(nb::handle f, const Sizes& n, int k, bool* interrupted) {
 
 // A function (t, q, v, s) -> partials of (tau, s') and of the power, one row or number for each of them.
 Law::EquationPartials partials(nb::handle f, const Sizes& n, int k, bool* interrupted) {
-  return [=](double t, const double* q, const double* v, const double* s, Numbers& out) {
+  return [=](double t, const double* q, const double* v, const double* s, Vector& out) {
     guarded(interrupted, [&] {
       const auto known = nb::cast<Array>(f(t, argument(q, n.nq), argument(v, n.nv), argument(s, k)));
       if (known.size() < out.size()) throw FallBackToPython();
@@ -61,7 +61,7 @@ Law::EquationPartials partials(nb::handle f, const Sizes& n, int k, bool* interr
 }  // namespace
 
 void call_python(nb::handle f, bool* interrupted, const std::vector<std::pair<const double*, size_t>>& in,
-                 const std::vector<Numbers*>& out) {
+                 const std::vector<Vector*>& out) {
   guarded(interrupted, [&] {
     nb::list given;
     for (const auto& [x, n] : in) given.append(argument(x, n));
@@ -84,22 +84,22 @@ void PyDescriptionReader::bind_functions(nb::handle h, TimeFunction& out) {
 
 void PyDescriptionReader::bind_functions(nb::handle h, RowFunction& out) {
   const auto select = [](const double* x, const std::vector<int>& indices) {
-    Numbers selected;
+    Vector selected;
     for (int i : indices) selected.push_back(x[i]);
     return selected;
   };
   const auto of_q = [&](const char* key) {
     return [=, f = function(h, key), iq = out.iq, interrupted = &callbacks_.interrupted](const double* q,
-                                                                                                Numbers& to) {
-      const Numbers x = select(q, iq);
+                                                                                                Vector& to) {
+      const Vector x = select(q, iq);
       call_python(f, interrupted, {{x.data(), x.size()}}, {&to});
     };
   };
   out.value = of_q("value"), out.partials = of_q("partials");
   out.bias = [=, f = function(h, "bias"), iq = out.iq, iv = out.iv, interrupted = &callbacks_.interrupted](
                   const double* q, const double* v) {
-    const Numbers x = select(q, iq), rates = select(v, iv);
-    Numbers to(1);
+    const Vector x = select(q, iq), rates = select(v, iv);
+    Vector to(1);
     call_python(f, interrupted, {{x.data(), x.size()}, {rates.data(), rates.size()}}, {&to});
     return to[0];
   };

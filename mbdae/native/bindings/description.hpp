@@ -37,5 +37,5 @@ class PyDescriptionReader final : public DescriptionReader<nb::handle> {
 
 // Call Python with arrays, for arrays of these sizes, or a number: see `Callbacks`.
 void call_python(nb::handle f, bool* interrupted, const std::vector<std::pair<const double*, size_t>>& in,
-                 const std::vector<Numbers*>& out);
+                 const std::vector<Vector*>& out);
 }  // namespace mbdae

@@ -115,7 +115,7 @@ const Tableau* tableau_of(const Coefficients&) {
   return nullptr;
 }
 
-inline void check_atol(const Index2System& s, const Numbers& atol) {
+inline void check_atol(const Index2System& s, const Vector& atol) {
   const size_t n = atol.size();
   if (n != 1 && n != static_cast<size_t>(s.controlled_components())) reject("atol has the wrong length");
 }

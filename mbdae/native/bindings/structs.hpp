@@ -34,9 +34,9 @@ struct Argument {
   static F value(F x) { return x; }
 };
 template <>
-struct Argument<Numbers> {
+struct Argument<Vector> {
   using type = Array;
-  static Numbers value(const Array& x) { return Numbers(x.data(), x.data() + x.size()); }
+  static Vector value(const Array& x) { return Vector(x.data(), x.data() + x.size()); }
 };
 template <class F>
 struct Argument<F, std::enable_if_t<std::is_enum_v<F>>> {

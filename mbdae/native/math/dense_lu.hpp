@@ -22,7 +22,7 @@ class DenseLU {
 
  private:
   int n_ = 0;
-  Numbers a_;  // the factors, with 1 / pivot on the diagonal
+  Vector a_;  // the factors, with 1 / pivot on the diagonal
   std::vector<int> swap_;
 };
 

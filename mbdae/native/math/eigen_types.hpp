@@ -8,8 +8,6 @@ namespace mbdae {
 
 template <class T>
 using Rows = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-template <class T>
-using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
 using RowsIn = Eigen::Map<const Rows<double>>;
 using RowsOut = Eigen::Map<Rows<double>>;
 

@@ -128,7 +128,7 @@ void reflect(int m, int r, const double* A, const double* head, double* y, bool 
 
 }  // namespace
 
-void pivoted_qr(int m, int n, Numbers& B, std::vector<int>& order, Numbers& diagonal) {
+void pivoted_qr(int m, int n, Vector& B, std::vector<int>& order, Vector& diagonal) {
   B.resize(static_cast<size_t>(m) * n + std::min(m, n));
   qr(m, n, B.data(), order, diagonal, B.data() + static_cast<size_t>(m) * n);
 }
@@ -156,7 +156,7 @@ void minimum_norm(int m, int n, const double* B, const double* r, double truncat
 }
 
 void least_squares(int m, int n, double* A, int k, double* B) {
-  Numbers head(n), diagonal, x(n);
+  Vector head(n), diagonal, x(n);
   std::vector<int> order;
   qr(m, n, A, order, diagonal, head.data());
   for (double* b = B; b < B + static_cast<size_t>(m) * k; b += m) {

@@ -5,7 +5,7 @@
 
 namespace mbdae {
 
-using Numbers = std::vector<double>;
+using Vector = std::vector<double>;
 
 // LU of a banded matrix with partial pivoting; a full matrix is a band as wide as the matrix.
 class BandLU {
@@ -28,7 +28,7 @@ class BandLU {
 
 // Householder QR with column pivoting of B (m, n), by columns, in place: the order of the columns and |diag R|,
 // decreasing. B grows by min(m, n) numbers.
-void pivoted_qr(int m, int n, Numbers& B, std::vector<int>& order, Numbers& diagonal);
+void pivoted_qr(int m, int n, Vector& B, std::vector<int>& order, Vector& diagonal);
 
 // The z (m,) of least norm that minimizes |B^T z - r|, B (m, n) by columns, of numerical rank at a truncation.
 void minimum_norm(int m, int n, const double* B, const double* r, double truncation, double* z);

@@ -6,9 +6,9 @@
 namespace mbdae {
 
 void sparse_pivots(std::vector<SparseRow>& S, const std::vector<int>& sequence, int window, int count, double smallest,
-                   std::vector<int>& order, Numbers& pivots) {
+                   std::vector<int>& order, Vector& pivots) {
   const int n = static_cast<int>(S.size());
-  Numbers diagonal(n);  // -1: eliminated
+  Vector diagonal(n);  // -1: eliminated
   for (int i = 0; i < n; ++i)
     for (const auto& [j, x] : S[i])
       if (j == i) diagonal[i] = x;

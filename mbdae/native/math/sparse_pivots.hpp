@@ -16,6 +16,6 @@ using SparseRow = std::vector<std::pair<int, double>>;
 // diagonal pivoting among the first `window` rows of a sequence that are left: pivoting among all of them would couple
 // all in the end. S is overwritten.
 void sparse_pivots(std::vector<SparseRow>& S, const std::vector<int>& sequence, int window, int count, double smallest,
-                   std::vector<int>& order, Numbers& pivots);
+                   std::vector<int>& order, Vector& pivots);
 
 }  // namespace mbdae

@@ -14,7 +14,7 @@ double bare_stage_seconds(const void* pointer, const double* q_, const double* v
                           int repetitions) {
   using Matrix = Eigen::MatrixXd;
   using VectorXd = Eigen::VectorXd;
-  using Vector = Eigen::Ref<const VectorXd>;
+  using VectorRef = Eigen::Ref<const VectorXd>;
   const auto& model = *static_cast<const pinocchio::Model*>(pointer);
   const int nv = model.nv;
   const Matrix GT = Eigen::Map<const Matrix>(G_, nv, r);
@@ -25,10 +25,10 @@ double bare_stage_seconds(const void* pointer, const double* q_, const double* v
   VectorXd lam(r), vdot(nv);
   const auto start = std::chrono::steady_clock::now();
   for (int i = 0; i < repetitions; ++i) {
-    pinocchio::crba(model, data, Vector(q), pinocchio::Convention::WORLD);
+    pinocchio::crba(model, data, VectorRef(q), pinocchio::Convention::WORLD);
     pinocchio::cholesky::decompose(model, data);
     X.leftCols(r) = GT;
-    X.col(r) = -pinocchio::nonLinearEffects(model, data, Vector(q), Vector(v));
+    X.col(r) = -pinocchio::nonLinearEffects(model, data, VectorRef(q), VectorRef(v));
     pinocchio::cholesky::solve(model, data, X);
     vdot = X.col(r);
     if (r) {

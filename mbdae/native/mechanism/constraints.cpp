@@ -90,19 +90,19 @@ void Constraints::value(const MultibodyTree& m, const double* q, const std::vect
   }
 }
 
-void Constraints::dense_value(const MultibodyTree& m, const double* q, const std::vector<int>& which, Numbers& G,
+void Constraints::dense_value(const MultibodyTree& m, const double* q, const std::vector<int>& which, Vector& G,
                               double* g) {
   G.resize(rows.size() * nv), entries_.resize(start.back());
   value(m, q, which, entries_.data(), g);
   for (int r : which) expand(r, entries_.data(), &G[r * nv]);
 }
 
-Numbers Constraints::dense(const Numbers& entries) const {
-  Numbers out;
+Vector Constraints::dense(const Vector& entries) const {
+  Vector out;
   return dense(all, entries, out), out;
 }
 
-void Constraints::dense(const std::vector<int>& which, const Numbers& entries, Numbers& out) const {
+void Constraints::dense(const std::vector<int>& which, const Vector& entries, Vector& out) const {
   out.assign(which.size() * nv, 0.0);
   for (size_t i = 0; i < which.size(); ++i) expand(which[i], entries.data(), &out[i * nv]);
 }

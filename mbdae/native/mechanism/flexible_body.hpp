@@ -30,10 +30,10 @@ class FlexibleBody {
   const std::vector<int> base;
   const int first_pose, first_column;
 
-  // Rotation by theta = Psi q, by rows, with the functions a, b, a1, b1; position d and its derivatives Phi by q.
+  // Rotation by theta = Psi q, by rows, with the functions a, b, a1, b1; position d and Phi = dd/dq.
   struct Node {
     double theta[3], functions[4], E[9], Jr[9], d[3];
-    Numbers Phi;
+    Vector Phi;
     bool curved = false;  // are there displacements of second order?
   };
   const Node& node(int i) const { return nodes_[i]; }
@@ -59,8 +59,8 @@ class FlexibleBody {
   void rotate_to_world(const double* joint_rotation, const double* x, double* out) const;
   // That the deformation adds, after `deform`.
   double potential(const double* joint_rotation, const double* gravity) const;
-  // Partials of these forces by q in the tangent and by v, added to by_q and by_v (nv, nv) by rows; expanded_joints (nv,): joint
-  // of each degree of freedom in the expanded tree; base_acceleration: minus gravity, or 0.
+  // Partials of these forces with respect to q in the tangent and to v, added to by_q and by_v (nv, nv) by rows;
+  // expanded_joints (nv,): joint of each degree of freedom in the expanded tree; base_acceleration: -gravity, or 0.
   void add_partials(const Six* about, const int* expanded_joints, const double* q, const double* v,
                     const double* a, const Six& base_acceleration, double* by_q, double* by_v, size_t nv) const;
 
@@ -68,7 +68,7 @@ class FlexibleBody {
   std::vector<Node> nodes_;
   FramePose at_;
   std::vector<int> used_;
-  Numbers deformed_at_, turned_at_;  // (k,)
+  Vector deformed_at_, turned_at_;  // (k,)
   Deformation<double> now_;
   mutable std::vector<double> nu_, F_;
   mutable std::vector<Six> columns_;  // (base,) in the axes of the frame

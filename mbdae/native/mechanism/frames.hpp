@@ -17,11 +17,11 @@ struct Frames {
 inline Frames<double> frames_of(const Pair& p) {
   return {Rotation<double>(p.Ra), Vec3<double>(p.pa), Rotation<double>(p.Rb), Vec3<double>(p.pb)};
 }
-Frames<Dual<6>> moving_frames(const Pair& pair);                   // by the motion of b, linear part first
+Frames<Dual<6>> moving_frames(const Pair& pair);                   // d/d(motion of b), linear part first
 Frames<Dual<1>> moving_frames(const Pair& pair, const double* V);  // along the motion V of b
 
 inline Velocity<double> velocity_of(const double* V) { return {Vec3<double>(V), Vec3<double>(V + 3)}; }
-Velocity<Dual<6>> moving_velocity(const double* V);  // by V
+Velocity<Dual<6>> moving_velocity(const double* V);  // d/dV
 
 // Values, and derivatives (6, N) by rows.
 template <int N>

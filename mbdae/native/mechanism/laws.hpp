@@ -37,7 +37,7 @@ struct ActingWrench {
   bool conservative;
 };
 
-// Partials by (q in the tangent, v, s), by rows of `width` numbers: of both parts of tau, (nv, width), and of s'.
+// d/d(q in the tangent, v, s), by rows of `width` numbers: of both parts of tau, (nv, width), and of s'.
 struct LawPartials {
   double *conservative, *other, *ds;
   size_t width;
@@ -66,7 +66,7 @@ struct LawKind {
   Add add;
   EquationPartials partials;
   Potential potential;
-  Add time_rate;  // the derivative of `add` by t; nullptr: does not depend on t
+  Add time_rate;  // time derivative of `add`; nullptr: does not depend on t
 };
 
 // A kind defined in a file of laws/, by the name of the file; nullptr for another name.
@@ -80,7 +80,7 @@ struct Law {
   using Call =
       std::function<void(double t, const double* q, const double* v, const double* s, double* tau, double* ds)>;
   // Partials of (tau, s'), (nv + states, 2 nv + states) by rows.
-  using EquationPartials = std::function<void(double t, const double* q, const double* v, const double* s, Numbers& out)>;
+  using EquationPartials = std::function<void(double t, const double* q, const double* v, const double* s, Vector& out)>;
 
   const LawKind* kind = nullptr;
   std::vector<int> rows, columns;  // indices

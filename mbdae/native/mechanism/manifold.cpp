@@ -48,7 +48,7 @@ void multiply_transposed(const std::vector<TangentBlock>& blocks, double* a, int
   }
 }
 
-void multiply_rows(const std::vector<TangentBlock>& blocks, Numbers& X, int n) {
+void multiply_rows(const std::vector<TangentBlock>& blocks, Vector& X, int n) {
   if (blocks.empty()) return;
   for (size_t at = 0; at < X.size(); at += n) multiply_transposed(blocks, &X[at]);
 }
@@ -113,7 +113,7 @@ void Manifold::difference(const double* q0, const double* q1, double* out) const
   if (!flat) m_.difference(q0, q1, out);
 }
 
-void Manifold::size(const double* q, double* out) const {
+void Manifold::component_magnitudes(const double* q, double* out) const {
   if (!flat) difference(neutral_.data(), q, out);
   for (int i = 0; i < m_.nv; ++i) out[i] = flat ? std::fabs(q[i]) : angular_[i] ? 1.0 : std::fabs(out[i]);
 }

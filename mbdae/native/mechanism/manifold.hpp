@@ -26,7 +26,7 @@ struct TangentBlock {
 
 // a := J^T a for J of blocks, elsewhere 1; the numbers of a are a stride apart.
 void multiply_transposed(const std::vector<TangentBlock>& blocks, double* a, int stride = 1);
-void multiply_rows(const std::vector<TangentBlock>& blocks, Numbers& X, int n);  // X := X J for X (k, n) by rows
+void multiply_rows(const std::vector<TangentBlock>& blocks, Vector& X, int n);  // X := X J for X (k, n) by rows
 
 // Partials of a block: d(q (+) x) = A dq + R dx, d(J(x) v) = J dv + T dx, (n, n) by rows.
 struct IntegratePartialsBlock {
@@ -43,7 +43,7 @@ class Manifold {
 
   void integrate(const double* q, const double* x, double* out) const;     // q (+) x, (nq,)
   void difference(const double* q0, const double* q1, double* out) const;  // q1 (-) q0, (nv,)
-  void size(const double* q, double* out) const;                           // magnitudes in the tangent, (nv,)
+  void component_magnitudes(const double* q, double* out) const;           // magnitudes in the tangent, (nv,)
   double largest_rotation(const double* x) const;  // of a joint, in rad
   void check_rotations(const double* x) const;     // throws if a joint rotates too far in one step
   void tangent(const double* x, double* dx) const;  // dx: v (nv,) becomes J(x) v
@@ -57,7 +57,7 @@ class Manifold {
   MultibodyTree& m_;
   std::vector<GroupJoint> group_joints_;
   std::vector<int> angular_;  // (nv,) flags: rotations, whose magnitude is no scale
-  Numbers neutral_;           // (nq,)
+  Vector neutral_;            // (nq,)
 };
 
 }  // namespace mbdae

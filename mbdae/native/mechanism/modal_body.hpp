@@ -11,13 +11,13 @@
 
 namespace mbdae {
 
-inline bool is_zero(const Numbers& x) {
+inline bool is_zero(const Vector& x) {
   return std::all_of(x.begin(), x.end(), [](double y) { return y == 0; });
 }
 
 struct ModalNode {  // Phi, Psi: 3 numbers a mode; Phi2: 3 a pair of modes
   double r[3] = {0, 0, 0};
-  Numbers Phi, Psi, Phi2;
+  Vector Phi, Psi, Phi2;
 
   FIELDS(r, Phi, Psi, Phi2)
 };
@@ -28,7 +28,7 @@ struct ModalBody {
   int joint = 0;  // of the model, which carries the frame
   double placement[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};  // of the frame in the joint: R by columns, p
   int iq = 0, iv = 0, modes = 0;  // the first coordinate and velocity of the modes, and their number
-  Numbers C, C2, H0, Mq, Hj, I1, I2, H2, Mq1, Mq2;
+  Vector C, C2, H0, Mq, Hj, I1, I2, H2, Mq1, Mq2;
   std::vector<ModalNode> nodes;
 
   bool orthogonal() const {  // is Mq diagonal, whatever q is?
@@ -67,7 +67,7 @@ void add_quadratic(const std::vector<T>& x, const S* q, int k, size_t n, S* __re
 
 // out += half of sum q_i (first_i + by_q_i), n numbers each: a polynomial of second order from its derivatives.
 template <class S>
-void add_polynomial(const Numbers& first, const std::vector<S>& by_q, const S* q, int k, size_t n, S* __restrict out) {
+void add_polynomial(const Vector& first, const std::vector<S>& by_q, const S* q, int k, size_t n, S* __restrict out) {
   for (int i = 0; i < k; ++i) {
     const S factor = 0.5 * q[i];
     for (size_t l = 0; l < n; ++l) out[l] = out[l] + factor * (by_q[n * i + l] + first[n * i + l]);

@@ -73,13 +73,13 @@ void MultibodyTree::refresh() {
   if (w->sweep && !w->sweep->refresh()) w->sweep.reset(), begin_sweep();
 }
 
-double* MultibodyTree::body_number(int joint, int i) {
+double* MultibodyTree::body_parameter(int joint, int i) {
   if (joint < 1 || joint >= joints || i < 0 || i >= 1 + 3 + 6) return nullptr;
   const TreeModel::Joint& body = w->model.joints[joint];
   return const_cast<double*>(i < 1 ? body.mass : i < 4 ? body.lever + i - 1 : body.I + i - 4);
 }
 
-double* MultibodyTree::gravity_number(int i) {
+double* MultibodyTree::gravity_parameter(int i) {
   return i < 0 || i >= 3 ? nullptr : const_cast<double*>(w->model.gravity + i);
 }
 

@@ -22,8 +22,8 @@ class MultibodyTree {
   // Another model of the same joints; results of the previous one are discarded.
   void write(const void* model, const Tolerances& limits, std::vector<ModalBody> flexible);
   void refresh();  // after changes of the model in place
-  double* body_number(int joint, int i);  // in the model: mass, centre and inertia as in TreeJoint; nullptr: none
-  double* gravity_number(int i);
+  double* body_parameter(int joint, int i);  // in the model: mass, centre and inertia as in TreeJoint; nullptr: none
+  double* gravity_parameter(int i);
 
   Tolerances limits;
   int nq, nv, joints, frames;               // frames: joints, and nodes of flexible bodies, which follow them

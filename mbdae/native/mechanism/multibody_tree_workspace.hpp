@@ -35,11 +35,11 @@ struct MultibodyTree::Workspace {
   std::vector<FlexibleBody> flexible;
   std::unique_ptr<Sweep> sweep;
   std::unique_ptr<TreeAlgorithms> other;  // where there is no sweep
-  Numbers poses, saved_poses;             // (frames, 12) R by columns, and p
-  Numbers J, M, nle, zero;                // (6, nv and nodes), see `MultibodyTree::M`, (nv,), (nv,)
+  Vector poses, saved_poses;              // (frames, 12) R by columns, and p
+  Vector J, M, nle, zero;                 // (6, nv and nodes), see `MultibodyTree::M`, (nv,), (nv,)
   struct PartialTerms {                // at (q, v), the same for all accelerations
-    Numbers q, v, J, J_centroid, M, poses;  // J about the world's origin, and about the reference point of the partials
-    Numbers dense;                     // (nv, nv) M
+    Vector q, v, J, J_centroid, M, poses;  // J about the world's origin, and about the reference point of the partials
+    Vector dense;                          // (nv, nv) M
   } terms;
   std::unique_ptr<RneaPartials> partials;
 };

@@ -16,7 +16,7 @@ namespace mbdae {
 namespace {
 
 using Eigen::VectorXd;
-using Vector = Eigen::Ref<const VectorXd>;  // the type for which the library compiles its algorithms
+using VectorRef = Eigen::Ref<const VectorXd>;  // the type for which the library compiles its algorithms
 using In = Eigen::Map<const VectorXd>;
 using Out = Eigen::Map<VectorXd>;
 
@@ -86,8 +86,8 @@ class PinocchioTree final : public TreeAlgorithms {
   }
 
  private:
-  Vector configuration(const double* q) { return q_ = In(q, m_.nq), Vector(q_); }
-  Vector vector(const double* x) const { return x ? Vector(In(x, m_.nv)) : Vector(zero_); }
+  VectorRef configuration(const double* q) { return q_ = In(q, m_.nq), VectorRef(q_); }
+  VectorRef vector(const double* x) const { return x ? VectorRef(In(x, m_.nv)) : VectorRef(zero_); }
   void write(double* poses, double* J) const {
     for (size_t j = 0; j < data_.oMi.size(); ++j) {
       Out(poses + 12 * j, 9) = In(data_.oMi[j].rotation().data(), 9);

@@ -195,7 +195,7 @@ void Row::partials(const Pair& pair, WrenchPartials& t) const {
   }
   skew(x, X), of_skews(pair.pb, x, XX);
   add_block(t.Da, 0, 3, X, -1), add_block(t.Da, 3, 3, XX, -1);
-  carried(pair.pb, x, t.Db);
+  moved_line_partials(pair.pb, x, t.Db);
 }
 
 double Row::coordinate_value(const double* q, double* first) const {
@@ -227,7 +227,7 @@ double Row::coordinate_value(const double* q, double* first) const {
 double Row::coordinate_entries(const double* q, double* out) const {
   std::fill_n(out, columns.size(), 0.0);
   if (python) {
-    Numbers known(1 + python->iv.size());
+    Vector known(1 + python->iv.size());
     python->value(q, known);
     for (size_t k = 1; k < known.size(); ++k) out[entries[k - 1]] = known[k];
     return known[0];
@@ -267,7 +267,7 @@ void Row::coordinate_partials(const double* q, const double* v, double lam, doub
   if (python) {
     const std::vector<int>& at = python->iv;
     const size_t n = at.size();
-    Numbers D(n * n);
+    Vector D(n * n);
     python->partials(q, D);
     for (size_t i = 0; i < n; ++i)
       for (size_t j = 0; j < n; ++j) {

@@ -66,7 +66,7 @@ double unit_gap(const Pair& pair, double* n);  // distance, and the unit vector 
 
 struct RowFunction {  // Python, of the coordinates of some joints with n velocities
   std::vector<int> iq, iv;
-  std::function<void(const double* q, Numbers& out)> value, partials;  // g and G (n,), and dG/dq (n, n)
+  std::function<void(const double* q, Vector& out)> value, partials;  // g and G (n,), and dG/dq (n, n)
   std::function<double(const double* q, const double* v)> bias;        // Gdot v
 
   FIELDS(iq, iv)
@@ -166,24 +166,24 @@ class Constraints {
   std::vector<std::vector<int>> of_pair;  // rows of each pair
   std::vector<Driver> drivers;
   std::vector<bool> off;  // (ng,) rows that are inactive in the mode: zero, with all their terms; empty: none
-  bool sticks = false;    // joints stick in the mode
+  bool has_sticking_joints = false;
 
   // Entries of G for some rows, into G + start[row], and g if requested.
   void value(const MultibodyTree& m, const double* q, const std::vector<int>& which, double* G, double* g = nullptr);
   // The same into G (ng, nv), which is zero outside the columns of rows; an empty one is allocated.
-  void dense_value(const MultibodyTree& m, const double* q, const std::vector<int>& which, Numbers& G, double* g = nullptr);
+  void dense_value(const MultibodyTree& m, const double* q, const std::vector<int>& which, Vector& G, double* g = nullptr);
   void expand(int row, const double* entries, double* out) const {  // entries of G or Z, into their columns of (nv,)
     const double* entry = entries + start[row];
     for (int c : rows[row].columns) out[c] = *entry++;
   }
-  Numbers dense(const Numbers& entries) const;                     // (ng, nv)
-  void dense(const std::vector<int>& which, const Numbers& entries, Numbers& out) const;  // some rows, (n, nv)
-  double times(int row, const Numbers& entries, const double* x, double s = 0) const {  // s + row times x (nv,)
+  Vector dense(const Vector& entries) const;                     // (ng, nv)
+  void dense(const std::vector<int>& which, const Vector& entries, Vector& out) const;  // some rows, (n, nv)
+  double times(int row, const Vector& entries, const double* x, double s = 0) const {  // s + row times x (nv,)
     const double* entry = entries.data() + start[row];
     for (int c : rows[row].columns) s += *entry++ * x[c];
     return s;
   }
-  void add(int row, const Numbers& entries, double factor, double* out) const {  // out (nv,) += factor row
+  void add(int row, const Vector& entries, double factor, double* out) const {  // out (nv,) += factor row
     const double* entry = entries.data() + start[row];
     for (int c : rows[row].columns) out[c] += *entry++ * factor;
   }
@@ -202,7 +202,7 @@ class Constraints {
  private:
   void motion(double t, const Driver& d, double* u) const;
 
-  Numbers entries_;  // scratch
+  Vector entries_;  // scratch
 };
 
 // While it exists, no row is inactive in the mode.

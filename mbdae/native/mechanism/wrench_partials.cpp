@@ -47,7 +47,7 @@ void matrix_of_wrench(const double* F, double* out) {
   add_block(out, 0, 3, f, -1), add_block(out, 3, 0, f, -1), add_block(out, 3, 3, m, -1);
 }
 
-void carried(const double* p, const double* n, double* D) {
+void moved_line_partials(const double* p, const double* n, double* D) {
   double N[9], NP[9];
   skew(n, N), of_skews(n, p, NP);
   add_block(D, 3, 0, N, -1), add_block(D, 3, 3, NP, 1);
@@ -65,7 +65,7 @@ void distance_partials(const Pair& pair, double factor, WrenchPartials& t) {
   product(B, NA, out), add_block(t.Da, 3, 3, out, 1);
   product(B, NB, out), add_block(t.Db, 3, 3, out, -1);
   for (double& x : n) x *= factor;
-  carried(pair.pb, n, t.Db);
+  moved_line_partials(pair.pb, n, t.Db);
 }
 
 PairPartials::PairPartials(const MultibodyTree& m, const Pair& pair_, const double* v) : pair(pair_), nv(m.nv) {

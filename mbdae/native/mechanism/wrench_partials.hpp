@@ -1,5 +1,5 @@
-// Partials of wrenches between two frames, and of their power, by q and v (mbdae/mechanism/tree/wrench_partials.py).
-// Matrices (6, 6) by rows.
+// Partials of wrenches between two frames, and of their power, with respect to q and v
+// (mbdae/mechanism/tree/wrench_partials.py). Matrices (6, 6) by rows.
 #pragma once
 
 #include <vector>
@@ -33,9 +33,9 @@ class PairPartials {
   const int nv;
   double V[6];  // V_b - V_a
 
-  void torque(const WrenchPartials& t, double* K, size_t width) const;          // K += partials of J^T F by q
-  void damping(const double* C, double* D, size_t width) const;          // D += partials of J^T F by v
-  void power(const double* w, const WrenchPartials& t, double* B) const;        // B += partials of w . (V_b - V_a) by q
+  void torque(const WrenchPartials& t, double* K, size_t width) const;    // K += d(J^T F)/dq
+  void damping(const double* C, double* D, size_t width) const;           // D += d(J^T F)/dv
+  void power(const double* w, const WrenchPartials& t, double* B) const;  // B += d(w . (V_b - V_a))/dq
 
  private:
   struct Column {
@@ -57,7 +57,7 @@ class PairPartials {
 
 void matrix_of_wrench(const double* F, double* out);  // d -> d x* F
 void times6(const double* D, const double* x, double* out);
-void carried(const double* p, const double* n, double* D);  // D += partials of (n, p x n) by p, n fixed
+void moved_line_partials(const double* p, const double* n, double* D);       // D += d(n, p x n)/dp, n fixed
 void distance_partials(const Pair& pair, double factor, WrenchPartials& t);  // of factor times a distance's wrench
 
 }  // namespace mbdae

@@ -19,7 +19,7 @@ Transition ModeTransition::resolve(double t, double* y, const std::vector<int>& 
   return out;
 }
 
-NextMode enter_next_mode(Index2System& s, Modes& modes, GuardMonitor& monitor, bool project, double t, const Numbers& y,
+NextMode enter_next_mode(Index2System& s, Modes& modes, GuardMonitor& monitor, bool project, double t, const Vector& y,
                          const std::vector<int>& fired, bool immediate,
                          const std::function<void(const NextMode&)>& check) {
   const ModeSettings settings(s, modes.switches, modes.mode);
@@ -144,7 +144,7 @@ void ModeTransition::evaluate_forces() {
     const AllRowsActive all(s_.constraints);
     s_.tree.motions(y, y + s_.nq);
     s_.constraints.bias(s_.tree, y, y + s_.nq, s_.constraints.all, gamma_.data());
-    Numbers g_tt(s_.ng, 0.0);
+    Vector g_tt(s_.ng, 0.0);
     s_.constraints.evaluate_g_tt(t_, g_tt.data());
     for (int k : s_.constraints.all) gamma_[k] += g_tt[k];
   }
@@ -193,7 +193,7 @@ void ModeTransition::solve(const double* y, const Candidates& found) {
   const int nv = s_.nv;
   Mode base(mode_);
   for (const auto& [i, c] : found) base[i] = released;
-  Numbers F(s_.ny), lam(s_.ng);
+  Vector F(s_.ny), lam(s_.ng);
   if (entered_ || base != modes_.mode) enter_mode(s_, modes_.switches, base, y, modes_.initial_rank(limits_)), entered_ = true;
   s_.derivative(t_, y, F.data(), lam.data());
   acceleration_.resize(s_.ng), lam_.assign(s_.ng, 0.0);
@@ -209,12 +209,12 @@ void ModeTransition::solve(const double* y, const Candidates& found) {
   const RowSpace space(s_, Z_, kept);
   std::vector<Candidate> all;
   std::vector<Multiplier> multipliers;
-  std::vector<Numbers> roots;
-  Numbers c, x, w;
+  std::vector<Vector> roots;
+  Vector c, x, w;
   for (const auto& [i, rows] : found) {
     const int first = static_cast<int>(all.size());
     for (const Candidate& candidate : rows) {
-      Numbers z = root(candidate.row);
+      Vector z = root(candidate.row);
       const double full_norm = norm(z.data(), nv);
       space.project_out(z);
       if (!(norm(z.data(), nv) > limits_.truncation * full_norm)) {  // its multiplier does not change its acceleration
@@ -227,10 +227,10 @@ void ModeTransition::solve(const double* y, const Candidates& found) {
     }
   }
   const size_t m = all.size();
-  Numbers W(m * m), force(nv, 0.0);
+  Vector W(m * m), force(nv, 0.0);
   for (size_t i = 0; i < m; ++i)
     for (size_t j = 0; j < m; ++j) W[i * m + j] = dot(roots[i].data(), roots[j].data(), nv);
-  Numbers noise(m, limits_.solution_rounding * largest_scaled(acceleration_.data(), limits_.row_scales));
+  Vector noise(m, limits_.solution_rounding * largest_scaled(acceleration_.data(), limits_.row_scales));
   for (size_t i = 0; i < m; ++i) noise[i] *= limits_.row_scales[all[i].row];
   if (!solve_complementarity(W, c, noise, multipliers, limits_, modes_.max_states, x, w)) leave_to_python();
   for (size_t i = 0; i < m; ++i) {
@@ -240,7 +240,7 @@ void ModeTransition::solve(const double* y, const Candidates& found) {
     for (int k = 0; k < nv; ++k) force[k] += x[i] * roots[i][k];
   }
   for (int k : s_.constraints.all) {
-    Numbers z = root(k);
+    Vector z = root(k);
     space.project_out(z);
     acceleration_[k] += dot(z.data(), force.data(), nv);
   }
@@ -268,7 +268,7 @@ bool ModeTransition::is_active(const Candidate& c) const {
 }
 
 bool ModeTransition::is_undecided(const Candidate& c) const {
-  const Numbers z = root(c.row);
+  const Vector z = root(c.row);
   const double size = largest(row(c.row), s_.nv);
   const double error = force_rounding_ / (size > 0 ? size : 1) * dot(z.data(), z.data(), s_.nv);
   const double zero = std::max(modes_.mode_rounding * largest_, force_rounding_);

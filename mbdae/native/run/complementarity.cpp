@@ -9,7 +9,7 @@ namespace {
 // In units in which the diagonal of W is 1.
 class Problem {
  public:
-  Problem(const Numbers& W, const Numbers& c, const Numbers& noise, const std::vector<Multiplier>& all,
+  Problem(const Vector& W, const Vector& c, const Vector& noise, const std::vector<Multiplier>& all,
           const Tolerances& limits)
       : limits_(limits), n_(all.size()), W_(W), c_(c), all_(all), size_(n_), state_(n_, 0), x_(n_), w_(n_) {
     for (size_t i = 0; i < n_; ++i) size_[i] = std::sqrt(W[i * n_ + i]);
@@ -35,7 +35,7 @@ class Problem {
   }
 
   // Of all states, the first one that is consistent; false where others give something else.
-  bool solve(Numbers& x, Numbers& w) {
+  bool solve(Vector& x, Vector& w) {
     bool found = false;
     do {
       if (!solve_state() || !consistent()) continue;
@@ -87,7 +87,7 @@ class Problem {
     }
     const int r = static_cast<int>(unknown.size());
     BandLU A;
-    Numbers b(r);
+    Vector b(r);
     A.resize(r, std::max(r - 1, 0));
     for (int i = 0; i < r; ++i) {
       const double* row = &W_[unknown[i] * n_];
@@ -134,7 +134,7 @@ class Problem {
     for (double x : x_) out = std::max(out, std::fabs(x));
     return out;
   }
-  bool differ(const Numbers& a, const Numbers& b) const {
+  bool differ(const Vector& a, const Vector& b) const {
     const double zero = limits_.same_state * largest() + noise_;
     for (size_t i = 0; i < n_; ++i)
       if (std::fabs(a[i] - b[i]) > zero) return true;
@@ -146,19 +146,19 @@ class Problem {
 
   const Tolerances& limits_;
   const size_t n_;
-  Numbers W_, c_;
+  Vector W_, c_;
   std::vector<Multiplier> all_;
-  Numbers size_;
+  Vector size_;
   double scale_ = 0, noise_ = 0;
   std::vector<int> state_;
-  Numbers x_, w_;
+  Vector x_, w_;
 };
 
 }  // namespace
 
-bool solve_complementarity(const Numbers& W, const Numbers& c, const Numbers& noise,
+bool solve_complementarity(const Vector& W, const Vector& c, const Vector& noise,
                            const std::vector<Multiplier>& multipliers, const Tolerances& limits, int max_states,
-                           Numbers& x, Numbers& w) {
+                           Vector& x, Vector& w) {
   x.clear(), w.clear();
   if (multipliers.empty()) return true;
   Problem problem(W, c, noise, multipliers, limits);

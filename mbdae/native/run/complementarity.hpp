@@ -22,8 +22,8 @@ struct Multiplier {
 // Multipliers x (k,) and rates w = W x + c (k,): zero between bounds, and as the bound allows at a bound. All states of all
 // multipliers are tried; false where there are more than max_states, or if there is no solution or more than one to
 // rounding, which is noise (k,) in c. Of multipliers with two bounds without friction, only the rates need be unique.
-bool solve_complementarity(const Numbers& W, const Numbers& c, const Numbers& noise,
+bool solve_complementarity(const Vector& W, const Vector& c, const Vector& noise,
                            const std::vector<Multiplier>& multipliers, const Tolerances& limits, int max_states,
-                           Numbers& x, Numbers& w);
+                           Vector& x, Vector& w);
 
 }  // namespace mbdae

@@ -39,7 +39,7 @@ Energy energy_at(Index2System& s, const double* y) {
   return energy(s, y);
 }
 
-void store(Index2System& s, const Run& run, const Numbers& first, const Counts& n, int nodes, CoreRuns& out) {
+void store(Index2System& s, const Run& run, const Vector& first, const Counts& n, int nodes, CoreRuns& out) {
   const Steps& steps = run.steps;
   const size_t last = steps.t.size(), length = s.length, most = nodes - 1;
   Energy e{NAN, NAN};
@@ -63,8 +63,8 @@ void store(Index2System& s, const Run& run, const Numbers& first, const Counts& 
 
 StartDerivative begin_run(Index2System& s, const RunStart& given, const FirstStep* estimate, Run& run) {
   const double accuracy = s.accuracy, t = run.interval.t;
-  Numbers& y = run.state.y;
-  StartDerivative at{Numbers(s.ny), Numbers(s.ng)};
+  Vector& y = run.state.y;
+  StartDerivative at{Vector(s.ny), Vector(s.ng)};
   s.reset(), s.accuracy = accuracy;
   start(s, t, run.project, {given.ambiguous, given.fallen, given.dependent}, y, at.F, at.z);
   if (estimate) run.control.h = std::max(first_step(s, t, y, at.F, *estimate), given.shortest);
@@ -73,14 +73,14 @@ StartDerivative begin_run(Index2System& s, const RunStart& given, const FirstSte
 }
 
 void solve_runs(Method& method, Index2System& s, const RunStart& start, const FirstStep* first_step, const Run& given,
-                const Numbers& y, InPlaceParameters& parameters, const Numbers& values, int nodes,
+                const Vector& y, InPlaceParameters& parameters, const Vector& values, int nodes,
                 const volatile unsigned char& stop, CoreRuns& out) {
   const size_t length = s.length;
   const double* numbers = values.data();
   for (auto at = y.begin(); at != y.end(); at += length, numbers += parameters.count()) {
     Run run = given;
     run.state.y.assign(at, at + length);
-    Numbers first = run.state.y;
+    Vector first = run.state.y;
     Counts counts;
     bool finished = false;
     try {

@@ -11,14 +11,14 @@ namespace {
 
 struct Sample {
   double theta;
-  Numbers y;
+  Vector y;
   double f;
 };
 
 struct Crossing {
   double theta;
   int event;
-  Numbers y;
+  Vector y;
 };
 
 int sign(double x) { return (x > 0) - (x < 0); }
@@ -27,20 +27,20 @@ int sign(double x) { return (x > 0) - (x < 0); }
 class Search {
  public:
   Search(Index2System& s, PointValues& values, const Events& all, const SignalEvent& event, Node& node,
-         const AcceptedStep& step, const PartialStep& shorter)
+         const AcceptedStep& step, const PartialStep& partial_step)
       : s_(s),
         values_(values),
         all_(all),
         event_(event),
         node_(node),
         step_(step),
-        shorter_(shorter),
+        partial_step_(partial_step),
         h_(step.t1 - step.t) {}
 
   void run(int number, std::vector<Crossing>& crossings) {
     number_ = number, crossings_ = &crossings;
     if (step_.t != node_.t) {  // after a jump
-      const Numbers y(step_.y, step_.y + s_.length);
+      const Vector y(step_.y, step_.y + s_.length);
       const double f = value(step_.t, y.data());
       check_interval({0, y, node_.f}, {0, y, f});
       set_node(step_.t, y.data(), f);
@@ -49,10 +49,10 @@ class Search {
     if (std::max(std::fabs(f0), std::fabs(f1)) <= event_.unchanged_within) return set_node(step_.t1, step_.y1, 0);
     const double theta = extremum(f0, f1);
     if (!(theta > 0) && f0 * f1 > 0) return set_node(step_.t1, step_.y1, f1);
-    const Numbers y(step_.y, step_.y + s_.length), y1(step_.y1, step_.y1 + s_.length);
+    const Vector y(step_.y, step_.y + s_.length), y1(step_.y1, step_.y1 + s_.length);
     std::vector<Sample> samples = {{0, y, f0}};
     if (theta > 0) {
-      const Numbers between = shorter_(theta);
+      const Vector between = partial_step_(theta);
       samples.push_back({theta, between, value(step_.t + theta * h_, between.data())});
     }
     samples.push_back({1, y1, f1});
@@ -92,7 +92,7 @@ class Search {
     const double resolution = all_.spacings * (std::nextafter(scale, INFINITY) - scale) / std::fabs(h_);
     std::vector<Sample> known = {a, b};
     const auto f = [&](double theta) {
-      const Numbers y = shorter_(theta);
+      const Vector y = partial_step_(theta);
       known.push_back({theta, y, value(step_.t + theta * h_, y.data())});
       return known.back().f;
     };
@@ -130,7 +130,7 @@ class Search {
   const SignalEvent& event_;
   Node& node_;
   const AcceptedStep& step_;
-  const PartialStep& shorter_;
+  const PartialStep& partial_step_;
   const double h_;
   int number_ = 0;
   std::vector<Crossing>* crossings_ = nullptr;
@@ -139,12 +139,12 @@ class Search {
 }  // namespace
 
 DetectedEvents detect_events(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step,
-                        const PartialStep& shorter) {
+                             const PartialStep& partial_step) {
   DetectedEvents out;
   out.nodes = events.nodes;
   std::vector<Crossing> crossings;
   for (size_t i = 0; i < events.events.size(); ++i)
-    Search(s, values, events, events.events[i], out.nodes[i], step, shorter).run(static_cast<int>(i), crossings);
+    Search(s, values, events, events.events[i], out.nodes[i], step, partial_step).run(static_cast<int>(i), crossings);
   if (crossings.empty()) return out;
   std::sort(crossings.begin(), crossings.end(), [](const Crossing& a, const Crossing& b) {
     return a.theta != b.theta ? a.theta < b.theta : a.event < b.event;
@@ -154,7 +154,7 @@ DetectedEvents detect_events(Index2System& s, PointValues& values, const Events&
     if (out.stop >= 0 && (crossing.theta - out.stop) * std::fabs(h) > agreement) break;
     const bool begins = step.t == events.start && crossing.theta * std::fabs(h) <= agreement;
     if (begins)
-      out.located.push_back({crossing.event, step.t, Numbers(step.y, step.y + s.length)});
+      out.located.push_back({crossing.event, step.t, Vector(step.y, step.y + s.length)});
     else
       out.located.push_back({crossing.event, step.t + crossing.theta * h, crossing.y});
     if (events.events[crossing.event].terminal && !begins && out.stop < 0) out.stop = crossing.theta;

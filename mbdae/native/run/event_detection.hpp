@@ -26,7 +26,7 @@ struct SignalEvent {
 struct LocatedEvent {
   int event;
   double t;
-  Numbers y;
+  Vector y;
 };
 
 // All events of a run.
@@ -57,9 +57,9 @@ struct DetectedEvents {
 };
 
 // y (length,) at the end of a partial step of fraction theta; throws if it cannot be taken.
-using PartialStep = std::function<Numbers(double theta)>;
+using PartialStep = std::function<Vector(double theta)>;
 
 DetectedEvents detect_events(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step,
-                        const PartialStep& shorter);
+                             const PartialStep& partial_step);
 
 }  // namespace mbdae

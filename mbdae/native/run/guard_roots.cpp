@@ -8,8 +8,8 @@
 
 namespace mbdae {
 
-double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& shorter, bool refines) {
-  step_ = &step, shorter_ = &shorter, intervals_ = 4, interpolated_.clear();
+double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& partial_step, bool refines) {
+  step_ = &step, partial_step_ = &partial_step, intervals_ = 4, interpolated_.clear();
   known_.remove_if([&](const Point& p) { return p.t != step.t || !std::equal(p.y.begin(), p.y.end(), step.y); });
   for (Point& p : known_) p.theta = 0;  // the end of the last step, or the start of one that was rejected
   const bool first = known_.empty();
@@ -29,8 +29,8 @@ double GuardMonitor::resolution_error() {
   return worst;
 }
 
-Numbers GuardMonitor::monitored_multipliers(const Guard& guard) {
-  Numbers out;
+Vector GuardMonitor::monitored_multipliers(const Guard& guard) {
+  Vector out;
   for (int k = 0; k <= intervals_; ++k)
     out.push_back(monitored_multiplier(guard, point(static_cast<double>(k) / intervals_)));
   return out;
@@ -52,15 +52,15 @@ bool GuardMonitor::depends_on_one_multiplier(const Guard& guard) const {
 }
 
 // Multipliers at the samples: at the ends of the step, and between them on the cubic through both ends and their rates.
-Numbers GuardMonitor::interpolated_multipliers(const Guard& guard) {
+Vector GuardMonitor::interpolated_multipliers(const Guard& guard) {
   const Point &start = point(0), &end = point(1);
   if (interpolated_.empty()) {
     const double h = step_->t1 - step_->t;
-    Numbers move(s_.ny), x(s_.ny);
+    Vector move(s_.ny), x(s_.ny);
     s_.difference(start.y.data(), end.y.data(), move.data());
     for (int k = 1; k < intervals_; ++k) {
       const double a = static_cast<double>(k) / intervals_, b = 1 - a;
-      Point p{a, step_->t + a * h, Numbers(s_.length)};
+      Point p{a, step_->t + a * h, Vector(s_.length)};
       for (int i = 0; i < s_.ny; ++i) x[i] = a * a * (a + 3 * b) * move[i] + h * a * b * (b * start.F[i] - a * end.F[i]);
       s_.add(start.y.data(), x.data(), p.y.data());
       p.F.resize(s_.ny), p.lam.resize(s_.ng);
@@ -68,7 +68,7 @@ Numbers GuardMonitor::interpolated_multipliers(const Guard& guard) {
       interpolated_.push_back(std::move(p));
     }
   }
-  Numbers out{monitored_multiplier(guard, start)};
+  Vector out{monitored_multiplier(guard, start)};
   for (const Point& p : interpolated_) out.push_back(monitored_multiplier(guard, p));
   out.push_back(monitored_multiplier(guard, end));
   return out;
@@ -81,7 +81,7 @@ double GuardMonitor::resolution_error(const Guard& guard) {
   if (!guard.monitors_multiplier()) return 0;
   const bool slips = guard.kind == Guard::slip;
   const double fourth[5] = {1, -4, 6, -4, 1};
-  const Numbers all = interpolated_multipliers(guard);
+  const Vector all = interpolated_multipliers(guard);
   double most = 0, least = INFINITY, bend = 0, terms = 0;
   for (double x : all) most = std::max(most, std::fabs(x)), least = std::min(least, x);
   for (double x : fourth) terms += std::fabs(x);
@@ -97,9 +97,9 @@ double GuardMonitor::resolution_error(const Guard& guard) {
 std::vector<double> GuardMonitor::samples(int i) {
   const Guard& guard = modes_.guards[i];
   const bool own = depends_on_one_multiplier(guard);
-  const Numbers all = own                           ? interpolated_multipliers(guard)
-                      : guard.monitors_multiplier() ? monitored_multipliers(guard)
-                                                    : Numbers();
+  const Vector all = own                           ? interpolated_multipliers(guard)
+                     : guard.monitors_multiplier() ? monitored_multipliers(guard)
+                                                   : Vector();
   const double size = largest(all.data(), static_cast<int>(all.size()));
   const auto close = [&](double multiplier) {
     if (guard.kind == Guard::slip) return std::fabs(multiplier) > 1 - modes_.close_extremum;
@@ -174,7 +174,7 @@ double GuardMonitor::locate_by_quartic(int i, double high) {
   const double tolerance = time_tolerance();
   const Guard& guard = modes_.guards[i];
   const bool own = depends_on_one_multiplier(guard);
-  Numbers values;
+  Vector values;
   if (own) {
     values = interpolated_multipliers(guard);
     for (double& x : values) x = (guard.kind == Guard::slip ? 1 - std::fabs(x) : x) - guard.level;

@@ -17,7 +17,7 @@ void ModeTransition::evaluate(double t, const double* y) {
   if (!s_.point.is_current(y)) s_.point.evaluate(y, false);
   const AllRowsActive all(s_.constraints);
   s_.tree.poses(y);
-  Numbers G(s_.constraints.start.back()), Z(G.size());
+  Vector G(s_.constraints.start.back()), Z(G.size());
   s_.constraints.value(s_.tree, y, s_.constraints.all, G.data(), g_.data());
   s_.constraints.complete_g(t, g_.data());
   s_.constraints.evaluate_g_t(t, g_t_.data());
@@ -116,7 +116,7 @@ bool ModeTransition::resolve_impact(double* y, const std::vector<int>& resting, 
   contacts.insert(contacts.end(), separating.begin(), separating.end());
   for (ImpactRow& x : contacts)
     if (recent(x.element)) x.restitution = 0;
-  const Numbers before(rate_);
+  const Vector before(rate_);
   jump(contacts, frictional, bilateral, following, y, out);
   double largest = 0;
   for (int k : violated)
@@ -129,7 +129,7 @@ bool ModeTransition::resolve_impact(double* y, const std::vector<int>& resting, 
   for (int i : near) largest = std::max(largest, impulse(i));
   for (int i : near) {  // without impulses by rounding, of the largest one, or in the speeds that they change
     const int k = modes_.switches[i].rows[0];
-    const Numbers z = root(k);
+    const Vector z = root(k);
     const double change = impulse(i) * dot(z.data(), z.data(), s_.nv) / (scales[k] * scales[k]);
     const bool has_impulse =
         change > limits_.evaluation_rounding * speed && impulse(i) > modes_.mode_rounding * largest;
@@ -147,7 +147,7 @@ void ModeTransition::jump(const std::vector<ImpactRow>& contacts, const std::vec
   const double rest = modes_.mode_rounding * speed_;
   double* v = y + s_.nq;
   out.impulses.assign(s_.ng, 0.0);
-  const auto move = [&](Numbers z, double factor) {  // v += factor M^-1/2 z
+  const auto move = [&](Vector z, double factor) {  // v += factor M^-1/2 z
     s_.point.solve_root_transposed(z.data());
     for (int c = 0; c < nv; ++c) v[c] += factor * z[c];
   };
@@ -156,18 +156,18 @@ void ModeTransition::jump(const std::vector<ImpactRow>& contacts, const std::vec
     const auto opening = [&](const ImpactRow& x) { return x.sign * rate_[x.row] / scales[x.row]; };
     if (round && std::none_of(contacts.begin(), contacts.end(), [&](auto& x) { return opening(x) < -rest; })) break;
     if (round == modes_.max_impacts) leave_to_python();
-    const Numbers start(v, v + nv), rate(rate_);
+    const Vector start(v, v + nv), rate(rate_);
     std::vector<int> acting_rows(bilateral);
     for (const ImpactRow& x : following)
       for (const ImpactRow& contact : contacts)
         if (contact.element == x.element && opening(contact) <= rest) acting_rows.push_back(x.row);
     const RowSpace kept(s_, Z_, acting_rows);
-    const Numbers closing = kept.minimum_norm_correction(rate_);
-    move(closing, -1);
+    const Vector correction = kept.minimum_norm_correction(rate_);
+    move(correction, -1);
     std::vector<ImpactRow> acting;
     std::vector<Multiplier> multipliers;
-    std::vector<Numbers> roots, full_roots;
-    Numbers speeds;
+    std::vector<Vector> roots, full_roots;
+    Vector speeds;
     const auto add = [&](const ImpactRow& x, double sign, double speed, const Multiplier& m) {
       full_roots.push_back(root(x.row));
       for (double& z : full_roots.back()) z *= sign / scales[x.row];
@@ -195,18 +195,18 @@ void ModeTransition::jump(const std::vector<ImpactRow>& contacts, const std::vec
           add(x, 1, (dot(row(x.row), v, nv) + g_t_[x.row]) / scales[x.row],
               {-INFINITY, INFINITY, static_cast<int>(n), x.friction});
     const size_t m = roots.size();
-    Numbers W(m * m), impulses, rates, added(nv, 0.0), taken(nv, 0.0);
+    Vector W(m * m), impulses, rates, added(nv, 0.0), taken(nv, 0.0);
     for (size_t i = 0; i < m; ++i)
       for (size_t j = 0; j < m; ++j) W[i * m + j] = dot(roots[i].data(), roots[j].data(), nv);
-    const Numbers noise(m, limits_.evaluation_rounding * speed_);
+    const Vector noise(m, limits_.evaluation_rounding * speed_);
     if (!solve_complementarity(W, speeds, noise, multipliers, limits_, modes_.max_states, impulses, rates))
       leave_to_python();
     for (size_t i = 0; i < m; ++i)
       for (int c = 0; c < nv; ++c)
         added[c] += impulses[i] * roots[i][c], taken[c] += impulses[i] * (roots[i][c] - full_roots[i][c]);
     move(added, 1);
-    for (int c = 0; c < nv; ++c) taken[c] -= closing[c];
-    Numbers now = kept.multipliers(taken);
+    for (int c = 0; c < nv; ++c) taken[c] -= correction[c];
+    Vector now = kept.multipliers(taken);
     for (size_t i = 0; i < m; ++i)
       now[acting[i].row] += (acting[i].sign != 0 ? acting[i].sign : 1) * impulses[i] / scales[acting[i].row];
     for (int k : s_.constraints.all) {

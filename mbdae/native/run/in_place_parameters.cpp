@@ -6,9 +6,9 @@ namespace mbdae {
 
 InPlaceParameters::InPlaceParameters(Index2System& s, const std::vector<ParameterLocation>& locations) : s_(s) {
   for (const ParameterLocation& x : locations) {
-    double* target = x.kind == ParameterLocation::body      ? s.tree.body_number(x.of, x.i)
-                     : x.kind == ParameterLocation::gravity ? s.tree.gravity_number(x.i)
-                                                            : s.law_number(x.of, x.i);
+    double* target = x.kind == ParameterLocation::body      ? s.tree.body_parameter(x.of, x.i)
+                     : x.kind == ParameterLocation::gravity ? s.tree.gravity_parameter(x.i)
+                                                            : s.law_parameter(x.of, x.i);
     if (!target) reject("the core has no number at the location of a parameter");
     targets_.push_back(target), original_.push_back(*target);
   }

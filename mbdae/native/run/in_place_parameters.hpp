@@ -11,7 +11,7 @@ namespace mbdae {
 struct ParameterLocation {  // of a number in the core
   NAMED_ENUM(enum, Kind, body, gravity, law)
   Kind kind;
-  int of = 0, i = 0;  // joint of the body, or the law; and the index, see `MultibodyTree` and `Index2System::law_number`
+  int of = 0, i = 0;  // joint of the body, or the law; and the index, see `body_parameter`, `law_parameter`
 
   FIELDS(kind, of, i)
 };
@@ -29,7 +29,7 @@ class InPlaceParameters {
  private:
   Index2System& s_;
   std::vector<double*> targets_;
-  Numbers original_;
+  Vector original_;
 };
 
 }  // namespace mbdae

@@ -10,7 +10,7 @@ namespace mbdae {
 
 struct Jumps {
   bool in_core = false;  // whether the core crosses them, not Python
-  Numbers times;         // s, increasing
+  Vector times;          // s, increasing
   double margin = 0;     // roundings of t by which a step stays before a jump
   int max_cluster = 0;   // jumps within roundings of one another that count as one
   double restart = NAN;  // s: start of the next interval; nan after the end

@@ -9,13 +9,13 @@ namespace mbdae {
 
 namespace {
 
-void check_finite(std::initializer_list<const Numbers*> all) {
-  for (const Numbers* x : all)
+void check_finite(std::initializer_list<const Vector*> all) {
+  for (const Vector* x : all)
     if (!finite(x->data(), static_cast<int>(x->size()))) reject("the coefficients of a method must be finite");
 }
 
 // The number of rows of as many weights as stages.
-int error_rows(const Numbers& weights, size_t stages, size_t least) {
+int error_rows(const Vector& weights, size_t stages, size_t least) {
   if (!stages || weights.size() % stages || weights.size() / stages < least || weights.size() / stages > 2)
     reject("error weights must be one or two rows with a number for each stage");
   return static_cast<int>(weights.size() / stages);

@@ -42,7 +42,7 @@ std::vector<Guard> guards_of(const std::vector<Switch>& switches, const Mode& mo
 double largest_force(Index2System& s, const double* y, const double* F, const double* lam) {
   const int nv = s.nv;
   const double* a = F + nv;
-  Numbers inertial(nv, 0.0), reaction(nv, 0.0);
+  Vector inertial(nv, 0.0), reaction(nv, 0.0);
   s.tree.inertia(y);
   s.tree.add_inertial_force(a, inertial.data());
   for (int k = 0; k < s.ng; ++k) s.constraints.add(k, s.point.G, lam[k], reaction.data());
@@ -50,7 +50,7 @@ double largest_force(Index2System& s, const double* y, const double* F, const do
 }
 
 double stiction_utilization(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
-                            const Numbers& lam) {
+                            const Vector& lam) {
   const int nv = s.nv;
   const double truncation = s.tree.limits.truncation;
   std::vector<const Switch*> sticking;
@@ -61,16 +61,16 @@ double stiction_utilization(const Index2System& s, const std::vector<Switch>& sw
   std::vector<int> rows;
   for (int k : s.constraints.all)
     if (others[k] && (s.constraints.off.empty() || !s.constraints.off[k])) rows.push_back(k);
-  const Numbers Z = s.constraints.dense(s.point.Z);
+  const Vector Z = s.constraints.dense(s.point.Z);
   const RowSpace space(s, Z, rows);
   for (const Switch* x : sticking) rows.push_back(x->rows[0]);
   if (RowSpace(s, Z, rows).rank() == space.rank() + sticking.size())
     return lam[switches[element].rows[0]] / switches[element].limit;
-  Numbers first;
+  Vector first;
   double work = 0, limit = 0, size = 0;
   for (const Switch* x : sticking) {
     const double* row = &Z[static_cast<size_t>(x->rows[0]) * nv];
-    Numbers motion(row, row + nv);
+    Vector motion(row, row + nv);
     const double full_norm = norm(row, nv);
     space.project_out(motion);
     if (first.empty()) first = motion, size = norm(first.data(), nv);
@@ -110,7 +110,7 @@ void GuardMonitor::evaluate(Point& p) {
   if (dynamic) {
     s_.tree.motions(q, v);
     s_.constraints.evaluate_g_tt(p.t, p.acceleration.data());
-    Numbers gamma(s_.ng);
+    Vector gamma(s_.ng);
     s_.constraints.bias(s_.tree, q, v, rows_, gamma.data());
     for (int k : rows_) p.acceleration[k] += gamma[k];
   }
@@ -128,7 +128,7 @@ const GuardMonitor::Point& GuardMonitor::point(double theta) {
     const double* y = theta == 0 ? step_->y : step_->y1;
     p.y.assign(y, y + s_.length);
   } else {
-    p.y = (*shorter_)(theta);
+    p.y = (*partial_step_)(theta);
   }
   evaluate(p);
   known_.push_back(std::move(p));
@@ -201,10 +201,10 @@ void GuardMonitor::set_references(const Point& p) {
   for (Guard& guard : modes_.guards) set_reference(guard, p);
 }
 
-void GuardMonitor::track(double t, const double* y, const Numbers& F, const Numbers& lam) {
+void GuardMonitor::track(double t, const double* y, const Vector& F, const Vector& lam) {
   modes_.guards = guards_of(modes_.switches, modes_.mode), known_.clear();
   referenced_ = true, prepare();
-  Point p{0, t, Numbers(y, y + s_.length)};
+  Point p{0, t, Vector(y, y + s_.length)};
   p.F = F, p.lam = lam;
   evaluate(p);  // accelerations predict the ends of flights
   for (size_t i = 0; i < modes_.guards.size(); ++i) {
@@ -221,9 +221,9 @@ void GuardMonitor::track(double t, const double* y, const Numbers& F, const Numb
   known_.push_back(std::move(p));
 }
 
-GuardMonitor::Values GuardMonitor::values(double t, const double* y, const Numbers& F, const Numbers& lam,
+GuardMonitor::Values GuardMonitor::values(double t, const double* y, const Vector& F, const Vector& lam,
                                           bool advances) {
-  Point p{0, t, Numbers(y, y + s_.length)};
+  Point p{0, t, Vector(y, y + s_.length)};
   p.F = F, p.lam = lam;
   if (!referenced_) prepare();
   evaluate(p), set_references(p);

@@ -36,7 +36,7 @@ struct Transition {
   bool impact = false;            // of these contacts, and bilateral rows that become active:
   std::vector<int> contacts, engaged;
   double work = 0;                // J: the change of kinetic energy
-  Numbers impulses;               // (ng,) of all rows
+  Vector impulses;                // (ng,) of all rows
   Mode mode;                      // after it
 };
 
@@ -45,7 +45,7 @@ struct Modes {
   std::vector<Switch> switches;
   std::vector<int> unswitched;   // rows
   Mode mode;
-  Numbers last_impact;           // s, of each switch
+  Vector last_impact;  // s, of each switch
   std::vector<Guard> guards;
   std::vector<Transition> transitions;
   bool in_core = false;          // whether steps are checked here
@@ -92,7 +92,7 @@ double largest_force(Index2System& s, const double* y, const double* F, const do
 // rows are independent; where they prevent one motion together, so that their torques are indeterminate, the work of all
 // over that of all limits along it. Otherwise FallBackToPython.
 double stiction_utilization(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
-                            const Numbers& lam);
+                            const Vector& lam);
 
 class GuardMonitor {
  public:
@@ -101,11 +101,11 @@ class GuardMonitor {
   bool checks_steps() const { return modes_.in_core && !modes_.guards.empty(); }
   // Begin to check a step; return the largest resolution error of a multiplier relative to the tolerance. `refines`:
   // with as many samples as resolve it, for a step of fixed size.
-  double begin_step(const AcceptedStep& step, const PartialStep& shorter, bool refines);
+  double begin_step(const AcceptedStep& step, const PartialStep& partial_step, bool refines);
   std::vector<int> first_roots(double& theta);  // guards that end the mode in the step together, and the fraction
   void advance() { advance(point(1)); }  // to the end of this step
   // Guards of a new mode, from y on, where y' and lam are F and lam.
-  void track(double t, const double* y, const Numbers& F, const Numbers& lam);
+  void track(double t, const double* y, const Vector& F, const Vector& lam);
 
   // Guards at a point of another program's solution.
   struct Value {
@@ -113,9 +113,9 @@ class GuardMonitor {
   };
   struct Values {
     std::vector<Value> guards;  // less their levels
-    Numbers tolerances;
+    Vector tolerances;
   };
-  Values values(double t, const double* y, const Numbers& F, const Numbers& lam, bool advances);
+  Values values(double t, const double* y, const Vector& F, const Vector& lam, bool advances);
   // s: end of the first quarter of the flight after an impact, whose gap a step of another method may not resolve;
   // -inf: no flight.
   double takeoff_end(int i) const;
@@ -123,8 +123,8 @@ class GuardMonitor {
  private:
   struct Point {
     double theta, t;
-    Numbers y = {}, g = {}, rate = {}, acceleration = {};  // (length,), (ng,) of the rows of switches
-    Numbers F = {}, lam = {};                              // (ny,), (ng,)
+    Vector y = {}, g = {}, rate = {}, acceleration = {};  // (length,), (ng,) of the rows of switches
+    Vector F = {}, lam = {};                              // (ny,), (ng,)
     double force = 0;                  // the largest one
   };
 
@@ -151,10 +151,10 @@ class GuardMonitor {
   }
 
   bool depends_on_one_multiplier(const Guard& guard) const;
-  Numbers interpolated_multipliers(const Guard& guard);  // at the samples, on a cubic
+  Vector interpolated_multipliers(const Guard& guard);  // at the samples, on a cubic
   double resolution_error();
   double resolution_error(const Guard& guard);
-  Numbers monitored_multipliers(const Guard& guard);  // at the samples, points of steps
+  Vector monitored_multipliers(const Guard& guard);  // at the samples, points of steps
   double longest_step(const Guard& guard, const Point& p) const;
   std::vector<double> samples(int i);  // fractions of the step at which a guard is sampled
   double negative_fraction(int i);     // a fraction at which a guard is negative; 0: it stays positive
@@ -170,9 +170,9 @@ class GuardMonitor {
   bool referenced_ = false;    // are references set?
   int intervals_ = 4;          // between samples of a step
   std::vector<int> rows_;      // of switches
-  Numbers G_;                  // entries by rows
+  Vector G_;                   // entries by rows
   const AcceptedStep* step_ = nullptr;
-  const PartialStep* shorter_ = nullptr;
+  const PartialStep* partial_step_ = nullptr;
   std::list<Point> known_;
   std::vector<Point> interpolated_;  // at the samples
 };

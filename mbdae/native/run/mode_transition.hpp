@@ -39,7 +39,7 @@ class ModeTransition {
   void update_rates();                       // G v + g_t for other velocities
   double rest_speed(int row) const { return modes_.mode_rounding * speed_ * limits_.row_scales[row]; }
   const double* row(int k) const { return &G_[static_cast<size_t>(k) * s_.nv]; }
-  Numbers root(int k) const { return Numbers(&Z_[static_cast<size_t>(k) * s_.nv], &Z_[static_cast<size_t>(k + 1) * s_.nv]); }
+  Vector root(int k) const { return Vector(&Z_[static_cast<size_t>(k) * s_.nv], &Z_[static_cast<size_t>(k + 1) * s_.nv]); }
   double gap_limit(const Switch& x) const { return limits_.solution_rounding * limits_.row_scales[x.rows[0]]; }
   bool in_contact(int i) const;
   bool in_tooth(const Switch& x) const;
@@ -69,29 +69,29 @@ class ModeTransition {
   Index2System& s_;
   const Modes& modes_;
   const Tolerances& limits_;
-  Numbers G_, Z_, g_, g_t_, rate_, gamma_;  // (ng, nv) twice, (ng,) of all rows
+  Vector G_, Z_, g_, g_t_, rate_, gamma_;  // (ng, nv) twice, (ng,) of all rows
   double t_ = 0, speed_ = 0;                // the largest speed, and the characteristic rate
   const double* y_ = nullptr;
   Mode mode_;
   bool entered_ = false;               // is the workspace in another mode than that of the run?
   std::vector<int> separating_;
-  Numbers F_, lam_before_;             // (ny,), (ng,) y' and lam in the mode before
+  Vector F_, lam_before_;             // (ny,), (ng,) y' and lam in the mode before
   double force_rounding_ = 0;          // of multipliers
-  Numbers lam_, acceleration_, scale_;  // (ng,) of the candidates, see `_ActiveSet` in Python
+  Vector lam_, acceleration_, scale_;  // (ng,) of the candidates, see `_ActiveSet` in Python
   double largest_ = 0;                  // multiplier
 };
 
 // The point after an event, in the mode after it, with its carry; y' and lam there, (ny,) and (nz,).
 struct NextMode {
   State state;
-  Numbers F, z;
+  Vector F, z;
   Transition transition;
 };
 
 // Enter the mode after an event at y (length,), where these guards are zero; `immediate`: at the start of a step, so that
 // contacts among them would open for less than the rounding of their gaps, and rest. `check` may reject the mode. Nothing
 // has changed after a FallBackToPython.
-NextMode enter_next_mode(Index2System& s, Modes& modes, GuardMonitor& monitor, bool project, double t, const Numbers& y,
+NextMode enter_next_mode(Index2System& s, Modes& modes, GuardMonitor& monitor, bool project, double t, const Vector& y,
                          const std::vector<int>& fired, bool immediate = false,
                          const std::function<void(const NextMode&)>& check = nullptr);
 

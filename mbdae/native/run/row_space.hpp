@@ -8,22 +8,22 @@ namespace mbdae {
 class RowSpace {
  public:
   // Z (ng, nv): rows of G M^-1/2, of which `rows` may be dependent.
-  RowSpace(const Index2System& s, const Numbers& Z, const std::vector<int>& rows);
+  RowSpace(const Index2System& s, const Vector& Z, const std::vector<int>& rows);
 
   size_t rank() const { return pivots_.size(); }
-  void project_out(Numbers& x) const;  // x (nv,): its part orthogonal to the rows
+  void project_out(Vector& x) const;  // x (nv,): its part orthogonal to the rows
   // The x of minimum norm with Z x = rates (ng,) for these rows; the rates are consistent.
-  Numbers minimum_norm_correction(const Numbers& rates) const;
+  Vector minimum_norm_correction(const Vector& rates) const;
   // Coefficients (ng,) of the rows that add up to x, of minimum norm in characteristic lengths.
-  Numbers multipliers(const Numbers& x) const;
+  Vector multipliers(const Vector& x) const;
 
  private:
   const Index2System& s_;
-  const Numbers& Z_;
+  const Vector& Z_;
   const std::vector<int> rows_;
-  std::vector<int> pivots_;       // independent rows
-  std::vector<Numbers> basis_;    // orthonormal, (nv,) each
-  std::vector<Numbers> factors_;  // of the pivots by this basis
+  std::vector<int> pivots_;      // independent rows
+  std::vector<Vector> basis_;    // orthonormal, (nv,) each
+  std::vector<Vector> factors_;  // of the pivots by this basis
 };
 
 }  // namespace mbdae

@@ -73,7 +73,7 @@ double SignalValue::at(PointValues& values, double t, const double* y) const {
   }
   if (kind == Kind::torque) out = values.moment(rows);
   if (kind == Kind::g || kind == Kind::Gv) {
-    const Numbers& of = kind == Kind::g ? values.gaps() : values.rates();
+    const Vector& of = kind == Kind::g ? values.gaps() : values.rates();
     out = largest(of.data(), static_cast<int>(of.size()));
   }
   if (kind == Kind::kinetic || kind == Kind::energy) out += values.energy().kinetic;

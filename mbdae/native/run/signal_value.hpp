@@ -22,10 +22,10 @@ class PointValues {
   }
 
   void set_point(double t, const double* y);
-  const Numbers& F() { return evaluate_hidden(), F_; }            // (ny,) y'
-  const Numbers& lam() { return evaluate_hidden(), z_; }  // (ng,) of the hidden constraint; friction of inactive rows
-  const Numbers& gaps() { return evaluate_residuals(), g_; }      // (ng,) g
-  const Numbers& rates() { return evaluate_residuals(), rate_; }  // (ng,) G v + g_t
+  const Vector& F() { return evaluate_hidden(), F_; }    // (ny,) y'
+  const Vector& lam() { return evaluate_hidden(), z_; }  // (ng,) of the hidden constraint; friction of inactive rows
+  const Vector& gaps() { return evaluate_residuals(), g_; }      // (ng,) g
+  const Vector& rates() { return evaluate_residuals(), rate_; }  // (ng,) G v + g_t
   const Energy& energy() { return evaluate_residuals(), energy_; }
   double moment(const std::vector<int>& rows);  // of lam on the body of the second frame, at its origin
 
@@ -37,7 +37,7 @@ class PointValues {
   Configuration* const other_;
   bool exchanged_ = false;
   double t_ = NAN;
-  Numbers y_, F_, z_, g_, rate_;
+  Vector y_, F_, z_, g_, rate_;
   Energy energy_{};
   bool hidden_current_ = false, residuals_current_ = false;
 };

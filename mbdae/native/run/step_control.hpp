@@ -31,7 +31,7 @@ struct StepMemory {
 struct StepControl : StepMemory {
   double largest = 0;  // s
   double rtol = 0;
-  Numbers atol;                            // (1,) or (measured,)
+  Vector atol;                             // (1,) or (measured,)
   double tiny = 0;                         // keeps scales positive if both tolerances are zero
   double companion = 0, blend = 1;         // weight of the second of two error estimates, and how they are blended
   double power = 1;                        // of h in the error estimate

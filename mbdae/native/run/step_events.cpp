@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "run/mode_transition.hpp"
-#include "run/shorter_steps.hpp"
+#include "run/partial_steps.hpp"
 
 namespace mbdae {
 
@@ -13,8 +13,8 @@ void TimeLoop::detect_events(Proposal& p) {
   // the input of `update_independent_rows` at the end, to the last bit
   const bool near = s_.point.is_current(next_.y.data()) && !s_.point.is_exactly_current(next_.y.data());
   PointValues values(s_, near ? &other_configuration_ : nullptr);
-  ShorterSteps steps(*this, h);
-  auto shorter = [&](double theta) {
+  PartialSteps steps(*this, h);
+  auto partial_step = [&](double theta) {
     values.exchange();
     return steps.take(theta);
   };
@@ -22,7 +22,7 @@ void TimeLoop::detect_events(Proposal& p) {
     return x.carry.empty() ? nullptr : x.carry.data() + (s_.carried() - (s_.ny - s_.nv));
   };
   const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), carried(run_.state), carried(next_)};
-  detected_ = mbdae::detect_events(s_, values, run_.events, taken, shorter);
+  detected_ = mbdae::detect_events(s_, values, run_.events, taken, partial_step);
   if (detected_.stop >= 0) {
     const bool monitored =
         run_.monitored && std::sqrt(least) < run_.monitor.monitored_ratio * run_.monitor.largest_ratio;
@@ -38,11 +38,11 @@ bool TimeLoop::detect_transition(Proposal& p, std::vector<int>& fired) {
   const double t = run_.interval.t, h = p.t_next - t, least = s_.rows.least_pivot_ratio;
   const Modes& modes = run_.modes;
   const IndependentRows::Freeze freeze(s_.rows);
-  ShorterSteps steps(*this, h);
+  PartialSteps steps(*this, h);
   const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), nullptr, nullptr};
   double theta = 1;
-  const PartialStep shorter = [&](double x) { return steps.take(x); };
-  const double error = guards_.begin_step(taken, shorter, !run_.adaptive);
+  const PartialStep partial_step = [&](double x) { return steps.take(x); };
+  const double error = guards_.begin_step(taken, partial_step, !run_.adaptive);
   if (error > 0 && run_.adaptive) {
     const double factor = std::max(modes.shrink, modes.safety * std::pow(error, -1.0 / 4));
     run_.control.h = std::min(run_.control.h, std::max(modes.shortest, h * factor)), run_.control.uncut_size = 0;
@@ -103,9 +103,9 @@ bool TimeLoop::is_near_singular(const NextMode& next, double largest) {
   if (!run_.adaptive) return here < monitor.adjacent_ratio * largest;
   if (!(here < monitor.monitored_ratio * largest)) return false;
   double before = INFINITY;
-  Numbers earlier(s_.length);
+  Vector earlier(s_.length);
   for (double h = run_.control.h; std::fabs(before - here) > monitor.max_change * here;) {
-    Numbers move(next.F);
+    Vector move(next.F);
     h /= 2;
     for (double& x : move) x *= -h;
     s_.add(y, move.data(), earlier.data());
@@ -131,12 +131,12 @@ void TimeLoop::resolve_transition(const std::vector<int>& fired, double t, bool 
   changes_mode_ = true;
 }
 
-void TimeLoop::begin_interval(const Numbers& z) {
+void TimeLoop::begin_interval(const Vector& z) {
   z_ = z;
   run_.steps.after_jumps.push_back(static_cast<long>(run_.steps.t.size()));
   record();
   run_.monitor.last_ratio = INFINITY;
-  if (run_.adaptive || run_.project) s_.size(run_.state.y.data(), size0_.data());
+  if (run_.adaptive || run_.project) s_.component_magnitudes(run_.state.y.data(), size0_.data());
 }
 
 void TimeLoop::apply_transition() {
@@ -156,7 +156,7 @@ bool TimeLoop::apply_jump() {
   SmoothInterval interval = run_.interval;
   State& next = next_;
   next = State(), next.y = run_.state.y;
-  Numbers F(s_.ny), z(s_.nz);
+  Vector F(s_.ny), z(s_.nz);
   const long node = static_cast<long>(run_.steps.t.size());
   try {
     if (!jumps.next_interval(s_.samplers, t, interval)) return false;

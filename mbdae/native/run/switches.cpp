@@ -24,17 +24,18 @@ double Switch::depth(double x) const {
 
 void set_mode(Index2System& s, const std::vector<Switch>& switches, const Mode& mode) {
   std::vector<bool> off(s.ng, false);
-  bool sticks = false;
+  bool has_sticking_joints = false;
   for (size_t i = 0; i < switches.size(); ++i) {
     const Switch& x = switches[i];
     for (size_t k = x.active_rows(mode[i]); k < x.rows.size(); ++k) off[x.rows[k]] = true;
     if (x.frictional()) s.friction.set_active(x.interface, mode[i] == sliding);
     if (x.kind != Switch::Kind::stiction) continue;
-    sticks |= mode[i] == active;
+    has_sticking_joints |= mode[i] == active;
     const double torque = x.friction * (mode[i] == slips_ahead ? 1 : mode[i] == slips_back ? -1 : 0);
-    s.set_law_number(x.law, x.column, torque), s.joint_friction[x.rows[0]] = -torque;
+    *s.law_parameter(x.law, x.column) = torque, s.last_stage.t = NAN;
+    s.joint_friction[x.rows[0]] = -torque;
   }
-  s.deactivate_rows(std::move(off), sticks);
+  s.deactivate_rows(std::move(off), has_sticking_joints);
 }
 
 void enter_mode(Index2System& s, const std::vector<Switch>& switches, const Mode& mode, const double* y,

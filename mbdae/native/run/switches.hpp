@@ -25,7 +25,7 @@ struct Switch {
   int interface = -1;         // of the friction of a closure; -1: none
   int law = -1, column = -1;  // of the torque of a slipping joint, and its velocity; of the joint of a range
   std::vector<int> positions;  // coordinates in q of a ratchet or of a range, and their factors
-  Numbers factors;
+  Vector factors;
   double pitch = 0, tooth = 0;                     // of a ratchet
   std::vector<std::pair<double, double>> windows;  // of a range
   double period = 0, shortest = 0;  // of the windows, 0: none; the shortest interval inside or between them
@@ -65,7 +65,7 @@ class ModeSettings {
   const int rank_;
   const double floor_;
   const bool frozen_;
-  Numbers directions_;
+  Vector directions_;
 };
 
 }  // namespace mbdae

@@ -74,10 +74,10 @@ bool TimeLoop::shorten(double h) {
   return true;
 }
 
-double TimeLoop::move_norm(const Numbers& move) const {
+double TimeLoop::move_norm(const Vector& move) const {
   if (run_.adaptive) return error_norm(move.data(), 1, 0);
-  Numbers magnitude(size1_);
-  add_magnitude(s_, next_.y.data(), magnitude.data());
+  Vector magnitude(size1_);
+  add_characteristic_magnitudes(s_, next_.y.data(), magnitude.data());
   return largest_move(move, magnitude, s_.controlled_components(), run_.tolerated_move, run_.tiny);
 }
 
@@ -100,12 +100,12 @@ void TimeLoop::project(double t) {
   restarted_ = false;
   project_state(s_, t, next_.y.data());
   next_.low.clear();
-  s_.size(next_.y.data(), size1_.data());  // of the next step's start, wherever `advance` is interrupted
+  s_.component_magnitudes(next_.y.data(), size1_.data());  // where `advance` may be interrupted
   s_.difference(unprojected_.data(), next_.y.data(), move_.data());
   const double moved = move_norm(move_);
   if (undoes_step(t - run_.interval.t, moved)) throw FallBackToPython();
   if (!method_.carries || moved <= 1) return;
-  Numbers F(s_.ny), z(s_.ng);  // the carry restarts
+  Vector F(s_.ny), z(s_.ng);  // the carry restarts
   s_.derivative(t, next_.y.data(), F.data(), z.data());
   next_.carry = s_.carry(F), next_.memory.reset(), restarted_ = true;
 }
@@ -137,7 +137,7 @@ bool TimeLoop::attempt() {
     } catch (const StepTooLong&) {
       return run_.adaptive && shorten(p.h);
     }
-    if (run_.adaptive || run_.project) s_.size(next_.y.data(), size1_.data());
+    if (run_.adaptive || run_.project) s_.component_magnitudes(next_.y.data(), size1_.data());
     if (!accept(p.h)) {
       ++run_.rejected;
       return true;
@@ -169,7 +169,7 @@ void TimeLoop::advance() {
   using Clock = std::chrono::steady_clock;
   const auto started = Clock::now();
   SingularityMonitor& monitor = run_.monitor;
-  if (run_.adaptive || run_.project) s_.size(run_.state.y.data(), size0_.data());
+  if (run_.adaptive || run_.project) s_.component_magnitudes(run_.state.y.data(), size0_.data());
   while (run_.taken + run_.rejected < run_.max_steps) {
     if (run_.interval.t == run_.interval.end &&
         (!run_.jumps.in_core || std::isnan(run_.jumps.restart) || !apply_jump()))

@@ -43,10 +43,10 @@ struct SingularityMonitor {
 
 // The nodes of n steps and jumps.
 struct Steps {
-  Numbers t, least_pivot_ratio;                            // (n,); smallest ratio of pivots in the step to each node
-  Numbers y, z;                                            // (n, length), (n, nz) by rows
+  Vector t, least_pivot_ratio;                             // (n,); smallest ratio of pivots in the step to each node
+  Vector y, z;                                             // (n, length), (n, nz) by rows
   std::vector<std::pair<long, std::vector<int>>> changes;  // nodes at which rows came into use, and these rows
-  Numbers carry;                                           // (k, nc) by rows: carry from the first k nodes
+  Vector carry;                                            // (k, nc) by rows: carry from the first k nodes
   std::vector<long> restarted;                             // nodes at which it was recomputed
   std::vector<long> after_jumps;                           // nodes where no step ends
 };
@@ -84,7 +84,7 @@ struct Run {
 class Method {
  public:
   virtual ~Method() = default;
-  virtual void take(bool controlled, double t, double h, const State& in, State& out, double* z, Numbers& errors) = 0;
+  virtual void take(bool controlled, double t, double h, const State& in, State& out, double* z, Vector& errors) = 0;
 
   const int errors;    // error estimates of a controlled step
   const double noise;  // rounding of v by which they exceed eps |v|
@@ -98,7 +98,7 @@ class HalfExplicitMethod final : public Method {
  public:
   HalfExplicitMethod(HalfExplicitStep& step, const Tableau& a)
       : Method(a.doubling_order ? 1 : a.errors, a.noise, a.explicit_first), step_(step), a_(a) {}
-  void take(bool controlled, double t, double h, const State& in, State& out, double* z, Numbers& errors) override {
+  void take(bool controlled, double t, double h, const State& in, State& out, double* z, Vector& errors) override {
     controlled ? step_.controlled(a_, t, h, in, out, z, errors) : step_.take(a_, t, h, in, out, z, errors);
   }
 
@@ -110,7 +110,7 @@ class HalfExplicitMethod final : public Method {
 class CollocationMethod final : public Method {
  public:
   CollocationMethod(CollocationStep& step, const Radau& a) : Method(a.errors, 0, true), step_(step), a_(a) {}
-  void take(bool controlled, double t, double h, const State& in, State& out, double* z, Numbers& errors) override {
+  void take(bool controlled, double t, double h, const State& in, State& out, double* z, Vector& errors) override {
     step_.take(a_, controlled, t, h, in, out, z, errors);
   }
 
@@ -124,7 +124,7 @@ template <class Step, class Coefficients>
 class FixedStepMethod final : public Method {
  public:
   FixedStepMethod(Step& step, const Coefficients& a, bool carries) : Method(0, 0, carries), step_(step), a_(a) {}
-  void take(bool, double t, double h, const State& in, State& out, double* z, Numbers& errors) override {
+  void take(bool, double t, double h, const State& in, State& out, double* z, Vector& errors) override {
     errors.clear(), step_.take(a_, t, h, in, out, z);
   }
 
@@ -144,9 +144,9 @@ class TimeLoop {
   bool accept(double h);   // is it accepted?
   bool shorten(double h);  // after a step that was too long; false where a shorter one is too short
   void project(double t);  // its end
-  double move_norm(const Numbers& move) const;  // of the projected end of a step, in tolerances
+  double move_norm(const Vector& move) const;  // of the projected end of a step, in tolerances
   bool undoes_step(double h, double moved);  // did the projection, by this norm, undo the step?
-  class ShorterSteps;
+  class PartialSteps;
   void detect_events(Proposal& p);  // on the step just taken, which is cut where an event ends the run
   // The guards that end the mode in it, where it is cut. False if the step does not resolve its multipliers.
   bool detect_transition(Proposal& p, std::vector<int>& fired);
@@ -157,7 +157,7 @@ class TimeLoop {
   void resolve_transition(const std::vector<int>& fired, double t, bool immediate);  // at the end of the step
   void apply_transition();                       // the point after it is the next node
   bool apply_jump();                // the jump after an interval; false if Python must handle it
-  void begin_interval(const Numbers& z);  // at the current state, after a jump or a transition
+  void begin_interval(const Vector& z);  // at the current state, after a jump or a transition
   void record();                    // record the state
   bool ends_singular();  // does a fixed step end in a singular configuration although another step is possible?
   double error_norm(const double* e, int errors, double noise) const;
@@ -166,7 +166,7 @@ class TimeLoop {
   Index2System& s_;
   Run& run_;
   State next_;
-  Numbers unprojected_, move_, partial_move_;  // (length,) next_.y before its projection; (ny,) twice
+  Vector unprojected_, move_, partial_move_;  // (length,) next_.y before its projection; (ny,) twice
   bool restarted_ = false;  // its carry was recomputed
   DetectedEvents detected_;          // on the accepted step
   GuardMonitor guards_;
@@ -175,9 +175,9 @@ class TimeLoop {
   double next_mode_ratio_ = 0;  // the largest pivot ratio to count with in the next mode
   bool changes_mode_ = false;  // is there one?
   int immediate_ = 0;          // events since the last step
-  Numbers errors_;         // (errors, ny)
-  Numbers size0_, size1_;  // (ny,) magnitudes at the start and the end of a step
-  Numbers z_;              // (nz,) multipliers of the method
+  Vector errors_;              // (errors, ny)
+  Vector size0_, size1_;       // (ny,) magnitudes at the start and the end of a step
+  Vector z_;                   // (nz,) multipliers of the method
   Configuration other_configuration_;  // storage for that of the run during event location
 };
 

@@ -35,7 +35,7 @@ void ExportedMechanism::evaluate() {
   current_ = true;
 }
 
-const Numbers& ExportedMechanism::rate() {
+const Vector& ExportedMechanism::rate() {
   evaluate();
   return rate_;
 }
@@ -96,7 +96,7 @@ double ExportedMechanism::output_partial(const SignalValue& signal, const LocalC
       return p.lam[signal.rows[0] * wide + c];
     case Kind::force: {
       require_determinate(signal.rows);
-      const Numbers& lam = s.multipliers();
+      const Vector& lam = s.multipliers();
       double size = 0, along = 0;
       bool acts = false;
       for (int k : signal.rows) {

@@ -86,7 +86,7 @@ void ExportedMechanism::build() {
   s.tree.expand(&expanded_model_), s.samplers = std::move(samplers);
   check_and_complete_interfaces(interfaces, s.constraints.rows);
   const auto active = part<std::vector<int>>(now, "friction_active");
-  friction_active_.assign(active.begin(), active.end()), slip_directions_ = part<Numbers>(now, "slip_directions");
+  friction_active_.assign(active.begin(), active.end()), slip_directions_ = part<Vector>(now, "slip_directions");
   if (active.size() != interfaces.size() || slip_directions_.size() != 2 * interfaces.size())
     reject("closure friction needs one state and two slip directions for each interface");
   s.friction.use(std::move(interfaces), friction_active_.data(), slip_directions_.data());
@@ -153,7 +153,7 @@ void ExportedMechanism::begin_interval(double t1, bool jumped, bool samples) {
   SmoothInterval& interval = run_.interval;
   interval.t1 = t1;
   if (jumped) {
-    Numbers F(s.ny), z(s.ng);
+    Vector F(s.ny), z(s.ng);
     State next;
     next.y = y();
     if (samples) s.apply_jumps(time(), next.y.data(), time() == run_.grid.t0 ? run_.jumps.late() : INFINITY);
@@ -192,7 +192,7 @@ void ExportedMechanism::advance(double t, const AfterStep& after_step, bool stop
   for (bool stopped = false; time() != t && !stopped;) {
     run_.steps = Steps(), run_.taken = run_.rejected = 0, run_.needs_python = run_.monitor.suspicious = false;
     const double before = time();
-    const Numbers start = stop_at_impacts ? y() : Numbers();
+    const Vector start = stop_at_impacts ? y() : Vector();
     Modes& modes = run_.modes;
     modes.transitions.clear(), modes.undecided = false;
     TimeLoop(method, system(), run_).advance();
@@ -203,7 +203,7 @@ void ExportedMechanism::advance(double t, const AfterStep& after_step, bool stop
     if (stop_at_impacts && !modes.transitions.empty() && modes.transitions.back().impact) {
       const size_t node = modes.transitions.back().node;  // without one before it: at the start of the step
       const double* end = &run_.steps.y[node * system().length];
-      after_impact_ = run_.state, y() = node ? Numbers(end - system().length, end) : start, stopped = true;
+      after_impact_ = run_.state, y() = node ? Vector(end - system().length, end) : start, stopped = true;
     }
     stopped = (after_step && after_step(time(), time() == t)) || stopped;
   }

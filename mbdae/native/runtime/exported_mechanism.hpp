@@ -22,7 +22,7 @@ struct InputData {
   FIELDS(value, linear, by_rate)
 };
 
-// What a number of the mechanism depends on: its place, and its derivative by the parameter.
+// What a number of the mechanism depends on: its place, and its derivative with respect to the parameter.
 struct ParameterEffect {
   std::vector<std::string> path;
   double by = 0;
@@ -39,7 +39,7 @@ struct ParameterData {
 
 struct StartData {  // a point, and its rows in use, see `Index2System::use_rows`
   double t = 0, floor = 0;
-  Numbers y;
+  Vector y;
   std::vector<int> rows;
 
   FIELDS(t, floor, y, rows)
@@ -75,28 +75,28 @@ class ExportedMechanism {
   // The equation x' = F(t, x, u) in local coordinates. A mode with fewer degrees of freedom than there are states has
   // fewer coordinates: the other states are zero.
   int states() const { return states_; }
-  const Numbers& x() const { return x_; }
-  const Numbers& rate();
+  const Vector& x() const { return x_; }
+  const Vector& rate();
   void set_time(double t) { run_.interval.t = t, current_ = false; }
   void set_x(const double* x) { x_.assign(x, x + states_), current_ = false; }
   double margin();    // in the range of the coordinates
   double restart_margin() const { return limits_.restart_margin; }  // below which others are due
   void restart();     // in new coordinates, with their origin at x
   struct Derivatives {
-    Numbers rates, outputs;  // (states, states + inputs), (outputs, states + inputs)
+    Vector rates, outputs;  // (states, states + inputs), (outputs, states + inputs)
   };
   const Derivatives& derivatives();
 
   // Guards of the mode (mbdae/native/run/mode_guards.hpp), positive as long as it lasts, each at a place of its switch; 1
   // where a mode has none.
   size_t indicators() const;
-  Numbers indicator_values();
+  Vector indicator_values();
   bool complete_step();  // of a solver, to the present state; whether an event is due
   bool update_mode();    // where guards are not positive: impacts, and the next mode; whether there were any
   double next_event() const;  // s: when a solver stops; inf: never
 
-  Numbers state();  // all of it; from now on, this continues as a mechanism with this state
-  void set_state(const Numbers& state);
+  Vector state();  // all of it; from now on, this continues as a mechanism with this state
+  void set_state(const Vector& state);
 
  private:
   struct Setting {
@@ -104,25 +104,25 @@ class ExportedMechanism {
   };
   struct ModeData {
     std::vector<Switch> switches;
-    Numbers guards;  // (guards, 4) size, level, return time and unit at the start
+    Vector guards;  // (guards, 4) size, level, return time and unit at the start
 
     FIELDS(switches, guards)
   };
-  Numbers guards() const;
-  void set_guards(const Numbers& guards);  // of the mode
+  Vector guards() const;
+  void set_guards(const Vector& guards);  // of the mode
   void build();
   void clear_core();
   [[noreturn]] void fail(const char* what) const;
   void use_inputs();
   bool apply_inputs(double t1);  // from now on until t1; whether one jumps
   void begin_interval(double t1, bool jumped, bool samples);
-  Numbers& y() { return run_.state.y; }
+  Vector& y() { return run_.state.y; }
   void evaluate();  // y and x' at (t, x)
   void begin_coordinates();  // with their origin at y
   GuardMonitor::Values guard_values(const double* at, bool advances);
-  void end_flights(const std::vector<int>& fired, Numbers& at);
+  void end_flights(const std::vector<int>& fired, Vector& at);
   // Move back to the first of the guards that are negative; return those that are zero there.
-  std::vector<int> correct_overshoot(Numbers& at);
+  std::vector<int> correct_overshoot(Vector& at);
   void require_determinate(const std::vector<int>& rows);
   double output_partial(const SignalValue& signal, const LocalCoordinates::Partials& p, size_t column, size_t wide);
   Index2System& system() { return core_->system; }
@@ -132,20 +132,20 @@ class ExportedMechanism {
   TreeModel model_, expanded_model_;
   std::unique_ptr<Core> core_;
   std::vector<std::uint8_t> friction_active_;
-  Numbers slip_directions_;
+  Vector slip_directions_;
   Tableau tableau_;
   Run run_, fresh_run_;
   State after_impact_;
   ModeData modes_;
   StartData start_;
   CoordinateLimits limits_;
-  Numbers values_, wanted_;  // of parameters; of linear inputs at the end of the next step, nan: unchanged
+  Vector values_, wanted_;  // of parameters; of linear inputs at the end of the next step, nan: unchanged
   std::vector<Setting> settings_;
   bool jumped_ = false, by_steps_ = true, current_ = false, derivatives_current_ = false;
   std::optional<Configuration> other_;
   std::optional<GuardMonitor> monitor_;
   std::unique_ptr<LocalCoordinates> coordinates_;
-  Numbers origin_, x_, rate_;
+  Vector origin_, x_, rate_;
   double origin_t_ = 0;
   int states_ = 0, dependent_ = 0;  // dependent rows in the mode of the start
   std::vector<int> indeterminate_;  // rows whose multipliers are not unique

@@ -36,10 +36,10 @@ double ExportedMechanism::next_event() const {
   return out;
 }
 
-Numbers ExportedMechanism::indicator_values() {
+Vector ExportedMechanism::indicator_values() {
   evaluate();
   const GuardMonitor::Values now = guard_values(y().data(), false);
-  Numbers out(indicators(), 1.0);
+  Vector out(indicators(), 1.0);
   std::vector<int> at;
   int next = 0;
   for (const Switch& x : modes_.switches) at.push_back(next), next += guards_of_switch(x);
@@ -60,7 +60,7 @@ bool ExportedMechanism::complete_step() {
 
 // A solver that has located the zero to rounding keeps its state. Others have overshot it, with a velocity that the
 // mode after the event does not have, or through a contact.
-std::vector<int> ExportedMechanism::correct_overshoot(Numbers& at) {
+std::vector<int> ExportedMechanism::correct_overshoot(Vector& at) {
   GuardMonitor::Values now = guard_values(at.data(), false);
   std::vector<int> out;
   int first = -1;
@@ -71,9 +71,9 @@ std::vector<int> ExportedMechanism::correct_overshoot(Numbers& at) {
     if (f < -now.tolerances[i] && rate < 0 && f / rate > back) first = static_cast<int>(i), back = f / rate;
   }
   if (first < 0) return out;
-  const Numbers end(at), F(coordinates_->F());
+  const Vector end(at), F(coordinates_->F());
   for (int k = 0; k < limits_.iterations; ++k) {
-    Numbers move(F);
+    Vector move(F);
     for (double& x : move) x *= -back;
     system().add(end.data(), move.data(), at.data());
     project_state(system(), time(), at.data());
@@ -87,7 +87,7 @@ std::vector<int> ExportedMechanism::correct_overshoot(Numbers& at) {
 
 // A contact whose gap is negative while it separates: the flight is below the resolution of the solver, and rest
 // replaces it.
-void ExportedMechanism::end_flights(const std::vector<int>& fired, Numbers& at) {
+void ExportedMechanism::end_flights(const std::vector<int>& fired, Vector& at) {
   const Modes& modes = run_.modes;
   const GuardMonitor::Values now = guard_values(at.data(), false);
   Mode closed(modes.mode);
@@ -102,7 +102,7 @@ void ExportedMechanism::end_flights(const std::vector<int>& fired, Numbers& at) 
 bool ExportedMechanism::update_mode() {
   evaluate();
   try {
-    Numbers at(y());
+    Vector at(y());
     const std::vector<int> fired = correct_overshoot(at);
     if (fired.empty()) return false;
     end_flights(fired, at);

@@ -27,7 +27,7 @@ void* instantiate(const char* token, const char* folder, bool exchange, void* en
   }
 }
 
-// Entries of derivatives of unknowns by knowns, added up by `add(unknown, known, entry)`.
+// Entries of derivatives of unknowns with respect to knowns, added up by `add(unknown, known, entry)`.
 template <class Add>
 void for_derivatives(ExportedMechanism& m, References unknowns, size_t rows, References knowns, size_t columns, Add&& add) {
   const ExportedMechanism::Derivatives& d = m.derivatives();
@@ -36,7 +36,7 @@ void for_derivatives(ExportedMechanism& m, References unknowns, size_t rows, Ref
     const Variable of = variable(m, unknowns[i]);
     if (of.kind != Variable::output && of.kind != Variable::rate)
       throw std::invalid_argument("unknowns of derivatives must be outputs or derivatives of states");
-    const Numbers& entries = of.kind == Variable::output ? d.outputs : d.rates;
+    const Vector& entries = of.kind == Variable::output ? d.outputs : d.rates;
     for (size_t j = 0; j < columns; ++j) {
       const Variable by = variable(m, knowns[j]);
       if (by.kind != Variable::state && by.kind != Variable::input)
@@ -106,7 +106,7 @@ FMI3 Status fmi3SetFloat64(void* instance, References references, size_t n, cons
           throw std::invalid_argument("parameters must be set before the end of the initialization");
         x.mechanism.set_parameter(to.i, values[i]);
       } else if (to.kind == Variable::state && x.mechanism.started()) {
-        Numbers now = x.mechanism.x();
+        Vector now = x.mechanism.x();
         now[to.i] = values[i], x.mechanism.set_x(now.data());
       } else {
         throw std::invalid_argument("only inputs, parameters, and after the initialization states can be set");
@@ -185,7 +185,7 @@ FMI3 Status fmi3GetNominalsOfContinuousStates(void* instance, double* values, si
 FMI3 Status fmi3GetEventIndicators(void* instance, double* values, size_t n) {
   return attempt(instance, [&](Instance& x) {
     if (n != x.mechanism.indicators()) throw std::invalid_argument("values must be as many as event indicators");
-    const Numbers now = x.mechanism.indicator_values();
+    const Vector now = x.mechanism.indicator_values();
     std::copy(now.begin(), now.end(), values);
   });
 }
@@ -216,24 +216,24 @@ FMI3 Status fmi3GetAdjointDerivative(void* instance, References unknowns, size_t
 FMI3 Status fmi3GetFMUState(void* instance, void** state) {
   return attempt(instance, [&](Instance& x) {
     begin(x);
-    Numbers found = x.mechanism.state();
-    if (!*state) *state = new Numbers();
-    *static_cast<Numbers*>(*state) = std::move(found);
+    Vector found = x.mechanism.state();
+    if (!*state) *state = new Vector();
+    *static_cast<Vector*>(*state) = std::move(found);
   });
 }
 FMI3 Status fmi3SetFMUState(void* instance, void* state) {
-  return attempt(instance, [&](Instance& x) { x.mechanism.set_state(*static_cast<Numbers*>(state)); });
+  return attempt(instance, [&](Instance& x) { x.mechanism.set_state(*static_cast<Vector*>(state)); });
 }
 FMI3 Status fmi3FreeFMUState(void*, void** state) {
-  if (state) delete static_cast<Numbers*>(*state), *state = nullptr;
+  if (state) delete static_cast<Vector*>(*state), *state = nullptr;
   return ok;
 }
 FMI3 Status fmi3SerializedFMUStateSize(void*, void* state, size_t* size) {
-  return *size = sizeof(double) * static_cast<Numbers*>(state)->size(), ok;
+  return *size = sizeof(double) * static_cast<Vector*>(state)->size(), ok;
 }
 FMI3 Status fmi3SerializeFMUState(void* instance, void* state, std::uint8_t* bytes, size_t size) {
   return attempt(instance, [&](Instance&) {
-    const auto& numbers = *static_cast<Numbers*>(state);
+    const auto& numbers = *static_cast<Vector*>(state);
     if (size < sizeof(double) * numbers.size()) throw std::invalid_argument("too few bytes for the state");
     std::memcpy(bytes, numbers.data(), sizeof(double) * numbers.size());
   });
@@ -241,7 +241,7 @@ FMI3 Status fmi3SerializeFMUState(void* instance, void* state, std::uint8_t* byt
 FMI3 Status fmi3DeserializeFMUState(void* instance, const std::uint8_t* bytes, size_t size, void** state) {
   return attempt(instance, [&](Instance&) {
     if (size % sizeof(double)) throw std::invalid_argument("the state is not one of this mechanism");
-    auto* numbers = new Numbers(size / sizeof(double));
+    auto* numbers = new Vector(size / sizeof(double));
     std::memcpy(numbers->data(), bytes, size), *state = numbers;
   });
 }

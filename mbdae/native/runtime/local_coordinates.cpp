@@ -10,19 +10,19 @@ namespace mbdae {
 namespace {
 
 // Orthonormal basis of some rows (n, nv), a row each, by Gram-Schmidt with pivoting; `rest` complements it.
-void row_and_null_space(const Numbers& rows, size_t nv, double truncation, Numbers& basis, Numbers& rest) {
+void row_and_null_space(const Vector& rows, size_t nv, double truncation, Vector& basis, Vector& rest) {
   basis.clear(), rest.clear();
-  const auto reduce = [&](Numbers& x) {  // twice: orthogonal to rounding
+  const auto reduce = [&](Vector& x) {  // twice: orthogonal to rounding
     for (int pass = 0; pass < 2; ++pass)
-      for (const Numbers* of : {&basis, &rest})
+      for (const Vector* of : {&basis, &rest})
         for (size_t at = 0; at < of->size(); at += nv) {
           const double along = mbdae::dot(&(*of)[at], x.data(), static_cast<int>(nv));
           for (size_t i = 0; i < nv; ++i) x[i] -= along * (*of)[at + i];
         }
     return norm(x.data(), static_cast<int>(nv));
   };
-  const auto complete = [&](const Numbers& from, Numbers& to, double least) {  // by the largest remainders
-    std::vector<Numbers> left;
+  const auto complete = [&](const Vector& from, Vector& to, double least) {  // by the largest remainders
+    std::vector<Vector> left;
     for (size_t at = 0; at < from.size(); at += nv) left.emplace_back(from.begin() + at, from.begin() + at + nv);
     double first = 0;
     while (!left.empty()) {
@@ -39,20 +39,20 @@ void row_and_null_space(const Numbers& rows, size_t nv, double truncation, Numbe
     }
   };
   complete(rows, basis, truncation);
-  Numbers unit(nv * nv, 0.0);
+  Vector unit(nv * nv, 0.0);
   for (size_t i = 0; i < nv; ++i) unit[(nv + 1) * i] = 1;
   complete(unit, rest, 0);
 }
 
 }  // namespace
 
-Numbers solved(const Numbers& A, const Numbers& B, size_t m, size_t n) {
+Vector solved(const Vector& A, const Vector& B, size_t m, size_t n) {
   const size_t k = m ? B.size() / m : 0;
-  Numbers out(n * k, 0.0);
+  Vector out(n * k, 0.0);
   if (!n || !k) return out;
-  Numbers right(B);
+  Vector right(B);
   for (int pass = 0; pass < 2; ++pass) {
-    Numbers a(A), b(right);
+    Vector a(A), b(right);
     least_squares(static_cast<int>(m), static_cast<int>(n), a.data(), static_cast<int>(k), b.data());
     for (size_t j = 0; j < k; ++j)
       for (size_t i = 0; i < n; ++i) {
@@ -67,12 +67,12 @@ LocalCoordinates::LocalCoordinates(Index2System& s, const CoordinateLimits& limi
     : s_(s), limits_(limits), q0_(y, y + s.nq), moved_(s.nv), q_(q0_), g_(s.ng), G_(static_cast<size_t>(s.ng) * s.nv),
       y_(y, y + s.length), F_(s.ny), z_(s.ng) {
   const Tolerances& tolerances = s.tree.limits;
-  const Numbers& D = tolerances.coordinate_scales;
+  const Vector& D = tolerances.coordinate_scales;
   const size_t nv = s.nv;
   evaluate_rows(t, y);
-  Numbers all, kept, none;
+  Vector all, kept, none;
   for (int i = 0; i < s.ng; ++i) {
-    Numbers row(nv);
+    Vector row(nv);
     for (size_t j = 0; j < nv; ++j) row[j] = G_[i * nv + j] * D[j] / tolerances.row_scales[i];
     all.insert(all.end(), row.begin(), row.end());
     if (!s.constraints.rows[i].positional || is_off(i)) continue;
@@ -100,7 +100,7 @@ void LocalCoordinates::evaluate_rows(double t, const double* q) {
   s_.constraints.complete_g(t, g_.data());
 }
 
-void LocalCoordinates::displacement(const Numbers& xi, const Numbers& mu) {
+void LocalCoordinates::displacement(const Vector& xi, const Vector& mu) {
   const size_t nv = s_.nv;
   for (size_t j = 0; j < nv; ++j) {
     double x = 0;
@@ -110,11 +110,11 @@ void LocalCoordinates::displacement(const Numbers& xi, const Numbers& mu) {
   }
 }
 
-void LocalCoordinates::velocities(Numbers& columns, int n) const {
+void LocalCoordinates::velocities(Vector& columns, int n) const {
   for (int i = 0; i < n; ++i) s_.manifold.velocity(moved_.data(), &columns[static_cast<size_t>(i) * s_.nv]);
 }
 
-bool LocalCoordinates::corrected(double t, const Numbers& xi, Numbers& mu) {
+bool LocalCoordinates::corrected(double t, const Vector& xi, Vector& mu) {
   const size_t nv = s_.nv, m = positional_.size();
   const Tolerances& tolerances = s_.tree.limits;
   double size = 0, last = INFINITY;
@@ -126,14 +126,14 @@ bool LocalCoordinates::corrected(double t, const Numbers& xi, Numbers& mu) {
     for (int i : positional_) size = std::max(size, std::fabs(g_[i]) / tolerances.row_scales[i]);
     if (!(tolerances.eps < size && size < last)) break;
     last = size;
-    Numbers along(across_), A(m * r_), b;
+    Vector along(across_), A(m * r_), b;
     for (size_t i = 0; i < along.size(); ++i) along[i] *= tolerances.coordinate_scales[i % nv];
     velocities(along, r_);
     for (int j = 0; j < r_; ++j)
       for (size_t i = 0; i < m; ++i)
         A[m * j + i] = mbdae::dot(&G_[positional_[i] * nv], &along[j * nv], s_.nv) / tolerances.row_scales[positional_[i]];
     for (int i : positional_) b.push_back(g_[i] / tolerances.row_scales[i]);
-    const Numbers step = solved(A, b, m, r_);
+    const Vector step = solved(A, b, m, r_);
     if (!(mbdae::largest(step.data(), r_) <= limits_.largest_step)) return false;
     for (int i = 0; i < r_; ++i) mu[i] -= step[i];
   }
@@ -141,9 +141,9 @@ bool LocalCoordinates::corrected(double t, const Numbers& xi, Numbers& mu) {
 }
 
 void LocalCoordinates::position(double t, const double* xi) {
-  std::vector<std::pair<double, Numbers>> way{{t, Numbers(xi, xi + k_)}};
+  std::vector<std::pair<double, Vector>> way{{t, Vector(xi, xi + k_)}};
   while (!way.empty()) {
-    Numbers mu(last_mu_);
+    Vector mu(last_mu_);
     if (corrected(way.back().first, way.back().second, mu)) {
       last_t_ = way.back().first, last_xi_ = way.back().second, last_mu_ = std::move(mu), way.pop_back();
       continue;
@@ -164,7 +164,7 @@ void LocalCoordinates::state(double t, const double* x, double* y) {
   const Tolerances& tolerances = s_.tree.limits;
   if (!finite(x, size())) throw StepTooLong();
   position(t, x);
-  Numbers A(m * nv), b(m * (1 + f_), 0.0);  // v, and the velocities of unit eta
+  Vector A(m * nv), b(m * (1 + f_), 0.0);  // v, and the velocities of unit eta
   s_.constraints.evaluate_g_t(t, b.data());
   for (int i = 0; i < s_.ng; ++i) {
     b[i] = is_off(i) ? 0 : -b[i] / tolerances.row_scales[i];
@@ -174,7 +174,7 @@ void LocalCoordinates::state(double t, const double* x, double* y) {
     b[s_.ng + i] = x[k_ + i], b[m * (1 + i) + s_.ng + i] = 1;
     for (size_t j = 0; j < nv; ++j) A[m * j + s_.ng + i] = Nv_[i * nv + j] / tolerances.coordinate_scales[j];
   }
-  const Numbers v = solved(A, b, m, nv);
+  const Vector v = solved(A, b, m, nv);
   double square = 0;
   for (size_t i = nv; i < v.size(); ++i) square += std::pow(v[i] / tolerances.coordinate_scales[i % nv], 2);
   // Their singular values are 1 by the cosines between the null spaces here and at the origin: at least 1.
@@ -188,11 +188,11 @@ void LocalCoordinates::state(double t, const double* x, double* y) {
 
 void LocalCoordinates::rate(double t, const double* x, double* y, double* dx) {
   const size_t nv = s_.nv;
-  const Numbers& D = s_.tree.limits.coordinate_scales;
+  const Vector& D = s_.tree.limits.coordinate_scales;
   state(t, x, y);
   if (!(margin_ > 0)) throw StepTooLong();
   s_.derivative(t, y, F_.data(), z_.data());
-  Numbers moving(F_.begin(), F_.begin() + nv);
+  Vector moving(F_.begin(), F_.begin() + nv);
   s_.manifold.tangent(moved_.data(), moving.data());
   std::fill(dx, dx + k_ + f_, 0.0);
   for (int i = 0; i < k_; ++i)

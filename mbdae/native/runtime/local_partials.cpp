@@ -1,4 +1,4 @@
-// Exact partial derivatives of the equation in local coordinates; those of gamma by q are differences of order six.
+// Exact partial derivatives of the equation in local coordinates; dgamma/dq by differences of order six.
 #include <algorithm>
 #include <stdexcept>
 
@@ -17,31 +17,31 @@ void add_product(const double* A, size_t m, size_t n, const double* x, double* o
 
 }  // namespace
 
-Numbers LocalCoordinates::gamma(const double* q, const double* v) {
-  Numbers out(s_.ng, 0.0);
+Vector LocalCoordinates::gamma(const double* q, const double* v) {
+  Vector out(s_.ng, 0.0);
   s_.tree.poses(q), s_.tree.motions(q, v);
   s_.constraints.bias(s_.tree, q, v, s_.constraints.all, out.data());
   return out;
 }
 
-Numbers LocalCoordinates::gamma_by_q(const Numbers& direction) {
-  const Numbers& D = s_.tree.limits.coordinate_scales;
+Vector LocalCoordinates::gamma_by_q(const Vector& direction) {
+  const Vector& D = s_.tree.limits.coordinate_scales;
   double size = 0;
   for (int j = 0; j < s_.nv; ++j) size = std::max(size, std::fabs(direction[j]) / D[j]);
-  Numbers out(s_.ng, 0.0), q(s_.nq), x(s_.nv);
+  Vector out(s_.ng, 0.0), q(s_.nq), x(s_.nv);
   if (size == 0) return out;
   const double width = limits_.gamma_width / size, weights[3] = {double(3) / 4, -double(3) / 20, double(1) / (3 * 20)};
   for (int k = 1; k <= 3; ++k)
     for (const double sense : {1.0, -1.0}) {
       for (int j = 0; j < s_.nv; ++j) x[j] = sense * k * width * direction[j];
       s_.manifold.integrate(y_.data(), x.data(), q.data());
-      const Numbers here = gamma(q.data(), &y_[s_.nq]);
+      const Vector here = gamma(q.data(), &y_[s_.nq]);
       for (int i = 0; i < s_.ng; ++i) out[i] += sense * weights[k - 1] * here[i] / width;
     }
   return out;
 }
 
-void LocalCoordinates::forces(double t, Numbers& out) {
+void LocalCoordinates::forces(double t, Vector& out) {
   out.assign(s_.nv + s_.ns + 1, 0.0);
   s_.torque(t, y_.data(), &y_[s_.nq], &y_[s_.nq + s_.nv], out.data(), &out[s_.nv]);
 }
@@ -49,30 +49,30 @@ void LocalCoordinates::forces(double t, Numbers& out) {
 void LocalCoordinates::begin_partials(double t, const double* x, Partials& out, int inputs) {
   const size_t nv = s_.nv, n = size(), wide = n + inputs, m = positional_.size();
   const Tolerances& tolerances = s_.tree.limits;
-  const Numbers& D = tolerances.coordinate_scales;
+  const Vector& D = tolerances.coordinate_scales;
   if (s_.friction) throw std::invalid_argument("friction by closure forces has no partial derivatives");
-  Numbers y(s_.length);
+  Vector y(s_.length);
   state(t, x, y.data());
-  Numbers along(N_), across(across_);
+  Vector along(N_), across(across_);
   for (size_t i = 0; i < along.size(); ++i) along[i] *= D[i % nv];
   for (size_t i = 0; i < across.size(); ++i) across[i] *= D[i % nv];
-  const Numbers dx_along(along), dx_across(across);
+  const Vector dx_along(along), dx_across(across);
   velocities(along, k_), velocities(across, r_);
-  Numbers A(m * r_), b(m * k_);
+  Vector A(m * r_), b(m * k_);
   for (size_t i = 0; i < m; ++i) {
     const double *row = &G_[positional_[i] * nv], scale = tolerances.row_scales[positional_[i]];
     for (int j = 0; j < r_; ++j) A[m * j + i] = mbdae::dot(row, &across[j * nv], s_.nv) / scale;
     for (int j = 0; j < k_; ++j) b[m * j + i] = mbdae::dot(row, &along[j * nv], s_.nv) / scale;
   }
-  const Numbers dmu = solved(A, b, m, r_);
+  const Vector dmu = solved(A, b, m, r_);
   s_.derivative(t, y.data(), F_.data(), z_.data());
-  const Numbers lam = s_.multipliers();
+  const Vector lam = s_.multipliers();
   s_.partials(t, y.data(), &y[s_.nq], &F_[nv], lam.data(), at_);
   const size_t r = s_.rows.in_use().size(), u = nv + s_.ns + 1;
-  Numbers Ba;
+  Vector Ba;
   s_.closure_partials(y.data(), &F_[nv], lam.data(), nullptr, &Ba);
 
-  Numbers S((r + f_) * nv), right((r + f_) * n, 0.0), dq(nv * n, 0.0);
+  Vector S((r + f_) * nv), right((r + f_) * n, 0.0), dq(nv * n, 0.0);
   dx_.assign(nv * n, 0.0);
   for (int c = 0; c < k_; ++c) {
     for (size_t j = 0; j < nv; ++j) {
@@ -91,10 +91,10 @@ void LocalCoordinates::begin_partials(double t, const double* x, Partials& out, 
     right[(r + f_) * (k_ + i) + r + i] = 1;
     for (size_t j = 0; j < nv; ++j) S[(r + f_) * j + r + i] = Nv_[i * nv + j] / D[j];
   }
-  const Numbers dv = solved(S, right, r + f_, nv);
+  const Vector dv = solved(S, right, r + f_, nv);
   out.y.assign(s_.ny * n, 0.0), out.raw.assign(s_.nq * n, 0.0), right_.clear(), below_.assign(wide * r, 0.0);
   for (size_t c = 0; c < n; ++c) {
-    Numbers tangent(s_.ny, 0.0), top(u, 0.0), raw(s_.nq), up(nv), down(nv);
+    Vector tangent(s_.ny, 0.0), top(u, 0.0), raw(s_.nq), up(nv), down(nv);
     std::copy_n(&dq[c * nv], nv, tangent.begin()), std::copy_n(&dv[c * nv], nv, tangent.begin() + nv);
     if (c >= static_cast<size_t>(k_ + f_)) tangent[2 * nv + c - k_ - f_] = 1;
     add_product(at_.K.data(), u, nv, tangent.data(), top.data());
@@ -103,19 +103,19 @@ void LocalCoordinates::begin_partials(double t, const double* x, Partials& out, 
     s_.tree.tangent_map(y.data(), tangent.data(), raw.data());
     for (int i = 0; i < s_.ny; ++i) out.y[i * n + c] = tangent[i];
     for (int i = 0; i < s_.nq; ++i) out.raw[i * n + c] = raw[i];
-    Numbers change = gamma_by_q(Numbers(tangent.begin(), tangent.begin() + nv));  // gamma is quadratic in v
+    Vector change = gamma_by_q(Vector(tangent.begin(), tangent.begin() + nv));  // gamma is quadratic in v
     for (size_t j = 0; j < nv; ++j) up[j] = y[s_.nq + j] + tangent[nv + j], down[j] = y[s_.nq + j] - tangent[nv + j];
-    const Numbers above = gamma(y.data(), up.data()), under = gamma(y.data(), down.data());
+    const Vector above = gamma(y.data(), up.data()), under = gamma(y.data(), down.data());
     double* below = &below_[c * r];
     for (int i : s_.rows.in_use()) below[s_.rows.position()[i]] = change[i] + (above[i] - under[i]) / 2;
     add_product(Ba.data(), r, nv, tangent.data(), below);
   }
-  s_.tree.poses(y.data()), s_.tree.motions(y.data(), &y[s_.nq]);  // for the partials by inputs
+  s_.tree.poses(y.data()), s_.tree.motions(y.data(), &y[s_.nq]);  // for the partials with respect to inputs
 }
 
 void LocalCoordinates::complete_partials(int inputs, Partials& out) {
   const size_t nv = s_.nv, n = size(), wide = n + inputs, r = s_.rows.in_use().size();
-  const Numbers& D = s_.tree.limits.coordinate_scales;
+  const Vector& D = s_.tree.limits.coordinate_scales;
   s_.point.invalidate();
   DenseLU<1> saddle;
   saddle.resize(static_cast<int>(nv + r));
@@ -134,8 +134,8 @@ void LocalCoordinates::complete_partials(int inputs, Partials& out) {
   std::vector<TangentBlock> blocks;
   s_.manifold.partials(moved_.data(), &y_[s_.nq], blocks);
   for (size_t c = 0; c < wide; ++c) {
-    const Numbers& top = right_[c];
-    Numbers x(nv + r), rate(s_.ny, 0.0), moving(nv);
+    const Vector& top = right_[c];
+    Vector x(nv + r), rate(s_.ny, 0.0), moving(nv);
     std::copy_n(top.begin(), nv, x.begin());
     for (size_t i = 0; i < r; ++i) x[nv + i] = -below_[c * r + i];
     saddle.solve(x.data());

@@ -11,13 +11,13 @@ void require(bool valid) {
 
 }  // namespace
 
-Numbers ExportedMechanism::guards() const {
-  Numbers out;
+Vector ExportedMechanism::guards() const {
+  Vector out;
   for (const Guard& x : run_.modes.guards) out.insert(out.end(), {x.size, x.level, x.return_time, x.unit});
   return out;
 }
 
-void ExportedMechanism::set_guards(const Numbers& guards) {
+void ExportedMechanism::set_guards(const Vector& guards) {
   Modes& modes = run_.modes;
   require(modes.mode.size() == modes.switches.size() && modes.last_impact.size() == modes.switches.size());
   modes.guards = guards_of(modes.switches, modes.mode);
@@ -26,22 +26,22 @@ void ExportedMechanism::set_guards(const Numbers& guards) {
   for (Guard& x : modes.guards) x.size = at[0], x.level = at[1], x.return_time = at[2], x.unit = at[3], at += 4;
 }
 
-Numbers ExportedMechanism::state() {
+Vector ExportedMechanism::state() {
   if (!started()) reject("there is no state before the initialization");
   pass_impact();
   const IndependentRows& rows = system().rows;
   const SmoothInterval& i = run_.interval;
-  Numbers out{i.t, i.stop, i.end, i.t1, run_.jumps.restart, run_.grid.t0, double(run_.grid.i),
+  Vector out{i.t, i.stop, i.end, i.t1, run_.jumps.restart, run_.grid.t0, double(run_.grid.i),
               double(run_.grid.on_grid), run_.control.h, run_.control.uncut_size, run_.control.last,
               double(run_.control.rejected), run_.monitor.largest_ratio, run_.monitor.last_ratio,
               run_.monitor.mode_ratio, double(run_.monitor.near_singular), double(jumped_), double(by_steps_), origin_t_,
               double(rows.rank), rows.floor, double(rows.frozen)};
-  const auto add = [&](const Numbers& x) { out.push_back(double(x.size())), out.insert(out.end(), x.begin(), x.end()); };
+  const auto add = [&](const Vector& x) { out.push_back(double(x.size())), out.insert(out.end(), x.begin(), x.end()); };
   add(y()), add(run_.state.carry), add(run_.state.low), add(values_), add(wanted_), add(origin_), add(x_);
-  add(Numbers(rows.in_use().begin(), rows.in_use().end()));
-  add(slip_directions_), add(Numbers(run_.modes.mode.begin(), run_.modes.mode.end()));
+  add(Vector(rows.in_use().begin(), rows.in_use().end()));
+  add(slip_directions_), add(Vector(run_.modes.mode.begin(), run_.modes.mode.end()));
   add(run_.modes.last_impact), add(guards());
-  Numbers ratios;
+  Vector ratios;
   for (const auto& [mode, largest] : run_.monitor.ratio_by_mode)
     ratios.insert(ratios.end(), mode.begin(), mode.end()), ratios.push_back(largest);
   add(ratios);
@@ -50,7 +50,7 @@ Numbers ExportedMechanism::state() {
   return out;
 }
 
-void ExportedMechanism::set_state(const Numbers& state) {
+void ExportedMechanism::set_state(const Vector& state) {
   size_t at = 0;
   const auto next = [&] {
     require(at < state.size());
@@ -59,7 +59,7 @@ void ExportedMechanism::set_state(const Numbers& state) {
   const auto list = [&] {
     const double size = next();
     require(size >= 0 && size <= double(state.size() - at));
-    Numbers out(state.begin() + at, state.begin() + at + static_cast<size_t>(size));
+    Vector out(state.begin() + at, state.begin() + at + static_cast<size_t>(size));
     return at += out.size(), out;
   };
   Run run = fresh_run_;
@@ -72,9 +72,9 @@ void ExportedMechanism::set_state(const Numbers& state) {
   const bool jumped = next(), by_steps = next();
   const double origin_t = next(), rank = next(), floor = next(), frozen = next();
   run.state.y = list(), run.state.carry = list(), run.state.low = list();
-  const Numbers values = list(), wanted = list(), origin = list(), x = list(), rows = list(), slips = list(), mode = list();
+  const Vector values = list(), wanted = list(), origin = list(), x = list(), rows = list(), slips = list(), mode = list();
   run.modes.mode.assign(mode.begin(), mode.end()), run.modes.last_impact = list();
-  const Numbers guards = list(), ratios = list();
+  const Vector guards = list(), ratios = list();
   const size_t switches = run.modes.mode.size();
   require(ratios.size() % (switches + 1) == 0);
   for (auto at_mode = ratios.begin(); at_mode != ratios.end(); at_mode += switches + 1)
@@ -83,7 +83,7 @@ void ExportedMechanism::set_state(const Numbers& state) {
           static_cast<int>(x.size()) == states_);
   std::vector<Setting> settings;
   for (size_t k = 0; k < inputs.size(); ++k) {
-    const Numbers u = list();
+    const Vector u = list();
     require(u.size() == 3);
     settings.push_back({u[0], u[1], u[2]});
   }

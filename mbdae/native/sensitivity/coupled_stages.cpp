@@ -28,7 +28,7 @@ void CoupledStages::System::factorize(Matrix a) {
 CoupledStages::Matrix CoupledStages::System::solve(const Matrix& b) const {
   const int n = lu.size();
   Matrix x = b;
-  Vector<double> left(n);
+  Eigen::VectorXd left(n);
   for (int j = 0; j < b.cols(); ++j) {
     lu.solve(x.col(j).data());
     left = b.col(j);
@@ -45,7 +45,7 @@ CoupledStages::Matrix CoupledStages::System::solve(const Matrix& b) const {
 CoupledStages::Matrix CoupledStages::System::solve_transposed(const Matrix& b) const {
   const int n = lu.size();
   Matrix x = b;
-  Vector<double> left(n);
+  Eigen::VectorXd left(n);
   for (int j = 0; j < b.cols(); ++j) {
     lu.solve_transposed(x.col(j).data());
     for (int k = 0; k < n; ++k) left[k] = b(k, j) - A.col(k).dot(x.col(j));
@@ -79,7 +79,7 @@ void CoupledStages::repeat(double t, double h, const State& in, State& out) {
     steps_->finish(in, out);
   }
   linearize(in.y);
-  Vector<double> x = Vector<double>::Zero(s_.ny);
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(s_.ny);
   for (int i = 0; i < a_.n; ++i) x += h * a_.b[i] * steps_->F.row(i).transpose();
   s_.manifold.integrate_partials(x.data(), x.data(), end_);
 }
@@ -96,7 +96,7 @@ void CoupledStages::newton(double t, double h, const State& in, int left) {
     for (int k = 0; k < s_.tree.limits.stage_iterations; ++k) {
       linearize(in.y);
       const int n = a_.n, m = stages_[0]->size();
-      Vector<double> right(n * m);
+      Eigen::VectorXd right(n * m);
       for (int i = 0; i < n; ++i) right.segment(i * m, m) = steps_->negative_residual(i);
       const Matrix change = systems_[0].solve(right);
       if (!change.allFinite()) break;
@@ -111,7 +111,7 @@ void CoupledStages::newton(double t, double h, const State& in, int left) {
   throw StepTooLong();
 }
 
-void CoupledStages::linearize(const Numbers& y) {
+void CoupledStages::linearize(const Vector& y) {
   const int n = static_cast<int>(stages_.size());
   for (int i = 0; i < n; ++i) stages_[i]->take(y.data(), steps_->stages[i], steps_->positions);
   if (a_.coupled) {
@@ -141,8 +141,8 @@ void CoupledStages::forward(int directions, double* moved, const double* dp, con
   Eigen::Map<Matrix> all(moved, width, directions);
   const Eigen::Map<const Matrix> p(dp, k, k ? directions : 0);
   const Matrix dy = all.topRows(ny);
-  Vector<double> rate = Vector<double>::Zero(directions);
-  if (dh) rate = Eigen::Map<const Vector<double>>(dh, directions);
+  Eigen::VectorXd rate = Eigen::VectorXd::Zero(directions);
+  if (dh) rate = Eigen::Map<const Eigen::VectorXd>(dh, directions);
   std::vector<Matrix> dF(n, Matrix::Zero(ny, directions));
   Matrix carried = Matrix::Zero(lead, directions);
   if (first) {
@@ -163,7 +163,7 @@ void CoupledStages::forward(int directions, double* moved, const double* dp, con
     }
     b -= e.x.lazyProduct(dx) + e.xhat.lazyProduct(dxhat.topRows(2 * nv));
     if (dh) b -= (a_.c[i] * e.t + a_.chat[i] * e.that) * rate.transpose();
-    if (dt) b -= (e.t + e.that) * Eigen::Map<const Vector<double>>(dt, directions).transpose();
+    if (dt) b -= (e.t + e.that) * Eigen::Map<const Eigen::VectorXd>(dt, directions).transpose();
     if (a_.coupled) {
       right.middleRows((i - first) * m, m) = b;
       continue;

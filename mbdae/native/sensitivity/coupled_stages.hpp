@@ -21,7 +21,7 @@ namespace mbdae {
 struct StepCoefficients {
   int n = 0, first = 0;    // stages, and explicit ones among them
   bool coupled = false;    // collocation
-  Numbers A, Ahat, b, c, chat;
+  Vector A, Ahat, b, c, chat;
   explicit StepCoefficients(const Tableau& a);
   explicit StepCoefficients(const Radau& a);
 };
@@ -36,7 +36,7 @@ class StageRecorder {
   // the end. Each sets `stages` and `F`.
   virtual void guess(double, double, const State&) { throw StepTooLong(); }
   virtual void extend(double) {}
-  virtual Vector<double> negative_residual(int) { return {}; }
+  virtual Eigen::VectorXd negative_residual(int) { return {}; }
   virtual void correct(const Rows<double>&) {}  // (n, m)
   virtual void finish(const State&, State&) {}
   std::vector<StageValues> stages;
@@ -67,7 +67,7 @@ class CoupledStages final : public StepMap {
     Matrix solve_transposed(const Matrix& b) const;
   };
 
-  void linearize(const Numbers& y);
+  void linearize(const Vector& y);
   void newton(double t, double h, const State& in, int halvings);
   void couple(Rows<double>& to, int i, int j) const;  // adds the effect of F_j on stage i
   int slip() const { return steps_->positions ? s_.ny + r_ : -1; }

@@ -18,7 +18,7 @@ void inertial_momentum(const double* x, const double* V, double* out) {
 
 }  // namespace
 
-void ParameterPartials::forces(const LinearizationPoint& point, Numbers& P) {
+void ParameterPartials::forces(const LinearizationPoint& point, Vector& P) {
   const size_t n = n_;
   P.assign(count_ * n, 0.0);
   evaluate_terms(point);
@@ -36,7 +36,7 @@ void ParameterPartials::forces(const LinearizationPoint& point, Numbers& P) {
     for (size_t e = 0; e < n; ++e) P[changed_[i].parameter * n + e] += changed_P_[i * n + e];
 }
 
-void ParameterPartials::rows(const LinearizationPoint& point, Numbers& Q, const Numbers& q) {
+void ParameterPartials::rows(const LinearizationPoint& point, Vector& Q, const Vector& q) {
   const IndependentRows& which = point.rows ? *point.rows : s_.rows;
   const std::vector<int>& position = which.position();
   const size_t r = which.in_use().size();
@@ -66,7 +66,7 @@ void ParameterPartials::subtract_subtree_wrenches(int joint, double* P) {
   }
 }
 
-void ParameterPartials::inertia_columns(int component, Numbers& P) const {
+void ParameterPartials::inertia_columns(int component, Vector& P) const {
   const int j = components_[component].id;
   double V[6], A[6], W[6], h[6], rotated[6];
   world_poses_[component].to_local(V_[j].data(), V), world_poses_[component].to_local(A_[j].data(), A);
@@ -78,7 +78,7 @@ void ParameterPartials::inertia_columns(int component, Numbers& P) const {
   }
 }
 
-void ParameterPartials::gravity_columns(int component, Numbers& P) {
+void ParameterPartials::gravity_columns(int component, Vector& P) {
   for (const Direction* d : along_[component]) {
     const double A[6] = {-d->x[0], -d->x[1], -d->x[2], 0, 0, 0};
     W_[0] = Six{};
@@ -88,7 +88,7 @@ void ParameterPartials::gravity_columns(int component, Numbers& P) {
 }
 
 // The joint's subtree is fixed, and the rest of the tree is displaced by -xi.
-void ParameterPartials::placement_columns(int component, Numbers& P) {
+void ParameterPartials::placement_columns(int component, Vector& P) {
   const int joint = components_[component].id, before = s_.tree.parents[joint];
   const double *Vp = V_[before].data(), *Ap = A_[before].data();
   for (const Direction* d : along_[component]) {
@@ -144,7 +144,7 @@ double ParameterPartials::wrench_change(const Pair& pair, const WrenchPartials& 
   return power + dot6(V, dF);
 }
 
-void ParameterPartials::pair_columns(const ActingWrench& w, Numbers& P) const {
+void ParameterPartials::pair_columns(const ActingWrench& w, Vector& P) const {
   const Pair& pair = *w.pair;
   const double* J = s_.tree.J();
   for (const MovedFrame& by : moved_frames_.at(&pair)) {
@@ -166,7 +166,7 @@ void ParameterPartials::pair_columns(const ActingWrench& w, Numbers& P) const {
 }
 
 void ParameterPartials::row_columns(const LinearizationPoint::ConstraintPoint& constrained, const Pair& pair, size_t r,
-                                    Numbers& Q) const {
+                                    Vector& Q) const {
   for (const MovedFrame& by : moved_frames_.at(&pair))
     for (const Direction* d : along_[by.component]) {
       double xi[6], dF[6], within[6];

@@ -18,7 +18,7 @@ void add_inertial_gradient(const double* U, const double* A, double factor, doub
   out[9] += factor * w[2] * a[2];
 }
 
-void add_frame_gradient(const WorldPose& at, const double* g, double* out) {  // of partials by a motion in the world
+void add_frame_gradient(const WorldPose& at, const double* g, double* out) {  // d/d(a motion in the world)
   double rotated[3], all[6];
   cross(g, at.p, rotated);
   for (int i = 0; i < 3; ++i) rotated[i] += g[3 + i];
@@ -38,7 +38,7 @@ void ParameterPartials::update_virtual_velocities(const double* v) {
 }
 
 void ParameterPartials::add_wrench_gradient(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X,
-                                            std::vector<Numbers>& sums) {
+                                            std::vector<Vector>& sums) {
   const int a = pair.a.joint, b = pair.b.joint;
   Six relative, by_a{}, by_b{}, damping{};
   for (int i = 0; i < 6; ++i) relative[i] = X[b][i] - X[a][i];
@@ -66,7 +66,7 @@ void ParameterPartials::add_wrench_gradient(const Pair& pair, const WrenchPartia
   }
 }
 
-void ParameterPartials::add_gap_gradient(const Pair& pair, const double* F, std::vector<Numbers>& sums) {
+void ParameterPartials::add_gap_gradient(const Pair& pair, const double* F, std::vector<Vector>& sums) {
   for (const MovedFrame& m : moved_frames_.at(&pair)) {
     Six g;
     for (int i = 0; i < 6; ++i) g[i] = m.second ? F[i] : -F[i];
@@ -95,7 +95,7 @@ void ParameterPartials::update_virtual_momenta() {
   }
 }
 
-void ParameterPartials::contract(const LinearizationPoint& point, const double* cotangent, std::vector<Numbers>& sums) {
+void ParameterPartials::contract(const LinearizationPoint& point, const double* cotangent, std::vector<Vector>& sums) {
   const MultibodyTree& m = s_.tree;
   const int nv = s_.nv;
   if (needs_kinematics_) {

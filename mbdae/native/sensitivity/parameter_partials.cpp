@@ -99,13 +99,13 @@ void ParameterPartials::evaluate_changed(const LinearizationPoint& point) {
   const size_t nv = s_.nv, n = n_;
   changed_P_.assign(changed_.size() * n, 0.0);
   const double *v = point.u.data(), *s = v + nv;
-  Numbers conservative(nv), other(nv), law_states, rates, G, speed;
+  Vector conservative(nv), other(nv), law_states, rates, G, speed;
   for (size_t i = 0; i < changed_.size(); ++i) {
     ChangedElement& c = changed_[i];
     double* P = &changed_P_[i * n];
     if (!c.bodies.empty()) {
       double gravity[3] = {0, 0, 0};
-      const Numbers rest(nv, 0.0);
+      const Vector rest(nv, 0.0);
       const bool has_gravity = !c.gravity.empty();
       if (point.loaded) m.gravity(gravity);
       if (has_gravity)
@@ -141,7 +141,7 @@ void ParameterPartials::evaluate_changed(const LinearizationPoint& point) {
 }
 
 void ParameterPartials::add_changed_rows(const LinearizationPoint::ConstraintPoint& constrained) {
-  Numbers G, g;
+  Vector G, g;
   for (size_t i = 0; i < changed_.size(); ++i)
     for (const PerturbedRows& perturbed : changed_[i].rows) {
       const std::vector<int>& indices = changed_[i].indices;
@@ -162,12 +162,12 @@ void ParameterPartials::add_changed_rows(const LinearizationPoint::ConstraintPoi
 }
 
 void ParameterPartials::begin_gradient(size_t costs) {
-  Sums zero{{}, Numbers(count_, 0.0), Numbers(changed_.size(), 0.0)};
+  Sums zero{{}, Vector(count_, 0.0), Vector(changed_.size(), 0.0)};
   for (const ModelComponent& x : components_) zero.components.emplace_back(size_of(x.kind, s_.nv), 0.0);
   sums_.assign(costs, zero);
 }
 
-void ParameterPartials::add_point(const LinearizationPoint& point, const Numbers& cotangent, const Numbers& nu) {
+void ParameterPartials::add_point(const LinearizationPoint& point, const Vector& cotangent, const Vector& nu) {
   if (!count_) return;
   const IndependentRows& rows = point.rows ? *point.rows : s_.rows;
   const std::vector<int>& position = rows.position();
@@ -193,7 +193,7 @@ void ParameterPartials::add_point(const LinearizationPoint& point, const Numbers
     }
 }
 
-void ParameterPartials::add_columns(const Numbers& P, const Numbers& cotangent) {
+void ParameterPartials::add_columns(const Vector& P, const Vector& cotangent) {
   for (size_t c = 0; c < sums_.size(); ++c)
     for (size_t l = 0; l < count_; ++l) sums_[c].columns[l] += dot(&P[l * n_], &cotangent[c * n_], n_);
 }

@@ -33,7 +33,7 @@ inline int size_of(ModelComponent::Kind kind, int nv) {
 
 struct Direction {  // of a parameter in a model component
   int parameter, component;
-  Numbers x;
+  Vector x;
 
   FIELDS(parameter, component, x)
 };
@@ -57,7 +57,7 @@ struct ChangedElement {
   std::vector<PerturbedLaws> laws;
   std::vector<PerturbedRows> rows;
   std::vector<FlexibleBody> bodies;  // with the rates of their numbers
-  Numbers gravity;  // the rate of gravity, which then acts alone on bodies with their numbers; or empty
+  Vector gravity;  // the rate of gravity, which then acts alone on bodies with their numbers; or empty
 };
 
 class ParameterPartials {
@@ -69,18 +69,18 @@ class ParameterPartials {
   bool frames_move() const { return frames_move_; }  // do placements or frames change?
 
   // Partials of friction that depends on multipliers, computed in Python at (q, v, lam): K (n, nv), D (n, n), P (k, n).
-  using Friction = std::function<void(const Numbers& q, const Numbers& v, const Numbers& lam, Numbers& K, Numbers& D,
-                                      Numbers& P)>;
+  using Friction = std::function<void(const Vector& q, const Vector& v, const Vector& lam, Vector& K, Vector& D,
+                                      Vector& P)>;
   Friction friction;
 
   // The gradient of each cost, a sum over points:
   void begin_gradient(size_t costs);
   // Adds P^T cotangent + Q^T nu, (costs, n), (costs, r).
-  void add_point(const LinearizationPoint& point, const Numbers& cotangent, const Numbers& nu);
-  void add_columns(const Numbers& P, const Numbers& cotangent);  // P (k, n)
+  void add_point(const LinearizationPoint& point, const Vector& cotangent, const Vector& nu);
+  void add_columns(const Vector& P, const Vector& cotangent);  // P (k, n)
   void end_gradient(double* p);  // adds it to p (costs, k)
-  void forces(const LinearizationPoint& point, Numbers& P);                          // P (k, n), J and poses current
-  void rows(const LinearizationPoint& point, Numbers& Q, const Numbers& q);          // Q (k, r), the same at q
+  void forces(const LinearizationPoint& point, Vector& P);                          // P (k, n), J and poses current
+  void rows(const LinearizationPoint& point, Vector& Q, const Vector& q);          // Q (k, r), the same at q
 
  private:
   struct MovedFrame {  // components that move only one frame of a pair
@@ -103,24 +103,24 @@ class ParameterPartials {
   // At each constraint point, computes changed_Q_, and calls each(constrained, pair) with requested_ of the pairs moved
   // by placements and frames; poses are current at q.
   template <class F>
-  void for_constraint_points(const LinearizationPoint& point, const Numbers& q, const F& each);
+  void for_constraint_points(const LinearizationPoint& point, const Vector& q, const F& each);
 
-  void contract(const LinearizationPoint& point, const double* cotangent, std::vector<Numbers>& sums);
+  void contract(const LinearizationPoint& point, const double* cotangent, std::vector<Vector>& sums);
   void update_virtual_velocities(const double* v);  // U_
   void update_virtual_momenta();                    // H_ and C_
   // Adds the partials of F . (X_b - X_a) with respect to motions of placements and frames; velocities V_ for a damped
   // wrench.
   void add_wrench_gradient(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X,
-                           std::vector<Numbers>& sums);
+                           std::vector<Vector>& sums);
   // The same of F . d_b - F . d_a.
-  void add_gap_gradient(const Pair& pair, const double* F, std::vector<Numbers>& sums);
+  void add_gap_gradient(const Pair& pair, const double* F, std::vector<Vector>& sums);
 
-  void inertia_columns(int component, Numbers& P) const;
-  void placement_columns(int component, Numbers& P);
-  void gravity_columns(int component, Numbers& P);
-  void pair_columns(const ActingWrench& w, Numbers& P) const;
+  void inertia_columns(int component, Vector& P) const;
+  void placement_columns(int component, Vector& P);
+  void gravity_columns(int component, Vector& P);
+  void pair_columns(const ActingWrench& w, Vector& P) const;
   void row_columns(const LinearizationPoint::ConstraintPoint& constrained, const Pair& pair, size_t r,
-                   Numbers& Q) const;
+                   Vector& Q) const;
   // Change of a wrench due to xi of a frame, or of a placement with its subtree: dF for the rest of the tree, `within`
   // for the subtree. Returns the partial of F . (V_b - V_a).
   double wrench_change(const Pair& pair, const WrenchPartials& t, const MovedFrame& by, const double* xi, double* dF,
@@ -144,11 +144,11 @@ class ParameterPartials {
   std::vector<std::vector<const Direction*>> along_;  // in each component
   std::vector<int> moving_joints_, inertial_joints_;  // joints whose motions, and whose bodies are needed
   struct Sums {
-    std::vector<Numbers> components;
-    Numbers columns, changed;  // (k,) of further columns, and of changed laws and rows
+    std::vector<Vector> components;
+    Vector columns, changed;  // (k,) of further columns, and of changed laws and rows
   };
   std::vector<Sums> sums_;         // the cotangents of each cost
-  Numbers changed_P_, changed_Q_;  // of changed laws and rows: (changed, n), (changed, ng)
+  Vector changed_P_, changed_Q_;  // of changed laws and rows: (changed, n), (changed, ng)
 
   // By joint: velocity, acceleration minus gravity, velocity U of the virtual motion, and U + power V. Of its subtree:
   // wrench I A + V x* h, I U, V x* I U - U x* h - I (V x U), and a change of the wrench; of its body alone h = I V.
@@ -160,12 +160,12 @@ class ParameterPartials {
 };
 
 template <class F>
-void ParameterPartials::for_constraint_points(const LinearizationPoint& point, const Numbers& q, const F& each) {
+void ParameterPartials::for_constraint_points(const LinearizationPoint& point, const Vector& q, const F& each) {
   changed_Q_.assign(changed_.size() * s_.ng, 0.0);
   if (!has_moving_rows_ && !has_changed_rows_) return;
   MultibodyTree& m = s_.tree;
   const std::vector<int>& position = (point.rows ? *point.rows : s_.rows).position();
-  const Numbers* current_q = &q;
+  const Vector* current_q = &q;
   for (const LinearizationPoint::ConstraintPoint& constrained : point.constraint_points) {
     if (constrained.q != *current_q) m.poses(constrained.q.data());
     current_q = &constrained.q;

@@ -17,8 +17,8 @@ void ProjectionSensitivity::take(double t, double* y, bool positions) {
   const int nq = s_.nq, nv = s_.nv, ng = s_.ng;
   count_ = 0;
   if (!ng) return;
-  std::vector<Numbers> path;
-  const Numbers v(y + nq, y + nq + nv);
+  std::vector<Vector> path;
+  const Vector v(y + nq, y + nq + nv);
   q0_.assign(y, y + nq);
   if (positions)
     project_state(s_, t, y, &path);
@@ -26,7 +26,7 @@ void ProjectionSensitivity::take(double t, double* y, bool positions) {
     s_.point.evaluate(y, true);
   factors_.exchange(s_.point);
   s_.point.invalidate();
-  Numbers r(ng, 0.0);
+  Vector r(ng, 0.0);
   auto next = [&](const double* q, bool of_v) -> Correction& {
     if (count_ == corrections_.size()) corrections_.emplace_back(new Correction);
     Correction& c = *corrections_[count_++];
@@ -37,7 +37,7 @@ void ProjectionSensitivity::take(double t, double* y, bool positions) {
     return c;
   };
   if (positions && path.empty()) path.push_back(q0_);  // even without a violation: perturbed states may violate the constraints
-  for (const Numbers& q : path) {
+  for (const Vector& q : path) {
     Correction& c = next(q.data(), false);
     s_.constraints.complete_g(t, r.data());
     c.by_t.assign(ng, 0.0), s_.constraints.evaluate_g_t(t, c.by_t.data());
@@ -52,7 +52,7 @@ void ProjectionSensitivity::take(double t, double* y, bool positions) {
   for (int e = 0; e < nv && !positions; ++e) y[nq + e] -= c.x[e];
 }
 
-void ProjectionSensitivity::correct(Correction& c, double t, const double* q, const double* v, const Numbers& r) {
+void ProjectionSensitivity::correct(Correction& c, double t, const double* q, const double* v, const Vector& r) {
   const int nv = s_.nv, nq = s_.nq;
   c.rows.clear();
   for (int k : s_.rows.in_use())
@@ -63,7 +63,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) c.lu.at(i, j) = s_.constraints.product(c.rows[i], c.rows[j], c.Z.data());
   if (n && !c.lu.factorize()) throw FallBackToPython();
-  Numbers x(nv, 0.0), eta(r);
+  Vector x(nv, 0.0), eta(r);
   solve(c, x.data(), eta.data());
   c.x = x;
   LinearizationPoint& p = c.point;
@@ -79,7 +79,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   if (c.of_v)
     s_.closure_partials(q, v, nullptr, nullptr, &c.Bv, nullptr, requested ? &constrained.wrench_partials : nullptr);
   if (!c.of_v) {
-    Numbers back(x);
+    Vector back(x);
     for (double& e : back) e = -e;
     s_.manifold.integrate_partials(back.data(), x.data(), c.integrate_partials);
   }
@@ -98,14 +98,14 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
     if (c.moved) parameters_.forces(p, c.P);
   }
   if (!c.moved) return;
-  const Numbers zero(nv, 0.0);
-  Numbers by_v(m * m);
+  const Vector zero(nv, 0.0);
+  Vector by_v(m * m);
   c.T.resize(m * m);
   s_.tree.partials(q0_.data(), zero.data(), x.data(), c.T.data(), by_v.data(), true);
 }
 
 void ProjectionSensitivity::solve(const Correction& c, double* above, double* below) const {
-  Numbers l(c.rows.size());
+  Vector l(c.rows.size());
   factors_.solve_root(above);
   for (size_t i = 0; i < l.size(); ++i) l[i] = below[c.rows[i]] - s_.constraints.times(c.rows[i], c.Z, above);
   c.lu.solve(l.data());
@@ -116,7 +116,7 @@ void ProjectionSensitivity::solve(const Correction& c, double* above, double* be
 
 void ProjectionSensitivity::solve_transposed(const Correction& c, double* above, double* below) const {
   const std::vector<int>& position = s_.rows.position();
-  Numbers l(c.rows.size());
+  Vector l(c.rows.size());
   factors_.solve_root(above);
   for (size_t j = 0; j < l.size(); ++j) l[j] = s_.constraints.times(c.rows[j], c.Z, above);
   c.lu.solve_transposed(l.data());
@@ -130,10 +130,10 @@ void ProjectionSensitivity::forward(int directions, double* moved, size_t width,
   const int nv = s_.nv, ng = s_.ng;
   const std::vector<int>& position = s_.rows.position();
   const size_t r = s_.rows.in_use().size(), n = nv + s_.ns + 1, k = parameters_.count();
-  Numbers above(nv), below(ng), dq(nv), rotated(nv);
+  Vector above(nv), below(ng), dq(nv), rotated(nv);
   for (int d = 0; d < directions; ++d) {
     double *dy = moved + d * width, *dv = dy + nv;
-    const Numbers dq0(dy, dy + nv);
+    const Vector dq0(dy, dy + nv);
     dq = dq0;
     for (size_t i = 0; i < count_; ++i) {
       const Correction& c = *corrections_[i];
@@ -173,7 +173,7 @@ void ProjectionSensitivity::reverse(int costs, double* bars, size_t width) {
   const int nv = s_.nv, n = nv + s_.ns + 1;
   const std::vector<int>& position = s_.rows.position();
   const size_t r = s_.rows.in_use().size();
-  Numbers mus(costs * static_cast<size_t>(n)), nus(costs * r), start(costs * static_cast<size_t>(nv), 0.0), rotated(nv);
+  Vector mus(costs * static_cast<size_t>(n)), nus(costs * r), start(costs * static_cast<size_t>(nv), 0.0), rotated(nv);
   for (size_t i = count_; i-- > 0;) {
     const Correction& c = *corrections_[i];
     std::fill(mus.begin(), mus.end(), 0.0), std::fill(nus.begin(), nus.end(), 0.0);

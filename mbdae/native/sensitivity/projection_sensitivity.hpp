@@ -31,14 +31,14 @@ class ProjectionSensitivity {
     bool of_v = false, moved = false;  // moved: x is nonzero
     std::vector<int> rows;             // (r,) that it satisfies
     BandLU lu;                         // of G M^-1 G^T
-    Numbers G, Z, x;                   // entries by rows twice, (nv,)
-    Numbers K, B, T, Bv;               // (nv, nv), (r, nv), (nv, nv), (r, nv); see correct()
+    Vector G, Z, x;                    // entries by rows twice, (nv,)
+    Vector K, B, T, Bv;                // (nv, nv), (r, nv), (nv, nv), (r, nv); see correct()
     std::vector<IntegratePartialsBlock> integrate_partials;
-    Numbers P, Q;                      // (k, n) where moved, and (k, r); for tangents
-    Numbers by_t;                      // (ng,) of what it corrects
+    Vector P, Q;  // (k, n) where moved, and (k, r); for tangents
+    Vector by_t;  // (ng,) of what it corrects
   };
 
-  void correct(Correction& c, double t, const double* q, const double* v, const Numbers& r);
+  void correct(Correction& c, double t, const double* q, const double* v, const Vector& r);
   void solve(const Correction& c, double* above, double* below) const;  // becomes x, eta; (nv,) and (ng,) by row
   void solve_transposed(const Correction& c, double* above, double* below) const;  // below: 0 before; (r,) after
 
@@ -46,7 +46,7 @@ class ProjectionSensitivity {
   ParameterPartials& parameters_;
   const bool forward_;
   Configuration factors_;  // of M at its start
-  Numbers q0_;  // its start
+  Vector q0_;              // its start
   std::vector<std::unique_ptr<Correction>> corrections_;
   size_t count_ = 0;
 };

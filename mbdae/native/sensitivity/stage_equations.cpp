@@ -55,7 +55,7 @@ void StageEquations::take(const double* y0, const StageValues& at, const Indepen
 void StageEquations::constraints(const double* y0, const StageValues& at) {
   const int nv = s_.nv, nq = s_.nq, ny = s_.ny;
   const bool requested = parameters_.frames_move();
-  LinearizationPoint::ConstraintPoint constrained{at.that, Numbers(nq), Numbers(nv),
+  LinearizationPoint::ConstraintPoint constrained{at.that, Vector(nq), Vector(nv),
                                                   LinearizationPoint::ConstraintPoint::rate, 1};
   s_.manifold.integrate(y0, at.xhat.data(), constrained.q.data());
   for (int i = 0; i < nv; ++i) constrained.v[i] = y0[nq + i] + at.xhat[nv + i];
@@ -101,7 +101,7 @@ void StageEquations::motion(const double* y0, const StageValues& at) {
   o.t = at.t, o.q.resize(nq), o.u.assign(n_, 0.0), o.vdot.assign(&at.F[nv], &at.F[2 * nv]), o.lam = at.lam;
   s_.manifold.integrate(y0, at.x.data(), o.q.data());
   for (int i = 0; i < nv + s_.ns; ++i) o.u[i] = y0[nq + i] + at.x[nv + i];
-  Numbers speed(o.u.begin(), o.u.begin() + nv);
+  Vector speed(o.u.begin(), o.u.begin() + nv);
   for (int i = 0; position_rows_ && i < nv; ++i) speed[i] += at.slip[i];
   s_.manifold.integrate_partials(at.x.data(), speed.data(), integrate_partials_);
   s_.force_partials(at.t, o.q.data(), o.u.data(), o.vdot.data(), o.lam.data(), at_, nullptr,
@@ -120,9 +120,9 @@ void StageEquations::motion(const double* y0, const StageValues& at) {
   }
   if (s_.friction) friction();
   y.topRows(ny) = x.topRows(ny);
-  Numbers by_t(n_);
+  Vector by_t(n_);
   s_.time_partials(at.t, o.q.data(), o.u.data(), o.lam.data(), by_t.data());
-  t.segment(nv, n_) = -Eigen::Map<const Vector<double>>(by_t.data(), n_);
+  t.segment(nv, n_) = -Eigen::Map<const Eigen::VectorXd>(by_t.data(), n_);
   if (!forward_) return;
   parameters_.forces(o, P_);
   p.middleRows(nv, n_) -= RowsIn(P_.data(), p.cols(), n_).transpose();
@@ -139,16 +139,16 @@ void StageEquations::friction() {
     by_unknowns.block(nv, ny + i, nv, 1) -= by_lam.leftCols(nv).transpose();
     by_unknowns(ny - 1, ny + i) -= by_lam(0, nv);
   }
-  Numbers K(n * nv), D(n * n);
+  Vector K(n * nv), D(n * n);
   friction_columns_.resize(parameters_.count() * n);
-  parameters_.friction(point_.q, Numbers(point_.u.begin(), point_.u.begin() + nv), point_.lam, K, D, friction_columns_);
+  parameters_.friction(point_.q, Vector(point_.u.begin(), point_.u.begin() + nv), point_.lam, K, D, friction_columns_);
   x.block(nv, 0, n_, nv) -= RowsIn(K.data(), n_, nv), x.block(nv, nv, n_, n_) -= RowsIn(D.data(), n_, n_);
   if (forward_) p.middleRows(nv, n_) -= RowsIn(friction_columns_.data(), p.cols(), n_).transpose();
 }
 
 void StageEquations::positions(const StageValues& at) {
   const int nv = s_.nv, ny = s_.ny, first = ny + r_;
-  const Numbers zero(nv, 0.0);
+  const Vector zero(nv, 0.0);
   LinearizationPoint& o = slip_;
   o.loaded = false, o.t = at.t, o.q = point_.q, o.u.assign(n_, 0.0), o.vdot = at.slip, o.lam = at.mu;
   by_unknowns.block(first, first, nv, nv) = by_unknowns.block(nv, nv, nv, nv);
@@ -157,7 +157,7 @@ void StageEquations::positions(const StageValues& at) {
     by_unknowns.block(first, first + nv + position_rows_->position()[k], nv, 1) = -row.transpose();
   }
   by_q_.assign(static_cast<size_t>(nv) * nv, 0.0), by_v_ = by_q_;
-  Numbers by_mu(by_q_);
+  Vector by_mu(by_q_);
   s_.closure_partials(o.q.data(), zero.data(), o.lam.data(), by_mu.data(), nullptr,
                       parameters_.frames_move() ? &o.wrenches : nullptr, nullptr, position_rows_);
   s_.tree.partials(o.q.data(), zero.data(), at.slip.data(), by_q_.data(), by_v_.data(), true);
@@ -170,7 +170,7 @@ void StageEquations::positions(const StageValues& at) {
 
 void StageEquations::add_parameters(const Eigen::MatrixXd& mu) {
   const int nv = s_.nv, ny = s_.ny;
-  Numbers above, below;
+  Vector above, below;
   const auto gather = [&](int at, int size, int rows, int last) {  // mu (m, costs): of equations, and of rows with the other sign
     above.clear(), below.clear();
     for (int c = 0; c < mu.cols(); ++c) {

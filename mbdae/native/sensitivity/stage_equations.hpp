@@ -8,12 +8,12 @@ namespace mbdae {
 
 struct StageValues {
   double t, that;
-  Numbers x, xhat;        // (ny,), and (2 nv,) of the constraint point: increments with the own part of the stage
-  Numbers F;              // (ny,) x'
-  Numbers lam, mu, slip;  // (ng,) by row twice, (nv,); the last two are those of GGL
+  Vector x, xhat;        // (ny,), and (2 nv,) of the constraint point: increments with the own part of the stage
+  Vector F;              // (ny,) x'
+  Vector lam, mu, slip;  // (ng,) by row twice, (nv,); the last two are those of GGL
 };
 
-// With dq = A dq_n + R dx, du = du_n + dx_u, and dqhat, dvhat by xhat, in the unknowns (x', u', lam, slip, mu):
+// With dq = A dq_n + R dx, du = du_n + dx_u, and dqhat, dvhat from dxhat, in the unknowns (x', u', lam, slip, mu):
 //
 //   dx' - J (dv + dslip) - T dx = 0                        M dslip - P^T dmu - W dq = (P^T mu - M slip)_p dp
 //   E du' - K dq - D du - L dlam = P dp + f_t dt           Phat dqhat = -g_p dp - g_t dthat
@@ -29,9 +29,9 @@ class StageEquations {
   // The cotangents of the parameters, of those of the equations, (m,).
   void add_parameters(const Eigen::MatrixXd& mu);
 
-  Rows<double> by_unknowns, x, xhat, y;  // (m, m) by the unknowns with x and xhat fixed; (m, ny), (m, 2 nv), (m, ny)
+  Rows<double> by_unknowns, x, xhat, y;  // (m, m) d/d(unknowns), x and xhat fixed; (m, ny), (m, 2 nv), (m, ny)
   Rows<double> p;                // (m, k); for tangents
-  Vector<double> t, that;        // (m,)
+  Eigen::VectorXd t, that;       // (m,)
 
  private:
   void constraints(const double* y0, const StageValues& at);
@@ -46,7 +46,7 @@ class StageEquations {
   int m_ = 0, r_ = 0, k_ = 0, n_ = 0;
   LinearizationPoint point_, slip_;  // of lam, and of mu
   EquationPartials at_;
-  Numbers Bhat_, M_, G_, by_q_, by_v_, time_, P_, Q_, friction_columns_;
+  Vector Bhat_, M_, G_, by_q_, by_v_, time_, P_, Q_, friction_columns_;
   std::vector<IntegratePartialsBlock> integrate_partials_, integrate_partials_hat_;
 };
 

@@ -26,9 +26,9 @@ class Recording final : public Step, public StageRecorder {
   void stage(double t, double that, double factor, double* F, bool last) override {
     Step::stage(t, that, factor, F, last);
     const int nv = this->nv_, ny = this->ny_;
-    StageValues v{t, that, Numbers(this->x_.begin(), this->x_.begin() + ny),
-                  Numbers(this->xhat_.begin(), this->xhat_.begin() + 2 * nv), Numbers(F, F + ny),
-                  Numbers(this->s_.ng, 0.0), {}, {}};
+    StageValues v{t, that, Vector(this->x_.begin(), this->x_.begin() + ny),
+                  Vector(this->xhat_.begin(), this->xhat_.begin() + 2 * nv), Vector(F, F + ny),
+                  Vector(this->s_.ng, 0.0), {}, {}};
     for (int i = 0; i < 2 * nv; ++i) v.xhat[i] += factor * F[i];
     for (int k : this->s_.rows.in_use()) v.lam[k] = this->lam_[k];
     if constexpr (is_ggl) v.mu = this->mu_, v.slip = this->slip_;
@@ -38,7 +38,7 @@ class Recording final : public Step, public StageRecorder {
  private:
   static constexpr bool is_ggl = std::is_same_v<Step, GGLStep>;
   const Tableau& a_;
-  Numbers z_, errors_;
+  Vector z_, errors_;
 };
 
 template <class Step>
@@ -60,7 +60,7 @@ class RecordingCollocation final : public Step, public StageRecorder {
     this->begin_step(in.y.data());
     auto m = std::make_shared<StageMemory>();
     m->unknowns = this->unknowns(), m->h = h;
-    Numbers rate(s.ny), lam(s.ng);
+    Vector rate(s.ny), lam(s.ng);
     s.derivative(t, in.y.data(), rate.data(), lam.data());
     for (int i = 0; i < a_.s; ++i) {
       m->K.insert(m->K.end(), rate.begin(), rate.end());
@@ -72,12 +72,12 @@ class RecordingCollocation final : public Step, public StageRecorder {
 
   void extend(double h) override { memory_ = resampled(a_, *memory_, 0, h), record(); }
 
-  Vector<double> negative_residual(int i) override {
+  Eigen::VectorXd negative_residual(int i) override {
     const StageValues& v = stages[i];
     const int nv = this->nv_, ny = this->ny_, r = static_cast<int>(used()), all = unknown_count();
-    Numbers R(ny), C(all);
+    Vector R(ny), C(all);
     Step::residual(v.t, v.x.data(), v.F.data(), &memory_->Z[static_cast<size_t>(i) * all], R.data(), C.data());
-    Vector<double> out = Vector<double>::Zero(ny + all + (is_ggl ? nv : 0));
+    Eigen::VectorXd out = Eigen::VectorXd::Zero(ny + all + (is_ggl ? nv : 0));
     std::copy(R.begin(), R.end(), out.data()), std::copy(C.begin(), C.begin() + r, out.data() + ny);
     std::copy(C.begin() + r, C.end(), out.data() + out.size() - (all - r));
     return out;
@@ -117,8 +117,8 @@ class RecordingCollocation final : public Step, public StageRecorder {
     stages.clear();
     for (int i = 0; i < a_.s; ++i) {
       const double *x = X.row(i).data(), *K = F.row(i).data(), at = t_ + a_.c[i] * m.h;
-      stages.push_back({at, at, Numbers(x, x + this->ny_), Numbers(x, x + 2 * this->nv_), Numbers(K, K + this->ny_),
-                        Numbers(this->s_.ng, 0.0), {}, {}});
+      stages.push_back({at, at, Vector(x, x + this->ny_), Vector(x, x + 2 * this->nv_), Vector(K, K + this->ny_),
+                        Vector(this->s_.ng, 0.0), {}, {}});
       multipliers(stages.back(), &m.Z[static_cast<size_t>(i) * unknown_count()], unknown_count());
     }
   }
@@ -128,13 +128,13 @@ class RecordingCollocation final : public Step, public StageRecorder {
     Index2System& s = this->s_;
     const std::vector<int>& rows = s.rows.in_use();
     const int nv = this->nv_;
-    Numbers R(this->ny_), C(r);
+    Vector R(this->ny_), C(r);
     this->residual(v.t, v.x.data(), v.F.data(), z, R.data(), C.data());
     s.point.evaluate(this->q_.data(), true);
     for (size_t k = 0; k < rows.size(); ++k) v.lam[rows[k]] = z[k];
     if (!rows.empty()) s.saddle.factorize_symmetric(), s.saddle.update_multipliers(&R[nv], v.lam.data());
     if constexpr (is_ggl) {
-      Numbers slip(v.F.begin(), v.F.begin() + nv), along(s.ng, 0.0);
+      Vector slip(v.F.begin(), v.F.begin() + nv), along(s.ng, 0.0);
       s.manifold.velocity(v.x.data(), slip.data());
       for (int i = 0; i < nv; ++i) slip[i] -= this->u_[i];
       for (int k : this->positions_.in_use()) along[k] = s.constraints.times(k, s.point.G, slip.data());
@@ -148,7 +148,7 @@ class RecordingCollocation final : public Step, public StageRecorder {
   const Radau& a_;
   double t_ = 0;
   std::shared_ptr<const StageMemory> memory_;
-  Numbers z_, errors_;
+  Vector z_, errors_;
 };
 
 }  // namespace

@@ -19,7 +19,7 @@ void apply(const std::vector<IntegratePartialsBlock>& blocks, double (IntegrateP
   }
 }
 
-void add_times(const Numbers& A, size_t rows, size_t columns, const double* x, double* out) {
+void add_times(const Vector& A, size_t rows, size_t columns, const double* x, double* out) {
   for (size_t i = 0; i < rows; ++i) {
     const double* a = A.data() + i * columns;
     double s = 0;
@@ -28,7 +28,7 @@ void add_times(const Numbers& A, size_t rows, size_t columns, const double* x, d
   }
 }
 
-void add_transposed(const Numbers& A, size_t rows, size_t columns, const double* x, double* out) {
+void add_transposed(const Vector& A, size_t rows, size_t columns, const double* x, double* out) {
   for (size_t i = 0; i < rows; ++i) {
     const double* a = A.data() + i * columns;
     const double w = x[i];
@@ -38,7 +38,7 @@ void add_transposed(const Numbers& A, size_t rows, size_t columns, const double*
 }
 
 // Where rows of Z are long because bodies are light, digits cancel: one step of iterative refinement.
-void StageSensitivity::satisfy_rows(const Numbers& seen, bool transposed, const Numbers& moved) {
+void StageSensitivity::satisfy_rows(const Vector& seen, bool transposed, const Vector& moved) {
   const std::vector<int>& position = s_.rows.position();
   nu.assign(target_.size(), 0.0), residual_.resize(target_.size());
   for (int pass = 0; pass < 2; ++pass) {

@@ -16,7 +16,7 @@ namespace mbdae {
 struct LinearizationPoint {
   struct ConstraintPoint {
     double t;
-    Numbers q, v;  // (nq,), (nv,)
+    Vector q, v;                     // (nq,), (nv,)
     enum Kind { g, rate, Gv } kind;  // g, G v + g_t, G v
     double weight;
     std::vector<WrenchPartials> wrench_partials = {};  // (ng,) of rows in use; not of gaps
@@ -25,7 +25,7 @@ struct LinearizationPoint {
   bool at_rest = false;    // no forces and no motion: P is 0
   const IndependentRows* rows = nullptr;  // the rows that `constraint_points` and `nu` are about; nullptr: those in use
   double t = 0;
-  Numbers q, u, vdot, lam;             // (nq,), (nv + ns + 1,), (nv,), (ng,)
+  Vector q, u, vdot, lam;              // (nq,), (nv + ns + 1,), (nv,), (ng,)
   std::vector<ActingWrench> wrenches;  // of laws and closures, if placements or frames are parameters
   std::vector<ConstraintPoint> constraint_points;
 };
@@ -37,8 +37,8 @@ class StageSensitivity : public LinearizationPoint {
 
   double factor = 0;
   EquationPartials at;
-  Numbers Bhat;                         // (r, nv)
-  Numbers Ghat, Zhat;                   // entries by rows, at the constraint point of the stage
+  Vector Bhat;        // (r, nv)
+  Vector Ghat, Zhat;  // entries by rows, at the constraint point of the stage
   std::vector<IntegratePartialsBlock> integrate_partials, integrate_partials_hat;
   BandLU lu;                            // of Zhat Z^T
   Configuration point;                          // M and its factors, Z
@@ -48,18 +48,18 @@ class StageSensitivity : public LinearizationPoint {
   // Adds the cotangents of x, xhat (ny,) and y_n (ny,) of that of x'; `above` (n,) and `nu` (r,) are outputs.
   void reverse(const double* F, double* x, double* xhat, double* y);
 
-  Numbers above, nu;
+  Vector above, nu;
 
  private:
   // above += Z^T nu with the nu of Z' above = `target_`; Z' and Z are those of the step's matrix or of its transpose.
-  void satisfy_rows(const Numbers& seen, bool transposed, const Numbers& moved);
+  void satisfy_rows(const Vector& seen, bool transposed, const Vector& moved);
 
   Index2System& s_;
-  Numbers rate_, dq_, du_, more_, target_, residual_;
+  Vector rate_, dq_, du_, more_, target_, residual_;
 };
 
-void add_times(const Numbers& A, size_t rows, size_t columns, const double* x, double* out);       // out += A x
-void add_transposed(const Numbers& A, size_t rows, size_t columns, const double* x, double* out);  // out += A^T x
+void add_times(const Vector& A, size_t rows, size_t columns, const double* x, double* out);       // out += A x
+void add_transposed(const Vector& A, size_t rows, size_t columns, const double* x, double* out);  // out += A^T x
 
 // out = M x with blocks M, or their transposes, and 1 or 0 between them.
 void apply(const std::vector<IntegratePartialsBlock>& blocks, double (IntegratePartialsBlock::*M)[36], bool transposed, bool unit, int nv,

@@ -77,7 +77,7 @@ void StepSensitivity::forward(int directions, double* moved, const double* dp, c
   for (int i = a_.explicit_first; i < n; ++i) {
     StageSensitivity& stage = *stages_[i];
     for (int d = 0; d < directions; ++d) {
-      for (auto [to, weights] : {std::pair<Numbers&, const Numbers&>(x_bar_, a_.A), {xhat_bar_, a_.Ahat}}) {
+      for (auto [to, weights] : {std::pair<Vector&, const Vector&>(x_bar_, a_.A), {xhat_bar_, a_.Ahat}}) {
         std::fill(to.begin(), to.end(), 0.0);
         for (int j = 0; j < i; ++j) {
           const double w = h_ * weights[i * n + j];
@@ -99,7 +99,7 @@ void StepSensitivity::forward(int directions, double* moved, const double* dp, c
                     moves ? Q_dp_.data() : nullptr, &dF_[i * size + d * ny]);
     }
   }
-  Numbers own(nv_), rotated(nv_);
+  Vector own(nv_), rotated(nv_);
   for (int d = 0; d < directions; ++d) {
     std::fill(x_bar_.begin(), x_bar_.end(), 0.0);
     for (int j = 0; j < n; ++j)
@@ -116,7 +116,7 @@ void StepSensitivity::forward(int directions, double* moved, const double* dp, c
 void StepSensitivity::reverse(int costs, double* bars) {
   const int n = a_.n, ny = ny_, nc = ny_ - nv_;
   const size_t width = ny + (a_.explicit_first ? nc : 0), size = static_cast<size_t>(n) * ny;
-  Numbers x(ny), out(costs * static_cast<size_t>(ny));
+  Vector x(ny), out(costs * static_cast<size_t>(ny));
   dF_.assign(costs * size, 0.0);
   for (int d = 0; d < costs; ++d) {
     const double *bar = bars + d * width, *carry = bar + ny;

@@ -31,9 +31,9 @@ class StepSensitivity final : public HalfExplicitStep, public StepMap {
   double h_ = 0;
   std::vector<std::unique_ptr<StageSensitivity>> stages_;
   std::vector<IntegratePartialsBlock> end_;
-  Numbers dF_, Q_dp_, x_bar_, xhat_bar_, P_dp_;
-  std::vector<Numbers> P_, Q_;  // of stages, for tangents
-  Numbers above_, nu_;          // of a stage, for cotangents: (costs, n), (costs, r)
+  Vector dF_, Q_dp_, x_bar_, xhat_bar_, P_dp_;
+  std::vector<Vector> P_, Q_;  // of stages, for tangents
+  Vector above_, nu_;          // of a stage, for cotangents: (costs, n), (costs, r)
 };
 
 }  // namespace mbdae

@@ -49,7 +49,7 @@ class Interval {
   }
 
   void forward(int d, double* moved, size_t width, const double* dp, const double* dh) {
-    Numbers half;
+    Vector half;
     if (dh) half.assign(dh, dh + d);
     for (double& x : half) x /= 2;
     const double* own = dh && g_.halved ? half.data() : dh;
@@ -74,20 +74,20 @@ class Interval {
 
 // Project the end of a step as the run did; is the carry recomputed?
 bool project(Index2System& s, const RepeatTolerances& tolerances, double t, const State& start, State& next) {
-  Numbers y = next.y, move(s.ny), size0(s.ny), size1(s.ny);
+  Vector y = next.y, move(s.ny), size0(s.ny), size1(s.ny);
   project_state(s, t, next.y.data());
   s.difference(y.data(), next.y.data(), move.data());
-  s.size(start.y.data(), size0.data()), s.size(next.y.data(), size1.data());
+  s.component_magnitudes(start.y.data(), size0.data()), s.component_magnitudes(next.y.data(), size1.data());
   double moved;
   if (tolerances.adaptive) {
     moved = tolerances.control.error_norm(move.data(), 1, s.ny, s.controlled_components(), size0.data(), size1.data(),
                                           0, 0, 0);
   } else {
-    add_magnitude(s, next.y.data(), size1.data());
+    add_characteristic_magnitudes(s, next.y.data(), size1.data());
     moved = largest_move(move, size1, s.controlled_components(), tolerances.tolerated_move, tolerances.tiny);
   }
   if (moved <= 1) return false;
-  Numbers F(s.ny), z(s.ng);
+  Vector F(s.ny), z(s.ng);
   s.derivative(t, next.y.data(), F.data(), z.data());
   next.carry = s.carry(F);
   return true;
@@ -102,7 +102,7 @@ size_t carry_size(const Index2System& s, const TrajectorySegment& g) {
 void recompute(Index2System& s, const TrajectorySegment& g, const RepeatTolerances& tolerances, Recomputed& out) {
   StepSensitivity simple(s, nullptr, *g.tableau);
   const auto steps = half_explicit_step(s);
-  Numbers move(s.ny), z(s.nz), errors;
+  Vector move(s.ny), z(s.nz), errors;
   const auto step = [&](double t, double h, const State& in, State& out) {
     if (s.formulation == Formulation::index2) return simple.repeat(t, h, in, out, false);
     steps->take(*g.tableau, t, h, in, out, z.data(), errors);

@@ -28,7 +28,7 @@ struct RepeatTolerances {
 // The carry at each node, (m + 1, nc), from that of the first, and where it was recomputed. Recomputed points continue
 // independently of the run, unless they differ by more than `agreement`.
 struct Recomputed {
-  Numbers carries, end;
+  Vector carries, end;
   std::vector<int> restarted;  // (m + 1,)
   size_t steps;                // that ended within `same_state`
 };

@@ -12,10 +12,10 @@ namespace mbdae {
 
 namespace {
 
-using In = Eigen::Map<const Vector<double>>;
+using In = Eigen::Map<const Eigen::VectorXd>;
 
 // out (s, n) = h A K of A (s, s) and K (s, n), by rows.
-void combine(const Numbers& A, const double* K, int s, int n, double h, double* out) {
+void combine(const Vector& A, const double* K, int s, int n, double h, double* out) {
   std::fill(out, out + s * n, 0.0);
   for (int i = 0; i < s; ++i) {
     double* o = out + i * n;
@@ -28,7 +28,7 @@ void combine(const Numbers& A, const double* K, int s, int n, double h, double* 
 }
 
 // The Lagrange polynomials of the nodes c at the points x, (n, s).
-Rows<double> lagrange(const Numbers& c, const Numbers& x) {
+Rows<double> lagrange(const Vector& c, const Vector& x) {
   const int n = static_cast<int>(x.size()), s = static_cast<int>(c.size());
   Rows<double> out = Rows<double>::Ones(n, s);
   for (int i = 0; i < n; ++i)
@@ -50,7 +50,7 @@ int iterations_left(const Radau& a, double size, double rate) {
 
 std::shared_ptr<StageMemory> resampled(const Radau& a, const StageMemory& m, double later, double h) {
   auto out = std::make_shared<StageMemory>();
-  Numbers x(a.c);
+  Vector x(a.c);
   for (double& c : x) c = (later + c * h) / m.h;
   const Rows<double> at = lagrange(a.c, x);
   const int r = static_cast<int>(m.unknowns.size()), ny = static_cast<int>(m.K.size()) / a.s;
@@ -110,8 +110,8 @@ void CollocationStep::correction(const Radau& a, double t, const StageMemory& m)
   }
 }
 
-void CollocationStep::grow_scale(const Radau& a, const Numbers& moves) {
-  Numbers scale(size_);
+void CollocationStep::grow_scale(const Radau& a, const Vector& moves) {
+  Vector scale(size_);
   double most = 0;
   for (int k = 0; k < s_.controlled_components(); ++k) {
     double move = 0;
@@ -124,7 +124,7 @@ void CollocationStep::grow_scale(const Radau& a, const Numbers& moves) {
 bool CollocationStep::solve(const Radau& a, int max_iterations, double accuracy, double t, StageMemory& m) {
   const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), measured = s_.controlled_components();
   const double h = m.h, near = std::max(a.iteration_rounding, accuracy);
-  for (Numbers* x : {&X_, &R_, &dK_, &moves_}) x->resize(s * ny);
+  for (Vector* x : {&X_, &R_, &dK_, &moves_}) x->resize(s * ny);
   C_.resize(s * r), dZ_.resize(s * r), dk_.resize(2 * ny), dz_.resize(2 * r);
   combine(a.A, m.K.data(), s, ny, h, X_.data());
   std::fill(scale_.begin(), scale_.end(), 0.0);
@@ -169,7 +169,7 @@ bool CollocationStep::solve(const Radau& a, int max_iterations, double accuracy,
 }
 
 void CollocationStep::take(const Radau& a, bool controlled, double t, double h, const State& in, State& out,
-                           double* z, Numbers& errors) {
+                           double* z, Vector& errors) {
   const int s = a.s, max_iterations = controlled ? a.max_iterations_controlled : a.max_iterations;
   const double accuracy = controlled ? s_.accuracy : 0;
   y0_ = in.y;
@@ -180,22 +180,22 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   auto m = std::make_shared<StageMemory>();
   m->unknowns = unknowns();
   const int r = static_cast<int>(m->unknowns.size()), used = static_cast<int>(rows.in_use().size());
-  s_.size(y, size_.data());
+  s_.component_magnitudes(y, size_.data());
   const RowsIn A(a.A.data(), s, s);
   m->h = h, m->K.resize(static_cast<size_t>(s) * ny_), m->Z.resize(s * r);
   RowsOut K(m->K.data(), s, ny_), Z(m->Z.data(), s, r);
-  Vector<double> F(ny_);
+  Eigen::VectorXd F(ny_);
   const StageMemory* before = in.memory.get();
   if (before && (before->unknowns != m->unknowns || before->K.size() != m->K.size())) before = nullptr;
   if (before) {
     const RowsIn K0(before->K.data(), s, ny_), Z0(before->Z.data(), s, r);
     F.head(nv_) = In(y + nq_, nv_), F.tail(ny_ - nv_) = K0.row(s - 1).tail(ny_ - nv_).transpose();
-    Numbers x(a.c);
+    Vector x(a.c);
     for (double& c : x) c = 1 + c * h / before->h;
     const Rows<double> onward = lagrange(a.c, x);
     K = onward.lazyProduct(K0), Z = onward.lazyProduct(Z0);
   } else {
-    Numbers lam(s_.ng);
+    Vector lam(s_.ng);
     s_.derivative(t, y, F.data(), lam.data());
     for (int i = 0; i < s; ++i) {
       K.row(i) = F.transpose();
@@ -204,7 +204,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   }
   bool found = false;
   if (before && before->h == h && before->rate < a.reuse) {
-    const Numbers K1(m->K), Z1(m->Z);
+    const Vector K1(m->K), Z1(m->Z);
     m->partials = before->partials, m->solvers = before->solvers;
     try {
       found = solve(a, max_iterations, accuracy, t, *m);
@@ -216,17 +216,17 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   }
   if (!found) {
     RowsOut K2(m->K.data(), s, ny_), Z2(m->Z.data(), s, r);
-    const Vector<double> middle = h * A.row(a.middle).lazyProduct(K2).transpose();
+    const Eigen::VectorXd middle = h * A.row(a.middle).lazyProduct(K2).transpose();
     m->partials = linearize(t, middle.data(), K2.row(a.middle).data(), Z2.row(a.middle).data());
     m->solvers = factorize(a, m->partials, h);
     if (!solve(a, max_iterations, accuracy, t, *m)) throw StepTooLong();
   }
   const RowsIn K3(m->K.data(), s, ny_), Z3(m->Z.data(), s, r);
-  Vector<double> x = h * A.row(s - 1).lazyProduct(K3).transpose();
+  Eigen::VectorXd x = h * A.row(s - 1).lazyProduct(K3).transpose();
   out.carry.clear(), out.memory = m;
   s_.move(in, x.data(), out);
   s_.point.evaluate(out.y.data(), true);
-  Vector<double> R(ny_), C(r);
+  Eigen::VectorXd R(ny_), C(r);
   CollocationStep::residual(t + h, x.data(), K3.row(s - 1).data(), Z3.row(s - 1).data(), R.data(), C.data());
   std::fill(lam_.begin(), lam_.end(), 0.0);
   for (int i = 0; i < used; ++i) lam_[m->unknowns[i]] = Z3(s - 1, i);
@@ -251,7 +251,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
       filtered = m->solvers[a.real];
     const RowsIn M(m->partials->partials.M.data(), nv_, nv_), start(a.start.data(), a.errors, s);
     for (int i = 0; i < a.errors; ++i) {
-      Vector<double> miss = h * a.gamma * (F - start.row(i).lazyProduct(K3).transpose());
+      Eigen::VectorXd miss = h * a.gamma * (F - start.row(i).lazyProduct(K3).transpose());
       miss.segment(nv_, nv_) = M.lazyProduct(miss.segment(nv_, nv_)).eval();
       std::fill(dz_.begin(), dz_.end(), 0.0);
       s_.counts.solves += 1;

@@ -19,11 +19,11 @@ struct EigenMode {  // of A: A x = Re sum column value (row . x)
 
 // Coefficients of a method with s stages, and the thresholds of its iteration.
 struct Radau {
-  Numbers c, A;  // (s,), (s, s) by rows
+  Vector c, A;  // (s,), (s, s) by rows
   std::vector<EigenMode> modes;
   int real = -1;  // index of the real mode; -1: none
   double gamma = 0;
-  Numbers start;  // (1 or 2, s) by rows
+  Vector start;                          // (1 or 2, s) by rows
   int middle = 0;                        // the stage where partials are taken
   int max_iterations = 0,
       max_iterations_controlled = 0;     // iterations for a given step, and if a smaller one is possible
@@ -43,14 +43,14 @@ class StageSolver;
 struct LinearizedStages {
   EquationPartials partials;
   std::vector<TangentBlock> tangents;
-  Numbers P, N = {};  // (k, nv): rows in use that have a g, and M^-1 P^T by columns; of GGL
+  Vector P, N = {};  // (k, nv): rows in use that have a g, and M^-1 P^T by columns; of GGL
 };
 
 // Data that a step passes to the next one.
 struct StageMemory {
   std::vector<int> unknowns;
   double h = 0, rate = 0;
-  Numbers K, Z;  // (s, ny), (s, m) by rows
+  Vector K, Z;  // (s, ny), (s, m) by rows
   std::shared_ptr<const LinearizedStages> partials;
   std::vector<std::shared_ptr<const StageSolver>> solvers;
 };
@@ -65,7 +65,7 @@ class CollocationStep {
 
   // From t to t + h: the state, lam of the method (ng,), and, under error control, error estimates (errors, ny).
   void take(const Radau& a, bool controlled, double t, double h, const State& in, State& out, double* z,
-            Numbers& errors);
+            Vector& errors);
 
  protected:
   // R (ny,) and C (m,) of a stage at x (ny,) with x' and z (m,): lam of the rows in use, and further multipliers of a
@@ -82,16 +82,16 @@ class CollocationStep {
                                                             double h);
   void correction(const Radau& a, double t, const StageMemory& m);  // dK_ and dZ_ of an iteration
   // scale_: the size of y and of its change, no component's below a share of the largest.
-  void grow_scale(const Radau& a, const Numbers& moves);
+  void grow_scale(const Radau& a, const Vector& moves);
   // Found to rounding, or to an accuracy > 0; else partials or h do not serve.
   bool solve(const Radau& a, int max_iterations, double accuracy, double t, StageMemory& m);
 
   Index2System& s_;
   const int nq_, nv_, ns_, ny_;
-  Numbers y0_, size_;                       // (length,), (ny,) at the start of the step
-  Numbers q_, u_, f_, inertial_, G_, gt_, lam_, rates_;  // scratch
-  Numbers scale_, X_, R_, dK_, moves_, C_, dZ_;  // (ny,), (s, ny) four times, (s, r) twice
-  Numbers dk_, dz_, work_;                       // (2, ny), (2, r)
+  Vector y0_, size_;                                    // (length,), (ny,) at the start of the step
+  Vector q_, u_, f_, inertial_, G_, gt_, lam_, rates_;  // scratch
+  Vector scale_, X_, R_, dK_, moves_, C_, dZ_;          // (ny,), (s, ny) four times, (s, r) twice
+  Vector dk_, dz_, work_;                               // (2, ny), (2, r)
 };
 
 }  // namespace mbdae

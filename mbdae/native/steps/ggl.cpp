@@ -18,12 +18,12 @@ GGLStep::GGLStep(Index2System& s)
       move_(nv_),
       at_(nv_) {}
 
-void GGLStep::first_stage(const Numbers& carry, double* F) const {
-  HalfExplicitStep::first_stage(Numbers(carry.begin() + nv_, carry.end()), F);
+void GGLStep::first_stage(const Vector& carry, double* F) const {
+  HalfExplicitStep::first_stage(Vector(carry.begin() + nv_, carry.end()), F);
   for (int i = 0; i < nv_; ++i) F[i] += carry[i];
 }
 
-void GGLStep::set_carry(const double* F, Numbers& carry) const {
+void GGLStep::set_carry(const double* F, Vector& carry) const {
   carry = slip_;
   carry.insert(carry.end(), F + nv_, F + ny_);
 }
@@ -65,7 +65,7 @@ void GGLStep::satisfy_constraint(double that, double factor, double* dx) {
   throw StepTooLong();
 }
 
-void GGLStep::compute_correction(const Numbers& G) {
+void GGLStep::compute_correction(const Vector& G) {
   s_.point.scale_rows(positions_.in_use(), G, Zhat_);
   positions_.saddle().factorize(Zhat_);
   positions_.saddle().minimum_norm_correction(gap_.data(), dslip_.data(), dmu_.data());

@@ -21,8 +21,8 @@ class GGLCollocation : public CollocationStep {
   PositionRows positions_;
 
  private:
-  Numbers gap_, mu_;  // (ng,)
-  Numbers slip_;      // (nv,)
+  Vector gap_, mu_;  // (ng,)
+  Vector slip_;      // (nv,)
 };
 
 }  // namespace mbdae

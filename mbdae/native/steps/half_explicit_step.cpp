@@ -88,11 +88,11 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   if (last) point.mark_current(q_.data());
 }
 
-void HalfExplicitStep::first_stage(const Numbers& carry, double* F) const {
+void HalfExplicitStep::first_stage(const Vector& carry, double* F) const {
   std::copy(v0_.begin(), v0_.end(), F), std::copy(carry.begin(), carry.end(), F + nv_);
 }
 
-void HalfExplicitStep::set_carry(const double* F, Numbers& carry) const { carry.assign(F + nv_, F + ny_); }
+void HalfExplicitStep::set_carry(const double* F, Vector& carry) const { carry.assign(F + nv_, F + ny_); }
 
 void HalfExplicitStep::all_multipliers(double* z) { s_.saddle.all_multipliers(lam_.data(), z); }
 
@@ -115,7 +115,7 @@ void HalfExplicitStep::factorize_constraints() {
   s_.saddle.factorize(Zhat_);
 }
 
-void HalfExplicitStep::combine(const double* weights, int count, double h, Numbers& to) const {
+void HalfExplicitStep::combine(const double* weights, int count, double h, Vector& to) const {
   for (int k = 0; k < stride_; k += CHUNK) {
     const double* from = F_.data() + k;
     double sum[CHUNK] = {};
@@ -134,7 +134,7 @@ void HalfExplicitStep::project(double* e) {
 }
 
 void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& in, State& out, double* z,
-                            Numbers& errors) {
+                            Vector& errors) {
   const int n = a.n, stride = stride_;
   const double* y = in.y.data();
   std::copy(y, y + nq_, q0_.begin()), std::copy(y + nq_, y + nq_ + nv_, v0_.begin());
@@ -167,10 +167,10 @@ void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& i
 }
 
 void HalfExplicitStep::controlled(const Tableau& a, double t, double h, const State& in, State& out, double* z,
-                                  Numbers& errors) {
+                                  Vector& errors) {
   if (!a.doubling_order) return take(a, t, h, in, out, z, errors);
   State full, middle;
-  Numbers none;
+  Vector none;
   take(a, t, h, in, full, z, none);
   take(a, t, h / 2, in, middle, z, none);
   take(a, t + h / 2, h / 2, middle, out, z, none);

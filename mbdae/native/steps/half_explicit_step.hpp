@@ -8,9 +8,9 @@
 namespace mbdae {
 
 struct Tableau {
-  Numbers A, Ahat;                                        // (n, n) by rows
-  Numbers b, c, chat;                                     // (n,)
-  Numbers error_weights;                                  // (errors, n) by rows
+  Vector A, Ahat;                                         // (n, n) by rows
+  Vector b, c, chat;                                      // (n,)
+  Vector error_weights;                                   // (errors, n) by rows
   bool explicit_first = false, project_embedded = false;  // explicit first stage; embedded errors are projected
   int doubling_order = 0;  // order p of a method controlled by step doubling; 0: an embedded formula
   double noise = 0;        // rounding of v by which an error estimate exceeds eps |v|
@@ -25,14 +25,14 @@ class HalfExplicitStep {
   virtual ~HalfExplicitStep() = default;
 
   // From t to t + h: the state, multipliers of the method (nz,), and error estimates (errors, ny).
-  void take(const Tableau& a, double t, double h, const State& in, State& out, double* z, Numbers& errors);
+  void take(const Tableau& a, double t, double h, const State& in, State& out, double* z, Vector& errors);
   // The same with an error estimate for all methods: by step doubling if there is no embedded formula.
-  void controlled(const Tableau& a, double t, double h, const State& in, State& out, double* z, Numbers& errors);
+  void controlled(const Tableau& a, double t, double h, const State& in, State& out, double* z, Vector& errors);
 
  protected:
   virtual void begin_step(const double*) {}                         // a step begins at y (length,)
-  virtual void first_stage(const Numbers& carry, double* F) const;  // time derivative at an explicit first stage
-  virtual void set_carry(const double* F, Numbers& carry) const;    // carry of the last stage to the next step
+  virtual void first_stage(const Vector& carry, double* F) const;   // time derivative at an explicit first stage
+  virtual void set_carry(const double* F, Vector& carry) const;     // carry of the last stage to the next step
   virtual void stage(double t, double that, double factor, double* F, bool last);  // at x_, constraint at xhat_
   void place_stage();                                                              // q_, v_ and s_in_ at x_
   // x' (nv,), from J v, of a stage; G and Z of the rows in use at its constraint point, S factorized.
@@ -42,18 +42,18 @@ class HalfExplicitStep {
 
   void evaluate_poses(const double* dx, double factor);  // qhat_ and poses there: q_n (+) (xhat + factor x')
   void factorize_constraints();                          // second part of `satisfy_constraint`, at the current poses
-  void combine(const double* weights, int count, double h, Numbers& x) const;  // x = h sum of weights times derivatives
+  void combine(const double* weights, int count, double h, Vector& x) const;  // x = h sum of weights times derivatives
 
   Index2System& s_;
   const int nq_, nv_, ns_, ny_;
   const int stride_;                  // ny and some zeros: loops without remainders
-  Numbers F_;                         // (n, stride) time derivatives by stage
-  Numbers x_, xhat_, dx_;             // (stride,) in coordinates of the step
-  Numbers q0_, v0_, s0_;              // (nq,), (nv,), (ns,) at the start of the step
-  Numbers q_, v_, qhat_, s_in_;       // (nq,), (nv,), (nq,), (ns,) at a stage
-  Numbers f_;                         // (nv,)
-  Numbers lam_, gt_, gthat_, work_;   // (ng,)
-  Numbers Ghat_, Zhat_;               // entries by rows, at the constraint point of the stage
+  Vector F_;                          // (n, stride) time derivatives by stage
+  Vector x_, xhat_, dx_;              // (stride,) in coordinates of the step
+  Vector q0_, v0_, s0_;               // (nq,), (nv,), (ns,) at the start of the step
+  Vector q_, v_, qhat_, s_in_;        // (nq,), (nv,), (nq,), (ns,) at a stage
+  Vector f_;                          // (nv,)
+  Vector lam_, gt_, gthat_, work_;    // (ng,)
+  Vector Ghat_, Zhat_;                // entries by rows, at the constraint point of the stage
   bool with_partials_ = false;               // partials of stages are needed next
 };
 

@@ -16,7 +16,7 @@ void Index1Step::stage(double t, double, double, double* F, bool) {
 }
 
 void Index2System::raw_derivative(double t, const double* y, double* dy, double* z) {
-  Numbers at(y, y + length), F(ny);
+  Vector at(y, y + length), F(ny);
   if (!manifold.flat) tree.normalize(at.data());
   derivative(t, at.data(), F.data(), z);
   std::copy(F.begin() + nv, F.end(), dy + nq);

@@ -10,9 +10,9 @@ namespace mbdae {
 NewmarkStep::NewmarkStep(Index2System& s)
     : CollocationStep(s), n_(s.ny - s.nv), full_(s.ny), R1_(s.ny), C1_(s.ng), g_(s.ng), multipliers_(s.ng) {}
 
-void NewmarkStep::start(const GeneralizedAlpha& a, double t, double h, const Numbers& y, double* a_0,
+void NewmarkStep::start(const GeneralizedAlpha& a, double t, double h, const Vector& y, double* a_0,
                             double* rate) {
-  Numbers F(ny_), ahead(ny_), moved(y.size()), x(ny_);
+  Vector F(ny_), ahead(ny_), moved(y.size()), x(ny_);
   s_.derivative(t, y.data(), F.data(), multipliers_.data());
   std::copy_n(&F[nv_], n_, rate), std::copy_n(&F[nv_], n_, a_0);
   const double offset = a.alpha_m - a.alpha_f, later = std::fabs(offset) * h;
@@ -23,7 +23,7 @@ void NewmarkStep::start(const GeneralizedAlpha& a, double t, double h, const Num
   for (int i = 0; i < n_; ++i) a_0[i] += std::copysign(1.0, offset) * (ahead[nv_ + i] - F[nv_ + i]);
 }
 
-void NewmarkStep::displacement(Numbers& out) const {
+void NewmarkStep::displacement(Vector& out) const {
   const int r = static_cast<int>(s_.rows.in_use().size()), m = static_cast<int>(normal_.size()) / nv_;
   out = known_;
   for (int i = 0; i < nv_; ++i) out[i] += b2_ * x_[i];
@@ -32,12 +32,12 @@ void NewmarkStep::displacement(Numbers& out) const {
   for (int i = 0; i < n_; ++i) out[nv_ + i] += b1_ * x_[i];
 }
 
-void NewmarkStep::correct(const GeneralizedAlpha& a, double t, Numbers& dx) {
+void NewmarkStep::correct(const GeneralizedAlpha& a, double t, Vector& dx) {
   const std::vector<int>& rows = s_.rows.in_use();
   const int r = static_cast<int>(rows.size()), m = static_cast<int>(normal_.size()) / nv_;
   const size_t nv = nv_, n = n_;
   displacement(full_);
-  Numbers rates(ny_), lam(s_.ng, 0.0);
+  Vector rates(ny_), lam(s_.ng, 0.0);
   std::copy_n(x_.data(), nv_, rates.data()), std::copy_n(x_.data(), n_, &rates[nv_]);
   for (int k = 0; k < r; ++k) lam[rows[k]] = x_[n_ + k];
   s_.manifold.check_rotations(full_.data());
@@ -47,11 +47,11 @@ void NewmarkStep::correct(const GeneralizedAlpha& a, double t, Numbers& dx) {
   for (int i = 0; i < n_; ++i) u_[i] = y0_[nq_ + i] + full_[nv_ + i];
   s_.partials(t, q_.data(), u_.data(), x_.data(), lam.data(), at_);
   if (s_.manifold.curved()) {
-    const Numbers zero(nv_, 0.0);
+    const Vector zero(nv_, 0.0);
     s_.manifold.transfer(zero.data(), full_.data(), inverse_);
   }
-  for (Numbers* X : {&at_.K, &at_.B}) multiply_rows(inverse_, *X, nv_);
-  Numbers GV(at_.G);
+  for (Vector* X : {&at_.K, &at_.B}) multiply_rows(inverse_, *X, nv_);
+  Vector GV(at_.G);
   multiply_rows(inverse_, GV, nv_);
 
   const int size = n_ + r + m;
@@ -90,7 +90,7 @@ void NewmarkStep::correct(const GeneralizedAlpha& a, double t, Numbers& dx) {
   for (int k = 0; k < m; ++k) dx[n_ + r + k] *= b2_;
 }
 
-std::pair<double, double> NewmarkStep::measure(const Numbers& dx) const {
+std::pair<double, double> NewmarkStep::measure(const Vector& dx) const {
   const Tolerances& limits = s_.tree.limits;
   double speed = 0, change = 0, position = 0;
   for (int i = 0; i < nv_; ++i) {
@@ -109,7 +109,7 @@ void NewmarkStep::take(const GeneralizedAlpha& a, double t, double h, const Stat
   const double* y = y0_.data();
   if (!s_.point.is_current(y)) s_.point.evaluate(y, true);
   s_.select_rows_of_step(y);
-  Numbers before(in.carry);
+  Vector before(in.carry);
   if (before.size() != static_cast<size_t>(2 * n_ + 1)) {
     before.assign(2 * n_ + 1, h);
     start(a, t, h, in.y, before.data(), before.data() + n_);
@@ -127,7 +127,7 @@ void NewmarkStep::take(const GeneralizedAlpha& a, double t, double h, const Stat
   const double *a_0 = before.data(), *rate = a_0 + n_;
   b1_ = h * a.gamma * weight, b2_ = h * h * a.beta * weight;
   known_.assign(ny_, 0.0), x_.assign(n_ + r + m, 0.0);
-  Numbers known(n_);
+  Vector known(n_);
   for (int i = 0; i < n_; ++i) {
     const double start = rate[i] + ratio * (a_0[i] - rate[i]);
     known[i] = (a.alpha_f * rate[i] - a.alpha_m * start) / (1 - a.alpha_m);
@@ -136,8 +136,8 @@ void NewmarkStep::take(const GeneralizedAlpha& a, double t, double h, const Stat
     x_[i] = rate[i];
   }
   solve_by_newton(
-      a.iteration, s_.counts, x_, [&](Numbers& dx) { correct(a, t + h, dx); },
-      [&](const Numbers& dx) { return measure(dx); });
+      a.iteration, s_.counts, x_, [&](Vector& dx) { correct(a, t + h, dx); },
+      [&](const Vector& dx) { return measure(dx); });
 
   displacement(full_);
   out.memory.reset(), out.carry.resize(2 * n_ + 1);

@@ -25,19 +25,19 @@ class NewmarkStep : private CollocationStep {  // for the residual of a stage
   void take(const GeneralizedAlpha& a, double t, double h, const State& in, State& out, double* z);
 
  private:
-  void start(const GeneralizedAlpha& a, double t, double h, const Numbers& y, double* a_0, double* rate);
-  void displacement(Numbers& out) const;
-  void correct(const GeneralizedAlpha& a, double t, Numbers& dx);
-  std::pair<double, double> measure(const Numbers& dx) const;
+  void start(const GeneralizedAlpha& a, double t, double h, const Vector& y, double* a_0, double* rate);
+  void displacement(Vector& out) const;
+  void correct(const GeneralizedAlpha& a, double t, Vector& dx);
+  std::pair<double, double> measure(const Vector& dx) const;
 
   const int n_;          // of u
   double h_ = 0, b1_ = 0, b2_ = 0;
-  Numbers x_, normal_;   // (n + r + m,) u_1', lam, mu; M_0^-1 G_0^T (m, nv) by rows
-  Numbers known_;        // (ny,) the displacement without unknowns
+  Vector x_, normal_;  // (n + r + m,) u_1', lam, mu; M_0^-1 G_0^T (m, nv) by rows
+  Vector known_;       // (ny,) the displacement without unknowns
   EquationPartials at_;
   std::vector<TangentBlock> inverse_;  // J(x)^-1
   DenseLU<1> matrix_;
-  Numbers full_, R1_, C1_, g_, multipliers_;
+  Vector full_, R1_, C1_, g_, multipliers_;
 };
 
 }  // namespace mbdae

@@ -20,8 +20,8 @@ struct NewtonIteration {
 
 // correct(dx): changes of the unknowns at x. measure(dx): their relative size, and that of the configuration.
 template <class Correct, class Measure>
-void solve_by_newton(const NewtonIteration& it, Counts& counts, Numbers& x, Correct&& correct, Measure&& measure) {
-  Numbers dx(x.size());
+void solve_by_newton(const NewtonIteration& it, Counts& counts, Vector& x, Correct&& correct, Measure&& measure) {
+  Vector dx(x.size());
   double last = 0;
   for (int k = 0; k < it.max_iterations; ++k) {
     correct(dx);

@@ -47,7 +47,7 @@ class ModeSolver final : public StageSolver {
     if (!lu_.factorize()) throw FallBackToPython();
   }
 
-  void solve(double* r, double* c, Numbers& work) const override {
+  void solve(double* r, double* c, Vector& work) const override {
     const EquationPartials& s = at_->partials;
     const int ny = nv_ + n_, nz = r_ + k_;
     work.resize(static_cast<size_t>(components) * (nv_ + m_));
@@ -150,7 +150,7 @@ class ModeSolver final : public StageSolver {
   void add_position_row(int k) {  // and the column of its multiplier
     const size_t at = static_cast<size_t>(k) * nv_;
     const int column = n_ - 1 + r_ + k;
-    Numbers y(static_cast<size_t>(components) * nv_, 0.0);
+    Vector y(static_cast<size_t>(components) * nv_, 0.0);
     std::copy_n(&at_->N[at], nv_, y.begin());
     for (const TangentFactors& block : blocks_) block.apply_J(y.data(), nv_);
     JN_.insert(JN_.end(), y.begin(), y.begin() + nv_);
@@ -161,8 +161,8 @@ class ModeSolver final : public StageSolver {
     for (int i = 0; i < r_ + k_; ++i) add(n_ + i, column, times(constraint_partials(i), y.data()));
   }
 
-  const double* constraint_partials(int k) const {  // of a row of velocity by q, or a row of P
-    const Numbers& of = k < r_ ? at_->partials.B : at_->P;
+  const double* constraint_partials(int k) const {  // d(G v)/dq of a row, or a row of P
+    const Vector& of = k < r_ ? at_->partials.B : at_->P;
     return &of[static_cast<size_t>(k < r_ ? k : k - r_) * nv_];
   }
 
@@ -180,7 +180,7 @@ class ModeSolver final : public StageSolver {
   Complex mu_;
   std::vector<TangentFactors> blocks_;
   DenseLU<components> lu_;
-  Numbers w_, JN_;
+  Vector w_, JN_;
 };
 
 }  // namespace

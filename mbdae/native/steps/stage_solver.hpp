@@ -12,7 +12,7 @@ class StageSolver {
  public:
   virtual ~StageSolver() = default;
   // r (ny,) becomes the change of x', c (r,) that of z.
-  virtual void solve(double* r, double* c, Numbers& work) const = 0;
+  virtual void solve(double* r, double* c, Vector& work) const = 0;
 };
 
 std::shared_ptr<const StageSolver> solver(const std::shared_ptr<const LinearizedStages>& partials, int nv, Complex mu);

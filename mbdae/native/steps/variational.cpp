@@ -10,7 +10,7 @@ namespace mbdae {
 namespace {
 
 // out = A x, (n, n) by rows.
-void multiply(const Numbers& A, const double* x, int n, double* out) {
+void multiply(const Vector& A, const double* x, int n, double* out) {
   for (int i = 0; i < n; ++i) out[i] = dot(&A[static_cast<size_t>(i) * n], x, n);
 }
 
@@ -39,7 +39,7 @@ void VariationalStep::momentum_partials(const double* q, EndpointTerms& out) {
 void VariationalStep::evaluate_endpoint(double t, const double* q, EndpointTerms& out) {
   momentum_partials(q, out);
   const size_t n = nv_, width = 2 * n;
-  Numbers gravity_forces(s_.tree.bias(), s_.tree.bias() + n);  // nle(q, 0)
+  Vector gravity_forces(s_.tree.bias(), s_.tree.bias() + n);  // nle(q, 0)
   out.D.resize(n), out.dD_dw.resize(n * n);
   s_.torque(t, q, w_.data(), nullptr, out.D.data(), &out.power);
   const double *conservative = s_.law_partials(t, q, w_.data(), nullptr), *other = conservative + n * width;
@@ -56,7 +56,7 @@ void VariationalStep::evaluate_endpoint(double t, const double* q, EndpointTerms
 
 void VariationalStep::add_transported_momentum_partials(const double* p, double* matrix) {
   if (!s_.manifold.curved()) return;
-  Numbers minus(nv_), unit(nv_);
+  Vector minus(nv_), unit(nv_);
   for (int i = 0; i < nv_; ++i) minus[i] = -x_[i];
   std::vector<TangentBlock> at;
   for (int k = 0; k < 6; ++k) {
@@ -73,11 +73,11 @@ void VariationalStep::add_transported_momentum_partials(const double* p, double*
   }
 }
 
-void VariationalStep::correct(Numbers& dx) {
+void VariationalStep::correct(Vector& dx) {
   const std::vector<int>& rows = s_.rows.in_use();
   const int n = nv_, r = static_cast<int>(rows.size());
   const double *x = x_.data(), *lam = x + n;
-  Numbers minus(n);
+  Vector minus(n);
   for (int i = 0; i < n; ++i) w_[i] = x[i] / h_, minus[i] = -x[i];
   s_.manifold.check_rotations(x);
   evaluate_endpoint(t_, q0_.data(), start_);
@@ -96,7 +96,7 @@ void VariationalStep::correct(Numbers& dx) {
       const size_t at = static_cast<size_t>(i) * n + j;
       start_.M[at] = (start_.M[at] + end_.M[at]) / 2, matrix_[at] = end_.N[at] / 2;
     }
-  const Numbers& mean = start_.M;
+  const Vector& mean = start_.M;
   multiply(mean, w_.data(), n, mean_.data());
   for (int i = 0; i < n; ++i) {
     double* row = &matrix_[static_cast<size_t>(i) * n];
@@ -128,7 +128,7 @@ void VariationalStep::correct(Numbers& dx) {
   for (int k = 0; k < r; ++k) dx[n + k] *= 2 / (h_ * h_);
 }
 
-std::pair<double, double> VariationalStep::measure(const Numbers& dx) const {
+std::pair<double, double> VariationalStep::measure(const Vector& dx) const {
   const Tolerances& limits = s_.tree.limits;
   double size = limits.tiny, change = 0, position = 0;
   for (int i = 0; i < nv_; ++i) {
@@ -155,13 +155,13 @@ void VariationalStep::rattle(const NewtonIteration& iteration, double t, double 
   x_.assign(n + r, 0.0);
   for (int i = 0; i < n; ++i) x_[i] = h * v0_[i];
   solve_by_newton(
-      iteration, s_.counts, x_, [&](Numbers& dx) { correct(dx); }, [&](const Numbers& dx) { return measure(dx); });
+      iteration, s_.counts, x_, [&](Vector& dx) { correct(dx); }, [&](const Vector& dx) { return measure(dx); });
 
   for (int i = 0; i < n; ++i) w_[i] = x_[i] / h;
   evaluate_endpoint(t, q0_.data(), start_);
   s_.manifold.integrate(q0_.data(), x_.data(), q1_.data());
   evaluate_endpoint(t + h, q1_.data(), end_);
-  Numbers momentum(n), impulse(s_.ng), g_t(s_.ng, 0.0), dy(s_.ny, 0.0);
+  Vector momentum(n), impulse(s_.ng), g_t(s_.ng, 0.0), dy(s_.ny, 0.0);
   for (size_t i = 0; i < start_.M.size(); ++i) start_.M[i] += end_.M[i];
   multiply(start_.M, w_.data(), n, momentum.data());
   if (s_.manifold.curved()) {

@@ -11,7 +11,7 @@
 namespace mbdae {
 
 struct Composition {
-  Numbers weights, nodes;  // (s,), (s + 1,)
+  Vector weights, nodes;  // (s,), (s + 1,)
   NewtonIteration iteration;
 
   FIELDS(weights, nodes, iteration)
@@ -28,26 +28,26 @@ class VariationalStep {
   // Terms of the discrete Lagrangian and of the forces at an end of a step: M, N = d(M w)/dq,
   // D = d(w^T M w/2 - U)/dq + tau with its partials with respect to w, and the power.
   struct EndpointTerms {
-    Numbers M, N, D, dD_dw;  // (nv, nv), (nv, nv), (nv,), (nv, nv) by rows
+    Vector M, N, D, dD_dw;  // (nv, nv), (nv, nv), (nv,), (nv, nv) by rows
     double power = 0;
   };
 
   void rattle(const NewtonIteration& iteration, double t, double h, const State& in, State& out, double* z);
   void momentum_partials(const double* q, EndpointTerms& out);  // M and N; updates the kinematics to q
   void evaluate_endpoint(double t, const double* q, EndpointTerms& out);
-  void correct(Numbers& dx);
-  std::pair<double, double> measure(const Numbers& dx) const;
+  void correct(Vector& dx);
+  std::pair<double, double> measure(const Vector& dx) const;
   void add_transported_momentum_partials(const double* p, double* matrix);  // d(J(-x)^T p)/dx, (nv, nv) by rows
 
   Index2System& s_;
   const int nq_, nv_;
   double t_ = 0, h_ = 0;
-  Numbers q0_, v0_, q1_, G0_;       // start of the step, its end, (r, nv) rows in use at the start
-  Numbers x_, w_, zero_;           // (nv + r,) displacement and lam; (nv,) w = x/h; zero
+  Vector q0_, v0_, q1_, G0_;  // start of the step, its end, (r, nv) rows in use at the start
+  Vector x_, w_, zero_;       // (nv + r,) displacement and lam; (nv,) w = x/h; zero
   EndpointTerms start_, end_;
   std::vector<TangentBlock> J_minus_, J_plus_, J_inverse_;  // J(-x), J(x), J(x)^-1
   DenseLU<1> lu_;
-  Numbers G_, g_, matrix_, mean_, p_, b_, by_v_;
+  Vector G_, g_, matrix_, mean_, p_, b_, by_v_;
 };
 
 }  // namespace mbdae

@@ -120,7 +120,7 @@ void ClosureFriction::prepare_minimum_norm(const double* G) {
   const int r = static_cast<int>(rows.size()), d = static_cast<int>(others.size());
   C_.clear(), P_.clear();
   if (!r || !d) return;
-  Numbers used, rest, column(d);  // by columns
+  Vector used, rest, column(d);  // by columns
   const size_t nv = m_.nv;
   for (int k : rows) used.insert(used.end(), G + k * nv, G + (k + 1) * nv);
   for (int k : others) rest.insert(rest.end(), G + k * nv, G + (k + 1) * nv);
@@ -160,13 +160,13 @@ double ClosureFriction::force_magnitude(const FrictionInterface& interface, cons
   return size;
 }
 
-void ClosureFriction::solve_forces(const Numbers& lam, const Numbers& responses) {
+void ClosureFriction::solve_forces(const Vector& lam, const Vector& responses) {
   const Tolerances& limits = m_.limits;
   const int k = static_cast<int>(interfaces_.size());
   const size_t ng = lam.size();
   std::fill(T_.begin(), T_.end(), 0.0);
   double last = INFINITY;
-  Numbers now, move(k);
+  Vector now, move(k);
   DenseLU<1> partials;
   for (int it = 0; it < limits.friction_iterations; ++it) {
     now = lam;
@@ -193,9 +193,9 @@ void ClosureFriction::solve_forces(const Numbers& lam, const Numbers& responses)
   throw FallBackToPython();
 }
 
-double ClosureFriction::solve(SaddleSystem& saddle, const double* G, const Numbers& Zhat, double* rhs, double* f) {
+double ClosureFriction::solve(SaddleSystem& saddle, const double* G, const Vector& Zhat, double* rhs, double* f) {
   const size_t k = interfaces_.size(), ng = all_.size(), nv = m_.nv;
-  Numbers lam(k * ng, 0.0), responses(k * ng), moves(e_);
+  Vector lam(k * ng, 0.0), responses(k * ng), moves(e_);
   prepare_minimum_norm(G);
   saddle.solve(Zhat, rhs, f);
   minimum_norm(rhs, all_.data());
@@ -228,12 +228,12 @@ void ClosureFriction::write_multipliers(double* lam) const {
   }
 }
 
-void ClosureFriction::partials(const double* G, const double* lam, Numbers& out) {
+void ClosureFriction::partials(const double* G, const double* lam, Vector& out) {
   const std::vector<int>& rows = rows_.in_use();
   const size_t width = m_.nv + 1;
   out.assign(rows.size() * width, 0.0);
   prepare_minimum_norm(G), minimum_norm(lam, all_.data());
-  Numbers unit(all_.size());
+  Vector unit(all_.size());
   for (size_t r = 0; r < rows.size(); ++r) {
     unit[rows[r]] = 1, minimum_norm(unit.data(), one_.data()), unit[rows[r]] = 0;
     for (size_t i = 0; i < interfaces_.size(); ++i) {

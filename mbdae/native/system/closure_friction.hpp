@@ -49,13 +49,13 @@ class ClosureFriction {
   void update_slips(const double* v, bool within_step = true);
   // With current slips and G (ng, nv) by rows, and S of the saddle-point system factorized: rhs (ng,) by row becomes
   // lam, f (nv,) v'. Returns the power of friction.
-  double solve(SaddleSystem& saddle, const double* G, const Numbers& Zhat, double* rhs, double* f);
+  double solve(SaddleSystem& saddle, const double* G, const Vector& Zhat, double* rhs, double* f);
   // Adds friction due to lam (ng,) of the rows in use to tau (nv,), and returns its power.
   double add(const double* G, const double* lam, double* tau);
   // Writes the friction of the last `solve` as multipliers of inactive no-slip rows into lam (ng,) of all rows.
   void write_multipliers(double* lam) const;
-  // Partials of this by lam: of tau and of the power, (r, nv + 1) by rows.
-  void partials(const double* G, const double* lam, Numbers& out);
+  // d(tau, power)/dlam of this, (r, nv + 1) by rows.
+  void partials(const double* G, const double* lam, Vector& out);
 
  private:
   // The speed of the slip, the wrenches of its rows, and its components along them, (2,).
@@ -66,7 +66,7 @@ class ClosureFriction {
   void minimum_norm(const double* lam, double* all) const;  // multipliers of all rows, of minimum norm
   double force_magnitude(const FrictionInterface& interface, const double* all,
                          double* gradient) const;                   // |F|, its partials
-  void solve_forces(const Numbers& lam, const Numbers& responses);  // T; responses (k, ng) by rows
+  void solve_forces(const Vector& lam, const Vector& responses);    // T; responses (k, ng) by rows
 
   const MultibodyTree& m_;
   Constraints& constraints_;
@@ -75,10 +75,10 @@ class ClosureFriction {
   std::uint8_t* active_ = nullptr;
   double* directions_ = nullptr;
   // By rows (k, nv); (d, r) of rows that depend on those in use, and (1 + C C^T)^-1 C
-  Numbers e_, C_, P_;
-  Numbers speed_, factor_, T_;  // (k,)
-  Numbers slips_;               // (k, 2) directions along no-slip rows, of e
-  Numbers all_, one_, v_;              // (ng,), (ng,), (nv,)
+  Vector e_, C_, P_;
+  Vector speed_, factor_, T_;  // (k,)
+  Vector slips_;               // (k, 2) directions along no-slip rows, of e
+  Vector all_, one_, v_;       // (ng,), (ng,), (nv,)
 };
 
 }  // namespace mbdae

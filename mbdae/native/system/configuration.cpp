@@ -71,7 +71,7 @@ void Configuration::solve_root_transposed(double* x) const {
   }
 }
 
-void Configuration::scale_rows(const std::vector<int>& which, const Numbers& G, Numbers& Z) const {
+void Configuration::scale_rows(const std::vector<int>& which, const Vector& G, Vector& Z) const {
   const size_t* starts = m_.pattern.starts.data();
   const int* rows = m_.pattern.rows.data();
   const double *U = U_.data(), *root = root_.data();

@@ -19,7 +19,7 @@ class Configuration {
   void dynamics(const double* q, const double* v, bool with_partials);  // and nle; or the first terms of partials
   void evaluate(const double* q, bool counted);                 // all of it, over all rows
   void scale_rows(const std::vector<int>& which) { scale_rows(which, G, Z); }  // Z of these rows, from G
-  void scale_rows(const std::vector<int>& which, const Numbers& G, Numbers& Z) const;  // the same of other G
+  void scale_rows(const std::vector<int>& which, const Vector& G, Vector& Z) const;  // the same of other G
   void solve_root(double* x) const;                             // x := R^-1 x
   void solve_root_transposed(double* x) const;                        // x := R^-T x
 
@@ -32,9 +32,9 @@ class Configuration {
   bool is_exactly_current(const double* q) const;  // is it current at exactly q?
   void exchange(Configuration& other);          // with another configuration of the same mechanism
 
-  Numbers G, Z;  // entries by rows, see `Constraints::start`
-  Numbers g;     // (ng,) over all rows, without the motion of drivers
-  Numbers scratch_G;  // scratch of the same size
+  Vector G, Z;       // entries by rows, see `Constraints::start`
+  Vector g;          // (ng,) over all rows, without the motion of drivers
+  Vector scratch_G;  // scratch of the same size
 
  private:
   void factorize();  // M
@@ -45,10 +45,10 @@ class Configuration {
   Counts& counts_;
   bool current_ = false, rows_current_ = false;
   long stamp_ = 0;
-  Numbers q_;     // (nq,) where it is current
-  Numbers U_;     // by the tree as M: pivots, and the entries of U
-  Numbers root_;  // (nv,) D^-1/2
-  mutable Numbers x_;  // (nv,) scratch
+  Vector q_;          // (nq,) where it is current
+  Vector U_;          // by the tree as M: pivots, and the entries of U
+  Vector root_;       // (nv,) D^-1/2
+  mutable Vector x_;  // (nv,) scratch
 };
 
 }  // namespace mbdae

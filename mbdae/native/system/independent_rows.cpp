@@ -30,8 +30,8 @@ IndependentRows::IndependentRows(const Constraints& constraints, std::vector<int
   window_ = std::max(window_, limits_.many_rows);
 }
 
-void IndependentRows::find_pivots(const Numbers& Z, bool of_rows_in_use, int count, double smallest,
-                                  std::vector<int>& order, Numbers& pivots) const {
+void IndependentRows::find_pivots(const Vector& Z, bool of_rows_in_use, int count, double smallest,
+                                  std::vector<int>& order, Vector& pivots) const {
   std::vector<SparseRow> S = products(Z, of_rows_in_use);
   std::vector<int> sequence(S.size());
   for (size_t k = 0; k < S.size(); ++k) sequence[of_rows_in_use ? k : elimination_[k]] = static_cast<int>(k);
@@ -70,7 +70,7 @@ void IndependentRows::set(std::vector<int> rows) {
     if (position_[k] < 0 && !excluded_[k]) others_.push_back(static_cast<int>(k));
 }
 
-void IndependentRows::update_pivots(const Numbers& Z, long stamp) {
+void IndependentRows::update_pivots(const Vector& Z, long stamp) {
   if (pivots_stamp_ == stamp) return;
   if (has_many()) {  // of more rows than these, rounding is left
     find_pivots(Z, false, rank + 1, std::sqrt(limits_.eps), order_, pivots_);
@@ -81,7 +81,7 @@ void IndependentRows::update_pivots(const Numbers& Z, long stamp) {
   pivots_stamp_ = stamp;
 }
 
-bool IndependentRows::factorize(const Numbers& Z, long stamp) {
+bool IndependentRows::factorize(const Vector& Z, long stamp) {
   if (has_many() || rows_.empty() || rows_.size() < position_.size()) return false;
   update_pivots(Z, stamp);
   return pivots_.back() * pivots_.back() > limits_.smallest_pivot * pivots_[0] * pivots_[0];
@@ -104,7 +104,7 @@ void IndependentRows::solve(double* x) const {
   }
 }
 
-bool IndependentRows::select(const Numbers& Z, long stamp) {
+bool IndependentRows::select(const Vector& Z, long stamp) {
   if (rank < 0) throw std::logic_error("the rows in use are not set");
   const int ng = static_cast<int>(position_.size());
   update_pivots(Z, stamp);
@@ -134,7 +134,7 @@ bool IndependentRows::use_first_pivots() {
   return true;
 }
 
-double IndependentRows::smallest_pivot_in_use(const Numbers& Z) {
+double IndependentRows::smallest_pivot_in_use(const Vector& Z) {
   if (has_many()) {
     find_pivots(Z, true, rank, std::sqrt(limits_.eps), order_in_use_, pivots_in_use_);
     return static_cast<int>(pivots_in_use_.size()) < rank ? 0 : pivots_in_use_[rank - 1];
@@ -144,7 +144,7 @@ double IndependentRows::smallest_pivot_in_use(const Numbers& Z) {
   return pivots_in_use_[rank - 1];
 }
 
-bool IndependentRows::select_if_triggered(const Numbers& Z, long stamp) {
+bool IndependentRows::select_if_triggered(const Vector& Z, long stamp) {
   const double now = last_ratio_;
   last_ratio_ = NAN;
   best_ratio_ = std::max(best_ratio_, now);
@@ -153,7 +153,7 @@ bool IndependentRows::select_if_triggered(const Numbers& Z, long stamp) {
   return select(Z, stamp);
 }
 
-SmallestPivot IndependentRows::smallest_pivot(const Numbers& Z, int rank) {
+SmallestPivot IndependentRows::smallest_pivot(const Vector& Z, int rank) {
   pivots_stamp_ = -1;
   if (has_many()) {
     find_pivots(Z, false, rank, std::sqrt(limits_.eps), order_, pivots_);
@@ -165,7 +165,7 @@ SmallestPivot IndependentRows::smallest_pivot(const Numbers& Z, int rank) {
   return {pivots_[rank - 1], pivots_[rank - 1] / pivots_[0]};
 }
 
-std::vector<SparseRow> IndependentRows::products(const Numbers& Z, bool of_rows_in_use) const {
+std::vector<SparseRow> IndependentRows::products(const Vector& Z, bool of_rows_in_use) const {
   const int ng = static_cast<int>(position_.size());
   std::vector<SparseRow> S(of_rows_in_use ? rows_.size() : ng);
   for (int k = 0; k < ng; ++k) {

@@ -48,36 +48,36 @@ class IndependentRows {
     double fallen;     // of the ratio of pivots at the start: still small below this multiple
     double dependent;  // of the largest row of many: its part outside the rows in use
   };
-  void determine(const Numbers& G, const Numbers& Z, long stamp, const InitialRank& first, const Numbers& probe);
+  void determine(const Vector& G, const Vector& Z, long stamp, const InitialRank& first, const Vector& probe);
   // Is a vector in the null space of the rows in use, from one in general position (nv,) and its reverse, also one of all
   // rows? To a tolerance of their length; negligible rows are ignored. B: G or Z.
-  bool remaining_rows_dependent(const Numbers& B, double tolerance, const Numbers& probe) const;
+  bool remaining_rows_dependent(const Vector& B, double tolerance, const Vector& probe) const;
   // From Z (ng, nv), the rows of G M^-1/2: select again; returns whether the rows in use changed. stamp: changes with
   // Z.
-  bool select(const Numbers& Z, long stamp);
+  bool select(const Vector& Z, long stamp);
   // At the beginning of a step: always for few rows, for a reason for many rows.
-  bool select_if_triggered(const Numbers& Z, long stamp);
+  bool select_if_triggered(const Vector& Z, long stamp);
   // Is the factor R of Z^T P = Q R of the selection also a factor of Z Z^T of the rows in use? Then it is current.
-  bool factorize(const Numbers& Z, long stamp);
+  bool factorize(const Vector& Z, long stamp);
   void solve(double* x) const;  // with it, (r,) by position: x := (Z Z^T)^-1 x
   // Smallest of this many pivots of all rows to the largest: many rows by sparse elimination.
-  SmallestPivot smallest_pivot(const Numbers& Z, int rank);
+  SmallestPivot smallest_pivot(const Vector& Z, int rank);
 
   class Freeze;  // while it exists, the rows in use are fixed, and solves are not part of the run
 
  private:
   void set(std::vector<int> rows);
-  void update_pivots(const Numbers& Z, long stamp);  // pivots and factors of all rows, for this Z
+  void update_pivots(const Vector& Z, long stamp);  // pivots and factors of all rows, for this Z
   // Z Z^T of all rows, or of those in use by their position.
-  std::vector<SparseRow> products(const Numbers& Z, bool of_rows_in_use) const;
+  std::vector<SparseRow> products(const Vector& Z, bool of_rows_in_use) const;
   // Pivots of many rows, of all or of those in use (then by position), see `sparse_pivots`.
-  void find_pivots(const Numbers& Z, bool of_rows_in_use, int count, double smallest, std::vector<int>& order,
-                   Numbers& pivots) const;
-  double smallest_pivot_in_use(const Numbers& Z);
+  void find_pivots(const Vector& Z, bool of_rows_in_use, int count, double smallest, std::vector<int>& order,
+                   Vector& pivots) const;
+  double smallest_pivot_in_use(const Vector& Z);
   bool uses_first_pivots() const;  // are those of the first `rank` pivots in use?
   bool use_first_pivots();  // use those of the first `rank` pivots; whether they are others
   bool has_tie() const;  // has a dependent row a pivot of a row in use, up to rounding, in `factors_`?
-  int dense_rank(const Numbers& G, const InitialRank& first);
+  int dense_rank(const Vector& G, const InitialRank& first);
 
   const Constraints& constraints_;
   const Tolerances& limits_;
@@ -93,9 +93,9 @@ class IndependentRows {
   double best_ratio_ = 0,
          last_ratio_ = NAN;  // ratios of pivots: best since the last examination, and last; nan: no solve since
   std::vector<int> order_, order_in_use_;      // (ng,), (r,) of pivots
-  Numbers pivots_, pivots_in_use_;             // (min(nv, ng),), (min(nv, r),)
-  Numbers factors_, work_;  // (ng, nv) and more: R by columns, as `pivoted_qr` leaves it, of few rows; and scratch
-  mutable Numbers x_;                          // (r,) in the order of pivots
+  Vector pivots_, pivots_in_use_;              // (min(nv, ng),), (min(nv, r),)
+  Vector factors_, work_;  // (ng, nv) and more: R by columns, as `pivoted_qr` leaves it, of few rows; and scratch
+  mutable Vector x_;       // (r,) in the order of pivots
   long pivots_stamp_ = -1;                     // the stamp of the Z whose pivots and factors are current
 };
 

@@ -87,13 +87,13 @@ void Index2System::reset() {
   last_stage.t = NAN, accuracy = 0, largest_g = largest_rate = largest_speed = 0, counts = {};
 }
 
-bool Index2System::change_law(int k, const Numbers& a) {
+bool Index2System::change_law(int k, const Vector& a) {
   if (k < 0 || k >= static_cast<int>(laws_.size()) || laws_[k].a.size() != a.size()) return false;
   laws_[k].a = a, last_stage.t = NAN;
   return true;
 }
 
-double* Index2System::law_number(int k, int i) {
+double* Index2System::law_parameter(int k, int i) {
   if (k < 0 || k >= static_cast<int>(laws_.size()) || i < 0) return nullptr;
   Law& law = laws_[k];
   return static_cast<size_t>(i) < law.a.size() ? &law.a[i] : &law.offset;
@@ -113,10 +113,10 @@ void Index2System::set_input(int input, double t, double value, double rate) {
   last_stage.t = NAN;
 }
 
-void Index2System::deactivate_rows(std::vector<bool> off, bool sticks) {
-  constraints.off = std::move(off), constraints.sticks = sticks;
+void Index2System::deactivate_rows(std::vector<bool> off, bool has_sticking_joints) {
+  constraints.off = std::move(off), constraints.has_sticking_joints = has_sticking_joints;
   point.invalidate();
-  for (Numbers* rows : {&point.G, &point.Z, &point.scratch_G}) std::fill(rows->begin(), rows->end(), 0.0);
+  for (Vector* rows : {&point.G, &point.Z, &point.scratch_G}) std::fill(rows->begin(), rows->end(), 0.0);
 }
 
 void Index2System::probe_other_rows() {
@@ -143,7 +143,7 @@ void Index2System::forces(double t, const double* q, const double* v, const doub
   if (!finite(f, nv)) throw FallBackToPython();
 }
 
-void Index2System::solve(const Numbers& Zhat, double* rhs, double* f, double* power) {
+void Index2System::solve(const Vector& Zhat, double* rhs, double* f, double* power) {
   if (friction)
     *power += friction.solve(saddle, rows.dependent() ? constraints.dense(point.G).data() : nullptr, Zhat, rhs, f);
   else
@@ -229,8 +229,8 @@ void Index2System::hidden_derivative(double t, const double* y, double* F, doubl
   saddle.all_multipliers(lam_.data(), z);
 }
 
-Numbers Index2System::carry(const Numbers& F) const {
-  Numbers out(carried(), 0.0);
+Vector Index2System::carry(const Vector& F) const {
+  Vector out(carried(), 0.0);
   std::copy(F.begin() + nv, F.end(), out.end() - (ny - nv));
   return out;
 }
@@ -256,7 +256,7 @@ bool Index2System::update_independent_rows(double t, State& s) {
     for (int i = 0; i < nv; ++i) v[i] -= f_[i];
     s.memory.reset();
     if (!s.carry.empty()) {
-      Numbers F(ny), z(ng);
+      Vector F(ny), z(ng);
       derivative(t, s.y.data(), F.data(), z.data());
       s.carry = carry(F);
     }

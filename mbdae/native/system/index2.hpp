@@ -20,17 +20,17 @@ namespace mbdae {
 struct StageMemory;  // collocation.hpp
 
 struct State {
-  Numbers y;           // (nq + nv + ns + 1,): q, v, s, w
-  Numbers carry, low;  // (nv + ns + 1,): v', s', w', and (ny,): the rounding error of y; both may be empty
+  Vector y;           // (nq + nv + ns + 1,): q, v, s, w
+  Vector carry, low;  // (nv + ns + 1,): v', s', w', and (ny,): the rounding error of y; both may be empty
   std::shared_ptr<StageMemory> memory;  // carry of an implicit method; may be missing
 };
 
 // Partials of (f + G^T lam - M v', h, power) and of G v + g_t at a point, by rows; n = nv + ns + 1
 // (mbdae/mechanism/formulations/equation_partials.py).
 struct EquationPartials {
-  Numbers M, K, D, G, B;  // (nv, nv), (n, nv) by q, (n, n) by (v, s, w), (r, nv), (r, nv) of G v by q
-  Numbers g_t;            // (r,)
-  Numbers friction;       // (r, nv + 1) partials by lam of f and of the power due to friction; empty: no friction
+  Vector M, K, D, G, B;  // (nv, nv), (n, nv) d/dq, (n, n) d/d(v, s, w), (r, nv), (r, nv) d(G v)/dq
+  Vector g_t;            // (r,)
+  Vector friction;       // (r, nv + 1) d(f, power)/dlam due to friction; empty: no friction
 };
 
 // Constraints that are kept: G v + g_t = 0; g = 0 too, by a second multiplier; or neither, with accelerations from the
@@ -51,7 +51,7 @@ struct Description {
   std::vector<GroupJoint> group_joints;
   std::vector<int> angular;  // (nv,) flags of rotations
   std::vector<int> order;    // (ng,) position of each row in the order of elimination
-  Numbers probe;             // (nv,) in general position, of unit variance
+  Vector probe;             // (nv,) in general position, of unit variance
   std::vector<ModalBody> flexible;
 
   FIELDS(formulation, alpha, beta, flat, ns, pairs, rows, drivers, law_pairs, laws, group_joints, angular, order,
@@ -78,7 +78,7 @@ class Index2System {
   double accuracy = 0;  // of the size of y: of Newton's iteration in controlled steps of collocation methods; 0: rounding
 
   int carried() const { return formulation == Formulation::ggl ? ny : ny - nv; }  // size of the carry from step to step
-  Numbers carry(const Numbers& F) const;  // carry from y' (ny,) at a point for methods with an explicit first stage
+  Vector carry(const Vector& F) const;  // carry from y' (ny,) at a point for methods with an explicit first stage
   bool driven() const { return !constraints.drivers.empty(); }
   int controlled_components() const { return driven() ? ny : ny - 1; }  // components under error control
   // After `saddle.factorize_symmetric`: are rows not in use still dependent? Otherwise a reason to examine them.
@@ -90,15 +90,14 @@ class Index2System {
   bool write(const void* model, const Tolerances& limits, Description d);
   bool remaining_rows_dependent(const double* q, double tolerance);  // at q, on the rows in use; uncounted
   void determine_rows(const double* q, const IndependentRows::InitialRank& first);  // at the start of a run
-  bool change_law(int k, const Numbers& a);  // other data for law k, of the same size
-  void set_law_number(int k, int i, double x) { laws_[k].a[i] = x, last_stage.t = NAN; }  // one of its data
+  bool change_law(int k, const Vector& a);  // other data for law k, of the same size
   size_t law_size(int k) const { return k < 0 || k >= static_cast<int>(laws_.size()) ? 0 : laws_[k].a.size(); }
-  double* law_number(int k, int i);  // of its data, or after these the offset of its potential; nullptr: none
+  double* law_parameter(int k, int i);  // of its data, or after these the offset of its potential; nullptr: none
   bool renew();  // after such numbers, or those of the model, have changed; false: they are invalid
   void set_input(int input, double t, double value, double rate);  // value + rate (t' - t) from now on
-  Numbers joint_friction;  // (ng,) of slipping joints in the mode, as multipliers of their inactive rows
+  Vector joint_friction;  // (ng,) of slipping joints in the mode, as multipliers of their inactive rows
   // Inactive rows of the mode, (ng,), and whether joints stick; then the rows in use must be set.
-  void deactivate_rows(std::vector<bool> off, bool sticks);
+  void deactivate_rows(std::vector<bool> off, bool has_sticking_joints);
 
   // f (nv,) and the rates (s', power in W), (ns + 1,), with current kinematics at q; biased: and nle at (q, v).
   void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates,
@@ -110,22 +109,23 @@ class Index2System {
   // K, D and g_t alone, and B (r, nv) if requested; also the wrenches of laws between frames, followed by those of
   // closures, summed over rows.
   void force_partials(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out,
-                    Numbers* B = nullptr, std::vector<ActingWrench>* wrenches = nullptr);
-  // Partials of all laws by (q, v, s): of conservative forces and others, (nv, width) each, followed by those of s', (ns,
-  // width), width = 2 nv + ns; with current kinematics at q. Valid until the next call.
+                    Vector* B = nullptr, std::vector<ActingWrench>* wrenches = nullptr);
+  // Partials of all laws with respect to (q, v, s): of conservative forces and others, (nv, width) each, followed by
+  // those of s', (ns, width), width = 2 nv + ns; with current kinematics at q. Valid until the next call.
   const double* law_partials(double t, const double* q, const double* v, const double* s,
                              std::vector<ActingWrench>* wrenches = nullptr);
-  // The derivative by t of the same equations as K, (n,), at a point with lam (ng,); kinematics current at q.
+  // The partial time derivative of the same equations as K, (n,), at a point with lam (ng,); kinematics current at q.
   void time_partials(double t, const double* q, const double* u, const double* lam, double* out);
-  // Adds partials of G^T lam by q with lam (ng,) to K (nv, nv), and writes partials of G v by q, (r, nv) by rows: each
-  // if requested; and the partials of rows in use, (ng,). J and poses are current at q. Other rows may take their place.
-  void closure_partials(const double* q, const double* v, const double* lam, double* K, Numbers* B,
+  // Adds d(G^T lam)/dq with lam (ng,) to K (nv, nv), and writes d(G v)/dq, (r, nv) by rows: each
+  // if requested; and the partials of rows in use, (ng,). J and poses are current at q. Other rows may take their
+  // place.
+  void closure_partials(const double* q, const double* v, const double* lam, double* K, Vector* B,
                         std::vector<ActingWrench>* wrenches = nullptr,
                         std::vector<WrenchPartials>* wrench_partials = nullptr,
                         const IndependentRows* others = nullptr);
   // With current G and, for closure friction, slip directions: rhs (ng,) by row becomes lam, f (nv,) v'; the power of
   // friction is added.
-  void solve(const Numbers& Zhat, double* rhs, double* f, double* power);
+  void solve(const Vector& Zhat, double* rhs, double* f, double* power);
   // v' (nv,) and the rates from the hidden constraint, where `point` is current at q; sets `multipliers`.
   void accelerate(double t, const double* q, const double* v, const double* s, double* vdot, double* rates);
   // y' (ny,) and lam (ng,) from the hidden constraint.
@@ -143,14 +143,14 @@ class Index2System {
   struct LastStage {
     double t = NAN;
     long motion_stamp = -1;     // of the tree
-    Numbers q, v, s, f, rates;  // (nq,), (nv,), (ns,), (nv,), (ns + 1,)
+    Vector q, v, s, f, rates;  // (nq,), (nv,), (ns,), (nv,), (ns + 1,)
   } last_stage;
 
   std::vector<SampledController> samplers;
   // To just after t, where t is a sampling instant; see `SampledController::has_jumped`.
   void apply_jumps(double t, double* y, double late = INFINITY);
   struct {
-    Numbers g, gap, next_g, rate, x, nearer;  // (ng,) four times, (nv,), (nq,)
+    Vector g, gap, next_g, rate, x, nearer;  // (ng,) four times, (nv,), (nq,)
   } projection;  // scratch of `project_state`
   double potential(const double* q);  // of gravity and springs in J, at the current poses
 
@@ -158,10 +158,10 @@ class Index2System {
   // out = in (+) x with compensated summation; x (ny,) with in.low added.
   void move(const State& in, double* x, State& out) const;
   void difference(const double* y0, const double* y1, double* out) const;
-  void size(const double* y, double* out);  // magnitudes in the tangent, (ny,)
+  void component_magnitudes(const double* y, double* out);  // magnitudes in the tangent, (ny,)
 
   const std::vector<Pair>& law_pairs() const { return law_pairs_; }
-  const Numbers& multipliers() const { return lam_; }  // (ng,) of the rows in use, from the last `derivative`
+  const Vector& multipliers() const { return lam_; }  // (ng,) of the rows in use, from the last `derivative`
   void residual_rate(double t, const double* v, double* rate) const;  // G v + g_t over all rows, with current G
   SmallestPivot smallest_pivot(const double* q, int rank);            // see mbdae/mechanism/singularity.py; uncounted
   double pivot_ratio(const double* q, int rank) { return smallest_pivot(q, rank).ratio; }
@@ -173,12 +173,12 @@ class Index2System {
 
   std::vector<Pair> law_pairs_;
   std::vector<Law> laws_;
-  const Numbers probe_;               // (nv,)
+  const Vector probe_;               // (nv,)
   const double alpha_, beta_;         // 1/s
-  Numbers other_, f_;                 // (nv,)
-  Numbers lam_, gt_, gap_, rate_;     // (ng,)
-  Numbers all_G_;                     // (ng, nv)
-  Numbers law_partials_, by_q_, by_v_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice
+  Vector other_, f_;                 // (nv,)
+  Vector lam_, gt_, gap_, rate_;     // (ng,)
+  Vector all_G_;                     // (ng, nv)
+  Vector law_partials_, by_q_, by_v_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice
 };
 
 }  // namespace mbdae

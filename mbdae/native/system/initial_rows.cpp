@@ -8,14 +8,14 @@ namespace mbdae {
 
 namespace {
 
-int above(const Numbers& pivots, double ratio) {
+int above(const Vector& pivots, double ratio) {
   return static_cast<int>(std::count_if(pivots.begin(), pivots.end(), [&](double x) { return x > ratio * pivots[0]; }));
 }
 
 }  // namespace
 
-void IndependentRows::determine(const Numbers& G, const Numbers& Z, long stamp, const InitialRank& first,
-                                const Numbers& probe) {
+void IndependentRows::determine(const Vector& G, const Vector& Z, long stamp, const InitialRank& first,
+                                const Vector& probe) {
   const int ng = static_cast<int>(position_.size()), most = std::min(nv_, ng);
   if (has_many()) {
     find_pivots(Z, false, most, first.ambiguous, order_, pivots_);
@@ -52,12 +52,12 @@ bool IndependentRows::has_tie() const {
   return false;
 }
 
-int IndependentRows::dense_rank(const Numbers& entries, const InitialRank& first) {
+int IndependentRows::dense_rank(const Vector& entries, const InitialRank& first) {
   const int ng = static_cast<int>(position_.size()), most = std::min(nv_, ng);
   const int r = above(pivots_, limits_.pivot_rank);
   if (!r || (r == most && pivots_[r - 1] >= first.ambiguous * pivots_[0])) return r;
   // In G M^-1/2, light bodies next to heavy ones hide rows: those of G, of length 1, show them.
-  Numbers G(constraints_.dense(entries)), sizes(ng), units, pivots_of_G;
+  Vector G(constraints_.dense(entries)), sizes(ng), units, pivots_of_G;
   for (int k = 0; k < ng; ++k) {
     double s = 0;
     for (int c : constraints_.rows[k].columns) s += std::pow(G[static_cast<size_t>(k) * nv_ + c], 2);
@@ -79,12 +79,12 @@ int IndependentRows::dense_rank(const Numbers& entries, const InitialRank& first
   return ratio < first.ambiguous ? -1 : geometric;
 }
 
-bool IndependentRows::remaining_rows_dependent(const Numbers& B, double tolerance, const Numbers& probe) const {
+bool IndependentRows::remaining_rows_dependent(const Vector& B, double tolerance, const Vector& probe) const {
   if (!dependent()) return others_.empty();
   const int r = static_cast<int>(rows_.size());
   BandLU S;
   S.resize(r, half_bandwidth_);
-  Numbers size(position_.size());
+  Vector size(position_.size());
   for (int k : constraints_.all) size[k] = std::sqrt(constraints_.product(k, k, B.data()));
   for (int i = 0; i < r; ++i)
     for (int j : coupled_[i]) S.at(i, j) = S.at(j, i) =
@@ -92,7 +92,7 @@ bool IndependentRows::remaining_rows_dependent(const Numbers& B, double toleranc
   if (!S.factorize()) return false;
   const double least = limits_.pivot_rank * *std::max_element(size.begin(), size.end());
   for (bool reverse : {false, true}) {
-    Numbers w(probe), x(r);
+    Vector w(probe), x(r);
     if (reverse) std::reverse(w.begin(), w.end());
     for (int repeat = 0; repeat < 2; ++repeat) {  // the second time removes rounding
       for (int i = 0; i < r; ++i) x[i] = constraints_.times(rows_[i], B, w.data()) / size[rows_[i]];

@@ -17,7 +17,7 @@ void Index2System::partials(double t, const double* q, const double* u, const do
   out.G.assign(r * m, 0.0);
   constraints.dense_value(tree, q, rows.in_use(), all_G_);
   out.friction.clear();
-  if (friction) {  // its partials by q and v are left out: only the convergence of Newton's iteration suffers
+  if (friction) {  // its d/d(q, v) are left out: only the convergence of Newton's iteration suffers
     constraints.dense_value(tree, q, rows.others(), all_G_);
     friction.update_slips(u), friction.partials(all_G_.data(), lam, out.friction);
   }
@@ -26,13 +26,13 @@ void Index2System::partials(double t, const double* q, const double* u, const do
 }
 
 void Index2System::force_partials(double t, const double* q, const double* u, const double* vdot, const double* lam,
-                                EquationPartials& out, Numbers* B, std::vector<ActingWrench>* wrenches) {
+                                  EquationPartials& out, Vector* B, std::vector<ActingWrench>* wrenches) {
   const size_t n = nv + ns + 1, m = nv, width = 2 * m + ns;
   const double *v = u, *s = u + nv;
   by_q_.resize(m * m), by_v_.resize(m * m);
   tree.partials(q, v, vdot, by_q_.data(), by_v_.data());
 
-  Numbers now(ns + 1);
+  Vector now(ns + 1);
   torque(t, q, v, s, f_.data(), now.data());
   out.K.resize(n * m), out.D.assign(n * n, 0.0);
   double *powers = &out.K[(n - 1) * m], *powers_by_u = &out.D[(n - 1) * n];
@@ -86,7 +86,7 @@ void Index2System::time_partials(double t, const double* q, const double* u, con
   out[nv + ns] = dot(other_.data(), v, nv) - dot(gt_.data(), lam, ng);
 }
 
-void Index2System::closure_partials(const double* q, const double* v, const double* lam, double* K, Numbers* B,
+void Index2System::closure_partials(const double* q, const double* v, const double* lam, double* K, Vector* B,
                                     std::vector<ActingWrench>* wrenches, std::vector<WrenchPartials>* wrench_partials,
                                     const IndependentRows* others) {
   const size_t m = nv;

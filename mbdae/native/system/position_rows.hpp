@@ -21,7 +21,7 @@ class PositionRows {
   IndependentRows position_rows_;
   SaddleSystem position_saddle_;
   std::vector<int> all_, order_;  // (p,) holonomic rows, and pivots
-  Numbers Z_, pivots_;            // workspace of `pivoted_qr`, and (min(nv, p),)
+  Vector Z_, pivots_;             // workspace of `pivoted_qr`, and (min(nv, p),)
 };
 
 }  // namespace mbdae

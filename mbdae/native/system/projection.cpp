@@ -10,8 +10,8 @@ namespace mbdae {
 namespace {
 
 // Scaled values: lengths in characteristic lengths of the mechanism.
-Numbers scaled(const double* x, const std::vector<double>& scales) {
-  Numbers out(scales.size());
+Vector scaled(const double* x, const std::vector<double>& scales) {
+  Vector out(scales.size());
   for (size_t i = 0; i < out.size(); ++i) out[i] = x[i] / scales[i];
   return out;
 }
@@ -30,7 +30,7 @@ double norm_of(const double* x, const std::vector<double>& scales) {
 bool violates_velocity_constraints(const Index2System& s, double t, const double* v) {
   const Tolerances& limits = s.tree.limits;
   if (s.constraints.drivers.empty()) return false;
-  Numbers g_t(s.ng, 0.0);
+  Vector g_t(s.ng, 0.0);
   s.constraints.evaluate_g_t(t, g_t.data());
   if (largest(g_t.data(), s.ng) == 0) return false;
   double violation = 0, terms = 0;
@@ -43,21 +43,21 @@ bool violates_velocity_constraints(const Index2System& s, double t, const double
   return !(violation <= limits.visible * terms);
 }
 
-void add_magnitude(const Index2System& s, const double* y, double* size) {
+void add_characteristic_magnitudes(const Index2System& s, const double* y, double* magnitudes) {
   const std::vector<double>& scales = s.tree.limits.coordinate_scales;
   const double speed = largest_scaled(y + s.nq, scales);
-  for (int i = 0; i < s.nv; ++i) size[i] += scales[i], size[s.nv + i] += scales[i] * speed;
+  for (int i = 0; i < s.nv; ++i) magnitudes[i] += scales[i], magnitudes[s.nv + i] += scales[i] * speed;
 }
 
-double largest_move(const Numbers& move, const Numbers& magnitude, int measured, double ratio, double tiny) {
+double largest_move(const Vector& move, const Vector& magnitudes, int measured, double ratio, double tiny) {
   double most = 0;
-  for (int k = 0; k < measured; ++k) most = std::max(most, std::fabs(move[k]) / (ratio * magnitude[k] + tiny));
+  for (int k = 0; k < measured; ++k) most = std::max(most, std::fabs(move[k]) / (ratio * magnitudes[k] + tiny));
   return most;
 }
 
 bool exceeds_rounding(const Index2System& s, const double* rate, const double* v) {
   const Tolerances& limits = s.tree.limits;
-  return s.constraints.sticks ||
+  return s.constraints.has_sticking_joints ||
          norm_of(rate, limits.row_scales) > limits.sum_rounding * largest_scaled(v, limits.coordinate_scales);
 }
 
@@ -69,10 +69,11 @@ namespace {
 // pseudoinverse, in cubic time.
 class MinimumNormCorrection {
  public:
-  explicit MinimumNormCorrection(Index2System& s) : s_(s), suffices_(!s.constraints.sticks && s.rows.rank >= 0) {}
+  explicit MinimumNormCorrection(Index2System& s)
+      : s_(s), suffices_(!s.constraints.has_sticking_joints && s.rows.rank >= 0) {}
 
   // Returns whether it is by the rows in use: if these leave rows open, `insufficient`, and again.
-  bool find(const Numbers& r, bool of_q, double* x) {
+  bool find(const Vector& r, bool of_q, double* x) {
     const bool by_rows_in_use =
         suffices_ && !(of_q && rolls()) && s_.saddle.factorize_symmetric(s_.tree.limits.truncation);
     by_rows_in_use ? s_.saddle.minimum_norm_correction(r.data(), x) : over_all(r, of_q, x);
@@ -85,9 +86,9 @@ class MinimumNormCorrection {
     const std::vector<int>& rows = s_.rows.in_use();
     return std::any_of(rows.begin(), rows.end(), [&](int k) { return !s_.constraints.rows[k].positional; });
   }
-  void over_all(const Numbers& r, bool of_q, double* x) {
+  void over_all(const Vector& r, bool of_q, double* x) {
     const std::vector<double>& scales = s_.tree.limits.row_scales;
-    Numbers rows(s_.constraints.dense(s_.point.Z));
+    Vector rows(s_.constraints.dense(s_.point.Z));
     for (int k : s_.constraints.all) {  // velocity rows do not constrain q
       const double by = of_q && !s_.constraints.rows[k].positional ? 0 : 1 / scales[k];
       for (int c : s_.constraints.rows[k].columns) rows[static_cast<size_t>(k) * s_.nv + c] *= by;
@@ -101,7 +102,7 @@ class MinimumNormCorrection {
 };
 
 // q becomes the nearest point with g = 0.
-void project_positions(Index2System& s, double t, double* q, std::vector<Numbers>* path) {
+void project_positions(Index2System& s, double t, double* q, std::vector<Vector>* path) {
   const Tolerances& limits = s.tree.limits;
   Configuration& point = s.point;
   MinimumNormCorrection correction(s);
@@ -144,7 +145,7 @@ void project_positions(Index2System& s, double t, double* q, std::vector<Numbers
 void project_velocities(Index2System& s, double t, double* v) {
   const Tolerances& limits = s.tree.limits;
   MinimumNormCorrection correction(s);
-  Numbers &rate = s.projection.rate, &x = s.projection.x;
+  Vector &rate = s.projection.rate, &x = s.projection.x;
   rate.resize(s.ng), x.resize(s.nv);
   const auto correct = [&]() {
     const bool by_rows_in_use = correction.find(rate, false, x.data());
@@ -164,7 +165,7 @@ void project_velocities(Index2System& s, double t, double* v) {
 
 }  // namespace
 
-void project_state(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
+void project_state(Index2System& s, double t, double* y, std::vector<Vector>* path) {
   if (!s.ng) return;
   if (!s.point.is_current(y)) s.point.evaluate(y, true);
   s.counts.state_projections += 1;

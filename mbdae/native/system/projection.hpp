@@ -12,13 +12,13 @@ bool exceeds_rounding(const Index2System& system, const double* rate, const doub
 // Whether v misses rows of G v + g_t = 0 at the current point; without g_t, that of drivers, all have v = 0 in common.
 bool violates_velocity_constraints(const Index2System& system, double t, const double* v);
 
-// size (ny,) of y, and what it is measured by where y is near zero: characteristic lengths and the largest speed.
-void add_magnitude(const Index2System& system, const double* y, double* size);
+// Adds characteristic lengths and the largest speed to component magnitudes of y, (ny,): `characteristic_magnitudes`.
+void add_characteristic_magnitudes(const Index2System& system, const double* y, double* magnitudes);
 
-// The largest component of a move away from a point of this magnitude, of a share of it.
-double largest_move(const Numbers& move, const Numbers& magnitude, int measured, double ratio, double tiny);
+// The largest component of a move, relative to `ratio` times these magnitudes.
+double largest_move(const Vector& move, const Vector& magnitudes, int measured, double ratio, double tiny);
 
 // y becomes the nearest point with g = 0 and G v + g_t = 0; all configurations on the way except the last.
-void project_state(Index2System& system, double t, double* y, std::vector<Numbers>* path = nullptr);
+void project_state(Index2System& system, double t, double* y, std::vector<Vector>* path = nullptr);
 
 }  // namespace mbdae

@@ -46,7 +46,7 @@ void SaddleSystem::multiply(const Block& x, const double* Zhat) {
   for (int m = 0; m < n; ++m) lu_.at(x.i, x.j[m]) = ij[m], lu_.at(x.j[m], x.i) = symmetric ? ij[m] : ji[m];
 }
 
-void SaddleSystem::assemble(const Numbers& Zhat) {
+void SaddleSystem::assemble(const Vector& Zhat) {
   const int r = static_cast<int>(rows_.in_use().size());
   if (version_ != rows_.version()) {
     lu_.resize(r, rows_.half_bandwidth()), x_.resize(std::max(nv_, r)), build_coupling_blocks();
@@ -64,7 +64,7 @@ void SaddleSystem::assemble(const Numbers& Zhat) {
   for (const Block& x : blocks_) (this->*kernels[x.n - 1])(x, Zhat.data());
 }
 
-void SaddleSystem::factorize(const Numbers& Zhat) {
+void SaddleSystem::factorize(const Vector& Zhat) {
   symmetric_stamp_ = -1;
   if (rows_.in_use().empty()) return;
   assemble(Zhat);
@@ -82,23 +82,23 @@ bool SaddleSystem::factorize_symmetric(double least_ratio) {
   return rows_.in_use().empty() || lu_.pivot_ratio() > least_ratio;
 }
 
-void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
+void SaddleSystem::solve(const Vector& Zhat, double* rhs, double* f) {
   counts_.solves += 1;
   if (!rows_.in_use().empty()) counts_.factorizations += 1, rows_.record_ratio(lu_.pivot_ratio());
   solve_uncounted(Zhat, rhs, f);
 }
 
 void SaddleSystem::solve_uncounted(double* rhs, double* f) {
-  const bool use_selection_factors = !constraints_.sticks && rows_.factorize(point_.Z, point_.stamp());
+  const bool use_selection_factors = !constraints_.has_sticking_joints && rows_.factorize(point_.Z, point_.stamp());
   x_.resize(std::max(x_.size(), rows_.in_use().size()));
   if (!use_selection_factors) factorize_symmetric();
   solve_uncounted(point_.Z, rhs, f, use_selection_factors);
 }
 
-void SaddleSystem::solve_uncounted(const Numbers& Zhat, double* rhs, double* f, bool use_selection_factors) {
+void SaddleSystem::solve_uncounted(const Vector& Zhat, double* rhs, double* f, bool use_selection_factors) {
   point_.solve_root(f);
   const std::vector<int>& position = rows_.position();
-  const bool refine = constraints_.sticks;  // one step of iterative refinement
+  const bool refine = constraints_.has_sticking_joints;  // one step of iterative refinement
   if (refine) rhs_.assign(rhs, rhs + position.size());
   for (int i = 0; i <= refine && !rows_.in_use().empty(); ++i) {
     for (int k : rows_.in_use()) {
@@ -142,9 +142,9 @@ void SaddleSystem::update_multipliers(double* residual, double* lam) {
 }
 
 // Rows that depend on those in use annihilate their null space: tested with one vector in it.
-bool SaddleSystem::remaining_rows_dependent(const Numbers& probe) {
+bool SaddleSystem::remaining_rows_dependent(const Vector& probe) {
   const std::vector<int>& position = rows_.position();
-  Numbers w(probe);
+  Vector w(probe);
   double scale = 0;
   for (int k : rows_.in_use()) {
     x_[position[k]] = constraints_.times(k, point_.Z, w.data());
@@ -174,12 +174,12 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   for (int i = 0; i < d; ++i)
     for (int l : rows_.neighbours(others[i]))
       if (position[l] >= 0) couplings_.push_back({i, position[l], constraints_.product(others[i], l, point_.Z.data())});
-  auto apply_C = [&](Numbers& u, Numbers& out) {  // out = C u; u is overwritten
+  auto apply_C = [&](Vector& u, Vector& out) {  // out = C u; u is overwritten
     lu_.solve(u.data());
     std::fill(out.begin(), out.end(), 0.0);
     for (const Entry& e : couplings_) out[e.i] += e.s * u[e.j];
   };
-  auto apply_C_transposed = [&](const Numbers& n, Numbers& out) {  // out = C^T n
+  auto apply_C_transposed = [&](const Vector& n, Vector& out) {  // out = C^T n
     std::fill(out.begin(), out.end(), 0.0);
     for (const Entry& e : couplings_) out[e.j] += e.s * n[e.i];
     lu_.solve(out.data());

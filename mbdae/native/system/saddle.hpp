@@ -14,12 +14,12 @@ class SaddleSystem {
   SaddleSystem(const Configuration& point, const Constraints& constraints, IndependentRows& rows, const Tolerances& limits,
                Counts& counts, int nv);
 
-  void factorize(const Numbers& Zhat);  // S
+  void factorize(const Vector& Zhat);  // S
   // After `factorize`: rhs (ng,) by row becomes lam, f (nv,) becomes v'.
-  void solve(const Numbers& Zhat, double* rhs, double* f);
+  void solve(const Vector& Zhat, double* rhs, double* f);
   // The same without `counts`, for further right-hand sides; `use_selection_factors`: with
   // the factors of the row selection, in place of those of `factorize`.
-  void solve_uncounted(const Numbers& Zhat, double* rhs, double* f, bool use_selection_factors = false);
+  void solve_uncounted(const Vector& Zhat, double* rhs, double* f, bool use_selection_factors = false);
   // The same with current Z, by any factors of G M^-1 G^T that exist or will be needed.
   void solve_uncounted(double* rhs, double* f);
   const BandLU& factors() const { return lu_; }  // of S
@@ -29,7 +29,7 @@ class SaddleSystem {
   // If requested, the multipliers S^-1 r (ng,) by row, too.
   void minimum_norm_correction(const double* r, double* out, double* multipliers = nullptr);
   // After `factorize_symmetric`:
-  bool remaining_rows_dependent(const Numbers& probe);  // on those in use? Tested with one vector (nv,)
+  bool remaining_rows_dependent(const Vector& probe);  // on those in use? Tested with one vector (nv,)
   // Updates lam (ng,) of the rows in use by the dlam that minimizes |M^-1/2 (residual + G^T dlam)|; residual (nv,) is
   // overwritten.
   void update_multipliers(double* residual, double* lam);
@@ -49,7 +49,7 @@ class SaddleSystem {
   template <int n, bool symmetric>
   void multiply(const Block& block, const double* Zhat);  // entries of S, as independent sums
   void build_coupling_blocks();        // `blocks_`
-  void assemble(const Numbers& Zhat);  // S of the rows in use
+  void assemble(const Vector& Zhat);   // S of the rows in use
 
   const Configuration& point_;
   const Constraints& constraints_;
@@ -62,10 +62,10 @@ class SaddleSystem {
   std::vector<Constraints::Common> common_;
   long symmetric_stamp_ = -1;          // the stamp of the point whose Z Z^T is factorized
   long version_ = -1;                  // of the rows that set its size
-  Numbers x_;                          // (max(nv, r),) right-hand side, and solution
-  Numbers rhs_;                        // (ng,) by row: right-hand side for iterative refinement, while joints stick
+  Vector x_;                           // (max(nv, r),) right-hand side, and solution
+  Vector rhs_;                         // (ng,) by row: right-hand side for iterative refinement, while joints stick
   std::vector<Entry> couplings_;       // of Z_others Z_in_use^T, (ng - r, r)
-  Numbers u_, n_, residual_, p_, Ap_;  // conjugate gradients: (r,), and (ng - r,) four times
+  Vector u_, n_, residual_, p_, Ap_;   // conjugate gradients: (r,), and (ng - r,) four times
 };
 
 }  // namespace mbdae

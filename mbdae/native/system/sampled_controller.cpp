@@ -29,7 +29,7 @@ void SampledController::sample(double t, const double* y, int nq, int nv, double
 }
 
 void Index2System::apply_jumps(double t, double* y, double late) {
-  const Numbers before(y, y + length);
+  const Vector before(y, y + length);
   for (const SampledController& x : samplers)
     if (!x.has_jumped(t, late)) x.sample(t, before.data(), nq, nv, y + nq + nv + x.state);
   if (!finite(y, length)) throw FallBackToPython();

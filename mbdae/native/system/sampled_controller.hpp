@@ -23,7 +23,7 @@ struct SampledController {
   double coincide = 0;          // of a period: tolerance for a time to count as an instant
   int state = 0, states = 0;    // first index of its states, torques and memory, in s
   TimeFunction reference;             // of a PID controller; a: kp, ki, kd
-  Numbers a;
+  Vector a;
   int x = 0, v = 0;  // first index in y of the controlled coordinate, and of the velocity
   // Python: (t, q, v, s of all laws) -> its states after the instant.
   std::function<void(double t, const double* q, const double* v, const double* s, double* after)> call;

@@ -34,8 +34,8 @@ double largest_entry(const Index2System& s) {
 
 }  // namespace
 
-void start(Index2System& s, double t, bool project, const IndependentRows::InitialRank& first, Numbers& y, Numbers& F,
-           Numbers& z) {
+void start(Index2System& s, double t, bool project, const IndependentRows::InitialRank& first, Vector& y, Vector& F,
+           Vector& z) {
   try {
     State at;
     at.y = y;
@@ -63,13 +63,13 @@ void start(Index2System& s, double t, bool project, const IndependentRows::Initi
   }
 }
 
-double first_step(Index2System& s, double t, const Numbers& y, const Numbers& F, const FirstStep& given) {
+double first_step(Index2System& s, double t, const Vector& y, const Vector& F, const FirstStep& given) {
   const int n = s.controlled_components();
-  Numbers scale(s.ny), size(s.ny), move(F), next(s.length), change(s.ny), z(s.ng);
-  s.size(y.data(), size.data());
+  Vector scale(s.ny), size(s.ny), move(F), next(s.length), change(s.ny), z(s.ng);
+  s.component_magnitudes(y.data(), size.data());
   for (int i = 0; i < n; ++i)
     scale[i] = given.atol[given.atol.size() == 1 ? 0 : i] + given.rtol * size[i] + given.tiny;
-  const auto norm = [&](const Numbers& x) {
+  const auto norm = [&](const Vector& x) {
     double sum = 0;
     for (int i = 0; i < n; ++i) sum += (x[i] / scale[i]) * (x[i] / scale[i]);
     return std::sqrt(sum / n);

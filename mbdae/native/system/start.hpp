@@ -7,13 +7,13 @@ namespace mbdae {
 
 // Determine rank and rows in use at y projected onto the closures, and move y there if `project`; y' (ny,) and lam
 // (ng,) at y. `FallBackToPython`, with the rank unknown, where Python must decide.
-void start(Index2System& system, double t, bool project, const IndependentRows::InitialRank& first, Numbers& y, Numbers& F,
-           Numbers& z);
+void start(Index2System& system, double t, bool project, const IndependentRows::InitialRank& first, Vector& y, Vector& F,
+           Vector& z);
 
 struct FirstStep {
   double sign, left;  // of time, s to the end of the smooth interval
   double rtol;
-  Numbers atol;  // (1,) or (measured,)
+  Vector atol;  // (1,) or (measured,)
   double power;  // of h in the error estimate
   double small_norm, default_step;  // norms below it are small, and h_0 in s for them
   double reduction;                 // h_1 / h_0 where nothing changes
@@ -23,6 +23,6 @@ struct FirstStep {
   FIELDS(sign, left, rtol, atol, power, small_norm, default_step, reduction, change, growth, zero_change, tiny)
 };
 // The first step size in s, by Hairer's algorithm (Hairer, Noersett, Wanner I, II.4).
-double first_step(Index2System& system, double t, const Numbers& y, const Numbers& F, const FirstStep& given);
+double first_step(Index2System& system, double t, const Vector& y, const Vector& F, const FirstStep& given);
 
 }  // namespace mbdae

@@ -26,8 +26,8 @@ void Index2System::difference(const double* y0, const double* y1, double* out) c
   for (int i = 0; i < nv + ns + 1; ++i) out[nv + i] = y1[nq + i] - y0[nq + i];
 }
 
-void Index2System::size(const double* y, double* out) {
-  manifold.size(y, out);
+void Index2System::component_magnitudes(const double* y, double* out) {
+  manifold.component_magnitudes(y, out);
   for (int i = 0; i < nv + ns + 1; ++i) out[nv + i] = std::fabs(y[nq + i]);
   if (!driven()) return;
   tree.inertia(y);  // kinetic energy: scale for the work of drivers

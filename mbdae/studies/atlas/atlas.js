@@ -103,7 +103,7 @@ function selected(allowed) {
 function drawChart(found) {
   const work = WORKS[state.work], points = found.filter(r => r[work] > 0 && r[state.quantity] > 0), m = models[state.model];
   const unit = data.quantities[state.quantity];
-  $("trust").textContent = m ? `${m.title}, 0 to ${m.duration} s; reference ${m.reference}, checked by ${m.witness}: errors of ${state.quantity} below ${format(m.floors[state.quantity])} are not known.`
+  $("trust").textContent = m ? `${m.title}, 0 to ${m.duration} s; reference ${m.reference}, checked by ${m.cross_check}: errors of ${state.quantity} below ${format(m.floors[state.quantity])} are not known.`
     : "All models together: select one for its curves.";
   if (!points.length) { $("plot").replaceChildren(tag("p", {}, "No run has an error in this range.")); $("key").replaceChildren(); return; }
   const W = Math.max(300, Math.min(960, $("plot").clientWidth)), H = Math.max(320, Math.round(0.53 * W)), L = 56, B = 44, logs = points.map(r => [Math.log10(r[work]), Math.log10(r[state.quantity])]);

@@ -25,7 +25,7 @@ __all__ = ["atlas"]
 
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 REFINEMENTS = (1, 4, 16, 64)
-MOTIONS = 0.1  # of the progress: when the references are computed
+MOTIONS = 0.1  # progress when the references are computed
 Progress = Callable[[float, str], None]
 
 

@@ -16,10 +16,10 @@ from ..method_variant import Variant
 from ..workers import Stop
 from .model_motion import ModelMotion, Settings, common_motion, mechanism
 
-REPEATS = 3  # of each run, for its time
+REPEATS = 3  # repetitions of each run, for its time
 LONG = 0.1  # s: longer runs are not repeated
 LARGEST_REFINED = 20_000  # linear solves of a run, above which no finer one follows
-LONG_SPAN, LONG_REFINEMENT = 10, 2  # of a long run: durations of the model; steps over its coarsest number
+LONG_SPAN, LONG_REFINEMENT = 10, 2  # duration of a long run in those of the model; its steps over the coarsest number
 SIGMAS = 3  # standard errors of a trend, within which it is none
 RAISED = "error"  # status of a run that raised an error
 

@@ -25,7 +25,7 @@ from ..method_variant import Variant, variants
 from ..workers import Stop
 
 OUTPUTS = 20  # common times of errors, as in `mbdae.compare`
-MAX_STEPS = 20_000  # of a run
+MAX_STEPS = 20_000  # steps of a run
 PROBE = "radau5"  # the steps of its run are the coarsest number of fixed steps
 RUN_TOLERANCES = {"reference": 1e-12, PROBE: 1e-3}  # rtol; of the reference as there
 LOADED = 4  # mechanisms that a worker keeps
@@ -60,7 +60,7 @@ class ModelMotion:
         steps: the coarsest number of fixed steps, a multiple of the number of common times.
         conservative: no work is done but by potentials, and no modes switch.
         reference: the reference run, in words.
-        witness: the run that checks it, in words.
+        cross_check: the run that checks it, in words.
         uncertainty: largest difference between these two, by quantity.
         samples: of the reference, by quantity, lists of lists.
         methods: variants that suit the model, by name.
@@ -75,7 +75,7 @@ class ModelMotion:
     steps: int = 0
     conservative: bool = False
     reference: str = ""
-    witness: str = ""
+    cross_check: str = ""
     uncertainty: dict[str, float] = field(default_factory=dict)
     samples: dict[str, list] = field(default_factory=dict, repr=False)
     methods: tuple[str, ...] = ()
@@ -159,12 +159,12 @@ def _motion(model: str, key: str, mech: Mechanism, settings: Settings, stop: Sto
     probe = motion.solve(Trial(Variant(PROBE), RUN_TOLERANCES[PROBE]), stop)
     if not probe.ended:
         raise InputError(f"no number of fixed steps: {PROBE} ends with {probe.status}, {probe.message}")
-    (reference, witness), samples, uncertainty = motion.reference(variants(REFERENCE), RUN_TOLERANCES["reference"])
+    (reference, cross_check), samples, uncertainty = motion.reference(variants(REFERENCE), RUN_TOLERANCES["reference"])
     return ModelMotion(
         model, key, mech.title, mech.duration,
         steps=OUTPUTS * -(-probe.stats["steps"] // OUTPUTS),
         conservative=_conservative(mech, probe),
-        reference=reference, witness=witness, uncertainty=uncertainty,
+        reference=reference, cross_check=cross_check, uncertainty=uncertainty,
         samples={name: x.tolist() for name, x in samples.items()},
     )  # fmt: skip
 

@@ -27,7 +27,7 @@ SECTIONS = {
     "failed": "Failures",
 }
 COUNTS = ("steps", "rejected", "solves", "f", "factorizations")
-DIGITS = 4  # of numbers on the page
+DIGITS = 4  # digits of numbers on the page
 
 
 def page(atlas: Atlas) -> str:
@@ -65,7 +65,7 @@ def _data(atlas: Atlas) -> dict[str, Any]:
         "models": [
             {
                 "name": m.model, "typed": shlex.quote(m.model), "title": m.title, "duration": m.duration,
-                "reference": m.reference, "witness": m.witness, "floors": _floors(atlas, m.model),
+                "reference": m.reference, "cross_check": m.cross_check, "floors": _floors(atlas, m.model),
                 "ranks": {name: _ranks(atlas, m.model, name, methods) for name in QUANTITIES},
             }
             for m in models

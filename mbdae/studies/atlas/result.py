@@ -88,7 +88,7 @@ class Atlas(Tabular):
         out = {}
         for m in self.motions:
             points = tuple(p for r in self.runs if r.model == m.model for p in r.points)
-            trust, meta = (m.reference, m.witness, m.uncertainty), {**about, "omitted": m.omitted}
+            trust, meta = (m.reference, m.cross_check, m.uncertainty), {**about, "omitted": m.omitted}
             if points:
                 out[m.model] = Comparison(m.title, (0.0, m.duration), points, *trust, self.complete, meta)
         return out
@@ -180,7 +180,7 @@ class Atlas(Tabular):
     def _model_data(self, m: ModelMotion) -> JsonObject:
         """Return the data of a model, see `to_dict`."""
         out: JsonObject = {
-            "title": m.title, "duration": m.duration, "reference": m.reference, "witness": m.witness,
+            "title": m.title, "duration": m.duration, "reference": m.reference, "cross_check": m.cross_check,
             "uncertainty": m.uncertainty, "methods": m.methods, "omitted": m.omitted, "failure": m.failure,
         }  # fmt: skip
         if m.model in self.comparisons:

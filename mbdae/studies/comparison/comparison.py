@@ -38,7 +38,7 @@ class Comparison(Tabular):
         t_span: start and end in s.
         points: the finished runs, by method and then from coarse to fine.
         reference: the reference run for errors, in words.
-        witness: the run of another family that checks the reference, in words; "" for an exact solution.
+        cross_check: the run of another family that checks the reference, in words; "" for an exact solution.
         uncertainty: largest difference between these two, for ``"q"``, ``"v"``, ``"lam"`` of a mechanism, ``"y"``,
             ``"z"`` of
             a textbook problem: the uncertainty of the reference.
@@ -51,7 +51,7 @@ class Comparison(Tabular):
     t_span: tuple[float, float]
     points: tuple[RunResult, ...]
     reference: str
-    witness: str
+    cross_check: str
     uncertainty: dict[str, float]
     complete: bool = True
     meta: dict[str, Any] = field(default_factory=dict)
@@ -81,9 +81,9 @@ class Comparison(Tabular):
         """Description of the reference and its uncertainty."""
         shown = {name: displayed(u, self.unit(name))[0] for name, u in self.uncertainty.items()}
         known = ", ".join(f"{u:.1e} in {name}" for name, u in shown.items())
-        if not self.witness:
+        if not self.cross_check:
             return f"{self.reference}, known to {known}"
-        return f"{self.reference}; {self.witness} differs by {known}"
+        return f"{self.reference}; {self.cross_check} differs by {known}"
 
     def quantity(self, name: str | None) -> str:
         """Return the name of a quantity; that of the positions when left out.
@@ -176,7 +176,7 @@ class Comparison(Tabular):
             "title": self.title,
             "t_span": list(self.t_span),
             "reference": self.reference,
-            "witness": self.witness,
+            "cross_check": self.cross_check,
             "uncertainty": self.uncertainty,
             "complete": self.complete,
             "meta": self.meta,
@@ -239,7 +239,7 @@ class Comparison(Tabular):
             known = {name: nonnegative(x) for name, x in data["uncertainty"].items()}
             points = tuple(read_run_result(row, tuple(known)) for row in data["points"])
             span = (float(data["t_span"][0]), float(data["t_span"][1]))
-            rest = (data["reference"], data["witness"], known, bool(data["complete"]), dict(data["meta"]))
+            rest = (data["reference"], data["cross_check"], known, bool(data["complete"]), dict(data["meta"]))
             return cls(data["title"], span, points, *rest)
         except FileNotFoundError:
             raise InputError(f"no such file: {path}") from None

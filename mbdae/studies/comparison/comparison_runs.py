@@ -80,7 +80,7 @@ class ComparisonRuns:
         self.report_progress: Progress = progress or (lambda done, name: None)
         self.repetitions, self.completed = repetitions, 0
         self.points: dict[tuple, RunResult] = {}
-        self.reference, self.witness = "", ""
+        self.reference, self.cross_check = "", ""
         self.uncertainty: dict[str, float] = {}
         self.samples: Samples | None = None
         about = {"versions": versions(), "command": sys.argv, "machine": machine_description(), "runs": len(trials)}
@@ -119,7 +119,7 @@ class ComparisonRuns:
             raise InputError(f"{path} has a comparison of {difference}: give another file, or remove this one")
         same_machine = stored.meta.get("machine") == self.meta["machine"]  # wall times of machines are not compared
         self.points = {p.label: p if same_machine else replace(p, times=()) for p in stored.points}
-        self.reference, self.witness, self.uncertainty = stored.reference, stored.witness, stored.uncertainty
+        self.reference, self.cross_check, self.uncertainty = stored.reference, stored.cross_check, stored.uncertainty
 
     def pending(self) -> list[Trial]:
         """Return the runs that are not finished."""
@@ -129,7 +129,8 @@ class ComparisonRuns:
         """Compute the reference, if any run is pending."""
         if self.pending():
             self.report_progress(0.0, "reference")
-            (self.reference, self.witness), self.samples, self.uncertainty = self.motion.reference(self.pair, self.rtol)
+            names, self.samples, self.uncertainty = self.motion.reference(self.pair, self.rtol)
+            self.reference, self.cross_check = names
 
     def measure_errors(self, workers: int, *, clock: bool) -> None:
         """Run the pending trials, in this process or in others."""
@@ -199,7 +200,7 @@ class ComparisonRuns:
     def _comparison(self, extra_labels: list[tuple], complete: bool) -> Comparison:
         c, labels = self.motion, [t.label for t in self.trials]
         points = ordered(self.points.values(), list(dict.fromkeys([*labels, *extra_labels])))
-        about = (self.reference, self.witness, self.uncertainty)
+        about = (self.reference, self.cross_check, self.uncertainty)
         return Comparison(c.problem.title, c.t_span, points, *about, complete, self.meta)
 
 

@@ -272,7 +272,7 @@ def _energy_balance(sol: Solution, r: Residuals) -> tuple[Array, float, Array]:
     At the times that ``t_eval`` requested, the mechanism may be at rest although it moved.
     """
     t, y, _ = sol.nodes
-    with np.errstate(over="ignore", invalid="ignore"):  # of a diverging run
+    with np.errstate(over="ignore", invalid="ignore"):  # overflow of a diverging run
         kinetic, potential = sol.system.residuals(t, y)[2].T if sol.steps else (r.kinetic, r.potential)
         error, _ = energy_error(r.kinetic, r.potential, sol.work)
         _, scale = energy_balance(sol, kinetic, potential, y[:, -1])

@@ -4,8 +4,8 @@ import numpy as np
 
 from ...system import Array
 
-BLOCKS = 50  # of equal duration
-LARGEST_CORRELATION = 0.95  # of successive means: with larger ones the standard error has no meaning
+BLOCKS = 50  # number of blocks of equal duration
+LARGEST_CORRELATION = 0.95  # correlation of successive means: with larger ones the standard error has no meaning
 
 
 def linear_trend(t: Array, x: Array) -> tuple[float, float] | None:

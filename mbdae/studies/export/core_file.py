@@ -25,7 +25,7 @@ from ...solution.signal_value import SignalValue
 from ...tolerances import CLOSED
 
 DERIVED = ("states", "transitions", "nodes", "row_changes", "after_jumps")  # attributes of structs that are no fields
-RESTART_MARGIN = 0.5  # of the range of local coordinates: beyond, others are due
+RESTART_MARGIN = 0.5  # fraction of the range of local coordinates: beyond, others are due
 
 
 class _Recorder:

@@ -15,7 +15,7 @@ from ...system import Array
 from ...tolerances import SAME_STATE, SOLUTION_ROUNDING
 from .core_file import core_data, native_system, numbers_of
 
-STEPS = (0.25, 0.5)  # of a parameter, or of 1: where linear dependence is verified
+STEPS = (0.25, 0.5)  # fractions of a parameter, or of 1: where linear dependence is verified
 KEPT = ("tolerances", "order", "probe")  # parts of the data that follow the mechanism as it was exported
 
 Path = tuple[str, ...]

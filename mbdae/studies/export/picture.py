@@ -6,7 +6,7 @@ from ...mechanism import Mechanism
 from ..figures import png
 from ..replay.figure import posture
 
-STEPS = 300  # of the motion that chooses the view
+STEPS = 300  # steps of the motion that chooses the view
 
 
 def picture(mech: Mechanism) -> bytes:

@@ -175,7 +175,7 @@ class _Search:
     spans: Sequence[float]
     report_progress: Callable[[str], None]
 
-    @np.errstate(over="ignore", invalid="ignore")  # of diverging runs, which fail with a message
+    @np.errstate(over="ignore", invalid="ignore")  # overflow of diverging runs, which fail with a message
     def attempt(self, start: Array, label: str) -> Attempt:
         """Search from a start.
 

@@ -9,8 +9,8 @@ from ...system import Array
 from ...tolerances import RANK
 from .result import MAX_CORRELATION
 
-NULL_COMPONENT = 0.1  # of a null vector: parameters with larger components are in the unidentifiable combination
-DETERMINED = 1e-2  # of the range between the bounds: parameters with smaller deviations are identified singly
+NULL_COMPONENT = 0.1  # fraction of a null vector: parameters with larger ones are in the unidentifiable combination
+DETERMINED = 1e-2  # fraction of the range between the bounds: parameters with smaller deviations are identified singly
 
 
 class Precision(NamedTuple):

@@ -10,6 +10,7 @@ from scipy.interpolate import make_interp_spline
 from ...arguments import as_numbers
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
+from ...mechanism.assembly.assembly import start_configuration
 from ...mechanism.assembly.position_search import close_position
 from ...mechanism.closures.closure_error import largest_error
 from ...mechanism.tree.frames import find_joint
@@ -18,7 +19,6 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import read_csv
 from ...tolerances import COARSE, RANK, SEARCH_TOLERANCE
-from ..kinematics.driven_mechanism import start_pose
 from ..kinematics.result import Kinematics
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from ...mechanism.formulations.index2 import Index2System
 
-DEGREE = 5  # of the spline through a table: accelerations are splines of degree 3
+DEGREE = 5  # degree of the spline through a table: accelerations are splines of degree 3
 ITERATIONS = 20
 
 
@@ -160,7 +160,7 @@ def _from_table(mech: Mechanism, columns: Mapping[str, object]) -> Prescribed:
     curves = make_interp_spline(t, np.array(list(given.values())).T, k=degree)
     targets = np.stack([curves(t, k) for k in range(3)])
     rigid = tuple(x for x in mode_joints(mech.model) if x not in given)
-    start = start_pose(mech)
+    start = start_configuration(mech)
     at_start = [_coordinate(start, single[n]) for n in rigid]
     kept = np.stack([np.tile(x, (len(t), 1)) for x in (at_start, *np.zeros((2, len(rigid))))])
     motion = _close_motion(mech, [single[n] for n in (*given, *rigid)], np.concatenate([targets, kept], axis=2))
@@ -202,7 +202,7 @@ def _close_motion(mech: Mechanism, joints: list["pin.JointModel"], targets: Arra
     system, n = free.system(), targets.shape[1]
     at = [j.idx_v for j in joints]
     out = np.empty((n, mech.nq)), np.empty((n, mech.nv)), np.empty((n, mech.nv))
-    q = close_position(system, start_pose(mech), np.array([], int), 0.0)
+    q = close_position(system, start_configuration(mech), np.array([], int), 0.0)
     for i in range(n):
         found = _at_targets(system, q, joints, targets[0, i])
         q, G = found.q, found.G

@@ -14,13 +14,14 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import InputError, as_list, is_count, is_number
 from ...mechanism import Mechanism
+from ...mechanism.assembly.assembly import start_configuration
 from ...mechanism.tree.coordinate_units import COORDINATE_NAMES, coordinate_units
 from ...mechanism.tree.frames import find_joints
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tabular import Tabular
 from ...units import quantity
-from .driven_mechanism import Hold, driven_mechanism, input_at, omitted_elements, require_one_dof, start_pose
+from .driven_mechanism import Hold, driven_mechanism, input_at, omitted_elements, require_one_dof
 from .mode_search import ModeSearch
 
 __all__ = ["assembly_modes"]
@@ -126,7 +127,7 @@ def assembly_modes(
         InputError: as `mbdae.kinematics`, or if no pose is found.
     """
     mech = mechanism_of(mech, "assembly_modes")
-    q0 = start_pose(mech)
+    q0 = start_configuration(mech)
     driven = driven_mechanism(mech, drive, hold, q0)
     system = driven.system()
     require_one_dof(driven, system, q0, drive, [d.joint or d.name for d in driven.drivers[:-1]], omitted_elements(mech))

@@ -11,7 +11,6 @@ from scipy.linalg import qr
 
 from ...errors import InputError, UnknownNameError, as_list, is_number
 from ...mechanism import Driver, Mechanism
-from ...mechanism.assembly.assembly import start_position
 from ...mechanism.forces import stiction_joints
 from ...mechanism.forces.coulomb_friction import CoulombFriction
 from ...mechanism.tree.frames import find_joint
@@ -119,15 +118,6 @@ def _constant_position(mech: Mechanism, d: Driver, q: Array) -> float:
         return d.follow(0.0)[0]
     alone = Mechanism(mech.model, drivers=[Driver.model_validate({**_target(d), "motion": 1.0})])
     return input_at(alone, alone.system(), q)
-
-
-def start_pose(mech: Mechanism) -> Array:
-    """Return the configuration (nq,) of the model's start, without assembling velocities.
-
-    Raises:
-        AssemblyError: if its loops cannot be closed.
-    """
-    return start_position(mech) if mech.start_values.assemble else mech.unassembled_start[0]
 
 
 def input_at(driven: Mechanism, system: "Index2System", q: Array) -> float:

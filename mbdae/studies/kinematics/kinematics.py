@@ -8,6 +8,7 @@ import numpy as np
 
 from ...errors import AssemblyError, InputError, StepError, is_count, is_number
 from ...mechanism import Mechanism
+from ...mechanism.assembly.assembly import start_configuration
 from ...mechanism.assembly.position_search import close_position
 from ...mechanism.tree.joints import angle_components
 from ...solution.problem import mechanism_of
@@ -18,7 +19,7 @@ from .curve.branch_following import TracedCurve, is_same_point, other_branches
 from .curve.curve_sampling import branch_point_on_curve, events, sample
 from .curve.curve_tracing import follow
 from .curve.pose_curve import MAX_TRAVEL, BranchPoint, CurvePoint, PoseCurve
-from .driven_mechanism import Hold, driven_mechanism, input_at, omitted_elements, require_one_dof, start_pose
+from .driven_mechanism import Hold, driven_mechanism, input_at, omitted_elements, require_one_dof
 from .result import CurveSegment, Kinematics
 from .transmission_angle import default_output, transmission
 from .violations import curve_violations
@@ -76,7 +77,7 @@ def kinematics(
     mech = mechanism_of(mech, "kinematics")
     if not is_count(points, 2):
         raise InputError(f"points is a number of poses, at least 2, got {points!r}")
-    q_start = start_pose(mech) if q is None else mech.vector("q", q, mech.nq)
+    q_start = start_configuration(mech) if q is None else mech.vector("q", q, mech.nq)
     driven = driven_mechanism(mech, drive, hold, q_start)
     system = driven.system()
     first, u = _start_on_curve(driven, q_start, span)

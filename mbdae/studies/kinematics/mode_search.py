@@ -19,8 +19,8 @@ from ...tolerances import RANK, SAME_POSE
 from .curve.circuits import circuit
 from .curve.pose_curve import PoseCurve
 
-HITS = 3  # of each mode, by random starts
-MISS_PROBABILITY = 0.01  # of a mode that is as likely as the others
+HITS = 3  # hits of each mode by random starts
+MISS_PROBABILITY = 0.01  # probability of missing a mode that is as likely as the others
 MAX_OPEN_STARTS = 200  # after which the search is abandoned if none closes
 MODE_TOLERANCE = 100 * SAME_POSE  # distance of poses of one mode
 MAX_SINGULAR = 8  # as many singular modes are a continuum of poses: modes are points, and rarely double

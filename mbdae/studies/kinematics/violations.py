@@ -17,7 +17,7 @@ from ...tolerances import CLOSED, HALF_DIGITS, VISIBLE
 from ...units import displayed, quantity, unit_name
 from .curve.pose_curve import PoseCurve
 
-CONSISTENT = 1e-2  # of the cubic's depth: largest difference to the depth on the curve
+CONSISTENT = 1e-2  # fraction of the cubic's depth: largest difference to the depth on the curve
 NEWTON_STEPS = 5  # from a root of the cubic
 LISTED = 4  # intervals of one constraint in a text
 

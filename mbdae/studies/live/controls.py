@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import InputError
 from ...units import displayed, displayed_units, unit_name
 
-STEPS = 1000  # of a slider
+STEPS = 1000  # steps of a slider
 
 
 def slider(kind: str, name: str, unit: str, value: float, low: float, high: float) -> dict[str, Any]:

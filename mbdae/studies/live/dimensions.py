@@ -20,7 +20,7 @@ from ..replay.threejs import node_path, set_property
 from ..view.sliders import independent
 from .controls import checked_ranges, slider
 
-POSES = 121  # of a path
+POSES = 121  # poses of a path
 
 
 class Dimensions:

@@ -26,8 +26,8 @@ from ...units import displayed
 from ..view.sliders import MAX_SLIDERS, independent, limits_of, value_of
 from .controls import checked_ranges, slider, slider_label
 
-FREQUENCY = 20.0  # of the springs in rad/s, as of a hand
-PIECE = 0.1  # of 1/FREQUENCY: longest time over which their forces are constant
+FREQUENCY = 20.0  # frequency of the springs in rad/s, as of a hand
+PIECE = 0.1  # fraction of 1/FREQUENCY: longest time over which their forces are constant
 WIDE = 10.0  # half range of the slider of an input without one, or twice its value
 AXES = "xyz"
 

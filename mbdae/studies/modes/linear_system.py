@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["linearize"]
 
 AXES = "xyz"
-N_FREQUENCIES = 400  # of a frequency response
+N_FREQUENCIES = 400  # frequencies of a frequency response
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class LinearSystem(Tabular):
         if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
             raise InputError(f"a frequency response takes a list of frequencies, got {omega!r:.60}")
         one = np.eye(len(self.A))
-        with np.errstate(invalid="ignore"):  # of factors beyond integers, which are permutations in other calls only
+        with np.errstate(invalid="ignore"):  # factors beyond integers, which are permutations in other calls only
             A, (d, _) = matrix_balance(self.A, permute=False, separate=True)  # scales positions and speeds
         B, C = self.B / d[:, None], self.C * d
         out = np.empty((len(numbers), *self.D.shape), complex)

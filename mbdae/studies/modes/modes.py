@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 __all__ = ["modes"]
 
 DIGITS = 9  # for sorting eigenvalues by size; conjugate ones stay together
-FRAMES, SECONDS = 121, 2.0  # of one cycle in a replay
+FRAMES, SECONDS = 121, 2.0  # frames and duration of one cycle in a replay
 AMPLITUDE = 0.25  # rad or m: default of a replay
-LARGEST_COMPONENTS = 3  # of a shape shown as text
-SHOWN = 0.01  # of the largest component: smaller ones are not shown
+LARGEST_COMPONENTS = 3  # components of a shape shown as text
+SHOWN = 0.01  # fraction of the largest component: smaller ones are not shown
 
 
 @dataclass(frozen=True)

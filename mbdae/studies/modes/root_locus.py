@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["root_locus"]
 
 SPEED = "v."
-CROSSING_WIDTH = 1e-2  # of an interval: distance on either side of a crossing
+CROSSING_WIDTH = 1e-2  # fraction of an interval: distance on either side of a crossing
 
 
 @dataclass(frozen=True)

@@ -195,7 +195,7 @@ class Shooting:
         rows = SignalJacobian(trajectory, self.names) if self.names else None
         for j in range(grid.steps + 1):
             i, time = first + j, float(trajectory.ts[first + j])
-            moved = dt * (k + j / grid.steps)  # of the node's time
+            moved = dt * (k + j / grid.steps)  # motion of the node's time
             held = dp + advance.fixed_inputs(moved)
             if rows:
                 trajectory.enter_node(i)

@@ -35,7 +35,7 @@ from .search_range import (
 
 __all__ = ["optimize"]
 
-SEARCHES = ("SLSQP", "L-BFGS-B")  # of scipy
+SEARCHES = ("SLSQP", "L-BFGS-B")  # methods of scipy
 NO_DESCENT = 8  # status of SLSQP: no step along its direction reduces the cost
 Pair = tuple[float | None, float | None]
 

@@ -39,9 +39,9 @@ from .result import OrderStudy
 __all__ = ["check_gradients"]
 
 SIGNIFICANT = 10.0  # times the spread of the quotients: smaller differences are not significant
-WIDTHS = (3e-4, 1e-3, 3e-3)  # of quotients, relative to the parameter
-MAX_REFINEMENT = 4  # of the coarsest number of steps, if no run with those finishes
-MIN_VELOCITY = NEGLIGIBLE  # of a random admissible velocity: below, the mechanism has no degree of freedom
+WIDTHS = (3e-4, 1e-3, 3e-3)  # widths of quotients, relative to the parameter
+MAX_REFINEMENT = 4  # multiple of the coarsest number of steps, if no run with those finishes
+MIN_VELOCITY = NEGLIGIBLE  # fraction of a random admissible velocity: below, the mechanism has no degree of freedom
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from .rates import ABOVE, REFINEMENTS, above, done, fit
 from .result import ObservedOrder
 
 MIN_OUTPUTS = 5
-PARTS = 2, 4  # of a halving: intervals between additional steps
+PARTS = 2, 4  # intervals of a halving between additional steps
 LARGEST_RUN = 120_000  # solves in one run of the study
 Progress = Callable[[str], None]
 Found = TypeVar("Found")

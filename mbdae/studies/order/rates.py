@@ -15,10 +15,10 @@ import numpy as np
 from ...system import Array
 from .result import ObservedOrder
 
-REFINEMENTS, LAST = 4, 2  # of the step: to which an order is fitted; the last ones, if rates rise above the claim
+REFINEMENTS, LAST = 4, 2  # refinements to which an order is fitted; the last ones, if rates rise above the claim
 MARGIN = 0.2  # by which an observed order may be below the claim
 ABOVE = 100.0  # times rounding and the uncertainty of the reference: smaller errors do not count
-LARGE = 0.1  # of the change of a quantity: larger errors are not dominated by the leading order
+LARGE = 0.1  # fraction of the change of a quantity: larger errors are not dominated by the leading order
 CONSTANT = 0.1  # spread of the last slopes below which finer steps add nothing
 
 

@@ -164,7 +164,7 @@ def periodic_branch(
     section: str | None = None,
     symmetry: Sequence[str] | None = None,
     exchange: Mapping[str, str] | None = None,
-    parts: int | None = None,
+    segments: int | None = None,
     method: str | None = None,
     rtol: float = RTOL,
     start: Mapping[str, Any] | None = None,
@@ -183,7 +183,7 @@ def periodic_branch(
         section: signal and level at which a period begins and ends.
         symmetry: along which the motion advances in a period, see `mbdae.periodic`.
         exchange: joints that change places at the end of a period, see `mbdae.periodic`.
-        parts: of the period that are shot separately.
+        segments: number of segments of the period, shot separately.
         method: of the runs.
         rtol: relative tolerance of the runs.
         start: other parameters, constant.
@@ -201,7 +201,7 @@ def periodic_branch(
     mech = factory.make({**rest, name: first})
     path = BranchPath(factory, Range(name, first, last), rest, run_options(mech, method, rtol), GAP * rtol)
     y = start_point(mech, q, v, s)
-    cycle, guess = guess_of(path.flow(first, 0.0, y), y, T, 0.0, section, symmetry, parts, exchange)
+    cycle, guess = guess_of(path.flow(first, 0.0, y), y, T, 0.0, section, symmetry, segments, exchange)
     require_same_directions(cycle, guess.nodes[0][: mech.nq], factory.make({**rest, name: last}), name)
     found = newton(path.equations(cycle, guess, first), path.tolerance).refined()
     path.options = found.flow.options

@@ -100,14 +100,14 @@ class BranchPath:
         for i, y in enumerate(guess.nodes):
             system.enter(guess.modes[i] if guess.modes else system.mode)
             system.derivative(cycle.t, y)
-            nodes.append(system.project_state(cycle.t + guess.T * i / cycle.parts, y))
+            nodes.append(system.project_state(cycle.t + guess.T * i / cycle.segments, y))
         return ShootingEquations(system, flow, replace(cycle, symmetries=symmetries), replace(guess, nodes=nodes))
 
     def scales(self, at: ShootingEquations) -> Array:
         """Return the units of the unknowns: 1, T, 1, and the range of the parameter."""
         out = np.ones(at.matrix.shape[1])
         if at.cycle.unknown_period:
-            out[at.n * at.cycle.parts] = at.at.T
+            out[at.n * at.cycle.segments] = at.at.T
         out[-1] = self.over.last - self.over.first
         return out
 
@@ -123,7 +123,7 @@ class BranchPath:
 
     def physical(self, at: ShootingEquations, x: Array) -> tuple[Array, Array]:
         """Return a tangent as variations of the nodes, (k, ny), and of the other unknowns in their units."""
-        k, n = at.cycle.parts, at.n
+        k, n = at.cycle.segments, at.n
         nodes = np.array([lift @ x[i * n : (i + 1) * n] for i, lift in enumerate(at.lifts)])
         return nodes, x[n * k :]
 
@@ -218,9 +218,9 @@ class BranchPath:
         Raises:
             InputError: if no motion of twice the period is found.
         """
-        base, k = at.motion.shooting, at.motion.shooting.cycle.parts
+        base, k = at.motion.shooting, at.motion.shooting.cycle.segments
         P = base.cycle.exchange  # twice is none, and the second half has exchanged joints
-        cycle = replace(base.cycle, parts=2 * k, exchange=Exchange(base.flow.mechanism))
+        cycle = replace(base.cycle, segments=2 * k, exchange=Exchange(base.flow.mechanism))
         nodes = [*base.at.nodes, *(P.of_state(y) for y in base.at.nodes)]
         guess = replace(base.at, nodes=nodes, T=2 * base.at.T, sigma=2 * base.at.sigma, shifts=2 * base.at.shifts,
                         modes=() if P else 2 * base.modes)  # fmt: skip

@@ -20,7 +20,7 @@ PAGE = output_file(
     help="Write a replay of one period as one HTML page.",
     write=lambda found, path, given: found.animate(path),
 )
-WORDS = "T q v section symmetry exchange parts rtol"
+WORDS = "T q v section symmetry exchange segments rtol"
 OVER = click.argument("over", metavar="NAME=FIRST:LAST")
 
 

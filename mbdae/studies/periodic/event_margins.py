@@ -17,7 +17,7 @@ from ...solution.signal_value import value
 from ...solution.solution import Solution
 from ...tolerances import THREE_DIGITS
 
-WIDTH = THREE_DIGITS  # of a step: difference quotients for the rate of a signal at an event
+WIDTH = THREE_DIGITS  # fraction of a step: difference quotients for the rate of a signal at an event
 
 
 class ResetMargins:

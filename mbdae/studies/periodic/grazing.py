@@ -24,7 +24,7 @@ from .event_margins import ResetMargins
 from .result import Bifurcation, BranchMotion, PeriodicMotion
 
 minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
-FRACTION, OF_IMPACTS = 0.9, 0.5  # of the distance to a zero: the next step; derivatives grow with 1/impact
+FRACTION, OF_IMPACTS = 0.9, 0.5  # fraction of the distance to a zero: the next step; derivatives grow with 1/impact
 NEAR, NEAR_IMPACTS = INTERPOLATION, THREE_DIGITS  # in units of steps: distance at which the zero is extrapolated
 POINTS = 4  # from which the parameter at a zero is extrapolated
 KNOWN_TIMES = ("command", "speed step")  # guards that are functions of time

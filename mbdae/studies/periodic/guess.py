@@ -27,7 +27,7 @@ def guess_of(
     t: float,
     section: str | None,
     names: Sequence[str] | None,
-    parts: int | None,
+    segments: int | None,
     joints: Mapping[str, str] | None = None,
 ) -> tuple[Cycle, Guess]:
     """Return the kind of a motion and its first guess; without names its symmetries are found.
@@ -38,7 +38,7 @@ def guess_of(
     """
     mech = flow.mechanism
     exchange, system = Exchange(mech, joints), mech.system()
-    k = number_of_parts(parts, section)
+    k = number_of_segments(segments, section)
     Symmetry.named(system, names or ())  # which are known before a run
     free = is_autonomous(mech, t, y)
     if section:
@@ -58,7 +58,7 @@ def guess_of(
 
 
 def _runs(flow: Flow, t: float, y: Array, T: float, k: int, section: str | None) -> list[Solution]:
-    """Return the runs over the k parts of a period."""
+    """Return the runs over the k segments of a period."""
     out = list[Solution]()
     for i in range(k):
         out.append(flow.run(t + i * T / k, y, T / k, section if i == k - 1 else None))
@@ -66,17 +66,17 @@ def _runs(flow: Flow, t: float, y: Array, T: float, k: int, section: str | None)
     return out
 
 
-def number_of_parts(parts: int | None, section: str | None) -> int:
-    """Return the number of parts of a period.
+def number_of_segments(segments: int | None, section: str | None) -> int:
+    """Return the number of segments of a period.
 
     Raises:
         InputError: for a number that is not possible.
     """
-    if parts is not None and not is_count(parts):
-        raise InputError(f"parts must be a positive whole number, got {parts!r:.60}")
-    if section and parts == 1:
-        raise InputError("a motion with a section has at least 2 parts: the section is not monitored in the first one")
-    return parts or (2 if section else 1)
+    if segments is not None and not is_count(segments):
+        raise InputError(f"segments must be a positive whole number, got {segments!r:.60}")
+    if section and segments == 1:
+        raise InputError("a motion with a section has at least 2 segments: it is not monitored in the first one")
+    return segments or (2 if section else 1)
 
 
 def _advances(cycle: Cycle, mech: Mechanism, q: Array, end: MotionPoint) -> tuple[Array, Array]:
@@ -102,7 +102,7 @@ def _on_section(flow: Flow, t: float, y: Array, longest: float, section: str) ->
 def _between_events(flow: Flow, t: float, y: Array, T: float | None) -> tuple[Array, float]:
     """Return a point half-way between two events at which the state jumps, and the time from one to the next, or T.
 
-    Shooting starts there, since an event at the end of a part would be lost or taken twice.
+    Shooting starts there, since an event at the end of a segment would be lost or taken twice.
 
     Raises:
         InputError: if there are no two events.

@@ -25,7 +25,7 @@ def motion_of(found: ShootingEquations) -> PeriodicMotion:
 
 def floquet(found: ShootingEquations) -> tuple[Array, tuple[UnitMultiplier, ...]]:
     """Return the multipliers that are not neutral, and the neutral ones with their errors."""
-    factors, nodes = found.factors, range(found.cycle.parts)
+    factors, nodes = found.factors, range(found.cycle.segments)
     names, known = _known_directions(found)
     neutral = [UnitMultiplier(name, _right_error(factors, known, j)) for j, name in enumerate(names)]
     energies = [found.energy_gradient(i) for i in nodes]
@@ -38,7 +38,7 @@ def floquet(found: ShootingEquations) -> tuple[Array, tuple[UnitMultiplier, ...]
 
 def _known_directions(found: ShootingEquations) -> tuple[list[str], list[Array]]:
     """Return the names of the free phase and of symmetries, and their directions at each node, (n, m) each."""
-    nodes, names = range(found.cycle.parts), [x.name for x in found.cycle.symmetries]
+    nodes, names = range(found.cycle.segments), [x.name for x in found.cycle.symmetries]
     known, flows = [found.symmetry_directions(i) for i in nodes], [found.flow_direction(i) for i in nodes]
     if not found.cycle.autonomous or min(np.linalg.norm(x) for x in flows) <= HALF_DIGITS:
         return names, known

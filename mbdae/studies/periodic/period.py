@@ -17,7 +17,7 @@ from ...system import Array
 from ...tolerances import INPUT_DIGITS
 
 SAMPLED_TIMES = 3  # at which time dependence is checked
-MAX_MULTIPLE = 64  # of the shortest of several periods
+MAX_MULTIPLE = 64  # multiple of the shortest of several periods
 
 
 def is_autonomous(mech: Mechanism, t: float, y: Array) -> bool:

@@ -13,7 +13,7 @@ from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING, VISIBLE
-from .guess import guess_of, number_of_parts
+from .guess import guess_of, number_of_segments
 from .motion import motion_of
 from .period import has_period, is_autonomous
 from .result import PeriodicMotion
@@ -25,7 +25,7 @@ from .shooting.newton import newton, require_motion
 __all__ = ["periodic"]
 
 METHOD, RTOL = "pherk6", SOLUTION_ROUNDING
-GAP = 100.0  # of rtol: residual of shooting, which step-size control makes uneven
+GAP = 100.0  # multiple of rtol: residual of shooting, which step-size control makes uneven
 
 
 def periodic(
@@ -38,7 +38,7 @@ def periodic(
     section: str | None = None,
     symmetry: Sequence[str] | None = None,
     exchange: Mapping[str, str] | None = None,
-    parts: int | None = None,
+    segments: int | None = None,
     method: str | None = None,
     rtol: float = RTOL,
 ) -> PeriodicMotion:
@@ -64,7 +64,7 @@ def periodic(
             all that rows and accelerations follow.
         exchange: joints that change places at the end of a period, joint = other joint, or ``"-"`` and a joint for the
             opposite sign: half a stride of a walker with two equal legs, half a swing of a pendulum.
-        parts: of the period that are shot separately; for long or strongly unstable motions.
+        segments: number of segments of the period, shot separately; for long or strongly unstable motions.
         method: of the runs; pherk6, or the model's, when left out.
         rtol: relative tolerance of the runs.
 
@@ -73,12 +73,12 @@ def periodic(
         UnknownNameError: for an unknown signal, joint, method or symmetry.
     """
     require_positive_period(T)
-    number_of_parts(parts, section)
+    number_of_segments(segments, section)
     mech = mechanism_of(model.mechanism if isinstance(model, Solution) else model, "periodic")
     flow = Flow(mech, Parameters(lambda values: mech, {}), run_options(mech, method, rtol))
 
     def motion_from(start: CycleStart) -> PeriodicMotion:
-        kind = guess_of(flow, start.y, start.T, start.t, section, start.symmetries, parts, exchange)
+        kind = guess_of(flow, start.y, start.T, start.t, section, start.symmetries, segments, exchange)
         return converged(flow, kind, rtol)
 
     if isinstance(model, Solution):

@@ -55,7 +55,7 @@ class PeriodicMotion(Tabular):
         advances: of the symmetries over a period, by name, in rad or m.
         shifts: of joints that end full turns or pitches of teeth further, by name, in rad or m.
         gap: largest relative distance of the end from the start, of a whole period in rad, characteristic lengths.
-        runs: one run for each part of the period.
+        runs: one run for each segment of the period.
         shooting: the equations at the solution.
     """
 

@@ -14,11 +14,11 @@ from ...system import Array
 from ...tolerances import INPUT_DIGITS, NEGLIGIBLE
 from .period import is_autonomous, period_of_functions
 
-NEAR_RETURN = 0.2  # of the largest distance from the end of a run: where it was close to its end before
-CLOSE_RETURN = 0.02  # of the same: closest return of a run that has nearly settled
-SAMPLES, REFINED, ZOOMS = 4000, 11, 8  # of a run, and of a return: in the end 1e-9 of the run apart
+NEAR_RETURN = 0.2  # fraction of the largest distance from the end of a run: where it was close to its end before
+CLOSE_RETURN = 0.02  # fraction of the same: closest return of a run that has nearly settled
+SAMPLES, REFINED, ZOOMS = 4000, 11, 8  # samples of a run, and of a return: in the end 1e-9 of the run apart
 MAX_RETURNS = 50  # the last ones of a run
-POINTS = 3  # of a run at which symmetries are checked
+POINTS = 3  # points of a run at which symmetries are checked
 
 
 class CycleStart(NamedTuple):

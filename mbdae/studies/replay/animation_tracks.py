@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 GHOSTS = ("#e8590c", "#0c8599", "#9c36b5", "#5c940d", "#c2255c")
 GHOST_OPACITY = 0.45
 ARROW = "#c2185b"
-LONGEST, SHAFT = 0.3, 0.004  # of an arrow, in extents of the mechanism: largest length, radius of the shaft
+LONGEST, SHAFT = 0.3, 0.004  # largest length of an arrow, radius of its shaft, in extents of the mechanism
 TRACE, PIECES = 0.0027, 6000  # radius in extents; pieces of a path
 SMOOTH = 0.1  # rad between pieces of a path
 CONTACT_PREFIX = "contact."

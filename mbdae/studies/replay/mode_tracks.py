@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 ACTIVE_COLOUR, IMPACT_COLOUR = "#6741d9", "#f59f00"
 FLASH, SUDDEN = 0.25, 0.001  # s of viewing: duration and rise time of the mark of an impact
 LISTED_NAMES = 3  # at most, in a line of the legend
-IMPACT_SIZE = 2.5  # of the mark of the strongest impact, in sizes of the others
+IMPACT_SIZE = 2.5  # size of the mark of the strongest impact, in sizes of the others
 
 
 class ModeTrack(NamedTuple):

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 Signal = Callable[[float, Array, Array], float] | Sequence[float] | Array
 Plot = str | Sequence[str]
-POINTS = 1500  # of a curve, more than its pixels
-MAX_CURVES = 7  # of one pane, to be distinguishable
+POINTS = 1500  # points of a curve, more than its pixels
+MAX_CURVES = 7  # curves of one pane, to be distinguishable
 AT_STEPS = ("energy", "work", "g", "Gv")  # errors of a run, shown at its steps, without interpolation
 WORDS = {**QUANTITY_NAMES, "m, rad": "|g|", "m/s, rad/s": "|G v|"}
 

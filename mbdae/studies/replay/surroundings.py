@@ -8,14 +8,14 @@ import numpy as np
 from ...system import Array
 from .threejs import buffer_attribute, set_object, set_property
 
-REMOVED = (  # of the viewer's defaults
+REMOVED = (  # elements of the viewer's defaults
     "Lights/SpotLight", "Lights/PointLightNegativeX", "Lights/PointLightPositiveX", "Lights/AmbientLight",
     "Lights/FillLight", "Grid", "Axes",
 )  # fmt: skip
 SUN, SKY = "/Lights/Sun", "/Lights/Sky"
 GROUND = "/ground"
 GROUND_RADIUS = 5.0  # in extents of the mechanism
-SHADOW_BIAS = -1 / 2500  # of the depth of the light: no shadows of a surface on itself
+SHADOW_BIAS = -1 / 2500  # fraction of the depth of the light: no shadows of a surface on itself
 GAP = 0.004  # between the lowest point and the ground, in extents
 DENSE_GRID = 30  # cells on one side: beyond, every second line is drawn
 LINE_COLOUR = (0.663, 0.702, 0.741)

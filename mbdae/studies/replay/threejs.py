@@ -15,7 +15,7 @@ EXTENSION = {  # msgpack types of the arrays of JavaScript
     "int8": 0x11, "uint8": 0x12, "uint16": 0x14, "int32": 0x15, "uint32": 0x16, "float32": 0x17, "float64": 0x18,
 }  # fmt: skip
 ARRAY_TYPES = {"int8": "Int8Array", "uint16": "Uint16Array", "uint32": "Uint32Array", "float32": "Float32Array"}
-TRACKS = {  # of a motion: object below the path, property, type
+TRACKS = {  # tracks of a motion: object below the path, property, type
     "position": ("", ".position", "vector"),
     "rotation": ("", ".quaternion", "quaternion"),
     "scale": ("", ".scale", "vector"),

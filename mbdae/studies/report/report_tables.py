@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..comparison.comparison import Comparison
     from .report import Report
 
-MAX_BYTES = 2_000_000  # of an embedded file
+MAX_BYTES = 2_000_000  # size of an embedded file
 
 
 def component_tables(mech: Mechanism) -> str:

@@ -10,7 +10,7 @@ from ...integrate.trajectory.trajectory import Trajectory, TrajectoryPart
 from ...system import Array
 from .terminal_event import EventTimeDerivative
 
-Cotangents = tuple[Array, Array, Array]  # of (y, carry), (costs, ny + nc), parameters, (costs, k), and time, (costs,)
+Cotangents = tuple[Array, Array, Array]  # (costs, ny + nc) by (y, carry), (costs, k) by parameters, (costs,) by time
 
 
 class NodeCotangents:

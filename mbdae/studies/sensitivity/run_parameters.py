@@ -29,7 +29,7 @@ _BOUND: WeakKeyDictionary[Mechanism, dict[Any, Parameters]] = WeakKeyDictionary(
 """Cache of the last parameters of a mechanism; their workspaces belong to one thread."""
 
 CHECKS = 9  # points of a run at which parameters are checked
-HALVINGS = 16  # of a step whose ends differ in a direction by more than 90 degrees: the interpolant has no more digits
+HALVINGS = 16  # halvings of a step whose ends differ by over 90 degrees: the interpolant has no more digits
 
 Names = Sequence[str] | Mapping[str, float]
 Model = Any  # str | Path | MechanismFactory | Callable[..., Mechanism] | None

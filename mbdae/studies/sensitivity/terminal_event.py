@@ -15,7 +15,7 @@ from ...solution.signal_value import value as signal_value
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
 
-WIDTH = 1e-3  # of difference quotients of event functions, in rad, characteristic lengths, speeds and times
+WIDTH = 1e-3  # width of difference quotients of event functions, in rad, characteristic lengths, speeds and times
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from ...units import displayed, quantity, unit_name
 if TYPE_CHECKING:
     from ...solution.solution import Problem, Solution
 
-PRINTED_TIMES = 5  # of an event
+PRINTED_TIMES = 5  # times of an event
 REPLAYS = ("html", "video", "glb")
 REPLAY_ARGUMENTS = ("speed", "plots", "traces", "arrows", "every", "camera", "follow", "closures", "deformation")
 FILES = (

@@ -23,7 +23,7 @@ from ...system import Array
 from ...tolerances import CLOSED, MODE_ROUNDING
 from .search import find_equilibrium
 
-CHANGES = 20  # of the mode, plus as many per contact: more are a cycle
+CHANGES = 20  # changes of the mode, plus as many per contact: more are a cycle
 
 
 class Contacts:

@@ -32,7 +32,7 @@ MAX_CORRECTIONS, MAX_POINTS = 8, 5000
 MIN_COSINE = 0.95  # between tangents at both ends of a step
 TRIAL_STEP = THREE_DIGITS  # in rad or characteristic lengths, and parts of the range: shows which way a margin grows
 MIN_FIRST_STEP = 0.1 * MAX_STEP  # after a change of a contact
-LOWEST_FRACTION = -2.0  # of the factor range, at which a diverging path ends
+LOWEST_FRACTION = -2.0  # fraction of the factor range, at which a diverging path ends
 
 
 class Continuation:

@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 from ...errors import AssemblyError, InputError, StepError, as_list
 from ...mechanism import Mechanism
+from ...mechanism.assembly.assembly import start_configuration
 from ...mechanism.equilibrium.equilibrium_equations import Statics
 from ...mechanism.tree.joints import angle_components
 from ...mechanism.tree.tree_terms import mode_joints
@@ -22,7 +23,7 @@ from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tolerances import RANK, SAME_STATE, TINY
 from ..kinematics.assembly_modes import assembly_modes
-from ..kinematics.driven_mechanism import driven_mechanism, omitted_elements, require_one_dof, start_pose
+from ..kinematics.driven_mechanism import driven_mechanism, omitted_elements, require_one_dof
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
 from .contacts import Contacts
@@ -35,7 +36,7 @@ __all__ = ["equilibria"]
 POINTS = 361
 INPUTS = 3  # values of the input, over its range, at which circuits are searched
 Resting = tuple[TrustRegion, dict[str, float]]  # a balance of forces, and the normal forces of its contacts
-ON_CURVE = 0.25  # of the distance between two poses: tolerance for a pose on the curve
+ON_CURVE = 0.25  # fraction of the distance between two poses: tolerance for a pose on the curve
 
 
 def equilibria(
@@ -100,7 +101,7 @@ def _require_branch(statics: Statics, drive: str, hold: tuple[str, ...], s0: Arr
     Raises:
         InputError: with the reason; and as `mbdae.kinematics` does for the start pose.
     """
-    mech, begin = statics.mech, start_pose(statics.mech)
+    mech, begin = statics.mech, start_configuration(statics.mech)
     driven = driven_mechanism(mech, drive, hold, begin)
     if statics.point(begin, s0).free.Z.shape[1]:  # the same in all regular poses
         return

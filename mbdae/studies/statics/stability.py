@@ -14,7 +14,7 @@ from ...tolerances import COARSE
 from .trust_region import symmetric, symmetric_part
 
 PERTURBATION = 1e-2  # rad or characteristic lengths: a neighbouring pose
-RANK_DROP = COARSE  # of the smallest singular value at a neighbouring pose, below which the rank has dropped
+RANK_DROP = COARSE  # fraction of the smallest singular value at a neighbouring pose, below which the rank has dropped
 
 
 @dataclass(frozen=True)

@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 START, MAX_RADIUS, MIN_RADIUS = 0.3, 1.5, tol.SOLUTION_ROUNDING  # rad or slides: trust radius
 SLIDES = 5.0  # characteristic lengths per unit: forces are more nonlinear in rotations than in displacements
-ACCEPTED, GOOD = 0.1, 0.7  # of the predicted work
-NEAR_BALANCE = tol.INTERPOLATION  # of the terms of forces: residual from which Newton's method converges
+ACCEPTED, GOOD = 0.1, 0.7  # fractions of the predicted work
+NEAR_BALANCE = tol.INTERPOLATION  # fraction of the terms of forces: residual from which Newton's method converges
 NEWTON_STEP = tol.THREE_DIGITS  # rad or slides: Newton's step at an equilibrium
 FLAT = tol.RANK  # regularization sigma without stiffness, relative to the force over the radius
-SYMMETRIC = tol.SAME_STATE  # of the terms of H: largest difference to its transpose for forces with a potential
+SYMMETRIC = tol.SAME_STATE  # fraction of the terms of H: difference to its transpose for forces with a potential
 RELAXATIONS, SHORT = 3, 0.5  # steps that relax stiff springs, and their length relative to the step before
-HALVED = 0.5  # of rho: largest residual after a Newton step near equilibrium
-HALVINGS, REDUCTION = 4, 0.9  # of a step to an equilibrium of any kind, and of rho
+HALVED = 0.5  # fraction of rho: largest residual after a Newton step near equilibrium
+HALVINGS, REDUCTION = 4, 0.9  # halvings of a step to an equilibrium of any kind; largest remaining fraction of rho
 ITERATIONS = 100
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SMALL = 3.4  # inches: a column of a journal
-BAND = 0.06  # of the extent of a path: largest drawn half-width; deviations are magnified to it
+BAND = 0.06  # fraction of the extent of a path: largest drawn half-width; deviations are magnified to it
 CUTOFF = 20.0  # times the median worst case: larger values near dead points are not drawn
 WORST, STATISTICAL = ("0.85", "worst case"), (COLOURS[0], "statistical")
 

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NONLINEAR = 0.05  # relative error of the linear worst case near a dead point: above, it is reported
-UNREACHABLE = 0.25  # of it: above, the quadratic for the pose has no solution
-SHOWN = NEGLIGIBLE  # of the worst case: smaller contributions are counted in the table
+UNREACHABLE = 0.25  # above this fraction of it, the quadratic for the pose has no solution
+SHOWN = NEGLIGIBLE  # fraction of the worst case: smaller contributions are counted in the table
 
 
 def signal_units(mech: Mechanism, names: list[str], input_unit: str) -> dict[str, str]:

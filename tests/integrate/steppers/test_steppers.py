@@ -24,7 +24,7 @@ class Rates:
     def __init__(self, f=None, noise=0.0, jumps=()):
         self.f, self.rounding, self.jumps = f, noise, jumps
 
-    def size(self, y):
+    def component_magnitudes(self, y):
         return np.abs(y)
 
     def first_step(self, *_, **__):

@@ -53,7 +53,7 @@ def test_errors_are_differences_to_the_motion(study, four_bar):
 
 def test_the_reference_is_held_against_another_family(study):
     assert study.reference.startswith("pherk6, rtol 1e-12")
-    assert study.witness.startswith("radau9, rtol 1e-12")
+    assert study.cross_check.startswith("radau9, rtol 1e-12")
     assert 0 < study.uncertainty["q"] < 1e-12
     assert all(study.known(p) for p in study.points)
 

@@ -31,7 +31,7 @@ def reduction():
 
 def test_errors_are_those_to_the_exact_solution(reduction):
     problem = TEXTBOOK["hessenberg_a"]()
-    assert (reduction.reference, reduction.witness) == ("the exact solution", "")
+    assert (reduction.reference, reduction.cross_check) == ("the exact solution", "")
     assert "reference: the exact solution, known to" in str(reduction)
     for p in reduction.points:
         sol = mbdae.solve(problem, (0, 1), method=p.method, step=1 / p.n)
@@ -55,7 +55,7 @@ def test_order_reduction_and_its_cure_are_seen(reduction):
 def test_a_reference_of_two_families_where_none_is_known():
     study = mbdae.compare(TEXTBOOK["car_axis_equations"](), (0, 0.05), methods=["pherk5"], rtol=[1e-5], repeats=0)
     assert study.reference.startswith("pherk6, rtol 1e-12")
-    assert study.witness.startswith("radau9, rtol 1e-12")
+    assert study.cross_check.startswith("radau9, rtol 1e-12")
     assert study.uncertainty["y"] < 1e-9
     tight = mbdae.solve(TEXTBOOK["car_axis_equations"](), (0, 0.05), method="herk5", rtol=1e-10)
     loose = mbdae.solve(TEXTBOOK["car_axis_equations"](), (0, 0.05), method="pherk5", rtol=1e-5)

@@ -26,7 +26,7 @@ def test_one_impact_per_period(speed):
 def test_an_impact_where_the_period_begins_is_one_line():
     """From the exact state after the impact at t = 0."""
     exact = impact_motion(1.0)
-    with pytest.raises(InputError, match="'stop' is hit where a part of the period begins or ends: begin at another"):
+    with pytest.raises(InputError, match="'stop' is hit where a segment of the period begins or ends: begin at"):
         mbdae.periodic(oscillator(exact.force, exact.phase), q=[-S], v=[1.0], rtol=1e-9)
 
 

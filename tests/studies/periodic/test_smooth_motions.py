@@ -103,7 +103,7 @@ def test_a_free_pendulum_has_its_period_and_only_neutral_multipliers(tmp_path):
     assert found.stability == "stable"
     assert {x.name for x in found.neutral} == {"time", "energy"}
     assert found.start["q.rod"] == pytest.approx(0.5, abs=1e-10)
-    again = mbdae.periodic(mech, found.T * 1.01, q=found.q, v=found.v, parts=4)
+    again = mbdae.periodic(mech, found.T * 1.01, q=found.q, v=found.v, segments=4)
     assert again.stability == "stable"
 
 
@@ -111,8 +111,8 @@ def test_a_free_pendulum_has_its_period_and_only_neutral_multipliers(tmp_path):
     ("arguments", "message"),
     [
         ({"T": -1.0}, "period T must be a positive number"),
-        ({"parts": 0}, "parts must be a positive whole number"),
-        ({"section": "q.rod > 0.5", "parts": 1}, "at least 2 parts"),
+        ({"segments": 0}, "segments must be a positive whole number"),
+        ({"section": "q.rod > 0.5", "segments": 1}, "at least 2 segments"),
         ({"rtol": 0.0}, "rtol is a number between 0 and 1"),
         ({}, "give an estimate of the period, T, or a section"),
         ({"section": "q.rod > 2.5"}, "does not reach the section"),

@@ -9,4 +9,4 @@ class CylindricalClosure(TwoAxisJoint):
     """4 rows: b slides along the axis of a and rotates about it."""
 
     kind: Literal["cylindrical"] = "cylindrical"
-    translation, direction, friction, load_rows = "across", "axis", "prismatic", 2
+    translation, direction, friction, normal_force_rows = "across", "axis", "prismatic", 2

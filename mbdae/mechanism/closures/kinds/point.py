@@ -9,7 +9,7 @@ class PointClosure(FrameJoint):
     """3 rows: the origins coincide (spherical joint)."""
 
     kind: Literal["point"] = "point"
-    translation, friction, load_rows, coincident_origins = "all", "spherical", 3, True
+    translation, friction, normal_force_rows, coincident_origins = "all", "spherical", 3, True
 
     @classmethod
     def create(cls, a: str, b: str, name: str = "") -> "PointClosure":

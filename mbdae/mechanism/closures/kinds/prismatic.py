@@ -9,4 +9,4 @@ class PrismaticClosure(AxisJoint):
     """5 rows: b slides along the axis of a and does not rotate."""
 
     kind: Literal["prismatic"] = "prismatic"
-    translation, direction, friction, load_rows = "across", "frame", "prismatic", 2
+    translation, direction, friction, normal_force_rows = "across", "frame", "prismatic", 2

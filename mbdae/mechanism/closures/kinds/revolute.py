@@ -9,4 +9,4 @@ class RevoluteClosure(TwoAxisJoint):
     """5 rows: the origins coincide, and the axes are parallel."""
 
     kind: Literal["revolute"] = "revolute"
-    translation, direction, friction, load_rows, coincident_origins = "all", "axis", "revolute", 3, True
+    translation, direction, friction, normal_force_rows, coincident_origins = "all", "axis", "revolute", 3, True

@@ -7,7 +7,7 @@ from ....errors import InputError, UnknownNameError
 from ...checked_table import Table
 from .schema import MechanismFile
 
-TABLES = (  # of files
+TABLES = (  # tables of files
     "body", "closure", "clutch", "driver", "duration", "flexible", "force", "frame", "gravity", "start", "stop",
 )  # fmt: skip
 

@@ -34,7 +34,7 @@ class MjcfModel:
         self.carriers: list[tuple[int, pin.SE3]] = [(0, pin.SE3.Identity())]
         self.joint_parents: list[tuple[int, pin.SE3]] = []
         self.joints = self.names("JOINT", "joint", range(m.njnt), set(RESERVED))
-        self._taken = set(RESERVED)  # of frames, which may share names with joints
+        self._taken = set(RESERVED)  # names of frames, which may share names with joints
         for b, body in enumerate(self.names("BODY", "body", range(1, m.nbody), self._taken), 1):
             self._add_body(b, body)
         self.sites = self.names("SITE", "site", range(m.nsite), self._taken)

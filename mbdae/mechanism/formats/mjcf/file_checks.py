@@ -21,7 +21,7 @@ MAX_COUNTS = {
     **dict.fromkeys(("width", "height"), 8_192),
     "gridsize": 144,
 }
-MAX_USER = 10_000  # of ``nuser_body`` and the like
+MAX_USER = 10_000  # largest value of ``nuser_body`` and the like
 NUMBER = re.compile(r"\d+(?:\.\d*)?(?:[eE]\+?\d+)?")
 MAX_FOLDERS = 32  # folders
 REPLICATE = re.compile(rb"<replicate\b[^>]*>|</replicate\s*>")

@@ -12,7 +12,7 @@ from .compiled_model import MjcfModel
 from .states import pose
 
 SHOWN_GROUPS = 3  # MuJoCo's viewer shows groups 0, 1 and 2
-DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)  # of a geom without a colour
+DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)  # colour of a geom without a colour
 
 
 def visuals(c: MjcfModel) -> tuple[pin.GeometryModel, list[str]]:

@@ -40,7 +40,7 @@ CHECKED_ARRAYS = (
     "key_ctrl", "eq_data", "site_pos", "site_quat", "geom_pos", "geom_quat", "geom_size", "mesh_vert", "actuator_gear",
     "actuator_gainprm", "actuator_biasprm",
 )  # fmt: skip
-NEW_ARRAYS = ("actuator_armature", "actuator_damping")  # of MuJoCo 4
+NEW_ARRAYS = ("actuator_armature", "actuator_damping")  # arrays of MuJoCo 4
 
 
 def read_mjcf(path: Path, allowed: AllowedPaths, source: Source) -> ImportedModel:

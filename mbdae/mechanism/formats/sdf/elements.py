@@ -85,7 +85,7 @@ class SdfElements:
         text = pose.text() if pose else ""
         if pose is None or not text:
             return pin.SE3.Identity()
-        pose.skip_blank("frame")  # of versions 1.5 and 1.6, where a name has no defined meaning
+        pose.skip_blank("frame")  # an attribute of versions 1.5 and 1.6, where a name has no defined meaning
         style, degrees = pose.get("rotation_format", "euler_rpy"), pose.get("degrees").lower() in YES
         if style not in ("euler_rpy", "quat_xyzw"):
             raise InputError(f"{self.file}: the pose of {name!r} is neither roll, pitch and yaw, nor a quaternion")

@@ -78,8 +78,8 @@ class SdfModel:
         self.inertias = {link: read_inertia(elements, link) for link in elements.links}
         self.model = pin.Model()
         self.model.name = elements.model.get("name", elements.file)
-        self.parent_joints: dict[str, int] = {WORLD: 0}  # of links
-        self.origins = [pin.SE3.Identity()]  # of joints in the world
+        self.parent_joints: dict[str, int] = {WORLD: 0}  # parent joints of links
+        self.origins = [pin.SE3.Identity()]  # origins of joints in the world
         self.tree: list[SdfJoint] = []
         self.roots = self._choose_tree()
         self.split_joints = [j for j in self.joints if j not in self.tree and self._can_split(j)]

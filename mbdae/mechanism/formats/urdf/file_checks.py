@@ -10,7 +10,7 @@ from ...checked_table import HUGE
 from ..mechanism_file.inertias import checked_inertia
 
 COUNTS = {"xyz": 3, "rpy": 3, "quat_xyzw": 4}
-MOMENTS = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")  # of the symmetric tensor, by rows
+MOMENTS = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")  # entries of the symmetric tensor, by rows
 LIMITED = ("revolute", "prismatic")
 OF_JOINT = (*COUNTS, "lower", "upper", "effort", "velocity", "damping", "friction", "multiplier", "offset")
 

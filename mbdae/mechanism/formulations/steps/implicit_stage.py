@@ -141,7 +141,7 @@ class Linearized(NamedTuple):
         """Return E, (E f)_x, (E f)_z and g_x, see `mbdae.system.Linearization`."""
         (J, dJv), p = self.tangent_map, self.partials
         nv, n, r = len(J), len(p.E), len(p.G)
-        back = np.linalg.inv(J)  # of x to the tangent at q
+        back = np.linalg.inv(J)  # from x to the tangent at q
         E, A = np.eye(nv + n), np.zeros((nv + n, nv + n))
         E[nv:, nv:], A[:nv, :nv], A[:nv, nv : 2 * nv] = p.E, dJv, J
         A[nv:, :nv], A[nv:, nv:] = p.K @ back, p.D

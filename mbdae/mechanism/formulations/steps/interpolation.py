@@ -11,8 +11,8 @@ from ....system import Array
 if TYPE_CHECKING:
     from ..index2 import Index2System
 
-VELOCITY_ORDER = 4  # of v, from q, v and v' at both ends
-STATE_ORDER = 3  # of s, from s and s' at both ends
+VELOCITY_ORDER = 4  # order of v, interpolated from q, v and v' at both ends
+STATE_ORDER = 3  # order of s, interpolated from s and s' at both ends
 WORK_NODES = 2
 
 

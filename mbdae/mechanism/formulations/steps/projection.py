@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from ..index2 import Index2System
 
 ITERATIONS = 10
-MAX_REMAINING = 0.5  # of |g| after a correction: one that leaves more is rejected
-CONTRADICTION = 0.1  # of |g|: rows contradict each other if first-order corrections leave more
+MAX_REMAINING = 0.5  # fraction of |g| after a correction: one that leaves more is rejected
+CONTRADICTION = 0.1  # fraction of |g|: rows contradict each other if first-order corrections leave more
 VIOLATED, STALLED = CLOSED, CLOSED  # a larger residual, with a larger correction, is a failure
 
 
@@ -181,9 +181,9 @@ def _names(mech: "Mechanism", residual: Array, first: Array) -> str:
     return " and ".join(dict.fromkeys(repr(mech.row_names[int(i)]) for i in rows))
 
 
-def magnitude(system: "Index2System", y: Array) -> Array:
+def characteristic_magnitudes(system: "Index2System", y: Array) -> Array:
     """See `mbdae.system.System`, (ny,): adds 1 rad or characteristic length, and the largest speed in these units."""
-    out, scales, nv = system.size(y), system.mechanism.coordinate_scales, system.nv
+    out, scales, nv = system.component_magnitudes(y), system.mechanism.coordinate_scales, system.nv
     out[:nv] += scales
     out[nv : 2 * nv] += scales * _speed(system, system.split(y)[1])
     return out

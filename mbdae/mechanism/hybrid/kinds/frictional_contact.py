@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..mode_point import ModePoint
 
 OPEN, STICKING, SLIDING = 0, 1, 2
-AT_LIMIT = 2 * VISIBLE  # of the friction limit: the contact slides if its friction is closer to it
+AT_LIMIT = 2 * VISIBLE  # fraction of the friction limit: the contact slides if its friction is closer to it
 
 
 class FrictionalContact(Unilateral):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..mode_point import ModePoint
 
 IDLE, STICKING, FORWARDS, BACKWARDS = 0, 1, 2, 3
-SIGN = {FORWARDS: 1.0, BACKWARDS: -1.0}  # of the velocity
+SIGN = {FORWARDS: 1.0, BACKWARDS: -1.0}  # sign of the velocity
 
 
 class JointStiction(Switch):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..mode_point import ModePoint
 
 IDLE, STICKING, SLIDING = 0, 1, 2
-MAX_ROTATION, STABLE = 0.1, 2.0  # of a slip by a fixed step, in rad; h times its rate, of explicit methods
+MAX_ROTATION, STABLE = 0.1, 2.0  # largest rotation of a slip by a fixed step, in rad; largest h by its rate (explicit)
 TRANSVERSE = 10  # velocity tolerances: when the slip ends in its direction, errors of the run remain transverse to it
 
 

@@ -10,7 +10,7 @@ struct Python {
 
   static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
     const size_t nv = p.m.nv, k = law.states, width = 2 * nv + k;
-    Numbers A((nv + k) * width);
+    Vector A((nv + k) * width);
     law.partials(p.t, p.q, p.v, p.s, A);
     for (size_t i = 0; i < nv + k; ++i) {
       double* row = i < nv ? out.other + i * out.width : out.ds + (i - nv) * out.width;
@@ -20,7 +20,7 @@ struct Python {
 
   static void time_rate(const Law& law, const ForcePoint& p, const Forces& f) {
     const size_t nv = p.m.nv, k = law.states;
-    Numbers rate(nv + k);
+    Vector rate(nv + k);
     law.time_rate(p.t, p.q, p.v, p.s, rate);
     for (size_t i = 0; i < nv; ++i) f.other[i] += rate[i];
     std::copy(rate.begin() + nv, rate.end(), f.ds);

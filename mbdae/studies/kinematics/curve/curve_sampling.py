@@ -10,7 +10,7 @@ from ....errors import StepError
 from ....tolerances import COARSE, COINCIDENT, INTERPOLATION, ROUNDING, SAME_STATE, SOLUTION_ROUNDING, ZERO_SPEED
 from .pose_curve import BranchPoint, CurvePoint, PoseCurve
 
-SMALL, TANGENCY = 0.5, 1.5  # of the largest sigma, of its change over a step: smaller minima may be double roots
+SMALL, TANGENCY = 0.5, 1.5  # fraction of the largest sigma, of its change in a step: lower minima may be double roots
 AT_BRANCH_POINT = INTERPOLATION  # distance of the input from a branch point that is negligible
 
 

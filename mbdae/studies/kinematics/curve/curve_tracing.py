@@ -7,9 +7,9 @@ from ....errors import StepError
 from .branch_points import branch_point
 from .pose_curve import MAX_TRAVEL, PoseCurve
 
-FIRST_STEP, MAX_STEP, MIN_STEP = 0.02, 0.4, tol.SMALLEST_PART  # of the arclength
+FIRST_STEP, MAX_STEP, MIN_STEP = 0.02, 0.4, tol.SMALLEST_PART  # steps of the arclength
 JUMP = tol.INTERPOLATION  # longer steps between branches that do not intersect are rejected
-PREDICTOR_ERROR = 0.02  # of a step: target for the error of the predictor
+PREDICTOR_ERROR = 0.02  # fraction of a step: target for the error of the predictor
 MAX_NODES = 5000  # nodes of a curve
 
 
@@ -32,9 +32,9 @@ def follow(curve: PoseCurve, low: float, high: float) -> PoseCurve:
             continue
         change = (PREDICTOR_ERROR * h / max(missed, tol.SOLUTION_ROUNDING)) ** (1 / 3)
         h = min(MAX_STEP, h * float(np.clip(change, 0.4, 2.0)))
-        closing = curve.point_at_pose(len(curve.nodes) - 2, start) if len(curve.nodes) > 2 else None
-        if closing is not None and curve.is_full_period(closing.u - start.u):
-            curve.nodes[-1], curve.ended = closing, "closed"
+        again = curve.point_at_pose(len(curve.nodes) - 2, start) if len(curve.nodes) > 2 else None
+        if again is not None and curve.is_full_period(again.u - start.u):
+            curve.nodes[-1], curve.ended = again, "closed"
             return curve
         if not low <= new.u <= high:
             return _end_at(curve, low if new.u < low else high)

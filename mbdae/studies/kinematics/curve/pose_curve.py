@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 MIN_COSINE = 0.9  # smallest cosine between tangents, and between left null spaces, at both ends of a step
 ITERATIONS = 12
-CONVERGED = tol.COINCIDENT  # of a correction: by quadratic convergence the next one would be rounding
+CONVERGED = tol.COINCIDENT  # fraction of a correction: by quadratic convergence the next one would be rounding
 MAX_TRAVEL = 100.0  # rad or characteristic lengths: of the coordinates that are not periodic angles
 
 

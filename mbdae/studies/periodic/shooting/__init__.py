@@ -1,1 +1,1 @@
-"""Multiple shooting: the flow over a part of a period, the equations, their solution, and Floquet multipliers."""
+"""Multiple shooting: the flow over a segment of a period, the equations, their solution, and Floquet multipliers."""

@@ -27,7 +27,7 @@ from .flow import Flow, FlowTangent, require_same_rows
 
 MAX_REFINEMENTS = 12
 HALVED_STEPS = 2**6  # change of rtol, for methods of order 6
-SHORTEST = 0.5  # of the period before: one iteration may not do more
+SHORTEST = 0.5  # fraction of the period before: one iteration may not do more
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Cycle:
 
     Attributes:
         t: time of its start.
-        parts: number k of parts.
+        segments: number k of shooting segments.
         section: signal and level at which a period ends; None for phases that are free, or given by the time.
         period_is_given: whether the period is not unknown.
         autonomous: whether the equations do not depend on time.
@@ -45,7 +45,7 @@ class Cycle:
     """
 
     t: float
-    parts: int
+    segments: int
     section: str | None
     period_is_given: bool
     autonomous: bool
@@ -62,7 +62,7 @@ class Cycle:
 class Guess:
     """Nodes (k, n) of a period, its duration, advances (m,), and shifts (nv,) of joints by turns and pitches.
 
-    The modes in which its parts begin, (k,), are known after a run.
+    The modes in which its segments begin, (k,), are known after a run.
     """
 
     nodes: list[Array]
@@ -84,7 +84,7 @@ class ShootingEquations:
 
     def __init__(self, system: Index2System, flow: Flow, cycle: Cycle, at: Guess) -> None:
         self.system, self.flow, self.cycle, self.at = system, flow, cycle, at
-        k, self.p = cycle.parts, len(flow.parameters)
+        k, self.p = cycle.segments, len(flow.parameters)
         last = at.T - at.T * (k - 1) / k
         self.durations = [at.T / k] * (k - 1) + [last]
         self.times = [cycle.t + sum(self.durations[:i]) for i in range(k)]
@@ -95,11 +95,11 @@ class ShootingEquations:
         self.charts = [LocalCoordinates(*args) for args in zip(self._workspaces(), self.times, at.nodes, strict=True)]
         self.n = self.charts[0].n
         if any(chart.n != self.n for chart in self.charts):
-            raise InputError("degrees of freedom differ between the parts of the period: give parts=1")
+            raise InputError("degrees of freedom differ between the segments of the period: give segments=1")
 
     @property
     def _sections(self) -> list[str | None]:
-        return [*[None] * (self.cycle.parts - 1), self.cycle.section]
+        return [*[None] * (self.cycle.segments - 1), self.cycle.section]
 
     @cached_property
     def lifts(self) -> list[Array]:
@@ -112,7 +112,7 @@ class ShootingEquations:
 
     @cached_property
     def tangents(self) -> list[FlowTangent]:
-        """Tangents of the parts, which take longer than their runs.
+        """Tangents of the segments, which take longer than their runs.
 
         Raises:
             InputError: for runs without derivatives.
@@ -121,7 +121,7 @@ class ShootingEquations:
         return list(map(self.flow.tangent, self.runs, varied, self._sections))
 
     def _workspaces(self) -> list[Index2System]:
-        """Return a workspace for each part in the mode in which it begins."""
+        """Return a workspace for each segment in the mode in which it begins."""
         out = [self.system, *(self.system.new_workspace() for _ in self.modes[1:])]
         for workspace, mode in zip(out, self.modes, strict=True):
             workspace.enter(mode)
@@ -152,14 +152,14 @@ class ShootingEquations:
 
     @cached_property
     def residual(self) -> Array:
-        """Distance of the end of each part from the next node, in coordinates there, (k n,)."""
+        """Distance of the end of each segment from the next node, in coordinates there, (k n,)."""
         charts = [*self.charts[1:], self.charts[0]]
         ends = [*(run.y[-1] for run in self.runs[:-1]), self.return_map[0]]
         return np.concatenate([chart.coordinates_of(y) - chart.x0 for chart, y in zip(charts, ends, strict=True)])
 
     def _at_next_node(self, i: int, dy: Array) -> Array:
-        """Return tangents at the end of part i in coordinates of the next node, (n, m)."""
-        k = self.cycle.parts
+        """Return tangents at the end of segment i in coordinates of the next node, (n, m)."""
+        k = self.cycle.segments
         if i < k - 1:
             return self.charts[i + 1].coordinate_tangents(self.runs[i].y[-1], dy)
         y, tangent_map, _ = self.return_map
@@ -167,7 +167,7 @@ class ShootingEquations:
 
     @cached_property
     def factors(self) -> list[Array]:
-        """Tangents over each part at fixed times, (n, n): their product is the monodromy matrix."""
+        """Tangents over each segment at fixed times, (n, n): their product is the monodromy matrix."""
         return [self._at_next_node(i, end.fixed[:, : self.n]) for i, end in enumerate(self.tangents)]
 
     def flow_direction(self, i: int) -> Array:
@@ -191,7 +191,7 @@ class ShootingEquations:
     @cached_property
     def matrix(self) -> Array:
         """Newton's matrix: partials of residual and phases with respect to (x_0, ..., x_k-1, T, sigma, p)."""
-        n, k, m = self.n, self.cycle.parts, len(self.cycle.symmetries)
+        n, k, m = self.n, self.cycle.segments, len(self.cycle.symmetries)
         period = int(self.cycle.unknown_period)
         A = np.zeros((n * k, n * k + period + m + self.p))
         for i, end in enumerate(self.tangents):
@@ -216,7 +216,7 @@ class ShootingEquations:
 
     def moved(self, step: Array) -> Guess:
         """Return the guess after a step of (x_0, ..., x_k-1, T, sigma)."""
-        n, k, at = self.n, self.cycle.parts, self.at
+        n, k, at = self.n, self.cycle.segments, self.at
         nodes = []
         for i, chart in enumerate(self.charts):
             q, v, s = chart.state(self.times[i], chart.x0 + step[i * n : (i + 1) * n])

@@ -1,4 +1,4 @@
-"""The flow over a part of a period, an interval of multiple shooting, and its tangent."""
+"""The flow over a segment of a period, an interval of multiple shooting, and its tangent."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,12 +16,12 @@ from ....solution.solution import Solution
 from ....system import Array
 from ...sensitivity.sensitivity import run_tangents
 
-LONGEST = 20.0  # of the expected duration: a run must return to its section within it
+LONGEST = 20.0  # multiple of the expected duration: a run must return to its section within it
 
 
 @dataclass(frozen=True)
 class FlowTangent:
-    """The tangent of a part of a period.
+    """The tangent of a segment of a period.
 
     Attributes:
         fixed: tangent of the end at a fixed time, (ny, m).
@@ -119,6 +119,6 @@ def require_same_rows(before: Solution, after: Solution) -> None:
     for switch, x, y in zip(before.mechanism.switches, last, first, strict=True):
         if switch.active_rows(x) != switch.active_rows(y):
             where = (
-                f"at t = {before.t[-1]:.9g} s, the end of a part of the period, {switch.name!r} is {switch.states[x]}"
+                f"at t = {before.t[-1]:.9g} s, the end of a segment, {switch.name!r} is {switch.states[x]}"
             )
             raise InputError(f"{where}, and {switch.states[y]} at the start of the next: begin at another phase")

@@ -1,4 +1,4 @@
-"""Floquet multipliers: eigenvalues of the product of the tangents over the parts of one period.
+"""Floquet multipliers: eigenvalues of the product of the tangents over the segments of one period.
 
 The product M_k ... M_1 has entries as large as the largest multiplier, so its small eigenvalues have no digits left.
 Orthogonal iteration over the factors, M_i Q_i-1 = Q_i R_i, leads to a periodic Schur form: the diagonal blocks of the
@@ -73,7 +73,7 @@ def on_quotient(factors: Sequence[Array], known: Sequence[Array]) -> list[Array]
 
     Args:
         factors: M_1, ..., M_k, each (n, n).
-        known: [W_i, E_i^T] at the start of each part, (n, m_i), the same number of independent columns everywhere.
+        known: [W_i, E_i^T] at the start of each segment, (n, m_i), the same number of independent columns everywhere.
     """
     bases = []
     for columns in known:

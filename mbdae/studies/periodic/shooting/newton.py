@@ -12,7 +12,7 @@ from ....tolerances import HALF_DIGITS, SOLUTION_ROUNDING, THREE_DIGITS, TRUNCAT
 from .cycle import ShootingEquations
 
 MAX_ITERATIONS, MAX_HALVINGS = 30, 8
-GAIN = 0.1  # of the residual: less is rounding
+GAIN = 0.1  # fraction of the residual: less is rounding
 
 
 def newton(here: ShootingEquations, tolerance: float) -> ShootingEquations:
@@ -35,16 +35,16 @@ def newton(here: ShootingEquations, tolerance: float) -> ShootingEquations:
         if here.size <= tolerance and not improved:
             break
     if here.size > tolerance:
-        advice = "start closer to it, from a run that has settled, or with more parts"
+        advice = "start closer to it, from a run that has settled, or with more segments"
         if hit := _contacts_at_ends(here):
-            advice = f"{hit} is hit where a part of the period begins or ends: begin at another phase"
+            advice = f"{hit} is hit where a segment of the period begins or ends: begin at another phase"
         gap = f"a gap of {here.size:.3g} between start and end"
         raise InputError(f"no periodic motion found: Newton's method ends with {gap}; {advice}")
     return here
 
 
 def _contacts_at_ends(here: ShootingEquations) -> str:
-    """Return the names of open contacts whose gaps are zero at an end of a part, where an impact has no derivative."""
+    """Return the names of open contacts whose gaps are zero at an end of a segment: no derivative exists."""
     found = list[str]()
     for run in here.runs:
         for i in (0, len(run.t) - 1):
@@ -89,7 +89,7 @@ def require_motion(here: ShootingEquations) -> None:
     Raises:
         InputError: if the nodes of equations that do not depend on time are at rest, or an end is not the next node.
     """
-    rates = (np.linalg.norm(here.flow_direction(i)) for i in range(here.cycle.parts))
+    rates = (np.linalg.norm(here.flow_direction(i)) for i in range(here.cycle.segments))
     if here.cycle.autonomous and max(rates) <= HALF_DIGITS:
         raise InputError(
             "no periodic motion found: Newton's method ends at an equilibrium, of which every T is a period; start"

@@ -1,15 +1,15 @@
-// Steps from the start of the step just taken, shorter than it, at whose ends events are located.
+// Partial steps from the start of the step just taken, at whose ends events are located.
 #pragma once
 
 #include "run/time_loop.hpp"
 
 namespace mbdae {
 
-class TimeLoop::ShorterSteps {
+class TimeLoop::PartialSteps {
  public:
-  ShorterSteps(TimeLoop& loop, double h) : loop_(loop), h_(h), restarted_(loop.restarted_) {}
+  PartialSteps(TimeLoop& loop, double h) : loop_(loop), h_(h), restarted_(loop.restarted_) {}
 
-  Numbers take(double theta) {
+  Vector take(double theta) {
     Run& run = loop_.run_;
     const double t = run.interval.t;
     if (!taken()) {
@@ -17,7 +17,7 @@ class TimeLoop::ShorterSteps {
       z_ = loop_.z_, size_ = loop_.size1_;
     }
     loop_.method_.take(run.adaptive, t, theta * h_, run.state, loop_.next_, loop_.z_.data(), loop_.errors_);
-    if (run.adaptive || run.project) loop_.s_.size(loop_.next_.y.data(), loop_.size1_.data());
+    if (run.adaptive || run.project) loop_.s_.component_magnitudes(loop_.next_.y.data(), loop_.size1_.data());
     if (run.project) loop_.project(t + theta * h_);
     last_ = theta;
     return loop_.next_.y;
@@ -40,7 +40,7 @@ class TimeLoop::ShorterSteps {
   const double h_;
   const bool restarted_;
   State end_;  // exchanged with that of the loop: arrays keep their addresses
-  Numbers z_, size_;
+  Vector z_, size_;
   double last_ = 1;  // fraction of the step that was taken last
 };
 
