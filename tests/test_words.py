@@ -41,7 +41,6 @@ STAYING = {  # names that stay, by folder or file
 }
 FITTED = ("order", "benchmarks", "report")  # folders whose slopes are those of fitted lines
 PAGE_ON_ORDERS = "check.md"
-OTHER_COMMENTS = ("sweep", "in_place_parameters.py")  # whose comments of constants begin with "of"
 OF_TESTS = re.compile("slopes?|doubtful|freedoms?")  # of fitted lines, a status, degrees of freedom
 
 
@@ -146,7 +145,7 @@ def identifiers(path):
 
 def found_constants():
     """Comments of constants that begin with "of": the noun, a fraction or a number, is missing."""
-    lines = [(p, x) for p in package() for x in p.read_text("utf-8").splitlines() if not {*p.parts} & {*OTHER_COMMENTS}]
+    lines = [(p, x) for p in package() for x in p.read_text("utf-8").splitlines()]
     return [f"{p.name}: {x}" for p, x in lines if re.match(r"[A-Z_][A-Z0-9_, ]*[:=].*#\s+of\b", x)]
 
 

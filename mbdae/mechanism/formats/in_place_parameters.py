@@ -31,7 +31,7 @@ INERTIAL = ("mass", "com", "inertia")  # keys of bodies
 UNSYMMETRIC = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (3.0, 4.0, 5.0, 0.1, 0.2, 0.3)}
 UPPER = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # entries of an inertia in the core
 SYMMETRIC = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # indices of the entries of an inertia among those
-NUMBERS = ("a", "offset")  # of a law in the core
+NUMBERS = ("a", "offset")  # keys of the numbers of a law in the core
 Values = Mapping[str, Any]
 Columns = Mapping[str, Sequence[Any]]  # values of many runs
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...system import Array
-from ..tree.frames import point_velocities
+from ..tree.frames import cross, point_velocities
 from .motion_tangent import MotionTangent
 
 
@@ -19,9 +19,9 @@ def frame_motion_derivatives(motion: MotionTangent, names: Sequence[str]) -> tup
     for i, name in enumerate(names):
         j, pose, X = motion.frame(name)
         p, (V, A, dV, dA) = pose.translation, (x[j] for x in (motion.V, motion.A, motion.dV, motion.dA))
-        dp, speed = point_velocities(X, p), V[:3] + np.cross(V[3:], p)
-        dspeed = point_velocities(dV, p) + np.cross(V[3:], dp.T).T
-        values[:, i] = p, speed, A[:3] + np.cross(A[3:], p) + np.cross(V[3:], speed)
-        moved = np.cross(A[3:], dp.T) + np.cross(dV[3:].T, speed) + np.cross(V[3:], dspeed.T)
-        derivatives[:, i] = dp, dspeed, point_velocities(dA, p) + moved.T
+        dp, speed = point_velocities(X, p), V[:3] + cross(V[3:], p)
+        dspeed = point_velocities(dV, p) + cross(V[3:, None], dp)
+        values[:, i] = p, speed, A[:3] + cross(A[3:], p) + cross(V[3:], speed)
+        moved = cross(A[3:, None], dp) + cross(dV[3:], speed[:, None]) + cross(V[3:, None], dspeed)
+        derivatives[:, i] = dp, dspeed, point_velocities(dA, p) + moved
     return values, derivatives

@@ -14,7 +14,7 @@ import pinocchio as pin
 from ...system import Array
 from ..forces.force import PairElement
 from ..signals.joint_wrenches import reaction_names
-from ..tree.frames import joint_names, motion_cross, point_velocities
+from ..tree.frames import cross, joint_names, motion_cross, point_velocities
 from .motion_tangent import MotionTangent
 from .wrenches import closure_wrench, law_wrench, wrench_cross
 
@@ -36,13 +36,13 @@ def reaction_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
             j = joints.index(name) + 1
             w, dw, X, X_axes = F[j], dF[j], motion.X[j], motion.X[j]
             p, R = motion.placements[j].translation, motion.placements[j].rotation
-        world = np.concatenate([w[:3], w[3:] - np.cross(p, w[:3])])
-        lever = np.cross(point_velocities(X, p).T, w[:3]) + np.cross(p, dw[:3].T)
-        moved = np.concatenate([dw[:3], dw[3:] - lever.T])
+        world = np.concatenate([w[:3], w[3:] - cross(p, w[:3])])
+        lever = cross(point_velocities(X, p), w[:3, None]) + cross(p[:, None], dw[:3])
+        moved = np.concatenate([dw[:3], dw[3:] - lever])
         values[0, i], derivatives[0, i] = world, moved
         for part in (slice(0, 3), slice(3, 6)):
             values[1, i, part] = R.T.dot(world[part])
-            derivatives[1, i, part] = R.T.dot(moved[part] - np.cross(X_axes[3:].T, world[part]).T)
+            derivatives[1, i, part] = R.T.dot(moved[part] - cross(X_axes[3:], world[part][:, None]))
     return values.reshape(2, -1, 2, 3), derivatives.reshape(2, -1, 2, 3, m)
 
 

@@ -4,14 +4,15 @@ import numpy as np
 
 from ...system import Array
 from ..forces.force import PairElement, WrenchPartials
+from ..tree.frames import cross
 from .friction import friction_wrench
 from .motion_tangent import MotionTangent
 
 
 def wrench_cross(a: Array, F: Array) -> Array:
     """Return the dual cross products a x* F of motions a and wrenches F, column by column, (6, m)."""
-    (v, w), (f, n) = (a[:3].T, a[3:].T), (F[:3].T, F[3:].T)
-    return np.concatenate([np.cross(w, f).T, (np.cross(w, n) + np.cross(v, f)).T])
+    v, w, f, n = a[:3], a[3:], F[:3], F[3:]
+    return np.concatenate([cross(w, f), cross(w, n) + cross(v, f)])
 
 
 def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 COLUMNS = 3
 HEIGHT, MAP_HEIGHT = 2.1, 3.6  # inches of a row of panels, and of a heat map
 DECADES = 100.0  # ratio of the largest and the least value on a logarithmic axis, at least
-FEW_LARGE = 0.25  # of the largest value: the median of values that are spread over decades, at most
+FEW_LARGE = 0.25  # largest median of values spread over decades, relative to the largest
 
 
 @fixed_layout

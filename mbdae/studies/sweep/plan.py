@@ -19,7 +19,7 @@ DISTRIBUTIONS = (  # methods of numpy.random.Generator
     "uniform", "normal", "lognormal", "triangular", "choice", "integers", "exponential", "gamma", "beta", "weibull",
 )  # fmt: skip
 RANGE = {"from", "to", "n"}
-MAX_RUNS = 1_000_000  # of a sweep, planned before the first one
+MAX_RUNS = 1_000_000  # runs of a sweep, planned before the first one
 BUILTIN = (bool, int, float, str)
 
 

@@ -36,8 +36,8 @@ from .table import Sweep, column_kinds
 __all__ = ["sweep"]
 
 Progress = Callable[[float, str], None]
-TRIALS = 50  # of the first runs, and of the others, to make one mechanism
-MAX_TIMES = 1_000_000  # of a run
+TRIALS = 50  # numbers of the first runs, and of the others, for one of which a mechanism must be made
+MAX_TIMES = 1_000_000  # times of a run
 
 
 def sweep(

@@ -27,9 +27,9 @@ from .results_file import MORE, Results, results_of
 from .sweep_run import SOLVE, Job, run
 
 MAX_BATCH = 500  # runs
-BATCH_SECONDS = 0.2  # of several runs in a batch: at least ten times what sending them to a cluster takes
+BATCH_SECONDS = 0.2  # wall time of a batch of several runs: at least ten times what sending them to a cluster takes
 LAST_RUNS = 8  # whose mean time determines the next batch
-FIRST_BATCH, FIRST_PART = 8, 1 / 32  # of a batch before any time is known: runs, and of all that each worker makes
+FIRST_BATCH, FIRST_PART = 8, 1 / 32  # most runs of a batch before any has finished: runs, and part
 FINAL = "final"
 
 

@@ -14,15 +14,17 @@ from mbdae import Input, JointTorque, Mechanism
 from mbdae.finite_differences import numerical_derivative
 from mbdae.mechanism.formats.mechanism_file.loaded_model import parameter_value
 from mbdae.mechanism.formats.mechanism_file.template import Template
+from mbdae.mechanism.tree.frames import find_joint
 
 U, SET, DT, STEPS = 0.7, 1.3, 8e-3, 4
 STATE = ("q", "v", "s")
 
 
+@cache  # a simulator copies it
 def with_input(name, hold="zero", value=U):
     """A model with an input torque on its first joint of one velocity."""
     m = shared_model(name)
-    single = [j for j in m.joint_names if sum(m.coordinate_joint(i) == j for i in range(m.nv)) == 1]
+    single = [j for j in m.joint_names if find_joint(m.model, j).nv == 1]
     forces = [JointTorque(joint=single[0], torque=Input(name="motor", hold=hold, value=value))] if single else []
     return Mechanism(m.model, m.closures, [*m.forces, *forces], drivers=m.drivers, start=m.start_values)
 
