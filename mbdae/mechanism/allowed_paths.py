@@ -73,9 +73,11 @@ class AllowedPaths(NamedTuple):
         try:
             uris = (name, unquote(name)) if "://" in name else (name,)
             for candidate in (path for uri in dict.fromkeys(uris) for path in self._candidates(uri)):
+                if ".." not in candidate.parts and not candidate.is_file():
+                    continue  # to resolve it would ask for each folder above
                 path = candidate.resolve()
                 if path.is_file():
-                    if self.allows(path):
+                    if self._allows(path):
                         return path
                     outside = outside or path
         except (OSError, ValueError, RuntimeError) as e:  # RuntimeError: circular links
@@ -89,7 +91,9 @@ class AllowedPaths(NamedTuple):
 
     def allows(self, path: Path) -> bool:
         """Return whether a file may be read; links are resolved."""
-        path = path.resolve()
+        return self._allows(path.resolve())
+
+    def _allows(self, path: Path) -> bool:
         contained = any(path.is_relative_to(folder) for folder in (self.root, *self.packages))
         return self._trusts(path) and (contained or self._is_in_sibling_package(path))
 

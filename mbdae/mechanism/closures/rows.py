@@ -91,7 +91,7 @@ class DotProduct1(FrameRows):
         w[3:] = cross(pair.Rb.dot(self.b), pair.Ra.dot(self.a))
 
     def rate(self, pair: Pair) -> np.ndarray:
-        a, b = pair.Ra @ self.a, pair.Rb @ self.b
+        a, b = pair.Ra.dot(self.a), pair.Rb.dot(self.b)
         da, db = rotated(pair.Va, a), rotated(pair.Vb, b)
         return np.concatenate([np.zeros_like(da), cross(db, a) + cross(b, da)])
 
@@ -121,10 +121,9 @@ class DotProduct2(FrameRows):
         w[3:] = skew(pair.pb).dot(n)
 
     def rate(self, pair: Pair) -> np.ndarray:
-        n = pair.Ra @ self.axes
-        dn = rotated(pair.Va, n)
-        dp = displaced(pair.Vb, pair.pb)
-        return np.concatenate([dn, cross(dp, n) + cross(pair.pb[:, None], dn)])
+        n = pair.Ra.dot(self.axes)
+        dn, dp = rotated(pair.Va, n), velocity(pair.Vb, pair.pb)
+        return np.concatenate([dn, skew(dp).dot(n) + skew(pair.pb).dot(dn)])
 
     def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
         n = pair.Ra.dot(self.axes)
@@ -154,10 +153,10 @@ class Distance(FrameRows):
 
     def rate(self, pair: Pair) -> np.ndarray:
         distance, n = unit_gap(pair)
-        dpb = displaced(pair.Vb, pair.pb)
-        dd, n = dpb - displaced(pair.Va, pair.pa), n[:, None]
-        dn = (dd - n * inner(n, dd)) / distance
-        return np.concatenate([dn, cross(dpb, n) + cross(pair.pb[:, None], dn)])
+        dpb = velocity(pair.Vb, pair.pb)
+        dd = dpb - velocity(pair.Va, pair.pa)
+        dn = (dd - n * n.dot(dd)) / distance
+        return np.concatenate([dn, skew(dpb).dot(n) + skew(pair.pb).dot(dn)])[:, None]
 
     def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
         _, Da, Db = line_wrench_partials(pair)
@@ -171,12 +170,17 @@ def inner(a: np.ndarray, b: np.ndarray) -> float:
 
 def rotated(V: np.ndarray, n: np.ndarray) -> np.ndarray:
     """Return the rates omega x n of axes n (3, m) that rotate with the motion V (6,)."""
-    return np.zeros(n.shape) if V is AT_REST else cross(V[3:, None], n)
+    return np.zeros(n.shape) if V is AT_REST else skew(V[3:]).dot(n)
+
+
+def velocity(V: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return the velocity (3,) of a point p (3,) that moves with the motion V (6,)."""
+    return V[:3] + rotated(V, p)
 
 
 def displaced(V: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Return the velocity (3, 1) of a point p (3,) that moves with the motion V (6,)."""
-    return V[:3, None] + rotated(V, p[:, None])
+    """Return the velocity of a point as a column (3, 1), see `velocity`."""
+    return velocity(V, p)[:, None]
 
 
 def unit_axis(axis: Vector) -> np.ndarray:

@@ -168,6 +168,8 @@ def with_fmu_paths(forces: Sequence[Any], path: Path) -> tuple[Any, ...]:
     Raises:
         InputError: for a missing file, or one elsewhere.
     """
+    if not any(isinstance(x, FMU) for x in forces):
+        return tuple(forces)
     paths = AllowedPaths.from_model_file(path)
 
     def found(x: Any) -> Any:

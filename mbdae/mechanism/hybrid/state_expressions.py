@@ -9,6 +9,7 @@ import ast
 import cmath
 import operator
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -67,7 +68,7 @@ class Expression:
         try:
             if len(self.text) > MAX_LENGTH:
                 raise ValueError
-            self._tree = ast.parse(self.text.strip(), mode="eval").body
+            self._tree = _parsed(self.text.strip())
             self._check(self._tree)
         except MbdaeError:
             raise
@@ -129,6 +130,12 @@ class Expression:
             return complex(_evaluate(self._tree, {**values, "t": t, "pi": cmath.pi}))
         except (ArithmeticError, ValueError) as e:
             raise StepError("nonfinite", f"{self.text!r} cannot be computed at t = {t.real:.17g}: {e}") from None
+
+
+@lru_cache(256)
+def _parsed(text: str) -> ast.expr:
+    """Return the syntax tree of an expression, of which variants of a mechanism have the same."""
+    return ast.parse(text, mode="eval").body
 
 
 def _evaluate(node: ast.expr, values: Mapping[str, complex]) -> complex:

@@ -177,8 +177,8 @@ class Pair:
 
     def __init__(self, model: pin.Model, data: pin.Data, a: Anchor, b: Anchor) -> None:
         self.model, self.a, self.b, self._data, self._J = model, a, b, data, data.J.reshape(6, -1)  # (6,) if nv = 1
-        self._Ra, self._Rb = data.oMi[a.joint].rotation, data.oMi[b.joint].rotation  # live views
-        self._pa, self._pb = data.oMi[a.joint].translation, data.oMi[b.joint].translation
+        self._placed = [(data.oMi[x.joint], data.v[x.joint], data.a[x.joint]) for x in (a, b)]  # live, as their parts
+        (self._Ra, self._pa), (self._Rb, self._pb) = ((M.rotation, M.translation) for M, *_ in self._placed)
         self._in_a, self._in_b = (np.column_stack([x.R, x.p]) for x in (a, b))
         support_a, support_b = support(model, a.joint), support(model, b.joint)
         self.sign, self.columns = (support_b - support_a).astype(np.int8), np.flatnonzero(support_a + support_b)
@@ -222,18 +222,15 @@ class Pair:
 
     def twist(self) -> None:
         """Update the spatial velocities Va, Vb (6,) at the world's origin, linear part first."""
-        self.Va, self.Vb = self._in_world(self._data.v)
+        self.Va, self.Vb = (M.act(v).vector for M, v, _ in self._placed)
 
     def bias(self) -> np.ndarray:
         """Return the relative spatial acceleration of b with respect to a, (6,); data.a holds those for v' = 0.
 
         This is not Jdot v: Pinocchio's dJ omits the change of a joint's axes (universal and composite joints).
         """
-        Aa, Ab = self._in_world(self._data.a)
+        Aa, Ab = (M.act(a).vector for M, _, a in self._placed)
         return Ab - Aa
-
-    def _in_world(self, motions: Sequence[pin.Motion]) -> list[np.ndarray]:
-        return [self._data.oMi[x.joint].act(motions[x.joint]).vector for x in (self.a, self.b)]
 
     def relative(self, v: np.ndarray) -> np.ndarray:
         """Return the spatial velocity (6,) of b relative to a at the world's origin, for velocities v (nv,)."""
@@ -265,8 +262,8 @@ def support(model: pin.Model, joint: int) -> np.ndarray:
 
 
 def skew(p: np.ndarray) -> np.ndarray:
-    """Return the matrix of p x ., (3, 3)."""
-    return pin.skew(p)
+    """Return the matrix of p x ., (3, 3), real or complex."""
+    return pin.skew(p) if p.dtype == float else pin.skew(p.real) + 1j * pin.skew(p.imag)
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -69,6 +69,15 @@ def test_a_users_own_file(tower):
         assert mbdae.load(tower.parent, floors=2).nv == 2
 
 
+def test_a_template_finds_its_file_once_and_warns_once(tower, monkeypatch):
+    (tower.parent / "mechanism.py").write_text(TOWER)
+    with pytest.warns(UserWarning, match=r"the Python file .*mechanism\.py is run$") as said:
+        template = Template(tower.parent)
+    assert len(said) == 1
+    monkeypatch.setattr("mbdae.mechanism.formats.mechanism_file.load.find", None)
+    assert [template.make({"floors": n}).nv for n in (2, 3)] == [2, 3]
+
+
 def test_commands_show_and_take_parameters(tmp_path):
     assert "parameter N = 3: int at least 1 and at most 1000, default 2" in mbdae_says("info", "n_four_bar?N=3")
     card = json.loads(mbdae_says("info", "n_four_bar?N=3", "--json"))

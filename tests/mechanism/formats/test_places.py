@@ -2,6 +2,7 @@
 
 import shutil
 import struct
+from pathlib import Path
 
 import pytest
 from commands import call
@@ -10,6 +11,7 @@ from fuzzing import DATA
 
 import mbdae
 from mbdae.errors import InputError
+from mbdae.mechanism.allowed_paths import AllowedPaths
 
 SECRET = b"token 1234567890"
 PICTURE = b"\x89PNG\r\n\x1a\n" + b"pixels"
@@ -68,6 +70,13 @@ def drawn(mech):
 def test_meshes_of_the_models_own_folder_are_drawn(model, name):
     (model / "meshes" / "box.stl").with_name("a box.stl").write_text(STL)
     assert drawn(load(model, name.format(model=model))) is not None
+
+
+def test_folders_above_are_not_resolved_for_files_that_they_lack(model, monkeypatch):
+    paths, resolved, resolve = AllowedPaths.from_model_file(model / "urdf" / "model.urdf"), [], Path.resolve
+    monkeypatch.setattr(Path, "resolve", lambda path: resolved.append(path) or resolve(path))
+    found = paths.find("package://model/meshes/box.stl")
+    assert resolved == [found] == [model / "meshes" / "box.stl"]
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,15 @@ def test_values_and_derivatives():
     np.testing.assert_allclose(found.partials(t, y, 5), by, rtol=1e-14, atol=1e-16)
 
 
+def test_equal_expressions_are_parsed_once(monkeypatch):
+    """Variants of a mechanism have the same ones."""
+    Expression("2*t + 0.125", COLUMNS)
+    with monkeypatch.context() as patch:
+        patch.setattr("ast.parse", None)
+        again = Expression(" 2*t + 0.125", COLUMNS)
+    assert again.value(1.0, np.zeros(5)) == 2.125
+
+
 REFUSED = ("", "1 +", "q", "__import__('os')", "lambda: 1", "True", "[1]", "x" * 2000, "1 if t else 2")
 
 

@@ -20,6 +20,8 @@ def with_data(tables: Sequence[Flexible], path: Path) -> tuple[Flexible, ...]:
     Raises:
         InputError: for a missing or invalid file.
     """
+    if not tables:
+        return ()
     paths = AllowedPaths.from_model_file(path)
     return tuple(
         x.model_copy(update={"data": read_modal_data(paths.find(x.file))}) if x.file and x.data is None else x

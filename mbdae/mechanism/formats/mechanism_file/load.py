@@ -132,7 +132,7 @@ def read(
         found, file = Path.cwd() / IN_FOLDER[0], checked(dict(path), label)
         name, chosen = file.title or "mechanism", _without_parameters("the tables", parameters)
     else:
-        found, written = _found(label)
+        found, written = (parametric.path, split(label)[1]) if parametric else located(label)
         name = found.parent.name if found.name in IN_FOLDER else found.stem
         file, chosen = _read(found, name, {**written, **parameters}, parametric)
     if free_flyer and not file.source:
@@ -163,8 +163,12 @@ def _label(path: object) -> str:
     return str(path)
 
 
-def _found(path: str) -> tuple[Path, dict[str, str]]:
-    """Return the file for a name or a path, and the parameters after it."""
+def located(path: str) -> tuple[Path, dict[str, str]]:
+    """Return the file for a name or a path, and the parameters after it.
+
+    Raises:
+        UnknownNameError, InputError: as `load`.
+    """
     plain, written = split(path)
     found = find(plain)
     if found.suffix == PARAMETRIC and Path(plain).suffix != PARAMETRIC and not is_model_name(plain):

@@ -29,10 +29,10 @@ from ...tree.frames import find_joint, joint_names
 from ...tree.tree_terms import copied
 from ...variant import variant
 from ..body_tables import Body
-from ..model_library import PARAMETRIC, find
+from ..model_library import PARAMETRIC
 from .build import body_inertia, build, placement
-from .load import Recipe, make, read
-from .parametric import ParametricFile, split
+from .load import Recipe, located, make, read
+from .parametric import ParametricFile
 from .schema import MechanismFile
 from .table_entries import TABLES, entry_at, entry_keys, entry_names, first_key, with_entries, with_entry
 
@@ -65,8 +65,7 @@ class Template:
 
     def __init__(self, path: str | Path) -> None:
         self.path = str(path)
-        file_parameters, _ = split(self.path)
-        found = find(file_parameters)
+        found, _ = located(self.path)
         parametric = ParametricFile(found) if found.suffix == PARAMETRIC else None
         self.parameters = tuple(parametric.parameters) if parametric else ()
         self.functions: Sequence[Any] = ()
