@@ -12,7 +12,8 @@ of the joint angles at the end, against mbdae at rtol 1e-12: for mbdae the diffe
 
 Slider-cranks take 0.1 s from other speeds of the crank, by mbdae.ensemble from starts as arrays and from start values,
 and by mbdae.sweep, and with other masses of the rod and gravity: microseconds of the call per run on one and on two
-threads; the ends must be equal bit for bit.
+threads; the ends must be equal bit for bit. All alternate with runs of the core without Python around them, whose speed
+is what the machine allows.
 
 Models with modes or flexible bodies run by mbdae.solve, on one and on two threads, from starts that differ by 1e-6 of
 the speeds; the ends must be equal bit for bit.
@@ -21,6 +22,7 @@ Run: python examples/benchmarks/ensembles.py [--brief]
 """
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from time import perf_counter, process_time
 from typing import Any
@@ -33,7 +35,11 @@ from problems import FOUR_BAR
 from runs import installed
 
 import mbdae
+from mbdae.integrate.options.options import RunOptions
+from mbdae.integrate.run.core_runs import solve_in_core
+from mbdae.integrate.run.run_setup import prepare_at
 
+CORE = "the core alone"
 SHORT = 0.1  # s
 BY_SOLVE = {"woodpecker": 2.0, "stick_slip_slider": 5.0, "flexible_four_bar": 0.3, "pendulum_on_stop": 3.0}  # s
 CASES = [(executor, workers) for executor in ("threads", "processes") for workers in (1, 2)]
@@ -126,11 +132,26 @@ def short_runs(n: int, repeats: int) -> list[list[str]]:
         settings = {"outputs": ["final q.slider"], "executor": "threads", "workers": workers}
         return mbdae.sweep(mech, {name: varied[name].tolist()}, span, **settings)["final q.slider"]
 
-    functions = {"mbdae.ensemble, v": partial(by_ensemble, v, None)}
+    functions = {CORE: core_alone(mech, v, span), "mbdae.ensemble, v": partial(by_ensemble, v, None)}
     for name, values in varied.items():
         functions[f"mbdae.ensemble, {name}"] = partial(by_ensemble, None, {name: values})
         functions[f"mbdae.sweep, {name}"] = partial(by_sweep, name)
-    return [[title, *on_threads(title, ends, 1e6 / n, repeats)] for title, ends in functions.items()]
+    return [[title, *times] for title, times in on_threads(functions, 1e6 / n, repeats).items()]
+
+
+def core_alone(mech: mbdae.Mechanism, v: np.ndarray, span: tuple[float, float]) -> Callable[[int], np.ndarray]:
+    """Return runs without Python around them, half of them by each of two threads: what the machine allows."""
+    y = np.tile(mech.point(), (len(v), 1))
+    y[:, mech.nq : mech.nq + mech.nv] = v
+    options, never = RunOptions.from_settings(mech, span, {}), np.zeros(1, np.uint8)
+    prepared = [prepare_at(mech, options, y[0]) for _ in range(2)]
+
+    def run(workers: int) -> np.ndarray:
+        halves = [(run, part, never) for run, part in zip(prepared, np.array_split(y, 2), strict=True)]
+        with ThreadPoolExecutor(workers) as pool:
+            return np.vstack([found.y for found in pool.map(lambda given: solve_in_core(*given), halves)])
+
+    return run
 
 
 def by_solve(n: int, part: float, repeats: int) -> list[list[str]]:
@@ -141,31 +162,36 @@ def by_solve(n: int, part: float, repeats: int) -> list[list[str]]:
         part: of the seconds of a run.
         repeats: of each measurement.
     """
-    out = []
-    for name, seconds in BY_SOLVE.items():
-        mech, end = mbdae.load(name), part * seconds
+    functions, spans = {}, {name: part * seconds for name, seconds in BY_SOLVE.items()}
+    for name, end in spans.items():
+        mech = mbdae.load(name)
         v = mech.start[1] * (1 + 1e-6 * np.arange(n))[:, None]
 
         def ends(workers: int, mech: Any = mech, v: Any = v, end: float = end) -> np.ndarray:
             return mbdae.ensemble(mech, None, v, None, (0.0, end), workers=workers).q
 
-        out.append([name, f"{end:g}", *on_threads(name, ends, 1e3 / n, repeats)])
-    return out
+        functions[name] = ends
+    return [[name, f"{spans[name]:g}", *times] for name, times in on_threads(functions, 1e3 / n, repeats).items()]
 
 
-def on_threads(title: str, ends: Callable[[int], np.ndarray], scale: float, repeats: int) -> list[str]:
-    """Return the scaled times of a function of the number of workers on one and two threads, and their ratio."""
-    found = dict[int, np.ndarray]()
+def on_threads(
+    functions: dict[str, Callable[[int], np.ndarray]], scale: float, repeats: int
+) -> dict[str, tuple[str, str, str]]:
+    """Return the scaled times of functions of the number of workers on one and two threads, and their ratios."""
+    found = dict[tuple[str, int], np.ndarray]()
 
-    def run(workers: int) -> float:
+    def run(title: str, workers: int) -> float:
         started = perf_counter()
-        found[workers] = ends(workers)
+        found[title, workers] = functions[title](workers)
         return (perf_counter() - started) * scale
 
-    times = medians({workers: partial(run, workers) for workers in (1, 2)}, repeats)
-    if not np.array_equal(found[1], found[2]):
-        raise RuntimeError(f"the ends of {title} on one and two threads differ")
-    return [digits(times[1]), digits(times[2]), ratio(times[1], times[2])]
+    keys = [(title, workers) for title in functions for workers in (1, 2)]
+    times = medians({key: partial(run, *key) for key in keys}, repeats)
+    for title in functions:
+        if not np.array_equal(found[title, 1], found[title, 2]):
+            raise RuntimeError(f"the ends of {title} on one and two threads differ")
+    both = {title: (times[title, 1], times[title, 2]) for title in functions}
+    return {title: (digits(one), digits(two), ratio(one, two)) for title, (one, two) in both.items()}
 
 
 def vectorized(q: np.ndarray, end: float) -> Callable[[float], np.ndarray] | None:
