@@ -12,8 +12,8 @@ of the joint angles at the end, against mbdae at rtol 1e-12: for mbdae the diffe
 
 Slider-cranks take 0.1 s from other speeds of the crank, by mbdae.ensemble from starts as arrays and from start values,
 and by mbdae.sweep, and with other masses of the rod and gravity: microseconds of the call per run on one and on two
-threads; the ends must be equal bit for bit. All alternate with runs of the core without Python around them, whose speed
-is what the machine allows.
+threads; the ends must be equal bit for bit. All alternate with runs of the core without Python around them, the fastest
+that the machine allows.
 
 Models with modes or flexible bodies run by mbdae.solve, on one and on two threads, from starts that differ by 1e-6 of
 the speeds; the ends must be equal bit for bit.
@@ -140,7 +140,7 @@ def short_runs(n: int, repeats: int) -> list[list[str]]:
 
 
 def core_alone(mech: mbdae.Mechanism, v: np.ndarray, span: tuple[float, float]) -> Callable[[int], np.ndarray]:
-    """Return runs without Python around them, half of them by each of two threads: what the machine allows."""
+    """Return runs without Python around them, half of them by each of two threads."""
     y = np.tile(mech.point(), (len(v), 1))
     y[:, mech.nq : mech.nq + mech.nv] = v
     options, never = RunOptions.from_settings(mech, span, {}), np.zeros(1, np.uint8)
