@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...errors import InputError, as_list
+from ...errors import EquilibriumError, InputError, as_list
 from ...mechanism import Mechanism
 from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.equilibrium.linearization import LinearMotion, linearize_at, require_steady
@@ -40,7 +40,7 @@ def operating_point(
     require_time(t)
     names = as_list(hold, "hold is a list of joints")
     locked = np.unique(np.array([i for name in names for i in velocities(mech, name)], int))
-    found = None
+    found, not_steady = None, ""
     if isinstance(q, np.ndarray):
         q0 = mech.assemble(q, t=t)[0]
         speeds = complete_arguments(mech, q, t, v, hold)[1]
@@ -48,13 +48,10 @@ def operating_point(
     elif q is None and v is None:
         try:
             found = _at(mech, *mech.start_at(t), t, locked), "start"
-        except InputError:
-            found = None
+        except InputError as e:
+            not_steady = f"; the start moves, but {e}" if _has_start_speeds(mech) else ""
     if found is None:
-        q0, speeds, fixed, _ = complete_arguments(mech, q, t, v, hold)
-        rest = find_equilibrium_on_contacts(mech, t, speeds, fixed, q0, "stable")
-        balance, statics = rest.balance, Statics(mech, t, speeds, locked, mode=rest.statics.system.mode)
-        found = (statics, statics.point(balance.q, balance.s)), "steady motion" if speeds.any() else "equilibrium"
+        found = _at_equilibrium(mech, complete_arguments(mech, q, t, v, hold)[:3], t, locked, not_steady)
     (statics, balance), kind = found
     if not balance.free.Z.shape[1] and not len(balance.s):
         resting = [repr(s.name) for s in mech.switches if statics.system.mode[s.index]]
@@ -66,6 +63,29 @@ def operating_point(
     statics.system.inertia(t, balance.q)
     statics.system.laws.require_directions()
     return statics, balance, linearize_at(statics, balance), kind
+
+
+def _at_equilibrium(
+    mech: Mechanism, start: tuple[Array, Array, Array], t: float, locked: Array, not_steady: str
+) -> tuple[tuple[Statics, ForceBalance], str]:
+    """Return the balance at the stable equilibrium found from a configuration with speeds and fixed coordinates.
+
+    Raises:
+        EquilibriumError: if none is found, followed by why the start is no steady motion.
+    """
+    q, speeds, fixed = start
+    try:
+        rest = find_equilibrium_on_contacts(mech, t, speeds, fixed, q, "stable")
+    except EquilibriumError as e:
+        raise EquilibriumError(f"{e}{not_steady}", e.q, e.residual, e.joint) from None
+    statics = Statics(mech, t, speeds, locked, mode=rest.statics.system.mode)
+    found = statics, statics.point(rest.balance.q, rest.balance.s)
+    return found, "steady motion" if speeds.any() else "equilibrium"
+
+
+def _has_start_speeds(mech: Mechanism) -> bool:
+    values = mech.start_values
+    return any(map(np.any, [*values.v.values(), *values.guess_v.values()]))
 
 
 def _warn_of_frozen_drivers(statics: Statics, balance: ForceBalance) -> None:

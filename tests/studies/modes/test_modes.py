@@ -200,6 +200,13 @@ def test_a_pose_that_is_no_equilibrium_is_rejected():
         mbdae.modes(mech, mech.start[0])
 
 
+def test_a_start_that_turns_its_coordinates_is_no_steady_motion():
+    """The centre of a disc that rolls in a circle accelerates, and upright discs at rest are unstable."""
+    text = r"no stable equilibrium found .*; the start moves, but this is no equilibrium and no steady motion: joint"
+    with pytest.raises(mbdae.errors.EquilibriumError, match=text):
+        mbdae.modes(mbdae.load("rolling_disc", inclination="1.0"))
+
+
 def test_passing_an_equilibrium_is_no_steady_motion():
     """Upright and moving, the acceleration is zero for a moment; the modes are those of the pose found, at rest."""
     found = mbdae.modes(mbdae.load("n_four_bar"))
