@@ -8,10 +8,11 @@ import pytest
 import mbdae
 
 
-def test_pages_are_made_of_all_public_names(tmp_path, capsys):
+def test_pages_are_made_of_all_public_names(tmp_path, capsys, monkeypatch):
     pdoc = pytest.importorskip("pdoc")
     # colouring the source code takes half of the time
     pdoc.render.configure(docformat="google", show_source=False, search=False)
+    monkeypatch.chdir(tmp_path)  # not a clone, whose folder has the name of the module
     with warnings.catch_warnings(action="error", category=UserWarning):
         pdoc.pdoc("mbdae", output_directory=tmp_path)
     assert capsys.readouterr() == ("", "")
