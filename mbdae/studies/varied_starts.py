@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..errors import InputError
 from ..integrate.run.core_runs import RunParameters
 from ..mechanism import Mechanism
 from ..mechanism.assembly.initial_points import InitialPoints
@@ -139,13 +140,16 @@ class VariedStarts:
             yield from self._single(columns, i[0])
             return
         for k, first in enumerate(i):
-            with suppress(Exception):  # the mechanism of the first run cannot be made
+            try:
                 shared = self._shared(key, in_place, row(columns, first))
-                others = list[int]()  # that need a mechanism each
-                yield RunGroup(shared.mech, partial(self._begin, shared, columns, i[k:], others))
-                for other in others:
-                    yield from self._single(columns, other)
-                return
+            except Exception:
+                yield from self._single(columns, first)
+                continue
+            others = list[int]()  # that need a mechanism each
+            yield RunGroup(shared.mech, partial(self._begin, shared, columns, i[k:], others))
+            for other in others:
+                yield from self._single(columns, other)
+            return
 
     def _single(self, columns: Columns, i: int) -> Iterator[RunGroup]:
         def begin() -> Begun:
@@ -158,7 +162,11 @@ class VariedStarts:
             yield RunGroup(mech, begin)
 
     def _shared(self, key: Any, in_place: Sequence[str], values: Values) -> _Shared:
-        """Return what runs share."""
+        """Return what runs share.
+
+        Raises:
+            MbdaeError: if their mechanism cannot be made, or parameters of the first run be written in place.
+        """
         if shared := self.shared.get(key):
             return shared
         if len(self.shared) >= CACHE_SIZE:
@@ -166,7 +174,8 @@ class VariedStarts:
         found = None
         if in_place:
             found = in_place_parameters(self.factory, in_place, values)  # type: ignore[arg-type]
-            assert found, "of parameters that can be written in place"
+            if not found:
+                raise InputError("these values cannot be written in place")
         mech = found.mech if found else self.factory.make(values)
         names = tuple(name.removeprefix(START) for name in self.names(values))
         return self.shared.setdefault(key, _Shared(mech, InitialPoints(mech, names, self.start_time(mech)), found))

@@ -259,3 +259,12 @@ def test_a_body_that_determines_the_characteristic_length_makes_mechanisms(oscil
     in_place = [i for _, begun in found if begun.parameters.locations for i in begun.i.tolist()]
     assert in_place == ([0, 1] if first == 0.0 else [])
     assert sorted(i for _, begun in found for i in begun.i.tolist()) == [*range(FEWEST)]
+
+
+def test_values_of_a_group_need_not_be_writable(oscillator):
+    """Runs differ in the place of a body: where that is the origin, its own size is the characteristic length."""
+    columns = {"body.block.xyz.0": [1.0] * 8 + [0.0] * 8, "body.block.com.0": [0.1 * k for k in range(1, 9)] * 2}
+    found = begun_groups(factory_of(oscillator()), columns)
+    in_place = [begun.i.tolist() for _, begun in found if begun.parameters.locations]
+    assert in_place == [[*range(8)]]
+    assert [i for _, begun in found for i in begun.i.tolist()] == [*range(16)]
