@@ -262,9 +262,9 @@ def test_a_body_that_determines_the_characteristic_length_makes_mechanisms(oscil
 
 
 def test_values_of_a_group_need_not_be_writable(oscillator):
-    """Runs differ in the place of a body: where that is the origin, its own size is the characteristic length."""
-    columns = {"body.block.xyz.0": [1.0] * 8 + [0.0] * 8, "body.block.com.0": [0.1 * k for k in range(1, 9)] * 2}
-    found = begun_groups(factory_of(oscillator()), columns)
+    """Runs differ in the distance of two joints: without any, sizes of bodies are the characteristic length."""
+    columns = {"body.load.xyz.0": [1.0] * 8 + [0.0] * 8, "body.load.com.0": [0.1 * k for k in range(1, 9)] * 2}
+    found = begun_groups(factory_of(oscillator(FIXED.replace("fixed", "prismatic"))), columns)
     in_place = [begun.i.tolist() for _, begun in found if begun.parameters.locations]
     assert in_place == [[*range(8)]]
     assert [i for _, begun in found for i in begun.i.tolist()] == [*range(16)]
