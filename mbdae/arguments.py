@@ -16,7 +16,7 @@ def as_numbers(value: object) -> Array:
     try:
         given = np.asarray(value)
         out = given.astype(float) if is_real(given) else np.array(np.nan)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return np.array(np.nan)
     mask = getattr(value, "mask", None)  # a mask of numpy.ma, which takes time to import
     if isinstance(mask, np.ndarray):

@@ -114,6 +114,7 @@ def _columns(parameters: Mapping[str, Any] | None) -> dict[str, Array]:
     require(parameters, Mapping, "parameters are a table of arrays, name = values")
     out = {}
     for name, values in parameters.items():
+        require(name, str, "parameters are named by texts")
         out[name] = as_numbers(values)
         if out[name].ndim != 1:
             raise InputError(f"parameter {name!r} takes one number for each run, got {values!r:.60}")

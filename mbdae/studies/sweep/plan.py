@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain, repeat
 from math import prod
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...callbacks import call_and_report
 from ...errors import InputError, UnknownNameError, is_count
 from ..run_columns import pick, pick_rows
 from .seeds import PARAMETER_STREAM, run_seeds
@@ -116,6 +118,8 @@ def _columns(parameters: Parameters, seed: int) -> list[tuple[Sequence[int], dic
     if isinstance(parameters, Mapping):
         axes = {n: _builtin_values(n, _listed(n, values)) for n, values in parameters.items()}
         _check_number(n := prod(map(len, axes.values())))
+        if not n:
+            return []
         return [(range(n), dict(zip(axes, _grid([*axes.values()], n), strict=True)))]
     rows, by_names = [*_listed_runs(parameters, seed)], defaultdict[tuple[str, ...], list[int]](list)
     for i, row in enumerate(rows):
@@ -180,7 +184,8 @@ def builtin_value(name: str, value: object) -> Any:
     if isinstance(value, list | tuple | np.ndarray) and len(value):
         inner = [builtin_value(name, x) for x in value]
         if all(isinstance(x, int | float) and not isinstance(x, bool) for x in inner):
-            return [float(x) for x in inner]
+            with suppress(OverflowError):
+                return [float(x) for x in inner]
     raise InputError(f"parameter {name!r} takes numbers, texts or lists of numbers, got {value!r:.60}")
 
 
@@ -192,9 +197,10 @@ def _listed(name: str, values: object) -> Sequence[Any]:
             return np.linspace(values["from"], values["to"], values["n"]).tolist()
         except (TypeError, ValueError, OverflowError) as e:
             raise InputError(f"{name}: from and to are numbers, and n is a number, got {dict(values)}: {e}") from None
-    if isinstance(values, str | Mapping) or not isinstance(values, Sequence | np.ndarray) or not len(values):
+    found = values.tolist() if isinstance(values, np.ndarray) else values
+    if isinstance(found, str | Mapping) or not isinstance(found, Sequence) or not len(found):
         raise InputError(f"{name}: a grid takes a list of values, or from, to and n, got {values!r:.60}")
-    return list(values)
+    return list(found)
 
 
 def _sample(random: Random, seed: int) -> Iterable[dict[str, Any]]:
@@ -209,7 +215,7 @@ def _sample(random: Random, seed: int) -> Iterable[dict[str, Any]]:
 def _sampler(name: str, value: object) -> Callable[[np.random.Generator], Any]:
     """Return a function that draws a value of one parameter."""
     if hasattr(value, "rvs"):
-        return lambda rng: value.rvs(random_state=rng)
+        return lambda rng: call_and_report(f"distribution of {name}", lambda: value.rvs(random_state=rng))
     if not isinstance(value, Mapping):
         return lambda rng: value
     arguments = dict(value)

@@ -233,14 +233,15 @@ def _made(factory: ParametricFactory, values: Mapping[str, Any]) -> Mechanism:
 
 def _methods(job: Job, plan: Sequence[Runs]) -> Iterable[tuple[str, str]]:
     """Return the formulations and methods of the runs."""
-    found = dict[tuple[str, str], None]()
+    found = dict[str, tuple[str, str]]()
     for runs in plan:
+        n = len(runs) if {SOLVE + "formulation", SOLVE + "method"} & {*runs.columns} else 1
         columns = (
-            [x or DEFAULTS[key] for x in runs.columns.get(SOLVE + key, [job.settings.get(key)] * len(runs))]
+            [x or DEFAULTS[key] for x in runs.columns.get(SOLVE + key, [job.settings.get(key)] * n)]
             for key in ("formulation", "method")
         )
-        found |= dict.fromkeys(zip(*columns, strict=True))
-    return found
+        found |= {repr(both): both for both in zip(*columns, strict=True)}
+    return found.values()
 
 
 def _manifest(job: Job, plan: Sequence[Runs], mech: Mechanism) -> dict[str, Any]:

@@ -84,6 +84,8 @@ def _ends_suffice(job: Job) -> bool:
 def _completed_in_core(job: Job, batch: Runs, stop: StopFlag) -> Iterator[FinishedRuns]:
     """Yield the runs that the core completed, up to the first that needs Python: those after it most likely do, too."""
     for settings, runs in _by_settings(batch):
+        if settings.get("events"):
+            return
         for group in job.varied_starts.groups(_parameters(job, runs), len(runs)):
             started = perf_counter()
             with suppress(MbdaeError), _prepared(job, settings, group.mech) as one:  # `run` has the message

@@ -246,6 +246,8 @@ WRONG = {
     "complex": ({"v": np.zeros((2, 3), complex)}, r"v is an array of numbers, \(n, 3\)"),
     "parameter": ({"parameters": {"frame.rod_tp.xyz.0": [1.0]}}, "unknown entry of frame"),
     "value": ({"parameters": {"start.v.crank": ["fast"]}}, "takes one number for each run"),
+    "large": ({"parameters": {"gravity.2": [10**400]}}, "takes one number for each run"),
+    "name": ({"parameters": {3: [1.0]}}, "parameters are named by texts, got 3"),
     "table": ({"parameters": [1.0]}, "parameters are a table of arrays"),
     "setting": ({"v": np.zeros((1, 3)), "rtoll": 1e-3}, "unknown setting of solve 'rtoll'"),
     "events": ({"v": np.zeros((1, 3)), "events": "q.crank = 0"}, "unknown setting of solve 'events'"),

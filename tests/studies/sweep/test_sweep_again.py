@@ -13,6 +13,13 @@ from mbdae.errors import InputError
 from mbdae.studies.sweep.results_file import SweepFile, write
 
 
+class Failing:
+    """A distribution of a user."""
+
+    def rvs(self, random_state):
+        return 1 / 0
+
+
 def closing_over(g):
     def make(k):
         return mbdae.load("n_four_bar", N=g)
@@ -112,6 +119,11 @@ def test_outputs_do_not_overwrite_columns(outputs, words):
         ({"solve.rtol": [1e-3]}, {"backend": "nativ"}, "'nativ'"),
         ({"solve.rtol": [1e-3]}, {"times": [0.1, 0.05, 0.07]}, "in the span's order"),
         ({"solve.rtol": [1, 2**70]}, {}, "64 bits"),
+        ({"gravity.2": {"from": 0.0, "to": 1.0, "n": 0}}, {}, "at least one run"),
+        ({"gravity.2": np.array(3.0)}, {}, "a grid takes a list of values"),
+        ({"gravity": [[0, 0, 10**400]]}, {}, "lists of numbers"),
+        ({"solve.method": [[1.0]]}, {}, "unknown method"),
+        (mbdae.Random(3, {"gravity.2": Failing()}), {}, "distribution of gravity.2 failed: ZeroDivisionError"),
         ([{"gravity.2": -1.0, "gravity": [0, 0, -9.81]}], {}, "'gravity' would replace 'gravity.2': give it first"),
     ],
 )
