@@ -34,13 +34,12 @@ class ResultCollector:
 
     def record(self, batch: Runs, found: Sequence[FinishedRuns]) -> None:
         """Record the results and wall times of completed or failed runs of a batch, and report the progress."""
-        results = joined([x.results for x in found])
         if self.file and found:
-            self.file.append(results)
-        self.parts.append(results)
-        self.done |= {*results["run"]}
-        for runs, seconds in found:
-            self.seconds |= dict.fromkeys(runs["run"], seconds)
+            self.file.append(joined([x.results for x in found]))
+        for results, seconds in found:
+            self.parts.append(results)
+            self.done |= {*results["run"]}
+            self.seconds |= dict.fromkeys(results["run"], seconds)
         if self.progress:
             n, total = len(self.done), self.meta["manifest"]["runs"]
             self.progress(n / total, f"{n} of {total} runs")

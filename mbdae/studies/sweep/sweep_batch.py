@@ -78,12 +78,12 @@ def run_batch(job: Job, batch: Runs, stop: StopFlag | None = None) -> list[Finis
 def _ends_suffice(job: Job) -> bool:
     """Return whether the core may complete the runs of a sweep: signals at their ends are all that is wanted."""
     final = all(isinstance(x, str) and parse(x).reduction == FINAL for x in job.outputs)
-    return final and job.times is None and not job.settings.get("events")
+    return final and job.times is None
 
 
 def _completed_in_core(job: Job, batch: Runs, stop: StopFlag) -> Iterator[FinishedRuns]:
     """Yield the runs that the core completed, up to the first that needs Python: those after it most likely do, too."""
-    for settings, runs in _by_settings(batch):
+    for settings, runs in _by_settings(job, batch):
         if settings.get("events"):
             return
         for group in job.varied_starts.groups(_parameters(job, runs), len(runs)):
@@ -99,12 +99,12 @@ def _completed_in_core(job: Job, batch: Runs, stop: StopFlag) -> Iterator[Finish
                     yield FinishedRuns(results, (perf_counter() - started) / k)
 
 
-def _by_settings(batch: Runs) -> Iterator[tuple[dict[str, Any], Runs]]:
-    """Yield the runs of a batch with equal settings of `mbdae.solve`, and these settings."""
+def _by_settings(job: Job, batch: Runs) -> Iterator[tuple[dict[str, Any], Runs]]:
+    """Yield the runs of a batch with equal settings of `mbdae.solve`, and these settings, with those of all runs."""
     names = [name for name in batch.columns if name.startswith(SOLVE)]
     for which in equal_rows(batch.columns, names, len(batch)):
         runs = batch if len(which) == len(batch) else batch.subset(which)
-        yield {name.removeprefix(SOLVE): runs.columns[name][0] for name in names}, runs
+        yield job.settings | {name.removeprefix(SOLVE): runs.columns[name][0] for name in names}, runs
 
 
 def _parameters(job: Job, runs: Runs) -> Columns:
@@ -120,7 +120,7 @@ def _prepared(job: Job, settings: dict[str, Any], mech: Mechanism) -> Iterator[R
     Raises:
         MbdaeError: for invalid settings.
     """
-    given = {name: x for name, x in {**job.settings, **settings}.items() if name != "events"}
+    given = {name: x for name, x in settings.items() if name != "events"}
     no_point = np.full(mech.nq + mech.nv + len(mech.states) + 1, np.nan)
     run = prepare_at(mech, RunOptions.from_settings(mech, job.span(mech), given), no_point)
     try:
