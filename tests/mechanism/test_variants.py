@@ -3,6 +3,7 @@
 from contextlib import suppress
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import mbdae
@@ -10,6 +11,7 @@ from mbdae import backend
 from mbdae.errors import InputError, NotCompiled, StepError
 from mbdae.mechanism.checked_table import Table
 from mbdae.mechanism.formats.mechanism_file.load import make
+from mbdae.mechanism.formats.mechanism_file.loaded_model import LoadedModel
 from mbdae.mechanism.formats.mechanism_file.table_entries import with_entry
 from mbdae.mechanism.formats.mechanism_file.template import Template, _with_joint_values
 from mbdae.mechanism.tree.frames import joint_names
@@ -111,3 +113,10 @@ def test_parameters_are_written_in_place(name):
             np.testing.assert_array_equal(a, b, str([*values]))
     for a, b in zip(first, terms(mech, native), strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+def test_mechanisms_with_other_values_do_not_read_files_again(monkeypatch):
+    mech = mbdae.load("slider_crank")
+    monkeypatch.setattr(pin, "buildModelFromXML", None)
+    changed = LoadedModel(mech).make({"joint.crank_pin.mass": 4.0})
+    assert changed.model.inertias[changed.model.getJointId("crank_pin")].mass == 4.0

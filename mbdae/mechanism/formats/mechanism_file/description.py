@@ -25,7 +25,7 @@ def describe(mech: Mechanism) -> JsonObject:
     """Return the description of a mechanism for a saved solution: JSON data; functions by name only."""
     functions = _functions(mech)
     if mech.source:
-        parts = [record() for record in mech.source["parts"]]
+        parts = [part.record() for part in mech.source["parts"]]
         return {**mech.source, "file": _recorded(mech.source["file"]), "parts": parts, "functions": functions}
     file = MechanismFile(
         title=mech.title,

@@ -25,7 +25,7 @@ from ...model_settings import Motor
 from ..body_tables import Source
 from ..model_library import IN_FOLDER, find
 from ..readers import CONVERTERS, MECHANISM, PARAMETRIC, converted
-from ..sources import read_source, restored
+from ..sources import read_source
 from .build import build
 from .error_context import with_error_context
 from .flexible_table import with_data
@@ -236,7 +236,7 @@ def _source(recipe: Recipe) -> dict[str, Any]:
     return {
         "name": recipe.name,
         "file": table_of(recipe.file),
-        "parts": [p.record for p in recipe.parts],  # called when written: meshes are large
+        "parts": [replace(p, visuals=None) for p in recipe.parts],  # recorded when written: meshes are large
         "motors": [list(m) for m in recipe.motors],
         "left_out": list(recipe.left_out),
         "parameters": list(recipe.parameters),
@@ -258,8 +258,7 @@ def recipe_from_mechanism(mech: Mechanism) -> Recipe:
     """Return the files of a mechanism, without visuals."""
     source: dict[str, Any] = mech.source or {}
     file = MechanismFile.model_validate(source["file"])
-    parts = [replace(restored(record()), visuals=None) for record in source["parts"]]
-    return Recipe(file, source["name"], parts, mech.motors, mech.left_out, source["parameters"])
+    return Recipe(file, source["name"], source["parts"], mech.motors, mech.left_out, source["parameters"])
 
 
 def table_of(file: MechanismFile) -> dict[str, Any]:
