@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..data_types import RunParameters
 from ..errors import InputError
-from ..integrate.run.core_runs import RunParameters
 from ..mechanism import Mechanism
 from ..mechanism.assembly.initial_points import InitialPoints
 from ..mechanism.formats.in_place_parameters import InPlaceParameters, in_place_parameters
@@ -183,14 +183,15 @@ class VariedStarts:
     def _begin(self, shared: _Shared, columns: Columns, i: Indices, others: list[int]) -> Begun:
         """Return the runs that can begin, see `RunGroup`; append the others to a list."""
         mech, points, found = shared
-        parameters, inertias, which = RunParameters(), list[Any](), np.array(i)
+        parameters, which = RunParameters(), np.array(i)
         if found:
             numbers = found.rows(pick_rows(columns, i))
             valid = np.isfinite(numbers).all(axis=1)
             which, numbers = which[valid], numbers[valid]
-            parameters, inertias = RunParameters(found.locations, numbers), found.inertias(numbers)
+            parameters = RunParameters(found.locations, numbers)
         starts = pick_rows(columns, which.tolist())
-        y = points.at([starts[name] for name in self.names(columns)], len(which), inertias)
+        of_inertias = parameters if found and found.bodies else RunParameters()
+        y = points.at([starts[name] for name in self.names(columns)], len(which), of_inertias)
         if not found:
             for k in np.flatnonzero(np.isnan(y).any(axis=1)).tolist():
                 y[k] = self._point(mech, row(starts, k))

@@ -8,6 +8,7 @@ from mbdae import backend
 from mbdae.errors import InputError
 from mbdae.mechanism.formats.in_place_parameters import in_place_parameters
 from mbdae.mechanism.formats.mechanism_file.loaded_model import parameter_value
+from mbdae.mechanism.formulations.index2 import Index2System
 from mbdae.studies.export.core_file import core_data, numbers_of
 from mbdae.studies.factories import factory_of
 from mbdae.studies.run_columns import row
@@ -268,3 +269,13 @@ def test_values_of_a_group_need_not_be_writable(oscillator):
     in_place = [begun.i.tolist() for _, begun in found if begun.parameters.locations]
     assert in_place == [[*range(8)]]
     assert [i for _, begun in found for i in begun.i.tolist()] == [*range(16)]
+
+
+def test_a_thread_binds_its_workspaces_once(monkeypatch):
+    bound, bind = [], Index2System.bind
+    monkeypatch.setattr(Index2System, "bind", lambda system, mech: (bound.append(mech), bind(system, mech))[1])
+    masses = {"joint.crank_pin.mass": np.linspace(0.2, 0.9, 1000)}
+    found = mbdae.ensemble("slider_crank", parameters=masses, t_span=(0.0, 0.1), workers=2)
+    assert found.success.all()
+    assert not found.in_python
+    assert len(bound) <= 10  # three for each thread, and those for the first mechanism

@@ -5,12 +5,11 @@ results are equal bit for bit. A run that needs Python in between, or that may b
 `mbdae.solve`, which has the warnings and messages.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from ...data_types import CoreData
+from ...data_types import RunParameters
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
 from ...mechanism.closures.preconditions import closures_with_preconditions
@@ -51,22 +50,6 @@ class CoreRuns(NamedTuple):
     y: Array
     z: Array
     rows: list[tuple[int, ...]]
-
-
-class RunParameters(NamedTuple):
-    """Parameters that differ between runs, as numbers in the core; see `in_place_parameters`.
-
-    Attributes:
-        locations: where the n numbers are in the core.
-        values: those of each run, (k, n).
-    """
-
-    locations: Sequence[CoreData] = ()
-    values: Array = np.empty(0)
-
-    def of_runs(self, which: Array) -> "RunParameters":
-        """Return the parameters of some runs, by indices or Booleans."""
-        return self._replace(values=self.values[which]) if self.locations else self
 
 
 def reason_for_python(run: RunState) -> str:

@@ -3,13 +3,13 @@
 All thresholds are in rad and in characteristic lengths of the mechanism.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
+from ...data_types import RunParameters
 from ...errors import AssemblyError, InputError, require
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
@@ -32,7 +32,7 @@ class InitialEstimate(NamedTuple):
     """A state q (nq,), v (nv,), or several velocities (k, nv), from which assembly starts.
 
     Tangent indices of its coordinates that are fixed, (n,) each, and of modes of flexible bodies that are held, (n,)
-    each, where loops close without them; and inertias by joint that differ for each of several velocities.
+    each, where loops close without them; and parameters of inertias that differ for each of several velocities.
     """
 
     q: Array
@@ -41,7 +41,7 @@ class InitialEstimate(NamedTuple):
     v: Array
     fixed_v: Array
     held_v: Array
-    inertias: Sequence[Mapping[int, pin.Inertia]] = ()
+    parameters: RunParameters = RunParameters()
 
 
 class Assembled(NamedTuple):
@@ -98,7 +98,7 @@ def assemble_from(mech: "Mechanism", at: InitialEstimate, t: float) -> Assembled
         position = _closed_position(system, at.q, at.fixed_q, at.held_q, t)
 
         def close(fixed: Array) -> Array:
-            return position.velocity_projection(system, fixed, t).project(system, at.v, at.inertias)
+            return position.velocity_projection(system, fixed, t).project(system, at.v, at.parameters)
 
         v, fixed_v = _with_modes_held(close, at.fixed_v, at.held_v)
         return Assembled(position.q.copy(), v, position.fixed, fixed_v)

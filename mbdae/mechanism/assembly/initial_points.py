@@ -1,12 +1,12 @@
 """Initial points of variants of a mechanism that differ in start values and inertias of bodies."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import nan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
+from ...data_types import RunParameters
 from ...errors import MbdaeError, UnknownNameError
 from ...system import Array
 from ..closures.independent_rows import MANY_ROWS
@@ -42,9 +42,7 @@ class InitialPoints:
         velocities = all(entry.is_velocity for entry in self.entries)
         self.together = self.estimate is not None and velocities and not len(self.estimate.held_v)
 
-    def at(
-        self, columns: Sequence[Sequence[Any]], k: int, inertias: Sequence[Mapping[int, pin.Inertia]] = ()
-    ) -> Array:
+    def at(self, columns: Sequence[Sequence[Any]], k: int, parameters: RunParameters) -> Array:
         """Return the points of k runs, (k, n); nan where a new variant must be made.
 
         A new variant is needed for values that are no numbers, and has the message where no point is consistent.
@@ -52,24 +50,24 @@ class InitialPoints:
         Args:
             columns: values of each of ``names``, k each.
             k: number of runs.
-            inertias: of each run by joint, where they differ.
+            parameters: those of each run that determine inertias of bodies.
         """
         values = np.array([[x if type(x) in (int, float) else nan for x in column] for column in columns], float)
         values = values.reshape(len(columns), k)
         out = np.full((k, self.mech.nq + self.mech.nv + len(self.states)), nan)
-        if self.estimate is None or (inertias and self.mech.ng > MANY_ROWS):
+        if self.estimate is None or (parameters.locations and self.mech.ng > MANY_ROWS):
             return out
         valid = np.flatnonzero(np.isfinite(values).all(axis=0))
         groups = [valid] if self.together and len(valid) else [*valid[:, None]]
         while groups:
             group = groups.pop()
             try:
-                out[group] = self._points(values[:, group], [inertias[i] for i in group.tolist()] if inertias else ())
+                out[group] = self._points(values[:, group], parameters.of_runs(group))
             except MbdaeError:
                 groups += [*group[:, None]] if len(group) > 1 else []
         return out
 
-    def _points(self, columns: Array, inertias: Sequence[Mapping[int, pin.Inertia]]) -> Array:
+    def _points(self, columns: Array, parameters: RunParameters) -> Array:
         """Return the points of runs with the same configuration, (k, n), for the values of each entry, (.., k).
 
         Raises:
@@ -82,7 +80,7 @@ class InitialPoints:
                 v[:, entry.place] = x
             else:
                 q[entry.place] = x[0]
-        found = assemble_from(self.mech, self.estimate._replace(q=q, v=v, inertias=inertias), self.t)
+        found = assemble_from(self.mech, self.estimate._replace(q=q, v=v, parameters=parameters), self.t)
         return np.hstack([np.tile(found.q, (len(v), 1)), found.v, np.tile(self.states, (len(v), 1))])
 
 

@@ -1,12 +1,13 @@
 """Projection of velocities onto G v + g_t = 0 at a configuration, in the mass metric."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-import pinocchio as pin
 
+from ...backend import load
+from ...data_types import RunParameters
 from ...errors import InputError
 from ...linear_solve import lapack
 from ...system import Array
@@ -18,6 +19,7 @@ from .flipped_frames import divide_rows
 from .position_search import assembly_error, sparse_least_squares
 
 if TYPE_CHECKING:
+    from ..formulations.core_start import CoreStart
     from ..formulations.index2 import Index2System
     from ..mechanism import Mechanism
 
@@ -31,13 +33,13 @@ class VelocityProjection:
         self.rows, self.scales = system.mechanism.row_scales, system.mechanism.coordinate_scales
         self._correction: Callable[[Array], Array] | None = None
 
-    def project(self, system: "Index2System", v: Array, inertias: Sequence[Mapping[int, pin.Inertia]] = ()) -> Array:
+    def project(self, system: "Index2System", v: Array, parameters: RunParameters) -> Array:
         """Return the velocities closest to v (.., nv) in the mass metric with G v + g_t = 0, (.., nv).
 
         Args:
             system: a workspace of the mechanism.
             v: velocities.
-            inertias: inertias by joint that differ for each of k velocities, which are (k, nv) then.
+            parameters: parameters of inertias of k runs, in the core: velocities are (k, nv) then.
 
         Raises:
             AssemblyError: if the fixed velocities contradict the closures.
@@ -47,8 +49,10 @@ class VelocityProjection:
         residual = _times(self.G, v) + g_t
         if not np.count_nonzero(residual):
             return v
-        if inertias:
-            correction = self._minimum_norm_correction(system, _mass_matrices(system, self.q, inertias))
+        if parameters.locations:
+            with system.mechanism.workspaces.borrowed(load()) as compiled:
+                masses = cast("CoreStart", compiled).mass_matrices(self.q, parameters)
+            correction = self._minimum_norm_correction(system, masses)
         else:
             correction = self._correction = self._correction or self._minimum_norm_correction(system)
         speeds = np.linalg.norm(v / self.scales, axis=-1) + np.linalg.norm(g_t / rows)
@@ -94,17 +98,6 @@ class VelocityProjection:
             joint = mech.coordinate_joint(int(self.free[i - 1]))
             why = missing_inertia(mech.model, joint)
             raise InputError(f"the mass matrix is singular at joint {joint!r}: {why}") from None
-
-
-def _mass_matrices(system: "Index2System", q: Array, inertias: Sequence[Mapping[int, pin.Inertia]]) -> Array:
-    """Return the mass matrices (k, nv, nv) at q for inertias by joint; the model has its own afterwards."""
-    in_model, out = system.model.inertias, []
-    before = {joint: in_model[joint].copy() for joint in inertias[0]}
-    for by_joint in (*inertias, before):
-        for joint, inertia in by_joint.items():
-            in_model[joint] = inertia
-        out.append(update_inertia(system.model, system.workspace, q).copy())
-    return symmetric(np.array(out[:-1]))
 
 
 def _sparse_correction(G: Any, M: Any, free: Array, nv: int, residual: Array) -> Array:

@@ -3,14 +3,15 @@
 from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from math import nan
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
+from ...backend import load
 from ...data_types import CoreData
-from ...errors import MbdaeError
+from ...errors import MbdaeError, NotCompiled
 from ...system import Array
 from ...tolerances import COINCIDENT
 from ..checked_table import HUGE
@@ -18,8 +19,9 @@ from ..equations.characteristic_length import linkage_lengths
 from ..forces import FMU, bind_forces, named_force
 from ..forces.elements import ForceElements
 from ..formulations.core_description import laws_of, samplers_of
+from ..formulations.workspace_pool import WorkspacePool
 from ..mechanism import Mechanism
-from ..tree.tree_terms import copied
+from ..tree.tree_terms import copied, flexible_bodies
 from ..variant import SWITCHED, variant
 from .body_tables import Body
 from .mechanism_file.build import body_inertia
@@ -30,7 +32,6 @@ from .mechanism_file.template import Template
 INERTIAL = ("mass", "com", "inertia")  # keys of bodies
 UNSYMMETRIC = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (3.0, 4.0, 5.0, 0.1, 0.2, 0.3)}
 UPPER = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # entries of an inertia in the core
-SYMMETRIC = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # indices of the entries of an inertia among those
 NUMBERS = ("a", "offset")  # keys of the numbers of a law in the core
 Values = Mapping[str, Any]
 Columns = Mapping[str, Sequence[Any]]  # values of many runs
@@ -177,18 +178,6 @@ class InPlaceParameters:
                 valid &= (x[:, 0] > 0) & ((size < self.largest) | (size == 0))
         return np.where(valid[:, None], np.hstack(found), nan)
 
-    def inertias(self, numbers: Array) -> list[dict[int, pin.Inertia]]:
-        """Return the inertias by joint of each run, for numbers (k, n); none where they do not change."""
-        if not self.bodies:
-            return []
-        found = []
-        for element in self.bodies:
-            i = self.locations.index(element.locations[0])
-            mass, lever, inertia = np.split(numbers[:, i : i + 10], [1, 4], axis=1)
-            numbers_of_runs = zip(mass[:, 0].tolist(), lever, inertia[:, SYMMETRIC], strict=True)
-            found.append([(element.joint, pin.Inertia(*x)) for x in numbers_of_runs])
-        return [*map(dict, zip(*found, strict=True))]
-
 
 def in_place_parameters(template: Template, names: Sequence[str], values: Values) -> InPlaceParameters | None:
     """Return parameters that can be written in place; None where one of them also changes something else.
@@ -203,12 +192,15 @@ def in_place_parameters(template: Template, names: Sequence[str], values: Values
     """
     if any(a != b and a.startswith(f"{b}.") for a in values for b in values):
         return None
-    mech = template.make(values)
-    mech = variant(mech, model=copied(mech.model))
+    made = template.make(values)
+    mech = variant(made, model=copied(made.model))
+    mech.workspaces = WorkspacePool(mech)  # variants share theirs: each thread would bind them in turn
     elements = _elements(template, mech, names, values)
     if not elements:
         return None
     out = InPlaceParameters(mech, elements, values)
+    if out.bodies and not _has_mass_matrices_in_core(made):
+        return None
     first = out.rows({name: [values[name]] for name in names})
     return out if np.isfinite(first).all() and _bodies_are_alone(template, out, values) else None
 
@@ -256,6 +248,15 @@ def _bodies(template: Template, mech: Mechanism, values: Values) -> dict[str, _B
             element = out.setdefault(owner, _BodyInertia(owner, body, mech.model.getJointId(joint)))
             element.paths[name] = rest
     return out
+
+
+def _has_mass_matrices_in_core(mech: Mechanism) -> bool:
+    native = load()
+    with suppress(NotCompiled):
+        if native and not flexible_bodies(mech.model):
+            with mech.workspaces.borrowed(native):
+                return True
+    return False
 
 
 def _bodies_are_alone(template: Template, found: InPlaceParameters, values: Values) -> bool:

@@ -5,9 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...data_types import RunParameters
 from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING
 from ..closures.independent_rows import FALLEN
+from ..tree.tree_terms import symmetric
 from .index2 import Index2System
 
 if TYPE_CHECKING:
@@ -25,6 +27,11 @@ class CoreStart(Index2System):
     native: ModuleType
     core: "Core"
     _rank_known: bool
+
+    def mass_matrices(self, q: Array, parameters: RunParameters) -> Array:
+        """Return the mass matrices (k, nv, nv) of rigid bodies at q for parameters of k runs."""
+        locations = [self.native.ParameterLocation(**x) for x in parameters.locations]
+        return symmetric(self.core.mass_matrices(q, locations, parameters.values).swapaxes(1, 2))
 
     @property
     def starts_in_core(self) -> bool:

@@ -43,7 +43,6 @@ class RunVariables:
         self.accuracy = 0.0
         self._last_q: Array | None = None  # configuration of the last stage
 
-
     def enter(self, mode: tuple[int, ...]) -> None:
         """Enter another mode."""
         raise NotImplementedError
@@ -106,9 +105,9 @@ class WorkspacePool:
             self.idle[system.formulation, system.native is not None].append(system)
 
     @contextmanager
-    def borrowed(self) -> "Iterator[Index2System]":
-        """A workspace of Python for one evaluation: to bind the mechanism takes longer than most of them."""
-        system = self.acquire()
+    def borrowed(self, native: ModuleType | None = None) -> "Iterator[Index2System]":
+        """A workspace for one evaluation, of Python if omitted: to bind one takes longer than most evaluations."""
+        system = self.acquire(native=native)
         yield system
         self.release(system)
 

@@ -81,6 +81,18 @@ auto solve_runs_from(PyCore& c, const Coefficients& a, const RunStart& start, co
                          array(out.y, {n, m, length}), array(out.energies, {n, m, 2}), array(out.z, {n, nz}), out.rows);
 }
 
+auto mass_matrices(PyCore& c, const Array& q, const std::vector<ParameterLocation>& locations, const Array& values) {
+  const CoreLock lock(c);
+  Index2System& s = c.core->system;
+  const Vector at = checked_numbers(q, s.nq, "q"), numbers = checked_numbers(values, values.size(), "values");
+  InPlaceParameters parameters(s, locations);
+  if (locations.empty() || numbers.size() % locations.size()) reject("expected a number at each location, for each run");
+  Vector out;
+  run_unlocked(c, [&] { out = parameters.mass_matrices(at.data(), numbers); });
+  const size_t n = s.nv;
+  return array(out, {numbers.size() / locations.size(), n, n});
+}
+
 template <class Coefficients>
 void def_runs(nb::class_<PyCore>& core, const char* method) {
   core.def("begin", begin<Coefficients>, nb::arg(method), nb::arg("start"), nb::arg("first_step").none(), nb::arg("run"),
@@ -102,6 +114,8 @@ void bind_start(nb::class_<PyCore>& core) {
            "Determine rank and rows in use; return y, y' (ny,), lam (ng,), the rows and the smallest ratio of pivots, or None.")
       .def("remaining_rows_dependent", remaining_rows_dependent, nb::arg("q"), nb::arg("tolerance"),
            "Return whether the other rows depend on those in use at q, or None.")
+      .def("mass_matrices", mass_matrices, nb::arg("q"), nb::arg("locations"), nb::arg("values"),
+           "Return M (k, nv, nv) at q by Pinocchio's crba, below the diagonal, for values (k, n) at locations of parameters.")
       .def("first_step", step_size, nb::arg("t"), nb::arg("y"), nb::arg("F"), nb::arg("given"),
            "Return the first step size in s, or None.");
   def_runs<Tableau>(core, "tableau"), def_runs<Radau>(core, "radau");

@@ -83,6 +83,8 @@ double* MultibodyTree::gravity_parameter(int i) {
   return i < 0 || i >= 3 ? nullptr : const_cast<double*>(w->model.gravity + i);
 }
 
+const void* MultibodyTree::source() const { return w->source; }
+
 void MultibodyTree::write(const void* model, const Tolerances& limits_, std::vector<ModalBody> flexible) {
   ++motion_stamp_, ++pose_stamp_, limits = limits_;
   if (model == w->source) return refresh();

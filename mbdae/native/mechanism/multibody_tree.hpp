@@ -24,6 +24,7 @@ class MultibodyTree {
   void refresh();  // after changes of the model in place
   double* body_parameter(int joint, int i);  // in the model: mass, centre and inertia as in TreeJoint; nullptr: none
   double* gravity_parameter(int i);
+  const void* source() const;  // the model of Pinocchio
 
   Tolerances limits;
   int nq, nv, joints, frames;               // frames: joints, and nodes of flexible bodies, which follow them

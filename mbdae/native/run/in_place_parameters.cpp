@@ -1,6 +1,7 @@
 #include "run/in_place_parameters.hpp"
 
 #include "math/field_reader.hpp"
+#include "mechanism/tree_model.hpp"
 
 namespace mbdae {
 
@@ -18,6 +19,18 @@ bool InPlaceParameters::write(const double* values) {
   if (targets_.empty()) return true;
   for (size_t i = 0; i < targets_.size(); ++i) *targets_[i] = values[i];
   return s_.renew();
+}
+
+Vector InPlaceParameters::mass_matrices(const double* q, const Vector& values) {
+  const auto algorithms = tree_algorithms(s_.tree.source());
+  const size_t n = s_.nv * s_.nv;
+  Vector poses(12 * s_.tree.joints), J(6 * s_.nv), out;
+  for (size_t i = 0; i < values.size(); i += count()) {
+    write(&values[i]);
+    const double* M = algorithms->inertia(q, poses.data(), J.data());
+    out.insert(out.end(), M, M + n);
+  }
+  return out;
 }
 
 }  // namespace mbdae

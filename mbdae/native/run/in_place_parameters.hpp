@@ -25,6 +25,7 @@ class InPlaceParameters {
 
   size_t count() const { return targets_.size(); }
   bool write(const double* values);  // (count(),); false: they are invalid
+  Vector mass_matrices(const double* q, const Vector& values);  // (k, nv, nv) for values (k, count()), by Pinocchio
 
  private:
   Index2System& s_;

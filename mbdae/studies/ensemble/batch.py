@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...data_types import RunParameters
 from ...errors import InputError
 from ...integrate.options.options import RunOptions
 from ...integrate.run.core_runs import (
-    RunParameters,
     calls_python,
     consistent_starts,
     solve_in_core,
