@@ -18,8 +18,8 @@ HOUSE = (
     " < __init__ < __main__"
 )
 INSIDE = (
-    "fmu tree time_functions < flexible < model_settings < closures forces scene < assembly signals < formulations"
-    " < equilibrium discrete_sensitivity < equations < mechanism < formats"
+    "fmu tree time_functions < flexible < model_settings run_parameters < closures forces scene < assembly signals"
+    " < formulations < equilibrium discrete_sensitivity < equations < mechanism < formats"
 )
 CORE = "math < mechanism < system < steps < run < sensitivity < bindings runtime"  # of native
 SECRETS = {  # heavy or special imports, and the only modules that may use them

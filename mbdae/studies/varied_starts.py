@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data_types import RunParameters
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..mechanism.assembly.initial_points import InitialPoints
 from ..mechanism.formats.in_place_parameters import InPlaceParameters, in_place_parameters
 from ..mechanism.formats.mechanism_file.template import CACHE_SIZE, START, Template
+from ..mechanism.run_parameters import RunParameters
 from ..system import Array
 from .factories import ParametricFactory
 from .run_columns import Columns, Indices, equal_rows, pick_rows, row

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...data_types import RunParameters
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
 from ...mechanism.closures.preconditions import closures_with_preconditions
 from ...mechanism.formulations.compiled_systems import CompiledSystem
+from ...mechanism.run_parameters import RunParameters
 from ...mechanism.signals.contacts import rolling_closures
 from ...mechanism.tree.tree_terms import flexible_bodies
 from ...methods import Tableau

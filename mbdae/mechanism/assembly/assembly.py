@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...data_types import RunParameters
 from ...errors import AssemblyError, InputError, require
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
 from ..closures.closure_error import largest_error
 from ..closures.preconditions import require_preconditions
 from ..model_settings import normalized_or_none, tangent_indices
+from ..run_parameters import RunParameters
 from ..tree.tree_terms import mode_joints
 from .position_search import close_position
 from .velocity_projection import VelocityProjection

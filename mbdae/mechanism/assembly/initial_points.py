@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...data_types import RunParameters
 from ...errors import MbdaeError, UnknownNameError
 from ...system import Array
 from ..closures.independent_rows import MANY_ROWS
+from ..run_parameters import RunParameters
 from ..tree.frames import find_joint
 from .assembly import InitialEstimate, assemble_from, start_estimate
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from ...backend import load
-from ...data_types import RunParameters
 from ...errors import InputError
 from ...linear_solve import lapack
 from ...system import Array
 from ...tolerances import AGREEMENT, TRUNCATION
 from ..closures.closure_error import largest_error
 from ..closures.independent_rows import MANY_ROWS
+from ..run_parameters import RunParameters
 from ..tree.tree_terms import missing_inertia, sparse_inertia, symmetric, update_inertia
 from .flipped_frames import divide_rows
 from .position_search import assembly_error, sparse_least_squares

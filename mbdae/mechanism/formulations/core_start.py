@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...data_types import RunParameters
 from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING
 from ..closures.independent_rows import FALLEN
+from ..run_parameters import RunParameters
 from ..tree.tree_terms import symmetric
 from .index2 import Index2System
 

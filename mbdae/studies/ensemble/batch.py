@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...data_types import RunParameters
 from ...errors import InputError
 from ...integrate.options.options import RunOptions
 from ...integrate.run.core_runs import (
@@ -20,6 +19,7 @@ from ...integrate.run.core_runs import (
 from ...integrate.run.run_setup import prepare_at
 from ...integrate.run.run_state import RunState
 from ...mechanism import Mechanism
+from ...mechanism.run_parameters import RunParameters
 from ...system import Array
 from ..factories import ParametricFactory
 from ..final_signals import need_only_kinematics, signals_at_end, why_not_in_core
