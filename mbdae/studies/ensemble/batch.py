@@ -19,27 +19,17 @@ from ...integrate.run.core_runs import (
 from ...integrate.run.run_setup import prepare_at
 from ...integrate.run.run_state import RunState
 from ...mechanism import Mechanism
-from ...mechanism.run_parameters import RunParameters
 from ...system import Array
 from ..factories import ParametricFactory
 from ..final_signals import need_only_kinematics, signals_at_end, why_not_in_core
 from ..run_columns import equal_rows, row
-from ..varied_starts import VariedStarts
+from ..varied_starts import Begun, VariedStarts
 from ..workers import StopFlag, batch_size
 from .run_results import RunResults
 
 NEEDS_PYTHON = "a singular configuration, a failed step, many steps or inaccurate results"
 OTHER_MECHANISM = "a start or a parameter that needs a mechanism of its run"
 INCONSISTENT_START = "a start that may be inconsistent"
-
-
-class Group(NamedTuple):
-    """Runs that share a mechanism: their indices (k,), points (k, n) and parameters in place."""
-
-    mech: Mechanism
-    i: Array
-    y: Array
-    parameters: RunParameters = RunParameters()
 
 
 class Starts(NamedTuple):
@@ -111,7 +101,7 @@ class EnsembleJob:
             )
         return mech
 
-    def begin(self, i: Array) -> "Iterator[Group]":
+    def begin(self, i: Array) -> Iterator[tuple[Mechanism, Begun]]:
         """Yield those of some runs that can begin, by their mechanism.
 
         Raises:
@@ -126,9 +116,9 @@ class EnsembleJob:
         else:
             yield from self._begin_at_starts_of_model(i)
             return
-        yield Group(mech, i, self.starts.points(mech, i, points))
+        yield mech, Begun(i, self.starts.points(mech, i, points))
 
-    def _begin_at_starts_of_model(self, i: Array) -> "Iterator[Group]":
+    def _begin_at_starts_of_model(self, i: Array) -> Iterator[tuple[Mechanism, Begun]]:
         """See `begin`: starts of the model depend on the parameters. Runs that need a mechanism each are left."""
         left = np.ones(len(i), bool)
         for group in self.varied_starts.groups(self._columns(i), len(i)):
@@ -138,7 +128,7 @@ class EnsembleJob:
             runs, left[which] = i[which], False
             with self.results.failing(runs):
                 mech = self._checked(group.mech)
-                yield Group(mech, runs, self.starts.points(mech, runs, y), parameters)
+                yield mech, Begun(runs, self.starts.points(mech, runs, y), parameters)
         self.results.leave(i[left], OTHER_MECHANISM)
 
     @cached_property
@@ -201,18 +191,18 @@ def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
         if stop():
             return
         with job.results.failing(i):
-            for group in job.begin(i):
-                with job.results.failing(group.i):
-                    run = prepare_at(group.mech, job.options(group.mech), group.y[0])
-                    completed += _complete(job, run, group, stop)
+            for mech, begun in job.begin(i):
+                with job.results.failing(begun.i):
+                    run = prepare_at(mech, job.options(mech), begun.y[0])
+                    completed += _complete(job, run, begun, stop)
                     run.release()
     if completed:
         job.seconds = (perf_counter() - started) / completed
 
 
-def _complete(job: EnsembleJob, run: RunState, group: Group, stop: StopFlag) -> int:
-    """Make the runs of a group in the core; return how many it completed."""
-    _, i, y, parameters = group
+def _complete(job: EnsembleJob, run: RunState, begun: Begun, stop: StopFlag) -> int:
+    """Make runs in the core; return how many it completed."""
+    i, y, parameters = begun
     reason = why_not_in_core(run, job.names)
     if reason:
         job.results.leave(i, reason)
