@@ -1,5 +1,6 @@
 """MJCF files: start states, inputs, visuals, omissions, and errors."""
 
+import pickle
 import shutil
 import warnings
 from concurrent.futures import ThreadPoolExecutor
@@ -124,6 +125,12 @@ def test_shapes_have_the_sizes_and_colours_of_the_geoms():
             assert shape.kind == kind
             np.testing.assert_allclose(shape.size, size, rtol=1e-12)
     assert kinds == {"box", "capsule", "cylinder", "ellipsoid", "sphere"}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_mechanisms_are_sent_to_other_processes(name):
+    mech = load(name)
+    assert describe(pickle.loads(pickle.dumps(mech))) == describe(mech)
 
 
 def test_meshes_are_visuals_and_are_saved(tmp_path):

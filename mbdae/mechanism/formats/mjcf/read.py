@@ -7,12 +7,14 @@ massless intermediate links. Equalities become exact closures: their softness (s
 """
 
 import warnings
+from functools import partial
 from pathlib import Path
 from threading import Lock
 from types import ModuleType
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from ....errors import InputError, UnknownNameError
 from ...allowed_paths import AllowedPaths
@@ -75,7 +77,7 @@ def read_mjcf(path: Path, allowed: AllowedPaths, source: Source) -> ImportedMode
     return ImportedModel(
         c.model,
         geometry,
-        lambda: {"model": model_to_data(c.model), "visuals": pack(geometry)},
+        partial(_record, c.model, geometry),
         gravity=gravity,
         closures=tuple(closures),
         drivers=tuple(drivers),
@@ -86,6 +88,10 @@ def read_mjcf(path: Path, allowed: AllowedPaths, source: Source) -> ImportedMode
         controls={motor.name: float(control[i]) for i, motor in actuators.motors.items() if control[i]},
         left_out=(*unsupported_features(c, equalities, actuators.others, actuators.limited, shapeless), *unread(files)),
     )
+
+
+def _record(model: pin.Model, geometry: pin.GeometryModel) -> dict[str, Any]:
+    return {"model": model_to_data(model), "visuals": pack(geometry)}
 
 
 def _compile(lib: ModuleType, path: Path) -> Any:
