@@ -96,9 +96,10 @@ class BranchPath:
         """
         flow, T, by_value = self.flow(value, cycle.t, guess.nodes[0], *guess.modes[:1]), guess.T, 0.0
         if cycle.periods:
-            h = INTERPOLATION * abs(self.over.last - self.over.first)
-            T, low, high = (cycle.periods * self.period(x) for x in (value, value - h, value + h))
-            by_value = (high - low) / (2 * h)
+            (low, high), h = sorted(self.over[1:]), INTERPOLATION * abs(self.over.last - self.over.first)
+            low, high = max(value - h, min(value, low)), min(value + h, max(value, high))  # others may be invalid
+            T, before, after = (cycle.periods * self.period(x) for x in (value, low, high))
+            by_value = (after - before) / (high - low)
         system = flow.mechanism.system()
         symmetries = Symmetry.named(system, [x.name for x in cycle.symmetries])
         nodes = []

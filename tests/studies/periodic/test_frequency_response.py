@@ -13,7 +13,7 @@ M, K, C, F = 1.0, 36.0, 0.4, 3.0
 def oscillator(rest=(), **drive):
     body = {"name": "x", "parent": "world", "joint": "prismatic", "axis": [1, 0, 0], "mass": M}
     laws = [
-        {"kind": "joint_spring", "joint": "x", "stiffness": K, "damping": C},
+        {"kind": "joint_spring", "name": "coil", "joint": "x", "stiffness": K, "damping": C},
         {"kind": "joint_torque", "name": "drive", "joint": "x", "torque": drive},
         *rest,
     ]
@@ -32,6 +32,14 @@ def test_amplitude_and_multipliers_of_a_driven_oscillator():
         assert [point.motion.q[0], point.motion.v[0]] == pytest.approx([z.imag, omega * z.real], abs=1e-6)
         expected = np.exp(np.roots([M, C, K]) * point.motion.T)
         np.testing.assert_allclose(np.sort_complex(point.motion.multipliers), np.sort_complex(expected), atol=1e-6)
+
+
+def test_a_branch_begins_at_the_bound_of_a_parameter():
+    """Without damping, x = 0 and v = omega F/(k - m omega^2) at t = 0."""
+    mech = oscillator(kind="harmonic", amplitude=F, omega=4.0)
+    with pytest.warns(UserWarning, match="force.coil.damping"):
+        found = mbdae.periodic_branch(mech, "force.coil.damping", 0.0, 0.01, rtol=1e-7).points[0].motion
+    assert [found.q[0], found.v[0]] == pytest.approx([0.0, 4.0 * F / (K - M * 16.0)], abs=1e-6)
 
 
 def test_tangents_are_those_of_the_response():
