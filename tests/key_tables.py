@@ -49,22 +49,24 @@ def forces() -> str:
     """One row for each kind of force: the first sentence of its class."""
     out = "\n| force | description |\n|---|---|\n"
     for kind, table in sorted((c.model_fields["kind"].default, c) for c in FORCES):
-        first = (table.__doc__ or "").partition("\n")[0].rstrip(".").replace("|", r"\|")
+        first = _summary(table).replace("|", r"\|")
         out += f"| `{kind}` | {first} |\n"
     return out + "\n"
 
 
 def keys() -> str:
-    """One small table for each class: key, values, default, description."""
-    found = {MechanismFile: ("The file itself", "".join(rows(MechanismFile)))}
+    """One small table for each class: its formula or summary, then key, values, default, description."""
+    found = {MechanismFile: ("**The file itself**", "".join(rows(MechanismFile)))}
     shared = {b: None for c in KINDS.values() for b in c.__mro__[::-1] if issubclass(b, Table)}
     bases = [b for b in shared if b not in KINDS.values()]
-    found[Closure] = "`[[closure]]`", "".join(dict.fromkeys(row for b in bases for row in rows(b, own=True)))
+    found[Closure] = "**`[[closure]]`**", "".join(dict.fromkeys(row for b in bases for row in rows(b, own=True)))
     for heading, table in _inside(MechanismFile):
         if not any(f.exclude for f in table.model_fields.values()):  # Python functions are not possible in a file
-            found.setdefault(table, (f"`{heading}`", "".join(rows(table, own=table in KINDS.values()))))
+            summarized = table in FORCES or table in KINDS.values()  # in the tables of closures and forces
+            what = "" if summarized else ": " + _summary(table)
+            found.setdefault(table, (f"**`{heading}`**{what}", "".join(rows(table, own=table in KINDS.values()))))
     return "\n" + "\n".join(
-        f"**{found[table][0]}**\n\n| key | value | default | description |\n|---|---|---|---|\n{found[table][1]}"
+        f"{found[table][0]}\n\n| key | value | default | description |\n|---|---|---|---|\n{found[table][1]}"
         for table in sorted(found, key=TIME_FUNCTIONS.__contains__)
         if found[table][1]
     )
@@ -106,6 +108,11 @@ def left_out(field: FieldInfo) -> str:
         return ""
     plain = [str(v).lower() if isinstance(v, bool) else v if isinstance(v, str) else f"{v:g}" for v in values]
     return f"`[{', '.join(plain)}]`" if isinstance(value, tuple) else f"`{plain[0]}`"
+
+
+def _summary(table: type[Table]) -> str:
+    first = (table.__doc__ or "").partition("\n")[0].replace("``", "`")
+    return first if first.endswith("...") else first.removesuffix(".")
 
 
 def _inside(table: type[Table]) -> Iterator[tuple[str, type[Table]]]:

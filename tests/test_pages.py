@@ -31,6 +31,7 @@ from mbdae.errors import InputError
 from mbdae.mechanism.closures import kinds_in_files
 from mbdae.mechanism.forces import FORCES
 from mbdae.mechanism.formats.model_library import MECHANISM, PARAMETRIC, SOURCES
+from mbdae.mechanism.time_functions.time_functions import Harmonic
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = (".github", "examples", "mbdae", "models")
@@ -226,6 +227,15 @@ def test_key_tables_have_each_key_once_with_a_whole_description():
         names = [row[0] for row in rows]
         assert len(names) == len(set(names)), names
         assert not [row for row in rows if row[-1].removesuffix(" |").rstrip().endswith((",", ":", ";"))]
+
+
+def test_formulas_of_functions_of_time_are_on_the_page():
+    """Sine or cosine: a harmonic motion at three instants by the formula of the page."""
+    formula = re.search(r'\*\*`kind = "harmonic"`\*\*: (.*)', TEXT["models/README.md"])[1].replace(" sin", "*sin")
+    values = {"amplitude": 2.0, "omega": 3.0, "phase": 0.4, "offset": 0.7}
+    for t in (0.0, 0.3, 1.1):
+        value = eval(formula.replace("omega t", "omega*t"), {"sin": np.sin, "t": t, **values})
+        assert abs(Harmonic(**values).at(t) - value) < 1e-15
 
 
 # -- what pages tell and no block shows -----------------------------------------------------------------------------

@@ -165,7 +165,7 @@ class Symmetry:
         """Return the rates of `_jacobians` while the bodies move by the symmetry, (n, 6, nv)."""
         model, data, world = self.system.model, make_data(self.system.model, complete=True), pin.ReferenceFrame.WORLD
         pin.computeJointJacobiansTimeVariation(model, data, q, self.direction(q))
-        return np.array([pin.getJointJacobianTimeVariation(model, data, i, world) for i in self.bodies])
+        return self._stacked([pin.getJointJacobianTimeVariation(model, data, i, world) for i in self.bodies])
 
     @property
     def _index(self) -> int:
@@ -189,4 +189,8 @@ class Symmetry:
         s = self.system
         pin.computeJointJacobians(s.model, s.workspace, q)
         world = pin.ReferenceFrame.WORLD
-        return np.array([pin.getJointJacobian(s.model, s.workspace, i, world) for i in self.bodies])
+        return self._stacked([pin.getJointJacobian(s.model, s.workspace, i, world) for i in self.bodies])
+
+    def _stacked(self, jacobians: list[Array]) -> Array:
+        """Return them as (n, 6, nv): Pinocchio returns (6,) where nv is 1."""
+        return np.reshape(jacobians, (-1, 6, self.system.nv))

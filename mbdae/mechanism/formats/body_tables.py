@@ -40,8 +40,9 @@ class Body(Frame):
 
     Attributes:
         name: name of the joint, the link and the frame at the joint.
-        joint: kind of the joint; a continuous joint is unbounded, a translation has the coordinates x, y and z.
-            Velocities of free and planar joints are along the axes of the moving body.
+        joint: kind of the joint; a continuous joint is unbounded, a translation has the coordinates x, y and z, a
+            universal joint the angles about x of the frame and about y of the body. Velocities of free and planar
+            joints are along the axes of the moving body.
         axis: axis of a revolute, continuous or prismatic joint, or normal of the plane of a planar joint: x and y in
             the plane are those of the frame, rotated as z is onto the normal, x and -z for [0, 1, 0].
         mass: mass in kg.
@@ -132,7 +133,7 @@ class Flexible(Frame):
 
 
 class Source(Table):
-    """A file with joints and bodies: URDF, MJCF, or robot.yaml next to a robot.urdf.
+    """A file with joints and bodies: URDF, MJCF, SDF, or robot.yaml next to a robot.urdf.
 
     Attributes:
         file: relative to the mechanism file, or ``"example-robot-data:..."``.

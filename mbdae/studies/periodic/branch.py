@@ -1,7 +1,8 @@
 """Branches of periodic motions over a parameter, with their bifurcations."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from ...units import displayed, quantity
 from ..factories import factory_of
 from .branch_path import FIRST_STEP, BranchPath, Range
 from .guess import guess_of
+from .period import has_period
 from .periodic import (
     GAP,
     RTOL,
@@ -29,7 +31,8 @@ from .periodic import (
     start_point,
 )
 from .result import Bifurcation, BranchMotion, multiplier_text
-from .shooting.cycle import Cycle
+from .returns import points_of
+from .shooting.cycle import Cycle, ShootingEquations
 from .shooting.newton import newton, require_motion
 
 if TYPE_CHECKING:
@@ -202,13 +205,18 @@ def periodic_branch(
     path = BranchPath(factory, Range(name, first, last), rest, run_options(mech, method, rtol), GAP * rtol)
     y = start_point(mech, q, v, s)
     cycle, guess = guess_of(path.flow(first, 0.0, y), y, T, 0.0, section, symmetry, segments, exchange)
-    require_same_directions(cycle, guess.nodes[0][: mech.nq], factory.make({**rest, name: last}), name)
+    other = factory.make({**rest, name: last})
+    require_same_directions(cycle, guess.nodes[0][: mech.nq], other, name)
+    if cycle.period_is_given:
+        with suppress(InputError):  # of functions whose period is not known
+            cycle = replace(cycle, periods=guess.T / path.period(first))
     found = newton(path.equations(cycle, guess, first), path.tolerance).refined()
     path.options = found.flow.options
     found = newton(found, path.tolerance)
     require_motion(found)
     require_period_of_functions(found)
     require_second_period(found)
+    require_same_period(found, other, name)
     begin = path.point(found, None)
     if cycle.autonomous and any(x.name == "energy" for x in begin.motion.neutral):
         raise InputError(
@@ -232,3 +240,20 @@ def require_same_directions(cycle: Cycle, q: Array, other: Mechanism, name: str)
         (there,) = Symmetry.named(other.system(), [symmetry.name])
         if np.abs(there.twist(q) - symmetry.twist(q)).max() > VISIBLE:
             raise InputError(f"symmetry {symmetry.name!r} turns with {name!r}: turn gravity instead of the ground")
+
+
+def require_same_period(found: ShootingEquations, other: Mechanism, name: str) -> None:
+    """Require that a given period that cannot follow the functions of time is theirs for another value, too.
+
+    Raises:
+        InputError: naming the parameter.
+    """
+    cycle = found.cycle
+    if cycle.periods or not cycle.period_is_given or cycle.exchange:
+        return
+    points = [p for run in found.runs for p in points_of(run)]
+    if not has_period(other, found.at.T, points, found.at.shifts):
+        raise InputError(
+            f"the period of forces and drivers changes with {name!r}: a branch follows that of harmonic functions,"
+            " periodic tables, sampled controllers and constant speeds of joints that turn"
+        )

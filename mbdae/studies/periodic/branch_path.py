@@ -27,11 +27,12 @@ from ...errors import InputError, MbdaeError
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.equations.symmetry import Symmetry
 from ...system import Array
-from ...tolerances import EVALUATION_ROUNDING, HALF_DIGITS, SMALLEST_PART
+from ...tolerances import EVALUATION_ROUNDING, HALF_DIGITS, INTERPOLATION, SMALLEST_PART
 from ..factories import ParametricFactory
 from ..path_location import locate
 from .grazing import GrazingMonitor
 from .motion import motion_of
+from .period import period_of_functions
 from .result import Bifurcation, BranchMotion
 from .shooting.cycle import Cycle, Guess, ShootingEquations
 from .shooting.exchange import Exchange
@@ -93,15 +94,29 @@ class BranchPath:
         Raises:
             MbdaeError: if that is not possible, or the runs fail.
         """
-        flow = self.flow(value, cycle.t, guess.nodes[0], *guess.modes[:1])
+        flow, T, by_value = self.flow(value, cycle.t, guess.nodes[0], *guess.modes[:1]), guess.T, 0.0
+        if cycle.periods:
+            (low, high), h = sorted(self.over[1:]), INTERPOLATION * abs(self.over.last - self.over.first)
+            low, high = max(value - h, min(value, low)), min(value + h, max(value, high))  # others may be invalid
+            T, before, after = (cycle.periods * self.period(x) for x in (value, low, high))
+            by_value = (after - before) / (high - low)
         system = flow.mechanism.system()
         symmetries = Symmetry.named(system, [x.name for x in cycle.symmetries])
         nodes = []
         for i, y in enumerate(guess.nodes):
             system.enter(guess.modes[i] if guess.modes else system.mode)
             system.derivative(cycle.t, y)
-            nodes.append(system.project_state(cycle.t + guess.T * i / cycle.segments, y))
-        return ShootingEquations(system, flow, replace(cycle, symmetries=symmetries), replace(guess, nodes=nodes))
+            nodes.append(system.project_state(cycle.t + T * i / cycle.segments, y))
+        guess = replace(guess, nodes=nodes, T=T, period_by_parameter=by_value)
+        return ShootingEquations(system, flow, replace(cycle, symmetries=symmetries), guess)
+
+    def period(self, value: float) -> float:
+        """Return the period of functions of time at a value of the parameter.
+
+        Raises:
+            InputError: if they have none that is known.
+        """
+        return period_of_functions(self.factory.make({**self.rest, self.over.name: value}))
 
     def scales(self, at: ShootingEquations) -> Array:
         """Return the units of the unknowns: 1, T, 1, and the range of the parameter."""
@@ -220,7 +235,8 @@ class BranchPath:
         """
         base, k = at.motion.shooting, at.motion.shooting.cycle.segments
         P = base.cycle.exchange  # twice is none, and the second half has exchanged joints
-        cycle = replace(base.cycle, segments=2 * k, exchange=Exchange(base.flow.mechanism))
+        periods = 2 * base.cycle.periods
+        cycle = replace(base.cycle, segments=2 * k, exchange=Exchange(base.flow.mechanism), periods=periods)
         nodes = [*base.at.nodes, *(P.of_state(y) for y in base.at.nodes)]
         guess = replace(base.at, nodes=nodes, T=2 * base.at.T, sigma=2 * base.at.sigma, shifts=2 * base.at.shifts,
                         modes=() if P else 2 * base.modes)  # fmt: skip

@@ -42,6 +42,7 @@ class Cycle:
         autonomous: whether the equations do not depend on time.
         symmetries: along which it advances.
         exchange: of joints at its end.
+        periods: of the functions of time in a given period, which follows theirs over a parameter; 0 if it is constant.
     """
 
     t: float
@@ -51,6 +52,7 @@ class Cycle:
     autonomous: bool
     symmetries: tuple[Symmetry, ...]
     exchange: Exchange
+    periods: float = 0.0
 
     @property
     def unknown_period(self) -> bool:
@@ -62,7 +64,8 @@ class Cycle:
 class Guess:
     """Nodes (k, n) of a period, its duration, advances (m,), and shifts (nv,) of joints by turns and pitches.
 
-    The modes in which its segments begin, (k,), are known after a run.
+    The modes in which its segments begin, (k,), are known after a run; dT/dp is that of a period that follows the
+    functions of time over a parameter.
     """
 
     nodes: list[Array]
@@ -70,6 +73,7 @@ class Guess:
     sigma: Array
     shifts: Array
     modes: tuple[tuple[int, ...], ...] = ()
+    period_by_parameter: float = 0.0
 
 
 class ShootingEquations:
@@ -206,6 +210,8 @@ class ShootingEquations:
                     self.at.nodes[following], self.tangents[following].start[:, n:]
                 )
                 A[rows, n * k + period + m :] = transition[:, n:] - nodes
+                if self.at.period_by_parameter:
+                    A[rows, n * k + period + m :] += self.at.period_by_parameter * self._by_period(i, transition[:, :n])
         y, _, w = self.return_map
         A[n * (k - 1) :, n * k + period : n * k + period + m] = self.charts[0].coordinate_tangents(y, w)
         phases = np.zeros((period + m, A.shape[1]))
@@ -213,6 +219,12 @@ class ShootingEquations:
             phases[0, :n] = _unit(self.flow_direction(0))
         phases[period:, :n] = _unit(self.symmetry_directions(0)).T
         return np.vstack([A, phases])
+
+    def _by_period(self, i: int, transition: Array) -> Array:
+        """Return the derivative of residual i by a given period, (n, 1): its segment is longer, and begins later."""
+        rate = self._at_next_node(i, self.tangents[i].rate[:, None])
+        later = rate - transition @ self.flow_direction(i)[:, None]
+        return np.asarray((rate + i * later) / self.cycle.segments)
 
     def moved(self, step: Array) -> Guess:
         """Return the guess after a step of (x_0, ..., x_k-1, T, sigma)."""
