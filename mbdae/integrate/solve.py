@@ -1,9 +1,9 @@
 """Integrate a mechanism or a textbook problem."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from time import perf_counter
 
+from ..mechanism import ModelSource
 from ..mechanism.inputs import Inputs
 from ..methods import MethodLike
 from ..solution.problem import problem_of
@@ -17,7 +17,7 @@ from .run.run_setup import prepare
 
 
 def solve(
-    problem: Problem | str | Path,
+    problem: Problem | ModelSource,
     t_span: float | Sequence[float] | None = None,
     q: Array | None = None,
     v: Array | None = None,
@@ -49,7 +49,7 @@ def solve(
     Defaults come from the ``[solve]`` table of a mechanism file (`mbdae.mechanism.model_settings.SolveSettings`).
 
     Args:
-        problem: a mechanism, a `mbdae.Hessenberg` problem (with its own start), or a name or path, see `mbdae.load`.
+        problem: a mechanism, a `mbdae.Hessenberg` problem (with its own start), or an argument of `mbdae.load`.
         t_span: end, or start and end in s; the end may lie before the start. From 0 to the model's duration when left
             out.
         q: consistent start configuration (nq,); the model's start when left out.

@@ -9,7 +9,7 @@ from .closures.unilateral_constraint import Stop
 from .forces import NAMES
 from .formats.joint_tree import depth_first
 from .formats.mechanism_file.description import describe, restore
-from .formats.mechanism_file.load import load
+from .formats.mechanism_file.load import ModelSource, load
 from .formats.mjcf.states import from_mujoco, to_mujoco
 from .formulations.compiled_systems import CompiledSystem
 from .hybrid.impact import Impact
@@ -35,6 +35,7 @@ __all__ = [
     "Impact",
     "Input",
     "Mechanism",
+    "ModelSource",
     "NotCompiled",
     "Reaction",
     "Singular",

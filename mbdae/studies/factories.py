@@ -7,11 +7,11 @@ from typing import Any, Protocol
 
 from ..callbacks import call_and_report, function_name
 from ..errors import InputError, MbdaeError, UnknownNameError, require
-from ..mechanism import Mechanism
+from ..mechanism import Mechanism, ModelSource, load
 from ..mechanism.formats.mechanism_file.loaded_model import LoadedModel
 from ..mechanism.formats.mechanism_file.template import START, Template, check_start, with_start
 
-Model = str | Path | Mechanism | Callable[..., Mechanism]
+Model = ModelSource | Mechanism | Callable[..., Mechanism]
 
 
 class MechanismFactory(Protocol):
@@ -75,6 +75,7 @@ def factory_of(model: Any) -> ParametricFactory:
     Raises:
         UnknownNameError, InputError: as raised by `mbdae.load`; InputError for any other argument, too.
     """
+    model = with_tables_loaded(model)
     if isinstance(model, Mechanism):
         return LoadedModel(model)
     if isinstance(model, str | Path):
@@ -82,8 +83,14 @@ def factory_of(model: Any) -> ParametricFactory:
     if hasattr(model, "make"):
         return model  # type: ignore[no-any-return]
     if not callable(model):
-        raise InputError(f"a model is a Mechanism, a name, a path or a function that returns one, got {model!r:.60}")
+        kinds = "a Mechanism, a name, a path, tables or a function that returns one"
+        raise InputError(f"a model is {kinds}, got {model!r:.60}")
     return FunctionFactory(model)
+
+
+def with_tables_loaded(model: Any) -> Any:
+    """Return a model, and tables as their mechanism."""
+    return load(model) if isinstance(model, Mapping) else model
 
 
 def model_title(model: Model) -> str:

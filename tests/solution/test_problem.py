@@ -1,4 +1,4 @@
-"""Names and paths are accepted in place of a mechanism, and quantities have one name."""
+"""Names, paths and tables are accepted in place of a mechanism, and quantities have one name."""
 
 import inspect
 from pathlib import Path
@@ -43,10 +43,12 @@ def test_every_function_of_a_mechanism_is_here():
 
 
 @pytest.mark.parametrize("name", TAKEN)
-def test_a_name_is_taken_where_a_mechanism_is(name):
+def test_names_and_tables_are_taken_where_a_mechanism_is(name):
     function = getattr(mbdae, name)
     with pytest.raises(UnknownNameError, match=r"unknown model 'four_bra' .did you mean 'four_bar'"):
         function("four_bra", *TAKEN[name])
+    with pytest.raises(InputError, match="the tables: unknown key bodies"):
+        function({"bodies": []}, *TAKEN[name])
     with pytest.raises(InputError, match=rf"{name} takes a Mechanism.*name or path .see mbdae.load.*, got 3"):
         function(3, *TAKEN[name])
 
@@ -79,13 +81,15 @@ SPRINGS = LIBRARY / "spring_four_bar"
 
 
 @pytest.mark.parametrize("name", MADE)
-def test_what_makes_mechanisms_is_a_name_or_a_path_too(name):
+def test_what_makes_mechanisms_is_a_name_a_path_or_tables_too(name):
     """A folder as a Path, its file, or a name, if parameters of a model vary."""
     for given in (SPRINGS, str(SPRINGS / "mechanism.toml"), "spring_four_bar"):
         assert MADE[name](given)
     with pytest.raises(UnknownNameError, match=r"unknown model 'spring_four_bra' .did you mean 'spring_four_bar'"):
         MADE[name]("spring_four_bra")
-    with pytest.raises(InputError, match="is a Mechanism, a name, a path or a function that returns one, got 3"):
+    with pytest.raises(InputError, match="the tables: unknown key bodies"):
+        MADE[name]({"bodies": []})
+    with pytest.raises(InputError, match="a name, a path, tables or a function that returns one, got 3"):
         MADE[name](3)
 
 

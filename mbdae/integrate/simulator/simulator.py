@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from ...errors import STATUS, InputError, StepError, is_number, require
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.inputs import Inputs
 from ...solution.problem import problem_of
 from ...solution.signal_value import find_point_signal, value
@@ -69,7 +68,7 @@ class Simulator(DifferentiableAdvance):
 
     def __init__(
         self,
-        model: Mechanism | str | Path,
+        model: Mechanism | ModelSource,
         t: float = 0.0,
         q: Array | None = None,
         v: Array | None = None,

@@ -10,7 +10,7 @@ from ...errors import InputError
 from ...integrate.options.span import checked_span
 from ...integrate.run.binding import common_backend
 from ...integrate.steppers.solvers import find_method
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...methods.uncompiled import uncompiled
 from ...solution.problem import problem_of
 from ...solution.solution import Problem
@@ -28,7 +28,7 @@ REFERENCE = ("pherk6", "radau9")
 
 
 def compare(
-    problem: Problem | str | Path,
+    problem: Problem | ModelSource,
     t_span: float | Sequence[float] | None = None,
     q: Array | None = None,
     v: Array | None = None,

@@ -19,7 +19,7 @@ from ...data_types import JsonObject
 from ...errors import InputError, UnknownNameError, as_list, require
 from ...file_io import atomic_write
 from ...integrate.simulator.simulator import Simulator
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.equations.local_ode import max_coordinates
 from ...mechanism.formulations.compiled_systems import CompiledSystem
 from ...mechanism.hybrid.mode_point import AllRows, ModePoint
@@ -82,7 +82,7 @@ class ExportedUnit:
 
 
 def export(
-    mech: Mechanism | str | Path,
+    mech: Mechanism | ModelSource,
     path: str | Path,
     *,
     kind: Sequence[str] = ("cs", "me"),

@@ -9,7 +9,6 @@ the first samples are fitted first, then more of them.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
 from ...errors import InputError, MbdaeError, as_list, is_count, require
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.formats.mechanism_file.loaded_model import parameter_value
 from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...mechanism.formats.mechanism_file.template import Template
@@ -48,7 +47,7 @@ class Unknown(NamedTuple):
 
 
 def fit(
-    model: str | Path | Mechanism | Callable[..., Mechanism],
+    model: ModelSource | Mechanism | Callable[..., Mechanism],
     parameters: Parameters,
     data: Any,
     *,

@@ -2,11 +2,10 @@
 
 from dataclasses import asdict, dataclass
 from inspect import getdoc
-from pathlib import Path
 
 from ... import backend
 from ...data_types import JsonObject
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...solution.problem import problem_of
 from ...solution.provenance import versions
 from ...solution.solution import Problem
@@ -70,7 +69,7 @@ class TextbookCard:
         return "\n".join([self.title, sizes, "", *about, ""])
 
 
-def info(problem: Problem | str | Path | None = None) -> Card | TextbookCard | Installation:
+def info(problem: Problem | ModelSource | None = None) -> Card | TextbookCard | Installation:
     """Return versions and the back end, or the card of a model.
 
     Args:

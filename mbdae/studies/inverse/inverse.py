@@ -1,13 +1,12 @@
 """Inverse dynamics of closed loops: actuator efforts and joint reactions for a motion."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...errors import InputError
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.closures.brake import Brake
 from ...mechanism.closures.independent_rows import minimum_norm
 from ...mechanism.hybrid.switches import Mode
@@ -26,7 +25,7 @@ __all__ = ["inverse_dynamics"]
 
 
 def inverse_dynamics(
-    mech: Mechanism | str | Path,
+    mech: Mechanism | ModelSource,
     motion: Any,
     actuators: str | Sequence[str] | None = None,
     *,

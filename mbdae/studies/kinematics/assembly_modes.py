@@ -7,13 +7,12 @@ They are searched from random starts. Modes between which the mechanism can move
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from pathlib import Path
 
 import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import InputError, as_list, is_count, is_number
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.assembly.assembly import start_configuration
 from ...mechanism.tree.coordinate_units import COORDINATE_NAMES, coordinate_units
 from ...mechanism.tree.frames import find_joints
@@ -99,7 +98,7 @@ class AssemblyModes(Tabular):
 
 
 def assembly_modes(
-    mech: Mechanism | str | Path,
+    mech: Mechanism | ModelSource,
     drive: str,
     at: float | None = None,
     *,

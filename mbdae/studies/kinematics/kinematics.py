@@ -2,12 +2,11 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from ...errors import AssemblyError, InputError, StepError, is_count, is_number
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.assembly.assembly import start_configuration
 from ...mechanism.assembly.position_search import close_position
 from ...mechanism.tree.joints import angle_components
@@ -30,7 +29,7 @@ INPUT_STEP = 0.1  # rad or characteristic lengths: from the start pose to the fi
 
 
 def kinematics(
-    mech: Mechanism | str | Path,
+    mech: Mechanism | ModelSource,
     drive: str,
     *,
     span: tuple[float, float] | None = None,

@@ -1,7 +1,6 @@
 """A simulated mechanism in a browser, in real time: sliders for inputs, joints, lengths; points are pulled."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...errors import as_list
@@ -11,7 +10,7 @@ from .dimensions import Dimensions, require_within
 from .live_view import LiveView, ViewSettings
 
 if TYPE_CHECKING:
-    from ...mechanism import Mechanism
+    from ...mechanism import Mechanism, ModelSource
 
 __all__ = ["live"]
 
@@ -19,7 +18,7 @@ RTOL_DEFAULT = 1e-6
 
 
 def live(
-    model: "Mechanism | str | Path",
+    model: "Mechanism | ModelSource",
     *,
     method: str | None = None,
     step: float | None = None,

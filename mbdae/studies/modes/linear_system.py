@@ -11,7 +11,7 @@ from scipy.linalg import matrix_balance
 from ...arguments import as_numbers
 from ...data_types import JsonObject
 from ...errors import InputError, UnknownNameError, as_list
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.equilibrium.equilibrium_equations import Statics
 from ...mechanism.equilibrium.linearization import LinearMotion
 from ...mechanism.equilibrium.spectrum import spectrum
@@ -133,7 +133,7 @@ class LinearSystem(Tabular):
 
 
 def linearize(
-    mech: Mechanism | str | Path,
+    mech: Mechanism | ModelSource,
     q: "Coordinates | Array | None" = None,
     v: "Coordinates | Array | None" = None,
     *,

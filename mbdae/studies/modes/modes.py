@@ -10,7 +10,7 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import InputError, StepError, is_number
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.equilibrium.linearization import LinearMotion
 from ...mechanism.equilibrium.null_space import project_configuration
 from ...mechanism.equilibrium.spectrum import CERTAIN, Spectrum, spectrum
@@ -248,7 +248,7 @@ class Modes(Tabular):
 
 
 def modes(
-    mech: Mechanism | str | Path,
+    mech: Mechanism | ModelSource,
     q: "Coordinates | Array | None" = None,
     v: "Coordinates | Array | None" = None,
     *,

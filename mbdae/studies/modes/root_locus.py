@@ -19,7 +19,7 @@ from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import ITERATION_ROUNDING, ROUNDING
 from ...units import displayed, quantity
-from ..factories import Model, factory_of, model_title
+from ..factories import Model, factory_of, model_title, with_tables_loaded
 from .modes import modes
 
 if TYPE_CHECKING:
@@ -129,6 +129,7 @@ def root_locus(
     numbers = as_numbers(values)
     if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
         raise InputError(f"a root locus takes a list of numbers, got {values!r:.60}")
+    model = with_tables_loaded(model)
     roots = _roots(model, name, float(numbers[0]), v or {}, dict(start or {}), options)
     rows: list[Spectrum | None] = []
     messages: dict[int, str] = {}

@@ -1,14 +1,13 @@
 """Optimal control by direct single shooting: inputs over time that minimize an integral of signals."""
 
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...errors import InputError, UnknownNameError, is_count, is_number
 from ...integrate.simulator.simulator import Simulator
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...system import Array
 from ..optimize.optimize import Problem
 from ..optimize.search_range import ranges, require_within_bounds, table_by_name
@@ -25,7 +24,7 @@ METHOD = "herk5"  # carries nothing from one interval to the next: no restarts
 
 
 def optimal_control(
-    model: Mechanism | str | Path,
+    model: Mechanism | ModelSource,
     cost: Any,
     inputs: Sequence[str] | Mapping[str, Pair],
     *,

@@ -7,7 +7,6 @@ adjoint of a run (`mbdae.gradient`), or along a curve of poses (`mbdae.kinematic
 """
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from ...errors import InputError, MbdaeError, UnknownNameError, is_count, is_number
 from ...integrate.trajectory.differentiable_runs import has_jumps
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import VISIBLE
@@ -41,7 +40,7 @@ Pair = tuple[float | None, float | None]
 
 
 def optimize(
-    model: str | Path | Mechanism | Callable[..., Mechanism],
+    model: ModelSource | Mechanism | Callable[..., Mechanism],
     cost: Cost,
     parameters: Names,
     bounds: Mapping[str, Pair] | None = None,

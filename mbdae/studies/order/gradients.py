@@ -8,7 +8,6 @@ order of the method, by the rules of `mbdae.studies.order.measurement`.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from ...integrate.options.span import checked_span
 from ...integrate.run.binding import common_backend
 from ...integrate.solve import solve
 from ...integrate.trajectory.differentiable_runs import DIFFERENTIABLE
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.discrete_sensitivity.perturbed_mechanisms import feasible_stencil
 from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...mechanism.tree.coordinate_units import quantity_units
@@ -91,7 +90,7 @@ class GradientStudy(OrderStudy):
 
 
 def check_gradients(
-    mech: Mechanism | str | Path,
+    mech: Mechanism | ModelSource,
     methods: str | Iterable[str] | None = None,
     *,
     parameter: str | None = None,

@@ -1,13 +1,12 @@
 """Observed orders against claimed orders, on any mechanism and on textbook problems."""
 
-from pathlib import Path
 from typing import Any
 
 from ...errors import InputError, as_list
 from ...integrate.options.span import checked_span
 from ...integrate.run.binding import common_backend
 from ...integrate.steppers.solvers import SOLVERS
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.tree.coordinate_units import quantity_units
 from ...methods import METHODS, Method, obstacle
 from ...methods import method as find_method
@@ -21,7 +20,7 @@ __all__ = ["order"]
 
 
 def order(
-    problem: Problem | str | Path,
+    problem: Problem | ModelSource,
     methods: Any = None,
     *,
     T: float | None = None,

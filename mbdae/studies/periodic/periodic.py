@@ -1,13 +1,12 @@
 """Periodic motions of mechanisms, and their stability."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...errors import InputError, is_number
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
@@ -29,7 +28,7 @@ GAP = 100.0  # multiple of rtol: residual of shooting, which step-size control m
 
 
 def periodic(
-    model: Mechanism | Solution | str | Path,
+    model: Mechanism | Solution | ModelSource,
     T: float | None = None,
     *,
     q: Mapping[str, float] | Array | None = None,
@@ -50,7 +49,7 @@ def periodic(
     manifold. If forces or drivers depend on time, T is a period of theirs; otherwise it is found, too.
 
     Args:
-        model: a mechanism, a name or path, see `mbdae.load`; or a run that has nearly settled, whose end is the guess.
+        model: a mechanism, an argument of `mbdae.load`; or a run that has nearly settled, whose end is the guess.
         T: period in s: given if the mechanism is driven, else an estimate. When left out: the period of functions of
             time, or of events at which the state jumps, or the time since a run was last where it ends, which is that
             of the duration of the model.

@@ -16,7 +16,7 @@ from ...file_io import write_page
 from ...integrate.options.span import checked_span
 from ...integrate.solve import solve
 from ...integrate.steppers.solvers import SOLVERS
-from ...mechanism import Mechanism, describe
+from ...mechanism import Mechanism, ModelSource, describe
 from ...solution.problem import mechanism_of
 from ...solution.provenance import command_line, versions
 from ...solution.solution import Solution, uninterrupted
@@ -101,7 +101,7 @@ class Report:
 
 
 def report(
-    mech: Mechanism | str | Path,
+    mech: Mechanism | ModelSource,
     t_span: float | Sequence[float] | None = None,
     *,
     methods: Sequence[str | Variant] | None = None,

@@ -7,14 +7,13 @@ the contact presses, N >= 0.
 import warnings
 from collections.abc import Iterable, Iterator
 from itertools import chain, compress, pairwise
-from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
 from ...errors import AssemblyError, InputError, StepError, as_list
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.assembly.assembly import start_configuration
 from ...mechanism.equilibrium.equilibrium_equations import Statics
 from ...mechanism.tree.joints import angle_components
@@ -40,7 +39,7 @@ ON_CURVE = 0.25  # fraction of the distance between two poses: tolerance for a p
 
 
 def equilibria(
-    mech: Mechanism | str | Path,
+    mech: Mechanism | ModelSource,
     drive: str,
     *,
     span: tuple[float, float] | None = None,

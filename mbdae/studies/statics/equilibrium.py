@@ -4,14 +4,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import compress
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import InputError, UnknownNameError, as_list, is_number
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.flexible.linear_range import beyond_linear
 from ...mechanism.signals.deformation import deformation, deformation_units
 from ...mechanism.signals.reactions import Reaction, reaction
@@ -190,7 +189,7 @@ def _shown(x: float) -> float:
 
 
 def equilibrium(
-    mech: Mechanism | str | Path,
+    mech: Mechanism | ModelSource,
     q: "Coordinates | Array | None" = None,
     *,
     t: float = 0.0,

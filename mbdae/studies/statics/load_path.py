@@ -9,7 +9,7 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import InputError, is_number, require
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.equilibrium.spectrum import curvature
 from ...mechanism.flexible.linear_range import beyond_linear
 from ...mechanism.signals.deformation import deformation, deformation_units
@@ -154,7 +154,7 @@ def _several(point: CriticalPoint) -> str:
 
 
 def load_path(
-    mech: Mechanism | str | Path,
+    mech: Mechanism | ModelSource,
     load: str,
     span: Sequence[float] = (0.0, 1.0),
     q: "Coordinates | Array | None" = None,

@@ -23,7 +23,7 @@ from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...mechanism.formats.mechanism_file.parametric import split as split_name
 from ...mechanism.imported_model import not_carried_over
 from ...solution.provenance import versions
-from ..factories import Model, ParametricFactory, model_title
+from ..factories import Model, ParametricFactory, model_title, with_tables_loaded
 from ..workers import pool
 from .fingerprint import fingerprint
 from .outputs import Output, check, label, parse
@@ -156,7 +156,8 @@ def _job(model: Model, t_span: object, times: object, outputs: Sequence[Output],
 
 
 def _absolute_path(model: Model) -> Model:
-    """Return an absolute path, for processes that run in other folders."""
+    """Return an absolute path, and tables as a mechanism, for processes that run in other folders."""
+    model = with_tables_loaded(model)
     if not isinstance(model, str | Path):
         return model
     file, _ = split_name(str(model))

@@ -1,11 +1,10 @@
 """Influence of tolerances and clearances on the poses of a mechanism with one degree of freedom."""
 
 from collections.abc import Callable, Mapping, Sequence, Set
-from pathlib import Path
 
 from ... import backend
 from ...errors import InputError, is_number, require
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...system import Array
@@ -25,7 +24,7 @@ __all__ = ["tolerance"]
 
 
 def tolerance(
-    model: Mechanism | str | Path | Callable[..., Mechanism],
+    model: Mechanism | ModelSource | Callable[..., Mechanism],
     drive: str,
     signals: Sequence[str] = (),
     parameters: Mapping[str, float] | None = None,

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...file_io import write_page
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, ModelSource
 from ...mechanism.scene.drawables import drawables, motions
 from ...mechanism.tree.frames import find_joint
 from ...solution.problem import mechanism_of
@@ -113,7 +113,7 @@ class View:
         return inline_frame(self.page())
 
 
-def view(mech: Mechanism | str | Path, q: Array | None = None) -> View:
+def view(mech: Mechanism | ModelSource, q: Array | None = None) -> View:
     """Compute the poses of a mechanism over each of its free coordinates.
 
     Poses are computed in advance: over the whole range in which the loops can be closed, through dead

@@ -2,6 +2,7 @@
 
 from math import pi
 
+import numpy as np
 import pytest
 
 import mbdae
@@ -35,6 +36,23 @@ def test_their_parameters_can_be_varied() -> None:
     assert runs["final q.nut"] == pytest.approx([fall(MASS, 0.01), fall(MASS, 0.04)], rel=1e-9)
     runs = mbdae.sweep(mbdae.load(JACK), {"body.nut.mass": [1.0, 9.0]}, 1.0, outputs=["final q.nut"], rtol=1e-9)
     assert runs["final q.nut"] == pytest.approx([fall(1.0, LEAD), fall(9.0, LEAD)], rel=1e-9)
+
+
+MASSES = {"body.rod.mass": [1.0, 9.0]}
+PENDULUM = {"body": [{"name": "rod", "parent": "world", "axis": [0, 1, 0], "mass": 1.0, "com": [0.0, 0.0, -1.0]}]}
+SWING = {"force": [{"kind": "joint_spring", "joint": "rod", "stiffness": 2.0}], "start": {"q": {"rod": 0.3}}}
+STUDIES = {
+    "solve": lambda m: mbdae.solve(m, 1.0).q,
+    "Simulator": lambda m: mbdae.Simulator(m).q,
+    "root_locus": lambda m: mbdae.root_locus(m, "body.rod.mass", [1.0, 9.0]).eigenvalues,
+    "sweep": lambda m: mbdae.sweep(m, MASSES, 1.0, outputs=["final q.rod"])["final q.rod"],
+    "ensemble": lambda m: mbdae.ensemble(m, parameters=MASSES, t_span=1.0).q,
+}
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_studies_take_them(study) -> None:
+    np.testing.assert_array_equal(STUDIES[study](PENDULUM | SWING), STUDIES[study](mbdae.load(PENDULUM | SWING)))
 
 
 def test_files_are_sought_in_the_current_folder(tmp_path, monkeypatch) -> None:

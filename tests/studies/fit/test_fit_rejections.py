@@ -38,7 +38,7 @@ OPTIONS = [
     ({"sigma": {"q.crank": 1.0, "q.crnk": 1.0}}, UnknownNameError, r"measured signal in sigma 'q\.crnk'.*; valid: q"),
     ({"signals": 3}, InputError, "signals are names of columns, got 3"),
     ({"t_span": (1, 0)}, InputError, "is outside the span"),
-    ({"model": 3}, InputError, "a model is a Mechanism, a name, a path or a function that returns one, got 3"),
+    ({"model": 3}, InputError, "a model is a Mechanism, a name, a path, tables or a function that returns one, got 3"),
     ({"model": "nothing"}, UnknownNameError, "unknown model 'nothing'"),
 ]
 

@@ -233,7 +233,7 @@ def test_failed_runs_are_rows():
         (["slider_crank", mbdae.Random(0, {"duration": 1.0})], "positive number"),
         ([fails_for_two, {"cas": [1]}], "unknown parameter of fails_for_two 'cas' (did you mean 'case'?)"),
         ([fails_for_two, {"case": [2]}], "ValueError: two is too many"),
-        ([7, LINKS], "a model is a Mechanism, a name, a path or a function"),
+        ([7, LINKS], "a model is a Mechanism, a name, a path, tables or a function"),
     ],
 )
 def test_wrong_arguments_are_rejected_before_anything_runs(arguments, words):

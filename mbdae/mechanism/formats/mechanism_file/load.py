@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import pinocchio as pin
 
@@ -35,10 +35,12 @@ from .schema import MechanismFile, checked, read_toml
 from .unit_conversion import in_si
 
 BODIES = "body", "flexible"  # tables whose defaults are valid only for some joints
+ModelSource: TypeAlias = str | Path | Mapping[str, Any]
+"""What `load` takes: the name or the path of a model, or its tables."""
 
 
 def load(
-    path: str | Path | Mapping[str, Any],
+    path: ModelSource,
     *,
     closures: Sequence[Closure] = (),
     drivers: Sequence[Driver] = (),
@@ -113,7 +115,7 @@ class Recipe(NamedTuple):
 
 
 def read(
-    path: str | Path | Mapping[str, Any],
+    path: ModelSource,
     parameters: Mapping[str, Any],
     *,
     key: str = "",
