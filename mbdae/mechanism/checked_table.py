@@ -29,7 +29,7 @@ class OneLine(ModelMetaclass):
         known = sorted(getattr(cls, "model_fields", ()))
         if args:
             got = ", ".join(f"{value!r:.40}" for value in args)
-            raise InputError(f"{cls.__name__} takes its values by name, {', '.join(known)}, got {got} without a name")
+            raise InputError(f"{cls.__name__} takes its values by name ({', '.join(known)}), got {got} without a name")
         try:
             return super().__call__(**kwargs)
         except ValidationError as e:

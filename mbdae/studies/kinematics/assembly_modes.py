@@ -79,8 +79,8 @@ class AssemblyModes(Tabular):
     def __str__(self) -> str:
         n, circuits = len(self.modes), len({m.circuit for m in self.modes})
         unit = coordinate_units(self.mechanism).get(f"v.{self.drive}", "").removesuffix("/s")
-        on = f"{circuits} circuit{'s' if circuits > 1 else ''}"
-        text = f"{self.mechanism.title}: {n} assembly modes at {self.drive} = {quantity(self.u, unit)}, on {on}"
+        modes, on = (f"{k} {what}{'s' if k != 1 else ''}" for k, what in ((n, "assembly mode"), (circuits, "circuit")))
+        text = f"{self.mechanism.title}: {modes} at {self.drive} = {quantity(self.u, unit)}, on {on}"
         lines = [f"{text}, from {self.starts} starts of which {self.closed} closed"]
         if self.closed:
             rarest = min(m.hits for m in self.modes)
