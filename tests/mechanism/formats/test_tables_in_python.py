@@ -38,6 +38,8 @@ def test_their_parameters_can_be_varied() -> None:
     assert runs["final q.nut"] == pytest.approx([fall(1.0, LEAD), fall(9.0, LEAD)], rel=1e-9)
 
 
+ENDLESS: dict[str, object] = {}
+ENDLESS["body"] = [ENDLESS]
 MASSES = {"body.rod.mass": [1.0, 9.0]}
 PENDULUM = {"body": [{"name": "rod", "parent": "world", "axis": [0, 1, 0], "mass": 1.0, "com": [0.0, 0.0, -1.0]}]}
 SWING = {"force": [{"kind": "joint_spring", "joint": "rod", "stiffness": 2.0}], "start": {"q": {"rod": 0.3}}}
@@ -71,6 +73,7 @@ def test_files_are_sought_in_the_current_folder(tmp_path, monkeypatch) -> None:
         ({}, InputError, "the tables: mechanism: a mechanism needs a source, a \\[\\[body\\]\\]"),
         (JACK | {"bodies": []}, InputError, "the tables: unknown key bodies; known: body, closure"),
         (JACK | {"body": [NUT, SPINDLE | {"parent": "nat"}]}, UnknownNameError, "tables: body.spindle.parent: .*nat"),
+        (ENDLESS, InputError, "the tables: its tables are nested too deeply"),
         (42, InputError, "a mechanism is the name of a model, a path or a dict of tables, got 42"),
     ],
 )

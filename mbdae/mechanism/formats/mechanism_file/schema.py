@@ -26,6 +26,7 @@ ReplacementKind = Literal[
     "revolute", "spherical", "planar", "translation", "free",
     "universal", "universal_xy", "universal_xz", "universal_yx", "universal_yz", "universal_zx", "universal_zy",
 ]  # fmt: skip
+MAX_LEVELS = 40  # tables in each other: no key is that deep, and the interpreter's limit of recursion is far
 
 
 class MechanismFile(Table):
@@ -144,13 +145,19 @@ def checked(content: Mapping[str, object], name: str) -> MechanismFile:
     raise InputError(f"{name}: {invalid} is beyond {HUGE:g} in magnitude, or contains control characters")
 
 
-def _invalid_values(value: object, path: str = "") -> Iterator[str]:
-    """Yield the keys of numbers whose products would overflow, and of texts with control characters."""
+def _invalid_values(value: object, path: str = "", level: int = 0) -> Iterator[str]:
+    """Yield the keys of numbers whose products would overflow, and of texts with control characters.
+
+    Raises:
+        RecursionError: for more than `MAX_LEVELS` tables in each other.
+    """
+    if level > MAX_LEVELS:
+        raise RecursionError
     if isinstance(value, dict | list | tuple):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
             if isinstance(key, str) and printable(key) != key:
                 yield key
-            yield from _invalid_values(inner, f"{path}.{key}" if path else str(key))
+            yield from _invalid_values(inner, f"{path}.{key}" if path else str(key), level + 1)
     elif isinstance(value, str):
         if printable(value) != value:
             yield path
