@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...backend import select_core
-from ...errors import InputError, NotCompiled
+from ...errors import InputError
 from ...system import Array
 from ...tolerances import HALF_DIGITS
 from ..forces import is_custom
@@ -57,11 +57,8 @@ class DynamicsTerms:
         """
         q0, v0 = self.start_at(t) if q is None else (q, np.zeros(self.nv))
         native = select_core(backend)
-        if native and backend == "auto":
-            try:
-                self.workspaces.release(self.workspaces.acquire(native=native))
-            except NotCompiled:
-                native = None
+        if native and backend == "auto" and not self.workspaces.supported_by(native):
+            native = None
         return EquationsAtPoint(self, t, q0, v0 if v is None else v, s, mode=mode, native=native)
 
     def ode(

@@ -3,7 +3,6 @@
 from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from math import nan
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from ...backend import load
 from ...data_types import CoreData
-from ...errors import MbdaeError, NotCompiled
+from ...errors import MbdaeError
 from ...system import Array
 from ...tolerances import COINCIDENT
 from ..checked_table import HUGE
@@ -252,11 +251,7 @@ def _bodies(template: Template, mech: Mechanism, values: Values) -> dict[str, _B
 
 def _has_mass_matrices_in_core(mech: Mechanism) -> bool:
     native = load()
-    with suppress(NotCompiled):
-        if native and not flexible_bodies(mech.model):
-            with mech.workspaces.borrowed(native):
-                return True
-    return False
+    return native is not None and not flexible_bodies(mech.model) and mech.workspaces.supported_by(native)
 
 
 def _bodies_are_alone(template: Template, found: InPlaceParameters, values: Values) -> bool:

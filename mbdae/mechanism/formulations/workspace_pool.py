@@ -2,10 +2,11 @@
 
 from collections import defaultdict
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from ...errors import NotCompiled
 from ...system import Array, Counts
 from ...tolerances import AMBIGUOUS_PIVOT, ZERO_SPEED
 from ..closures import independent_rows
@@ -110,6 +111,12 @@ class WorkspacePool:
         system = self.acquire(native=native)
         yield system
         self.release(system)
+
+    def supported_by(self, native: ModuleType) -> bool:
+        """Return whether the core supports the mechanism."""
+        with suppress(NotCompiled), self.borrowed(native):
+            return True
+        return False
 
 
 def _shares_all_but_start(a: "Mechanism", b: "Mechanism") -> bool:

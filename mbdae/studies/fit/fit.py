@@ -16,7 +16,6 @@ from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
 from ...errors import InputError, MbdaeError, as_list, is_count, require
-from ...mechanism import Mechanism, ModelSource
 from ...mechanism.formats.mechanism_file.loaded_model import parameter_value
 from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...mechanism.formats.mechanism_file.template import Template
@@ -24,7 +23,7 @@ from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
 from ...system import Array
 from ...tolerances import COARSE, INPUT_DIGITS, SEARCH_TOLERANCE, VISIBLE
-from ..factories import MechanismFactory, factory_of
+from ..factories import MechanismFactory, Model, factory_of
 from ..sensitivity.run_parameters import named_values, progress_reporter, reals, scaled
 from ..sweep.sweep_run import check_settings
 from .data import records
@@ -47,7 +46,7 @@ class Unknown(NamedTuple):
 
 
 def fit(
-    model: ModelSource | Mechanism | Callable[..., Mechanism],
+    model: Model,
     parameters: Parameters,
     data: Any,
     *,

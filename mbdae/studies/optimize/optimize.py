@@ -14,11 +14,10 @@ from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from ...errors import InputError, MbdaeError, UnknownNameError, is_count, is_number
 from ...integrate.trajectory.differentiable_runs import has_jumps
-from ...mechanism import Mechanism, ModelSource
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import VISIBLE
-from ..factories import factory_of
+from ..factories import Model, factory_of
 from ..sensitivity.cost import Cost
 from ..sensitivity.run_parameters import Names, named_values, progress_reporter
 from .objective import ComputeMotion, CostEvaluation, Motion, curves, runs
@@ -40,7 +39,7 @@ Pair = tuple[float | None, float | None]
 
 
 def optimize(
-    model: ModelSource | Mechanism | Callable[..., Mechanism],
+    model: Model,
     cost: Cost,
     parameters: Names,
     bounds: Mapping[str, Pair] | None = None,

@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping, Sequence, Set
 
 from ... import backend
 from ...errors import InputError, is_number, require
-from ...mechanism import Mechanism, ModelSource
+from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...system import Array
-from ..factories import MechanismFactory, factory_of
+from ..factories import MechanismFactory, Model, factory_of
 from ..kinematics.curve_derivatives import CurveSignals
 from ..kinematics.driven_mechanism import Hold, driven_mechanism
 from ..kinematics.kinematics import kinematics
@@ -24,7 +24,7 @@ __all__ = ["tolerance"]
 
 
 def tolerance(
-    model: Mechanism | ModelSource | Callable[..., Mechanism],
+    model: Model,
     drive: str,
     signals: Sequence[str] = (),
     parameters: Mapping[str, float] | None = None,
