@@ -11,6 +11,7 @@ import pytest
 
 import mbdae
 
+pytestmark = pytest.mark.slow
 FOLDER = Path(__file__).parent.parent / "examples" / "benchmarks"
 PROBLEMS = ("four-bar", "double pendulum", "Andrews")
 WITHIN = {  # tolerance or number of steps of one run, and the largest error in rad that it may leave

@@ -125,6 +125,7 @@ def labels(figure):
     return " ".join(" ".join((ax.get_xlabel(), ax.get_ylabel())) for ax in figure.axes)
 
 
+@pytest.mark.slow
 def test_axes_have_the_units_of_their_curves(sol):
     curve = mbdae.kinematics("slider_crank", "crank", points=9)
     study = mbdae.tolerance("slider_crank", "crank", ["position.slider_pin.x"], {"frame.rod_tip.xyz.0": 5e-5}, points=9)
@@ -155,6 +156,7 @@ def test_plots_of_replays_have_the_units(sol, plots):
     assert found[-1].curves[0].y[-1] == sol.q[-1, -1]  # the user's signal as it is
 
 
+@pytest.mark.slow
 def test_commands_label_every_number(tmp_path):
     def text(*words):
         code, out, err = call(*words, "--units", "mm,deg", cwd=tmp_path)

@@ -143,6 +143,7 @@ def house(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_what_packages_add_is_found_and_what_is_wrong_is_named(house):
     root = str(Path(__file__).parent.parent)
     code = f"import sys; sys.path[:0] = [{str(house)!r}, {root!r}]\n{PROGRAM}"

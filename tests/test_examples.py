@@ -11,6 +11,7 @@ from commands import call
 import mbdae
 from mbdae.studies.order.measurement import Measurement
 
+pytestmark = pytest.mark.slow
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 

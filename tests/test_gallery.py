@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from browser import Chromium
 from PIL import Image
 from test_examples import example
@@ -11,6 +12,7 @@ FOLDER = Path(__file__).parent.parent / "examples" / "pictures"
 PICTURES = list(FOLDER.iterdir())
 
 
+@pytest.mark.slow
 def test_the_gallery_is_drawn(tmp_path):
     Chromium()
     gallery, folder = example("gallery"), tmp_path / "pictures"

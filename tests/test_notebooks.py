@@ -10,6 +10,7 @@ nbclient = pytest.importorskip("nbclient")
 pytest.importorskip("ipykernel")
 jupyter_client = pytest.importorskip("jupyter_client")
 
+pytestmark = pytest.mark.slow
 NOTEBOOKS = Path(__file__).parent.parent / "examples" / "notebooks"
 SECONDS = 300  # on a busy machine; alone each takes less than 20
 

@@ -104,6 +104,7 @@ def run_block(block: Block, names: dict, monkeypatch) -> None:
         assert block.language not in ("toml", "xml"), f"a block without the name of its file: {block.code}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)])
 def test_blocks(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -245,8 +246,11 @@ def test_the_commands_of_installation_are_in_the_readme():
     activate = "python3 -m venv .venv && . .venv/bin/activate && pip install "
     install, test = (code for language, code, _ in blocks("README.md")[:2])
     assert install == f"{activate}. && mbdae solve slider_crank -t 5 -o run.npz --html run.html\n"
-    assert test == f'{activate}".[test]" && pytest -W error -n 2 --dist worksteal\n'
-    assert test.split("&& ")[-1] in (ROOT / ".ci" / "run").read_text()
+    command = "pytest -W error -n 2 --dist worksteal -m"
+    assert test == f'{activate}".[test]" && {command} "not slow"\n'
+    ran = (ROOT / ".ci" / "run").read_text().splitlines()
+    assert f'{command} "not slow"' in ran
+    assert f"{command} slow" in ran
 
 
 def test_reactions_along_the_axes_of_the_world():

@@ -4,6 +4,7 @@ import pytest
 from test_examples import example
 
 
+@pytest.mark.slow
 def test_generalized_alpha(capsys):
     orders = example("generalized_alpha").main()
     assert all(1.9 < order < 2.1 for found in orders.values() for order in found), orders

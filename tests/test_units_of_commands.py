@@ -156,6 +156,7 @@ def test_live_views_keep_their_units():
     assert "rod (deg)" in labels
 
 
+@pytest.mark.slow
 def test_reports_have_units_everywhere(tmp_path, monkeypatch):
     without_pictures(monkeypatch)
     code, _, err = call("report", "stick_slip_slider", "-t", "0.3", "-m", "herk3", "--repeats", "1", "-o", "r.html",

@@ -50,6 +50,7 @@ def test_usage_errors_are_one_line(arguments, code, words, tmp_path):
         assert word in err
 
 
+@pytest.mark.slow
 def test_the_program_is_a_program(tmp_path):
     command = [sys.executable, "-m", "mbdae", "drift", "four_bar", "-t", "0.1", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=300)
@@ -110,6 +111,7 @@ EVERY = (
 )
 
 
+@pytest.mark.slow
 def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeypatch):
     every = [*EVERY, *found()]
     assert {arguments.split()[0] for arguments in every} == set(cli.commands)
@@ -199,6 +201,7 @@ mbdae.__main__.main()
 """
 
 
+@pytest.mark.slow
 def test_a_stopped_run_is_written(tmp_path):
     arguments = ["solve", "four_bar", "-t", "100000", "-o", "run.npz", "--html", "run.html"]
     process = subprocess.Popen(

@@ -160,6 +160,7 @@ def mech_signals(mech: Mechanism) -> list[str]:
     return list(mbdae.solve(mech, (0, 1e-6), method="herk2", step=1e-6).signals())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", mbdae.model_names())
 def test_each_gives_a_result_or_a_true_reason(name, tmp_path, monkeypatch):
     page, report = "mbdae.studies.report.page", "mbdae.studies.report.report"

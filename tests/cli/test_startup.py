@@ -88,6 +88,7 @@ def test_the_list_of_models_loads_none():
     assert packages & HEAVY == {"rich"}
 
 
+@pytest.mark.slow
 def test_runs_without_curves_events_and_modes_import_little_of_scipy():
     program = """import sys, mbdae
 mbdae.solve(mbdae.load("pendulum"), (0, 0.1))

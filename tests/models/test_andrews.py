@@ -65,6 +65,7 @@ def test_fixed_steps_reach_it(backend):
     assert np.abs(sol.q[-1] - q).max() < 1e-8
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("method", FORTRAN)
 def test_work_at_equal_error_is_that_of_the_fortran_codes(method, backend):

@@ -187,6 +187,7 @@ COMMANDS = [
 ]
 
 
+@pytest.mark.slow
 def test_a_mechanism_without_closures_runs_through_every_command(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     without_pictures(monkeypatch)

@@ -58,6 +58,7 @@ def test_double_pendulum(program, tmp_path, monkeypatch):
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=program.accuracy)
 
 
+@pytest.mark.slow
 def test_stewart_platform(program):
     mech, t = mbdae.load("stewart_platform"), np.linspace(0, 0.4, 5)
     theirs = program("stewart_platform", hexapod(mech), t)

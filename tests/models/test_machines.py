@@ -52,6 +52,7 @@ def governor_equations():
     return rate
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("back_end")
 def test_governor_follows_its_equations_in_two_coordinates():
     mech, t = mbdae.load("flyball_governor"), np.linspace(0, 2, 41)

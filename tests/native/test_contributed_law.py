@@ -67,6 +67,7 @@ def compiled(tmp_path, words, law):
     return subprocess.run([*words, "try.cpp", "-o", "try"], cwd=tmp_path, capture_output=True, text=True)
 
 
+@pytest.mark.slow
 @compiler
 def test_the_law_has_the_derivatives_of_its_force(tmp_path, words):
     done = compiled(tmp_path, words, LAW)
@@ -102,6 +103,7 @@ def test_a_law_without_derivatives_does_not_compile(tmp_path, words, kind):
     assert "LawKind" in done.stderr
 
 
+@pytest.mark.slow
 @compiler
 def test_a_conservative_part_without_a_potential_does_not_compile(tmp_path, words):
     formula = "static S effort", "return -law.a[0] * abs(v) * v;"

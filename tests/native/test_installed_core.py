@@ -81,6 +81,7 @@ def run_in(clone, site, start=in_process):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(CORE is None, reason="needs the compiled core")
 @pytest.mark.parametrize("start", [in_process, in_kernel])
 def test_a_clone_takes_the_core_of_its_installation(clone, site, start):
@@ -89,6 +90,7 @@ def test_a_clone_takes_the_core_of_its_installation(clone, site, start):
     assert status.endswith(f", installed in {site})")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(CORE is None, reason="needs the compiled core")
 def test_a_core_of_other_sources_or_for_another_pinocchio_is_not_taken(clone, site):
     """The same version with one line more is another core; Python goes on, and says why."""

@@ -117,6 +117,7 @@ def test_gears_of_unbounded_joints_are_projected_in_the_core(monkeypatch):
     np.testing.assert_allclose(driven - driven[0], -2.5 * (driving - driving[0]), atol=1e-10)
 
 
+@pytest.mark.slow
 def test_spans_in_both_directions_and_parts():
     mech = shared_model("four_bar")
     for options in (

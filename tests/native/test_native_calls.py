@@ -78,6 +78,7 @@ def test_a_core_executes_one_call_at_a_time():
     assert system.core.derivative(0.0, system.mechanism.point())
 
 
+@pytest.mark.slow
 def test_a_function_that_knows_its_run_is_collected():
     code = """if True:
         import mbdae, numpy as np

@@ -249,6 +249,7 @@ DRIVERS = [
 RIGHT = arguments(forces=FORCES, drivers=DRIVERS)
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(wild(RIGHT))
 def test_wrong_mechanisms_are_rejected_or_computed(given):

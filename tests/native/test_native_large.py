@@ -38,6 +38,7 @@ def test_many_dependent_rows(N, method):
     assert_same(native, python, 1e-11, own=1e-9)
 
 
+@pytest.mark.slow
 def test_an_implicit_method_on_many_bodies():
     native, python = both(mbdae.load("n_four_bar", N=60), (0, 0.02), method="radau5", step=0.01)
     assert_same(native, python, 1e-11, own=1e-9)
@@ -80,6 +81,7 @@ def test_rows_are_reselected_during_a_run():
     assert all_rows.energy_relative < 10 * few.energy_relative + 1e-9
 
 
+@pytest.mark.slow
 def test_both_back_ends_use_the_same_rows(monkeypatch):
     """On many rows that must be reselected, listed in an order that would fill the matrix."""
     mech = several(bricard(5, [9.81, 0, 0]), 7)

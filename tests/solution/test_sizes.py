@@ -69,6 +69,7 @@ def test_more_than_is_announced_is_not_read(arrays, tmp_path):
     rejected(wrong, "its arrays do not have the announced shapes")
 
 
+@pytest.mark.slow
 def test_what_unfolds_to_hundreds_of_times_its_size_is_not_read(arrays, tmp_path):
     width, n = arrays["y"].shape[1], 4 * MANY // arrays["y"].shape[1]
     more = {"t": (n,), "y": (n, width), "z_own": (n, arrays["z_own"].shape[1])}

@@ -205,6 +205,7 @@ def studies(path: Path):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("feature", FEATURES)
 def test_each_study_gives_a_result_or_a_true_reason(feature, tmp_path, monkeypatch):
     for name, coarse in COARSE.items():

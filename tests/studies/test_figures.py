@@ -207,6 +207,7 @@ def test_slopes_are_those_of_the_study(drawn):
     assert slopes == pytest.approx([3.02, 5.02])
 
 
+@pytest.mark.slow
 def test_the_user_s_settings_neither_matter_nor_change(four_bar, tmp_path):
     sol = mbdae.solve(four_bar, (0, 0.2))
     figures.save(motion(sol), tmp_path / "a.svg")
@@ -226,6 +227,7 @@ def test_panels_by_unit():
     assert labels[:4] == ["angles\n(rad)", "positions\n(m)", "angular velocities\n(rad/s)", "speeds\n(m/s)"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("data_only")
 def test_dollars_in_names_are_dollars(tmp_path, four_bar):
     title = r"press $5_^ to \$ 7$ $\frac"

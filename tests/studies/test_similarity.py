@@ -133,6 +133,7 @@ def test_load_paths(name, load, span, units, monkeypatch):
     np.testing.assert_allclose([e.factor for e in found.critical], [e.factor for e in expected.critical], rtol=EXACT)
 
 
+@pytest.mark.slow
 @each
 def test_root_loci(units):
     """The same roots, and the same critical stiffness."""

@@ -65,6 +65,7 @@ def signalled(folder, call, phase, how):
     return process.returncode, out, err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", CALLS)
 @pytest.mark.parametrize("phase", ["importing", "computing"])
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
@@ -72,6 +73,7 @@ def test_workers_end_with_the_process_that_started_them(call, phase, how, tmp_pa
     assert signalled(tmp_path, call, phase, how)[0] == -how
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", CALLS)
 def test_workers_hear_no_ctrl_c_while_they_import(call, tmp_path):
     assert signalled(tmp_path, call, "importing", signal.SIGINT) == (0, "False\n", "")

@@ -60,6 +60,7 @@ def test_the_check_does_not_depend_on_units(scale):
     assert mbdae.solve(regular, (0, 1), method="herk3", step=0.1).ended
 
 
+@pytest.mark.slow
 def test_the_index_is_that_at_the_start_of_the_run():
     """y1' = t z, y2' = -1/t, y1 + y2 = 1 from t = 1: z = 1/t^2; at t = 0 there is no f, and index 2 is lost."""
     late = Hessenberg(

@@ -57,6 +57,7 @@ def test_the_core_resolves_all_transitions(runs):
     assert "transitions_in_core" not in python.stats
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "end"), [("woodpecker", 0.14), ("ratchet", 2.2), ("stick_slip_slider", 0.7), ("geneva_drive", 1.1)]
 )
@@ -73,6 +74,7 @@ def test_both_back_ends_agree_under_step_size_control(name, end):
     np.testing.assert_allclose(native.y[-1], python.y[-1], rtol=0, atol=1e-9 * (1 + np.abs(python.y).max()))
 
 
+@pytest.mark.slow
 def test_a_chain_comes_to_rest_on_closed_contacts():
     """Through accumulations of impacts, and impacts of a contact while others are closed."""
     mech = shared_model("bouncing_chain")
@@ -187,6 +189,7 @@ def test_a_run_does_not_depend_on_the_number_of_calls(name, end, monkeypatch):
     assert divided.stats | {"seconds": 0} == whole.stats | {"seconds": 0}
 
 
+@pytest.mark.slow
 def test_both_back_ends_check_multipliers_at_the_same_points():
     """At a loose tolerance the multipliers limit the steps; points between their ends are on a cubic."""
     native, python = (mbdae.solve("woodpecker", (0, 0.14), rtol=1e-5, backend=x).stats for x in ("native", "python"))

@@ -77,6 +77,7 @@ def test_in_all_units(units):
     np.testing.assert_allclose(float(found[1]), (REACH - u) / 0.02 * units.time, rtol=2e-6)
 
 
+@pytest.mark.slow
 def test_the_distance_of_an_arm_that_swings(tmp_path):
     """Two bars of 1 m are stretched; the arm has a degree of freedom left, and a driver that rests is not named."""
     along = {"axis": [0.0, 1.0, 0.0], "com": [0.5, 0.0, 0.0]}

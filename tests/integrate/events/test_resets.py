@@ -90,6 +90,7 @@ def ends(mech, q=0.0, v=0.0):
     return np.array([*sol.q[-1], *sol.v[-1]])
 
 
+@pytest.mark.slow
 def test_tangents_are_quotients_of_runs(file):
     mech = mbdae.load(file)
     sol = mbdae.solve(mech, (0, 2.5), np.array([-1.0]), np.array([0.1]), rtol=1e-12)

@@ -42,6 +42,7 @@ def test_the_time_has_the_order_of_the_method(method):
     assert (slopes > mbdae.METHODS[method].order_linear - 0.35).all(), (ending, slopes)
 
 
+@pytest.mark.slow
 @pytest.mark.native
 def test_both_back_ends_find_every_signal():
     """All signals of a model are monitored at once, each at a level that it crosses."""

@@ -104,6 +104,7 @@ def later():
     return sol.q[-1], sol.v[-1]
 
 
+@pytest.mark.slow
 def test_a_run_that_leaves_its_branch_in_a_singular_configuration_ends(monkeypatch):
     """One crank is at rest and the other bars rotate: loops stay closed, and energy is conserved."""
     from mbdae.integrate.steppers import stepper

@@ -117,6 +117,7 @@ def test_inputs_act_as_functions_of_time(hold, options):
     assert sol.vdot[i] == pytest.approx(mbdae.solve(sol.mechanism, (0.0, sol.t[i]), rtol=1e-11).vdot[-1], abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_controller_in_python_holds_a_pendulum_upright():
     """A PD law at 1 kHz: the closed loop is that of the continuous law, to first order of its period."""
     simulator = mbdae.Simulator(driven(), step=H)

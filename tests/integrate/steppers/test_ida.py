@@ -164,6 +164,7 @@ def test_a_coarse_tolerance_is_reported_with_a_remedy_that_exists(formulation):
     assert sol.message.endswith("take a smaller rtol")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("sundials")
 def test_studies_take_it(tmp_path):
     study = mbdae.compare("four_bar", (0, 0.1), methods=["pherk6", "ida", "ggl:ida"], rtol=[1e-4, 1e-6], repeats=0)

@@ -92,6 +92,7 @@ def test_shear_and_rotary_inertia():
     np.testing.assert_allclose(np.diagonal(body.I0), [2 * moment, 1 / 3 + moment, 1 / 3 + moment], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_deflection_by_shear_is_exact():
     """Tip load P on a cantilever: P L^3/(3 EI) + P L/k, and strain P L c/(EI) of a fibre at the clamped end."""
     nodes = {"A": 0.0, "B": 1.0}

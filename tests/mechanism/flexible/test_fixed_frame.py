@@ -107,6 +107,7 @@ def test_momentum_and_energy_of_a_hub_with_a_beam(tmp_path, backend):
     assert np.ptp(about_hub) < 1e-8 * max(about_hub)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["flexible.beam.density", "flexible.beam.young"])
 def test_gradients_of_a_fixed_beam(tmp_path, cantilever, name):
     start, run = np.array([0.01, 0, 0, 0, 0]), {"method": "pherk5", "step": 1e-4}

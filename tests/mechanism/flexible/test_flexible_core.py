@@ -47,6 +47,7 @@ def test_G_and_gamma_are_derivatives_of_g(crowd):
     close(system.gamma(q, v, 0.0), rate, 1e-9)
 
 
+@pytest.mark.slow
 def test_partials_are_derivatives_of_the_equations(crowd):
     mech, q, v, a, lam = crowd
     system, u = mech.system(), np.concatenate([v, [0.0]])

@@ -75,6 +75,7 @@ def test_the_moment_of_the_weight_follows_the_deformation(four_bar):
     assert moment[1] == pytest.approx(-np.cross(C @ x, R.T @ g)[2], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_saved_run_has_the_beam(four_bar, run, tmp_path, monkeypatch):
     monkeypatch.setattr("mbdae.studies.replay.plot_panels.POINTS", 50)
     run.save(tmp_path / "run.npz")
@@ -102,6 +103,7 @@ def test_a_changed_modulus(four_bar):
     np.testing.assert_allclose(ratio, np.sqrt(2.1), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_model_made_in_python_is_saved_with_its_bodies(tmp_path):
     mech = flexible_bodies.crowd()
     sol = mbdae.solve(mech, (0, 1e-3), method="pherk5", step=1e-3)

@@ -40,6 +40,7 @@ def test_small_deflections_are_not_named():
     assert "doubtful" not in str(found)
 
 
+@pytest.mark.slow
 def test_a_load_path_names_the_factor():
     """0.2 m at factor 1: a tenth of the length at 0.5; the rotation is 4/3 of the tip's deflection over the length."""
     path = mbdae.load_path(sagging(0.2, "clamped"), "gravity")

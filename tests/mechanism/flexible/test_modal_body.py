@@ -66,6 +66,7 @@ def test_forces_of_inertia_are_those_of_the_points(random):
     np.testing.assert_allclose(ours, points, rtol=1e-12, atol=1e-12 * np.abs(points).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("second", [0.0, 0.1])
 def test_free_motion_keeps_energy_and_momenta(second):
     mech = flexible_bodies.free(flexible_bodies.body(second=second))

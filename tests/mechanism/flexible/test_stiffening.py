@@ -64,6 +64,7 @@ def test_frequencies_over_the_speed_from_a_file(plane, tmp_path):
         np.testing.assert_allclose(lowest, list(WITH_SIX_MODES.values()), rtol=2e-7)
 
 
+@pytest.mark.slow
 def test_buckling_along_a_load_path():
     """The published errors of p normal modes: 8e-2 6e-3 9e-4 1e-4 for p = 1, 2, 4, 8."""
     for modes, error in ((1, 8e-2), (2, 6e-3), (4, 9e-4)):

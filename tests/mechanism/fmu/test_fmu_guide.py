@@ -22,6 +22,7 @@ def code(first):
     return textwrap.dedent(next(x for x in found if x.startswith(f"    {first}")))
 
 
+@pytest.mark.slow
 def test_a_motor_drives_an_arm(tmp_path, monkeypatch):
     """Against the equations of arm and motor, continuous: the sampling has an error of first order."""
     motor(tmp_path, name="motor.fmu")
@@ -41,6 +42,7 @@ def test_a_motor_drives_an_arm(tmp_path, monkeypatch):
     assert names["torque"][-1] == pytest.approx(exact[2], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_motor_drives_a_belt(tmp_path, monkeypatch):
     """Against the equations of position and motor, continuous: the sampling has an error of first order."""
     motor(tmp_path, name="motor.fmu")
@@ -61,6 +63,7 @@ def test_a_motor_drives_a_belt(tmp_path, monkeypatch):
     assert names["force"][late] == pytest.approx(np.array(force)[late], abs=0.25)
 
 
+@pytest.mark.slow
 @pytest.mark.native
 def test_fmpy_and_casadi(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -19,6 +19,7 @@ def reference(rate, y0, t_end, **settings):
     return solve_ivp(rate, (0, t_end), y0, method="DOP853", rtol=1e-13, atol=1e-13, **settings)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("back_end")
 def test_dc_motor_on_a_link():
     wave = Harmonic(amplitude=6.0, omega=4.0, offset=3.0)
@@ -38,6 +39,7 @@ def test_dc_motor_on_a_link():
         np.testing.assert_allclose([*sol.q[-1], *sol.v[-1], *sol.s[-1]], end, rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("back_end")
 def test_dc_motor_without_inductance_is_the_limit():
     ends = []

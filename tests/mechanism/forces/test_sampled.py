@@ -99,6 +99,7 @@ def test_all_formulations_sample():
         np.testing.assert_array_equal(again.y, sol.y)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("back_end")
 def test_events_between_and_at_jumps():
     brake = Sampled(lambda t, q, v: -6 * v, rate=8.0, name="brake")

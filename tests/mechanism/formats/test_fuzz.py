@@ -169,6 +169,7 @@ def test_the_mechanism_itself_runs(tmp_path):
     assert try_it(path) == "finished"
 
 
+@pytest.mark.slow
 @fuzz
 @given(table=mutated(MECHANISM))
 def test_mutated_mechanisms(table, tmp_path):
@@ -185,6 +186,7 @@ def test_mangled_urdf(text, tmp_path):
     event(str(quiet(path)))
 
 
+@pytest.mark.slow
 @fuzz
 @given(tables=mangled((ROBOT / "robot.yaml").read_text()), urdf=st.just("") | mangled(GRIPPER.read_text()))
 def test_mangled_robot_yaml(tables, urdf, tmp_path):
@@ -195,6 +197,7 @@ def test_mangled_robot_yaml(tables, urdf, tmp_path):
     event(str(quiet(tmp_path / "gripper.urdf")))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["trees", "loops", "actuated"])
 @fuzz
 @given(data=st.data())

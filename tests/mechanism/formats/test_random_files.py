@@ -82,6 +82,7 @@ def read(kind, content, folder):
     return mech, [str(w.message) for w in caught]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FORMATS)
 def test_random_files_move_like_their_bodies(kind, tmp_path):
     if kind == "xml":

@@ -132,6 +132,7 @@ def other_cut():
     return fall(5, [9.81, 0, 0], "auto")
 
 
+@pytest.mark.slow
 def test_rows_are_reselected_during_a_run(monkeypatch):
     chosen = set()
     select = independent_rows.select_rows

@@ -68,6 +68,7 @@ def test_it_agrees_with_enumeration(seed):
     np.testing.assert_allclose(solution.v, solve_by_enumeration(M, rows, v, e), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_energy_never_grows_and_loops_stay_closed():
     rng = np.random.default_rng(1)
     for _ in range(500):

@@ -28,6 +28,7 @@ def words(sol):
     return [tuple(s.states[k] for s, k in zip(sol.mechanism.switches, mode, strict=True)) for _, mode in sol.modes]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("static", [1.3, 3.0])
 def test_a_block_on_a_spring_turns_and_sticks_where_it_must(static, back_end):
     mech = block(JointSpring(joint="x", stiffness=40.0), JointFriction(joint="x", friction=1.3, static=static))
@@ -51,6 +52,7 @@ def test_a_block_on_a_spring_turns_and_sticks_where_it_must(static, back_end):
     np.testing.assert_allclose(tangent.signal("power.x friction")[moves], expected[moves], rtol=1e-9, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_a_slider_crank_with_two_joints_that_stick(back_end):
     until = 3.0 if back_end == "native" else 1.2
     sol = mbdae.solve(mbdae.load("stick_slip_slider"), (0, until), rtol=1e-11)

@@ -51,6 +51,7 @@ def child(program, *arguments):
 HUNDREDS = [("native", "herk3", 200), ("python", "herk3", 200), ("python", "radau1", 150)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "method", "loops"), HUNDREDS)
 def test_hundreds_of_loops_take_little_memory(name, method, loops):
     done = child(RUN, name, method, str(loops))
@@ -60,6 +61,7 @@ def test_hundreds_of_loops_take_little_memory(name, method, loops):
     assert peak < 0.5 * GIGABYTE
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_too_little_memory_is_one_line():
     done = child(TIGHT)
@@ -114,6 +116,7 @@ np.testing.assert_allclose(falls[1], 2 * falls[0], rtol=1e-6)  # from rest
 """
 
 
+@pytest.mark.slow
 def test_users_may_call_other_algorithms_on_the_data_of_a_system():
     """In another process: without room for their results these write anywhere. 60 hinges exceed `MAX_COMPLETE_NV`."""
     done = child(USES)

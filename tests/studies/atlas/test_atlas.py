@@ -32,6 +32,7 @@ def points(atlas):
     return {(r.model, *p.label): (p.status, p.errors, p.solves, p.g, p.energy) for r in atlas.runs for p in r.points}
 
 
+@pytest.mark.slow
 def test_every_method_runs_or_is_named_with_its_reason(small):
     assert small.complete
     for m in small.motions:
@@ -87,6 +88,7 @@ def test_a_long_run_is_that_of_solve_and_drift(small):
         assert x.has_trend == (abs(d.energy_trend) > 3 * d.energy_trend_error)
 
 
+@pytest.mark.slow
 def test_an_interrupted_atlas_resumes(small, data, tmp_path):
     """Ctrl-C comes after five results, and a crash within a line; finished results are not computed again.
 

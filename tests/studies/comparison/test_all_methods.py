@@ -8,6 +8,7 @@ import mbdae
 from mbdae.studies.comparison import comparison_runs
 
 
+@pytest.mark.slow
 def test_all_methods_that_suit_a_mechanism():
     """Each method runs or is named; with numbers of steps those with fixed steps alone run, too."""
     study = mbdae.compare("four_bar", (0, 0.1), methods="all", rtol=[1e-3], steps=[20], repeats=0)
@@ -26,6 +27,7 @@ def test_all_methods_that_suit_a_mechanism():
     assert {"pherk6", "radau5"} <= {*study.methods}
 
 
+@pytest.mark.slow
 def test_all_methods_on_a_mechanism_with_stops_and_on_a_textbook_problem():
     study = mbdae.compare("pendulum_on_stop", (0, 0.1), methods="all", rtol=[1e-3], repeats=0)
     assert "need formulation 'index2'" in study.omitted["index1:dop853"]

@@ -48,6 +48,7 @@ def test_shapes_are_not_sent():
 SHORT = ("compare", "four_bar", "-t", "0.5", "-m", "pherk5,ggl:herk3", "-m", "index1:RK45", "--repeats", "1")
 
 
+@pytest.mark.slow
 def test_output_in_a_pipe_is_plain_and_json_is_one_document(tmp_path):
     code, out, err = call(*SHORT, "--rtol", "1e-3,1e-5", "-o", "c.csv", "--plot", "c.png", cwd=tmp_path)
     assert (code, err) == (0, "")
@@ -87,6 +88,7 @@ def test_usage_errors_are_one_line(arguments, words, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_ctrl_c_keeps_what_is_finished(tmp_path, workers):
     arguments = ["compare", "four_bar", "-t", "0.1", "-m", "pherk5,herk2", "--rtol", "1e-3,1e-11", "-o", "c.json"]

@@ -82,6 +82,7 @@ def test_three_parameters_of_a_noisy_slider_crank(tmp_path):
     assert found.correlations[0, 2] > 0.9
 
 
+@pytest.mark.slow
 def test_eight_parameters_of_four_bar_from_clean_data():
     names = ["frame.coupler_tip.xyz.0", "frame.rocker_tip.xyz.0", "joint.rocker.xyz.0", "joint.coupler.mass",
              "joint.rocker.com.0", "gravity.2", "start.q.crank", "start.v.crank"]  # fmt: skip
@@ -98,6 +99,7 @@ def test_eight_parameters_of_four_bar_from_clean_data():
         assert abs(found.values[name] - value) < 1e-8 * abs(value), found
 
 
+@pytest.mark.slow
 def test_a_false_minimum_is_refuted():
     """Gravity from a bob that is out of phase by periods: fitting the whole span at once fails, growing spans do not.
 

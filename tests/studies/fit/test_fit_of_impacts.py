@@ -12,6 +12,7 @@ BOUNDS = {"stop.rod stop.lower": (0.301, 0.25, 0.35), "stop.rod stop.restitution
 SIGMA, SEEDS = 1e-3, 20
 
 
+@pytest.mark.slow
 def test_position_and_restitution_of_a_stop():
     """Errors over 20 seeds, in standard deviations of the fit, are those of a normal distribution."""
     sol = mbdae.solve("pendulum_on_stop", (0.0, 1.6), t_eval=np.linspace(0.0, 1.6, 33), rtol=1e-8)
@@ -27,6 +28,7 @@ def test_position_and_restitution_of_a_stop():
     assert (np.abs(np.std(errors, axis=0) - 1) < 3 / np.sqrt(2 * SEEDS)).all()
 
 
+@pytest.mark.slow
 def test_trials_that_accumulate_bounces_are_rejected_steps():
     """Measured is a stop on which the rod comes to rest: the search ends before, without success, and tells why."""
     base = mbdae.load("pendulum_on_stop")

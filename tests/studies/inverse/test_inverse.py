@@ -88,6 +88,7 @@ def test_units_of_a_joint_whose_name_another_one_begins_with():
     assert inverse_dynamics(mech, sol, ["slide", "slide.tip"]).units == ("N", "N m")
 
 
+@pytest.mark.slow
 def test_power_is_the_rate_of_energy():
     mech = mbdae.load("slider_crank")
     turn = kinematics(mech, "crank", points=721)

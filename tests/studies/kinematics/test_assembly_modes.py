@@ -89,6 +89,7 @@ def test_stephenson_by_its_lever_has_as_many_as_the_coupler_curve_crosses_a_circ
     assert count >= 2
 
 
+@pytest.mark.slow
 def test_modes_are_distinguished_by_named_joints():
     mech = mbdae.load("stewart_platform")
     legs = [f"piston_{i}" for i in range(2, 7)]
@@ -111,6 +112,7 @@ def ensembles(monkeypatch):
     return importlib.import_module("assembly_modes")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("family", "cases"), [("platform", 14), ("platform of legs", 4), ("rssr", 6), ("wrist", 2)])
 def test_no_mode_of_a_random_loop_is_missed(ensembles, family, cases):
     found = ensembles.ensemble(family, cases)
@@ -119,6 +121,7 @@ def test_no_mode_of_a_random_loop_is_missed(ensembles, family, cases):
     assert max(found.counts) >= {"platform": 6, "rssr": 2}.get(family, 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-3, 1e5])
 def test_the_size_of_a_platform_does_not_matter(ensembles, scale):
     case = ensembles.platform(12, scale=scale)

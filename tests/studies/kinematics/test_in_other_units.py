@@ -44,6 +44,7 @@ def test_kinematics_know_no_units(name):
             near(found.transmission, expected.transmission)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in DRIVES if n != "delta_robot"])
 def test_assembly_modes_know_no_units(name):
     mech, (drive, hold, _) = mbdae.load(name), DRIVES[name]
@@ -93,6 +94,7 @@ def test_transmission_angles_know_no_units(drive, output):
         near(mbdae.kinematics(units.mechanism(mech), drive, points=9, output_joint=output).transmission, expected)
 
 
+@pytest.mark.slow
 def test_stops_are_passed_in_all_units():
     """A crank of 0.1 m and a rod of 0.35 m: the slider reaches 0.45 m."""
     plain = mbdae.load("slider_crank")

@@ -186,6 +186,7 @@ def test_a_failed_step_stops_and_leaves_what_was_recorded(arm):
         view.play()
 
 
+@pytest.mark.slow
 def test_interrupting_the_command_saves_the_run(tmp_path):
     command = [sys.executable, "-m", "mbdae", "live", "slider_crank", "-o", str(tmp_path / "run.npz")]
     running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -158,6 +158,7 @@ CHOOSE = """
 """
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_mode_that_is_chosen(tmp_path):
     found = mbdae.modes(mbdae.load("four_bar"))
     arm = mbdae.modes(mbdae.load("panda_handle"))

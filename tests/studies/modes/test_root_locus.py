@@ -12,6 +12,7 @@ from mbdae.errors import InputError, UnknownNameError
 from mbdae.studies.modes.root_locus import read_range
 
 
+@pytest.mark.slow
 def test_a_top_falls_asleep_above_its_critical_spin(tmp_path):
     found = mbdae.root_locus("sleeping_top", "spin", np.linspace(100, 300, 21))
     I1, I3 = 15.0 + 0.234375, 0.46875

@@ -47,6 +47,7 @@ def test_rest_to_rest_with_least_squares():
     assert found.duration == 2.0
 
 
+@pytest.mark.slow
 def test_a_free_duration():
     """Least w T + 12 m^2 d^2/T^3: T = (36 m^2 d^2/w)^(1/4)."""
     found = control(lambda x: (x["push"] ** 2, {"push": 2 * x["push"]}), duration=(0.5, 5.0), time_weight=10.0)
@@ -80,6 +81,7 @@ def test_signals_as_costs():
     assert found.solution.work[-1] == pytest.approx(0.5 * MASS * 4.0, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hold", ["zero", "first"])
 def test_the_optimum_of_a_four_bar(hold):
     """Crank 1.2 to 0.6 rad, rest to rest in 1 s: piecewise functions converge to collocation, with order 2 or 4."""
@@ -98,6 +100,7 @@ def test_the_optimum_of_a_four_bar(hold):
     assert np.abs(mbdae.load("four_bar").residual(found[-1].solution.q[-1], found[-1].solution.v[-1])[0]).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_derivatives_are_quotients_of_motions():
     """Of costs and constraints that depend on inputs, states and accelerations, with a free duration."""
     from mbdae.finite_differences import numerical_jacobian

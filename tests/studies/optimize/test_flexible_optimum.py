@@ -31,6 +31,7 @@ def distance(signals):
     return error**2, {TIP: 2e3 * error * np.eye(len(signals[TIP]))[-1]}
 
 
+@pytest.mark.slow
 def test_the_section_for_a_sag(tmp_path):
     """I = rho A g L^4/(8 E sag)."""
     (tmp_path / "cantilever.toml").write_text(CANTILEVER)

@@ -61,6 +61,7 @@ CURVES = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "options", "signals", "values"), CURVES)
 def test_curves_are_differentiated_at_equal_inputs(model, options, signals, values):
     make = Template(model)

@@ -58,6 +58,7 @@ def test_orders(model, half, back_end, monkeypatch):
         assert study.holds, str(study)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["bicycle", "rolling_disc"])
 def test_orders_of_what_rolls(model):
     study = mbdae.order(mbdae.load(model), ["herk3", "pherk4", "herk5", "pherk5", "pherk6", "radau5"])
@@ -256,6 +257,7 @@ def test_a_method_whose_runs_fail_says_why():
     assert found.verdict == "cannot be judged: no run was completed, the step became too small"
 
 
+@pytest.mark.slow
 def test_the_gain_of_multipliers_is_found_once(monkeypatch):
     problem = hessenberg_a()
     system = type(problem.system())

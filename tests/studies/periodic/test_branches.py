@@ -14,6 +14,7 @@ def gaits():
     return mbdae.periodic_branch("simplest_walker", "incline", 0.015, 0.0152, rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_the_walker_doubles_its_period(gaits):
     """At 0.0150884379411 (independent program; 0.0151 in the paper of Garcia et al.), the angle is 0.23716586 there."""
     (at,) = gaits.bifurcations
@@ -25,6 +26,7 @@ def test_the_walker_doubles_its_period(gaits):
     assert "period doubling" in str(gaits)
 
 
+@pytest.mark.slow
 def test_the_doubled_branch_is_stable_and_limps(gaits, tmp_path):
     """With mu = -1 - s (p - p*) before, its multiplier is 1 - 4 s (p - p*) (normal form of the flip)."""
     (at,) = gaits.bifurcations
@@ -46,6 +48,7 @@ def test_the_doubled_branch_is_stable_and_limps(gaits, tmp_path):
         gaits.doubled(at.__class__("fold", at.value, at.motion))
 
 
+@pytest.mark.slow
 def test_a_bouncing_ball_has_a_fold_where_the_table_is_too_slow():
     """Motions of one bounce per period exist for A omega >= u = g T (1 - e)/(2 (1 + e)); at the end mu = 1."""
     least = G * T / 2 * (1 - E) / (1 + E) / OMEGA
@@ -62,6 +65,7 @@ def test_a_bouncing_ball_has_a_fold_where_the_table_is_too_slow():
         )
 
 
+@pytest.mark.slow
 def test_a_range_in_single_precision_does_not_round_the_branch():
     q, v = start(0.0036, -1)
     first, last = np.float32(0.0036), np.float32(0.00361)

@@ -54,6 +54,7 @@ def test_a_motion_without_impacts_ends_where_it_grazes_the_stop():
     assert np.prod(found.multipliers[-1]).real == pytest.approx(np.exp(-2 * Z * T), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_motion_with_impacts_ends_where_they_graze():
     """The same force, where the speed of the impact is zero and a multiplier is infinite."""
     exact = impact_motion(0.05)
@@ -67,6 +68,7 @@ def test_a_motion_with_impacts_ends_where_they_graze():
     assert np.abs(found.multipliers[-1]).max() > 1e4
 
 
+@pytest.mark.slow
 def test_the_impact_motion_doubles_its_period():
     """det = e^2 exp(-2 z T) = d everywhere, so a multiplier is -1 where the trace is -1 - d."""
     d = E**2 * np.exp(-2 * Z * T)

@@ -21,6 +21,7 @@ def motor():
     return mbdae.periodic(mbdae.load("slider_crank", forces=forces), rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_a_slider_crank_with_a_motor(motor):
     """One degree of freedom: the work of torque and damping cancels, and mu = exp(-int d/I dt), I = 2 E_kin/w^2."""
     run, T = motor.run, motor.T
@@ -40,6 +41,7 @@ def test_the_section_that_is_found_leads_to_the_same_motion(motor):
     assert again.multipliers.real == pytest.approx(motor.multipliers.real, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_crank_of_constant_speed_turns_once_per_period():
     """A driven position has the driver's period; a driven speed leaves the phase free."""
     position = Driver(joint="crank", motion=Polynomial(coefficients=(0.3, 5.0)))
@@ -62,6 +64,7 @@ def test_a_ratchet_advances_by_a_pitch_per_stroke():
     assert run.q[-1, 0] - run.q[0, 0] == pytest.approx(TURN / 24, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_a_disc_in_a_circle_has_all_of_its_symmetries():
     found = mbdae.periodic("rolling_disc")
     assert set(found.symmetry) == {"disc", "x", "y", "turn"}
@@ -69,6 +72,7 @@ def test_a_disc_in_a_circle_has_all_of_its_symmetries():
     assert max(x.error for x in found.neutral) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_run_that_does_not_come_back_asks_for_a_period():
     """A double pendulum; and the joint of a pendulum is no symmetry."""
     assert mbdae.periodic("pendulum", 2.1).symmetry == ()
@@ -81,6 +85,7 @@ def test_a_section_that_is_crossed_in_a_jump_is_one_line():
         mbdae.periodic("compass_gait", section="q.stance > 0", rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_run_of_twice_the_period_of_the_force():
     """Beyond the period doubling of the impact oscillator impacts alternate; det = (e^2 exp(-2 z T))^2."""
     d = E**2 * np.exp(-2 * Z * T)

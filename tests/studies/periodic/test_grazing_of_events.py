@@ -25,6 +25,7 @@ def branch_of_impacts(mechanism, first, last, rtol=1e-9):
     )
 
 
+@pytest.mark.slow
 def test_a_motion_without_events_ends_where_it_grazes_the_level(tmp_path):
     x, v = steady(3.5, 0.0)
     found = mbdae.periodic_branch(thrown, "force", 3.5, 4.5, q=[x], v=[v], rtol=1e-9, start={"phase": 0.0})
@@ -36,6 +37,7 @@ def test_a_motion_without_events_ends_where_it_grazes_the_level(tmp_path):
     assert [text.get_text() for text in magnitude.texts] == ["grazing"]
 
 
+@pytest.mark.slow
 def test_a_motion_with_an_event_ends_where_it_only_touches_its_level():
     exact = impact_motion(0.02)
     (x, v), phase = exact.start, exact.phase + np.pi
@@ -45,6 +47,7 @@ def test_a_motion_with_an_event_ends_where_it_only_touches_its_level():
     assert at.value == pytest.approx(GRAZING_FORCE, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_motion_ends_where_the_condition_of_its_event_fails():
     """The speed before the event is u/e, and the condition asks for 0.5."""
     mechanism = lambda force, phase: thrown(force, phase, when="v.mass < -0.5")  # noqa: E731
@@ -73,6 +76,7 @@ def on_a_pad(force):
     return Mechanism(model, forces=forces, stops=[Stop(joint="pad", lower=0.0, name="floor")])
 
 
+@pytest.mark.slow
 def test_a_load_that_touches_zero_is_named_and_the_branch_goes_on():
     """The amplitude of x'' is w^2 F/|1 - w^2 + 2 i z w|; beyond, the pad leaves the stop for a moment."""
     x, v = steady(2.0, 0.0)

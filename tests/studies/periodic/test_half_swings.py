@@ -66,6 +66,7 @@ def after_a_period(start, amplitude):
     return end[:2], end[2:].reshape(2, 2)
 
 
+@pytest.mark.slow
 def test_a_swing_loses_its_symmetry_where_half_of_it_doubles(swing):
     """There the whole period has a multiplier 1, and a swing that is not symmetric begins."""
     half = {"T": np.pi / OMEGA, "exchange": {"rod": "-rod"}, "q": {"rod": -2.534}, "v": {"rod": -0.669}}

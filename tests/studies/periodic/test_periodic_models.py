@@ -9,6 +9,7 @@ import mbdae
 from mbdae import JointDamping, JointTorque
 
 
+@pytest.mark.slow
 def test_a_rattleback_that_spins_has_neutral_multipliers_and_its_reversal_the_inverse_ones():
     """Time, place, heading and energy are neutral; the equations are reversible: mu(-spin) = 1/mu(spin)."""
     found = {}
@@ -50,6 +51,7 @@ def turn(energy):
     return state
 
 
+@pytest.mark.slow
 def test_a_geneva_drive_with_a_motor():
     """One degree of freedom: dE/da = torque - d a', mu = exp(-int d/I dt); the wheel turns by a quarter per turn."""
     energy = brentq(lambda e: turn(e)[0] - e, 0.1, 2.0, xtol=1e-14)

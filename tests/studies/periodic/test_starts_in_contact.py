@@ -34,6 +34,7 @@ def slider(force):
     return mass(JointDamping(joint="mass", damping=DAMPING), constant, driven(force), friction)
 
 
+@pytest.mark.slow
 def test_a_sliding_block_begins_to_stick_where_its_speed_grazes_zero():
     """Its speed has the mean (c - f)/d and the amplitude F/sqrt(w^2 + d^2); beyond it sticks once in a period."""
     found = mbdae.periodic_branch(slider, "force", 3.9, 4.3, q=[0.0], v=[2.0], rtol=1e-9, symmetry=["mass"])

@@ -5,6 +5,7 @@ import pytest
 from commands import call, keep_studies
 
 
+@pytest.mark.slow
 def test_the_cycle(monkeypatch):
     """Its period and advance are those of a long run; time and height are neutral; a disturbance dies in a period.
 

@@ -88,6 +88,7 @@ def test_slow_motion_stores_more_frames_and_what_rests_one(fourbar, tmp_path):
     assert payload(animate(long, tmp_path / "run.html", **PLAIN))["frames"] == replay.MAX_FRAMES
 
 
+@pytest.mark.slow
 def test_a_mesh_is_stored_once(tmp_path):
     panda = mbdae.load("panda_handle")
     still = SimpleNamespace(t=np.zeros(1), q=np.array([pin.neutral(panda.model)]), mechanism=panda)
@@ -130,6 +131,7 @@ def test_wrong_input_is_rejected_by_name_and_leaves_the_file(fourbar, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["folder.html", "run.html"]
 
 
+@pytest.mark.slow
 def test_nothing_is_printed_and_nothing_left_running(tmp_path):
     code = (
         "import mbdae; from mbdae.studies.replay.replay import animate; mech = mbdae.load('pendulum');"

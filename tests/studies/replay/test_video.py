@@ -19,6 +19,7 @@ def crank():
     return mbdae.solve(mbdae.load("slider_crank"), (0, 2), rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".gif", ".mp4"])
 def test_a_video(crank, tmp_path, suffix):
     Chromium()

@@ -80,6 +80,7 @@ def test_the_same_steps(method, names):
         assert (np.abs(derivatives[part] - expected[part]).max(axis=0) < 1e-12 * size).all()
 
 
+@pytest.mark.slow
 def test_thirty_digits():
     """The same code with 40 digits: the results of extended precision are right to rounding."""
     names = ["ss", "m5", "c0"]

@@ -90,6 +90,7 @@ def test_every_sort_of_parameter(model, names, step, within, project):
         assert_derivative(found.dy[..., i], lambda x, run=run: run(x).y, value, within, widths, own, name)
 
 
+@pytest.mark.slow
 def test_placements_on_a_moving_tree():
     """Masses and placements of a spatial mechanism in motion, with springs, dampers and forces between its frames."""
     template = Template("panda_handle")

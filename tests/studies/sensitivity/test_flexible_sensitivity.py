@@ -36,6 +36,7 @@ def quotients(four_bar):
     return np.array([column(n, x) for n, x in zip(NAMES, VALUES.values(), strict=True)]).T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["native", "python"])
 def test_sensitivities_are_difference_quotients(four_bar, quotients, backend):
     sol = mbdae.solve(four_bar, (0, 0.01), **RUN, backend=backend)

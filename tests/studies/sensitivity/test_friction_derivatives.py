@@ -59,6 +59,7 @@ def columns(sol, names):
     return np.array([*sol.signals(names).values()])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", MADE)
 def test_every_kind_of_friction_interface(kind):
     values = {"coefficient": 0.3, "velocity": 0.5}
@@ -110,6 +111,7 @@ NAMES = ("force.coulomb_friction 1.coefficient", "force.coulomb_friction 1.radiu
          "joint.rocker.xyz.0", "frame.coupler_tip.xyz.0", "start.q.crank")  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_closures_that_depend_on_each_other(name):
     """Five rows of a revolute closure in the plane, two of them independent: the force is that of least norm."""
@@ -132,6 +134,7 @@ def test_closures_that_depend_on_each_other(name):
     compare(sol, [name], ["q.crank", "lam.pin.1", "work", "torque.pin.y"])
 
 
+@pytest.mark.slow
 def test_friction_of_a_sliding_wheel():
     """T = -mu N along the no-slip row, which is inactive: its derivatives by mu are those of mu N."""
 

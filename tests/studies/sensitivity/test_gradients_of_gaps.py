@@ -18,6 +18,7 @@ CASES = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "T", "parameters"), CASES, ids=[case[0] for case in CASES])
 def test_gaps(model, T, parameters):
     template = Template(model)

@@ -81,6 +81,7 @@ def test_follower_forces_report_that_roots_may_be_missed(tmp_path):
     assert "with double roots may be missing" in str(path)
 
 
+@pytest.mark.slow
 def test_a_four_bar_rests_on_both_circuits():
     """Mirrored about its level ground, heights and the signs of its potential are inverted: minimum becomes maximum."""
     found = mbdae.equilibria(mbdae.load("four_bar"), "crank")

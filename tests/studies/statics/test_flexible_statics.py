@@ -43,6 +43,7 @@ def test_a_load_path_has_them_along_it(cantilever):
     assert json.loads(json.dumps(path.to_dict()))["deformation"]["stress.bar.A"][-1] == pytest.approx(STRESS, rel=3e-3)
 
 
+@pytest.mark.slow
 def test_a_path_ends_where_linear_modes_have_no_meaning():
     """A column with a small lateral force: its deflection grows without bound below pi^2 EI/(4 L^2)."""
     model = pin.Model()

@@ -20,6 +20,7 @@ def press(z):
     return 20 * z * (L0 / np.sqrt(1 + z * z) - 1)
 
 
+@pytest.mark.slow
 def test_the_toggle_snaps_through_where_its_force_is_largest():
     path = mbdae.load_path(mbdae.load("snap_toggle"), "press", (0, 2))
     z = np.sqrt(L0 ** (2 / 3) - 1)
@@ -70,6 +71,7 @@ def test_wrong_loads_are_named(load, span, error, text):
         mbdae.load_path(mbdae.load("snap_toggle"), load, span)
 
 
+@pytest.mark.slow
 def test_the_command_follows_a_load_to_its_full_size_and_names_unknown_ones():
     """One Newton path, two calls: --to is 1 when left out, as the end of ``span``."""
     said = CliRunner().invoke(cli, ["load-path", "snap_toggle", "--load", "press", "--json"], catch_exceptions=False)

@@ -92,6 +92,7 @@ def test_equilibria_of_a_rod_that_leans_on_a_plane():
         assert (e.contacts, e.stability) == (expected, "rigid" if q > 0 else "unstable")
 
 
+@pytest.mark.slow
 def test_equilibria_of_a_pendulum_and_of_a_toggle_on_their_stops():
     found = mbdae.equilibria(pendulum(), "a")
     assert [float(e.q[0]) for e in found] == pytest.approx([np.pi, 0.3], abs=ROUNDING)

@@ -30,6 +30,7 @@ def last_crank(sol):
 # -- executors -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("forked_workers")
 def test_threads_processes_and_dask_give_the_same_bits(tmp_path):
     distributed = pytest.importorskip("distributed")
@@ -176,6 +177,7 @@ def begun(folder, how, *options):
     return process.returncode, out, err
 
 
+@pytest.mark.slow
 def test_a_sweep_that_is_stopped_or_killed_goes_on(tmp_path):
     (tmp_path / "sweep.toml").write_text(SWEEP)
     path = tmp_path / "runs.parquet"

@@ -178,6 +178,7 @@ def test_loops_in_space_agree_with_differences_of_assembly(model):
     np.testing.assert_array_equal(found.influences.directions, 3)
 
 
+@pytest.mark.slow
 def test_close_to_dead_points_it_says_so():
     """Driven by its slider, the crank is dead where crank and rod are in line: there a short rod does not reach."""
     crank, rod, t = 0.1, 0.35, 1e-3

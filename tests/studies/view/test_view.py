@@ -33,6 +33,7 @@ def test_a_crank_goes_round_with_its_loop_closed(four_bar):
     np.testing.assert_allclose(crank.q[crank.start], four_bar.q, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_arms_reverse_at_dead_points_and_the_others_rest():
     found = mbdae.view(mbdae.load("delta_robot"))
     for s in found.sliders:
@@ -73,6 +74,7 @@ def page_of(found, folder):
     return folder / "view.html", MOVE.replace("PATHS", json.dumps(paths))
 
 
+@pytest.mark.slow
 def test_a_coordinate_alone_goes_along_the_poses_computed_for_it(tmp_path):
     found = mbdae.view(mbdae.load("delta_robot"))
     page, move = page_of(found, tmp_path)
@@ -98,6 +100,7 @@ def test_a_coordinate_alone_goes_along_the_poses_computed_for_it(tmp_path):
     assert log["back"]["shares"] == pytest.approx([s.start / (len(s.u) - 1) for s in found.sliders])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "moves"), [
     ("delta_robot", [(0, 0.1), (1, -0.15), (2, 0.12)]),
     ("stewart_platform", [(0, 0.06), (3, -0.05), (5, 0.04)]),
@@ -139,6 +142,7 @@ def test_a_rail_reaches_as_far_as_its_slider(tmp_path):
     assert (low, high) == pytest.approx((cart.u.min() - margin, cart.u.max() + margin), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_where_loops_cannot_be_closed_a_slider_stops(tmp_path):
     found = mbdae.view(mbdae.load("delta_robot"))
     page, move = page_of(found, tmp_path)

@@ -154,6 +154,7 @@ def test_singular_systems_are_named():
     np.testing.assert_allclose(back(np.array([2.0, 3.0])), [3, -1j])
 
 
+@pytest.mark.slow
 def test_thread_counts_do_not_change_a_run():
     """Of LAPACK: threads split sums, if used, and a sum in two parts is rounded differently."""
     code = "import mbdae; s = mbdae.solve(mbdae.load('n_four_bar'), (0, 0.5), method='radau5'); print(s.y.tobytes())"
