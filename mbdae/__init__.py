@@ -9,6 +9,7 @@ from .cli import interrupt  # noqa: F401, before all slow imports
 # isort: split
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from .discovery import class_names, public_names
@@ -142,6 +143,8 @@ def _value(name: str) -> Any:
         forces = import_module("mbdae.mechanism.forces").NAMES
         if name in forces:
             return forces[name]
+    if not name.startswith("_") and find_spec(f"mbdae.{name}"):  # a module, as mbdae.backend
+        return import_module(f"mbdae.{name}")
     raise AttributeError(f"module 'mbdae' has no attribute {name!r}")
 
 

@@ -37,6 +37,12 @@ def test_a_name_is_imported_when_it_is_used():
     assert done.stdout.split() == ["False", "True"]
 
 
+def test_modules_are_imported_when_they_are_used():
+    code = "import sys, mbdae\nprint(mbdae.backend.BACKENDS, mbdae.errors.InputError.__name__, 'numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == f"{mbdae.backend.BACKENDS} InputError False"
+
+
 def test_a_name_is_the_same_each_time():
     assert mbdae.Mechanism is mbdae.mechanism.Mechanism
     assert mbdae.drift is mbdae.studies.drift.drift.drift

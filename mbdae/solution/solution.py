@@ -47,7 +47,8 @@ class Solution(DenseOutput, Tabular):
         z_own: the method's multipliers at t, (n, nz).
         status: one of `mbdae.errors.STATUS`; ``"finished"`` and ``"event"`` mean success.
         message: one line of text.
-        stats: counts of steps, rejections, evaluations, solves, and seconds.
+        stats: counts of steps, rejections, evaluations, solves, and seconds; ``"drift"`` of a mechanism, largest |g|
+            at the ends of steps, in rad or characteristic lengths.
         settings: method, tolerances and steps that were used.
         steps: times, points and the method's multipliers of all steps, if ``t_eval`` requested other times.
         events: for each event function the times (k,) and points (k, ...) of its zeros.

@@ -22,18 +22,20 @@ from pathlib import Path
 
 PHASE = {phase!r}
 
-def wait(seconds):
+def report():
     Path(f"{{os.getpid()}}.worker").touch()
-    time.sleep(seconds)
 
 if __name__ == "__mp_main__" and PHASE == "importing":
-    wait(1)
+    report()
+    while not Path("signalled").exists():
+        time.sleep(0.01)
 
 import mbdae
 
 def force(t, q, v):
     if multiprocessing.parent_process() and PHASE == "computing":
-        wait(60)
+        report()
+        time.sleep(60)
     return 0 * v
 
 def model(**parameters):
@@ -58,6 +60,9 @@ def signalled(folder, call, phase, how):
             assert process.poll() is None, process.communicate()
             time.sleep(0.01)
         (os.killpg if how == signal.SIGINT else os.kill)(process.pid, how)  # Ctrl-C reaches all processes
+        if how != signal.SIGINT:
+            process.wait(30)
+        (folder / "signalled").touch()  # workers that import do so until now, on a loaded machine, too
         out, err = process.communicate(timeout=30)  # it waits for all processes that hold the pipes
     finally:
         with suppress(ProcessLookupError):

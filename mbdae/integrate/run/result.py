@@ -53,6 +53,8 @@ def make_solution(run: RunState, problem: Problem, status: str, message: str, se
 def _statistics(run: RunState, seconds: float) -> dict[str, Any]:
     stats: dict[str, Any] = {"steps": run.steps, "rejected": run.rejected, **run.system.counts.to_dict()}
     stats |= {"seconds": seconds, "backend": run.stepper.backend}
+    if run.mechanical:
+        stats["drift"] = float(run.mechanical.largest_g)
     if run.fallback:
         stats["fallback"] = run.fallback
     for source in run.sources:
@@ -103,6 +105,8 @@ def joined(parts: Sequence[Solution]) -> Solution:
     tables["resets"] = [(k + i, name) for k, part in zip(first, parts, strict=False) for i, name in part.resets]
     tables["events"] = [_zeros(hits) for hits in zip(*(part.events for part in parts), strict=True)]
     stats = last.stats | _sums([part.stats for part in parts])
+    if "drift" in stats:
+        stats["drift"] = max(part.stats["drift"] for part in parts)
     return replace(last, settings=parts[0].settings, stats=stats, carried=None, **tables)
 
 

@@ -1,6 +1,7 @@
 """Derivatives of signals with respect to state, parameters and time."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -26,30 +27,71 @@ NOT_DIFFERENTIABLE = {
 }
 
 
-class _PointDerivatives(NamedTuple):
-    """Derivatives at a point that signals need.
+class PointRates(NamedTuple):
+    """Y' and multipliers at a point, and their derivatives in m directions.
 
     Attributes:
-        coordinates: of q with respect to the tangent, (nq, nv).
-        energies: of the kinetic and the potential energy, (2, ny + k).
+        F: Y', (ny,).
         lam: multipliers of all rows, (ng,).
-        rates: of Y', (ny, ny + k + 1).
-        multipliers: of lam, (ng, ny + k + 1).
-        columns: of bodies and forces by name, (ny + k + 1,) each.
+        rates: of Y', (ny, m).
+        multipliers: of lam, (ng, m).
     """
 
-    coordinates: Array
-    energies: Array
+    F: Array
     lam: Array
     rates: Array
     multipliers: Array
-    columns: dict[str, Array]
 
     def of_multipliers(self, kind: str, rows: list[int]) -> Array:
         """Return derivatives of one multiplier, or of the magnitude of several; zero for zero force."""
         lam = self.lam[rows]
         weights = np.ones(1) if kind == "lam" else lam / (np.linalg.norm(lam) or 1.0)
         return weights @ self.multipliers[rows]
+
+
+class SignalPoint:
+    """A point after node i of a run with m directions; derivatives that several signals need are computed once.
+
+    Args:
+        trajectory: of the run.
+        i: the node.
+        t: time in s.
+        y: the point.
+        directions: tangents of y (ny, m), of the parameters (k, m) and of time (m,).
+    """
+
+    def __init__(
+        self, trajectory: "Trajectory", i: int, t: float, y: Array, directions: tuple[Array, Array, Array]
+    ) -> None:
+        self.trajectory, self.i, self.t, self.y = trajectory, i, t, y
+        self.dy, self.dp, self.dt = directions
+        self.families: dict[int, Array] = {}  # derivatives of the families of columns that were requested last
+
+    @cached_property
+    def rates(self) -> PointRates:
+        """Y' and multipliers, and their derivatives."""
+        self.trajectory.enter_node(self.i)
+        F, lam, partials = self.trajectory.sensitivity.multipliers(self.t, self.y)
+        d = np.concatenate([self.dy, self.dp, self.dt[None]])
+        return PointRates(F, lam, partials.rate @ d, partials.lam @ d)
+
+    @cached_property
+    def coordinates(self) -> Array:
+        """Derivatives of the components of q, (nq, m)."""
+        s = self.trajectory.system
+        dq = self.dy[: s.nv]
+        return dq if s.manifold.flat else s.manifold.coordinate_partials(s.split(self.y)[0]) @ dq
+
+    @cached_property
+    def energies(self) -> Array:
+        """Partial derivatives of the kinetic and the potential energy by y and the parameters, (2, ny + k)."""
+        return self.trajectory.sensitivity.energy(*self.trajectory.system.split(self.y))
+
+    @property
+    def no_rates(self) -> PointRates:
+        """The same for signals that do not depend on them: zeros."""
+        (ny, m), ng = self.dy.shape, self.trajectory.system.ng
+        return PointRates(np.zeros(ny), np.zeros(ng), np.zeros((ny, m)), np.zeros((ng, m)))
 
 
 class SignalJacobian:
@@ -73,14 +115,12 @@ class SignalJacobian:
         self.columns = {name: column_of(mech, name) for name, signal in found if signal.kind not in KNOWN}
         self.families = {id(family): family for family, _ in self.columns.values()}
         self.motion = MotionTangent(trajectory.sensitivity.parameters) if self.families else None
-        self.kinds = {signal.kind for signal in self.signals}
-        self.rated = bool(self.kinds & {"lam", "force", "rate"}) or any(f.rated for f in self.families.values())
+        kinds = {signal.kind for signal in self.signals}
+        self.rated = bool(kinds & {"lam", "force", "rate"}) or any(f.rated for f in self.families.values())
         self._fixed: Array | None = None
-        ny, ng, m = trajectory.system.ny, trajectory.system.ng, trajectory.sensitivity.ny + trajectory.sensitivity.k + 1
-        self._zeros = np.zeros(ny), np.zeros(ng), np.zeros((ny, m)), np.zeros((ng, m))
-        self.uses_positions = any(signal.kind == "y" and signal.i < mech.nq for signal in self.signals)
-        varying = self.uses_positions and not trajectory.system.manifold.flat
-        self.fixed = self.kinds <= {"t", "y", "angle"} and not varying  # constant derivatives
+        uses_positions = any(signal.kind == "y" and signal.i < mech.nq for signal in self.signals)
+        varying = uses_positions and not trajectory.system.manifold.flat
+        self.fixed = kinds <= {"t", "y", "angle"} and not varying  # constant derivatives
 
     def rows(self, i: int, t: float, y: Array) -> Array:
         """Return the derivatives at a point after node i with respect to (y, p, t), (len(names), ny + k + 1).
@@ -90,59 +130,56 @@ class SignalJacobian:
         """
         if self._fixed is not None:
             return self._fixed
-        trajectory, s = self.trajectory, self.trajectory.system
-        q, v = s.split(y)
-        N = s.manifold.coordinate_partials(q) if self.uses_positions else np.empty(0)
-        energies = trajectory.sensitivity.energy(q, v) if self.kinds & set(ENERGIES) else np.empty(0)
-        F, lam, rates, derivatives = self._rates(i, t, y) if self.rated else self._zeros
-        columns = self._columns(t, y, F, lam, rates, derivatives)
-        point = _PointDerivatives(N, energies, lam, rates, derivatives, columns)
-        out = np.zeros((len(self.signals), s.ny + trajectory.sensitivity.k + 1))
-        for row, signal, name in zip(out, self.signals, self.names, strict=True):
-            self._fill(row, signal, name, point)
-            if name in columns and not np.isfinite(row).all():
-                raise InputError(f"signal {name!r} has no gradient at t = {t:.9g} s: it is not a number there")
+        ny = self.trajectory.system.ny
+        identity = np.eye(ny + self.trajectory.sensitivity.k + 1)
+        out = self.along(SignalPoint(self.trajectory, i, t, y, (identity[:ny], identity[ny:-1], identity[-1])))
         if self.fixed:
             self._fixed = out
         return out
 
-    def _fill(self, row: Array, signal: SignalValue, name: str, point: "_PointDerivatives") -> None:
-        """Write the derivatives of a signal into a row of zeros, (ny + k + 1,)."""
+    def along(self, point: SignalPoint) -> Array:
+        """Return the derivatives at a point in its m directions, (len(names), m).
+
+        Raises:
+            InputError: if a derivative is not finite, as for an undetermined force.
+        """
+        columns = self._columns(point)
+        out = np.zeros((len(self.signals), len(point.dt)))
+        for row, signal, name in zip(out, self.signals, self.names, strict=True):
+            row[:] = columns[name] if name in columns else self._derivatives(signal, point)
+            if name in columns and not np.isfinite(row).all():
+                raise InputError(f"signal {name!r} has no gradient at t = {point.t:.9g} s: it is not a number there")
+        return out
+
+    def _derivatives(self, signal: SignalValue, point: SignalPoint) -> Array:
+        """Return the derivatives of a signal that is no column of bodies and forces, (m,)."""
         s, kind = self.trajectory.system, signal.kind
-        if name in point.columns:
-            row[:] = point.columns[name]
-        elif kind == "t":
-            row[-1] = 1.0
-        elif kind in ENERGIES:
-            row[:-1] = np.array(ENERGIES[kind]) @ point.energies
-        elif kind in ("lam", "force"):
-            row[:] = point.of_multipliers(kind, list(signal.rows))
-        elif kind == "rate":
-            row[:] = point.rates[signal.i]
-        elif kind == "angle":
-            row[signal.rate] = 1.0
-        elif signal.i < s.nq:
-            row[: s.nv] = point.coordinates[signal.i]
-        else:
-            row[signal.i - s.nq + s.nv] = 1.0
+        if kind == "t":
+            return point.dt
+        if kind in ENERGIES:
+            by_y, by_p = np.split(np.array(ENERGIES[kind]) @ point.energies, [s.ny])
+            return by_y @ point.dy + by_p @ point.dp
+        if kind in ("lam", "force"):
+            return point.rates.of_multipliers(kind, list(signal.rows))
+        if kind == "rate":
+            return point.rates.rates[signal.i]
+        if kind == "angle":
+            return point.dy[signal.rate]
+        if signal.i < s.nq:
+            return point.coordinates[signal.i]
+        return point.dy[signal.i - s.nq + s.nv]
 
-    def _rates(self, i: int, t: float, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return Y' and lam of all rows, and their partial derivatives."""
-        self.trajectory.enter_node(i)
-        F, lam, partials = self.trajectory.sensitivity.multipliers(t, y)
-        return F, lam, *partials
-
-    def _columns(self, t: float, y: Array, F: Array, lam: Array, rates: Array, derivatives: Array) -> dict[str, Array]:
-        """Return derivatives of the columns of bodies and forces."""
-        if self.motion is None:
-            return {}
-        s, (q, v) = self.trajectory.system, self.trajectory.system.split(y)
-        nv, k, identity = s.nv, self.trajectory.sensitivity.k, np.eye(rates.shape[1])
-        parts = identity[:nv], identity[nv : 2 * nv], identity[2 * nv : 2 * nv + s.ns], rates[nv : 2 * nv], derivatives
-        d = TangentDirections(*parts, identity[s.ny : s.ny + k], identity[-1])
-        self.motion.evaluate(t, q, v, s.element_states(y), F[nv : 2 * nv], lam, d)
-        found = {at: family.rows(self.motion) for at, family in self.families.items()}
-        return {name: found[id(family)][i] for name, (family, i) in self.columns.items()}
+    def _columns(self, point: SignalPoint) -> dict[str, Array]:
+        """Return the derivatives of the columns of bodies and forces, (m,) each."""
+        if self.motion and not self.families.keys() <= point.families.keys():
+            s, rates = self.trajectory.system, point.rates if self.rated else point.no_rates
+            (q, v), nv, dy = s.split(point.y), s.nv, point.dy
+            self.trajectory.enter_node(point.i)
+            of_point = dy[:nv], dy[nv : 2 * nv], dy[2 * nv : 2 * nv + s.ns], rates.rates[nv : 2 * nv], rates.multipliers
+            d = TangentDirections(*of_point, point.dp, point.dt)
+            self.motion.evaluate(point.t, q, v, s.element_states(point.y), rates.F[nv : 2 * nv], rates.lam, d)
+            point.families = {at: family.rows(self.motion) for at, family in self.families.items()}
+        return {name: point.families[id(family)][i] for name, (family, i) in self.columns.items()}
 
 
 def differentiable(mech: Mechanism, name: str, known: dict[str, SignalValue] | None = None) -> SignalValue:

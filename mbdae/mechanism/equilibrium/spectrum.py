@@ -13,6 +13,10 @@ vectors,
 repeatedly, since zeros form Jordan chains (rigid motions and their velocities). An orthonormal complement would mix the
 largest frequencies into the smallest ones. Source of the bound: Wilkinson, Rounding Errors in Algebraic Processes
 (1963); of the eigenvalues' errors: Stewart, Sun, Matrix Perturbation Theory (1990), theorem IV.2.3.
+
+With left and right vectors y and x, the real part of an eigenvalue is known to sum |Re(conj(y_i) x_j / y^H x)| e_ij,
+and the imaginary part to the same sum with Im. Without damping, errors of the stiffness change frequencies alone, so a
+damping ratio of 1e-12 is known next to a stiffness that is known to 1e-10. Parts that are rounding are exactly 0.
 """
 
 from typing import NamedTuple
@@ -82,23 +86,23 @@ class Spectrum(NamedTuple):
     """Eigenvalues of A (n, n), exact zeros first.
 
     Attributes:
-        values: (n,), complex.
+        values: (n,), complex; parts that are rounding are exactly 0.
         vectors: right eigenvectors as columns, (n, n), complex; 0 for zeros of a chain without an eigenvector.
-        noise: rounding error of each value, (n,): |y|^T e |x| / |y^H x|, with left and right vectors y and x.
+        known: whether each value is larger than 100 times its rounding error, (n,); true for exact zeros.
     """
 
     values: Array
     vectors: Array
-    noise: Array
+    known: Array
 
     @property
     def growing(self) -> Array:
         """Values whose real part is positive beyond rounding, (n,)."""
-        return self.values.real > CERTAIN * self.noise
+        return self.known & (self.values.real > 0)
 
     def sorted(self, order: Array) -> "Spectrum":
         """The same spectrum in another order."""
-        return Spectrum(self.values[order], self.vectors[:, order], self.noise[order])
+        return Spectrum(self.values[order], self.vectors[:, order], self.known[order])
 
 
 def spectrum(A: Array, e: Array) -> Spectrum:
@@ -116,16 +120,16 @@ def spectrum(A: Array, e: Array) -> Spectrum:
         bound = bound[np.ix_(o, o)] + size @ bound[np.ix_(f, o)] + EPS * size @ np.abs(A_fo)
         rest, at = rest[np.ix_(o, o)] - null.B @ A_fo, at[o]
     zeros = n - len(rest)
-    values, vectors, noise = np.zeros(n, complex), np.zeros((n, n), complex), np.zeros(n)
+    values, vectors, known = np.zeros(n, complex), np.zeros((n, n), complex), np.ones(n, bool)
     if zeros:
         null = deflated[0][1]
         vectors[:, : len(null.free)] = null.vectors
     if len(rest):
-        values[zeros:], right, noise[zeros:] = _eigenvalues(rest, bound)
+        values[zeros:], right, known[zeros:] = _eigenvalues(rest, bound)
         vectors[np.ix_(at, np.arange(zeros, n))] = right
         for indices, null, A_fo in reversed(deflated):
             _lift(vectors[:, zeros:], values[zeros:], indices, null, A_fo)
-    return Spectrum(values, vectors, noise)
+    return Spectrum(values, vectors, known)
 
 
 def _lift(vectors: Array, values: Array, indices: Array, null: Null, A_fo: Array) -> None:
@@ -137,18 +141,31 @@ def _lift(vectors: Array, values: Array, indices: Array, null: Null, A_fo: Array
 
 
 def _eigenvalues(A: Array, e: Array) -> tuple[Array, Array, Array]:
-    """Return eigenvalues (n,), right vectors (n, n) and noise (n,) of a regular A (n, n).
+    """Return eigenvalues (n,), right vectors (n, n) and which eigenvalues are known (n,) of a regular A (n, n).
 
-    Rayleigh quotients y^H A x / y^H x remove contributions of the largest values to the smallest.
+    Rayleigh quotients y^H A x / y^H x remove contributions of the largest values to the smallest. Where y^H x is
+    rounding, as for critical damping, values remain as found, with the error sqrt(d g) of double roots,
+    (lambda - mean)^2 = (g/2)^2 + d g: g is the distance to the nearest value, d the error of first order.
     """
-    values, left, right = eig(A, left=True, right=True)
-    left, right = left.astype(complex), right.astype(complex)
+    found, left, right = eig(A, left=True, right=True)
+    found, left, right = found.astype(complex), left.astype(complex), right.astype(complex)
     angles = (left.conj() * right).sum(0)
-    regular = angles != 0
-    mean = np.divide((left.conj() * (A @ right)).sum(0), angles, out=values.astype(angles.dtype), where=regular)
-    noise = np.full(len(A), np.inf)
-    np.divide((np.abs(left) * (e @ np.abs(right))).sum(0), np.abs(angles), out=noise, where=regular)
-    return mean + 0.0, right, noise  # avoids -0.0
+    rounding = EPS * np.maximum((np.abs(left) * np.abs(right)).sum(0), EPS)
+    angles = np.where(np.abs(angles) > rounding, angles, rounding)
+    error = (np.abs(left) * (e @ np.abs(right))).sum(0) / np.abs(angles)
+    single = (np.abs(angles) > CERTAIN * rounding) & (CERTAIN * error < np.abs(found))
+    values = np.where(single, (left.conj() * (A @ right)).sum(0) / angles, found)
+    size = np.abs(values)
+    gap = np.abs(found[:, None] - found + np.diag(np.full(len(A), np.inf))).min(axis=1)
+    error = np.where(single, error, np.minimum(error, np.sqrt(error * np.maximum(gap, EPS * size))))
+    known = CERTAIN * error < size
+    errors = np.where(known, error, 0.0) * (1 + 1j)
+    for k in np.flatnonzero(single):
+        partials = np.outer(left[:, k].conj() / angles[k], right[:, k])  # of the value by A
+        errors[k] = complex((np.abs(partials.real) * e).sum(), (np.abs(partials.imag) * e).sum())
+    values.real[np.abs(values.real) <= CERTAIN * np.maximum(errors.real, EPS * size)] = 0.0
+    values.imag[np.abs(values.imag) <= CERTAIN * np.maximum(errors.imag, EPS * size)] = 0.0
+    return values, right, known
 
 
 class Curvature(NamedTuple):

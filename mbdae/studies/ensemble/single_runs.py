@@ -8,7 +8,6 @@ import numpy as np
 from ...errors import MbdaeError
 from ...integrate.run.core_runs import COUNTS
 from ...integrate.solve import solve
-from ...solution.columns import residuals
 from ...solution.signals import signals
 from ...solution.solution import Solution
 from ..workers import StopFlag, pool, stop_check
@@ -48,9 +47,9 @@ def _complete(job: EnsembleJob, i: int, stop: StopFlag) -> None:
 
 
 def _store(job: EnsembleJob, i: int, sol: Solution) -> None:
-    found, mech = job.results, sol.mechanism
+    found = job.results
     found.t[i], found.y[i] = sol.t[-1], sol.y[-1]
     found.counts[i] = [sol.stats[name] or 0 for name in COUNTS]
-    found.drift[i] = np.abs(residuals(sol).g / mech.row_scales).max(initial=0.0)
+    found.drift[i] = sol.stats["drift"]
     found.signals[i] = [x[-1] for x in signals(sol, job.names).values()] if job.names else []
     found.status[i], found.message[i] = sol.status, sol.message

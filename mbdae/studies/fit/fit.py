@@ -75,7 +75,8 @@ def fit(
             CSV or Parquet file, or a list of them: several runs with the same parameters.
         signals: columns to use; all when left out.
         sigma: noise level of all signals, or by name, in their units. Without, all signals have the weight 1, standard
-            deviations follow from the residuals of each signal, and the fit cannot be refuted.
+            deviations follow from the residuals of each signal, and the fit cannot be refuted. Then 1 rad counts as
+            much as 1 rad/s or 1 m: signals of several units need noise levels, or the noisiest ones decide.
         scales: typical changes of the parameters; a tenth of the range when left out.
         t_span: start of the runs, 0 when left out, and the latest time of data, the last of them when left out.
         spans: fractions of the samples that are fitted successively; ``(1,)`` for all at once.
@@ -274,5 +275,5 @@ def _result(search: _Search, attempts: list[Attempt]) -> Fit:
         computed, [record.columns for record in problem.recordings], [record.t for record in problem.recordings],
         [record.name for record in problem.recordings], problem.runs, problem.gradients, best.converged, best.message,
         attempts, {name: all_units[name] for record in problem.recordings for name in record.columns},
-        tuple(problem.all_rejected), parameter_units(problem.make, names),
+        tuple(problem.all_rejected), parameter_units(problem.make, names), problem.noise_known,
     )  # fmt: skip

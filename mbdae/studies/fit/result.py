@@ -59,6 +59,7 @@ class Fit(Tabular):
         units: of the signals.
         rejected: reasons of the trials whose runs failed or had no derivative.
         parameter_units: units of the parameters; "" if unknown.
+        noise_known: whether noise levels were given; without, all signals have the weight 1 in SI.
     """
 
     model: str
@@ -84,6 +85,7 @@ class Fit(Tabular):
     units: dict[str, str] = field(default_factory=dict, repr=False)
     rejected: tuple[str, ...] = field(default=(), repr=False)
     parameter_units: dict[str, str] = field(default_factory=dict, repr=False)
+    noise_known: bool = True
 
     @property
     def agreeing(self) -> int:
@@ -192,6 +194,9 @@ class Fit(Tabular):
             lines.append(f"{what} {', '.join(group)}")
         if self.refuted:
             lines.append("residuals are not noise: a false minimum, too low noise levels, or a wrong model")
+        if not self.noise_known and len(units := {*self.units.values()}) > 1:
+            named = " and ".join(sorted(units))
+            lines.append(f"signals in {named} have equal weights, on which the values depend: give sigma of each")
         if not self.converged:
             lines.append(f"the search did not converge: {self.message}")
         if self.rejected:

@@ -46,7 +46,7 @@ class Modes(Tabular):
         t: time in s.
         motion: the linearized motion: A, and its point q, v, s.
         around: ``"start"``, ``"given"``, ``"equilibrium"`` or ``"steady motion"``.
-        spectrum: eigenvalues of A by magnitude, with eigenvectors and rounding errors.
+        spectrum: eigenvalues of A by magnitude, with eigenvectors.
         locked: velocity indices of the locked coordinates.
     """
 
@@ -59,7 +59,7 @@ class Modes(Tabular):
 
     @property
     def eigenvalues(self) -> Array:
-        """Eigenvalues of A, (n,), by magnitude; those of symmetries are exactly 0."""
+        """Eigenvalues of A, (n,), by magnitude; those of symmetries and parts that are rounding are exactly 0."""
         return self.spectrum.values
 
     @cached_property

@@ -12,7 +12,7 @@ from scipy.optimize import brentq, linear_sum_assignment
 from ...arguments import as_numbers
 from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError
-from ...mechanism.equilibrium.spectrum import CERTAIN, Spectrum
+from ...mechanism.equilibrium.spectrum import Spectrum
 from ...mechanism.formats.mechanism_file.parameter_units import parameter_units
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...system import Array
@@ -224,8 +224,7 @@ def _crossing(roots: Callable[[float], Spectrum], value: float, reach: float) ->
     try:
         a, b = roots(value - reach), roots(value + reach)
         matched = b.sorted(_matching_order(a.values, b.values))
-        clear = [np.abs(x.values.real) > CERTAIN * x.noise for x in (a, matched)]
-        crossing = np.flatnonzero(clear[0] & clear[1] & (a.values.real * matched.values.real < 0))
+        crossing = np.flatnonzero(a.known & matched.known & (a.values.real * matched.values.real < 0))
         if not len(crossing):
             return np.nan
         root = (a.values + matched.values)[crossing[0]] / 2

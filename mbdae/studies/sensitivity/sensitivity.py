@@ -11,7 +11,7 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError, require
 from ...integrate.events.event import Event
-from ...integrate.trajectory.signal_jacobian import SignalJacobian
+from ...integrate.trajectory.signal_jacobian import SignalJacobian, SignalPoint
 from ...integrate.trajectory.trajectory import Trajectory
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...mechanism.tree.frames import find_joint
@@ -67,15 +67,16 @@ class Sensitivity(Tabular):
         """Derivatives of the work of non-conservative forces and drivers, (n, k)."""
         return self.dy[:, -1]
 
-    @cached_property
+    @property
     def lam(self) -> Array:
         """Derivatives of the multipliers of all rows, (n, ng, k), from the hidden constraint."""
-        trajectory, out = self.trajectory, np.zeros((len(self.t), self.trajectory.system.ng, len(self.columns)))
-        for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
-            trajectory.enter_node(int(self.nodes[i]))
-            found = trajectory.sensitivity.multipliers(float(t), y)[2].lam
-            out[i] = found @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
-        return out
+        return np.array([point.rates.multipliers for point in self._points])
+
+    @cached_property
+    def _points(self) -> list[SignalPoint]:
+        """The run at each time, with the derivatives with respect to the columns."""
+        points = zip(self.nodes.tolist(), self.t.tolist(), self.y, self.dy, self.dt, strict=True)
+        return [SignalPoint(self.trajectory, i, t, y, (dy, self.dp, dt)) for i, t, y, dy, dt in points]
 
     @property
     def dp(self) -> Array:
@@ -91,11 +92,7 @@ class Sensitivity(Tabular):
         """
         require(name, str, "a signal is given by its name")
         jacobian = SignalJacobian(self.trajectory, [name])
-        out = np.zeros((len(self.t), len(self.columns)))
-        for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
-            row = jacobian.rows(int(self.nodes[i]), float(t), y)[0]
-            out[i] = row @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
-        return out
+        return np.array([jacobian.along(point)[0] for point in self._points])
 
     def to_columns(self) -> Columns:
         """Return derivatives of q in the tangent and of v over time, ``d(q.crank)/d(force.spring.stiffness)``."""

@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain, repeat
 from math import prod
+from operator import methodcaller
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from ...callbacks import call_and_report
 from ...errors import InputError, UnknownNameError, is_count
 from ..run_columns import pick, pick_rows
-from .seeds import PARAMETER_STREAM, run_seeds
+from .seeds import run_generators, run_seeds
 
 __all__ = ["Random"]
 
@@ -121,7 +122,10 @@ def _columns(parameters: Parameters, seed: int) -> list[tuple[Sequence[int], dic
         if not n:
             return []
         return [(range(n), dict(zip(axes, _grid([*axes.values()], n), strict=True)))]
-    rows, by_names = [*_listed_runs(parameters, seed)], defaultdict[tuple[str, ...], list[int]](list)
+    if isinstance(parameters, Random):
+        _check_number(parameters.n)
+        return [(range(parameters.n), _sample(parameters, seed))]
+    rows, by_names = _listed_runs(parameters), defaultdict[tuple[str, ...], list[int]](list)
     for i, row in enumerate(rows):
         by_names[(*row,)].append(i)
     return [(run, {n: _builtin_values(n, (rows[i][n] for i in run)) for n in key}) for key, run in by_names.items()]
@@ -136,11 +140,7 @@ def _grid(axes: Sequence[Sequence[Any]], n: int) -> Iterator[list[Any]]:
         before *= len(axis)
 
 
-def _listed_runs(parameters: Parameters, seed: int) -> Iterable[Mapping[str, Any]]:
-    """Return the values of each run, from a sample or a list."""
-    if isinstance(parameters, Random):
-        _check_number(parameters.n)
-        return _sample(parameters, seed)
+def _listed_runs(parameters: object) -> Sequence[Mapping[str, Any]]:
     if isinstance(parameters, Sequence) and all(isinstance(p, Mapping) for p in parameters):
         return parameters
     raise InputError(
@@ -203,13 +203,14 @@ def _listed(name: str, values: object) -> Sequence[Any]:
     return list(found)
 
 
-def _sample(random: Random, seed: int) -> Iterable[dict[str, Any]]:
+def _sample(random: Random, seed: int) -> dict[str, Sequence[Any]]:
+    """Return the values of all runs by parameter; each run draws one parameter after another."""
     if isinstance(random.n, bool) or not isinstance(random.n, int | np.integer) or random.n < 1:
         raise InputError(f"n, the number of runs of a random sample, is a positive number, got {random.n!r}")
-    draws = {name: _sampler(name, value) for name, value in random.parameters.items()}
-    for i in range(random.n):
-        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(i, PARAMETER_STREAM)))
-        yield {name: draw(rng) for name, draw in draws.items()}
+    samplers = [_sampler(name, value) for name, value in random.parameters.items()]
+    rows = ([draw(rng) for draw in samplers] for rng in run_generators(seed, random.n))
+    columns = zip(*rows, strict=True) if samplers else ()
+    return {name: _builtin_values(name, x) for name, x in zip(random.parameters, columns, strict=True)}
 
 
 def _sampler(name: str, value: object) -> Callable[[np.random.Generator], Any]:
@@ -222,11 +223,8 @@ def _sampler(name: str, value: object) -> Callable[[np.random.Generator], Any]:
     kind = arguments.pop("distribution", None)
     if kind not in DISTRIBUTIONS:
         raise UnknownNameError(f"distribution of {name}", str(kind), DISTRIBUTIONS)
-
-    def draw(rng: np.random.Generator) -> Any:
-        return getattr(rng, kind)(**arguments)
-
     try:
+        draw = methodcaller(kind, **arguments)
         draw(np.random.default_rng(0))
     except (TypeError, ValueError, OverflowError) as e:
         raise InputError(f"{name}: numpy's {kind} does not take {arguments}: {e}") from None

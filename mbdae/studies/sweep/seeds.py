@@ -1,11 +1,16 @@
 """Seeds of the runs of a sweep, those of numpy's SeedSequence, computed for all runs at once."""
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
+from numpy.random.bit_generator import ISpawnableSeedSequence
 
 from ...system import Array
 
 PARAMETER_STREAM, SEED_STREAM = 0, 1  # random streams of a run: for its parameters, and for its seed
 POOL = 4  # words of 32 bits
+PCG64_WORDS = 4  # words of 64 bits
 INIT_A, MULT_A = 0x43B0D7E5, 0x931E8875  # to hash entropy
 INIT_B, MULT_B = 0x8B51F9DD, 0x58F38DED  # to hash the pool
 MIX_L, MIX_R = np.uint32(0xCA01F9DD), np.uint32(0x4973F715)
@@ -15,19 +20,51 @@ HALF, LAST_BIT = np.uint32(16), np.uint64(1)
 def run_seeds(seed: int, n: int) -> list[int]:
     """Return the seeds of n runs, 63 bits each, from the seed of the sweep and the numbers of the runs i < n.
 
-    They are ``SeedSequence(seed, spawn_key=(i, SEED_STREAM)).generate_state(1, np.uint64)[0] >> 1``. The spawn key is
-    the last to be hashed (numpy/random/bit_generator.pyx, after M. E. O'Neill, 2015): all runs share the pool of the
-    seed.
+    They are ``SeedSequence(seed, spawn_key=(i, SEED_STREAM)).generate_state(1, np.uint64)[0] >> 1``.
     """
-    words = max(POOL, -(-seed.bit_length() // 32))
-    hashed = POOL * words  # hashes that have made this pool, each with the next constants
+    return (_states(seed, SEED_STREAM, n, 1)[:, 0] >> LAST_BIT).tolist()
+
+
+def run_generators(seed: int, n: int) -> Iterator[np.random.Generator]:
+    """Yield ``numpy.random.default_rng(SeedSequence(seed, spawn_key=(i, PARAMETER_STREAM)))`` of n runs i < n."""
+    for i, state in enumerate(_states(seed, PARAMETER_STREAM, n, PCG64_WORDS)):
+        known: Any = _KnownState(state, seed, (i, PARAMETER_STREAM))  # numpy takes it, its types do not
+        yield np.random.Generator(np.random.PCG64(known))
+
+
+class _KnownState(ISpawnableSeedSequence):
+    """A SeedSequence whose state for PCG64 is known, (4,): computing it for each run alone takes ten times as long."""
+
+    def __init__(self, state: Array, seed: int, spawn_key: tuple[int, int]) -> None:
+        self.state, self.seed, self.spawn_key = state, seed, spawn_key
+        self.sequence: np.random.SeedSequence | None = None
+
+    def generate_state(self, n_words: int, dtype: Any = np.uint32) -> Array:
+        known = (n_words, dtype) == (PCG64_WORDS, np.uint64)
+        return self.state if known else self._same().generate_state(n_words, dtype)
+
+    def spawn(self, n_children: int) -> list[Any]:
+        return self._same().spawn(n_children)
+
+    def _same(self) -> np.random.SeedSequence:
+        self.sequence = self.sequence or np.random.SeedSequence(self.seed, spawn_key=self.spawn_key)
+        return self.sequence
+
+
+def _states(seed: int, stream: int, n: int, words: int) -> Array:
+    """Return ``SeedSequence(seed, spawn_key=(i, stream)).generate_state(words, np.uint64)`` of runs i < n, (n, words).
+
+    The spawn key is the last to be hashed (numpy/random/bit_generator.pyx, after M. E. O'Neill, 2015): all runs share
+    the pool of the seed.
+    """
+    hashed = POOL * max(POOL, -(-seed.bit_length() // 32))  # hashes that have made this pool, with the next constants
     pool = np.tile(np.random.SeedSequence(seed).pool[:, None], n)
-    for key in (np.arange(n, dtype=np.uint32), np.full(n, SEED_STREAM, np.uint32)):
+    for key in (np.arange(n, dtype=np.uint32), np.full(n, stream, np.uint32)):
         for k in range(POOL):
             pool[k] = _shifted(pool[k] * MIX_L - _hashed(key, INIT_A, MULT_A, hashed) * MIX_R)
             hashed += 1
-    low, high = (_hashed(pool[k], INIT_B, MULT_B, k).astype(np.uint64) for k in range(2))
-    return ((low | high << np.uint64(32)) >> LAST_BIT).tolist()
+    halves = [_hashed(pool[k % POOL], INIT_B, MULT_B, k).astype(np.uint64) for k in range(2 * words)]
+    return np.column_stack([low | high << np.uint64(32) for low, high in zip(halves[::2], halves[1::2], strict=True)])
 
 
 def _hashed(x: Array, first: int, factor: int, k: int) -> Array:

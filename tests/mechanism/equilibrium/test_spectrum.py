@@ -52,6 +52,21 @@ def test_slow_growth_with_a_fast_motion():
     assert found.values[found.growing][0] == pytest.approx(1e-6, rel=1e-9)
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])
+@pytest.mark.parametrize("n", [2, 3])
+def test_chains_of_equal_values(n, scale, sign):
+    """(lambda - sign)^n = 0 with one eigenvector: known to EPS^(1/n), and whether they grow."""
+    A = np.diag(np.ones(n - 1), 1)
+    A[-1] = -np.poly(np.full(n, sign))[:0:-1]
+    d = scale ** np.arange(n)
+    A = d[:, None] * A / d
+    found = spectrum(A, EPS * np.abs(A))
+    np.testing.assert_allclose(found.values.real, sign, rtol=10 * EPS ** (1 / n))
+    assert not found.values.imag.any()
+    np.testing.assert_array_equal(found.growing, sign > 0)
+
+
 @pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
 def test_zeros_do_not_depend_on_units(scale):
     """A chain of four zeros, with rounding errors, in coordinates of very different units."""

@@ -10,6 +10,7 @@ from scipy.special import ellipk
 import mbdae
 from mbdae import backend
 from mbdae.errors import InputError
+from mbdae.solution.columns import residuals
 from mbdae.studies.ensemble.batch import NEEDS_PYTHON
 
 pytestmark = pytest.mark.skipif(backend.load() is None, reason="the Python back end makes all runs by mbdae.solve")
@@ -41,6 +42,7 @@ def assert_same_bits(found, i, sol):
     np.testing.assert_array_equal(found.q[i], sol.q[-1])
     np.testing.assert_array_equal(found.v[i], sol.v[-1])
     assert (found.steps[i], found.rejected[i]) == (sol.stats["steps"], sol.stats["rejected"])
+    assert found.drift[i] == sol.stats["drift"]
     for name, values in found.signals.items():
         assert values[i] == sol.signals([name])[name][-1]
 
@@ -50,6 +52,7 @@ def assert_same_bits(found, i, sol):
 CASES = {
     "default": ("four_bar", {}),
     "fixed steps": ("four_bar", {"method": "herk5", "step": 5e-3}),
+    "fixed steps, redundant rows": ("slider_crank", {"step": 5e-3}),
     "projected": ("slider_crank", {"method": "pherk5", "rtol": 1e-6}),
     "not projected": ("slider_crank", {"method": "pherk4", "rtol": 1e-6, "project": False}),
     "implicit": ("slider_crank", {"method": "radau5", "rtol": 1e-5}),
@@ -67,7 +70,10 @@ def test_runs_have_the_bits_of_single_ones(case):
     found = mbdae.ensemble(mech, None, v, None, span, **settings)
     assert not found.in_python
     for i in range(5):
-        assert_same_bits(found, i, mbdae.solve(mech, span, *mech.start[:1], v[i], **settings))
+        sol = mbdae.solve(mech, span, *mech.start[:1], v[i], **settings)
+        assert_same_bits(found, i, sol)
+        gaps = np.abs(residuals(sol).g[1:] / mech.row_scales).max(initial=0.0)
+        assert found.drift[i] == pytest.approx(gaps, rel=1e-4, abs=1e-14)
 
 
 @pytest.mark.parametrize("t0", [0.0, 0.31])

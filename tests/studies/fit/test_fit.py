@@ -67,6 +67,22 @@ def test_deviations_without_noise_levels_are_those_of_repeated_fits():
     assert one == pytest.approx(np.linalg.inv(J.T @ J) * (r @ r) / 58, rel=1e-12)
 
 
+def test_equal_weights_of_several_units_are_reported():
+    """The noisier signal decides: 0.1 m/s with the weight of 0.1 mm, 1e6 times too large."""
+    rng, times = np.random.default_rng(2), np.linspace(0.1, 1.0, 10)
+    data = measured("pendulum", {"gravity.2": -10.0}, times, ["q.ball.x", "v.ball.x"], **COARSE)
+    data["q.ball.x"] += 1e-4 * rng.standard_normal(10)
+    data["v.ball.x"] += 0.1 * rng.standard_normal(10)
+    levels = {"q.ball.x": 1e-4, "v.ball.x": 0.1}
+    fits = [
+        mbdae.fit("pendulum", {"gravity.2": (-12.0, -8.0)}, data, signals=names, sigma=sigma, spans=(1,), **COARSE)
+        for names, sigma in (((), None), ((), levels), (["q.ball.x"], None))
+    ]
+    assert [sum("m and m/s have equal weights" in text for text in fit.warnings) for fit in fits] == [1, 0, 0]
+    errors = [abs(fit.values["gravity.2"] + 10.0) for fit in fits]
+    assert errors[0] > 3 * max(errors[1:])
+
+
 def test_three_parameters_of_a_noisy_slider_crank(tmp_path):
     """Starts off by factors 0.5 to 2.5; noise of 0.1 mm."""
     path, times = crank(tmp_path), np.linspace(0.04, 2.0, 50)

@@ -3,9 +3,10 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from motions import frozen
 
 import mbdae
-from mbdae import JointSpring, Mechanism
+from mbdae import JointDamping, JointSpring, Mechanism
 from mbdae.errors import InputError
 from mbdae.mechanism.forces.spring_damper import SpringDamper
 
@@ -71,6 +72,37 @@ def test_masses_coupled_at_a_million_radians_per_second():
     assert found.eigenvalues.imag.max() == pytest.approx(1e6, rel=1e-12)
     assert 0.01 < found.free_below < 1  # 1e-7 of it: that the centre is free is known to rounding
     assert "cannot be distinguished from free ones (largest |lambda| 1e+06 rad/s)" in str(found)
+
+
+@pytest.mark.parametrize("name", ["double_pendulum", "flexible_four_bar", "flyball_governor", "heavy_top"])
+def test_what_is_rounding_is_not_shown(name):
+    """Motions without any dissipation, and those of a damped mechanism that do not move its damper."""
+    found = mbdae.modes(frozen(mbdae.load(name)))
+    assert len(found.roots)
+    parts = np.concatenate([found.roots.real, found.roots.imag])
+    assert not ((parts != 0) & (np.abs(parts) < 1e-12 * np.abs(np.tile(found.roots, 2)))).any()
+    assert "e-" not in str(found).partition("\n\n")[2].partition("modes below")[0]
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 1e-12])
+def test_small_damping_is_known_next_to_a_stiff_spring(ratio):
+    """x'' + 2 ratio w x' + w^2 x = 0 of two bodies, of which the other is 1e6 times as fast."""
+    mech = slides(1e12, 1.0)
+    mech = Mechanism(mech.model, forces=[*mech.forces, JointDamping(joint="slide_1", damping=2 * ratio)])
+    slow, fast = mbdae.modes(mech, np.zeros(2)).roots
+    assert slow.real == pytest.approx(-ratio, rel=1e-9)
+    assert (fast.real, fast.imag) == (0, pytest.approx(1e6))
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 0.49, 9.0, 1e6])
+def test_critical_damping(stiffness):
+    """A double eigenvalue -c / 2 m without a second eigenvector, c^2 = 4 k m: known to the root of EPS."""
+    w = np.sqrt(stiffness)
+    mech = slides(stiffness)
+    mech = Mechanism(mech.model, forces=[*mech.forces, JointDamping(joint="slide_0", damping=2 * w)])
+    found = mbdae.modes(mech, np.zeros(1))
+    np.testing.assert_allclose(found.eigenvalues, [-w, -w], rtol=1e-7)
+    np.testing.assert_array_equal(found.damping, [1.0, 1.0])
 
 
 def test_a_root_locus_over_a_stiffness_invents_no_change():

@@ -47,3 +47,36 @@ def test_random_values_belong_to_the_run_and_the_seed():
     assert abs(np.corrcoef(a, b)[0, 1]) < 0.15
     assert {run["c"] for run in many} == {7}
     assert len({task.seed for task in tasks(sample(400))}) == 400
+
+
+class Spawning:
+    """A distribution that draws from a spawned stream."""
+
+    def rvs(self, random_state):
+        return random_state.spawn(2)[1].normal() + random_state.bit_generator.seed_seq.generate_state(3)[2]
+
+
+@pytest.mark.parametrize("seed", [0, 2**32, 2**128, 3**300])
+def test_random_values_are_those_of_numpy(seed):
+    drawn = {
+        "a": {"distribution": "integers", "low": 0, "high": 100},  # half a word: the other half is kept for the next
+        "b": {"distribution": "integers", "low": 0, "high": 100},
+        "c": {"distribution": "choice", "a": ["x", "y", "z"]},
+        "d": {"distribution": "gamma", "shape": 2.0},
+        "e": Spawning(),
+    }
+
+    def of_numpy(i):
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(i, 0)))
+        a, b = rng.integers(low=0, high=100), rng.integers(low=0, high=100)
+        return {"a": a, "b": b, "c": rng.choice(["x", "y", "z"]), "d": rng.gamma(2.0), "e": Spawning().rvs(rng)}
+
+    assert values(mbdae.Random(20, drawn), seed) == [*map(of_numpy, range(20))]
+
+
+def test_random_plans_hash_the_seed_for_all_runs_at_once(monkeypatch):
+    """Hashing takes most of the time of a plan if each run does it."""
+    made, sequence = [], np.random.SeedSequence
+    monkeypatch.setattr(np.random, "SeedSequence", lambda *a, **k: made.append(a) or sequence(*a, **k))
+    assert len(values(mbdae.Random(100, {"a": {"distribution": "normal"}}), 5)) == 100
+    assert made == [(5,), (5,)]
