@@ -17,13 +17,14 @@ from .data_types import JsonObject
 from .errors import InputError
 from .file_io import TABLE_SUFFIXES, atomic_write
 from .tolerances import SOLUTION_ROUNDING
-from .units import ONE, Factor, displayed, displayed_units, si_value
+from .units import ONE, displayed, displayed_units, si_value
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
 HEADING = re.compile(r"(.*\S) \[(.*)\]")  # heading of a column with a unit
+SEPARATOR = re.compile(r"[;\t]")  # in files of programs that do not separate cells by commas
 POWER = re.compile(r"(<?)(-?[\d.]+)e([+-]?\d+)")
 SPECIAL = {c: rf"\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"} | {
     "^": r"\textasciicircum{}", "|": "$|$", "<": "$<$", ">": "$>$"
@@ -215,27 +216,32 @@ def write_csv(columns: Mapping[str, Any], path: str | Path) -> None:
         out.writerows(zip(*(_as_list(x) for x in flat.values()), strict=True))
 
 
-def read_csv(path: str | Path) -> dict[str, np.ndarray]:
+def read_csv(path: str | Path) -> Columns:
     """Return the columns of comma-separated values below a line of names, (n,) each; nan for empty cells.
 
     A heading with a unit, ``"q.crank [deg]"``, as `Columns.write_csv` writes it, is the name of a column that is
-    converted to SI; others are as they are.
+    converted to SI, and its unit is among the units; others are as they are.
 
     Raises:
         InputError: for a file that cannot be read, a name that occurs twice, and cells that are not numbers.
     """
     rows = _lines(path)
-    head, factors = zip(*(_without_unit(name.strip()) for name in rows[0]), strict=True)
+    head, units = zip(*(_without_unit(name.strip()) for name in rows[0]), strict=True)
     if twice := [name for i, name in enumerate(head) if name in head[:i]]:
         raise InputError(f"{path}: two columns are named {twice[0]!r}")
     for i, row in enumerate(rows[1:], 2):
         if row and len(row) != len(head):
             raise InputError(f"{path}, line {i}: {len(row)} values under {len(head)} names")
+    body = np.array([[_number(x, f"{path}, line {i}") for x in row] for i, row in enumerate(rows[1:], 2) if row]).T
+    values = {name: (si_value(unit) or ONE).apply(x) for name, unit, x in zip(head, units, body, strict=True)}
+    return Columns(values, {name: unit for name, unit in zip(head, units, strict=True) if unit})
+
+
+def _number(cell: str, where: str) -> float:
     try:
-        body = np.array([[float(x) if x.strip() else np.nan for x in row] for row in rows[1:] if row]).T
-    except ValueError as e:
-        raise InputError(f"{path}: {e}") from None
-    return {name: factor.apply(x) for name, factor, x in zip(head, factors, body, strict=True)}
+        return float(cell) if cell.strip() else np.nan
+    except ValueError:
+        raise InputError(f"{where}: {cell!r:.60} is not a number") from None
 
 
 def _lines(path: str | Path) -> list[list[str]]:
@@ -247,14 +253,15 @@ def _lines(path: str | Path) -> list[list[str]]:
         raise InputError(f"{path} cannot be read: {e}") from None
     if not any(rows[1:]):
         raise InputError(f"{path}: expected a line of names and lines of numbers")
+    if len(rows[0]) == 1 and SEPARATOR.search(rows[0][0]):
+        raise InputError(f"{path}: cells are separated by commas, decimals by points, got the line {rows[0][0]!r:.60}")
     return rows
 
 
-def _without_unit(heading: str) -> tuple[str, Factor]:
-    """Return the name of a column, and the factor of its numbers to SI."""
+def _without_unit(heading: str) -> tuple[str, str]:
+    """Return the name of a column, and the unit of its numbers; "" without one."""
     found = HEADING.fullmatch(heading)
-    factor = si_value(found[2]) if found else None
-    return (found[1], factor) if found and factor else (heading, ONE)
+    return (found[1], found[2]) if found and si_value(found[2]) else (heading, "")
 
 
 def finite(data: object) -> Any:

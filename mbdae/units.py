@@ -179,6 +179,25 @@ def common_unit(units: Iterable[str]) -> str:
     return ", ".join(dict.fromkeys(unit for text in units for unit in text.split(", ")))
 
 
+def require_kind(unit: str, known: str, where: str) -> None:
+    """Reject a unit that is not of the kind of a known one in SI, ``"m"`` for ``"rad"``.
+
+    Raises:
+        InputError: begins with ``where``, and lists units of the kind.
+    """
+    if _base_powers(unit) != _base_powers(known):
+        raise InputError(f"{where} is in {unit!r}, valid: {', '.join(DIMENSIONS.get(SI.get(known, ''), [known]))}")
+
+
+def _base_powers(unit: str) -> dict[str, int]:
+    """Return the powers of kg, m, s and rad in a unit."""
+    powers: dict[str, int] = {}
+    _collect(unit, 1, BASE, powers)
+    return {symbol: k for symbol, k in powers.items() if k}
+
+
+BASE = {name: si for si, dimension in SI.items() for name in DIMENSIONS[dimension] if name != si and name.isalpha()}
+BASE |= {"N": "kg m/s^2", "J": "kg m^2/s^2", "W": "kg m^2/s^3"}
 KEY_SYMBOLS = ("q", "q1", "q2", "e", "r", "x", "y")  # symbols of joints and functions, see `mbdae.mechanism.key_units`
 SI_UNITS = Units()
 _shown: ContextVar[Units] = ContextVar("shown", default=SI_UNITS)

@@ -163,7 +163,7 @@ def attempt(kind, path):
         made = method(str(path))
         return mbdae.solve(mbdae.load("four_bar"), (0.0, 0.02), method=made, step=0.01).status
     if kind == "table":
-        return "read" if read_csv(path) else "nothing"
+        return "read" if read_csv(path).values else "nothing"
     if kind == "saved":
         sol = mbdae.Solution.load(path)
         mech = sol.mechanism

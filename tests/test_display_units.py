@@ -86,14 +86,14 @@ def test_headings_with_units_are_read_back(sol, tmp_path):
     sol.save(tmp_path / "si.csv")
     with mbdae.display_units("mm", "deg", "ms", "mJ"):
         sol.save(tmp_path / "mm.csv")
-    si, mm = (read_csv(tmp_path / f"{name}.csv") for name in ("si", "mm"))
+    si, mm = (read_csv(tmp_path / f"{name}.csv").values for name in ("si", "mm"))
     for name, x in si.items():
         if name not in ("g", "Gv"):  # of several units
             np.testing.assert_allclose(mm[name], x, rtol=1e-14, atol=1e-300)
     torques = [mbdae.inverse_dynamics("slider_crank", tmp_path / f"{x}.csv", "crank").efforts for x in ("si", "mm")]
     np.testing.assert_allclose(*torques, rtol=1e-9, atol=1e-9)
     (tmp_path / "other.csv").write_text("t [min],q.a [rpm/s],note [turns],b [%],c [0]\n1,30,5,6,7\n")
-    assert read_csv(tmp_path / "other.csv") == {
+    assert read_csv(tmp_path / "other.csv").values == {
         "t": 60, "q.a": pytest.approx(np.pi), "note [turns]": 5, "b [%]": 6, "c [0]": 7
     }  # fmt: skip
 

@@ -155,6 +155,18 @@ def _kind_text(loc: Location, where: str) -> str:
     return f" (kind {kind!r})" if isinstance(kind, str) and not where.endswith(f"{kind}.{loc[-1]}") else ""
 
 
+def _structure(e: "ErrorDetails", where: str) -> str:
+    """Return what is expected of a value that is no list or no table, or of another length; "" for other errors."""
+    kind, ctx = e["type"], e.get("ctx", {})
+    if kind == "tuple_type":
+        named = isinstance(e["input"], dict) and ("kind" in e["input"] or _entry_name(e["input"]))
+        return f"Input should be a list of tables, [[{where}]]" if named else "Input should be a list"
+    if kind in ("too_long", "too_short"):
+        bound = f"at most {ctx['max_length']}" if kind == "too_long" else f"at least {ctx['min_length']}"
+        return f"Input should have {bound} entries, not {ctx['actual_length']}"
+    return "Input should be a table" if kind in ("model_type", "model_attributes_type", "dict_type") else ""
+
+
 def _message(e: "ErrorDetails", where: str, known: KnownKeys) -> str:
     if e["type"].startswith("union_tag_"):  # e["ctx"]["expected_tags"] are quoted and separated by commas
         tag, kinds = e["ctx"]["discriminator"].strip("'"), e["ctx"].get("expected_tags", "").replace("'", "")
@@ -165,7 +177,7 @@ def _message(e: "ErrorDetails", where: str, known: KnownKeys) -> str:
         return f"{where}: too few entries, got {str(e['input'])[:80]}"
     if e["type"] == "missing":
         return f"missing key {where}{_kind_text(e['loc'], where)}"
-    message = e["msg"].removeprefix("Value error, ")
+    message = _structure(e, where) or e["msg"].removeprefix("Value error, ")
     if not where:
         return message
     of_table = e["type"] == "value_error" and isinstance(e["input"], dict)  # the message names the inconsistency

@@ -10,7 +10,6 @@ by the signal itself; integrals are those of the series (Clenshaw-Curtis).
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import cache
-from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,7 +17,7 @@ import numpy as np
 from ..data_types import JsonObject
 from ..system import Array
 from ..tabular import Tabular, rounded_zero
-from ..tolerances import COINCIDENT, INTERPOLATION, VISIBLE
+from ..tolerances import COINCIDENT, EPS, INTERPOLATION, VISIBLE
 from ..units import displayed, unit_name
 from .columns import require_times
 from .signals import find, signals, units
@@ -257,8 +256,13 @@ def _first(x: Array, t: Array, which: Callable[[Array], Any]) -> Extremum:
 
 
 def _wider(found: tuple[Extremum, Extremum], x: Array, t: Array) -> tuple[Extremum, Extremum]:
+    """Return the wider extrema; those that differ by rounding remain, at the ends of steps."""
     low, high = _first(x, t, np.argmin), _first(x, t, np.argmax)
-    return min(found[0], low, key=itemgetter(0)), max(found[1], high, key=itemgetter(0))
+    rounding = EPS * max(abs(e.value) for e in (*found, low, high))
+    return (
+        low if low.value < found[0].value - rounding else found[0],
+        high if high.value > found[1].value + rounding else found[1],
+    )
 
 
 @cache

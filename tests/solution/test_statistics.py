@@ -173,6 +173,16 @@ def test_just_before_a_jump_are_the_values_before_it(times):
     assert sol.resampled(before).signals("a")["a.cart"] == pytest.approx(0.0)
 
 
+def test_extrema_at_the_ends_of_a_run_are_there():
+    """From rest under 1 N, x = t^2/4: the polynomial between steps is below 0 by rounding, at 5e-19 s."""
+    model = empty(0.0)
+    add_body(model, 0, pin.JointModelPX(), "cart", 2.0)
+    push = mbdae.JointTorque(joint="cart", torque=1.0)
+    found = mbdae.solve(mbdae.Mechanism(model, forces=[push]), (0, 1), np.zeros(1), np.zeros(1)).statistics(["q"])
+    assert found.minimum["q.cart"] == (0.0, 0.0)
+    assert found.maximum["q.cart"] == (pytest.approx(0.25, rel=1e-14), 1.0)
+
+
 def test_loads_in_the_mode_before_a_jump_are_no_extrema():
     """A cart drags a box by stiction, at most 3 N, until a force of 10 N acts on it: at once the box slips, at 2 N."""
     model = empty(0.0)

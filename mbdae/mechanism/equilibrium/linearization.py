@@ -138,10 +138,13 @@ def require_steady(statics: "Statics", here: "ForceBalance") -> None:
         name, size = system.mechanism.coordinate_joint(worst), abs(residual[worst])
         raise InputError(f"this is no equilibrium and no steady motion: joint {name!r} accelerates by {size:.3g}")
     K, _, hq, hs = statics.partials(here.q, here.s, here.lam)
-    if (np.abs(free.Z.T @ K @ v) > VISIBLE * sizes.speed * (z.T @ (here.terms @ sizes.l))).any() or (
-        np.abs(hq @ v) > VISIBLE * sizes.speed * (np.abs(hq) @ sizes.l)
-    ).any():
-        raise InputError("these velocities are not steady: the forces change along the motion")
-    change = np.abs(hq) @ sizes.l + np.abs(hs) @ np.abs(here.s)
-    if (np.abs(statics.rates(here.q, here.s)[0]) > VISIBLE * change).any():
+    resting = v[statics.locked] == 0  # coordinates that move steadily need a constant torque
+    fixed, at = np.vstack([G, statics.rows[resting]]), np.append(np.ones(len(G), bool), resting)
+    moving = constraint_null_space(here.free.U, fixed, statics.units[at], sizes.l).Z
+    change, scale = moving.T @ K @ v, VISIBLE * sizes.speed * (np.abs(moving.T) @ (here.terms @ sizes.l))
+    if (np.abs(change) > scale).any() or (np.abs(hq @ v) > VISIBLE * sizes.speed * (np.abs(hq) @ sizes.l)).any():
+        name = system.mechanism.coordinate_joint(int((np.abs(moving @ change) / sizes.l).argmax()))
+        raise InputError(f"these velocities are not steady: the forces change along the motion, most at joint {name!r}")
+    rate = np.abs(hq) @ sizes.l + np.abs(hs) @ np.abs(here.s)
+    if (np.abs(statics.rates(here.q, here.s)[0]) > VISIBLE * rate).any():
         raise InputError("this is no equilibrium: states of controllers or motors change")

@@ -29,7 +29,7 @@ class Frame(Table):
         rpy: rotation in the parent frame, in rad: roll, pitch, yaw as in URDF.
     """
 
-    name: str
+    name: str = Field(min_length=1)
     parent: str
     xyz: Annotated[Vector, Unit("m")] = (0.0, 0.0, 0.0)
     rpy: Annotated[Vector, Unit("rad")] = (0.0, 0.0, 0.0)

@@ -215,6 +215,8 @@ TIME_FUNCTIONS: tuple[type[BaseTimeFunction], ...] = (
 def _coerce(value: object) -> Any:
     if is_number(value) or isinstance(value, float):  # the constant rejects inf and nan
         return Constant(value=float(value))
+    if isinstance(value, str):
+        raise ValueError("Input should be a number or a table")
     return Function(function=value) if callable(value) and not isinstance(value, BaseTimeFunction) else value
 
 

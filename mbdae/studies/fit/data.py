@@ -2,15 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ...errors import InputError
 from ...system import Array
-from ...tabular import read_csv
+from ..data_files import read_columns
 from ..sensitivity.cost import real
-from ..sweep.results_file import arrow
 
 TIME = "t"
 LARGEST_VALUE = 1e150  # whose square is finite
@@ -23,11 +22,13 @@ class Recording(NamedTuple):
         name: file or index, for messages.
         t: times in s, strictly increasing, (n,).
         columns: signals at these times, (n,) each, nan for missing values.
+        units: of columns, and of t, that have one in the heading of a file.
     """
 
     name: str
     t: Array
     columns: dict[str, Array]
+    units: Mapping[str, str] = {}
 
 
 def records(data: object, signals: Sequence[str] = ()) -> list[Recording]:
@@ -47,9 +48,10 @@ def records(data: object, signals: Sequence[str] = ()) -> list[Recording]:
 
 
 def _record(data: object, name: str, signals: Sequence[str]) -> Recording:
+    units: Mapping[str, str] = {}
     if isinstance(data, str | Path):
-        name, data = str(data), _read(Path(data))
-    found = Recording(name, *_columns(data, name, signals))
+        name, (data, units, _) = str(data), read_columns(data)
+    found = Recording(name, *_columns(data, name, signals), units)
     _check_times(found)
     _check_values(found)
     return found
@@ -91,14 +93,3 @@ def _check_values(found: Recording) -> None:
             raise InputError(f"{name}: column {key!r} has a value beyond {LARGEST_VALUE:g}, whose square overflows")
     if not any(np.isfinite(x).any() for x in columns.values()):
         raise InputError(f"{name}: no signal has a value")
-
-
-def _read(path: Path) -> dict[str, Any]:
-    if path.suffix != ".parquet":
-        return read_csv(path)
-    parquet = arrow().parquet
-    try:
-        table = parquet.read_table(path)
-        return {name: np.array(table[name].to_pylist(), float) for name in table.column_names}
-    except Exception as e:  # pyarrow has several exception types
-        raise InputError(f"{path} cannot be read: {' '.join(str(e).split())}") from None

@@ -32,6 +32,5 @@ def compared(fit: Fit) -> "Figure":
         right.set_ylabel("residual / noise level")
         right.set_xlabel(f"$t$ ({time})")
     axes[0][0].legend()
-    ratio = fit.chi2 / fit.dof if fit.dof else float("nan")
-    figure.suptitle(escaped(f"Fit of {fit.model}: chi^2 / degrees of freedom = {ratio:.3g}"), fontsize=9)
+    figure.suptitle(escaped(f"Fit of {fit.model}: chi^2 / degrees of freedom = {fit.reduced_chi2:.3g}"), fontsize=9)
     return figure

@@ -13,8 +13,10 @@ from ...integrate.trajectory.differentiable_runs import has_jumps
 from ...integrate.trajectory.signal_jacobian import differentiable
 from ...mechanism import Mechanism
 from ...solution.signals import signals as computed_signals
+from ...solution.signals import units as signal_units
 from ...solution.solution import Solution, uninterrupted
 from ...system import Array
+from ..data_files import check_headings
 from ..factories import MechanismFactory
 from ..sensitivity.run_parameters import VaryingParameters
 from ..sensitivity.sensitivity import trajectory_sensitivity
@@ -81,6 +83,7 @@ class FitResiduals:
                 span = (self.start, float(times[-1]))
                 for name in record.columns:
                     differentiable(mech, name)
+                check_headings(record.name, record.units, signal_units(mech))
                 run = times[-1] > self.start
                 sol = uninterrupted(solve(mech, span, t_eval=times, **self.settings)) if run else None
                 if sol is None or not sol.ended:

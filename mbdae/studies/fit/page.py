@@ -13,11 +13,10 @@ def page(fit: Fit) -> str:
     """Return the page as text, in the style of `mbdae.studies.report`."""
     meta = provenance({})
     version = meta["versions"]["mbdae"]
-    ratio = fit.chi2 / fit.dof if fit.dof else np.nan
     summary = f"{len(fit.names)} runs measured, {fit.runs} computed. mbdae {version}, {meta['date']}."
     warnings = fit.warnings or ["no warnings"]
     quality = {
-        "chi-squared": f"{fit.chi2:.6g} for {fit.dof} degrees of freedom, {ratio:.4g} each",
+        "chi-squared": f"{fit.chi2:.6g} for {fit.dof} degrees of freedom, {fit.reduced_chi2:.4g} each",
         "probability": "unknown without noise levels" if np.isnan(fit.probability) else f"{fit.probability:.3g}",
         "warnings": "\n".join(warnings),
     }

@@ -88,6 +88,11 @@ class Fit(Tabular):
     noise_known: bool = True
 
     @property
+    def reduced_chi2(self) -> float:
+        """Chi-squared over its degrees of freedom; nan without any."""
+        return self.chi2 / self.dof if self.dof > 0 else np.nan
+
+    @property
     def agreeing(self) -> int:
         """Number of searches that ended at this minimum."""
         return sum(s.chi2 <= self.chi2 * (1 + THREE_DIGITS) + SOLUTION_ROUNDING for s in self.searches)
@@ -174,8 +179,8 @@ class Fit(Tabular):
             mark = " (at its bound)" if name in self.at_bounds else ""
             value, deviation, unit = self.displayed(name)
             lines.append(f"  {name:36s} {value:14.8g} +- {deviation:.2g} {unit}".rstrip() + mark)
-        ratio = self.chi2 / self.dof if self.dof else np.nan
-        lines.append(f"  chi^2 / degrees of freedom = {self.chi2:.4g} / {self.dof} = {ratio:.3g}")
+        ratio = f" = {self.reduced_chi2:.3g}" if self.dof > 0 else ""
+        lines.append(f"  chi^2 / degrees of freedom = {self.chi2:.4g} / {self.dof}{ratio}")
         names = list(self.values)
         pairs = [(abs(self.correlations[i, j]), i, j) for i in range(len(names)) for j in range(i)]
         for size, i, j in sorted(pairs, reverse=True)[:3]:

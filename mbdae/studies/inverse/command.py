@@ -11,7 +11,7 @@ from ...cli.study_command import Result, Study, study_command
 from ...errors import InputError
 
 MOTION = (
-    click.argument("motion", required=False, metavar="[RUN.npz|TABLE.csv]"),
+    click.argument("motion", required=False, metavar="[RUN.npz|TABLE.csv|.parquet]"),
     click.option("--drive", help="Instead of a motion: a joint driven at constant speed through one revolution."),
     click.option(
         "--points", type=click.IntRange(min=3), default=361, show_default=True, help="Number of poses over the drive."
@@ -28,7 +28,7 @@ def inverse_dynamics(study: Study, model: ChosenModel, motion: str | None, drive
     curve = {name: options.pop(name) for name in ("span", "hold", "points")}
     speed = options["speed"]
     if (motion is None) == (drive is None):
-        raise InputError("give a motion (RUN.npz or TABLE.csv), or --drive and --speed")
+        raise InputError("give a motion (RUN.npz, TABLE.csv or TABLE.parquet), or --drive and --speed")
     if motion and (speed is not None or curve["span"] or curve["hold"]):
         raise InputError("--speed, --from, --to and --hold need --drive")
     mech = model.load()

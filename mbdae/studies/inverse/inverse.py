@@ -47,8 +47,8 @@ def inverse_dynamics(
     Args:
         mech: the mechanism, or an argument of `mbdae.load`.
         motion: a run (`mbdae.Solution`, or the path of its .npz); a curve of `mbdae.kinematics`, with ``speed``; a
-            table of columns ``t`` and joints of one coordinate, or the path of its .csv, interpolated by splines of
-            degree 5, from which the closures determine the other joints; or arrays (t, q, v, a).
+            table of columns ``t`` and joints of one coordinate, or the path of its .csv or .parquet, interpolated by
+            splines of degree 5, from which the closures determine the other joints; or arrays (t, q, v, a).
         actuators: a joint, driver, motor or controller; several times for several. When left out, the input of the
             curve, the mechanism's drivers, or its joints with motors and controllers.
         speed: constant speed of the input in rad/s or m/s.
@@ -64,7 +64,7 @@ def inverse_dynamics(
         >>> print(inverse_dynamics(mech, curve, speed=10.0))              # doctest: +SKIP
     """
     mech = mechanism_of(mech, "inverse_dynamics")
-    motion = read_motion(motion)
+    motion = read_motion(mech, motion)
     chosen = actuators_of(mech, actuators, motion.drive if isinstance(motion, Kinematics) else "")
     weight = effort_weights(chosen.names, weights)
     desired = prescribed(mech, motion, speed)

@@ -13,12 +13,13 @@ from ...mechanism import Mechanism
 from ...mechanism.assembly.assembly import start_configuration
 from ...mechanism.assembly.position_search import close_position
 from ...mechanism.closures.closure_error import largest_error
+from ...mechanism.tree.coordinate_units import coordinate_units
 from ...mechanism.tree.frames import find_joint
 from ...mechanism.tree.tree_terms import mode_joints
 from ...solution.solution import Solution
 from ...system import Array
-from ...tabular import read_csv
 from ...tolerances import COARSE, RANK, SEARCH_TOLERANCE
+from ..data_files import check_headings, read_columns
 from ..kinematics.result import Kinematics
 
 if TYPE_CHECKING:
@@ -140,15 +141,20 @@ def _constraint_violations(system: "Index2System", q: Array, v: Array, a: Array)
     return g, G @ v, G @ a + system.gamma(q, v, 0.0)
 
 
-def read_motion(motion: object) -> Any:
+def read_motion(mech: Mechanism, motion: object) -> Any:
     """Return a motion, read from a file if it is the path of a run or a table.
 
     Raises:
-        InputError: for a file that is missing or invalid.
+        InputError: for a file that is missing or invalid, or a unit that is not one of its joint.
     """
     if not isinstance(motion, str | Path):
         return motion
-    return Solution.load(motion) if Path(motion).suffix == ".npz" else read_csv(motion)
+    if Path(motion).suffix == ".npz":
+        return Solution.load(motion)
+    columns, headed, _ = read_columns(motion)
+    known = {"t": "s"} | coordinate_units(mech)
+    check_headings(str(motion), headed, known | {name.removeprefix("q."): unit for name, unit in known.items()})
+    return columns
 
 
 def _from_table(mech: Mechanism, columns: Mapping[str, object]) -> Prescribed:
@@ -188,8 +194,13 @@ def _joint_columns(columns: Mapping[str, object], single: Mapping[str, object]) 
 
 
 def _check_columns(t: Array, given: Mapping[str, Array]) -> None:
-    if t.ndim != 1 or len(t) < 3 or any(x.shape != t.shape or not np.isfinite(x).all() for x in given.values()):
-        raise InputError("columns of a motion are finite, of one length, with at least three times")
+    if t.ndim != 1 or len(t) < 3:
+        raise InputError(f"the times of a motion are a column of three numbers at least, got {t.size}")
+    for name, x in {"t": t, **given}.items():
+        if x.shape != t.shape:
+            raise InputError(f"column {name!r} of a motion has {x.size} values at {len(t)} times")
+        if not np.isfinite(x).all():
+            raise InputError(f"column {name!r} of a motion has no finite value in row {np.isfinite(x).argmin() + 1}")
     if not (increasing := np.diff(t) > 0).all():
         first, then = t[(i := int(np.argmin(increasing)))], t[i + 1]
         impact = " (a run has the time of an impact twice: give its .npz)" if first == then else ""

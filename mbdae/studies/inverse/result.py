@@ -260,7 +260,7 @@ class InverseDynamics(Tabular):
                 f"  {d.name}: peak {quantity(d.peak, d.unit, '.5g')} at {name} = {quantity(d.at, unit, '.4g')}, "
                 f"RMS {quantity(d.rms, d.unit, '.5g')}, up to {quantity(d.speed, SPEEDS[d.unit], '.4g')}"
             )
-            energy, low = rounded_zero(d.energy, d.delivered + d.absorbed), displayed(-d.braking, "W")[0]
+            energy, low = rounded_zero(d.energy, d.delivered + d.absorbed), displayed(0.0 - d.braking, "W")[0]
             delivered, absorbed = (displayed(x, "J")[0] for x in (d.delivered, d.absorbed))
             lines.append(
                 f"    power {low:.4g} to {quantity(d.power, 'W', '.4g')}; energy {quantity(energy, 'J', '.5g')}, "

@@ -229,6 +229,14 @@ def test_parquet(tmp_path):
     assert found.values["gravity.2"] == pytest.approx(-9.5, abs=1e-7)
 
 
+def test_one_measurement_of_two_parameters_has_no_chi_squared_per_degree_of_freedom():
+    parameters = {"gravity.2": (-12, -8), "joint.crank.mass": (0.5, 2)}
+    found = mbdae.fit("four_bar", parameters, {"t": [0.1], "q.crank": [1.2]}, **STEP)
+    assert found.dof == -1
+    assert np.isnan(found.reduced_chi2)
+    assert re.search(r"chi\^2 / degrees of freedom = \S+ / -1\n", str(found))
+
+
 DATA = {"t": [0.1, 0.2, 0.3], "q.crank": [1.2, 1.1, 1.0]}
 WRONG = [
     ({"t_span": (0.0, 0.25)}, {}, InputError, r"data 1: t = 0\.3 s is outside the span, 0 to 0\.25 s"),

@@ -181,7 +181,9 @@ def pendulum():
         (pendulum, 7, "upper", "a motion is a Solution"),
         (pendulum, ([0.0], [[0, 0, 0]], [[0, 0]], [[0, 0]]), "upper", "q of a motion"),
         (pendulum, ([], *[np.empty((0, 2))] * 3), "upper", "t of a motion is finite and has shape"),
-        (pendulum, {"t": 0.0, "upper": [0, 1, 2]}, "upper", "with at least three times"),
+        (pendulum, {"t": 0.0, "upper": [0, 1, 2]}, "upper", "three numbers at least, got 1"),
+        (pendulum, {"t": [0, 1, 2], "upper": [0, 1]}, "upper", "'upper' of a motion has 2 values at 3 times"),
+        (pendulum, {"t": [0, 1, 2], "upper": [0, np.nan, 1]}, "upper", "'upper' of .* no finite value in row 2"),
         (lambda: mbdae.load("four_bar"), ([0.0], *[[[0, 0, 0]]] * 3), "crank", "'pin'"),
     ],
 )
@@ -198,7 +200,21 @@ def test_a_table_is_read_as_measurements_are(tmp_path):
     with pytest.raises(InputError, match="two columns are named 'upper'"):
         inverse_dynamics(pendulum(), path, "upper")
     path.write_text("t,upper,lower\n0,0,0\n1,1,0\n2,2,0\n", "utf-8-sig")
-    assert inverse_dynamics(pendulum(), path, ["upper", "lower"]).t.tolist() == [0, 1, 2]
+    read = inverse_dynamics(pendulum(), path, ["upper", "lower"])
+    assert read.t.tolist() == [0, 1, 2]
+    parquet, arrow = pytest.importorskip("pyarrow.parquet"), pytest.importorskip("pyarrow")
+    parquet.write_table(arrow.table({"t": [0, 1, 2], "upper": [0.0, 1, 2], "lower": [0.0] * 3}), tmp_path / "m.parquet")
+    again = inverse_dynamics(pendulum(), tmp_path / "m.parquet", ["upper", "lower"])
+    np.testing.assert_array_equal(again.efforts, read.efforts)
+
+
+@pytest.mark.parametrize("heading", ["upper [mm]", "q.upper [rad/s]", "t [N]"])
+def test_a_heading_of_another_kind_is_rejected(heading, tmp_path):
+    """An angle in mm would be one in rad, three orders of magnitude off."""
+    path, name = tmp_path / "motion.csv", heading.partition(" ")[0]
+    path.write_text(("t,q.upper,q.lower\n0,0,0\n1,1,0\n2,2,0\n").replace(name, heading, 1))
+    with pytest.raises(InputError, match=rf"column '(q\.)?{name}' is in '.*', valid: (s|rad), "):
+        inverse_dynamics(pendulum(), path, ["upper", "lower"])
 
 
 def test_wrong_names_and_weights():

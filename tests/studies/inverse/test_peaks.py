@@ -23,6 +23,13 @@ def test_a_bar_lifted_at_constant_speed():
     assert demand.energy == pytest.approx(demand.delivered - demand.absorbed, rel=1e-12)
 
 
+def test_a_bar_that_is_only_lifted_takes_no_braking_power():
+    model = pin.Model()
+    bar(model, 0, (0, 0), 1.4, "lever", mass=2.0)
+    curve = kinematics(Mechanism(model), "lever", span=(-1.0, 1.0), points=21)
+    assert "power 0 to 41.2 W" in str(inverse_dynamics(Mechanism(model), curve, speed=3.0))  # 2 kg 9.81 m/s^2 0.7 m 3/s
+
+
 def test_next_to_jumps_and_corners_the_largest_sample_counts():
     t = np.linspace(0, 1, 101)
     whole = [np.arange(101)]

@@ -165,6 +165,20 @@ def test_a_circuit_that_is_not_closed_is_doubtful():
     assert found.warnings == ("circuit 1: it was not traced back to its first pose",)
 
 
+def test_a_rack_has_one_pose_and_one_equilibrium_at_each_of_its_positions():
+    """A pinion turns as often as it likes; a spring of 50 N/m carries the rack of 2 kg at -m g/k, without a warning."""
+    rack = {"name": "rack", "parent": "world", "joint": "prismatic", "mass": 2.0}
+    pinion = {"name": "pinion", "parent": "world", "inertia": [0.1, 0.1, 0.1, 0, 0, 0]}
+    mesh = {"kind": "coupling", "joints": ["rack", "pinion"], "coefficients": [0, 0.1]}
+    spring = {"kind": "joint_spring", "joint": "rack", "stiffness": 50.0}
+    tables = {"body": [rack, pinion], "closure": [mesh], "force": [spring]}
+    found = assembly_modes(tables, "rack", 0.3)
+    assert [m.q[1] for m in found.modes] == pytest.approx([3.0])
+    assert not found.warnings
+    (rest,) = mbdae.equilibria(tables, "rack", span=(-1, 1))
+    assert rest.q[0] == pytest.approx(-2.0 * 9.81 / 50.0, rel=1e-12)
+
+
 def test_a_missed_passage_of_the_input_is_doubtful(monkeypatch):
     """On one circuit an input that reverses rises as often as it falls."""
     whole = circuits._crossings_of

@@ -195,6 +195,21 @@ def test_what_has_no_modes_says_why(name, named, text):
         mbdae.modes(mbdae.load(name), **named)
 
 
+@pytest.mark.parametrize("study", [mbdae.equilibrium, mbdae.modes])
+def test_a_speed_that_needs_a_varying_torque_is_not_steady(study):
+    """A pendulum that turns at constant speed; without gravity the torque is that of its damping, b w."""
+    arm = {"name": "arm", "parent": "world", "axis": [0, 1, 0], "mass": 1.0, "com": [0, 0, -0.5]}
+    damping = {"kind": "joint_damping", "joint": "arm", "damping": 0.1}
+    tables = {"body": [arm], "force": [damping], "start": {"q": {"arm": 1.0}}}
+    with pytest.raises(InputError, match="not steady: the forces change along the motion, most at joint 'arm'"):
+        study(tables, v={"arm": 3.0})
+    found = study({**tables, "gravity": [0, 0, 0]}, v={"arm": 3.0})
+    if study is mbdae.equilibrium:
+        assert found.holding["arm"] == pytest.approx(0.1 * 3.0, rel=1e-12)
+    else:
+        assert found.eigenvalues == pytest.approx([0.0, -0.1 / 0.25], rel=1e-12)
+
+
 def test_a_pose_that_is_no_equilibrium_is_rejected():
     mech = mbdae.load("four_bar")
     with pytest.raises(InputError, match=r"no equilibrium and no steady motion: joint 'coupler' accelerates"):

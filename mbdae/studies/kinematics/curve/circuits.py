@@ -1,7 +1,8 @@
 """Circuits: the curve through an assembly mode, and all poses on it with the same value of the input.
 
 On a closed curve of regular poses the signs of du/ds at the crossings of one value add up to 0 for a prismatic input,
-and to the number of revolutions for a revolute one. So each circuit has an even number of modes of a prismatic input.
+and to the number of revolutions for a revolute one. So each circuit has an even number of modes of a prismatic input; a
+curve along which a prismatic input goes from one side without bound to the other is no circuit, and has an odd number.
 Source: Chase, Mirth, J. Mech. Design 115 (1993); the degree of a map of the circle.
 """
 
@@ -60,8 +61,14 @@ def circuit(system: "Index2System", angular: Array, period: float, q: Array, u: 
         back.set_start(q, u, -first.tau)
         reverse = _crossings_of(back, u)
         crossings += [p._replace(tau=-p.tau, speed=-p.speed) for p in reverse[1:]]
-        warning = "it was not traced back to its first pose"
+        warning = "" if _is_unbounded(curve, back) else "it was not traced back to its first pose"
     return Circuit([(p.q, p.speed > 0) for p in crossings], warning)
+
+
+def _is_unbounded(there: PoseCurve, back: PoseCurve) -> bool:
+    """Return whether a sliding input goes on in both directions, as that of a rack, as far as curves are traced."""
+    ends = [c.nodes[-1].u - c.nodes[0].u for c in (there, back) if c.ended in ("range", "long")]
+    return not there.period and len(ends) == 2 and ends[0] * ends[1] < 0
 
 
 def _crossings_of(curve: PoseCurve, u: float) -> list[CurvePoint]:
