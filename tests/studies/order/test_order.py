@@ -82,7 +82,8 @@ def test_every_textbook_problem_has_a_span():
     assert set(SPANS) == set(TEXTBOOK)
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "fekete")) for n in SPANS])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SPANS)
 def test_no_claim_of_any_method_is_refuted_on_a_textbook_problem(name, monkeypatch):
     """Few steps, many of them too long, and a reference with some more: inconclusive results must be reported so."""
     monkeypatch.setattr(Measurement, "largest", 400)

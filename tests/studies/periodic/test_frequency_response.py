@@ -20,6 +20,7 @@ def oscillator(rest=(), **drive):
     return mbdae.load({"gravity": [0, 0, 0], "body": [body], "force": laws})
 
 
+@pytest.mark.slow
 def test_amplitude_and_multipliers_of_a_driven_oscillator():
     """x = Im(F e^(i omega t)/(k - m omega^2 + i c omega)), mu = e^(s T), T = 2 pi/omega; and no bifurcation."""
     mech = oscillator(kind="harmonic", amplitude=F, omega=5.6)
@@ -42,6 +43,7 @@ def test_a_branch_begins_at_the_bound_of_a_parameter():
     assert [found.q[0], found.v[0]] == pytest.approx([0.0, 4.0 * F / (K - M * 16.0)], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_tangents_are_those_of_the_response():
     """dx_0/domega of the closed form, in segments of the period, too."""
     mech = oscillator(kind="harmonic", amplitude=F, omega=5.0)
@@ -53,6 +55,7 @@ def test_tangents_are_those_of_the_response():
         assert nodes[0, 0] / (rest[-1] * 0.01) == pytest.approx(expected, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_crank_over_its_speed():
     """A slider driven by a crank at speed omega turns once in 2 pi/omega; that of a yoke on a spring is a cosine."""
     tables = {
@@ -74,6 +77,7 @@ def test_a_crank_over_its_speed():
         assert point.motion.q[-1] == pytest.approx(z.real, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_doubled_branch_follows_the_period():
     """Half the frequency of a pendulum whose pivot moves vertically: 2 T = 4 pi/omega, and scipy comes back."""
     pivot = {"name": "pivot", "parent": "world", "joint": "prismatic", "mass": 1.0}
