@@ -143,7 +143,8 @@ def _value(name: str) -> Any:
         forces = import_module("mbdae.mechanism.forces").NAMES
         if name in forces:
             return forces[name]
-    if not name.startswith("_") and find_spec(f"mbdae.{name}"):  # a module, as mbdae.backend
+    found = None if name.startswith("_") else find_spec(f"mbdae.{name}")
+    if found and found.origin:  # a module, as mbdae.backend, and no folder of data
         return import_module(f"mbdae.{name}")
     raise AttributeError(f"module 'mbdae' has no attribute {name!r}")
 

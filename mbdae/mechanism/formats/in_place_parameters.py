@@ -265,5 +265,5 @@ def _bodies_are_alone(template: Template, found: InPlaceParameters, values: Valu
     given = {name: x for name, x in values.items() if not any(name in element.paths for element in found.bodies)}
     given |= {f"{owner}.{key}": x for owner in owners for key, x in UNSYMMETRIC.items()}
     made = template.make(given).model
-    expected = body_inertia(Body(name="", parent="", **UNSYMMETRIC))
+    expected = body_inertia(Body(name="body", parent="", **UNSYMMETRIC))
     return all(made.inertias[element.joint] == expected for element in found.bodies)

@@ -5,9 +5,8 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
-import fmpy
 import numpy as np
-from fmu_masters import Master
+from fmu_masters import Master, fmpy
 
 
 def co_simulation(unit):
