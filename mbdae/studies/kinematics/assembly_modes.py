@@ -18,7 +18,7 @@ from ...mechanism.tree.coordinate_units import COORDINATE_NAMES, coordinate_unit
 from ...mechanism.tree.frames import find_joints
 from ...solution.problem import mechanism_of
 from ...system import Array
-from ...tabular import Tabular
+from ...tabular import Tabular, rounded_zero
 from ...units import quantity
 from .driven_mechanism import Hold, driven_mechanism, input_at, omitted_elements, require_one_dof
 from .mode_search import ModeSearch
@@ -164,9 +164,10 @@ def _coordinates_text(mech: Mechanism, q: Array) -> str:
     """Return the coordinates of a pose as text."""
     out, units = [], coordinate_units(mech)
     for name, joint in zip(mech.joint_names, find_joints(mech.model, mech.joint_names), strict=True):
-        values = q[joint.idx_q : joint.idx_q + joint.nq]
+        at = slice(joint.idx_q, joint.idx_q + joint.nq)
+        values = [rounded_zero(x, scale) for x, scale in zip(q[at], mech.q_scales[at], strict=True)]
         if (joint.nq, joint.nv) == (2, 1):
-            values = np.array([np.arctan2(values[1], values[0])])
+            values = [np.arctan2(values[1], values[0])]
         parts = COORDINATE_NAMES.get(mech.joint_kind(name), (("",),))[0] if len(values) > 1 else ("",)
         names = [f"{name}.{p}" if p else name for p in parts]
         known = [units.get(f"q.{n}", "") for n in names]

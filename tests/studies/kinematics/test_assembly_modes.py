@@ -2,6 +2,7 @@
 
 import importlib
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -175,6 +176,8 @@ def test_a_rack_has_one_pose_and_one_equilibrium_at_each_of_its_positions():
     found = assembly_modes(tables, "rack", 0.3)
     assert [m.q[1] for m in found.modes] == pytest.approx([3.0])
     assert not found.warnings
+    rounding = replace(found.modes[0], q=np.array([-6e-55, 3.0]))
+    assert "rack 0 m, pinion 3 rad; rack" in str(replace(found, modes=[rounding]))
     (rest,) = mbdae.equilibria(tables, "rack", span=(-1, 1))
     assert rest.q[0] == pytest.approx(-2.0 * 9.81 / 50.0, rel=1e-12)
 

@@ -179,8 +179,10 @@ def located(path: str) -> tuple[Path, dict[str, str]]:
 
 
 def _without_parameters(name: str, values: Mapping[str, object]) -> Sequence[dict[str, Any]]:
-    if values:
-        raise UnknownNameError(f"parameter of {name}", next(iter(values)), ())
+    for key in values:
+        if "." in key:
+            raise InputError(f"{key!r}: {name} has no parameters; sweep, fit and optimize vary entries of its tables")
+        raise UnknownNameError(f"parameter of {name}", key, ())
     return ()
 
 
