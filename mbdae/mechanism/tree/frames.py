@@ -110,12 +110,15 @@ def joint_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.nda
 
 
 def _anchor_paths(model: pin.Model, anchors: Sequence[Anchor], q: np.ndarray) -> np.ndarray:
-    data, out = make_data(model), np.empty((len(anchors), len(q), 3))
+    data, n = make_data(model), (len(anchors), len(q))
+    R, p = np.empty((*n, 3, 3)), np.empty((*n, 3))
+    poses = [data.oMi[a.joint] for a in anchors]
+    views = [(*arrays, pose.rotation, pose.translation) for *arrays, pose in zip(R, p, poses, strict=True)]
     for k, configuration in enumerate(q):
         update_motions(model, data, configuration)
-        for path, a in zip(out, anchors, strict=True):
-            path[k] = data.oMi[a.joint].act(a.p)
-    return out
+        for rotations, positions, rotation, position in views:
+            rotations[k], positions[k] = rotation, position
+    return p + np.einsum("nmij,nj->nmi", R, np.reshape([a.p for a in anchors], (-1, 3)))
 
 
 def frame_motions(

@@ -81,17 +81,24 @@ def bind_parameters(sol: Solution, names: Names, model: Model) -> Parameters:
 
 def _require_directions(parameters: Parameters, sol: Solution) -> None:
     parameters.require_directions(float(sol.nodes[0][0]), sol.nodes[1][0][: sol.mechanism.nq])
-    for law, _ in parameters.system.laws.bound:
-        if law.flipping and _passes(sol, law.flipping):
+    laws = [law for law, _ in parameters.system.laws.bound if law.flipping]
+    gaps = _gaps(sol.mechanism, [law.flipping for law in laws], sol.nodes[1][:, : sol.mechanism.nq])
+    for law, x in zip(laws, gaps, strict=True):
+        if _passes(sol, law.flipping, x):
             raise coincident(law.name)
 
 
-def _passes(sol: Solution, frames: tuple[str, str]) -> bool:
-    """Return whether the origins of two frames pass each other: steps skip a rotation of the line between them."""
+def _gaps(mech: Mechanism, pairs: Sequence[Sequence[str]], q: Array) -> Array:
+    """Return the vectors between the origins of pairs of frames in m, (n, m, 3), at configurations q (m, nq)."""
+    paths = frame_paths(mech.model, [name for pair in pairs for name in pair], q) if pairs else np.empty((0, len(q), 3))
+    return paths[1::2] - paths[::2]
 
-    def gap(q: Array) -> Array:
-        a, b = frame_paths(sol.mechanism.model, frames, np.atleast_2d(q))
-        return b - a
+
+def _passes(sol: Solution, frames: Sequence[str], x: Array) -> bool:
+    """Return whether the origins of two frames with vectors x at the nodes pass each other.
+
+    Steps skip a rotation of the line between them.
+    """
 
     def skips(start: float, end: float, a: Array, b: Array, halvings: int) -> bool:
         if a @ b > 0 or start == end:
@@ -99,10 +106,10 @@ def _passes(sol: Solution, frames: tuple[str, str]) -> bool:
         if not halvings:
             return True
         middle = (start + end) / 2
-        (x,) = gap(sol(middle).q)
+        ((x,),) = _gaps(sol.mechanism, [frames], np.atleast_2d(sol(middle).q))
         return skips(start, middle, a, x, halvings - 1) or skips(middle, end, x, b, halvings - 1)
 
-    t, x = sol.nodes[0], gap(sol.nodes[1][:, : sol.mechanism.nq])
+    t = sol.nodes[0]
     reversals = np.flatnonzero((x[1:] * x[:-1]).sum(axis=1) <= 0)
     return any(skips(t[i], t[i + 1], x[i], x[i + 1], HALVINGS) for i in reversals)
 
