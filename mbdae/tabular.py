@@ -232,16 +232,16 @@ def read_csv(path: str | Path) -> Columns:
     for i, row in enumerate(rows[1:], 2):
         if row and len(row) != len(head):
             raise InputError(f"{path}, line {i}: {len(row)} values under {len(head)} names")
-    body = np.array([[_number(x, f"{path}, line {i}") for x in row] for i, row in enumerate(rows[1:], 2) if row]).T
+    body = np.array([[_number(x, path, i) for x in row] for i, row in enumerate(rows[1:], 2) if row]).T
     values = {name: (si_value(unit) or ONE).apply(x) for name, unit, x in zip(head, units, body, strict=True)}
     return Columns(values, {name: unit for name, unit in zip(head, units, strict=True) if unit})
 
 
-def _number(cell: str, where: str) -> float:
+def _number(cell: str, path: str | Path, line: int) -> float:
     try:
         return float(cell) if cell.strip() else np.nan
     except ValueError:
-        raise InputError(f"{where}: {cell!r:.60} is not a number") from None
+        raise InputError(f"{path}, line {line}: {cell!r:.60} is not a number") from None
 
 
 def _lines(path: str | Path) -> list[list[str]]:

@@ -112,7 +112,7 @@ def joint_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.nda
 def _anchor_paths(model: pin.Model, anchors: Sequence[Anchor], q: np.ndarray) -> np.ndarray:
     data, n = make_data(model), (len(anchors), len(q))
     R, p = np.empty((*n, 3, 3)), np.empty((*n, 3))
-    poses = [data.oMi[a.joint] for a in anchors]
+    poses = [data.oMi[a.joint] for a in anchors]  # with their arrays they are views, current after each update
     views = [(*arrays, pose.rotation, pose.translation) for *arrays, pose in zip(R, p, poses, strict=True)]
     for k, configuration in enumerate(q):
         update_motions(model, data, configuration)

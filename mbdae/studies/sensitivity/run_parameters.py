@@ -82,6 +82,8 @@ def bind_parameters(sol: Solution, names: Names, model: Model) -> Parameters:
 def _require_directions(parameters: Parameters, sol: Solution) -> None:
     parameters.require_directions(float(sol.nodes[0][0]), sol.nodes[1][0][: sol.mechanism.nq])
     laws = [law for law, _ in parameters.system.laws.bound if law.flipping]
+    if not laws:
+        return
     gaps = _gaps(sol.mechanism, [law.flipping for law in laws], sol.nodes[1][:, : sol.mechanism.nq])
     for law, x in zip(laws, gaps, strict=True):
         if _passes(sol, law.flipping, x):
@@ -90,7 +92,7 @@ def _require_directions(parameters: Parameters, sol: Solution) -> None:
 
 def _gaps(mech: Mechanism, pairs: Sequence[Sequence[str]], q: Array) -> Array:
     """Return the vectors between the origins of pairs of frames in m, (n, m, 3), at configurations q (m, nq)."""
-    paths = frame_paths(mech.model, [name for pair in pairs for name in pair], q) if pairs else np.empty((0, len(q), 3))
+    paths = frame_paths(mech.model, [name for pair in pairs for name in pair], q)
     return paths[1::2] - paths[::2]
 
 
