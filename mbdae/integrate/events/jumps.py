@@ -115,10 +115,11 @@ class Jumps(EventSource):
         t, current = step.run.t, step.run.interval
         return Occurrence(t) if t == current.end and current.restart is not None else None
 
-    def handle_event(self, run: "RunState") -> bool:
-        """Restart after the jump."""
-        assert run.interval.restart is not None
-        run.restart_after_jump(run.interval.restart)
+    def handle_event(self, run: "RunState", ended: bool) -> bool:
+        """Restart after the jump, unless the run has ended before it."""
+        if not ended:
+            assert run.interval.restart is not None
+            run.restart_after_jump(run.interval.restart)
         return False
 
     def drop_sampling(self, run: "RunState") -> None:

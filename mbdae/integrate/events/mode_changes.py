@@ -221,7 +221,7 @@ class ModeChanges(EventSource):
     def _check_chattering(self, run: "RunState", fired: list[Guard]) -> None:
         self.chattering.check(len(run.ts) - 1, run.t, (g.name for g in fired), self.system.mode)
 
-    def handle_event(self, run: "RunState") -> bool:
+    def handle_event(self, run: "RunState", ended: bool) -> bool:
         """Continue in the next mode with a second node at the same time, unless the run ends at this node.
 
         Raises:

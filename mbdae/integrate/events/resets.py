@@ -104,8 +104,11 @@ class Resets(EventSource):
             return False
         return condition is None or condition.direction * condition.value(t, y) > 0
 
-    def handle_event(self, run: "RunState") -> bool:
-        """Let the state jump, unless the run ends at this node."""
+    def handle_event(self, run: "RunState", ended: bool) -> bool:
+        """Let the state jump, unless the run ends at this node: its end is before the jump, as before an impact."""
+        if ended and not run.continues:
+            self._left = self.maps[self._found].reset.name
+            return False
         if run.time_left() <= 0:
             return False
         found = self.maps[self._found]
@@ -127,13 +130,6 @@ class Resets(EventSource):
                 raise StepError("impact", f"{contact} after event {found.reset.name!r}, at t = {run.t:.17g}")
             run.mode_changes.continue_from(run, point, set(), partial(found.with_work, y))
         return False
-
-    def handle_event_at_end(self, run: "RunState") -> None:
-        """Let the state jump if the run goes on; otherwise its end is before the jump, as before an impact."""
-        if run.continues:
-            self.handle_event(run)
-        else:
-            self._left = self.maps[self._found].reset.name
 
     def warning(self) -> str:
         """Return which event a terminal one left undone."""

@@ -146,7 +146,7 @@ class UserEvents(EventSource):
         stop = self._terminal(step) if self.events else None
         return self._occurrence(step, *stop) if stop else None
 
-    def handle_event(self, run: "RunState") -> bool:
+    def handle_event(self, run: "RunState", ended: bool) -> bool:
         """End the run; events at its end or, by the dense output, slightly beyond are moved to the end."""
         t, y, sign = run.t, run.ys[-1], run.sign
         limit = sign * t - AGREEMENT * max(1.0, abs(t))

@@ -77,11 +77,11 @@ def time_loop(run: RunState, progress: Progress | None = None) -> bool:
         acting = _detect_events(run, start, before) if len(run.ts) > before else None
         if acting is None:  # no step was taken, or the last one was rejected
             continue
-        for i, source in enumerate(acting):
-            if source.handle_event(run):
-                for later in acting[i + 1 :]:
-                    later.handle_event_at_end(run)
-                return True
+        ended = False
+        for source in acting:
+            ended |= source.handle_event(run, ended)
+        if ended:
+            return True
         if progress:
             progress(1 - run.time_left() / total)
     return False
