@@ -2,26 +2,23 @@
 
 from collections.abc import Callable, Sequence
 from math import isfinite
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from ...mechanism.closures.closure_error import largest_error
-from ...mechanism.closures.preconditions import closures_with_preconditions, lost_precondition
+from ...mechanism.closures.preconditions import lost_precondition
 from ...mechanism.flexible.linear_range import beyond_linear
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.formulations.steps.projection import contradicting_rows
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.signals.contacts import first_negative, rolling_closures
 from ...mechanism.signals.reactions import mass_scaled_jacobian
-from ...mechanism.tree.tree_terms import flexible_bodies
 from ...solution.columns import energy_balance, energy_error
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import AMBIGUOUS_PIVOT, NEGLIGIBLE, VISIBLE
 from ..steppers.solvers import SOLVERS
 from .elastic_resolution import Vibrations, unresolved_vibrations
-from .skipped_shapes import shaped_closures, skipped_shape, tables_over_time
+from .skipped_shapes import skipped_shape
 
 Check = Callable[[Solution, Index2System], str]
 
@@ -40,7 +37,7 @@ def accuracy_warnings(sol: Solution, system: Index2System, vibrations: Vibration
         vibrations: those of its flexible bodies.
     """
     inaccurate = [text for check in CHECKS if (text := check(sol, system))]
-    others = [text for check in _checks_of_features(system) if (text := check(sol, system))]
+    others = [text for check in ASSUMPTIONS if (text := check(sol, system))]
     if inaccurate:
         others.insert(0, f"{'; '.join(inaccurate)}: {_remedy(sol, system)}")
     if vibrations and (unresolved := unresolved_vibrations(sol, vibrations)):
@@ -184,20 +181,5 @@ def _spread(n: int, most: int) -> Array | slice:
     return slice(None) if n <= most else np.linspace(0, n - 1, most).astype(int)
 
 
-def _checks_of_features(system: Index2System) -> Sequence[Check]:
-    """Return the checks of what a mechanism has."""
-    mech = system.mechanism
-    if mech not in _OF_FEATURES:
-        features = {
-            dependent_rows_changed: mech.ng,
-            lift_off: rolling_closures(mech),
-            lost_preconditions: closures_with_preconditions(mech),
-            large_deflections: flexible_bodies(mech.model),
-            skipped_shape: [*shaped_closures(mech), *tables_over_time(system)],
-        }
-        _OF_FEATURES[mech] = [check for check, found in features.items() if found]
-    return _OF_FEATURES[mech]
-
-
 CHECKS: Sequence[Check] = violated_closures, violated_velocity_rows, energy_imbalance  # a higher accuracy is the remedy
-_OF_FEATURES: WeakKeyDictionary[Mechanism, Sequence[Check]] = WeakKeyDictionary()  # mechanisms are immutable
+ASSUMPTIONS: Sequence[Check] = dependent_rows_changed, lift_off, lost_preconditions, large_deflections, skipped_shape

@@ -31,6 +31,8 @@ def skipped_shape(sol: Solution, system: Index2System) -> str:
     the cubic through both ends of the step.
     """
     tables, closures = list(tables_over_time(system)), shaped_closures(sol.mechanism)
+    if not (tables or closures):
+        return ""
     t = sol.nodes[0]
     h = np.abs(np.diff(t))
     longest = np.sort(np.argsort(-h, kind="stable")[:LONGEST])
