@@ -11,7 +11,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # pytest's workers share the
 import pytest
 
 from mbdae import Mechanism, backend
-from mbdae.integrate.run import binding
+from mbdae.integrate.run import run_setup
 from mbdae.studies import workers
 
 signal.signal(
@@ -54,7 +54,7 @@ def back_end(request, monkeypatch):
     def bound(self, *args, **named):
         return system(self, *args, **named) if core is None or args or named else system(self, native=core)
 
-    monkeypatch.setattr(binding, "select_core", lambda asked: core if asked == "auto" else backend.select_core(asked))
+    monkeypatch.setattr(run_setup, "select_core", lambda asked: core if asked == "auto" else backend.select_core(asked))
     monkeypatch.setattr(Mechanism, "system", bound)
     return request.param
 

@@ -5,6 +5,9 @@ from math import inf
 from numbers import Integral
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from ...arguments import as_numbers
 from ...errors import InputError, UnknownNameError, is_number, require
 from ...mechanism import Mechanism
 from ...mechanism.model_settings import CONTROL_SETTINGS
@@ -109,10 +112,10 @@ class RunOptions(NamedTuple):
 
 
 def _given_options(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options that are given, sizes of steps in double precision.
+    """Return the options that are given, sizes of steps in double precision, absolute tolerances as an array.
 
     Raises:
-        InputError: for a size or number of steps that is not positive.
+        InputError: for a size or number of steps that is not positive, or a tolerance that is negative.
         UnknownNameError: for an unknown option.
     """
     if unknown := arguments.keys() - DEFAULTS.keys():
@@ -121,6 +124,10 @@ def _given_options(arguments: Mapping[str, Any]) -> dict[str, Any]:
     if sizes := {name: x for name, x in given.items() if name in STEP_SIZES or name == "max_steps"}:
         require_positive(**sizes)
         given |= {name: float(x) for name, x in sizes.items() if name in STEP_SIZES}
+    if "atol" in given:
+        given["atol"] = atol = as_numbers(arguments["atol"])
+        if not (np.isfinite(atol).all() and (atol >= 0).all()):
+            raise InputError(f"atol must be finite and not negative, one number or several, got {arguments['atol']!r}")
     return given
 
 

@@ -1,10 +1,12 @@
-"""Setup of a run: workspace, stepper and initial point."""
+"""Setup of a run: back end, workspace, stepper and initial point."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from numbers import Real
+from typing import Any
 
+from ...backend import checked_backend, select_core, status
 from ...errors import InputError
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, NotCompiled
 from ...mechanism.formulations.compiled_systems import CompiledSystem
 from ...methods import obstacle
 from ...methods.variational import NewtonMethod
@@ -19,7 +21,6 @@ from ..steppers.library_solver import LibrarySolver
 from ..steppers.native import NativeStepper
 from ..steppers.stepper import PythonStepper, Stepper
 from .backward_steps import BackwardStepper
-from .binding import bind
 from .run_state import SOURCES, RunState
 
 NEWTON_TOLERANCE = NEGLIGIBLE  # implicit stages are iterated to min(this, sqrt(rtol)) rtol, where RADAU5 has 0.03
@@ -65,11 +66,9 @@ def _prepared(
     if reason := obstacle(options.method, system):
         raise InputError(reason)
     stepper = _stepper(system, options)
-    if control := stepper.control:
-        control.check_atol(system)
-        if options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
-            rtol = float(control.rtol)
-            system.accuracy = min(NEWTON_TOLERANCE, rtol**0.5) * rtol
+    if (control := stepper.control) and options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
+        rtol = float(control.rtol)
+        system.accuracy = min(NEWTON_TOLERANCE, rtol**0.5) * rtol
     run = RunState(problem, options, system, stepper, y, kinds)
     run.fallback = fallback or ("" if options.method.in_core else f"method {options.method.name!r}")
     if isinstance(problem, Mechanism):  # before controllers, modes and projections change the start
@@ -82,6 +81,9 @@ def _prepared(
 
 def _stepper(system: System, o: RunOptions) -> Stepper:
     inner = _python_stepper(system, o)
+    n = len(range(system.ny)[system.measured])
+    if (shape := getattr(o.atol, "shape", ())) not in ((), (n,)):
+        raise InputError(f"atol is one number or one for each of {n} components, got shape {shape}")
     if not system.native or isinstance(o.method, LibrarySolver) or not o.method.in_core:
         return inner
     if inner.control and isinstance(o.method, NewtonMethod):  # Python controls the sizes of steps of the core
@@ -111,3 +113,54 @@ def _start(
     drifted = START_DRIFT * float(options.rtol) if isinstance(options.rtol, Real) and not options.step else 0.0
     residual = system.closure_residual if isinstance(system, CompiledSystem) else None
     return mechanism.point(q, v, options.t0, s, max(INPUT_DIGITS, drifted), residual)
+
+
+def bind(problem: Any, formulation: str, baumgarte: tuple[float, float] | None, backend: str) -> tuple[System, str]:
+    """Bind a problem to a workspace; to one of the compiled core, where possible.
+
+    Returns:
+        The workspace; and, for ``backend="auto"``, the reason why the run cannot use the core, or "".
+
+    Raises:
+        InputError: for ``backend="native"`` if the core is missing or does not support the problem.
+        UnknownNameError: for an unknown back end or formulation.
+    """
+    unsupported = "" if isinstance(problem, Mechanism) else "textbook problems"
+    system = problem.workspaces.acquire if isinstance(problem, Mechanism) else problem.system
+    native = None if unsupported and backend in ("auto", "native") else select_core(backend)
+    if native:
+        try:
+            return system(formulation, baumgarte, native), ""
+        except NotCompiled as e:
+            unsupported = str(e)
+    if unsupported and backend == "native":
+        raise InputError(f"backend='native' does not support {unsupported}: use 'auto' or 'python'")
+    reason = "" if backend == "python" else unsupported or status()
+    return system(formulation, baumgarte), reason
+
+
+def common_backend(
+    problem: object, runs: Iterable[tuple[str, tuple[float, float] | None]], backend: str
+) -> tuple[str, str]:
+    """Choose one back end for several runs, so that their computing times are comparable.
+
+    Args:
+        problem: a mechanism or a textbook problem.
+        runs: formulation, and Baumgarte's parameters alpha and beta, of each run.
+        backend: as for `mbdae.solve`.
+
+    Returns:
+        ``"native"`` or ``"python"``; and the reason why one of the runs cannot use the core, or "".
+
+    Raises:
+        InputError: for ``backend="native"`` if the core does not support all of them.
+        UnknownNameError: for an unknown back end.
+    """
+    reasons = set()
+    for run in runs:
+        system, reason = bind(problem, *run, checked_backend(backend))
+        reasons.add(reason)
+        if isinstance(problem, Mechanism):
+            problem.workspaces.release(system)  # type: ignore[arg-type]
+    because = "; ".join(sorted(reasons - {""}))
+    return "python" if backend == "python" or because else "native", because

@@ -10,10 +10,12 @@ import numpy as np
 from ...errors import StepError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
+from ...mechanism.inputs import Inputs
 from ...solution.solution import Problem, Solution
 from ...system import Array, State, Step, System
 from ...tolerances import JUMP_MARGIN
 from ..events.driver_checks import DriverChecks
+from ..events.input_record import InputRecord
 from ..events.jumps import Jumps, SmoothInterval
 from ..events.mode_changes import ModeChanges
 from ..events.resets import Resets
@@ -31,9 +33,8 @@ if TYPE_CHECKING:
     from .backward_steps import BackwardStepper
     from .step_map import StepMap
 
-
 SOURCES: tuple[type[EventSource], ...] = (
-    DriverChecks, ModeChanges, SingularityMonitor, StiffnessDetector, UserEvents, Resets, Jumps
+    DriverChecks, InputRecord, ModeChanges, SingularityMonitor, StiffnessDetector, UserEvents, Resets, Jumps
 )  # fmt: skip
 """Sources of events, in the order in which they check a step."""
 
@@ -70,6 +71,7 @@ class RunState:
         self.backward_stepper: BackwardStepper | None = None
         self.settings = options.record()  # recorded with the solution
         self.fallback = ""  # why the run cannot use the compiled core
+        self.inputs: Inputs | None = None  # those that FMUs set
         self._record: Solution | None = None
         self.add_sources(kinds)
 
@@ -139,9 +141,7 @@ class RunState:
         self.end_interval(len(self.ts) - 1)
         if exact_end:
             self.ts[-1] -= JUMP_MARGIN * ulp(t)
-        self.zs.append(self.zs[-1])
-        self.ys.append(self.ys[-1])
-        self.ts.append(t)
+        self._append(t, self.ys[-1], self.zs[-1])
         self.t = t
         self.begin(jumps=jumps)
         self.stepper.restart()
@@ -150,9 +150,7 @@ class RunState:
 
     def switch_mode(self, y: Array) -> None:
         """Begin a smooth interval in another mode at y: a second node at the same time."""
-        self.zs.append(self.zs[-1])
-        self.ys.append(y)
-        self.ts.append(self.t)
+        self._append(self.t, y, self.zs[-1])
         self._start_at(y, restarted=True)
         self.stepper.restart()
         self.notify_discontinuity(len(self.ts) - 1, mode_changed=True)
@@ -194,11 +192,15 @@ class RunState:
         """Time to the end of the run, positive."""
         return abs(self.t1 - self.t)
 
-    def accept(self, t: float, step: Step) -> None:
-        """Record a step; its time is recorded last, so an interrupt leaves the record consistent."""
-        self.zs.append(step.z)
-        self.ys.append(step.state.y)
+    def _append(self, t: float, y: Array, z: Array) -> None:
+        """Append a node; its time is last, so an interrupt leaves the record consistent."""
+        self.zs.append(z)
+        self.ys.append(y)
         self.ts.append(t)
+
+    def accept(self, t: float, step: Step) -> None:
+        """Record a step."""
+        self._append(t, step.state.y, step.z)
         try:
             self.state = self.system.update_independent_rows(t, step.state)
         except StepError:  # a singular configuration, where no step can begin
@@ -210,9 +212,7 @@ class RunState:
 
     def append_node(self, t: float, y: Array, last: bool) -> None:
         """Append a node that is not the end of a step; the last node may be singular, since no step begins there."""
-        self.zs.append(self.zs[-1])
-        self.ys.append(y)
-        self.ts.append(t)
+        self._append(t, y, self.zs[-1])
         self.t = t
         if last:
             self.state = State(y)

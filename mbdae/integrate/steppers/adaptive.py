@@ -1,16 +1,14 @@
 """Steps with step-size control."""
 
-from math import inf
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...arguments import as_numbers
 from ...data_types import JsonObject
 from ...errors import InputError, StepError
 from ...methods.controller import PI, Control, Controller, error_norm, root_mean_squares
-from ...system import Array, Step, System
+from ...system import Array, Step
 from ...tolerances import AGREEMENT, EPS, ROUNDING, TINY
 from .stepper import PythonStepper, StepperState, smallest_step
 
@@ -39,7 +37,7 @@ class Adaptive(PythonStepper):
     ) -> None:
         if not (isinstance(rtol, Real) and SMALLEST_RTOL <= float(rtol) < np.inf):
             raise InputError(f"rtol = {rtol!r} cannot be met: it must be a finite number, at least {SMALLEST_RTOL:.2g}")
-        self.rtol, self.atol = rtol, _not_negative("atol", 0.01 * rtol if atol is None else atol)
+        self.rtol, self.atol = rtol, np.asarray(0.01 * rtol if atol is None else atol)
         self.controller, self.max_step = Controller(power, control, min_growth), max_step
         self.h: Any = first_step
         self.cap = np.inf  # limit of the next step near singular configurations
@@ -108,16 +106,6 @@ class Adaptive(PythonStepper):
         """Return the settings that are recorded with the solution."""
         return {"rtol": float(self.rtol), "atol": self.atol.tolist()}
 
-    def check_atol(self, system: System) -> None:
-        """Require that atol is one number, or one for each measured component of the tangent.
-
-        Raises:
-            InputError: for another number of components.
-        """
-        n = len(range(system.ny)[system.measured])
-        if self.atol.shape not in ((), (n,)):
-            raise InputError(f"atol is one number or one for each of {n} components, got shape {self.atol.shape}")
-
     def _scale(self, run: "RunState", y: Array) -> Array:
         m = run.system.measured
         size = np.maximum(run.system.component_magnitudes(run.state.y)[m], run.system.component_magnitudes(y)[m])
@@ -152,17 +140,3 @@ class Adaptive(PythonStepper):
         steepest = max(d1, d2)
         h1 = max(default_step, reduction * h0) if steepest <= ROUNDING else (change / steepest) ** (1 / power)
         return min(growth * h0, h1)
-
-
-def _not_negative(name: str, value: object) -> Array:
-    """Return tolerances as an array.
-
-    Raises:
-        InputError: if one is negative, not finite or not a number.
-    """
-    if type(value) is float and 0 <= value < inf:
-        return np.array(value)
-    out = as_numbers(value)
-    if not (np.isfinite(out).all() and (out >= 0).all()):
-        raise InputError(f"{name} must be finite and not negative, one number or several, got {value!r}")
-    return out

@@ -81,7 +81,6 @@ class Ida(LibraryStepper):
         self.raw = RawCoordinates(system)
         if self.atol.ndim and self.raw.units:
             raise InputError("method 'ida' needs one number as atol for quaternions and unbounded revolute joints")
-        self.check_atol(system)
 
     def _open(self, run: "RunState") -> None:
         """Open the chart of the next step; start IDA at a new point, or with new rows."""

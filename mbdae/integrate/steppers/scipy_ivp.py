@@ -84,7 +84,6 @@ class Scipy(LibraryStepper):
                 raise InputError(
                     "formulation 'index1' needs one number as atol for quaternions and unbounded revolute joints"
                 )
-        self.check_atol(system)
         self.baseline: ScipySolver = baseline
         self.system: Index1System = system
         self.backend = "native" if system.native else "python"

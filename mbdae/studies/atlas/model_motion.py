@@ -12,7 +12,7 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError
-from ...integrate.run.binding import common_backend
+from ...integrate.run.run_setup import common_backend
 from ...mechanism import Mechanism, load
 from ...solution.archive import problem_data
 from ...tolerances import SUM_ROUNDING

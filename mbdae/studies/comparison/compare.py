@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...integrate.options.span import checked_span
-from ...integrate.run.binding import common_backend
+from ...integrate.run.run_setup import common_backend
 from ...integrate.steppers.solvers import find_method
 from ...mechanism import Mechanism, ModelSource
 from ...methods.uncompiled import uncompiled

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from ...errors import InputError, StepError
-from ...integrate.run.binding import bind
+from ...integrate.run.run_setup import bind
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.flexible.linear_range import beyond_linear

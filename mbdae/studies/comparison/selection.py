@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ...errors import InputError, as_list, is_number, require
-from ...integrate.run.binding import common_backend
+from ...integrate.run.run_setup import common_backend
 from ...integrate.steppers.ida import IDA
 from ...integrate.steppers.solvers import find_method
 from ...mechanism import Mechanism

@@ -16,7 +16,7 @@ from ...data_types import JsonObject
 from ...errors import InputError, as_list, is_count
 from ...finite_differences import STENCIL, central_difference
 from ...integrate.options.span import checked_span
-from ...integrate.run.binding import common_backend
+from ...integrate.run.run_setup import common_backend
 from ...integrate.solve import solve
 from ...integrate.trajectory.differentiable_runs import DIFFERENTIABLE
 from ...mechanism import Mechanism, ModelSource

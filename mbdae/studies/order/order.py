@@ -4,7 +4,7 @@ from typing import Any
 
 from ...errors import InputError, as_list
 from ...integrate.options.span import checked_span
-from ...integrate.run.binding import common_backend
+from ...integrate.run.run_setup import common_backend
 from ...integrate.steppers.solvers import SOLVERS
 from ...mechanism import Mechanism, ModelSource
 from ...mechanism.tree.coordinate_units import quantity_units

@@ -7,7 +7,7 @@ import mbdae
 from mbdae.backend import load as load_core
 from mbdae.backend import machine_description
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.integrate.run.binding import common_backend
+from mbdae.integrate.run.run_setup import common_backend
 from mbdae.studies.comparison import comparison_runs
 from mbdae.studies.comparison.comparison import Comparison
 from mbdae.studies.comparison.ranking import rank, sentence, targets, work_at
