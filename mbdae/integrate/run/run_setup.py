@@ -40,10 +40,12 @@ def prepare(
     """
     if isinstance(problem, Mechanism):
         bound = _bind(problem, options)
-        return _prepared(problem, options, bound, _start(problem, start, options, bound[0]), kinds)
-    q, v, s = start
-    y = problem.point(q, v, options.t0, s)  # before it is bound, which requires valid functions
-    return _prepared(problem, options, _bind(problem, options), y, kinds)
+        y = _start(problem, start, options, bound[0])
+    else:
+        q, v, s = start
+        y = problem.point(q, v, options.t0, s)  # before it is bound, which requires valid functions
+        bound = _bind(problem, options)
+    return _prepared(problem, options, bound, y, kinds)
 
 
 def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
