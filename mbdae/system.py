@@ -194,15 +194,15 @@ class System(Protocol):
         """Open a step of a Newmark-type method at (t, y), of a mechanism without `features` that it excludes."""
         raise InputError("this problem has no second-order form")
 
-    def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
-        """Return y' (ny,) and z (nz,) from g_t + g_y f(t, y, z) = 0; of several roots z, the one near a guess."""
+    def derivative(self, t: float, y: Array, guess: Array | None = None) -> tuple[Array, Array]:
+        """Return y' (ny,) and z (nz,) from g_t + g_y f(t, y, z) = 0; of several roots z, the one closest to a guess."""
 
-    def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:
+    def derivatives(self, t: Array, y: Array, guess: Array) -> tuple[Array, Array]:
         """Return y' (n, ny) and z (n, nz) at points (n, ...), see `derivative`; NaN where they cannot be computed."""
         F, z = np.full((len(t), self.ny), np.nan), np.full((len(t), self.nz), np.nan)
         for i in range(len(t)):
             with suppress(StepError):
-                F[i], z[i] = self.derivative(t[i], y[i], near[i])
+                F[i], z[i] = self.derivative(t[i], y[i], guess[i])
         return F, z
 
     def compiled_step(self, method: Any, t: float, h: float, state: State, controlled: bool = False) -> Step | None:

@@ -48,11 +48,11 @@ def main(model: str = "panda_handle", seconds: float = 10.0, size: str = "800x60
             if view.frames_drawn == drawn:  # on a busy machine
                 wait(view, 1)
             spent = time.perf_counter() - started
-            rate, pace = (view.frames_drawn - drawn) / spent, (view.t - simulated) / spent
+            rate, factor = (view.frames_drawn - drawn) / spent, (view.t - simulated) / spent
         finally:
             page.terminate()
             page.wait()
-    print(f"{model}, {size}: {rate:.1f} frames per second, {pace:.2f} of real time")
+    print(f"{model}, {size}: {rate:.1f} frames per second, {factor:.2f} of real time")
     print(f"{backend.status()}; {backend.machine_description()}")
     return rate
 

@@ -152,7 +152,7 @@ class HessenbergSystem(System):
         if len(self._roots) > CACHE_SIZE:
             del self._roots[next(iter(self._roots))]
 
-    def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
+    def derivative(self, t: float, y: Array, guess: Array | None = None) -> tuple[Array, Array]:
         """Return y' = f(t, y, z) and z from g_t + g_y f(t, y, z) = 0, by Newton's method from a guess or the last z."""
         g_y, g_t = self.g_y(t, y), self.g_t(t, y)
 
@@ -160,9 +160,9 @@ class HessenbergSystem(System):
             return self.solve(t, y, lambda F: g_t + g_y @ F, lambda F: g_y, 1.0, start)
 
         z = None
-        if near is not None and np.isfinite(near).all():
+        if guess is not None and np.isfinite(guess).all():
             with suppress(StepError):
-                z = root(np.array(near, float))
+                z = root(np.array(guess, float))
         z = root(self.initial_z(y)) if z is None else z
         self.store_z(y, z)
         return self.f(t, y, z), z

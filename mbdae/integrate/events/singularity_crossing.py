@@ -163,7 +163,7 @@ def _earlier_states(run: "RunState", time_ahead: float, first: int) -> tuple[Arr
             break
         chosen.append(int(np.abs(earlier - offset * time_ahead).argmin()))
     nodes = [first + i for i in chosen]
-    points, rates = [run.ys[i] for i in nodes], [run.record().rate(i) for i in nodes]
+    points, rates = [run.ys[i] for i in nodes], [run.partial_solution().rate(i) for i in nodes]
     return np.array([run.ts[i] for i in nodes]), np.array(points), np.array(rates)
 
 

@@ -240,7 +240,7 @@ class SingularityLocation(EventSource):
         t, h, y = run.ts[i], run.ts[i + 1] - run.ts[i], run.ys[i]
         move = self.workspace.difference(y, run.ys[i + 1])
         try:
-            dense = run.record().dense(i)
+            dense = run.partial_solution().dense(i)
         except StepError:
             dense = partial(self._straight, y, move)
         return lambda theta: (t + theta * h, dense(theta))

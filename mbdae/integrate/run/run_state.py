@@ -72,7 +72,7 @@ class RunState:
         self.settings = options.record()  # recorded with the solution
         self.fallback = ""  # why the run cannot use the compiled core
         self.inputs: Inputs | None = None  # those that FMUs set
-        self._record: Solution | None = None
+        self._partial_solution: Solution | None = None
         self.add_sources(kinds)
 
     def add_sources(self, kinds: Sequence[type[EventSource]] = SOURCES) -> None:
@@ -233,7 +233,7 @@ class RunState:
         with suppress(StepError):
             self.state = self.projected(self.t, self.state, tight=True)
             self.ys[-1] = self.state.y
-            self.record().rates.pop(len(self.ts) - 1, None)
+            self.partial_solution().rates.pop(len(self.ts) - 1, None)
 
     def extend(self, ts: list[float], ys: Array, zs: Array, state: State) -> None:
         """Record several steps and the state after the last of them."""
@@ -251,7 +251,7 @@ class RunState:
         """Remove the last step, which started from the given state."""
         del self.ts[-1:], self.ys[-1:], self.zs[-1:]
         self.t, self.state = self.ts[-1], state
-        self.in_use = self.record().in_use = [(i, rows) for i, rows in self.in_use if i < len(self.ts)]
+        self.in_use = self.partial_solution().in_use = [(i, rows) for i, rows in self.in_use if i < len(self.ts)]
         self.system.use_rows(self.in_use[-1][1])
 
     def reject_step(self, state: State) -> None:
@@ -289,12 +289,12 @@ class RunState:
         n = len(self.ts)
         return np.array(self.ts), self.ys[:n].copy(), self.zs[:n].copy()
 
-    def record(self) -> Solution:
+    def partial_solution(self) -> Solution:
         """Return the run so far as a solution that shares its lists; its dense output is used by event detection."""
-        if self._record is None:
+        if self._partial_solution is None:
             settings, stats = {"dense_order": self.dense_order}, {"backend": self.stepper.backend}
             tables: dict[str, Any] = {"t": self.ts, "y": self.ys, "z_own": self.zs, "in_use": self.in_use}
             tables |= {"status": "finished", "message": "", "stats": stats, "settings": settings}
             tables["modes"] = self.mode_changes.modes if self.mode_changes else []
-            self._record = Solution(self.problem, **tables)
-        return self._record
+            self._partial_solution = Solution(self.problem, **tables)
+        return self._partial_solution

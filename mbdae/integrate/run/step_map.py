@@ -50,11 +50,11 @@ class StepMap:
         run = self.run
         if run.singularity_monitor and self.start is None:
             return partial(run.singularity_monitor.crossing_point, self.h)
-        return run.record().dense(self.node)
+        return run.partial_solution().dense(self.node)
 
     def rates(self) -> tuple[Array, Array]:
         """Return y' (ny,) at both ends."""
-        return self.run.record().rate(self.node), self.run.record().rate(self.node + 1)
+        return self.run.partial_solution().rate(self.node), self.run.partial_solution().rate(self.node + 1)
 
     def point(self, theta: float) -> Array:
         """Return y (n,) at the end of a step of size theta h; on the dense output if that step fails."""

@@ -110,7 +110,7 @@ class StiffnessDetector(EventSource):
         h = (run.ts[n] - run.ts[n - WINDOW]) / WINDOW
         if abs(h) > MAX_FREE * self.control.max_step or not self._smooth(run, n):
             return None
-        lam = _largest_eigenvalue(run.record().system, run.ts[n], run.ys[n])
+        lam = _largest_eigenvalue(run.partial_solution().system, run.ts[n], run.ys[n])
         z = abs(h) * complex(-abs(lam.real), lam.imag)  # a smooth motion decays, whatever the rounding
         if not _stability_function(self.tableau, STEP_RATIO * z) > 1:
             return None

@@ -104,14 +104,14 @@ class CompiledSystem(CoreStart):
         if not self._rank_known:
             self.derivative(t, y)
 
-    def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
+    def derivative(self, t: float, y: Array, guess: Array | None = None) -> tuple[Array, Array]:
         """See `Index2System.derivative`; the first call, which determines the rank, is computed in Python."""
         result = self.core.derivative(t, y) if self._rank_known else None
         self.take_core_record()
         if result is not None:
             return result
         self.rows_from_core()
-        result = super().derivative(t, y, near)
+        result = super().derivative(t, y, guess)
         self.rows_to_core()
         return result
 
@@ -149,13 +149,13 @@ class CompiledSystem(CoreStart):
         if run.row_changes:
             self.rows = np.array(self.core.rows, int)
 
-    def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:
+    def derivatives(self, t: Array, y: Array, guess: Array) -> tuple[Array, Array]:
         """See `mbdae.system.System`."""
         if len(t):
             self.determine_rank(float(t[0]), y[0])
         F, lam = self.core.derivatives(np.ascontiguousarray(t), np.ascontiguousarray(y))
         failed = np.isnan(F).any(axis=1) | np.isnan(lam).any(axis=1)
-        F[failed], lam[failed] = super().derivatives(t[failed], y[failed], near[failed])
+        F[failed], lam[failed] = super().derivatives(t[failed], y[failed], guess[failed])
         return F, lam
 
     def residuals(self, t: Array, y: Array) -> tuple[Array, Array, Array]:

@@ -64,8 +64,8 @@ def equation_partials(
     if s.closure_friction:  # its partials with respect to q and v are neglected: Newton's iteration corrects
         e, speed, factor = s.closure_friction.slip_terms(v)
         to_all = s.closure_friction.minimum_norm_map(rows)
-        by_lam = factor[:, None] * (s.closure_friction.normal_forces(to_all @ lam)[1] @ to_all)
-        L = np.vstack([G.T + e.T @ by_lam, np.zeros((n - nv - 1, len(G))), speed @ by_lam - s.g_t(t)[rows]])
+        of_lam = factor[:, None] * (s.closure_friction.normal_forces(to_all @ lam)[1] @ to_all)
+        L = np.vstack([G.T + e.T @ of_lam, np.zeros((n - nv - 1, len(G))), speed @ of_lam - s.g_t(t)[rows]])
         return EquationPartials(E, K, D, L, G, B[rows])
     L = np.vstack([G.T, np.zeros((n - nv - 1, len(G))), -s.g_t(t)[rows]])
     return EquationPartials(E, K, D, L, G, B[rows])

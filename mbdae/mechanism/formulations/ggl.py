@@ -86,7 +86,7 @@ class GGLSystem(Index2System):
             require_compatible_velocities(self, t, G, project_velocity(self, t, U, G, v))
         return state
 
-    def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
+    def derivative(self, t: float, y: Array, guess: Array | None = None) -> tuple[Array, Array]:
         """Return (v, v', w') and (lam, mu = 0), (2 ng,), from the hidden constraint."""
         F, lam = super().derivative(t, y)
         self.velocity_correction = np.zeros(self.nv)

@@ -194,7 +194,7 @@ class Index2System(PinocchioData, RunVariables, System):
             self.closure_friction.begin_step(self.split(y)[1])
         return index2_step.Index2Chart(self, t, y, self.rows_of_step(t, y))
 
-    def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
+    def derivative(self, t: float, y: Array, guess: Array | None = None) -> tuple[Array, Array]:
         """Return (v, v', s', w') and lam (ng,) from M v' = f + G^T lam, 0 = G v' + gamma."""
         q, v = self.split(y)
         U, (f, rates) = self.inertia(t, q), self.force(t, q, v, self.element_states(y))

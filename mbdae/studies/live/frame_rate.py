@@ -1,4 +1,4 @@
-"""Pace of a live view, and the rate at which its pages draw."""
+"""Real-time factor of a live view, and the rate at which its pages draw."""
 
 from time import perf_counter
 
@@ -14,13 +14,13 @@ class FrameRate:
         t: simulated time in s.
 
     Attributes:
-        pace: simulated seconds per second, over the last period.
+        real_time_factor: simulated seconds per second, over the last period.
         drawn: frames per second that the slowest page has drawn.
         slow: whether a page has drawn too few frames for several periods.
     """
 
     def __init__(self, t: float) -> None:
-        self.pace, self.drawn, self.slow = 1.0, 0.0, False
+        self.real_time_factor, self.drawn, self.slow = 1.0, 0.0, False
         self._began, self._t, self._frames, self._slow_periods = perf_counter(), t, 0, 0
 
     def update(self, now: float, t: float, frames: int) -> None:
@@ -34,7 +34,7 @@ class FrameRate:
         passed = now - self._began
         if passed < PERIOD:
             return
-        self.pace, self.drawn = (t - self._t) / passed, (frames - self._frames) / passed
+        self.real_time_factor, self.drawn = (t - self._t) / passed, (frames - self._frames) / passed
         self._slow_periods = self._slow_periods + 1 if 0 < self.drawn < FEWEST_FRAMES else 0
         self.slow |= self._slow_periods >= PATIENCE
         self._began, self._t, self._frames = now, t, frames

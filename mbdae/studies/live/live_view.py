@@ -266,7 +266,8 @@ class LiveView:
     def _described(self) -> dict[str, Any]:
         """Return the state for the pages, as text and data."""
         text = f"{self.mechanism.title}\nt = {quantity(self.t, 's', '.2f')}"
-        slow = self.playing and abs(self._rate.pace - 1) > NOTICED and f" ({self._rate.pace:.2g} of real time)"
+        factor = self._rate.real_time_factor
+        slow = self.playing and abs(factor - 1) > NOTICED and f" ({factor:.2g} of real time)"
         text += slow or ("" if self.playing else f", {self.state}")
         text += f"\n{self.message}" if self.message else ""
         page = {"camera": self._scene.camera, "coarse": self._scene.coarse}

@@ -52,8 +52,8 @@ function player(viewer, scene) {
     }
     [shown, moved] = [offset, false];
     plots.draw(page.t);
-    const pace = page.speed === 1 ? "" : ` (${+page.speed.toPrecision(3)} × real time)`;
-    const text = scene.sliders ? page.said || "" : `t = ${page.t.toFixed(digits)} s${pace}${chosen ? `, ${chosen.name}` : ""}`;
+    const speed = page.speed === 1 ? "" : ` (${+page.speed.toPrecision(3)} × real time)`;
+    const text = scene.sliders ? page.said || "" : `t = ${page.t.toFixed(digits)} s${speed}${chosen ? `, ${chosen.name}` : ""}`;
     if (byId("clock").textContent !== text) byId("clock").textContent = text;
     byId("time").value = duration > 0 ? offset / duration : 0;
     byId("time").ariaValueText = text;

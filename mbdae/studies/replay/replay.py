@@ -101,13 +101,13 @@ def animate(
         times, q = _frames(sol, 30.0 if fps is None else fps, MAX_FRAMES)
         with atomic_write(path) as draft:
             scene, marks = sol.mechanism.scene.enlarged(deformation).travelled(q), mode_tracks_of(sol, q)
-            draft.write_bytes(glb(scene, times, q, sol.mechanism.title, speed or pace(sol), marks))
+            draft.write_bytes(glb(scene, times, q, sol.mechanism.title, speed or playback_speed(sol), marks))
         return Path(path)
     shown: dict[str, Any] = {"plots": plots, "signals": signals, "traces": traces, "ghosts": ghosts, "arrows": arrows}
     shown |= {"choices": choices, "camera": camera, "follow": follow, "closures": closures, "deformation": deformation}
     if suffix in VIDEO:
         rate = VIDEO[suffix].fps if fps is None else fps
-        speed = pace(sol) if speed is None else speed
+        speed = playback_speed(sol) if speed is None else speed
         film(page(sol, fps=rate, speed=speed, **shown), Path(path), rate, abs(sol.t[-1] - sol.t[0]) / speed, progress)
         return Path(path)
     if suffix != ".html":
@@ -142,7 +142,7 @@ def page(
     _check_solutions("ghost", ghosts)
     _check_solutions("choice", choices)
     require(signals, Mapping | None, "signals are functions or arrays by name")
-    speed = pace(sol) if speed is None else speed
+    speed = playback_speed(sol) if speed is None else speed
     if camera is not None:
         _check_known("camera", camera, CAMERAS)
     times, q = _frames(sol, 60.0 / speed if fps is None else fps / speed, MAX_FRAMES if fps is None else None)
@@ -219,7 +219,7 @@ def _check_known(what: str, name: str, known: Sequence[str]) -> None:
         raise UnknownNameError(what, name, known)
 
 
-def pace(sol: "Solution") -> float:
+def playback_speed(sol: "Solution") -> float:
     """Return seconds of motion per second of viewing: 1, or for a short motion 1, 2 or 5 times a power of ten."""
     span = abs(float(sol.t[-1] - sol.t[0])) if len(sol.t) else 0.0
     if not 0 < span < VIEWING / 2:

@@ -20,7 +20,7 @@ function controls(page, scene) {
   const speeds = byId("speed"), text = speed => `${+speed.toPrecision(3)}×`;
   const paces = PACES.map(factor => +(factor * scene.speed).toPrecision(12));
   menu("speed", paces.map(speed => [speed, text(speed)]), scene.speed, value => { page.speed = Number(value); });
-  const pace = by => {
+  const changeSpeed = by => {
     const near = paces.findIndex(speed => speed >= page.speed * (1 - 1e-9));
     page.setSpeed(paces[Math.min(PACES.length - 1, Math.max(0, (near < 0 ? PACES.length : near) + by))]);
   };
@@ -62,7 +62,7 @@ function controls(page, scene) {
     3: () => view.look("3d"), 4: () => view.look("side"),
   };
   if (!scene.sliders) Object.assign(keys, {
-    " ": page.toggle, k: page.toggle, l: repeat, "<": () => pace(-1), ">": () => pace(1),
+    " ": page.toggle, k: page.toggle, l: repeat, "<": () => changeSpeed(-1), ">": () => changeSpeed(1),
     ArrowLeft: event => page.step(event.shiftKey ? -10 : -1), ArrowRight: event => page.step(event.shiftKey ? 10 : 1),
     Home: () => page.seek(scene.start), End: () => page.seek(scene.end),
   });

@@ -15,8 +15,8 @@ from ..method_variant import run_labels
 from ..order.figure import convergence
 from ..replay.figure import posture
 from ..replay.html_page import inline_frame
-from ..replay.replay import pace
 from ..replay.replay import page as replay_page
+from ..replay.replay import playback_speed
 from ..solve.figure import motion
 from .report_tables import actuator_table, component_tables, downloads, ranking
 from .templates import document, elements
@@ -57,7 +57,7 @@ def _model(report: "Report") -> str:
 
 def _run(report: "Report") -> str:
     sol = report.sol
-    speed = pace(sol)
+    speed = playback_speed(sol)
     ended, counts = map(str.strip, str(sol).splitlines())
     replay = Markup(inline_frame(replay_page(sol, fps=30.0, speed=speed), 660))
     text = elements().run(run_labels(sol)[1], ended, counts, speed)

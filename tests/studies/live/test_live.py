@@ -144,7 +144,7 @@ def test_only_pages_that_stay_slow_are_slow(monkeypatch):
     for k, frames in enumerate((0, 0, 20, 40, 100, 110, 120)):  # no page, two slow seconds, a fast one, two slow ones
         rate.update(t + 1.1 * (k + 1), 0.5 * (k + 1), frames)
         assert not rate.slow
-    assert rate.pace == pytest.approx(0.5 / 1.1)
+    assert rate.real_time_factor == pytest.approx(0.5 / 1.1)
     rate.update(t + 1.1 * 8, 4.0, 130)
     assert rate.slow
     assert rate.drawn == pytest.approx(10 / 1.1)

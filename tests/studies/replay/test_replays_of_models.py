@@ -5,7 +5,7 @@ import pytest
 from browser import Chromium, changed, picture_of
 
 import mbdae
-from mbdae.studies.replay.replay import animate, pace
+from mbdae.studies.replay.replay import animate, playback_speed
 
 FILLED = ("slider_crank", "spring_four_bar", "andrews_squeezer", "jansen_walker", "stewart_platform", "bicycle",
           "cart_pole", "car_axis", "flyball_governor", "panda_handle", "bouncing_chain", "slider_crank_with_stop",
@@ -40,7 +40,7 @@ def test_cursor_time_is_scene_time_and_the_mechanism_fills_the_scene(name, tmp_p
     page = animate(sol, tmp_path / "run.html", traces=[mech.model.frames[-1].name])
     assert page.stat().st_size < 2.5e6
     times = [0.0, 0.4 * end, end]
-    frames = round(60 * end / pace(sol)) + 1
+    frames = round(60 * end / playback_speed(sol)) + 1
     scene = mech.scene.travelled(sol(np.linspace(0, end, max(101, frames)))[0])
     paths = [f"/mechanism/{s.role}/{s.name.replace('/', '|')}" for s in scene.shapes]
     with Chromium().open(f"{page.as_uri()}#shadows=0&autoplay=0", (560, 320)) as tab:
