@@ -57,7 +57,7 @@ inline void product(const double* a, const double* b, double* __restrict out) { 
     for (int j = 0; j < 3; ++j) out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
 }
 
-inline void of_skews(const double* a, const double* b, double* __restrict out) {  // [a] [b] = b a^T - (a . b) 1
+inline void skew_product(const double* a, const double* b, double* __restrict out) {  // [a] [b] = b a^T - (a . b) 1
   const double along = dot(a, b);
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) out[3 * i + j] = b[i] * a[j] - (i == j) * along;

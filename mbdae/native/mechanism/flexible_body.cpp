@@ -38,7 +38,7 @@ void set_rotation(FlexibleBody::Node& n) {
     before = p, p *= x2;
   }
   double X[9], XX[9];
-  skew(n.theta, X), of_skews(n.theta, n.theta, XX);
+  skew(n.theta, X), skew_product(n.theta, n.theta, XX);
   for (int i = 0; i < 9; ++i) {
     const double one = i % 4 == 0;
     n.E[i] = one + (1 - f[1] * x2) * X[i] + f[0] * XX[i], n.Jr[i] = one - f[0] * X[i] + f[1] * XX[i];

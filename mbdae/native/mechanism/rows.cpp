@@ -189,11 +189,11 @@ void Row::partials(const Pair& pair, WrenchPartials& t) const {
   rotate(pair.Ra, a, x);
   if (kind == dot_product_1) {
     rotate(pair.Rb, b, y);
-    of_skews(y, x, XX), add_block(t.Da, 3, 3, XX, -1);
-    of_skews(x, y, XX), add_block(t.Db, 3, 3, XX, 1);
+    skew_product(y, x, XX), add_block(t.Da, 3, 3, XX, -1);
+    skew_product(x, y, XX), add_block(t.Db, 3, 3, XX, 1);
     return;
   }
-  skew(x, X), of_skews(pair.pb, x, XX);
+  skew(x, X), skew_product(pair.pb, x, XX);
   add_block(t.Da, 0, 3, X, -1), add_block(t.Da, 3, 3, XX, -1);
   moved_line_partials(pair.pb, x, t.Db);
 }

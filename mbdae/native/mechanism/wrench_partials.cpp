@@ -49,7 +49,7 @@ void matrix_of_wrench(const double* F, double* out) {
 
 void moved_line_partials(const double* p, const double* n, double* D) {
   double N[9], NP[9];
-  skew(n, N), of_skews(n, p, NP);
+  skew(n, N), skew_product(n, p, NP);
   add_block(D, 3, 0, N, -1), add_block(D, 3, 3, NP, 1);
 }
 

@@ -135,9 +135,9 @@ void StageEquations::friction() {
   s_.friction.update_slips(point_.u.data());
   s_.friction.partials(G_.data(), point_.lam.data(), at_.friction);
   for (int i = 0; i < r_; ++i) {
-    const RowsIn by_lam(&at_.friction[static_cast<size_t>(i) * (nv + 1)], 1, nv + 1);
-    by_unknowns.block(nv, ny + i, nv, 1) -= by_lam.leftCols(nv).transpose();
-    by_unknowns(ny - 1, ny + i) -= by_lam(0, nv);
+    const RowsIn of_lam(&at_.friction[static_cast<size_t>(i) * (nv + 1)], 1, nv + 1);
+    by_unknowns.block(nv, ny + i, nv, 1) -= of_lam.leftCols(nv).transpose();
+    by_unknowns(ny - 1, ny + i) -= of_lam(0, nv);
   }
   Vector K(n * nv), D(n * n);
   friction_columns_.resize(parameters_.count() * n);

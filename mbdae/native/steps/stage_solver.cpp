@@ -39,9 +39,9 @@ class ModeSolver final : public StageSolver {
       w_[n_ - 1 + k] = s.g_t[k];
       add_KSJ(n_ + k, &s.B[static_cast<size_t>(k) * nv], mu);
       if (s.friction.empty()) continue;
-      const double* by_lam = &s.friction[static_cast<size_t>(k) * (nv + 1)];
-      for (int j = 0; j < nv; ++j) lu_.column(n_ - 1 + k)[j] -= by_lam[j];
-      w_[n_ - 1 + k] -= by_lam[nv];
+      const double* of_lam = &s.friction[static_cast<size_t>(k) * (nv + 1)];
+      for (int j = 0; j < nv; ++j) lu_.column(n_ - 1 + k)[j] -= of_lam[j];
+      w_[n_ - 1 + k] -= of_lam[nv];
     }
     for (int k = 0; k < k_; ++k) add_position_row(k);
     if (!lu_.factorize()) throw FallBackToPython();
