@@ -119,7 +119,7 @@ def _sampled(curve: PoseCurve, found: Events, start: CurveLocation, end: CurveLo
     for offset in (0.0, AT_BRANCH_POINT, -AT_BRANCH_POINT):  # next to a singular pose, which has no tangent
         near = curve.at(i, min(max(ds + offset * (b.s - a.s), low), high), roughly=True)
         if (point := curve.at_input(near, near.u if offset else u)) is not None:
-            return point
+            return point._replace(s=curve.arclength(i, point))
     return _by_arclength(curve, i, low, high, u)
 
 
