@@ -46,3 +46,16 @@ def test_velocities_along_a_curve_are_those_of_its_positions():
         slopes = (after.q[2] - before.q[2]) / (2 * h)  # of the rocker
         assert abs(slopes - here.v[2]) < 2e-4
         assert abs(np.linalg.norm(here.v) - 1) < 6e-4  # the arclength increases by one per second
+
+
+def test_a_branch_on_which_the_drive_rests_has_equidistant_poses():
+    found = kinematics("n_four_bar?N=1", "crank_0", branches=True, points=41)  # a rhombus: folded bars turn as one
+    folded = [x for x in found.segments if x.high - x.low < 1e-9]
+    assert len(folded) == 2
+    for x in folded:
+        turned = found.q[x.first + 1 : x.last] - found.q[x.first + 1]  # the first pose is the branch point
+        assert len(turned) == 41
+        expected = np.linspace(0, turned[-1, 1], 41)
+        np.testing.assert_allclose(turned, np.column_stack([0 * expected, expected, expected]), atol=1e-9)
+        assert abs(abs(turned[-1, 1]) - 2 * np.pi) < 0.03  # up to the step off the branch point
+    assert found.dead_points == ()  # the crank does not reverse
