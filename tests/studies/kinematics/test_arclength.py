@@ -59,3 +59,4 @@ def test_a_branch_on_which_the_drive_rests_has_equidistant_poses():
         np.testing.assert_allclose(turned, np.column_stack([0 * expected, expected, expected]), atol=1e-9)
         assert abs(abs(turned[-1, 1]) - 2 * np.pi) < 0.03  # up to the step off the branch point
     assert found.dead_points == ()  # the crank does not reverse
+    assert ": 42 poses, input 0 to 0, " in str(found)
