@@ -48,10 +48,16 @@ def drift(
         found[0].save(output)
     data = [{**f.to_dict(), "written": out.written} for f in found]
     emit(data[0] if len(data) == 1 else data, "\n".join(map(str, found)), out.as_json)
-    if limit is not None and not all(f.largest <= limit for f in found):
-        sys.exit(FAILED)
+    if limit is not None:
+        _exit_above(limit, [f.largest for f in found])
     for sol in sols:
         exit_unless_successful(sol)
+
+
+def _exit_above(limit: float, values: list[float]) -> None:
+    if above := [x for x in values if not x <= limit]:
+        click.echo(f"mbdae: |g|, |G v| or the relative energy error is {max(above):.3g}, above {limit:g}", err=True)
+        sys.exit(FAILED)
 
 
 def _draw(found: "list[Drift]", path: str) -> None:

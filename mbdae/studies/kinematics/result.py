@@ -16,7 +16,7 @@ from ...mechanism.tree.frames import WORLD, frame_motions, frame_names
 from ...solution.columns import coordinates
 from ...solution.solution import Solution
 from ...system import Array
-from ...tabular import Columns, Tabular, align_columns
+from ...tabular import Columns, Tabular, align_columns, rounded_zero
 from ...tolerances import SOLUTION_ROUNDING
 from ...units import displayed, unit_name
 from .curve.branch_following import TracedCurve
@@ -232,8 +232,8 @@ class Kinematics(Tabular):
         return "1" if out == self.unit else f"{self.unit}/{out}"
 
     def _input(self, u: float) -> float:
-        """Return an input in the unit in which it is shown."""
-        return float(displayed(u, self.unit)[0])
+        """Return an input in the unit in which it is shown, 0 if it is rounding."""
+        return float(displayed(rounded_zero(u), self.unit)[0])
 
     def to_dict(self) -> JsonObject:
         """Return JSON data."""

@@ -37,7 +37,8 @@ def events(curve: PoseCurve) -> Events:
     hidden = _tangencies(curve)
     nodes = curve.nodes
     speed_tolerance = ZERO_SPEED * curve.unit
-    if abs(nodes[0].speed) < speed_tolerance:
+    at_rest = _at_rest(curve)
+    if abs(nodes[0].speed) < speed_tolerance and not at_rest:
         dead.append(CurveLocation(0, 0.0, nodes[0]))
     for i, (a, b) in enumerate(pairwise(nodes)):
         if a.sigma * b.sigma < 0:
@@ -49,10 +50,15 @@ def events(curve: PoseCurve) -> Events:
         at_start = (b is nodes[-1] and curve.ended == "closed" and abs(b.speed) < speed_tolerance) or abs(
             a.speed
         ) < speed_tolerance
-        if a.speed * b.speed < 0 and i not in branches and not at_start:
+        if a.speed * b.speed < 0 and i not in branches and not (at_start or at_rest):
             ds = curve.root(i, lambda p: p.speed)
             dead.append(CurveLocation(i, ds, curve.at(i, ds)))
     return Events(dead, branches, hidden)
+
+
+def _at_rest(curve: PoseCurve) -> bool:
+    """Return whether the drive is at rest on the whole curve, as the crank of a folded rhombus."""
+    return all(abs(p.speed) < SOLUTION_ROUNDING * curve.unit for p in curve.nodes)
 
 
 def _tangencies(curve: PoseCurve) -> list[float]:
@@ -86,8 +92,16 @@ def _minimum(curve: PoseCurve, i: int, size: float) -> float:
 
 
 def sample(curve: PoseCurve, found: Events, n: int) -> list[CurvePoint]:
-    """Return about n points of a curve: its ends, dead points, and equidistant inputs between these."""
+    """Return about n points of a curve: its ends, dead points, and equidistant inputs between these.
+
+    Where the drive is at rest, they have equidistant arclengths.
+    """
     nodes = curve.nodes
+    if _at_rest(curve):
+        values = np.linspace(nodes[0].s, nodes[-1].s, n)[1:-1]
+        steps = np.searchsorted([p.s for p in nodes], values, side="right") - 1
+        rest = (curve.at(int(i), float(s - nodes[i].s)) for i, s in zip(steps, values, strict=True))
+        return [nodes[0], *rest, nodes[-1]]
     inside = [d for d in found.dead_points if d.point is not nodes[0]]
     last = CurveLocation(len(nodes) - 2, nodes[-1].s - nodes[-2].s, nodes[-1])
     ends = [CurveLocation(0, 0.0, nodes[0]), *inside, last]
@@ -119,7 +133,7 @@ def _sampled(curve: PoseCurve, found: Events, start: CurveLocation, end: CurveLo
     for offset in (0.0, AT_BRANCH_POINT, -AT_BRANCH_POINT):  # next to a singular pose, which has no tangent
         near = curve.at(i, min(max(ds + offset * (b.s - a.s), low), high), roughly=True)
         if (point := curve.at_input(near, near.u if offset else u)) is not None:
-            return point
+            return point._replace(s=curve.arclength(i, point))
     return _by_arclength(curve, i, low, high, u)
 
 

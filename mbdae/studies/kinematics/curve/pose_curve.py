@@ -148,7 +148,8 @@ class PoseCurve:
             return None, missed
         if p.left_null.shape[1] and abs(np.linalg.det(found[2][0][:, self.r :].T @ p.left_null)) < MIN_COSINE**2:
             return None, missed
-        return self._point(found, p, p.s + h), missed
+        new = self._point(found, p, p.s + h)
+        return new._replace(s=p.s + self._length(p, new)), missed
 
     def travel(self) -> Array:
         """Return |q_last - q_first| of the coordinates that are not angles, (nv,), 0 for angles."""
@@ -198,15 +199,21 @@ class PoseCurve:
             return b if ds else a
         q0, q1 = (self._predict(p, x) for p, x in ((a, ds), (b, ds - h)))
         weight = ds**3 / (ds**3 + (h - ds) ** 3)
+        u0, u1 = (p.u + x * (p.speed + 0.5 * x * p.input_curvature) for p, x in ((a, ds), (b, ds - h)))
         near, s = (a if ds < h / 2 else b), a.s + ds
-        q = self.integrate(q0, weight * self.difference(q0, q1))
-        u = near.u + near.speed * (s - near.s)
+        q, u = self.integrate(q0, weight * self.difference(q0, q1)), u0 + weight * (u1 - u0)
         if roughly:
             return near._replace(s=s, q=q, u=u)
         found = self._correct(q, u)
         if found is None:
             raise StepError("newton", f"the loops cannot be closed between {a.u:.9g} and {b.u:.9g}")
         return self._point(found, near, s)
+
+    def arclength(self, i: int, p: CurvePoint) -> float:
+        """Return the arclength of a point between nodes i and i + 1, a weighted mean of those from both."""
+        a, b = self.nodes[i : i + 2]
+        after, before = self._length(a, p), self._length(p, b)
+        return a.s + after + after**3 / (after**3 + before**3) * (b.s - before - a.s - after)
 
     def root(self, i: int, value: Callable[[CurvePoint], float]) -> float:
         """Return the arclength after node i of the root of a value that has opposite signs at nodes i and i + 1."""
@@ -217,6 +224,18 @@ class PoseCurve:
         """Return the point with the input u near another one, by [G; e_in] x = -[g; c - u]; None if it is not found."""
         found = self._correct(near.q, u, fixed_input=True)
         return None if found is None else self._point(found, near, near.s + (u - near.u) / (near.speed or 1.0))
+
+    def _length(self, a: CurvePoint, b: CurvePoint) -> float:
+        """Return the arclength from a to b.
+
+        By q_b (-) q_a = s/2 (tau_a + tau_b) + s^2/12 (kappa_a - kappa_b) + O(s^5), between the chord and its length if
+        all tangents had the smallest cosine with the chord: curvatures are large next to branch points.
+        """
+        chord, mean = self.difference(a.q, b.q), 0.5 * (a.tau + b.tau)
+        shortest = float(np.linalg.norm(chord))
+        bending = (a.kappa - b.kappa) @ mean / 12
+        s = (chord @ mean - shortest**2 * bending) / (mean @ mean)
+        return float(np.clip(s, shortest, shortest / MIN_COSINE))
 
     def _predict(self, p: CurvePoint, h: float) -> Array:
         return self.integrate(p.q, h * (p.tau + 0.5 * h * p.kappa))
