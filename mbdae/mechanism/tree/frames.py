@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from ... import backend
 from ...errors import InputError, UnknownNameError
 from .expanded_tree import Branches, branches
 from .pinocchio_data import make_data
@@ -110,15 +111,14 @@ def joint_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.nda
 
 
 def _anchor_paths(model: pin.Model, anchors: Sequence[Anchor], q: np.ndarray) -> np.ndarray:
-    data, n = make_data(model), (len(anchors), len(q))
-    R, p = np.empty((*n, 3, 3)), np.empty((*n, 3))
-    poses = [data.oMi[a.joint] for a in anchors]  # with their arrays they are views, current after each update
-    views = [(*arrays, pose.rotation, pose.translation) for *arrays, pose in zip(R, p, poses, strict=True)]
+    if (native := backend.load()) and not flexible_bodies(model):
+        return native.point_paths(model, [a.joint for a in anchors], np.reshape([a.p for a in anchors], (-1, 3)), q)
+    data, p = make_data(model), np.empty((len(anchors), len(q), 3))
     for k, configuration in enumerate(q):
         update_motions(model, data, configuration)
-        for rotations, positions, rotation, position in views:
-            rotations[k], positions[k] = rotation, position
-    return p + np.einsum("nmij,nj->nmi", R, np.reshape([a.p for a in anchors], (-1, 3)))
+        for i, a in enumerate(anchors):
+            p[i, k] = data.oMi[a.joint].act(a.p)
+    return p
 
 
 def frame_motions(
