@@ -98,7 +98,7 @@ def frame_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.nda
     Raises:
         UnknownNameError: lists the valid names.
     """
-    return _anchor_paths(model, [anchor(model, name) for name in names], q)
+    return anchor_paths(model, [anchor(model, name) for name in names], q)
 
 
 def joint_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.ndarray:
@@ -107,17 +107,17 @@ def joint_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.nda
     Raises:
         UnknownNameError: lists the valid names.
     """
-    return _anchor_paths(model, [Anchor(n, find_joint(model, n).id, np.eye(3), np.zeros(3)) for n in names], q)
+    return anchor_paths(model, [Anchor(n, find_joint(model, n).id, np.eye(3), np.zeros(3)) for n in names], q)
 
 
-def _anchor_paths(model: pin.Model, anchors: Sequence[Anchor], q: np.ndarray) -> np.ndarray:
+def anchor_paths(model: pin.Model, anchors: Sequence[Anchor], q: np.ndarray) -> np.ndarray:
+    """Return the origins of anchors in the world in m, (n, m, 3), at configurations q (m, nq)."""
     if (native := backend.load()) and not flexible_bodies(model):
-        return native.point_paths(model, [a.joint for a in anchors], np.reshape([a.p for a in anchors], (-1, 3)), q)
+        return native.point_paths(model, [a.joint for a in anchors], np.array([a.p for a in anchors], float), q)
     data, p = make_data(model), np.empty((len(anchors), len(q), 3))
     for k, configuration in enumerate(q):
         update_motions(model, data, configuration)
-        for i, a in enumerate(anchors):
-            p[i, k] = data.oMi[a.joint].act(a.p)
+        p[:, k] = np.reshape([data.oMi[a.joint].act(a.p) for a in anchors], (-1, 3))
     return p
 
 
