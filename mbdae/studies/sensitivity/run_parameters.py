@@ -81,13 +81,13 @@ def bind_parameters(sol: Solution, names: Names, model: Model) -> Parameters:
 
 def _require_directions(parameters: Parameters, sol: Solution) -> None:
     parameters.require_directions(float(sol.nodes[0][0]), sol.nodes[1][0][: sol.mechanism.nq])
-    laws = [law for law, _ in parameters.system.laws.bound if law.flipping]
-    if not laws:
+    flipping = [(law.name, law.flipping) for law, _ in parameters.system.laws.bound if law.flipping]
+    if not flipping:
         return
-    gaps = _gaps([law.flipping for law in laws], sol.nodes[1][:, : sol.mechanism.nq])
-    for law, x in zip(laws, gaps, strict=True):
-        if _passes(sol, law.flipping, x):
-            raise coincident(law.name)
+    gaps = _gaps([pair for _, pair in flipping], sol.nodes[1][:, : sol.mechanism.nq])
+    for (name, pair), x in zip(flipping, gaps, strict=True):
+        if _passes(sol, pair, x):
+            raise coincident(name)
 
 
 def _gaps(pairs: Sequence[Pair], q: Array) -> Array:
