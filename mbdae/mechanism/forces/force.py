@@ -94,7 +94,7 @@ class ForceElement:
         return False
 
     tension = False  # the force acts along the line between two points
-    flipping: tuple[str, str] | tuple[()] = ()  # frames: the force reverses its direction where their origins pass
+    flipping: Pair | None = None  # of frames: the force reverses its direction where their origins pass
     differenced = False  # the partial derivatives are finite differences
     by_state = True  # the force depends on (t, q, v, s) only, not on multipliers and modes
     differentiated: Sequence[TimeFunction] = ()  # those on whose rates it depends

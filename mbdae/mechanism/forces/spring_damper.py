@@ -58,7 +58,7 @@ class SpringDamperElement(PairElement):
         super().__init__(spec.name, [spec.force])
         self.spec, self.pair = spec, pair
         if spec.stiffness * spec.length or spec.force != Constant(value=0.0):
-            self.flipping = spec.frames
+            self.flipping = pair
 
     def direction_undefined(self) -> bool:
         self.pair.locate()

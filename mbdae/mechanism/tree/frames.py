@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from ... import backend
 from ...errors import InputError, UnknownNameError
 from .expanded_tree import Branches, branches
 from .pinocchio_data import make_data
@@ -97,7 +98,7 @@ def frame_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.nda
     Raises:
         UnknownNameError: lists the valid names.
     """
-    return _anchor_paths(model, [anchor(model, name) for name in names], q)
+    return anchor_paths(model, [anchor(model, name) for name in names], q)
 
 
 def joint_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.ndarray:
@@ -106,19 +107,18 @@ def joint_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.nda
     Raises:
         UnknownNameError: lists the valid names.
     """
-    return _anchor_paths(model, [Anchor(n, find_joint(model, n).id, np.eye(3), np.zeros(3)) for n in names], q)
+    return anchor_paths(model, [Anchor(n, find_joint(model, n).id, np.eye(3), np.zeros(3)) for n in names], q)
 
 
-def _anchor_paths(model: pin.Model, anchors: Sequence[Anchor], q: np.ndarray) -> np.ndarray:
-    data, n = make_data(model), (len(anchors), len(q))
-    R, p = np.empty((*n, 3, 3)), np.empty((*n, 3))
-    poses = [data.oMi[a.joint] for a in anchors]  # with their arrays they are views, current after each update
-    views = [(*arrays, pose.rotation, pose.translation) for *arrays, pose in zip(R, p, poses, strict=True)]
+def anchor_paths(model: pin.Model, anchors: Sequence[Anchor], q: np.ndarray) -> np.ndarray:
+    """Return the origins of anchors in the world in m, (n, m, 3), at configurations q (m, nq)."""
+    if (native := backend.load()) and not flexible_bodies(model):
+        return native.point_paths(model, [a.joint for a in anchors], np.array([a.p for a in anchors], float), q)
+    data, p = make_data(model), np.empty((len(anchors), len(q), 3))
     for k, configuration in enumerate(q):
         update_motions(model, data, configuration)
-        for rotations, positions, rotation, position in views:
-            rotations[k], positions[k] = rotation, position
-    return p + np.einsum("nmij,nj->nmi", R, np.reshape([a.p for a in anchors], (-1, 3)))
+        p[:, k] = np.reshape([data.oMi[a.joint].act(a.p) for a in anchors], (-1, 3))
+    return p
 
 
 def frame_motions(

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "bindings/py_core.hpp"
+#include "math/vec3.hpp"
 #include "mechanism/tree_data.hpp"
 #include "system/projection.hpp"
 
@@ -125,6 +126,24 @@ void use_rows(PyCore& c, const std::vector<int>& rows, int rank, double floor, b
   c.core->system.use_rows(rows, rank, floor, frozen);
 }
 
+// Positions (n, m, 3) in the world of points (n, 3), each fixed to a joint, at configurations (m, nq).
+Out point_paths(nb::handle model, const std::vector<int>& joints, const Array& points, const Array& q) {
+  MultibodyTree tree(model_pointer(model.ptr()), Tolerances(), {});  // kinematics have no tolerances
+  const size_t n = joints.size(), m = q.ndim() ? q.shape(0) : 0;
+  const Vector at = checked_numbers(q, m * tree.nq, "q"), local = checked_numbers(points, 3 * n, "points");
+  check_indices(joints, tree.joints, "joint");
+  Vector out(n * m * 3);
+  for (size_t k = 0; k < m; ++k) {
+    tree.poses(at.data() + k * tree.nq);
+    for (size_t i = 0; i < n; ++i) {
+      double* p = &out[3 * (i * m + k)];
+      rotate_by_columns(tree.rotation(joints[i]), &local[3 * i], p);
+      for (int c = 0; c < 3; ++c) p[c] += tree.position(joints[i])[c];
+    }
+  }
+  return array(out, {n, m, 3});
+}
+
 }  // namespace
 
 NB_MODULE(_native, m) {
@@ -140,6 +159,8 @@ NB_MODULE(_native, m) {
         return to_python(data);
       },
       nb::arg("model"), "Return the numbers of a model, from which a core without Pinocchio makes it.");
+  m.def("point_paths", point_paths, nb::arg("model"), nb::arg("joints"), nb::arg("points"), nb::arg("q"),
+        "Return the positions (n, m, 3) in the world of points (n, 3) fixed to joints at configurations q (m, nq).");
   nb::exception<UnknownKind>(m, "UnknownKind", PyExc_ValueError);
   bind_structs(m), bind_events(m);
 

@@ -8,8 +8,9 @@ namespace mbdae {
 double TimeFunction::at(double t, int k) const {
   if (kind == python) return call(t, k);
   if (kind == harmonic) {  // amplitude, omega, phase, offset
-    const double value = a[0] * std::sin(a[1] * t + a[2] + k * M_PI_2);
-    return k ? value * std::pow(a[1], k) : value + a[3];
+    double value = a[0] * std::sin(a[1] * t + a[2] + k * M_PI_2);
+    for (int j = 0; j < k; ++j) value *= a[1];
+    return k ? value : value + a[3];
   }
   size_t i = 0;
   double periods = 0;

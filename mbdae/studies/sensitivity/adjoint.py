@@ -29,38 +29,50 @@ class NodeCotangents:
         self.signals, zero = SignalJacobian(trajectory, names), np.zeros(len(t))
         given = [[cost.get(name, zero) for name in names] for cost in weights]
         self.weights = np.array(given).reshape(len(weights), len(names), len(t))
-        nodes = trajectory.sol.before(t) if trajectory.sol.steps else np.arange(len(t))
-        self.bounds = np.searchsorted(nodes, np.arange(len(trajectory.ts) + 1))
+        self.nodes = trajectory.sol.before(t) if trajectory.sol.steps else np.arange(len(t))
+        self.bounds = np.searchsorted(self.nodes, np.arange(len(trajectory.ts) + 1))
+        self.at_nodes = trajectory.ts[self.nodes] == t
         self.used = np.asarray(self.weights.any(axis=(0, 1)))
 
     def at(self, i: int) -> Cotangents:
         """Return the cotangents of node i, including those from times between it and the next node."""
-        trajectory, ny, k = self.trajectory, self.trajectory.sensitivity.ny, self.trajectory.sensitivity.k
-        costs = len(self.weights)
-        out, p, bar_t = np.zeros((costs, ny + trajectory.n_carry)), np.zeros((costs, k)), np.zeros(costs)
-        for m in np.flatnonzero(self.used[self.bounds[i] : self.bounds[i + 1]]) + self.bounds[i]:
-            t = float(self.t[m])
-            rows = self.weights[:, :, m] @ self.signals.rows(i, t, self.points[m])
-            p += rows[:, ny:-1]
-            if t == trajectory.ts[i]:
-                out[:, :ny] += rows[:, :ny]
-                bar_t += rows[:, -1]
-            else:
-                bars = np.hstack([rows[:, :ny], np.zeros((costs, trajectory.n_carry))])
-                step = trajectory.core.shortened_step(i, t)
-                at, by_p = trajectory.core.adjoint(step, np.zeros((2, *bars.shape)), bars)
-                out, p = out + at, p + by_p
+        sensitivity, costs = self.trajectory.sensitivity, len(self.weights)
+        out, p = np.zeros((costs, sensitivity.ny + self.trajectory.n_carry)), np.zeros((costs, sensitivity.k))
+        bar_t = np.zeros(costs)
+        for m in self._times(i, i + 1):
+            at, by_p, by_t = self._of_time(m)
+            out, p, bar_t = out + at, p + by_p, bar_t + by_t
         return out, p, bar_t
 
     def between(self, i: int, j: int) -> tuple[Array, Array]:
         """Return the cotangents of nodes i, ..., j - 1, (j - i, costs, ny + nc), and of the parameters, (costs, k)."""
-        sensitivity, costs = self.trajectory.sensitivity, len(self.weights)
+        sensitivity, costs, times = self.trajectory.sensitivity, len(self.weights), self._times(i, j)
         out, p = np.zeros((j - i, costs, sensitivity.ny + self.trajectory.n_carry)), np.zeros((costs, sensitivity.k))
-        times = np.flatnonzero(self.used[self.bounds[i] : self.bounds[j]]) + self.bounds[i]
-        for m in np.unique(np.searchsorted(self.bounds, times, side="right") - 1):
-            out[m - i], by_p, _ = self.at(m)
+        if self.signals.fixed and len(times):  # one matrix at all nodes, of signals that depend on y and t alone
+            by_y = self.signals.rows(i, float(self.t[times[0]]), self.points[times[0]])[:, : sensitivity.ny]
+            alike, times = times[self.at_nodes[times]], times[~self.at_nodes[times]]
+            found = np.einsum("cnm,nd->mcd", self.weights[..., alike], by_y)
+            np.add.at(out[..., : sensitivity.ny], self.nodes[alike] - i, found)
+        for m in times:
+            at, by_p, _ = self._of_time(m)
+            out[self.nodes[m] - i] += at
             p += by_p
         return out, p
+
+    def _times(self, i: int, j: int) -> Array:
+        """Return the indices of the times from node i to node j, without it, on which the costs depend."""
+        return np.flatnonzero(self.used[self.bounds[i] : self.bounds[j]]) + self.bounds[i]
+
+    def _of_time(self, m: int) -> Cotangents:
+        """Return the cotangents of the node at or before time m."""
+        trajectory, i, t = self.trajectory, int(self.nodes[m]), float(self.t[m])
+        ny, costs = trajectory.sensitivity.ny, len(self.weights)
+        rows = self.weights[:, :, m] @ self.signals.rows(i, t, self.points[m])
+        bars = np.hstack([rows[:, :ny], np.zeros((costs, trajectory.n_carry))])
+        if self.at_nodes[m]:
+            return bars, rows[:, ny:-1], rows[:, -1]
+        at, by_p = trajectory.core.adjoint(trajectory.core.shortened_step(i, t), np.zeros((2, *bars.shape)), bars)
+        return at, rows[:, ny:-1] + by_p, np.zeros(costs)
 
 
 def adjoint_sweep(

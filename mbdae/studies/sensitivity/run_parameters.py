@@ -19,7 +19,7 @@ from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.forces.elements import coincident
 from ...mechanism.formats.mechanism_file.loaded_model import parameter_value
 from ...mechanism.formats.mechanism_file.template import Template
-from ...mechanism.tree.frames import frame_paths
+from ...mechanism.tree.frames import Pair, anchor_paths
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COINCIDENT
@@ -81,22 +81,22 @@ def bind_parameters(sol: Solution, names: Names, model: Model) -> Parameters:
 
 def _require_directions(parameters: Parameters, sol: Solution) -> None:
     parameters.require_directions(float(sol.nodes[0][0]), sol.nodes[1][0][: sol.mechanism.nq])
-    laws = [law for law, _ in parameters.system.laws.bound if law.flipping]
-    if not laws:
+    flipping = [(law.name, law.flipping) for law, _ in parameters.system.laws.bound if law.flipping]
+    if not flipping:
         return
-    gaps = _gaps(sol.mechanism, [law.flipping for law in laws], sol.nodes[1][:, : sol.mechanism.nq])
-    for law, x in zip(laws, gaps, strict=True):
-        if _passes(sol, law.flipping, x):
-            raise coincident(law.name)
+    gaps = _gaps([pair for _, pair in flipping], sol.nodes[1][:, : sol.mechanism.nq])
+    for (name, pair), x in zip(flipping, gaps, strict=True):
+        if _passes(sol, pair, x):
+            raise coincident(name)
 
 
-def _gaps(mech: Mechanism, pairs: Sequence[Sequence[str]], q: Array) -> Array:
+def _gaps(pairs: Sequence[Pair], q: Array) -> Array:
     """Return the vectors between the origins of pairs of frames in m, (n, m, 3), at configurations q (m, nq)."""
-    paths = frame_paths(mech.model, [name for pair in pairs for name in pair], q)
+    paths = anchor_paths(pairs[0].model, [x for pair in pairs for x in (pair.a, pair.b)], q)
     return paths[1::2] - paths[::2]
 
 
-def _passes(sol: Solution, frames: Sequence[str], x: Array) -> bool:
+def _passes(sol: Solution, pair: Pair, x: Array) -> bool:
     """Return whether the origins of two frames with vectors x at the nodes pass each other.
 
     Steps skip a rotation of the line between them.
@@ -108,11 +108,11 @@ def _passes(sol: Solution, frames: Sequence[str], x: Array) -> bool:
         if not halvings:
             return True
         middle = (start + end) / 2
-        ((x,),) = _gaps(sol.mechanism, [frames], np.atleast_2d(sol(middle).q))
+        ((x,),) = _gaps([pair], np.atleast_2d(sol(middle).q))
         return skips(start, middle, a, x, halvings - 1) or skips(middle, end, x, b, halvings - 1)
 
     t = sol.nodes[0]
-    reversals = np.flatnonzero((x[1:] * x[:-1]).sum(axis=1) <= 0)
+    reversals = np.flatnonzero(np.einsum("ij,ij->i", x[1:], x[:-1]) <= 0)
     return any(skips(t[i], t[i + 1], x[i], x[i + 1], HALVINGS) for i in reversals)
 
 

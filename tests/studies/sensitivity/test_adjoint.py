@@ -8,6 +8,7 @@ from smooth import SMOOTH
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
+from mbdae.studies.sensitivity import adjoint
 
 T = {"andrews_squeezer": 0.01, "humanoid_stance": 0.02, "flyball_governor": 0.02, "stewart_platform": 0.1,
      "flexible_four_bar": 3e-3, "flexible_slider_crank": 2e-4}  # fmt: skip
@@ -39,6 +40,18 @@ def test_jumps_events_and_times_between_nodes():
     event = mbdae.Event(lambda t, q, v: q[0] - 1.0, terminal=True)
     sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 2.0), rtol=1e-4, events=event)
     compare(sol, ["joint.crank.mass"], ["q.coupler", "t", "v.crank"], start=True, event=event)
+
+
+def test_costs_of_coordinates_have_one_matrix_at_all_nodes(monkeypatch):
+    sol, rng = mbdae.solve(mbdae.load("four_bar"), (0.0, 1.0), step=0.01), np.random.default_rng(2)
+    weights = {name: rng.normal(size=101) for name in ("q.crank", "v.coupler")}
+    alone, of_time = [], adjoint.NodeCotangents._of_time
+    monkeypatch.setattr(adjoint.NodeCotangents, "_of_time", lambda self, m: alone.append(m) or of_time(self, m))
+    found = mbdae.gradient(sol, lambda signals: (0.0, weights), ["joint.crank.mass"]).gradient
+    tangents = mbdae.sensitivity(sol, ["joint.crank.mass"]).to_columns().values
+    expected = sum(w @ tangents[f"d({name})/d(joint.crank.mass)"] for name, w in weights.items())
+    assert found["joint.crank.mass"] == pytest.approx(expected, rel=1e-10)
+    assert alone == [100]  # the end, where no compiled steps start
 
 
 def test_squares():

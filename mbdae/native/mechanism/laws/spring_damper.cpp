@@ -19,9 +19,12 @@ struct SpringDamper {
   template <class S, class T, class U>
   static Wrenches<S, Common<S, T>> wrenches(const Law& law, const Context<U>& at, const Frames<S>& x, const Velocity<T>& V) {
     const Vec3<S> gap = x.pb - x.pa, n = direction(gap);
-    const Common<S, T> force = law.signals[0].at(at.t) - law.a[1] * dot(n, V.at(x.pb));
     // Not by the distance, which has no derivative at gap 0: there a spring of length 0 has stiffness in all directions.
-    return {wrench_at(x.pb, -law.a[0] * (gap - law.a[2] * n)), wrench_at(x.pb, force * n)};
+    Wrenches<S, Common<S, T>> out{wrench_at(x.pb, -law.a[0] * (gap - law.a[2] * n)), {}};
+    Common<S, T> force = law.signals[0].at(at.t);
+    if (damped(law)) force = force - law.a[1] * dot(n, V.at(x.pb));
+    if (magnitude(force) != 0) out.other = wrench_at(x.pb, force * n);  // most springs have none
+    return out;
   }
 
   static double potential(const Law& law, const Frames<double>& x) {
