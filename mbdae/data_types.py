@@ -8,3 +8,6 @@ JsonObject: TypeAlias = dict[str, Json]
 
 CoreData: TypeAlias = dict[str, Any]
 """Fields of a C++ struct by name: numbers, lists, arrays, Python functions. The core checks names and types."""
+
+Columns: TypeAlias = Mapping[str, Sequence[Any]]
+"""Values of parameters by name, one for each of many runs."""

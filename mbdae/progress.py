@@ -8,6 +8,7 @@ from time import monotonic
 from typing import Any
 
 UPDATE_INTERVAL = 0.1  # s, of a bar in a notebook
+PATIENCE, LONG = 10.0, 60.0  # s: where no bar is shown, a line says after the first that more than the second are left
 
 Report = Callable[..., None]
 
@@ -15,6 +16,8 @@ Report = Callable[..., None]
 @contextmanager
 def progress_bar(label: str, total: float | None = 1.0) -> Iterator[Report]:
     """Show a progress bar while the block runs: on stderr if it is a terminal, or in the output of a notebook.
+
+    Elsewhere stderr has one line if the block takes long, as a run at an absurd speed does.
 
     The block receives the ``progress`` argument of `mbdae.solve` and of the studies: a function of a fraction, a text,
     or both.
@@ -28,8 +31,8 @@ def progress_bar(label: str, total: float | None = 1.0) -> Iterator[Report]:
         ...     runs = mbdae.sweep("slider_crank", links, 2.0, progress=progress)
     """
     terminal = sys.stderr.isatty()
-    if not terminal and "IPython" not in sys.modules:  # nothing to show it on
-        yield lambda value, name=None: None
+    if not terminal and "IPython" not in sys.modules:
+        yield _one_line(label)
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -48,6 +51,21 @@ def progress_bar(label: str, total: float | None = 1.0) -> Iterator[Report]:
             bar.update(task, description=text, completed=done)
 
         yield report
+
+
+def _one_line(label: str) -> Report:
+    """Return a report that says once on stderr that much is left to do."""
+    started, reported = monotonic(), False
+
+    def report(value: Any, name: str | None = None) -> None:
+        nonlocal reported
+        done, elapsed = _text_and_fraction(value, name)[1], monotonic() - started
+        if reported or not done or elapsed < PATIENCE or (left := elapsed * (1 / done - 1)) < LONG:
+            return
+        reported = True
+        sys.stderr.write(f"{label}: {100 * done:.2g} % after {elapsed:.0f} s, about {left:.2g} s are left\n")
+
+    return report
 
 
 @contextmanager

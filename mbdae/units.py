@@ -158,20 +158,18 @@ def substituted(unit: str, symbols: Mapping[str, str]) -> str:
     >>> substituted("e s/q", {"e": "N m", "q": "rad"})
     'N m s/rad'
     """
+    powers = _powers(unit, symbols)
+    return "" if not powers or any(symbol in KEY_SYMBOLS for symbol in powers) else _written(powers.items())
+
+
+def _powers(unit: str, symbols: Mapping[str, str]) -> dict[str, int]:
+    """Return the powers of a unit that are not 0, with the units of its symbols in their place."""
     powers: dict[str, int] = {}
-    _collect(unit, 1, symbols, powers)
-    if any(symbol in KEY_SYMBOLS for symbol in powers):
-        return ""
-    return _written((symbol, k) for symbol, k in powers.items() if k) if any(powers.values()) else ""
-
-
-def _collect(unit: str, sign: int, symbols: Mapping[str, str], powers: dict[str, int]) -> None:
     for symbol, power in SI_UNITS._parts(unit):
-        if symbol in symbols:
-            for _ in range(abs(power)):
-                _collect(symbols[symbol], sign if power > 0 else -sign, symbols, powers)
-        else:
-            powers[symbol] = powers.get(symbol, 0) + sign * power
+        inner = _powers(symbols[symbol], symbols) if symbol in symbols else {symbol: 1}
+        for name, k in inner.items():
+            powers[name] = powers.get(name, 0) + power * k
+    return {name: k for name, k in powers.items() if k}
 
 
 def common_unit(units: Iterable[str]) -> str:
@@ -185,15 +183,8 @@ def require_kind(unit: str, known: str, where: str) -> None:
     Raises:
         InputError: begins with ``where``, and lists units of the kind.
     """
-    if _base_powers(unit) != _base_powers(known):
+    if _powers(unit, BASE) != _powers(known, BASE):
         raise InputError(f"{where} is in {unit!r}, valid: {', '.join(DIMENSIONS.get(SI.get(known, ''), [known]))}")
-
-
-def _base_powers(unit: str) -> dict[str, int]:
-    """Return the powers of kg, m, s and rad in a unit."""
-    powers: dict[str, int] = {}
-    _collect(unit, 1, BASE, powers)
-    return {symbol: k for symbol, k in powers.items() if k}
 
 
 BASE = {name: si for si, dimension in SI.items() for name in DIMENSIONS[dimension] if name != si and name.isalpha()}

@@ -18,18 +18,18 @@ from typing import Literal
 from mbdae.mechanism.forces.force import Force, ForceElement, single_velocity_joint
 
 
-class JointDrag(Force):
+class HouseDrag(Force):
     """tau = -drag |v| v."""
 
-    kind: Literal["joint_drag"] = "joint_drag"
+    kind: Literal["house_drag"] = "house_drag"
     joint: str
     drag: float
 
     def bind(self, model, data):
-        return DragElement(self.name, single_velocity_joint(model, self.joint, "a joint_drag").idx_v, self.drag)
+        return HouseElement(self.name, single_velocity_joint(model, self.joint, "a house_drag").idx_v, self.drag)
 
 
-class DragElement(ForceElement):
+class HouseElement(ForceElement):
     """Its law."""
 
     def __init__(self, name, i, c):
@@ -47,10 +47,10 @@ from mbdae.mechanism.closures.frame_joint import TwoAxisJoint
 from mbdae.mechanism.closures.kinds.point import PointClosure
 
 
-class PlanarClosure(TwoAxisJoint):
+class HouseClosure(TwoAxisJoint):
     """3 rows: b moves in the plane of a that the axis is normal to."""
 
-    kind: Literal["planar"] = "planar"
+    kind: Literal["house_plane"] = "house_plane"
     translation, direction = "along", "axis"
 
 
@@ -91,12 +91,12 @@ ralston3 = house_methods:ralston
 taken = house_methods:taken
 gone = house_methods:gone
 [mbdae.forces]
-joint_drag = house_forces:JointDrag
+house_drag = house_forces:HouseDrag
 [mbdae.closures]
-planar = house_closures:PlanarClosure
+house_plane = house_closures:HouseClosure
 second = house_closures:Second
 [mbdae.readers]
-chain = house_readers:pendulums
+hut = house_readers:pendulums
 dumb = house_readers:dumb
 taken = house_readers:taken
 """
@@ -107,16 +107,16 @@ with warnings.catch_warnings(record=True) as said:
     import mbdae
     mbdae.METHODS, mbdae.load
 print(*(str(w.message) for w in said if "entry point" in str(w.message)), sep="\\n")
-mech = mbdae.load("a.chain", forces=[mbdae.JointDrag(joint="b1", drag=2.0)])
+mech = mbdae.load("a.hut", forces=[mbdae.HouseDrag(joint="b1", drag=2.0)])
 sol = mbdae.solve(mech, (0, 0.1), method="ralston3", step=0.01, backend="python")
-print(mech.nv, sol.status, "power.joint_drag 1" in sol.signals())
+print(mech.nv, sol.status, "power.house_drag 1" in sol.signals())
 with warnings.catch_warnings(record=True) as said:
     warnings.simplefilter("always")
     print(mbdae.load("c.dumb").nv, said[0].message)
-planar = mbdae.Mechanism(mech.model, [mbdae.Closure(kind="planar", frames=("b1", "world"))])
-print(planar.ng, planar.row_names[0])
+plane = mbdae.Mechanism(mech.model, [mbdae.Closure(kind="house_plane", frames=("b1", "world"))])
+print(plane.ng, plane.row_names[0])
 for wrong in (
-    lambda: mbdae.load("b.chain"),
+    lambda: mbdae.load("b.hut"),
     lambda: mbdae.solve(mech, (0, 0.1), method="radau5"),
     lambda: mbdae.load("c.dumb", free_flyer=True),
     lambda: mbdae.load("d.other"),
@@ -136,8 +136,8 @@ def house(tmp_path):
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: house\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(POINTS)
-    (tmp_path / "a.chain").write_text("2")
-    (tmp_path / "b.chain").write_text("two")
+    (tmp_path / "a.hut").write_text("2")
+    (tmp_path / "b.hut").write_text("two")
     (tmp_path / "c.dumb").write_text("3")
     (tmp_path / "d.other").write_text("3")
     return tmp_path
@@ -159,7 +159,7 @@ def test_what_packages_add_is_found_and_what_is_wrong_is_named(house):
     assert lines[4] == "2 finished True"
     assert lines[5] == "18 c: not carried over: paint"
     assert lines[6] == "3 b1-world"
-    assert "the reader of .chain files fails on" in lines[7]
-    assert lines[8].startswith("force 'joint_drag 1' has no partials: implicit methods")
+    assert "the reader of .hut files fails on" in lines[7]
+    assert lines[8].startswith("force 'house_drag 1' has no partials: implicit methods")
     assert lines[9] == "free_flyer does not belong to c.dumb"
     assert lines[10].startswith("cannot read d.other: expected a .toml, .py, ")

@@ -278,7 +278,7 @@ class Solution(DenseOutput, Tabular):
         s = self.stats
         rejected = "-" if s["rejected"] is None else s["rejected"]
         return (
-            f"{self.status}: {self.message}, t = {quantity(self.nodes[0][-1], 's', 'g')}\n"
+            f"{self.status}: {self.message}, t = {quantity(self.nodes[0][-1], 's', '.9g')}\n"
             f"  {s['steps']} steps, {rejected} rejected, {s['solves']} solves, {s['seconds']:.2f} s, {s['backend']}"
         )
 

@@ -1,10 +1,11 @@
 """Values of the parameters of many runs, as columns: by name, a value for each run."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
-Columns = Mapping[str, Sequence[Any]]
+from ..data_types import Columns
+
 Indices = Sequence[int]
 
 

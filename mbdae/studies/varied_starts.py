@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..data_types import Columns
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..mechanism.assembly.initial_points import InitialPoints
@@ -20,7 +21,7 @@ from ..mechanism.formats.mechanism_file.template import CACHE_SIZE, START, Templ
 from ..mechanism.run_parameters import RunParameters
 from ..system import Array
 from .factories import ParametricFactory
-from .run_columns import Columns, Indices, equal_rows, pick_rows, row
+from .run_columns import Indices, equal_rows, pick_rows, row
 
 FEWEST = 8  # runs for which parameters in place are sought: it takes longer than a few mechanisms
 SHARED = "model", "constraints", "forces", "settings"  # parts of mechanisms that runs may share

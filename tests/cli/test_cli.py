@@ -158,13 +158,16 @@ def test_no_option_of_drift_is_passed_over(arguments, words):
 
 
 def test_events_of_a_run(tmp_path):
-    arguments = ("solve", "slider_crank", "-t", "2", "--event", "v.slider", "--until", "q.crank > 4")
+    ends = ("--until", "q.crank > 4", "--until", "q.slider = 9")
+    arguments = ("solve", "slider_crank", "-t", "2", "--event", "v.slider", *ends)
     code, out, err = call(*arguments, cwd=tmp_path)
     assert (code, err) == (0, "")
     data = json.loads(call(*arguments, "--json", cwd=tmp_path)[1])
     assert data["status"] == "event"
     assert data["events"]["q.crank > 4"] == [data["t"]]
-    assert f"  q.crank > 4: t = {data['t']:.9g} s (1)" in out
+    assert f"event: a terminal event occurred: q.crank > 4, t = {data['t']:.9g} s\n" in out
+    assert "  q.crank > 4: " not in out
+    assert "  q.slider = 9: never\n" in out
     assert f"  v.slider: t = {data['events']['v.slider'][0]:.9g}" in out
 
 

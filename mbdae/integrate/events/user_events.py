@@ -153,6 +153,12 @@ class UserEvents(EventSource):
         self.found = [[(t, y) if sign * when >= limit else (when, x) for when, x in hits] for hits in self.found]
         return True
 
+    def names_at(self, t: float) -> list[str]:
+        """Return the terminal events that occurred last at a time: their texts, or the names of their functions."""
+        found = zip(self.events, self.found, strict=True)
+        last = [event.function for event, hits in found if event.terminal and hits and hits[-1][0] == t]
+        return [f if isinstance(f, str) else function_name(f) for f in last]
+
     def results(self, run: "RunState") -> dict[str, Any]:
         """Return the times (k,) and points (k, ...) of the zeros of each event."""
         out = []

@@ -49,10 +49,10 @@ def run_to_end(run: RunState, progress: Progress | None) -> tuple[str, str]:
                 e = source.explain(run, e)
             return e.status, str(e)
         except KeyboardInterrupt:
-            return "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
+            return "interrupted", STATUS["interrupted"]
     if stopped:
         run.jumps.drop_sampling(run)
-        return "event", f"{STATUS['event']} at t = {run.t:.17g}"
+        return "event", f"{STATUS['event']}: {', '.join(run.user_events.names_at(run.t))}"
     t1 = run.options.t1
     undefined = "" if run.t == t1 else next((x for d in run.problem.drivers if (x := d.outside(t1))), "")
     return ("driver", undefined) if undefined else ("finished", STATUS["finished"])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...backend import load
-from ...data_types import CoreData
+from ...data_types import Columns, CoreData
 from ...errors import MbdaeError
 from ...system import Array
 from ...tolerances import COINCIDENT
@@ -33,7 +33,6 @@ UNSYMMETRIC = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (3.0, 4.0, 5.0, 0
 UPPER = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # entries of an inertia in the core
 NUMBERS = ("a", "offset")  # keys of the numbers of a law in the core
 Values = Mapping[str, Any]
-Columns = Mapping[str, Sequence[Any]]  # values of many runs
 
 
 class _ParametrizedElement(ABC):

@@ -98,8 +98,13 @@ def translation_components(model: pin.Model) -> np.ndarray:
 
 def angle_components(model: pin.Model) -> np.ndarray:
     """Return which tangent components are angles with a period of 2 pi, (nv,)."""
-    out = np.zeros(model.nv, bool)
-    for joint in list(model.joints)[1:]:
-        if joint.shortname() == "JointModelSphericalZYX" or joint.nv <= 2:
-            out[joint.idx_v : joint.idx_v + joint.nv] = ~subspace(joint)[:3].any(axis=0)
-    return out
+    return np.concatenate([np.zeros(0, bool), *map(_angles, list(model.joints)[1:])])
+
+
+def _angles(joint: pin.JointModel) -> np.ndarray:
+    """Return which tangent components of a joint are angles, (nv,): each axis of a composite joint has its own."""
+    if (kind := joint.shortname()) == "JointModelComposite":
+        return np.concatenate([_angles(factor) for factor in joint.extract().joints])
+    if kind != "JointModelSphericalZYX" and joint.nv > 2:
+        return np.zeros(joint.nv, bool)
+    return np.array(~subspace(joint)[:3].any(axis=0))

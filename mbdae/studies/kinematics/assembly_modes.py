@@ -21,7 +21,7 @@ from ...system import Array
 from ...tabular import Tabular, rounded_zero
 from ...units import quantity
 from .driven_mechanism import Hold, driven_mechanism, input_at, omitted_elements, require_one_dof
-from .mode_search import ModeSearch
+from .mode_search import ModeSearch, counting_coordinates
 
 __all__ = ["assembly_modes"]
 
@@ -112,13 +112,16 @@ def assembly_modes(
     times and another mode as likely as these would be missed with a probability of 1 %. Modes between which the
     mechanism can move belong to one circuit. Source: Chase, Mirth, J. Mech. Design 115 (1993).
 
+    Poses that differ by full turns of joints are one mode, also where a wheel or a rack that only couplings move counts
+    the turns, and meshes elsewhere.
+
     Args:
         mech: the mechanism, or an argument of `mbdae.load`.
         drive: the input: a joint of one coordinate, or a driver of the mechanism.
         at: value of the input, in rad or m; the start when left out.
         hold: joints to lock in place, or at given values: joint=value. See `mbdae.kinematics`.
-        apart: joints that distinguish the modes; all when left out. Each leg that can be assembled in
-            two ways doubles the number of modes without moving the platform.
+        apart: joints that distinguish the modes; all but those that count turns when left out. Each leg that can be
+            assembled in two ways doubles the number of modes without moving the platform.
         most: largest number of random starts.
 
     Raises:
@@ -136,8 +139,8 @@ def assembly_modes(
     if not is_count(most, 1):
         raise InputError(f"most must be a positive number of starts, got {most!r:.60}")
     u = u_start if at is None else float(at)
-    names = as_list(apart, "apart is a list of joints") or mech.joint_names
-    distinguishing = np.zeros(mech.nv, bool)
+    names = as_list(apart, "apart is a list of joints")
+    distinguishing = ~counting_coordinates(driven, system, u) if not names else np.zeros(mech.nv, bool)
     for joint in find_joints(mech.model, names):
         distinguishing[joint.idx_v : joint.idx_v + joint.nv] = True
     search = ModeSearch(driven, q0, u, distinguishing).run(most)

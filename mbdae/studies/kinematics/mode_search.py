@@ -6,18 +6,23 @@ of 1 %.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...mechanism import Mechanism
 from ...mechanism.assembly.position_search import gauss_newton, is_closed
+from ...mechanism.closures.kinds.coupling import CouplingClosure
 from ...mechanism.equations.characteristic_length import linkage_lengths
-from ...mechanism.tree.frames import find_joint
+from ...mechanism.tree.frames import find_joint, find_joints
 from ...mechanism.tree.joints import angle_components, translation_components
 from ...system import Array
 from ...tolerances import RANK, SAME_POSE
 from .curve.circuits import circuit
 from .curve.pose_curve import PoseCurve
+
+if TYPE_CHECKING:
+    from ...mechanism.formulations.index2 import Index2System
 
 HITS = 3  # hits of each mode by random starts
 MISS_PROBABILITY = 0.01  # probability of missing a mode that is as likely as the others
@@ -173,3 +178,29 @@ class ModeSearch:
             and np.abs(self.curve.wrapped_difference(near, q)).max() < MODE_TOLERANCE
         )
         return near if same else None
+
+
+def counting_coordinates(driven: Mechanism, system: "Index2System", u: float) -> Array:
+    """Return which coordinates follow from others by couplings, and are in no other row, (nv,): wheels, racks, cams.
+
+    Args:
+        driven: the mechanism with its drive.
+        system: a workspace of it.
+        u: the input.
+    """
+    mech, out = driven, np.zeros(driven.nv, bool)
+    q = mech.manifold.integrate(mech.coordinates({})[0], np.random.default_rng(0).uniform(-1, 1, mech.nv))
+    connects = system.closures(q, u)[1] != 0  # at any pose but a special one
+    left = {mech.rows_of(c.name)[0]: c for c in mech.closures if isinstance(c, CouplingClosure)}
+    while True:
+        followed = {
+            row: joint.idx_v
+            for row, c in left.items()
+            for joint in find_joints(mech.model, c.joints if c.is_linear else c.joints[:1])
+            if np.count_nonzero(connects[:, joint.idx_v]) == 1
+        }
+        if not followed:
+            return out
+        for row, column in followed.items():
+            out[column], connects[row] = True, False
+            del left[row]

@@ -1,5 +1,6 @@
 """The sub-command ``solve``."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -59,7 +60,7 @@ def solve(
     watched = [*events, *(Event(text, terminal=True) for text in until)]
     sol = simulate(mech, events=watched, **options)
     _write(sol, out, names, replay)
-    data, lines = _described(sol, [*events, *until])
+    data, lines = _described(sol, events, until)
     if names and mech is sol.mechanism:
         extremes = sol.statistics(names)
         data["signals"] = extremes.to_dict()
@@ -108,12 +109,12 @@ def _write(sol: "Solution", out: Output, names: tuple[str, ...], replay: dict[st
         sol.plot(names, path=out.paths["plot"])
 
 
-def _described(sol: "Solution", events: list[str]) -> tuple[dict[str, Any], list[str]]:
+def _described(sol: "Solution", events: Sequence[str], until: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
     """Return a run as JSON data and as lines: status, drift, events, singular configurations, impacts."""
     from ..drift.drift import drift
 
     found = drift(sol)
-    times = {text: sol.events[i][0] for i, text in enumerate(events)}
+    times = {text: sol.events[i][0] for i, text in enumerate([*events, *until])}
     data = {
         "status": sol.status,
         "message": sol.message,
@@ -124,7 +125,8 @@ def _described(sol: "Solution", events: list[str]) -> tuple[dict[str, Any], list
         "singular": [x.to_dict() for x in sol.singular],
         "impacts": [x._asdict() for x in sol.impacts],
     }
-    lines = [str(sol), str(found), *(f"  {text}: {_times(t)}" for text, t in times.items())]
+    listed = [text for text, t in times.items() if text not in until or t.tolist() != [sol.t[-1]]]  # in str(sol)
+    lines = [str(sol), str(found), *(f"  {text}: {_times(times[text])}" for text in listed)]
     lines += [f"  singular configuration: {x}" for x in sol.singular]
     return data, [*lines, *([_impacts(sol)] if sol.impacts else [])]
 

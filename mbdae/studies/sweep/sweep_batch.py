@@ -18,13 +18,13 @@ from ...integrate.run.run_setup import prepare_at
 from ...integrate.run.run_state import RunState
 from ...mechanism import Mechanism
 from ..final_signals import signals_at_end, why_not_in_core
-from ..run_columns import Columns, equal_rows
+from ..run_columns import equal_rows
 from ..varied_starts import Begun
 from ..workers import StopFlag, batch_size
 from .outputs import label, parse
 from .plan import Runs
 from .results_file import MORE, Results, results_of
-from .sweep_run import SOLVE, Job, run
+from .sweep_run import SOLVE, Job, run, split
 
 MAX_BATCH = 500  # runs
 BATCH_SECONDS = 0.2  # wall time of a batch of several runs: at least ten times what sending them to a cluster takes
@@ -86,7 +86,8 @@ def _completed_in_core(job: Job, batch: Runs, stop: StopFlag) -> Iterator[Finish
     for settings, runs in _by_settings(job, batch):
         if settings.get("events"):
             return
-        for group in job.varied_starts.groups(_parameters(job, runs), len(runs)):
+        parameters, _ = split(runs.columns, job.factory, runs.seeds)
+        for group in job.varied_starts.groups(parameters, len(runs)):
             started = perf_counter()
             with suppress(MbdaeError), _prepared(job, settings, group.mech) as one:  # `run` has the message
                 if why_not_in_core(one, job.signals):
@@ -105,12 +106,6 @@ def _by_settings(job: Job, batch: Runs) -> Iterator[tuple[dict[str, Any], Runs]]
     for which in equal_rows(batch.columns, names, len(batch)):
         runs = batch if len(which) == len(batch) else batch.subset(which)
         yield job.settings | {name.removeprefix(SOLVE): runs.columns[name][0] for name in names}, runs
-
-
-def _parameters(job: Job, runs: Runs) -> Columns:
-    """Return the values for mechanisms, with the seeds of the runs if these have that parameter."""
-    columns = {name: x for name, x in runs.columns.items() if not name.startswith(SOLVE)}
-    return {"seed": runs.seeds, **columns} if "seed" in job.factory.parameters else columns
 
 
 @contextmanager

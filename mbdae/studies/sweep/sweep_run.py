@@ -95,9 +95,12 @@ class Job:
 
 
 def split(
-    values: Mapping[str, Any], factory: ParametricFactory, seed: int
+    values: Mapping[str, Any], factory: ParametricFactory, seed: int | Sequence[int]
 ) -> tuple[Mapping[str, Any], dict[str, Any]]:
-    """Return values for the mechanism, with the run's seed if it has that parameter, and settings of `mbdae.solve`."""
+    """Return values for the mechanism, with its seed if it has that parameter, and settings of `mbdae.solve`.
+
+    Those of one run, or columns of many runs with their seeds.
+    """
     settings, parameters = dict[str, Any](), values
     if any(n.startswith(SOLVE) for n in values):
         settings = {n.removeprefix(SOLVE): x for n, x in values.items() if n.startswith(SOLVE)}

@@ -102,13 +102,13 @@ def samples(name):
 def test_a_force_without_a_sample_is_named(monkeypatch):
     """A class that discovery finds and that has no sample."""
 
-    class JointDrag(mbdae.JointDamping):
+    class Unsampled(mbdae.JointDamping):
         pass
 
-    monkeypatch.setattr(sys.modules[__name__], "FORCES", (*FORCES, JointDrag))
-    assert "JointDrag" in kinds_of_forces()
-    with pytest.raises(AssertionError, match="JointDrag has no sample"):
-        samples("JointDrag")
+    monkeypatch.setattr(sys.modules[__name__], "FORCES", (*FORCES, Unsampled))
+    assert "Unsampled" in kinds_of_forces()
+    with pytest.raises(AssertionError, match="Unsampled has no sample"):
+        samples("Unsampled")
 
 
 def test_every_python_force_has_a_sample():

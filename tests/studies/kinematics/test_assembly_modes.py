@@ -210,6 +210,24 @@ def test_a_coupling_that_counts_turns_has_one_mode():
     assert found.warnings == ()
 
 
+@pytest.mark.parametrize("counts", [pin.JointModelRY, pin.JointModelPX])
+@pytest.mark.parametrize("mesh", [("wheel", "rocker", (0.1, 1 / 2)), ("rocker", "wheel", (0.1, 1 / 0.37))])
+def test_a_wheel_or_a_rack_that_counts_turns_of_a_linkage_adds_no_modes(counts, mesh):
+    """The rocker's angle closes the linkage up to full turns, after each of which the wheel meshes elsewhere."""
+    plain = mbdae.load("four_bar")
+    model = plain.model.copy()
+    wheel = model.addJoint(0, counts(), pin.SE3.Identity(), "wheel")
+    model.appendBodyToJoint(wheel, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    mech = Mechanism(model, [*plain.closures, Closure.coupling(*mesh)], start=plain.start_values)
+    found = assembly_modes(mech, "crank")
+    tips = [LINK["crank"] * unit(1.2) + LINK["coupler"] * unit(x) for x in sorted(by_coupler(1.2), reverse=True)]
+    rockers = [np.arctan2(y, x - LINK["ground"]) for x, y in tips]
+    turns = [(m.q[2] - alone) / (2 * np.pi) for m, alone in zip(found.modes, rockers, strict=True)]
+    np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
+    assert found.warnings == ()
+    assert len(assembly_modes(mech, "crank", apart="wheel", most=10).modes) > 2
+
+
 def test_a_parallelogram_has_a_mode_on_each_of_its_branches():
     found = assembly_modes(parallelogram(), "crank")
     assert len(found.modes) == 2

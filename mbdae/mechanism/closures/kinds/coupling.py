@@ -46,6 +46,11 @@ class CouplingClosure(BetweenJoints):
             raise ValueError("curve belongs to couplings of two joints")
         return self
 
+    @property
+    def is_linear(self) -> bool:
+        """Whether each coordinate follows from the others, not q_i alone."""
+        return self.curve is None and len(self.coefficients or ()) == len(self.joints)
+
     def unit_of(self, key: str) -> Unit | Coordinates | None:
         if key != "coefficients" or len(self.joints) == 2:
             return super().unit_of(key)
