@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ... import backend
+from ...backend import load
 from ...errors import InputError, UnknownNameError
 from .expanded_tree import Branches, branches
 from .pinocchio_data import make_data
@@ -112,7 +112,7 @@ def joint_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.nda
 
 def anchor_paths(model: pin.Model, anchors: Sequence[Anchor], q: np.ndarray) -> np.ndarray:
     """Return the origins of anchors in the world in m, (n, m, 3), at configurations q (m, nq)."""
-    if (native := backend.load()) and not flexible_bodies(model):
+    if (native := load()) and not flexible_bodies(model):
         return native.point_paths(model, [a.joint for a in anchors], np.array([a.p for a in anchors], float), q)
     data, p = make_data(model), np.empty((len(anchors), len(q), 3))
     for k, configuration in enumerate(q):
