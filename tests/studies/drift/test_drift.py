@@ -71,6 +71,6 @@ def test_a_slow_descent_is_no_rest():
 @pytest.mark.parametrize("model", ["circle", "four_bar"])
 def test_a_run_that_ended_before_its_first_time(model):
     sol = mbdae.solve(model, (0, 1), max_steps=1, t_eval=[0.9])
-    assert f"t = {sol.nodes[0][-1]:g} s" in str(sol)
+    assert f"t = {sol.nodes[0][-1]:.9g} s" in str(sol)
     with pytest.raises(InputError, match="has no times: the run ended before the first of t_eval"):
         mbdae.drift(sol)
