@@ -49,8 +49,16 @@ def output_file(
     **settings: Any,
 ) -> OutputFile:
     """Return a file that a command writes, with the option of its path."""
-    option = click.option(*names, type=click.Path(dir_okay=False), help=help, **settings)
+    path = click.Path(dir_okay=False)
+    option = click.option(*names, type=path, help=help, multiple=True, callback=_given_once, **settings)
     return OutputFile(option, names[-1].lstrip("-"), suffixes, write)
+
+
+def _given_once(context: click.Context, option: click.Parameter, paths: tuple[str, ...]) -> str | None:
+    """Return the path of an option, of which click would take the last of several."""
+    if len(paths) > 1:
+        raise click.BadParameter(f"one file, got {', '.join(paths)}", context, option)
+    return paths[0] if paths else None
 
 
 TABLE = output_file("-o", "--output", help="Save as a table .csv, all as .json, or in LaTeX as .tex.")

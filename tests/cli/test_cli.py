@@ -34,6 +34,7 @@ PIN = 'title = "t"\n[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ncom = [0
         (["equilibria", "four_bar", "--drive", "crank", "--to", "1"], 2, ["both --from and --to"]),
         (["solve", "four_bar", "-o", "run.txt"], 2, ["run.txt", ".npz"]),
         (["solve", "four_bar", "-o", "nowhere/run.npz"], 2, ["nowhere", "no such folder"]),
+        (["solve", "four_bar", "-o", "a.npz", "-o", "a.csv"], 2, ["'--output'", "one file, got a.npz, a.csv"]),
         (["order", "four_bar", "-m", "rk5"], 2, ["unknown method 'rk5'"]),
         (["order", "four_bar", "--steps", "4"], 2, ["at least 5", "steps = 4"]),
         (["drift", "missing.npz"], 2, ["no such file: missing.npz"]),

@@ -149,6 +149,9 @@ def read_motion(mech: Mechanism, motion: object) -> Any:
     """
     if not isinstance(motion, str | Path):
         return motion
+    if not Path(motion).exists():
+        valid = "a run, a curve of mbdae.kinematics, a table, or the path of a run or a table"
+        raise InputError(f"no file {str(motion)!r}: a motion is {valid}")
     if Path(motion).suffix == ".npz":
         return Solution.load(motion)
     columns, headed, _ = read_columns(motion)

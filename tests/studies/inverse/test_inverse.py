@@ -177,7 +177,7 @@ def pendulum():
         (pendulum, {"t": [0, 2, 1], "upper": [0, 1, 2]}, "upper", "must increase"),
         (pendulum, {"upper": [0, 1, 2]}, "upper", "has a column t"),
         (pendulum, {"t": [0, 1, 2], "upper": [0, 0, 0], "lower": [0, 0, 0]}, None, "name the joints"),
-        (pendulum, "nowhere.csv", "upper", r"nowhere\.csv cannot be read"),
+        (pendulum, "nowhere.csv", "upper", r"no file 'nowhere\.csv': a motion is"),
         (pendulum, 7, "upper", "a motion is a Solution"),
         (pendulum, ([0.0], [[0, 0, 0]], [[0, 0]], [[0, 0]]), "upper", "q of a motion"),
         (pendulum, ([], *[np.empty((0, 2))] * 3), "upper", "t of a motion is finite and has shape"),
