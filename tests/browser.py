@@ -192,6 +192,7 @@ class Pipe:
     def close(self):
         os.close(self.calls)
         self.process.wait(timeout=20)
+        self.answers.close()
         self.profile.cleanup()
 
 
