@@ -143,8 +143,13 @@ class UserEvents(EventSource):
         if self.checked_in_core:
             self.checked_in_core = False
             return Occurrence(step.t1) if self.stopped else None
-        stop = self._terminal(step) if self.events else None
-        return self._occurrence(step, *stop) if stop else None
+        if not self.events or not (stop := self._terminal(step)):
+            return None
+        theta, event, ending = stop
+        out = self._occurrence(step, theta, event)
+        for i in ending:  # located on the dense output, which has one order less than the step
+            self.found[i][-1] = out.t, out.end.state.y if out.end else step.y
+        return out
 
     def handle_event(self, run: "RunState", ended: bool) -> bool:
         """End the run; events at its end or, by the dense output, slightly beyond are moved to the end."""
@@ -173,9 +178,9 @@ class UserEvents(EventSource):
         where = run.stepper.backend if self.by_signal else f"python: {self.why_python}"
         return {"events": where} if self.events else {}
 
-    def _terminal(self, step: "StepMap") -> tuple[float, Event] | None:
-        """Record the events of a step; return theta of its first terminal event, and the event."""
-        t, h = step.t, step.h
+    def _terminal(self, step: "StepMap") -> tuple[float, Event, list[int]] | None:
+        """Record the events of a step; return theta of its first terminal event, and it; all with it by index."""
+        t, h, located = step.t, step.h, list[tuple[float, int]]()
         tolerance, stop = AGREEMENT * max(1.0, abs(t)), None
         for theta, i, y in sorted(self._zeros_in_step(step), key=lambda hit: hit[:2]):
             if stop and (theta - stop[0]) * abs(h) > tolerance:
@@ -186,13 +191,13 @@ class UserEvents(EventSource):
             self.found[i].append(self.origin if at_start else (t + theta * h, y))
             if self.events[i].terminal and not at_start and stop is None:
                 stop = theta, self.events[i]
-        return stop
+            located.append((theta, i))
+        return (*stop, [i for theta, i in located if (stop[0] - theta) * abs(h) <= tolerance]) if stop else None
 
     def _zeros_in_step(self, step: "StepMap") -> list[tuple[float, int, Array]]:
         """Return the zeros in a step: theta, index of the event, point."""
-        tangency = (
-            None if step.t == self._checked_until else SOLUTION_ROUNDING if np.isnan(self._checked_until) else 0.0
-        )
+        at_jump = SOLUTION_ROUNDING if np.isnan(self._checked_until) else 0.0
+        tangency = None if step.t == self._checked_until else at_jump
         self._checked_until = step.t1
         hits: list[tuple[float, int, Array]] = []
         for i, event in self.functions.items():
@@ -273,12 +278,8 @@ class UserEvents(EventSource):
             next_residual = self.evaluate(event, t + next_theta * h, trial.state.y)
             if not abs(next_residual) < abs(residual):
                 break
-            derivative, theta, residual, end = (
-                (next_residual - residual) / (next_theta - theta),
-                next_theta,
-                next_residual,
-                trial,
-            )
+            derivative = (next_residual - residual) / (next_theta - theta)
+            theta, residual, end = next_theta, next_residual, trial
         return Occurrence(t + theta * h, end)
 
 
@@ -292,8 +293,7 @@ def _signals(run: "RunState") -> dict[int, SignalEvent]:
     if not texts:
         return {}
     if not run.mechanical:
-        raise InputError(
-            f"events of a textbook problem are functions event(t, y), got {next(iter(texts.values()))[0]!r}"
-        )
+        text, _ = next(iter(texts.values()))
+        raise InputError(f"events of a textbook problem are functions event(t, y), got {text!r}")
     workspace = run.mechanical.new_workspace()
     return {i: SignalEvent.from_text(workspace, workspace.mechanism, *text) for i, text in texts.items()}

@@ -96,7 +96,7 @@ def _advance(run: RunState) -> State | None:
     max_steps = run.options.max_steps
     left = None if max_steps is None else max_steps - run.steps - (run.rejected or 0)
     if left is not None and left <= 0:
-        raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
+        raise StepError("max_steps", f"{max_steps} steps did not suffice")
     start = run.state
     if any(source.replace_step(run) for source in run.sources):
         return None

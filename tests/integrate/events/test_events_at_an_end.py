@@ -32,3 +32,21 @@ def test_what_comes_behind_the_terminal_event_is_not_found():
     events = [Event("q.crank_0 = 1.0", terminal=True), Event("q.crank_1 = 0.9999"), Event("q.crank_2 = 1.0001")]
     sol = mbdae.solve(mech, (0, 2), events=events)
     assert [len(t) for t, _ in sol.events] == [1, 0, 1]
+
+
+def level(t, q, v):
+    return np.sin(8 * q[0]) - 0.3
+
+
+@pytest.mark.parametrize("backend", ["python", "native"])
+@pytest.mark.parametrize("method", ["herk3", "pherk5", "pherk6", "radau5"])
+@pytest.mark.parametrize("end", [3.0, -3.0])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-7])
+def test_a_function_that_ends_a_run_occurs_at_its_end(backend, method, end, rtol):
+    events = [level, Event(level, terminal=True)]  # the dense output, which is less accurate, locates both
+    sol = mbdae.solve("double_pendulum", end, events=events, method=method, rtol=rtol, backend=backend)
+    assert (sol.status, sol.message) == ("event", "a terminal event occurred: level")
+    for times, points in sol.events:
+        assert times.tolist() == [sol.t[-1]]
+        np.testing.assert_array_equal(points, sol.y[-1:])
+    assert abs(level(sol.t[-1], sol.q[-1], sol.v[-1])) < 1e-10
