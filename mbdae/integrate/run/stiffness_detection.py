@@ -122,8 +122,8 @@ class StiffnessDetector(EventSource):
         v = run.ys[n - WINDOW : n + 1][:, nq : nq + nv + ns]
         weights = lagrange(t[list(NODES)], t[list(COMPARED)])
         atol = self.control.atol[nv : 2 * nv + ns] if self.control.atol.ndim else self.control.atol
-        gap = (v[list(COMPARED)] - weights @ v[list(NODES)]) / (atol + self.control.rtol * np.abs(v[-1]) + TINY)
-        return bool(np.vdot(gap, gap) <= ROUGH**2 * gap.size)
+        residual = (v[list(COMPARED)] - weights @ v[list(NODES)]) / (atol + self.control.rtol * np.abs(v[-1]) + TINY)
+        return bool(np.vdot(residual, residual) <= ROUGH**2 * residual.size)
 
 
 def _stability_function(tableau: Tableau, z: complex) -> float:

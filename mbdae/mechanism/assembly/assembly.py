@@ -31,16 +31,16 @@ VALUES = ARRAYS | Mapping | None
 class InitialEstimate(NamedTuple):
     """A state q (nq,), v (nv,), or several velocities (k, nv), from which assembly starts.
 
-    Tangent indices of its coordinates that are fixed, (n,) each, and of modes of flexible bodies that are held, (n,)
+    Tangent indices of its coordinates that are fixed, (n,) each, and of modes of flexible bodies that are locked, (n,)
     each, where loops close without them; and parameters of inertias that differ for each of several velocities.
     """
 
     q: Array
     fixed_q: Array
-    held_q: Array
+    locked_q: Array
     v: Array
     fixed_v: Array
-    held_v: Array
+    locked_v: Array
     parameters: RunParameters = RunParameters()
 
 
@@ -67,7 +67,7 @@ def _initial_estimate(
     mech: "Mechanism", q: Any, v: Any, guess: Mapping[str, Any], guess_v: Mapping[str, Any]
 ) -> InitialEstimate:
     fixed_q, fixed_v = (np.array([], int),) * 2
-    held_q, held_v = fixed_q, fixed_v
+    locked_q, locked_v = fixed_q, fixed_v
     if isinstance(q, ARRAYS):
         q0 = normalized_or_none(mech.model, mech.vector("q", q, mech.nq))
         if q0 is None:
@@ -76,14 +76,14 @@ def _initial_estimate(
         table = {**mech.start_values.guess, **mech.start_values.q, **guess, **(q or {})}
         q0 = mech.coordinates(table)[0]
         fixed_q = tangent_indices(mech.model, q or {})
-        held_q = _held_modes(mech, {**mech.start_values.guess, **guess, **(q or {})})
+        locked_q = _locked_modes(mech, {**mech.start_values.guess, **guess, **(q or {})})
     if isinstance(v, ARRAYS):
         v0 = mech.vector("v", v, mech.nv)
     else:
         v0 = mech.coordinates({**guess_v, **(v or {})}, of_v=True)[0]
         fixed_v = tangent_indices(mech.model, v or {})
-        held_v = _held_modes(mech, {**guess_v, **(v or {})})
-    return InitialEstimate(q0, fixed_q, held_q, v0, fixed_v, held_v)
+        locked_v = _locked_modes(mech, {**guess_v, **(v or {})})
+    return InitialEstimate(q0, fixed_q, locked_q, v0, fixed_v, locked_v)
 
 
 def assemble_from(mech: "Mechanism", at: InitialEstimate, t: float) -> Assembled:
@@ -95,12 +95,12 @@ def assemble_from(mech: "Mechanism", at: InitialEstimate, t: float) -> Assembled
     for driver in mech.drivers:
         driver.check(t)
     with mech.workspaces.borrowed() as system:
-        position = _closed_position(system, at.q, at.fixed_q, at.held_q, t)
+        position = _closed_position(system, at.q, at.fixed_q, at.locked_q, t)
 
         def close(fixed: Array) -> Array:
             return position.velocity_projection(system, fixed, t).project(system, at.v, at.parameters)
 
-        v, fixed_v = _with_modes_held(close, at.fixed_v, at.held_v)
+        v, fixed_v = _with_locked_modes(close, at.fixed_v, at.locked_v)
         return Assembled(position.q.copy(), v, position.fixed, fixed_v)
 
 
@@ -119,13 +119,14 @@ class _ClosedPosition(NamedTuple):
         return self.by_fixed[key]
 
 
-def _closed_position(system: "Index2System", q0: Array, fixed: Array, held: Array, t: float) -> _ClosedPosition:
+def _closed_position(system: "Index2System", q0: Array, fixed: Array, locked: Array, t: float) -> _ClosedPosition:
     """Return a configuration with closed loops; variants of a mechanism share the last one, unless it is driven."""
     mech = system.mechanism
-    key = q0.tobytes(), fixed.tobytes(), held.tobytes()
+    key = q0.tobytes(), fixed.tobytes(), locked.tobytes()
     found = None if mech.drivers else mech._positions.get(key)
     if found is None:
-        found = _ClosedPosition(*_with_modes_held(lambda fixed: close_position(system, q0, fixed, t), fixed, held), {})
+        closed = _with_locked_modes(lambda fixed: close_position(system, q0, fixed, t), fixed, locked)
+        found = _ClosedPosition(*closed, {})
         require_preconditions(mech, found.q)
         mech._positions.clear()
         mech._positions[key] = found
@@ -159,10 +160,10 @@ def start_configuration(mech: "Mechanism") -> Array:
     if not mech.start_values.assemble:
         return mech.unassembled_start[0]
     system, at = mech.system(), start_estimate(mech)
-    return _with_modes_held(lambda fixed: close_position(system, at.q, fixed, 0.0), at.fixed_q, at.held_q)[0]
+    return _with_locked_modes(lambda fixed: close_position(system, at.q, fixed, 0.0), at.fixed_q, at.locked_q)[0]
 
 
-def _held_modes(mech: "Mechanism", named: Iterable[str]) -> Array:
+def _locked_modes(mech: "Mechanism", named: Iterable[str]) -> Array:
     """Return the tangent indices (n,) of modes of flexible bodies that are neither named nor driven.
 
     Least changes in the mass metric would bend bodies and start vibrations although rigid bodies close the loop.
@@ -172,10 +173,10 @@ def _held_modes(mech: "Mechanism", named: Iterable[str]) -> Array:
     return tangent_indices(mech.model, modes)
 
 
-def _with_modes_held(close: Callable[[Array], Array], fixed: Array, held: Array) -> tuple[Array, Array]:
-    """Return the result of assembly with fixed coordinates, and these: with modes held, if loops can be closed so."""
-    if len(held):
-        both = np.union1d(fixed, held)
+def _with_locked_modes(close: Callable[[Array], Array], fixed: Array, locked: Array) -> tuple[Array, Array]:
+    """Return the result of assembly with fixed coordinates, and these: with modes locked, if loops can be closed so."""
+    if len(locked):
+        both = np.union1d(fixed, locked)
         with suppress(AssemblyError):
             return close(both), both
     return close(fixed), fixed

@@ -40,7 +40,7 @@ class InitialPoints:
         simple = len(self.entries) == len(found) and not mech.drivers and mech.start_values.assemble
         self.estimate: InitialEstimate | None = start_estimate(mech) if simple else None
         velocities = all(entry.is_velocity for entry in self.entries)
-        self.together = self.estimate is not None and velocities and not len(self.estimate.held_v)
+        self.together = self.estimate is not None and velocities and not len(self.estimate.locked_v)
 
     def at(self, columns: Sequence[Sequence[Any]], k: int, parameters: RunParameters) -> Array:
         """Return the points of k runs, (k, n); nan where a new variant must be made.

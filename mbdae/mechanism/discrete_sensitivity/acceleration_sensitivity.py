@@ -49,35 +49,36 @@ class AccelerationSensitivity:
     def rate(self, t: float, y: Array, multipliers: bool = True) -> TimeDerivativePartials:
         """Return the partials of y', and of all multipliers if requested, on M v' = f + G^T lam, 0 = G v' + gamma."""
         s, nv, n = self.system, self.system.nv, self.system.ny - self.system.nv
-        F, found = s.derivative(t, y)
-        found = found[: s.ng]
-        (q, v), inner, vdot, rows = s.split(y), s.element_states(y), F[nv : 2 * nv], np.array(s.in_use, int)
+        F, lam_all = s.derivative(t, y)
+        lam_all = lam_all[: s.ng]
+        (q, v), states, vdot, rows = s.split(y), s.element_states(y), F[nv : 2 * nv], np.array(s.in_use, int)
         G = s.jacobian(q)
-        force = G.T @ found
+        force = G.T @ lam_all
         lam = np.linalg.lstsq(G[rows].T, force)[0] if len(rows) else np.empty(0)
-        whole = np.zeros(s.ng)
-        whole[rows] = lam
+        lam_in_use = np.zeros(s.ng)
+        lam_in_use[rows] = lam
         at, p = s.partials(t, q, y[s.nq :], vdot, lam, rows), self.parameters
-        f_t, _, gamma_t = time_partials(s, t, q, v, inner, whole)
+        f_t, _, gamma_t = time_partials(s, t, q, v, states, lam_in_use)
         by_q, by_v = gamma_partials(s, q, v)
-        by_q += s.constraints.partials(vdot, whole)[1]
+        by_q += s.constraints.partials(vdot, lam_in_use)[1]
         Q = p.row_partials(t, q, vdot)[0] - p.row_partials(t, q, np.zeros(nv))[0] + p.bias_partials(t, q, v)
-        P = p.force_partials(t, q, v, inner, vdot, whole)
+        P = p.force_partials(t, q, v, states, vdot, lam_in_use)
         if s.closure_friction:
-            K, D, by_p = self.friction(q, v, whole)
+            K, D, by_p = self.friction(q, v, lam_in_use)
             at, P = at._replace(K=at.K + K, D=at.D + D), P + by_p.T
-        above = np.hstack([at.K, at.D, P, f_t[:, None]])
-        below = np.hstack([by_q, by_v, np.zeros((s.ng, n - nv)), Q, gamma_t[:, None]])
+        force_partials = np.hstack([at.K, at.D, P, f_t[:, None]])
+        constraint_partials = np.hstack([by_q, by_v, np.zeros((s.ng, n - nv)), Q, gamma_t[:, None]])
         saddle = np.block([[at.E[:nv, :nv], -at.L[:nv]], [at.G, np.zeros((len(rows), len(rows)))]])
-        dvdot, dlam = np.split(np.linalg.solve(saddle, np.vstack([above[:nv], -below[rows]])), [nv])
-        moves = np.eye(nv, self.ny + self.k + 1, nv)
-        rate = np.concatenate([moves, dvdot, above[nv:] + at.L[nv:] @ dlam])
+        right_side = np.vstack([force_partials[:nv], -constraint_partials[rows]])
+        dvdot, dlam = np.split(np.linalg.solve(saddle, right_side), [nv])
+        dv = np.eye(nv, self.ny + self.k + 1, nv)
+        rate = np.concatenate([dv, dvdot, force_partials[nv:] + at.L[nv:] @ dlam])
         if not multipliers:
             return TimeDerivativePartials(rate, np.empty((0, rate.shape[1])))
-        return TimeDerivativePartials(rate, self._all(t, q, v, inner, found, whole, rows, dlam))
+        return TimeDerivativePartials(rate, self._all(t, q, v, states, lam_all, lam_in_use, rows, dlam))
 
     def _all(
-        self, t: float, q: Array, v: Array, inner: Array, found: Array, whole: Array, rows: Array, dlam: Array
+        self, t: float, q: Array, v: Array, states: Array, lam_all: Array, lam_in_use: Array, rows: Array, dlam: Array
     ) -> Array:
         """Return the partials of the multipliers of all rows, of least norm, from those in use, (ng, ...).
 
@@ -87,17 +88,17 @@ class AccelerationSensitivity:
         if len(rows) == s.ng:
             out[rows] = dlam
             return out
-        G, nv, p, rest = s.jacobian(q), s.nv, self.parameters, np.zeros(s.nv)
-        left, sizes, right = np.linalg.svd(G, full_matrices=False)
-        left, sizes, right = left[:, : len(rows)], sizes[: len(rows)], right[: len(rows)]
-        inverse = (left / sizes) @ right  # (G^T)^+
-        y = right.T @ ((left.T @ found) / sizes)
+        G, nv, p, zeros = s.jacobian(q), s.nv, self.parameters, np.zeros(s.nv)
+        U, sigma, Vt = np.linalg.svd(G, full_matrices=False)
+        U, sigma, Vt = U[:, : len(rows)], sigma[: len(rows)], Vt[: len(rows)]
+        inverse = (U / sigma) @ Vt  # (G^T)^+
+        y = Vt.T @ ((U.T @ lam_all) / sigma)
         of = slice(self.ny, self.ny + self.k)
         force, row_terms = G[rows].T @ dlam, np.zeros_like(out)
-        force[:, :nv] += s.constraints.partials(v, whole - found)[0]
-        row_terms[:, :nv] = s.constraints.partials(y, found)[1]
+        force[:, :nv] += s.constraints.partials(v, lam_in_use - lam_all)[0]
+        row_terms[:, :nv] = s.constraints.partials(y, lam_all)[1]
         if self.k:
-            force[:, of] += p.force_partials(t, q, v, inner, rest, whole)[:nv]
-            force[:, of] -= p.force_partials(t, q, v, inner, rest, found)[:nv]
-            row_terms[:, of] = p.row_partials(t, q, y)[0] - p.row_partials(t, q, rest)[0]
-        return inverse @ force + row_terms - left @ (left.T @ row_terms)
+            force[:, of] += p.force_partials(t, q, v, states, zeros, lam_in_use)[:nv]
+            force[:, of] -= p.force_partials(t, q, v, states, zeros, lam_all)[:nv]
+            row_terms[:, of] = p.row_partials(t, q, y)[0] - p.row_partials(t, q, zeros)[0]
+        return inverse @ force + row_terms - U @ (U.T @ row_terms)

@@ -18,7 +18,7 @@ def follow(curve: PoseCurve, low: float, high: float) -> PoseCurve:
     h, start = FIRST_STEP, curve.nodes[0]
     while len(curve.nodes) < MAX_NODES:
         here = curve.nodes[-1]
-        new, missed = curve.step(here, h)
+        new, error = curve.step(here, h)
         if new is None:
             if (h := h / 2) < MIN_STEP:
                 curve.ended = "stuck"
@@ -30,7 +30,7 @@ def follow(curve: PoseCurve, low: float, high: float) -> PoseCurve:
             del curve.branch_points[len(curve.nodes) - 1]
             h /= 4
             continue
-        change = (PREDICTOR_ERROR * h / max(missed, tol.SOLUTION_ROUNDING)) ** (1 / 3)
+        change = (PREDICTOR_ERROR * h / max(error, tol.SOLUTION_ROUNDING)) ** (1 / 3)
         h = min(MAX_STEP, h * float(np.clip(change, 0.4, 2.0)))
         again = curve.point_at_pose(len(curve.nodes) - 2, start) if len(curve.nodes) > 2 else None
         if again is not None and curve.is_full_period(again.u - start.u):

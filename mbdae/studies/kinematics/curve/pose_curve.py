@@ -143,13 +143,13 @@ class PoseCurve:
         found = self._correct(predicted, p.u + h * p.speed)
         if found is None:
             return None, 0.0
-        missed = float(np.abs(self.difference(predicted, found[0])).max())
-        if missed > 0.2 * h or abs(found[2][2][self.r] @ p.tau) < MIN_COSINE:
-            return None, missed
+        error = float(np.abs(self.difference(predicted, found[0])).max())
+        if error > 0.2 * h or abs(found[2][2][self.r] @ p.tau) < MIN_COSINE:
+            return None, error
         if p.left_null.shape[1] and abs(np.linalg.det(found[2][0][:, self.r :].T @ p.left_null)) < MIN_COSINE**2:
-            return None, missed
+            return None, error
         new = self._point(found, p, p.s + h)
-        return new._replace(s=p.s + self._length(p, new)), missed
+        return new._replace(s=p.s + self._length(p, new)), error
 
     def travel(self) -> Array:
         """Return |q_last - q_first| of the coordinates that are not angles, (nv,), 0 for angles."""
