@@ -5,7 +5,6 @@ import pinocchio as pin
 import pytest
 from chains import JOINTS, random_placement, random_q, tree
 
-from mbdae import backend
 from mbdae.errors import UnknownNameError
 from mbdae.mechanism.tree import frames
 
@@ -16,7 +15,7 @@ def core(request, monkeypatch):
     if request.param == "native":
         monkeypatch.setattr(frames, "update_motions", None)
     else:
-        monkeypatch.setattr(backend, "load", lambda: None)
+        monkeypatch.setattr(frames, "load", lambda: None)
 
 
 def compare(model, names):
