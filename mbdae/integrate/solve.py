@@ -99,9 +99,10 @@ def solve(
     )  # fmt: skip
     inputs = Inputs.of_run(problem)
     run = prepare(inputs.begin(s) if inputs else problem, options, (q, v, s), kinds=())
-    run.inputs = inputs
     started = perf_counter()
     status, message = run_to_end(run, progress)
-    out = make_solution(run, status, message, perf_counter() - started)
+    seconds = perf_counter() - started
+    recorded = inputs.recorded(*run.nodes()[:2]) if inputs else problem
+    out = make_solution(run, recorded, status, message, seconds)
     run.release()
     return out

@@ -5,13 +5,12 @@ step truncates the step, so the next source checks the shorter step. The source 
 ends the run, or continues it from another point or in another mode. In order, the sources are
 
 1. `driver_checks`, at the end of the run only;
-2. `input_record`: inputs that FMUs set, without events;
-3. `mode_changes`: guards of contacts, stops, clutches and stiction;
-4. `singularity`: singular configurations, which are crossed by extrapolation in place of a step;
-5. `mbdae.integrate.run.stiffness_detection`, which warns only;
-6. `user_events`: signals and functions; terminal events end the run;
-7. `resets`: user-defined events at which the state jumps;
-8. `jumps`: controllers, functions of time and times given by the user.
+2. `mode_changes`: guards of contacts, stops, clutches and stiction;
+3. `singularity`: singular configurations, which are crossed by extrapolation in place of a step;
+4. `mbdae.integrate.run.stiffness_detection`, which warns only;
+5. `user_events`: signals and functions; terminal events end the run;
+6. `resets`: user-defined events at which the state jumps;
+7. `jumps`: controllers, functions of time and times given by the user.
 
 Sources read the run, and change it by its methods only. Hooks of a source: `adjust_point` and `begin_interval` at the
 start of a smooth interval, `end_interval` at its end, and `after_discontinuity` at the first node after a jump or a

@@ -18,11 +18,12 @@ DIVERGED = ("singular", "rank", "nonfinite", "newton", "chart")  # ends of runs 
 log = logging.getLogger("mbdae")
 
 
-def make_solution(run: RunState, status: str, message: str, seconds: float) -> Solution:
+def make_solution(run: RunState, problem: Problem, status: str, message: str, seconds: float) -> Solution:
     """Return the solution of a run at the requested times; the accuracy of a finished run is checked.
 
     Args:
         run: the run.
+        problem: the problem that is recorded with the solution.
         status: of `mbdae.errors.STATUS`.
         message: the same in words.
         seconds: computing time in s.
@@ -31,7 +32,6 @@ def make_solution(run: RunState, status: str, message: str, seconds: float) -> S
     message = "; ".join([message, *(words for source in run.sources if (words := source.warning()))])
     settings = {**run.settings, **run.stepper.settings(), "dense_order": run.dense_order}
     found = _results(run)
-    problem: Problem = found.pop("problem", run.problem)
     full = Solution(problem, *run.nodes(), status, message, stats, settings, **found)
     out = full if run.options.t_eval is None else _at_times(full, run.options.t_eval, run.sign, found)
     if out.success and (system := run.mechanical):

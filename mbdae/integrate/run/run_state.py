@@ -10,12 +10,10 @@ import numpy as np
 from ...errors import StepError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.inputs import Inputs
 from ...solution.solution import Problem, Solution
 from ...system import Array, State, Step, System
 from ...tolerances import JUMP_MARGIN
 from ..events.driver_checks import DriverChecks
-from ..events.input_record import InputRecord
 from ..events.jumps import Jumps, SmoothInterval
 from ..events.mode_changes import ModeChanges
 from ..events.resets import Resets
@@ -34,7 +32,7 @@ if TYPE_CHECKING:
     from .step_map import StepMap
 
 SOURCES: tuple[type[EventSource], ...] = (
-    DriverChecks, InputRecord, ModeChanges, SingularityMonitor, StiffnessDetector, UserEvents, Resets, Jumps
+    DriverChecks, ModeChanges, SingularityMonitor, StiffnessDetector, UserEvents, Resets, Jumps
 )  # fmt: skip
 """Sources of events, in the order in which they check a step."""
 
@@ -71,7 +69,6 @@ class RunState:
         self.backward_stepper: BackwardStepper | None = None
         self.settings = options.record()  # recorded with the solution
         self.fallback = ""  # why the run cannot use the compiled core
-        self.inputs: Inputs | None = None  # those that FMUs set
         self._partial_solution: Solution | None = None
         self.add_sources(kinds)
 

@@ -291,7 +291,7 @@ class Simulator(DifferentiableAdvance):
 
     def _solution_of_run(self) -> Solution:
         status = "finished" if self.status in ("running", "event") else self.status
-        return make_solution(self._run, status, self.message, self.seconds)
+        return make_solution(self._run, self.mechanism, status, self.message, self.seconds)
 
     def solution(self) -> Solution:
         """Return the recorded steps as a solution of `mbdae.solve`; inputs are functions of time with their history."""

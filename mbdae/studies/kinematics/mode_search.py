@@ -180,15 +180,15 @@ class ModeSearch:
         return near if same else None
 
 
-def counting_coordinates(driven: Mechanism, system: "Index2System", u: float) -> Array:
+def counting_coordinates(mech: Mechanism, system: "Index2System", u: float) -> Array:
     """Return which coordinates follow from others by couplings, and are in no other row, (nv,): wheels, racks, cams.
 
     Args:
-        driven: the mechanism with its drive.
+        mech: the mechanism with its drive.
         system: a workspace of it.
         u: the input.
     """
-    mech, out = driven, np.zeros(driven.nv, bool)
+    out = np.zeros(mech.nv, bool)
     q = mech.manifold.integrate(mech.coordinates({})[0], np.random.default_rng(0).uniform(-1, 1, mech.nv))
     connects = system.closures(q, u)[1] != 0  # at any pose but a special one
     left = {mech.rows_of(c.name)[0]: c for c in mech.closures if isinstance(c, CouplingClosure)}

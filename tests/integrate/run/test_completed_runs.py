@@ -20,7 +20,7 @@ def by_time_loop(mech, t1, **options):
     run = prepare(mech, RunOptions.from_settings(mech, (0, t1), options), HERE)
     assert run.sources
     ended = run_to_end(run, None)
-    sol = make_solution(run, *ended, 0.0)
+    sol = make_solution(run, mech, *ended, 0.0)
     run.release()
     return sol
 

@@ -43,8 +43,8 @@ def test_velocities_along_a_curve_are_those_of_its_positions():
     run, h = kinematics("four_bar", "crank").run(), 1e-4
     for t in np.linspace(0.1, 0.9, 201) * run.t[-1]:
         before, here, after = (run(x) for x in (t - h, t, t + h))
-        slopes = (after.q[2] - before.q[2]) / (2 * h)  # of the rocker
-        assert abs(slopes - here.v[2]) < 2e-4
+        derivative = (after.q[2] - before.q[2]) / (2 * h)  # of the rocker
+        assert abs(derivative - here.v[2]) < 2e-4
         assert abs(np.linalg.norm(here.v) - 1) < 6e-4  # the arclength increases by one per second
 
 
