@@ -11,7 +11,7 @@ from .forces import FORCES
 from .forces.fmu import fmu_by_input
 from .time_functions.input_functions import Input, InputHistory, InputSetting, as_input, inputs_in, map_inputs
 from .time_functions.time_function_base import BaseTimeFunction
-from .variant import variant
+from .variant import rebuilt
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
@@ -77,12 +77,15 @@ class Inputs:
     def replaced(self, replaced: Mapping[str, BaseTimeFunction], m: "Mechanism | None" = None) -> "Mechanism":
         """Return the mechanism, or a variant of it, with functions of time in place of its inputs."""
         m = m or self.original
+        return rebuilt(m, **self._with_inputs(replaced, m), source=None)
+
+    def _with_inputs(self, replaced: Mapping[str, BaseTimeFunction], m: "Mechanism") -> dict[str, list[Any]]:
+        """Return the forces and drivers of a mechanism with functions of time in place of its inputs."""
 
         def change(x: Input | InputHistory) -> BaseTimeFunction:
             return replaced.get(x.name, x) if isinstance(x, Input) or x.name in self._fmu_by_input else x
 
-        drivers = [map_inputs(d, change) for d in m.drivers]
-        return variant(m, forces=[map_inputs(f, change) for f in m.forces], drivers=drivers, source=None)
+        return {name: [map_inputs(x, change) for x in getattr(m, name)] for name in ("forces", "drivers")}
 
     def cell(self, name: str) -> Input:
         """Return an input that can be set.
@@ -121,10 +124,12 @@ class Inputs:
         cells, history = self.cells | self.followed, {**(by_user or {}), **self._history_set_by_fmus(t, y)}
         pieces = {name: tuple(map(tuple, settings)) for name, settings in history.items()}
         new = {name: InputHistory(name=name, pieces=x, hold=cells[name].hold) for name, x in pieces.items()}
+        m = self.original
         if not new:
-            return self.original
-        out = self.replaced(new)
-        return variant(out, source=_source_with(self.original.source, out.forces, out.drivers))
+            return m
+        changed = self._with_inputs(new, m)
+        source = _source_with(m.source, **changed)
+        return rebuilt(m, **changed, source=source)
 
     def _history_set_by_fmus(self, t: Array, y: Array) -> dict[str, list[InputSetting]]:
         """Return the settings of inputs that follow FMUs, from the nodes of a run, t (n,) and points y (n, ...)."""

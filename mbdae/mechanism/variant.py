@@ -32,17 +32,26 @@ KEPT = (
 def variant(mech: "Mechanism", **parts: Any) -> "Mechanism":
     """Return a mechanism with other parts, by the names of the arguments of `Mechanism`.
 
-    Where joints, rows, forces and states are of the same kinds, both share their workspaces, into which the parameters
-    of the mechanism that runs next are written in place. Other numbers of bodies, frames and forces, a start or a
-    duration share all the rest, too, unless there are modes.
+    Other numbers of bodies, frames and forces, a start or a duration share all the rest, unless there are modes;
+    otherwise, see `rebuilt`.
 
     Raises:
         UnknownNameError, InputError: as `Mechanism`.
     """
     if "forces" in parts:
         parts["forces"] = named_forces(parts["forces"], mech.drivers)
-    if _have_other_numbers(mech, parts):
-        return _shared(mech, parts)
+    return _shared(mech, parts) if _have_other_numbers(mech, parts) else rebuilt(mech, **parts)
+
+
+def rebuilt(mech: "Mechanism", **parts: Any) -> "Mechanism":
+    """Return a mechanism made anew, with other parts, by the names of the arguments of `Mechanism`.
+
+    Where joints, rows, forces and states are of the same kinds, both share their workspaces, into which the parameters
+    of the mechanism that runs next are written in place.
+
+    Raises:
+        UnknownNameError, InputError: as `Mechanism`.
+    """
     kept = {name: getattr(mech, name) for name in KEPT}
     given = {"model": mech.model, "forces": mech.forces, "start": mech.start_values, **kept, **parts}
     out = type(mech)(**given)
@@ -116,7 +125,6 @@ def _tree(model: pin.Model) -> tuple[Any, ...]:
 
 def _have_same_structure(a: "Mechanism", b: "Mechanism") -> bool:
     """Return whether the workspaces of a mechanism can be bound to another one."""
-    pairs = [(a.forces, b.forces), (a.constraints, b.constraints)]
+    kinds = _are_same_kinds(a.forces, b.forces) and _are_same_kinds(a.constraints, b.constraints)
     rows = a.row_names == b.row_names and np.array_equal(a.positional, b.positional)
-    same = _tree(a.model) == _tree(b.model) and rows and list(a.states) == list(b.states)
-    return same and all(_are_same_kinds(*pair) for pair in pairs)
+    return kinds and rows and list(a.states) == list(b.states) and _tree(a.model) == _tree(b.model)

@@ -58,15 +58,17 @@ def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
 
 
 def _bind(problem: Problem, o: RunOptions) -> tuple[System, str]:
-    return bind(problem, o.formulation, o.baumgarte, o.backend)
+    """Bind a problem to a workspace that the method of the run can step, see `bind`."""
+    system, fallback = bind(problem, o.formulation, o.baumgarte, o.backend)
+    if reason := obstacle(o.method, system):
+        raise InputError(reason)
+    return system, fallback
 
 
 def _prepared(
     problem: Problem, options: RunOptions, bound: tuple[System, str], y: Array, kinds: Sequence[type[EventSource]]
 ) -> RunState:
     system, fallback = bound
-    if reason := obstacle(options.method, system):
-        raise InputError(reason)
     stepper = _stepper(system, options)
     if (control := stepper.control) and options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
         rtol = float(control.rtol)
