@@ -79,7 +79,7 @@ def test_no_other_test_has_the_classes_of_examples():
 @pytest.mark.slow
 @pytest.mark.native  # derivatives of runs
 def test_examples_work_as_files_of_the_package(tmp_path):
-    for folder in ("mbdae", "models"):  # with the sources of the core: an installed one is used if it was built from them
+    for folder in ("mbdae", "models"):  # with the core's sources: an installed core is used if it was built from them
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("*.pyc"))
     for code in EXAMPLES:
         (name,) = defined(code) & FILES.keys()

@@ -44,7 +44,7 @@ def variant(mech: "Mechanism", **parts: Any) -> "Mechanism":
 
 
 def rebuilt(mech: "Mechanism", **parts: Any) -> "Mechanism":
-    """Return a mechanism made anew, with other parts, by the names of the arguments of `Mechanism`.
+    """Return a new mechanism with other parts, by the names of the arguments of `Mechanism`.
 
     Where joints, rows, forces and states are of the same kinds, both share their workspaces, into which the parameters
     of the mechanism that runs next are written in place.
