@@ -37,8 +37,8 @@ void set_guard_states(Modes& m, const GuardStates& states) {
 
 // Node, switches that end the mode, the next mode, whether there is an impact, its contacts and the rows that become
 // active, its work, and the impulses of all rows.
-using TransitionRecord = std::tuple<long, std::vector<int>, Mode, bool, std::vector<int>, std::vector<int>, double,
-    Vector>;
+using TransitionRecord =
+    std::tuple<long, std::vector<int>, Mode, bool, std::vector<int>, std::vector<int>, double, Vector>;
 
 std::vector<TransitionRecord> transitions(const Modes& m) {
   std::vector<TransitionRecord> out;
@@ -62,7 +62,8 @@ void bind_events(nb::module_& m) {
             e.events = PyReader().read<std::vector<SignalEvent>>(events);
             e.nodes.assign(e.events.size(), Node());
           },
-          nb::arg("events"), "Set the events: dicts of a signal, its level, direction and `unchanged_within`, and whether it is terminal.")
+          nb::arg("events"),
+          "Set the events: dicts of a signal, its level, direction and `unchanged_within`, and whether it is terminal.")
       .def("set_nodes", set_nodes, nb::arg("nodes"), "Set the current time, value and rate of each event.")
       .def_prop_ro("nodes",
                    [](const Events& e) {

@@ -59,7 +59,7 @@ auto residuals(PyCore& c, const Array& t, const Array& y) {
   Index2System& s = c.core->system;
   const size_t n = t.size(), length = s.length, ng = s.ng;
   Vector ts(t.data(), t.data() + n), point_data = checked_vector(y, n * length, "y"), g(n * ng), rate(n * ng),
-      energies(2 * n);
+                                     energies(2 * n);
   bool unknown = false;
   run_unlocked(c, [&] {
     for (size_t i = 0; i < n; ++i) try {

@@ -53,7 +53,8 @@ std::tuple<Out, Out, Out, Out> steps(const Run& r) {
 void bind_structs(nb::module_& m) {
   bind_keywords<Tolerances>(m, "Tolerances", "Thresholds of evaluations and steps.");
   bind_keywords<Tableau>(m, "Tableau", "Coefficients of a half-explicit method.", complete_tableau);
-  nb::class_<StageMemory>(m, "StageMemory", "Stage values and factorization that a collocation step passes to the next one.");
+  nb::class_<StageMemory>(m, "StageMemory",
+                          "Stage values and factorization that a collocation step passes to the next one.");
   bind_keywords<EigenMode>(m, "EigenMode", "An eigenvalue of A with its eigenvectors.");
   bind_keywords<Radau>(m, "Radau", "Coefficients of a collocation method, and thresholds of its iteration.",
                        complete_radau);
@@ -67,8 +68,9 @@ void bind_structs(nb::module_& m) {
       .def_prop_rw(
           "ratio_by_mode",
           [](const SingularityMonitor& x) { return PivotRatioByMode(x.ratio_by_mode.begin(), x.ratio_by_mode.end()); },
-          [](SingularityMonitor& x, const PivotRatioByMode& ratios) { x.ratio_by_mode = {ratios.begin(),
-              ratios.end()}; },
+          [](SingularityMonitor& x, const PivotRatioByMode& ratios) {
+            x.ratio_by_mode = {ratios.begin(), ratios.end()};
+          },
           "Modes, and the largest ratio of each when it was last left.");
   bind_keywords<FirstStep>(m, "FirstStep", "Constants of Hairer's starting step size algorithm.");
   bind_keywords<ParameterLocation>(m, "ParameterLocation",
@@ -91,8 +93,9 @@ void bind_run(nb::module_& m) {
           },
           nb::arg("y"), nb::arg("carry").none(), nb::arg("low").none())
       .def("state",
-           [](const Run& r) { return std::make_tuple(vector(r.state.y), carry_of(r.state),
-               optional_vector(r.state.low)); })
+           [](const Run& r) {
+             return std::make_tuple(vector(r.state.y), carry_of(r.state), optional_vector(r.state.low));
+           })
       .def("steps", steps, "Return t (n,), y (n, ...), z (n, nz) and the smallest pivot ratios (n,) at the nodes.");
   m.def("partials_seconds", partials_seconds, nb::arg("core"), nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
         "Return the seconds of one set of partials.");

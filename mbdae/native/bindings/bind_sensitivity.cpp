@@ -27,7 +27,7 @@ struct ChangedElements {
   std::vector<int> at;  // indices of the laws' states, or of the rows
   std::vector<PerturbedElements> laws, rows;
   std::vector<ModalBody> bodies;  // rates of their data
-  Vector gravity;                // rate of gravity; empty: none
+  Vector gravity;                 // rate of gravity; empty: none
 
   FIELDS(parameter, at, laws, rows, bodies, gravity)
 };
@@ -94,11 +94,17 @@ PyParameters bind_parameters(PyCore& c, int count, const nb::list& component_lis
 struct CheckedSegment {
   CheckedSegment(PyCore& c, nb::handle method, bool halved, bool project, const Array& t, const Array& y,
                  const PyParameters* p = nullptr)
-      : ny(c.core->system.ny), nodes(t.size()), ts(t.data(), t.data() + nodes),
+      : ny(c.core->system.ny),
+        nodes(t.size()),
+        ts(t.data(), t.data() + nodes),
         ys(checked_vector(y, nodes * c.core->system.length, "y")),
         segment{nb::isinstance<Tableau>(method) ? nb::cast<const Tableau*>(method) : nullptr,
                 nb::isinstance<Radau>(method) ? nb::cast<const Radau*>(method) : nullptr,
-                halved, project, nodes - 1, ts.data(), ys.data()},
+                halved,
+                project,
+                nodes - 1,
+                ts.data(),
+                ys.data()},
         nc(carry_size(c.core->system, segment)) {
     if (!nodes) reject("a segment must have a node");
     if (!segment.tableau && !segment.radau) reject("the method of a segment must be a tableau or Radau");
@@ -223,12 +229,14 @@ std::optional<std::pair<Out, Out>> projection(PyCore& c, PyParameters& p, double
 
 void bind_sensitivity(nb::module_& m, nb::class_<PyCore>& core) {
   using nb::arg;
-  nb::class_<PyParameters>(m, "Parameters", "The parameters of a mechanism with respect to which steps are differentiated.");
+  nb::class_<PyParameters>(m, "Parameters",
+                           "The parameters of a mechanism with respect to which steps are differentiated.");
   core.def("bind_parameters", bind_parameters, nb::keep_alive<0, 1>(), arg("count"), arg("components"),
            arg("directions"), arg("changed"), "Set how parameters change model components, laws and rows.")
       .def("recompute", recompute_steps, arg("method"), arg("halved"), arg("run"), arg("t"), arg("y"), arg("carry"),
            arg("same_state"), arg("agreement"),
-           "Return the carry at each node (m + 1, nc), whether it was restarted there, the number of steps that could be "
+           "Return the carry at each node (m + 1, nc), whether it was restarted there, the number of steps that could "
+           "be "
            "repeated,\n"
            "and the state after them; or None.")
       .def("adjoint", adjoint_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
@@ -236,11 +244,10 @@ void bind_sensitivity(nb::module_& m, nb::class_<PyCore>& core) {
            "Return the cotangents of y and carry (costs, ny + nc) at the first node, and of parameters (costs, k), or "
            "None;\n"
            "extra (m + 1, costs, ny + nc) are added at the inner nodes.")
-      .def(
-          "tangent", tangent_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
-          arg("y"), arg("carries"), arg("first"), arg("dp"), arg("dh") = nb::none(), arg("friction") = nb::none(),
-          "Return tangents of y and carry at all nodes, (m + 1, d, ny + nc), or None; dh (d,) are those of the step\n"
-          "sizes. friction: (q, v, lam) -> K (n, nv), D (n, n), P (k, n) of friction that depends on multipliers.")
+      .def("tangent", tangent_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
+           arg("y"), arg("carries"), arg("first"), arg("dp"), arg("dh") = nb::none(), arg("friction") = nb::none(),
+           "Return tangents of y and carry at all nodes, (m + 1, d, ny + nc), or None; dh (d,) are those of the step\n"
+           "sizes. friction: (q, v, lam) -> K (n, nv), D (n, n), P (k, n) of friction that depends on multipliers.")
       .def("projection", projection, arg("parameters"), arg("t"), arg("y"), arg("positions"),
            "Project y, or v alone, onto the closures; return the point and its partials with "
            "respect to\n"

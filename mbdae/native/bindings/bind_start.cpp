@@ -15,9 +15,8 @@ auto start_at(PyCore& c, double t, const Array& y, bool project, double ambiguou
 }
 
 auto remaining_rows_dependent(PyCore& c, const Array& q, double tolerance) {
-  return attempt(c, [&](Index2System& s) {
-    return s.remaining_rows_dependent(checked_vector(q, s.nq, "q").data(), tolerance);
-  });
+  return attempt(
+      c, [&](Index2System& s) { return s.remaining_rows_dependent(checked_vector(q, s.nq, "q").data(), tolerance); });
 }
 
 // Check a run that starts in the core from n coordinates without calling Python; return its method.
@@ -86,7 +85,8 @@ auto mass_matrices(PyCore& c, const Array& q, const std::vector<ParameterLocatio
   Index2System& s = c.core->system;
   const Vector q0 = checked_vector(q, s.nq, "q"), parameter_values = checked_vector(values, values.size(), "values");
   InPlaceParameters parameters(s, locations);
-  if (locations.empty() || parameter_values.size() % locations.size()) reject("expected a number at each location, for each run");
+  if (locations.empty() || parameter_values.size() % locations.size())
+    reject("expected a number at each location, for each run");
   Vector out;
   run_unlocked(c, [&] { out = parameters.mass_matrices(q0.data(), parameter_values); });
   const size_t n = s.nv;
@@ -95,15 +95,16 @@ auto mass_matrices(PyCore& c, const Array& q, const std::vector<ParameterLocatio
 
 template <class Coefficients>
 void def_runs(nb::class_<PyCore>& core, const char* method) {
-  core.def("begin", begin<Coefficients>, nb::arg(method), nb::arg("start"), nb::arg("first_step").none(), nb::arg("run"),
+  core.def("begin", begin<Coefficients>, nb::arg(method), nb::arg("start"), nb::arg("first_step").none(),
+           nb::arg("run"),
            "Begin a run and take many steps; return the first y, y' (ny,), lam (ng,), rows in use and smallest pivot\n"
            "ratio, or None, with no step.");
-  core.def("solve_runs", solve_runs_from<Coefficients>, nb::arg(method), nb::arg("start"),
-           nb::arg("first_step").none(), nb::arg("run"), nb::arg("y"), nb::arg("locations"), nb::arg("values"),
-           nb::arg("nodes"), nb::arg("stop"),
-           "Solve the runs from points y (n, length), with values (n, k) at k parameter locations, until the flag is set;\n"
-           "return whether each finished without Python, its counts and extremes (n, 13), points and energies at\n"
-           "some nodes (n, nodes, 2), last z, and last rows in use.");
+  core.def(
+      "solve_runs", solve_runs_from<Coefficients>, nb::arg(method), nb::arg("start"), nb::arg("first_step").none(),
+      nb::arg("run"), nb::arg("y"), nb::arg("locations"), nb::arg("values"), nb::arg("nodes"), nb::arg("stop"),
+      "Solve the runs from points y (n, length), with values (n, k) at k parameter locations, until the flag is set;\n"
+      "return whether each finished without Python, its counts and extremes (n, 13), points and energies at\n"
+      "some nodes (n, nodes, 2), last z, and last rows in use.");
 }
 
 }  // namespace
@@ -111,11 +112,13 @@ void def_runs(nb::class_<PyCore>& core, const char* method) {
 void bind_start(nb::class_<PyCore>& core) {
   core.def("start", start_at, nb::arg("t"), nb::arg("y"), nb::arg("project"), nb::arg("ambiguous"), nb::arg("fallen"),
            nb::arg("dependent"),
-           "Determine rank and rows in use; return y, y' (ny,), lam (ng,), the rows and the smallest pivot ratio, or None.")
+           "Determine rank and rows in use; return y, y' (ny,), lam (ng,), the rows and the smallest pivot ratio, or "
+           "None.")
       .def("remaining_rows_dependent", remaining_rows_dependent, nb::arg("q"), nb::arg("tolerance"),
            "Return whether all other rows are dependent on those in use at q, or None.")
       .def("mass_matrices", mass_matrices, nb::arg("q"), nb::arg("locations"), nb::arg("values"),
-           "Return M (k, nv, nv) at q by Pinocchio's crba, below the diagonal, for values (k, n) at n parameter locations.")
+           "Return M (k, nv, nv) at q by Pinocchio's crba, below the diagonal, for values (k, n) at n parameter "
+           "locations.")
       .def("first_step", step_size, nb::arg("t"), nb::arg("y"), nb::arg("F"), nb::arg("given"),
            "Return the first step size in s, or None.");
   def_runs<Tableau>(core, "tableau"), def_runs<Radau>(core, "radau");

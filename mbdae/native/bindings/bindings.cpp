@@ -150,8 +150,9 @@ NB_MODULE(_native, m) {
   m.doc() = "The compiled core of mbdae.";
   nb::set_leak_warnings(false);  // pool workers exit while they keep mechanisms for the next task
   m.def("version", [] { return MBDAE_PINOCCHIO_VERSION; }, "Version of Pinocchio that the core was built for.");
-  m.def("sweeps", [](nb::handle model) { return sweep_supports(model_pointer(model.ptr())); }, nb::arg("model"),
-        "Return whether the core computes M, nle and J of a model; otherwise Pinocchio does.");
+  m.def(
+      "sweeps", [](nb::handle model) { return sweep_supports(model_pointer(model.ptr())); }, nb::arg("model"),
+      "Return whether the core computes M, nle and J of a model; otherwise Pinocchio does.");
   m.def(
       "tree_data",
       [](nb::handle model) {
@@ -166,7 +167,7 @@ NB_MODULE(_native, m) {
 
   using nb::arg;
   nb::class_<PyCore> core(m, "Core", nb::type_slots(garbage_collection_slots),
-      "The compiled core of a mechanism, with its workspace.");
+                          "The compiled core of a mechanism, with its workspace.");
   core.def(nb::init<nb::handle, const Tolerances&, const nb::dict&>(), arg("model"), arg("tolerances"),
            arg("description"))
       .def_prop_ro("rows", [](const PyCore& c) { return c.core->system.rows.in_use(); })

@@ -27,12 +27,14 @@ inline Out array(const Vector& x, std::initializer_list<size_t> shape) {
 }
 
 inline Out vector(const Vector& x) { return array(x, {x.size()}); }
-inline std::optional<Out> optional_vector(const Vector& x) { return x.empty() ? std::nullopt
-    : std::optional(vector(x)); }
+inline std::optional<Out> optional_vector(const Vector& x) {
+  return x.empty() ? std::nullopt : std::optional(vector(x));
+}
 
 // The carry of a method from step to step: an array, the stages of the last step, or None.
-inline nb::object carry_of(const State& s) { return s.memory ? nb::cast(s.memory)
-    : nb::cast(optional_vector(s.carry)); }
+inline nb::object carry_of(const State& s) {
+  return s.memory ? nb::cast(s.memory) : nb::cast(optional_vector(s.carry));
+}
 
 inline State state(const Array& y, const nb::object& carry, const std::optional<Array>& low = {}) {
   State s;

@@ -90,11 +90,11 @@ void PyDescriptionReader::bind_functions(nb::handle h, RowFunction& out) {
     return selected;
   };
   const auto function_of_q = [&](const char* key) {
-    return [=, f = function(h, key), iq = out.iq, interrupted = &callbacks_.interrupted](const double* q,
-                                                                                     Vector& result) {
-      const Vector x = select(q, iq);
-      call_python(f, interrupted, {{x.data(), x.size()}}, {&result});
-    };
+    return
+        [=, f = function(h, key), iq = out.iq, interrupted = &callbacks_.interrupted](const double* q, Vector& result) {
+          const Vector x = select(q, iq);
+          call_python(f, interrupted, {{x.data(), x.size()}}, {&result});
+        };
   };
   out.value = function_of_q("value"), out.partials = function_of_q("partials");
   out.bias = [=, f = function(h, "bias"), iq = out.iq, iv = out.iv, interrupted = &callbacks_.interrupted](

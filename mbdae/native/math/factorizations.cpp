@@ -21,7 +21,7 @@ bool BandLU::factorize() {
   double smallest = INFINITY, largest = 0;
   for (int k = 0; k < n_; ++k) {
     const int remaining = n_ - 1 - k, below = std::min(half_bandwidth_, remaining),
-        right = std::min(2 * half_bandwidth_, remaining);
+              right = std::min(2 * half_bandwidth_, remaining);
     double* __restrict top = &a_[k * width_ + half_bandwidth_];
     double pivot = std::fabs(*top);
     int p = 0;

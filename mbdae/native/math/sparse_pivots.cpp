@@ -20,8 +20,9 @@ void sparse_pivots(std::vector<SparseRow>& S, const std::vector<int>& sequence, 
   std::vector<int> candidates;  // the first rows of the sequence that are not eliminated
   SparseRow updated_row;
   for (auto next = sequence.begin();;) {
-    candidates.erase(std::remove_if(candidates.begin(), candidates.end(),
-        [&](int k) { return !(diagonal[k] > negligible); }), candidates.end());
+    candidates.erase(
+        std::remove_if(candidates.begin(), candidates.end(), [&](int k) { return !(diagonal[k] > negligible); }),
+        candidates.end());
     for (; next != sequence.end() && static_cast<int>(candidates.size()) < window; ++next)
       if (diagonal[*next] > negligible) candidates.push_back(*next);
     if (candidates.empty()) break;
@@ -53,8 +54,8 @@ void sparse_pivots(std::vector<SparseRow>& S, const std::vector<int>& sequence, 
     }
     SparseRow().swap(S[p]);
   }
-  std::stable_sort(eliminated.begin(), eliminated.end(), [](const auto& a,
-      const auto& b) { return a.first > b.first; });
+  std::stable_sort(eliminated.begin(), eliminated.end(),
+                   [](const auto& a, const auto& b) { return a.first > b.first; });
   eliminated.resize(std::min<size_t>(eliminated.size(), count));
   order.clear(), pivots.clear();
   for (const auto& [pivot, p] : eliminated) order.push_back(p), pivots.push_back(std::sqrt(pivot));

@@ -64,7 +64,7 @@ void Constraints::write(Constraints x) {
 }
 
 void Constraints::value(const MultibodyTree& m, const double* q, const std::vector<int>& selected, double* G,
-    double* g) {
+                        double* g) {
   const double* J = m.J();
   for (int r : selected) {
     const Row& row = rows[r];
@@ -148,8 +148,7 @@ void Constraints::complete_g(double t, double* g) const {
 }
 
 void Constraints::bias(const MultibodyTree& m, const double* q, const double* v, const std::vector<int>& selected,
-    double* out,
-                       bool minus_gravity) {
+                       double* out, bool minus_gravity) {
   int current_pair = -1;
   for (int r : selected) {
     const Row& row = rows[r];
@@ -162,8 +161,8 @@ void Constraints::bias(const MultibodyTree& m, const double* q, const double* v,
       continue;
     }
     Pair& pair = pairs[row.pair];
-    if (row.pair != current_pair) pair.update_poses(m), pair.update_velocities(m, minus_gravity),
-        current_pair = row.pair;
+    if (row.pair != current_pair)
+      pair.update_poses(m), pair.update_velocities(m, minus_gravity), current_pair = row.pair;
     out[r] = row.rate(pair);
   }
 }

@@ -73,8 +73,15 @@ void rotation_jacobian_rate(const FlexibleBody::Node& n, const double* z, const 
 }
 
 FlexibleBody::FlexibleBody(ModalBody data_, std::vector<int> base_, int first_pose_, int first_column_)
-    : data(std::move(data_)), base(std::move(base_)), first_pose(first_pose_), first_column(first_column_),
-      nodes_(data.nodes.size()), deformation_(data), nu_(6 + data.modes), F_(6 + data.modes), columns_(base.size()) {
+    : data(std::move(data_)),
+      base(std::move(base_)),
+      first_pose(first_pose_),
+      first_column(first_column_),
+      nodes_(data.nodes.size()),
+      deformation_(data),
+      nu_(6 + data.modes),
+      F_(6 + data.modes),
+      columns_(base.size()) {
   deformation_q_.assign(data.modes, NAN), nodes_q_ = deformation_q_;
   use(std::vector<bool>(nodes_.size(), true));
   for (size_t i = 0; i < nodes_.size(); ++i)
@@ -135,7 +142,7 @@ void FlexibleBody::write_node_poses(double* poses, double* J) const {
 }
 
 void FlexibleBody::node_motion(int index, const double* V, const double* A, const double* u, const double* du,
-                             double* V_node, double* A_node) const {
+                               double* V_node, double* A_node) const {
   const Node& n = nodes_[index];
   const ModalNode& x = data.nodes[index];
   const int k = data.modes;
@@ -196,8 +203,8 @@ double FlexibleBody::potential(const double* joint_rotation, const double* gravi
 }
 
 void FlexibleBody::add_partials(const Six* J_root, const int* expanded_joints, const double* q, const double* v,
-                                const double* a, const Six& base_acceleration, double* dtau_dq,
-                                double* dtau_dv, size_t nv) const {
+                                const double* a, const Six& base_acceleration, double* dtau_dq, double* dtau_dv,
+                                size_t nv) const {
   using D = Dual<1>;
   struct Column {
     Six psi_dot, psi_ddot, rate;  // as in rnea_partials.hpp; rate: V_parent x J plus that of J
@@ -272,7 +279,7 @@ void FlexibleBody::add_partials(const Six* J_root, const int* expanded_joints, c
   for (int m = 0; m < k; ++m) {
     nu[6 + m].d[0] = 1, add(data.iv + m, dtau_dv), nu[6 + m].d[0] = 0;
     x[m].d[0] = 1, deformation.update(data, x.data()), add(data.iv + m, dtau_dq), x[m].d[0] = 0,
-        deformation.update(data, x.data());
+    deformation.update(data, x.data());
   }
 }
 

@@ -44,13 +44,13 @@ class FlexibleBody {
 
   // Set the frame from the pose of its joint and the vector from the root's position to the joint; see `FramePose`.
   void set_pose(const double* joint_pose, const double* arm);
-  void deform(const double* q);      // update the terms of M and nle, unless q is unchanged
+  void deform(const double* q);        // update the terms of M and nle, unless q is unchanged
   void update_nodes(const double* q);  // update rotations and positions of nodes, unless q is unchanged
   void write_node_poses(double* poses, double* J) const;
   // Velocity and acceleration of a node about the root's position, from those of the frame; u, du (k,) modal velocities
   // and accelerations, du may be null.
   void node_motion(int number, const double* V, const double* A, const double* u, const double* du, double* V_node,
-                 double* A_node) const;
+                   double* A_node) const;
   // Add to the entries of M of the frame, and set those of the modes; `starts`: first entries of the columns of M.
   void add_inertia(const Six* J_root, const std::vector<size_t>& starts, double* M) const;
   // out += contribution to M a + nle; A: acceleration of the frame minus gravity.
@@ -63,8 +63,8 @@ class FlexibleBody {
   // Add the partials of these forces with respect to q in the tangent and to v, to dtau_dq and dtau_dv (nv, nv) by
   // rows; expanded_joints (nv,): joint of each degree of freedom in the expanded tree; base_acceleration: -gravity, or
   // 0.
-  void add_partials(const Six* J_root, const int* expanded_joints, const double* q, const double* v,
-                    const double* a, const Six& base_acceleration, double* dtau_dq, double* dtau_dv, size_t nv) const;
+  void add_partials(const Six* J_root, const int* expanded_joints, const double* q, const double* v, const double* a,
+                    const Six& base_acceleration, double* dtau_dq, double* dtau_dv, size_t nv) const;
 
  private:
   std::vector<Node> nodes_;

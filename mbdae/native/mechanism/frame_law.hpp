@@ -49,7 +49,7 @@ struct FrameLaw {
     if (F::damped(law)) {
       other.damp();
       read(F::wrenches(law, context(p, p.t), frames_of(pair), moving_velocity(pair_partials.V)).other, other.F,
-          other.C);
+           other.C);
     }
     conservative.complete(), out.add(pair_partials, conservative, true);
     if (!other.damped && largest(other.F, 6) == 0 && largest(other.Db, 36) == 0) return;

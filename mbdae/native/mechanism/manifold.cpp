@@ -81,8 +81,7 @@ static void inverse_jacobian(const Tolerances& tolerances, int n, const double* 
 
 // out = d/ds J(x + s e) v, with X = ad_x and dX = ad_e (n, n) by rows.
 static void inverse_jacobian_rate(const Tolerances& tolerances, int n, const double* X, const double* dX,
-    const double* v,
-                                  double* out) {
+                                  const double* v, double* out) {
   double term[6], dterm[6] = {0, 0, 0, 0, 0, 0}, next[6], dnext[6], work[6];
   multiply(n, dX, v, out);
   for (int i = 0; i < n; ++i) out[i] *= 0.5, term[i] = v[i];

@@ -26,7 +26,7 @@ struct ModalNode {  // position r; Phi, Psi (k, 3): translations and rotations o
 // of second order. Per mode: C, H0 (3,); C2 (k, 3); Mq (k,); Hj (k, 3), sum of m Phi_j x Phi_i; I1 and I2 (k,), in the
 // order xx, xy, yy, xz, yz, zz.
 struct ModalBody {
-  int joint = 0;  // joint of the model that moves the frame
+  int joint = 0;                                                // joint of the model that moves the frame
   double placement[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};  // of the frame on the joint: R by columns, p
   int iq = 0, iv = 0, modes = 0;  // the first coordinate and velocity of the modes, and their number
   Vector C, C2, H0, Mq, Hj, I1, I2, H2, Mq1, Mq2;
@@ -85,9 +85,13 @@ struct Deformation {
   S I[6];
 
   explicit Deformation(const ModalBody& b)
-      : second_order(!b.Mq1.empty()), coupled(second_order || !is_zero(b.Hj)), C(b.C.begin(), b.C.end()),
-        dI_dq(b.I1.size()), H(b.H0.begin(), b.H0.end()), Mq(b.Mq.begin(), b.Mq.end()), dH_dq(b.Hj.begin(),
-            b.Hj.end()) {}
+      : second_order(!b.Mq1.empty()),
+        coupled(second_order || !is_zero(b.Hj)),
+        C(b.C.begin(), b.C.end()),
+        dI_dq(b.I1.size()),
+        H(b.H0.begin(), b.H0.end()),
+        Mq(b.Mq.begin(), b.Mq.end()),
+        dH_dq(b.Hj.begin(), b.Hj.end()) {}
 
   // body: the one that the constructor was called with.
   void update(const ModalBody& b, const S* q) {

@@ -64,8 +64,7 @@ void MultibodyTree::begin_sweep() {
   if (!m.tree.empty() && !w->sweep)
     w->sweep.reset(new TreeSweep(m.tree, pattern, m.gravity, m.armature, &w->flexible));
   if (!w->sweep && w->flexible.empty()) w->fallback = tree_algorithms(w->source);
-  if (!w->sweep && !w->fallback)
-    throw std::invalid_argument("flexible bodies need joints with fixed axes");
+  if (!w->sweep && !w->fallback) throw std::invalid_argument("flexible bodies need joints with fixed axes");
 }
 
 bool MultibodyTree::planar() const { return w->sweep && w->sweep->planar(); }
@@ -163,8 +162,7 @@ void MultibodyTree::motions(const double* q, const double* v) { motions(q, v, nu
 
 void MultibodyTree::motions(const double* q, const double* v, const double* a) {
   ++motion_stamp_, ++pose_stamp_;
-  w->sweep ? w->sweep->motions(q, v, a, w->poses.data(), w->J.data())
-           : w->fallback->motions(q, v, a, w->poses.data());
+  w->sweep ? w->sweep->motions(q, v, a, w->poses.data(), w->J.data()) : w->fallback->motions(q, v, a, w->poses.data());
 }
 
 void MultibodyTree::bias(const double* q, const double* v) {
@@ -279,9 +277,7 @@ void MultibodyTree::difference(const double* q0, const double* q1, double* out) 
   w->sweep ? mbdae::difference(w->model.tree, q0, q1, out) : w->fallback->difference(q0, q1, out);
 }
 
-void MultibodyTree::normalize(double* q) {
-  w->sweep ? mbdae::normalize(w->model.tree, q) : w->fallback->normalize(q);
-}
+void MultibodyTree::normalize(double* q) { w->sweep ? mbdae::normalize(w->model.tree, q) : w->fallback->normalize(q); }
 
 void MultibodyTree::tangent_map(const double* q, const double* v, double* dq) {
   w->sweep ? mbdae::tangent_map(w->model.tree, q, v, dq) : w->fallback->tangent_map(q, v, dq);

@@ -92,7 +92,7 @@ class MultibodyTree {
   void gravity(double* out) const;                              // (3,)
   // placement of the joint on its parent body, in the world, R by rows
   void placement(int joint, double* R, double* p) const;
-  Body body(int joint) const;                                   // child body of a joint
+  Body body(int joint) const;  // child body of a joint
 
  private:
   struct Workspace;

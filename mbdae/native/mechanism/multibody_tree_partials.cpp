@@ -59,8 +59,7 @@ void MultibodyTree::partials(const double* q, const double* v, const double* a, 
   else
     inertia(q, v);
   w->partials->complete(a, dtau_dq, dtau_dv, inertia_only);
-  if (!w->flexible.empty())
-    w->sweep->add_partials(expanded_joints.data(), q, v, a, inertia_only, dtau_dq, dtau_dv);
+  if (!w->flexible.empty()) w->sweep->add_partials(expanded_joints.data(), q, v, a, inertia_only, dtau_dq, dtau_dv);
 }
 
 }  // namespace mbdae

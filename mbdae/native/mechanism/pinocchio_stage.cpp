@@ -11,7 +11,7 @@
 namespace mbdae {
 
 double pinocchio_stage_seconds(const void* pointer, const double* q_, const double* v_, int r, const double* G_,
-                          int repetitions) {
+                               int repetitions) {
   using Matrix = Eigen::MatrixXd;
   using VectorXd = Eigen::VectorXd;
   using VectorRef = Eigen::Ref<const VectorXd>;

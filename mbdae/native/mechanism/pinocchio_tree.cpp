@@ -99,7 +99,7 @@ class PinocchioTree final : public TreeAlgorithms {
   void act(int j, const double* poses, const pinocchio::Motion& x, double* out) const {
     const double* R_and_p = poses + 12 * j;
     const pinocchio::SE3 pose(Eigen::Map<const Eigen::Matrix3d>(R_and_p),
-        Eigen::Map<const Eigen::Vector3d>(R_and_p + 9));
+                              Eigen::Map<const Eigen::Vector3d>(R_and_p + 9));
     Eigen::Map<Eigen::Matrix<double, 6, 1>> o(out);
     j ? o = pose.act(x).toVector() : o.setZero();
   }

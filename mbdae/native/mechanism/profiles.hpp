@@ -9,13 +9,13 @@ namespace mbdae {
 
 struct Profile {
   bool harmonic = false, closed = true;
-  double side = 1;              // sign of the outward normal relative to the orientation of the curve
-  std::vector<double> starts;   // first s of each polynomial, and the last s; of harmonics 0 and 2 pi
+  double side = 1;                   // sign of the outward normal relative to the orientation of the curve
+  std::vector<double> starts;        // first s of each polynomial, and the last s; of harmonics 0 and 2 pi
   std::vector<double> coefficients;  // (x, y) pairs: of polynomials, highest power first, or of harmonics
   int degree = 0;
   std::vector<double> samples, points;  // s, and (x, y) pairs c(s)
   int iterations = 0;
-  double rounding = 0;   // largest change of the last iteration, relative to the length
+  double rounding = 0;  // largest change of the last iteration, relative to the length
   // of the second derivative of the distance, relative to |c'|^2; of s at open ends, relative to the length
   double tolerance = 0;
 

@@ -103,8 +103,8 @@ void RneaPartials::begin(const double* J, const double* gravity, const double* v
     InertiaTerms& parent = subtrees_[parents_[p]];
     parent.mass += c.mass;
     for (int i = 0; i < 3; ++i) parent.moment[i] += c.moment[i];
-    for (int i = 0; i < 6; ++i) parent.I[i] += c.I[i], parent.h[i] += c.h[i], parent.f[i] += c.f[i],
-        parent.S[i] += c.S[i];
+    for (int i = 0; i < 6; ++i)
+      parent.I[i] += c.I[i], parent.h[i] += c.h[i], parent.f[i] += c.f[i], parent.S[i] += c.S[i];
   }
 }
 

@@ -228,7 +228,7 @@ double Row::coordinate_value(const double* q, double* first) const {
 double Row::coordinate_entries(const double* q, double* out) const {
   std::fill_n(out, columns.size(), 0.0);
   if (python) {
-    Vector values(1 +  python->iv.size());
+    Vector values(1 + python->iv.size());
     python->value(q, values);
     for (size_t k = 1; k < values.size(); ++k) out[entries[k - 1]] = values[k];
     return values[0];

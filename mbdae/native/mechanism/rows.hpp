@@ -42,9 +42,9 @@ struct Pair {
   // Velocities that move a or b, in increasing order, including common ancestors; repeated where a mode moves both by
   // different columns of J.
   std::vector<int> columns;
-  std::vector<int> sources;  // column of J of each velocity
-  std::vector<double> sign;  // of each velocity; 0 for common ancestors
-  bool has_repeated_columns;  // whether a velocity is repeated
+  std::vector<int> sources;                               // column of J of each velocity
+  std::vector<double> sign;                               // of each velocity; 0 for common ancestors
+  bool has_repeated_columns;                              // whether a velocity is repeated
   double Ra[9], Rb[9], pa[3], pb[3], Va[6], Vb[6], A[6];  // rotations by rows
 
   // Contact of the rows of a pair, which have the same shape; and its derivative along the motion V_b - V_a of b.
@@ -90,7 +90,7 @@ struct Row {
   double other_length = 0;  // radius of bevel wheel b
   Shape shape;              // of the rolling body
   std::shared_ptr<const Profile> profile;  // in contact with a roller or a flat face
-  double direction[2] = {0, 0};  // of a no-slip row, longitudinal and lateral
+  double direction[2] = {0, 0};            // of a no-slip row, longitudinal and lateral
   std::vector<RowJoint> joints;               // of a row between joints
   std::vector<double> c;                      // coefficients of its polynomial, or its factors
   TimeFunction law;                           // of a motion-law row
@@ -98,8 +98,8 @@ struct Row {
   // start, length and increase of a period of the law; length 0: not periodic
   double fold[3] = {0, 0, 0};
   double period = 0;                          // of g
-  std::vector<int> columns;  // where G may be nonzero, with all ancestors, in increasing order
-  std::vector<int> entries;  // positions in `columns` of the velocities of a row between joints
+  std::vector<int> columns;                   // where G may be nonzero, with all ancestors, in increasing order
+  std::vector<int> entries;                   // positions in `columns` of the velocities of a row between joints
 
   double wrench(const Pair& pair, double* w) const;                // g, and the wrench on b, (6,)
   double rate(const Pair& pair) const;                             // Gdot v
@@ -115,7 +115,7 @@ struct Row {
 
  private:
   double wrench_along_line(const Pair& pair, double* w) const;
-  double coordinate_value(const double* q, double* first) const;   // g, and dg/dx_j
+  double coordinate_value(const double* q, double* first) const;       // g, and dg/dx_j
   double reduced_coordinate(const double* q, double* increase) const;  // x_j reduced to the period of the law
   double curvature(const double* q) const;             // p''(x_j), or r'(x_k)
 };
@@ -174,7 +174,7 @@ class Constraints {
   void value(const MultibodyTree& m, const double* q, const std::vector<int>& selected, double* G, double* g = nullptr);
   // Write them to a dense G (ng, nv), which must be zero outside the columns of rows; an empty one is allocated.
   void dense_value(const MultibodyTree& m, const double* q, const std::vector<int>& selected, Vector& G,
-      double* g = nullptr);
+                   double* g = nullptr);
   void expand(int row, const double* entries, double* out) const {  // entries of G or Z, into their columns of (nv,)
     const double* entry = entries + start[row];
     for (int c : rows[row].columns) out[c] = *entry++;
@@ -193,7 +193,7 @@ class Constraints {
   struct CommonRun {  // n consecutive entries in the same columns of two rows, from entries k and l on
     int k, l, n;
   };
-  std::vector<CommonRun> common(int k, int l) const;           // all common columns of two rows
+  std::vector<CommonRun> common(int k, int l) const;          // all common columns of two rows
   double product(int k, int l, const double* entries) const;  // of two rows
   void complete_g(double t, double* g) const;  // g -= u, reduced by periods
   // Gdot v of some rows, at the current motions; minus_gravity: those of `MultibodyTree::bias`.

@@ -74,7 +74,7 @@ void screw_translation(const double* w, const double* u, bool inverse, double* o
 // Chord of a planar joint, at half the angle of rotation: its direction (c, s), times the ratio of chord to arc.
 void chord(const double* q, double rotation, double* c, double* s) {
   const double half_angle = rotation / 2, ch = std::cos(half_angle), sh = std::sin(half_angle),
-      ratio = sinc(half_angle);
+               ratio = sinc(half_angle);
   *c = ratio * (q[0] * ch - q[1] * sh), *s = ratio * (q[1] * ch + q[0] * sh);
 }
 

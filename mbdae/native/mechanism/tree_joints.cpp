@@ -21,7 +21,7 @@ struct Kind {
 constexpr int unaligned = -1;
 
 const std::map<std::string, Kind>& kinds() {
-  static const std::map<std::string, Kind> table = []  {
+  static const std::map<std::string, Kind> table = [] {
     std::map<std::string, Kind> out{{"Spherical", {TreeJoint::quaternion, 0, 2}},
                                     {"FreeFlyer", {TreeJoint::quaternion, 3, 2}},
                                     {"Planar", {TreeJoint::circle, 2, 2}},
@@ -84,8 +84,8 @@ class JointChains {
     const std::string name = joint.shortname().substr(std::string("JointModel").size());
     if (name == "Universal") {
       const auto& universal = boost::get<pinocchio::JointModelUniversal>(joint.toVariant());
-      return add_revolute(joint, 0, universal.axis1, placement, end), add_revolute(joint, 1, universal.axis2,
-          identity_, end), true;
+      return add_revolute(joint, 0, universal.axis1, placement, end),
+             add_revolute(joint, 1, universal.axis2, identity_, end), true;
     }
     if (name == "SphericalZYX") {
       for (int k = 0; k < 3; ++k) add_revolute(joint, k, Eigen::Vector3d::Unit(2 - k), k ? identity_ : placement, end);

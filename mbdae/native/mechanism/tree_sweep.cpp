@@ -189,7 +189,7 @@ void TreeSweep::outward(const double* q, const double* v, const double* a, doubl
       const int n = index_of_frame_[body.first_pose + i];
       references_[n] = references_[j];
       body.node_motion(i, V_[j].data(), A_[j].data(), v + body.data.iv, a ? a + body.data.iv : nullptr, V_[n].data(),
-                     A_[n].data());
+                       A_[n].data());
     }
   }
 }
@@ -227,8 +227,8 @@ void TreeSweep::inward(double* M, double* nle) {
       double F[6];
       for (int i = 0; i < 3; ++i) F[i] = subtree.mass * J[i];
       add_cross(J + 3, subtree.moment, F), symmetric(subtree.I, J + 3, F + 3), add_cross(subtree.moment, J, F + 3);
-      for (size_t i = pattern_.starts[k]; i < pattern_.starts[k + 1]; ++i) M[i] = dot6(F,
-          J_root_[pattern_.rows[i]].data());
+      for (size_t i = pattern_.starts[k]; i < pattern_.starts[k + 1]; ++i)
+        M[i] = dot6(F, J_root_[pattern_.rows[i]].data());
       M[pattern_.starts[k]] += armature_[k];
     }
     if (!x.parent) continue;

@@ -1,5 +1,6 @@
 // Poses, joint Jacobian, mass matrix and bias of a tree in one pass outward and one inward, in the world frame, for
-// joints whose axes are fixed in their bodies (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, chapters 5 and 6).
+// joints whose axes are fixed in their bodies (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, chapters 5 and
+// 6).
 #pragma once
 
 #include <array>
@@ -23,8 +24,8 @@ struct TreeJoint {
   int joint = 0;             // joint of the model, whose body it moves; -1: a massless link
   int q = 0, v = 0, nv = 0;
   int translations = 0;  // coordinates of translation: one along the axis, or along the axes of the placement
-  double axis[3] = {};  // unit vector of a joint with one velocity, or of the rotation of a planar joint
-  int frame_axis = -1;  // the coordinate axis that equals axis_sign * axis; -1: none
+  double axis[3] = {};   // unit vector of a joint with one velocity, or of the rotation of a planar joint
+  int frame_axis = -1;   // the coordinate axis that equals axis_sign * axis; -1: none
   double axis_sign = 1;
   double pitch = 0;     // m/rad
   const double *R = nullptr, *p = nullptr;                       // placement on the parent, by columns
@@ -110,13 +111,13 @@ class TreeSweep final : public Sweep {
 
   const std::vector<TreeJoint> joints_;
   std::vector<FlexibleBody>* const flexible_;
-  std::vector<int> index_of_frame_;   // indices in joints_ of the joints of the model, then in V_, A_ of nodes
-  std::vector<int> swept_;     // indices in joints_ outward, without joints of modes, which move no body
-  std::vector<double> links_;  // (joints, 12) poses of massless links
+  std::vector<int> index_of_frame_;  // indices in joints_ of the joints of the model, then in V_, A_ of nodes
+  std::vector<int> swept_;           // indices in joints_ outward, without joints of modes, which move no body
+  std::vector<double> links_;        // (joints, 12) poses of massless links
   const InertiaPattern& pattern_;
   const double *gravity_, *armature_;
   std::vector<Six> J_root_;  // (nv,) columns of J about the root's position, to avoid cancellation
-  std::vector<Six> V_, A_;  // (joints,) velocities and accelerations about the root's position
+  std::vector<Six> V_, A_;   // (joints,) velocities and accelerations about the root's position
   // (joints,) positions relative to the root; reference points of V_, A_
   std::vector<std::array<double, 3>> arms_, references_;
   std::vector<Subtree> subtrees_;

@@ -96,23 +96,23 @@ PairPartials::PairPartials(const MultibodyTree& m, const Pair& pair_, const doub
 // Modes move a node like two joints: translations T along axes fixed in the frame, and a rotation vector.
 void PairPartials::add_node(const MultibodyTree& m, int frame, double sign, const double* v) {
   const FlexibleBody* body = nullptr;
-  int number = 0;
-  const FlexibleBody::Node* node = m.node(frame, body, number);
+  int index = 0;
+  const FlexibleBody::Node* node = m.node(frame, body, index);
   if (!node) return;
   const ModalBody& data = body->data;
   const int modes = data.modes, node_joint = m.nv + 2 * frame;
-  const double *joint_rotation = m.rotation(data.joint), *Phi2 = data.nodes[number].Phi2.data();
+  const double *joint_rotation = m.rotation(data.joint), *Phi2 = data.nodes[index].Phi2.data();
   const auto translation_rate = [&](const double* u, int mode, double* out) {  // d(T u)/dq of `mode`
     double local[3] = {};
     for (int i = 0; i < modes; ++i)
       for (int l = 0; l < 3; ++l) local[l] += Phi2[3 * (i * modes + mode) + l] * u[i];
     body->rotate_to_world(joint_rotation, local, out);
   };
-  const double *R = m.rotation(frame), *p = m.position(frame), *Psi = data.nodes[number].Psi.data();
+  const double *R = m.rotation(frame), *p = m.position(frame), *Psi = data.nodes[index].Psi.data();
   split_.emplace_back(12 * modes);
   double *T = split_.back().data(), *W = T + 6 * modes, s[3] = {};
   for (int k = 0; k < modes; ++k) {
-    const double* J = m.J() + 6 * (body->first_column + number * modes + k);
+    const double* J = m.J() + 6 * (body->first_column + index * modes + k);
     std::copy(J + 3, J + 6, W + 6 * k + 3), cross(p, J + 3, W + 6 * k);
     for (int i = 0; i < 3; ++i) T[6 * k + i] = J[i] - W[6 * k + i], s[i] += v ? Psi[3 * k + i] * v[data.iv + k] : 0;
     columns_.push_back({data.iv + k, node_joint, sign, T + 6 * k, {}});
@@ -129,8 +129,8 @@ void PairPartials::add_node(const MultibodyTree& m, int frame, double sign, cons
     for (int mode = 0; mode < modes; ++mode) {
       node_changes_.push_back({data.iv + k, data.iv + mode, sign, {}});
       double *out = node_changes_.back().change, translation[3];
-      rotation_rate(Psi + 3 * k, mode, out), body->rotate_to_world(joint_rotation, Phi2 + 3 * (k * modes + mode),
-          translation);
+      rotation_rate(Psi + 3 * k, mode, out),
+          body->rotate_to_world(joint_rotation, Phi2 + 3 * (k * modes + mode), translation);
       for (int l = 0; l < 3; ++l) out[l] += translation[l];
     }
   }
@@ -145,8 +145,8 @@ void PairPartials::torque(const WrenchPartials& t, double* K, size_t width) cons
       for (int i = 0; i < 6; ++i) dF[i] += m.sign * product[i];
     }
     cross(m.J + 3, t.F, parent_dF), cross(m.J + 3, t.F + 3, parent_dF + 3), cross(m.J, t.F, product);
-    for (int i = 0; i < 3; ++i) parent_dF[i] = dF[i] - parent_dF[i],
-        parent_dF[3 + i] = dF[3 + i] - parent_dF[3 + i] - product[i];
+    for (int i = 0; i < 3; ++i)
+      parent_dF[i] = dF[i] - parent_dF[i], parent_dF[3 + i] = dF[3 + i] - parent_dF[3 + i] - product[i];
     for (const Column& k : columns_)
       K[k.velocity * width + m.velocity] += k.sign * dot6(k.J, k.sign == m.sign && m.joint <= k.joint ? parent_dF : dF);
   }

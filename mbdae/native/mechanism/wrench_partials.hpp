@@ -14,7 +14,7 @@ struct WrenchPartials {
   WrenchPartials() { clear(); }
   void clear();  // set to zero
   void add(double factor, const WrenchPartials& other);  // without damping
-  void damp();                                    // set C = 0, before terms are added
+  void damp();                                           // set C = 0, before terms are added
   // Set Da of a wrench that depends only on the frames and V = V_b - V_a: a common motion d of both frames changes it
   // by d x* F, so that Da + Db - C (V x .) = F*.
   void complete(const double* V = nullptr);
@@ -57,7 +57,7 @@ class PairPartials {
 
 void matrix_of_wrench(const double* F, double* out);  // d -> d x* F
 void times6(const double* D, const double* x, double* out);
-void line_point_partials(const double* p, const double* n, double* D);       // D += d(n, p x n)/dp for constant n
+void line_point_partials(const double* p, const double* n, double* D);  // D += d(n, p x n)/dp for constant n
 // of the wrench of a distance row, times `factor`
 void distance_partials(const Pair& pair, double factor, WrenchPartials& t);
 

@@ -250,8 +250,8 @@ void ModeTransition::solve(const double* y, const Candidates& tested) {
 }
 
 bool ModeTransition::retain_approaching(const Candidates& remaining) {
-  const auto approaching = std::find_if(separating_.begin(), separating_.end(),
-                                  [&](int i) { return approaches(remaining.at(i)[0]); });
+  const auto approaching =
+      std::find_if(separating_.begin(), separating_.end(), [&](int i) { return approaches(remaining.at(i)[0]); });
   if (approaching == separating_.end()) return false;
   separating_.erase(approaching);
   return true;

@@ -12,13 +12,20 @@ class Problem {
  public:
   Problem(const Vector& W, const Vector& c, const Vector& noise, const std::vector<Multiplier>& multipliers,
           const Tolerances& tolerances)
-      : tolerances_(tolerances), n_(multipliers.size()), W_(W), c_(c), multipliers_(multipliers), scale_of_(n_),
-          state_(n_, 0), x_(n_), w_(n_) {
+      : tolerances_(tolerances),
+        n_(multipliers.size()),
+        W_(W),
+        c_(c),
+        multipliers_(multipliers),
+        scale_of_(n_),
+        state_(n_, 0),
+        x_(n_),
+        w_(n_) {
     for (size_t i = 0; i < n_; ++i) scale_of_[i] = std::sqrt(W[i * n_ + i]);
     for (size_t i = 0; i < n_; ++i) {
       for (size_t j = 0; j < n_; ++j) W_[i * n_ + j] /= scale_of_[i] * scale_of_[j];
-      c_[i] /= scale_of_[i], largest_c_ = std::max(largest_c_, std::fabs(c_[i])), noise_ = std::max(noise_,
-          noise[i] / scale_of_[i]);
+      c_[i] /= scale_of_[i], largest_c_ = std::max(largest_c_, std::fabs(c_[i])),
+                             noise_ = std::max(noise_, noise[i] / scale_of_[i]);
       Multiplier& m = multipliers_[i];
       m.lower *= scale_of_[i], m.upper *= scale_of_[i];
       if (m.normal < 0) continue;
@@ -61,20 +68,22 @@ class Problem {
     return 1 + std::isfinite(m.lower) + std::isfinite(m.upper);
   }
   bool at_lower(size_t i) const { return state_[i] == 0 && std::isfinite(multipliers_[i].lower); }
-  bool at_upper(size_t i) const { return std::isfinite(multipliers_[i].upper) &&
-      state_[i] == std::isfinite(multipliers_[i].lower); }
+  bool at_upper(size_t i) const {
+    return std::isfinite(multipliers_[i].upper) && state_[i] == std::isfinite(multipliers_[i].lower);
+  }
   bool is_active(size_t normal) const { return !at_lower(normal); }
   double ratio(size_t i) const {  // of a tangential multiplier to its normal multiplier
     return !std::isnan(multipliers_[i].sliding_ratio) ? multipliers_[i].sliding_ratio
-        : multipliers_[i].friction * (state_[i] == 1 ? 1 : -1);
+                                                      : multipliers_[i].friction * (state_[i] == 1 ? 1 : -1);
   }
   bool is_free(size_t i) const {
     const Multiplier& m = multipliers_[i];
     if (m.normal >= 0) return is_active(m.normal) && std::isnan(m.sliding_ratio) && state_[i] == 0;
     return !at_lower(i) && !at_upper(i);
   }
-  bool is_proportional(size_t i) const { return multipliers_[i].normal >= 0 && is_active(multipliers_[i].normal) &&
-      !is_free(i); }
+  bool is_proportional(size_t i) const {
+    return multipliers_[i].normal >= 0 && is_active(multipliers_[i].normal) && !is_free(i);
+  }
 
   bool next() {
     for (size_t i = 0; i < n_; ++i) {
@@ -149,7 +158,7 @@ class Problem {
   }
   bool only_rates_matter() const {
     return std::all_of(multipliers_.begin(), multipliers_.end(),
-        [](const Multiplier& m) { return m.normal < 0 && m.bounded(); });
+                       [](const Multiplier& m) { return m.normal < 0 && m.bounded(); });
   }
 
   const Tolerances& tolerances_;

@@ -28,7 +28,7 @@ int sign(double x) { return (x > 0) - (x < 0); }
 class EventSearch {
  public:
   EventSearch(Index2System& s, PointValues& values, const Events& events, const SignalEvent& event, Node& node,
-         const AcceptedStep& step, const PartialStep& partial_step)
+              const AcceptedStep& step, const PartialStep& partial_step)
       : s_(s),
         values_(values),
         events_(events),
@@ -98,8 +98,8 @@ class EventSearch {
       return evaluated.back().f;
     };
     const double root = brent(f, a.theta, a.f, b.theta, b.f, resolution, events_.step_tolerance, events_.iterations);
-    const auto found = std::find_if(evaluated.begin(), evaluated.end(),
-        [&](const Sample& x) { return x.theta == root; });
+    const auto found =
+        std::find_if(evaluated.begin(), evaluated.end(), [&](const Sample& x) { return x.theta == root; });
     return {root, index_, found->y};
   }
 
@@ -146,8 +146,8 @@ DetectedEvents detect_events(Index2System& s, PointValues& values, const Events&
   out.nodes = events.nodes;
   std::vector<Crossing> crossings;
   for (size_t i = 0; i < events.events.size(); ++i)
-    EventSearch(s, values, events, events.events[i], out.nodes[i], step, partial_step).run(static_cast<int>(i),
-        crossings);
+    EventSearch(s, values, events, events.events[i], out.nodes[i], step, partial_step)
+        .run(static_cast<int>(i), crossings);
   if (crossings.empty()) return out;
   std::sort(crossings.begin(), crossings.end(), [](const Crossing& a, const Crossing& b) {
     return a.theta != b.theta ? a.theta < b.theta : a.event < b.event;

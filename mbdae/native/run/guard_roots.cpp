@@ -86,11 +86,12 @@ double GuardMonitor::resolution_error(const Guard& guard) {
   const double weights[5] = {1, -4, 6, -4, 1};
   const Vector all = interpolated_multipliers(guard);
   double largest_multiplier = 0, smallest_multiplier = INFINITY, fourth_difference = 0, terms = 0;
-  for (double x : all) largest_multiplier = std::max(largest_multiplier, std::fabs(x)),
-      smallest_multiplier = std::min(smallest_multiplier, x);
+  for (double x : all)
+    largest_multiplier = std::max(largest_multiplier, std::fabs(x)),
+    smallest_multiplier = std::min(smallest_multiplier, x);
   for (double x : weights) terms += std::fabs(x);
-  for (int k = 0; k < intervals_; k += 4) fourth_difference = std::max(fourth_difference, std::fabs(dot(weights,
-      &all[k], 5)));
+  for (int k = 0; k < intervals_; k += 4)
+    fourth_difference = std::max(fourth_difference, std::fabs(dot(weights, &all[k], 5)));
   if (!slips && !(fourth_difference > terms * s_.tree.tolerances.solution_rounding * point(0).force)) return 0;
   const double size = slips ? 1 : std::max(largest_multiplier, s_.tree.tolerances.visible * guard.size);
   const double distance = slips ? 1 - largest_multiplier : smallest_multiplier / (size > 0 ? size : 1);
@@ -102,7 +103,7 @@ double GuardMonitor::resolution_error(const Guard& guard) {
 std::vector<double> GuardMonitor::samples(int i) {
   const Guard& guard = modes_.guards[i];
   const bool one_multiplier = depends_on_one_multiplier(guard);
-  const Vector all = one_multiplier                           ? interpolated_multipliers(guard)
+  const Vector all = one_multiplier                ? interpolated_multipliers(guard)
                      : guard.monitors_multiplier() ? monitored_multipliers(guard)
                                                    : Vector();
   const double size = largest(all.data(), static_cast<int>(all.size()));

@@ -79,8 +79,9 @@ bool ModeTransition::resolve_impact(double* y, const std::vector<int>& resting, 
   const double speed = speed_, rest = modes_.mode_rounding * speed;
   std::vector<ImpactRow> contacts, separating, frictional, conditional;
   std::vector<int> bilateral(modes_.unswitched), violated, approaching, closed;
-  const auto violates = [&](int k) { return std::fabs(rate_[k] / scales[k]) > tolerances_.evaluation_rounding * speed;
-      };
+  const auto violates = [&](int k) {
+    return std::fabs(rate_[k] / scales[k]) > tolerances_.evaluation_rounding * speed;
+  };
   std::copy_if(bilateral.begin(), bilateral.end(), std::back_inserter(violated), violates);
   const auto recent = [&](int i) { return std::fabs(t_ - modes_.last_impact[i]) < modes_.switches[i].rest; };
   for (int i = 0; i < static_cast<int>(modes_.switches.size()); ++i) {
@@ -143,8 +144,8 @@ bool ModeTransition::resolve_impact(double* y, const std::vector<int>& resting, 
 }
 
 void ModeTransition::apply_impulses(const std::vector<ImpactRow>& contacts, const std::vector<ImpactRow>& frictional,
-                          const std::vector<int>& bilateral, const std::vector<ImpactRow>& conditional, double* y,
-                          Transition& out) {
+                                    const std::vector<int>& bilateral, const std::vector<ImpactRow>& conditional,
+                                    double* y, Transition& out) {
   const int nv = s_.nv;
   const std::vector<double>& scales = tolerances_.row_scales;
   const double rest = modes_.mode_rounding * speed_;
@@ -157,8 +158,9 @@ void ModeTransition::apply_impulses(const std::vector<ImpactRow>& contacts, cons
   for (int iteration = 0;; ++iteration) {
     update_rates();
     const auto separation_speed = [&](const ImpactRow& x) { return x.sign * rate_[x.row] / scales[x.row]; };
-    if (iteration && std::none_of(contacts.begin(), contacts.end(),
-        [&](auto& x) { return separation_speed(x) < -rest; })) break;
+    if (iteration &&
+        std::none_of(contacts.begin(), contacts.end(), [&](auto& x) { return separation_speed(x) < -rest; }))
+      break;
     if (iteration == modes_.max_impacts) fall_back_to_python();
     const Vector start(v, v + nv), rate(rate_);
     std::vector<int> acting_rows(bilateral);

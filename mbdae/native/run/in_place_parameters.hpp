@@ -24,7 +24,7 @@ class InPlaceParameters {
   InPlaceParameters(const InPlaceParameters&) = delete;
 
   size_t count() const { return targets_.size(); }
-  bool write(const double* values);  // (count(),); false: invalid values
+  bool write(const double* values);                             // (count(),); false: invalid values
   Vector mass_matrices(const double* q, const Vector& values);  // (k, nv, nv) for values (k, count()), by Pinocchio
 
  private:

@@ -36,7 +36,7 @@ bool Jumps::last_of_cluster(const std::vector<SampledController>& samplers, doub
 bool Jumps::next_interval(const std::vector<SampledController>& samplers, double t, SmoothInterval& interval) {
   const double s = interval.sign, scale = std::max(std::fabs(t), std::fabs(interval.t1));
   const double rounding = std::nextafter(scale, INFINITY) - scale, gap = margin * rounding,
-      cluster = cluster_width() * rounding;
+               cluster = cluster_width() * rounding;
   double start, end;
   if (!last_of_cluster(samplers, t, s, cluster, start)) return false;
   const double first = next(samplers, start, s), stop = first - s * gap;

@@ -43,19 +43,19 @@ struct Transition {
 // The switches of a run, the guards of its mode, the transitions of the last steps, and settings.
 struct Modes {
   std::vector<Switch> switches;
-  std::vector<int> unswitched;   // rows without switches
+  std::vector<int> unswitched;  // rows without switches
   Mode mode;
   Vector last_impact;  // s, of each switch
   std::vector<Guard> guards;
   std::vector<Transition> transitions;
-  bool in_core = false;          // whether the core checks steps
-  bool undecided = false;        // Python must take the next step
+  bool in_core = false;            // whether the core checks steps
+  bool undecided = false;          // Python must take the next step
   double characteristic_rate = 0;  // 1/s
   // relative to the largest speed or multiplier: zero in impacts and complementarity problems
   double mode_rounding = 0;
-  double return_factor = 0;      // of a predicted time of separation, after which the gap is negative
-  double start_root = 0;         // relative to a bracket: a root this close to an impact is the impact
-  double grazing = 0;            // relative to the gaps at the ends of a step: a minimum above it is no contact
+  double return_factor = 0;  // of a predicted time of separation, after which the gap is negative
+  double start_root = 0;     // relative to a bracket: a root this close to an impact is the impact
+  double grazing = 0;        // relative to the gaps at the ends of a step: a minimum above it is no contact
   double spacings = 0, step_tolerance = 0;  // location tolerance: spacings of t, and relative to the step
   int iterations = 0;            // of Newton's method
   int root_iterations = 0, max_halvings = 0;  // of Brent's method; largest number of halvings of a bracket
@@ -69,8 +69,8 @@ struct Modes {
   double transverse = 0;          // relative to the speed of rest: a slower contact does not slide
   double at_limit = 0;            // relative to the friction limit: a contact with friction closer to it slides
   double lookahead = 0;           // rad or characteristic lengths: added to a coordinate at the boundary of a range
-  double ambiguous = 0, fallen = 0;  // pivot ratios in a new mode, see IndependentRows::InitialRank
-  int max_impacts = 0, max_states = 0;        // successive impacts at one time; states of a complementarity problem
+  double ambiguous = 0, fallen = 0;     // pivot ratios in a new mode, see IndependentRows::InitialRank
+  int max_impacts = 0, max_states = 0;  // successive impacts at one time; states of a complementarity problem
 
   IndependentRows::InitialRank initial_rank(const Tolerances& tolerances) const {
     return {ambiguous, fallen, tolerances.solution_rounding};
@@ -104,7 +104,7 @@ class GuardMonitor {
   // add samples until they resolve it, for a step of fixed size.
   double begin_step(const AcceptedStep& step, const PartialStep& partial_step, bool refines);
   std::vector<int> first_roots(double& theta);  // guards that are first zero in the step, and at which fraction
-  void advance() { advance(point(1)); }  // to the end of the step
+  void advance() { advance(point(1)); }         // to the end of the step
   // Track the guards of a new mode from y on, where y' = F.
   void track(double t, const double* y, const Vector& F, const Vector& lam);
 
@@ -126,7 +126,7 @@ class GuardMonitor {
     double theta, t;
     Vector y = {}, g = {}, rate = {}, acceleration = {};  // (length,), (ng,) of the rows of switches
     Vector F = {}, lam = {};                              // (ny,), (ng,)
-    double force = 0;  // largest force, see `largest_force`
+    double force = 0;                                     // largest force, see `largest_force`
   };
 
   void prepare();  // set the rows of the guards of the mode
@@ -167,8 +167,8 @@ class GuardMonitor {
 
   Index2System& s_;
   Modes& modes_;
-  bool dynamic_ = false;       // values require y' and lam
-  bool has_references_ = false;    // references are set
+  bool dynamic_ = false;         // values require y' and lam
+  bool has_references_ = false;  // references are set
   int intervals_ = 4;          // between samples of a step
   std::vector<int> rows_;      // rows of switches
   Vector G_;                   // entries by rows

@@ -53,7 +53,8 @@ class ModeTransition {
   bool resolve_impact(double* y, const std::vector<int>& resting, Transition& out);
   // conditional: bilateral rows of separating contacts, which act if their contact approaches.
   void apply_impulses(const std::vector<ImpactRow>& contacts, const std::vector<ImpactRow>& frictional,
-            const std::vector<int>& bilateral, const std::vector<ImpactRow>& conditional, double* y, Transition& out);
+                      const std::vector<int>& bilateral, const std::vector<ImpactRow>& conditional, double* y,
+                      Transition& out);
 
   // Mode after the impact.
   void evaluate_forces();
@@ -71,15 +72,15 @@ class ModeTransition {
   const Modes& modes_;
   const Tolerances& tolerances_;
   Vector G_, Z_, g_, g_t_, rate_, gamma_;  // (ng, nv), (ng, nv), then (ng,) of all rows
-  double t_ = 0, speed_ = 0;                // speed_: largest scaled velocity plus the characteristic rate
+  double t_ = 0, speed_ = 0;               // speed_: largest scaled velocity plus the characteristic rate
   const double* y_ = nullptr;
   Mode mode_;
-  bool entered_ = false;               // the system has entered another mode than that of the run
+  bool entered_ = false;  // the system has entered another mode than that of the run
   std::vector<int> separating_;
-  Vector F_, lam_before_;             // (ny,), (ng,) y' and lam in the previous mode
+  Vector F_, lam_before_;              // (ny,), (ng,) y' and lam in the previous mode
   double force_rounding_ = 0;          // of multipliers
   Vector lam_, acceleration_, scale_;  // (ng,) with the multipliers of candidates, see `_ActiveSet` in Python
-  double largest_ = 0;                  // largest multiplier
+  double largest_ = 0;                 // largest multiplier
 };
 
 // The state and carry after an event, in the next mode, and y' (ny,) and lam (nz,) at this state.

@@ -30,8 +30,8 @@ class TimeLoop::PartialSteps {
   }
 
   void discard() {
-    if (has_saved_end()) loop_.next_ = std::move(end_), loop_.z_ = z_, loop_.size1_ = size_,
-        loop_.restarted_ = restarted_;
+    if (has_saved_end())
+      loop_.next_ = std::move(end_), loop_.z_ = z_, loop_.size1_ = size_, loop_.restarted_ = restarted_;
   }
 
  private:

@@ -70,8 +70,8 @@ Vector RowSpace::multipliers(const Vector& x) const {
   Vector out(s_.ng, 0.0), columns(n * nv), scaled(n);
   for (size_t k = 0; k < n; ++k)
     for (size_t c = 0; c < nv; ++c) columns[c * n + k] = Z_[rows_[k] * nv + c] / scales[rows_[k]];
-  if (n) minimum_norm(static_cast<int>(n), s_.nv, columns.data(), x.data(), s_.tree.tolerances.truncation,
-      scaled.data());
+  if (n)
+    minimum_norm(static_cast<int>(n), s_.nv, columns.data(), x.data(), s_.tree.tolerances.truncation, scaled.data());
   for (size_t k = 0; k < n; ++k) out[rows_[k]] = scaled[k] / scales[rows_[k]];
   return out;
 }

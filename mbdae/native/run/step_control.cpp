@@ -67,8 +67,8 @@ Proposal Grid::propose(const SmoothInterval& interval) {
   on_grid = overshoot <= coincident * step;
   i += on_grid;
   const double spacing = std::nextafter(std::fabs(interval.end), HUGE_VAL) - std::fabs(interval.end);
-  if (started && interval.stop == interval.end && std::fabs(remaining - step) <= 4 * spacing) return {step,
-      interval.end};
+  if (started && interval.stop == interval.end && std::fabs(remaining - step) <= 4 * spacing)
+    return {step, interval.end};
   if (overshoot >= -coincident * step) return {remaining, interval.end};
   return {started ? step : std::fabs(t - interval.t), t};
 }

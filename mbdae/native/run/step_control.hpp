@@ -41,7 +41,7 @@ struct StepControl : StepMemory {
   double smallest_error = 0, smallest_last = 0;  // lower bounds of errors
   // relative to the remaining time: a step this close to it is extended to it
   double agreement = 0;
-  double spacings = 0;                           // spacings of t: smallest step
+  double spacings = 0;  // spacings of t: smallest step
 
   FIELDS(h, uncut_size, last, rejected, largest, rtol, atol, tiny, companion, blend, power, exponent, last_exponent, safety,
          smallest_factor, largest_factor, min_growth, smallest_error, smallest_last, agreement, spacings)

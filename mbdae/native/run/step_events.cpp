@@ -21,8 +21,8 @@ void TimeLoop::detect_events(Proposal& p) {
   const auto carried_rates = [&](const State& x) {  // (v', s', w')
     return x.carry.empty() ? nullptr : x.carry.data() + (s_.carry_length() - (s_.ny - s_.nv));
   };
-  const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), carried_rates(run_.state),
-      carried_rates(next_)};
+  const AcceptedStep taken{
+      t, p.t_next, run_.state.y.data(), next_.y.data(), carried_rates(run_.state), carried_rates(next_)};
   detected_ = mbdae::detect_events(s_, values, run_.events, taken, partial_step);
   if (detected_.stop >= 0) {
     const bool monitored =
@@ -118,8 +118,8 @@ bool TimeLoop::is_near_singular(const NextMode& next, double largest) {
 void TimeLoop::resolve_transition(const std::vector<int>& fired, double t, bool immediate) {
   const SingularityMonitor& monitor = run_.monitor;
   previous_mode_ = run_.modes.mode, next_mode_ratio_ = monitor.mode_ratio;
-  const SmallestPivot previous_pivot = run_.monitored ? s_.smallest_pivot(next_.y.data(),
-      s_.rows.rank) : SmallestPivot();
+  const SmallestPivot previous_pivot =
+      run_.monitored ? s_.smallest_pivot(next_.y.data(), s_.rows.rank) : SmallestPivot();
   const auto check = [&](const NextMode& next) {
     if (!run_.monitored) return;
     if (next.transition.mode != previous_mode_) {

@@ -199,9 +199,10 @@ void TimeLoop::advance() {
       const double low = std::min(previous, ratio), high = std::isinf(previous) ? ratio : std::max(previous, ratio);
       const bool falls =
           monitor.near_singular || (std::isfinite(previous) && monitor.steps_ahead * (previous - ratio) > ratio);
-      monitor.suspicious |= (ratio < monitor.monitored_ratio * monitor.largest_ratio && falls) ||
-                            low < monitor.small_ratio * monitor.largest_ratio ||
-                            (low < monitor.suspicious_ratio * monitor.largest_ratio && low < monitor.notch_ratio * high);
+      monitor.suspicious |=
+          (ratio < monitor.monitored_ratio * monitor.largest_ratio && falls) ||
+          low < monitor.small_ratio * monitor.largest_ratio ||
+          (low < monitor.suspicious_ratio * monitor.largest_ratio && low < monitor.notch_ratio * high);
       stop = run_.adaptive && ratio < monitor.monitored_ratio * monitor.largest_ratio && falls;
     }
     apply_transition();

@@ -17,8 +17,8 @@ namespace mbdae {
 
 // Singularity monitor, by pivot ratios (mbdae/integrate/events/singularity.py, singularity_location.py).
 struct SingularityMonitor {
-  double largest_ratio = 0, last_ratio = 0;                              // the largest ratio so far, and the last
-  double mode_ratio = 0;                                                 // the largest ratio in the mode so far
+  double largest_ratio = 0, last_ratio = 0;  // the largest ratio so far, and the last
+  double mode_ratio = 0;                     // the largest ratio in the mode so far
   // thresholds relative to the largest, or to the last ratio
   double suspicious_ratio = 0, singular_ratio = 0, monitored_ratio = 0;
   double notch_ratio = 0;      // relative to the larger ratio of neighbouring steps
@@ -142,10 +142,10 @@ class TimeLoop {
   void advance();  // take steps until Python is needed
 
  private:
-  bool attempt();          // attempt a step; false: Python must handle the failure
-  bool accept(double h);   // whether the step is accepted
-  bool shorten(double h);  // after a step that was too long; false: the shorter size is too small
-  void project(double t);  // project the end of the step
+  bool attempt();                              // attempt a step; false: Python must handle the failure
+  bool accept(double h);                       // whether the step is accepted
+  bool shorten(double h);                      // after a step that was too long; false: the shorter size is too small
+  void project(double t);                      // project the end of the step
   double move_norm(const Vector& move) const;  // norm of the move by a projection, relative to tolerances
   bool undoes_step(double h, double projection_norm);  // whether the projection has undone the step
   class PartialSteps;
@@ -157,8 +157,8 @@ class TimeLoop {
   // Whether the state after an event approaches a singular configuration, in a mode with this largest ratio.
   bool is_near_singular(const NextMode& next, double largest);
   void resolve_transition(const std::vector<int>& fired, double t, bool immediate);  // at the end of the step
-  void apply_transition();                       // add the state after a transition as a node
-  bool apply_jump();                // apply the jump after an interval; false: Python must handle it
+  void apply_transition();               // add the state after a transition as a node
+  bool apply_jump();                     // apply the jump after an interval; false: Python must handle it
   void begin_interval(const Vector& z);  // at the current state, after a jump or a transition
   void record();                    // record the state
   bool ends_singular();  // whether a fixed step ends in a singular configuration before the end of the interval
@@ -169,13 +169,13 @@ class TimeLoop {
   Run& run_;
   State next_;
   Vector unprojected_, move_, partial_move_;  // (length,) next_.y before its projection; (ny,) twice
-  bool restarted_ = false;     // the carry of next_ was restarted
+  bool restarted_ = false;                    // the carry of next_ was restarted
   DetectedEvents detected_;          // on the accepted step
   GuardMonitor guards_;
   NextMode next_mode_;         // after the event at the end of the accepted step
-  Mode previous_mode_;             // the mode before the event
+  Mode previous_mode_;         // the mode before the event
   double next_mode_ratio_ = 0;  // the largest pivot ratio to expect in the next mode
-  bool changes_mode_ = false;  // whether a transition is pending
+  bool changes_mode_ = false;   // whether a transition is pending
   int immediate_ = 0;          // events since the last step
   Vector errors_;              // (errors, ny)
   Vector size0_, size1_;       // (ny,) magnitudes at the start and the end of a step

@@ -59,8 +59,8 @@ const ExportedMechanism::Derivatives& ExportedMechanism::derivatives() {
   for (size_t c = 0; c < width; ++c) {
     const size_t column = c < n ? c : c + padding;
     for (size_t i = 0; i < n; ++i) derivatives_.rates[i * total + column] = p.x[i * width + c];
-    for (size_t i = 0; i < outputs.size(); ++i) derivatives_.outputs[i * total + column] = output_partial(outputs[i],
-        p, c, width);
+    for (size_t i = 0; i < outputs.size(); ++i)
+      derivatives_.outputs[i * total + column] = output_partial(outputs[i], p, c, width);
   }
   derivatives_current_ = true;
   return derivatives_;
@@ -72,8 +72,8 @@ void ExportedMechanism::require_determinate(const std::vector<int>& rows) {
   const auto inactive = std::count(s.constraints.inactive.begin(), s.constraints.inactive.end(), true);
   bool indeterminate = s.ng - static_cast<int>(inactive) - s.rows.rank > dependent_rows_;
   for (int k : rows)
-    indeterminate = indeterminate || std::find(indeterminate_rows_.begin(), indeterminate_rows_.end(),
-        k) != indeterminate_rows_.end();
+    indeterminate = indeterminate ||
+                    std::find(indeterminate_rows_.begin(), indeterminate_rows_.end(), k) != indeterminate_rows_.end();
   if (indeterminate)
     throw std::invalid_argument("multipliers and forces of statically indeterminate constraints have no derivatives");
 }
@@ -105,7 +105,8 @@ double ExportedMechanism::output_partial(const SignalValue& signal, const LocalC
         size += lam[k] * lam[k], force_dot_derivative += lam[k] * p.lam[k * width + c];
         any_active = any_active || s.constraints.inactive.empty() || !s.constraints.inactive[k];
       }
-      if (any_active && size == 0) throw std::invalid_argument("the magnitude of a force has no derivative where it is zero");
+      if (any_active && size == 0)
+        throw std::invalid_argument("the magnitude of a force has no derivative where it is zero");
       return any_active ? force_dot_derivative / std::sqrt(size) : 0;
     }
     default:

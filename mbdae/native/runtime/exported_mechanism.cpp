@@ -87,8 +87,8 @@ void ExportedMechanism::build() {
   s.tree.expand(&expanded_model_), s.samplers = std::move(samplers);
   check_and_complete_interfaces(interfaces, s.constraints.rows);
   const auto active = read_key<std::vector<int>>(document, "friction_active");
-  friction_active_.assign(active.begin(), active.end()), slip_directions_ = read_key<Vector>(document,
-      "slip_directions");
+  friction_active_.assign(active.begin(), active.end()),
+      slip_directions_ = read_key<Vector>(document, "slip_directions");
   if (active.size() != interfaces.size() || slip_directions_.size() != 2 * interfaces.size())
     reject("closure friction needs one state and two slip directions for each interface");
   s.friction.use(std::move(interfaces), friction_active_.data(), slip_directions_.data());

@@ -81,7 +81,7 @@ class ExportedMechanism {
   const Vector& rate();
   void set_time(double t) { run_.interval.t = t, current_ = false; }
   void set_x(const double* x) { x_.assign(x, x + states_), current_ = false; }
-  double margin();    // distance from the limit of the coordinates, see `LocalCoordinates::margin`
+  double margin();  // distance from the limit of the coordinates, see `LocalCoordinates::margin`
   double restart_margin() const { return limits_.restart_margin; }  // a smaller margin requires `restart`
   void restart();     // in new coordinates, with their origin at x
   struct Derivatives {
@@ -93,8 +93,8 @@ class ExportedMechanism {
   // switch; 1 in unused slots.
   size_t indicators() const;
   Vector indicator_values();
-  bool complete_step();  // after a solver's step to the current state; returns whether an event is due
-  bool update_mode();    // apply impacts and enter the next mode if guards are not positive; false: nothing to do
+  bool complete_step();       // after a solver's step to the current state; returns whether an event is due
+  bool update_mode();         // apply impacts and enter the next mode if guards are not positive; false: nothing to do
   double next_event() const;  // s: time of the next time event; inf: none
 
   Vector state();  // the complete state; the mechanism continues as after `set_state`

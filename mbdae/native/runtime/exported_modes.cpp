@@ -54,8 +54,7 @@ Vector ExportedMechanism::indicator_values() {
 bool ExportedMechanism::complete_step() {
   bool due = margin() < restart_margin();
   const GuardMonitor::Values current = guard_values(y().data(), true);
-  for (size_t i = 0; i < current.guards.size(); ++i)
-    due = due || current.guards[i].f < -current.tolerances[i];
+  for (size_t i = 0; i < current.guards.size(); ++i) due = due || current.guards[i].f < -current.tolerances[i];
   return due;
 }
 
@@ -69,8 +68,8 @@ std::vector<int> ExportedMechanism::correct_overshoot(Vector& y) {
   for (size_t i = 0; i < current.guards.size(); ++i) {
     const auto& [f, rate] = current.guards[i];
     if (f <= -current.tolerances[i] / 2) out.push_back(static_cast<int>(i));
-    if (f < -current.tolerances[i] && rate < 0 && f / rate > time_back) first = static_cast<int>(i),
-        time_back = f / rate;
+    if (f < -current.tolerances[i] && rate < 0 && f / rate > time_back)
+      first = static_cast<int>(i), time_back = f / rate;
   }
   if (first < 0) return out;
   const Vector end(y), F(coordinates_->F());
@@ -93,8 +92,8 @@ void ExportedMechanism::end_short_flights(const std::vector<int>& fired, Vector&
   const GuardMonitor::Values current = guard_values(y.data(), false);
   Mode closed(modes.mode);
   for (int i : fired)
-    if (!std::isnan(modes.guards[i].return_time) &&
-        current.guards[i].rate > 0) closed[modes.guards[i].element] = active;
+    if (!std::isnan(modes.guards[i].return_time) && current.guards[i].rate > 0)
+      closed[modes.guards[i].element] = active;
   if (closed == modes.mode) return;
   const ModeSettings settings(system(), modes.switches, modes.mode);
   enter_mode(system(), modes.switches, closed, y.data(), modes.initial_rank(system().tree.tolerances));

@@ -141,9 +141,8 @@ FMI3 Status fmi3EnterConfigurationMode(void*) { return ok; }
 FMI3 Status fmi3ExitConfigurationMode(void*) { return ok; }
 FMI3 Status fmi3EvaluateDiscreteStates(void*) { return ok; }
 
-FMI3 Status fmi3UpdateDiscreteStates(void* instance, bool* needs_update, bool* terminate, bool* nominals,
-    bool* values, bool* next,
-                                     double* time) {
+FMI3 Status fmi3UpdateDiscreteStates(void* instance, bool* needs_update, bool* terminate, bool* nominals, bool* values,
+                                     bool* next, double* time) {
   *needs_update = *terminate = *nominals = *values = *next = false, *time = 0;
   return attempt(instance, [&](Instance& x) {
     x.mechanism.pass_impact();

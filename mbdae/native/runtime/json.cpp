@@ -25,8 +25,8 @@ class Parser {
  private:
   [[noreturn]] static void fail() { reject("the data of the mechanism are damaged"); }
   void skip() {
-    while (position_ != end_ && (*position_ == ' ' || *position_ == '\n' || *position_ == '\t' ||
-        *position_ == '\r')) ++position_;
+    while (position_ != end_ && (*position_ == ' ' || *position_ == '\n' || *position_ == '\t' || *position_ == '\r'))
+      ++position_;
   }
   char next() {
     skip();
@@ -39,8 +39,8 @@ class Parser {
   }
   bool word(const char* text) {
     const std::string expected(text);
-    if (static_cast<size_t>(end_ - position_) < expected.size() || expected.compare(0, expected.size(), position_,
-        expected.size()))
+    if (static_cast<size_t>(end_ - position_) < expected.size() ||
+        expected.compare(0, expected.size(), position_, expected.size()))
       return false;
     position_ += expected.size();
     return true;
@@ -107,7 +107,7 @@ class Parser {
     if (word("-Infinity")) return -INFINITY;
     const char* start = position_;
     while (position_ != end_ && (std::isalnum(static_cast<unsigned char>(*position_)) || *position_ == '-' ||
-        *position_ == '+' || *position_ == '.'))
+                                 *position_ == '+' || *position_ == '.'))
       ++position_;
     double out = 0;
     number_.clear(), number_.str(std::string(start, position_));

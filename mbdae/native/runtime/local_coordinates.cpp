@@ -66,9 +66,16 @@ Vector solve_refined(const Vector& A, const Vector& B, size_t m, size_t n) {
 }
 
 LocalCoordinates::LocalCoordinates(Index2System& s, const CoordinateLimits& limits, double t, const double* y)
-    : s_(s), limits_(limits), q0_(y, y + s.nq), displacement_(s.nv), q_(q0_), g_(s.ng),
-        G_(static_cast<size_t>(s.ng) * s.nv),
-      y_(y, y + s.length), F_(s.ny), z_(s.ng) {
+    : s_(s),
+      limits_(limits),
+      q0_(y, y + s.nq),
+      displacement_(s.nv),
+      q_(q0_),
+      g_(s.ng),
+      G_(static_cast<size_t>(s.ng) * s.nv),
+      y_(y, y + s.length),
+      F_(s.ny),
+      z_(s.ng) {
   const Tolerances& tolerances = s.tree.tolerances;
   const Vector& D = tolerances.coordinate_scales;
   const size_t nv = s.nv;
@@ -134,8 +141,8 @@ bool LocalCoordinates::project(double t, const Vector& xi, Vector& mu) {
     velocities(directions, r_);
     for (int j = 0; j < r_; ++j)
       for (size_t i = 0; i < m; ++i)
-        A[m * j + i] = mbdae::dot(&G_[positional_[i] * nv], &directions[j * nv],
-            s_.nv) / tolerances.row_scales[positional_[i]];
+        A[m * j + i] =
+            mbdae::dot(&G_[positional_[i] * nv], &directions[j * nv], s_.nv) / tolerances.row_scales[positional_[i]];
     for (int i : positional_) b.push_back(g_[i] / tolerances.row_scales[i]);
     const Vector step = solve_refined(A, b, m, r_);
     if (!(mbdae::largest(step.data(), r_) <= limits_.largest_step)) return false;

@@ -54,7 +54,7 @@ class LocalCoordinates {
   void velocities(Vector& columns, int n) const;              // J(x)^-1 of columns (n, nv)
   void begin_partials(double t, const double* x, Partials& out, int inputs);
   void complete_partials(int inputs, Partials& out);
-  void forces(double t, Vector& out);          // forces and rates at the point of the partials
+  void forces(double t, Vector& out);                // forces and rates at the point of the partials
   Vector gamma_derivative(const Vector& direction);  // derivative of gamma, (ng,)
   Vector gamma(const double* q, const double* v);
 
@@ -71,7 +71,7 @@ class LocalCoordinates {
   double t_ = 0, margin_ = 1;
   EquationPartials partials_;
   std::vector<Vector> force_rhs_;  // columns of the right-hand side of (v', rates)
-  Vector constraint_rhs_, dx_;          // (n, r) of 0 = G v' + gamma; partials of the displacement, (size, nv)
+  Vector constraint_rhs_, dx_;     // (n, r) of 0 = G v' + gamma; partials of the displacement, (size, nv)
 };
 
 // The solution X (n, k) of consistent equations A X = B, A (m, n) of full rank, by columns: least squares with one step

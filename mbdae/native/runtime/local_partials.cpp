@@ -92,8 +92,8 @@ void LocalCoordinates::begin_partials(double t, const double* x, Partials& out, 
     for (size_t j = 0; j < nv; ++j) S[(r + f_) * j + r + i] = Nv_[i * nv + j] / D[j];
   }
   const Vector dv = solve_refined(S, v_rhs, r + f_, nv);
-  out.y.assign(s_.ny * n, 0.0), out.raw.assign(s_.nq * n, 0.0), force_rhs_.clear(), constraint_rhs_.assign(width * r,
-      0.0);
+  out.y.assign(s_.ny * n, 0.0), out.raw.assign(s_.nq * n, 0.0), force_rhs_.clear(),
+      constraint_rhs_.assign(width * r, 0.0);
   for (size_t c = 0; c < n; ++c) {
     Vector tangent(s_.ny, 0.0), force_column(u, 0.0), raw(s_.nq), up(nv), down(nv);
     std::copy_n(&dq[c * nv], nv, tangent.begin()), std::copy_n(&dv[c * nv], nv, tangent.begin() + nv);
@@ -141,8 +141,8 @@ void LocalCoordinates::complete_partials(int inputs, Partials& out) {
     for (size_t i = 0; i < r; ++i) x[nv + i] = -constraint_rhs_[c * r + i];
     saddle.solve(x.data());
     for (size_t j = 0; j < nv && c < n; ++j) rate[j] = x_rate[j] = out.y[(nv + j) * n + c];
-    std::copy_n(x.begin(), nv, rate.begin() + nv), std::copy(force_column.begin() + nv, force_column.end(),
-        rate.begin() + 2 * nv);
+    std::copy_n(x.begin(), nv, rate.begin() + nv),
+        std::copy(force_column.begin() + nv, force_column.end(), rate.begin() + 2 * nv);
     for (int i = 0; i < s_.ny; ++i) out.F[i * width + c] = rate[i];
     for (int k : s_.rows.in_use()) out.lam[k * width + c] = x[nv + s_.rows.position()[k]];
     if (c < n) s_.manifold.tangent(displacement_.data(), x_rate.data());

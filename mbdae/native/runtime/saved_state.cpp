@@ -75,7 +75,7 @@ void ExportedMechanism::set_state(const Vector& state) {
   const double origin_t = next(), rank = next(), floor = next(), frozen = next();
   run.state.y = list(), run.state.carry = list(), run.state.low = list();
   const Vector values = list(), next_inputs = list(), origin = list(), x = list(), rows = list(), slips = list(),
-      mode = list();
+               mode = list();
   run.modes.mode.assign(mode.begin(), mode.end()), run.modes.last_impact = list();
   const Vector guards = list(), ratios = list();
   const size_t switches = run.modes.mode.size();
@@ -83,8 +83,7 @@ void ExportedMechanism::set_state(const Vector& state) {
   for (auto entry = ratios.begin(); entry != ratios.end(); entry += switches + 1)
     run.monitor.ratio_by_mode[Mode(entry, entry + switches)] = entry[switches];
   require(run.state.y.size() == start_.y.size() && values.size() == values_.size() &&
-      next_inputs.size() == next_inputs_.size() &&
-          static_cast<int>(x.size()) == states_);
+          next_inputs.size() == next_inputs_.size() && static_cast<int>(x.size()) == states_);
   std::vector<Setting> settings;
   for (size_t k = 0; k < inputs.size(); ++k) {
     const Vector u = list();
@@ -93,7 +92,7 @@ void ExportedMechanism::set_state(const Vector& state) {
   }
   const bool rebuild = !started() || values != values_;
   values_ = values, next_inputs_ = next_inputs, settings_ = std::move(settings), run_ = std::move(run),
-      jumped_ = jumped;
+  jumped_ = jumped;
   set_guards(guards), after_impact_ = State();
   by_steps_ = by_steps, current_ = derivatives_current_ = false;
   if (rebuild) build();

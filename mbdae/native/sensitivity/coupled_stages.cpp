@@ -35,8 +35,8 @@ CoupledStages::Matrix CoupledStages::System::solve(const Matrix& b) const {
     residual = b.col(j);
     int k = 0;
     for (; k + 4 <= n; k += 4)
-      residual -= x(k, j) * A.col(k) + x(k + 1, j) * A.col(k + 1) + x(k + 2, j) * A.col(k + 2) + x(k + 3,
-          j) * A.col(k + 3);
+      residual -=
+          x(k, j) * A.col(k) + x(k + 1, j) * A.col(k + 1) + x(k + 2, j) * A.col(k + 2) + x(k + 3, j) * A.col(k + 3);
     for (; k < n; ++k) residual -= x(k, j) * A.col(k);
     lu.solve(residual.data());
     x.col(j) += residual;
@@ -138,7 +138,7 @@ void CoupledStages::linearize(const Vector& y) {
 
 void CoupledStages::forward(int directions, double* tangents, const double* dp, const double* dh, const double* dt) {
   const int n = a_.n, ny = s_.ny, nv = s_.nv, first = a_.first, mu_size = mu_velocity_start() < 0 ? 0 : nv,
-      carry_size = ny - nv;
+            carry_size = ny - nv;
   const int width = ny + (first ? mu_size + carry_size : 0), k = forward_ ? static_cast<int>(parameters_.count()) : 0;
   const int m = stages_.empty() ? 0 : stages_[0]->size();
   Eigen::Map<Matrix> tangent_matrix(tangents, width, directions);
@@ -186,8 +186,8 @@ void CoupledStages::forward(int directions, double* tangents, const double* dp, 
   }
   tangent_matrix.topRows(ny) = dy + dx;
   for (const IntegratePartialsBlock& b : end_)
-    tangent_matrix.middleRows(b.start, b.n) = ConstMatrixMap(b.A, b.n, b.n).lazyProduct(dy.middleRows(b.start,
-        b.n)) + ConstMatrixMap(b.R, b.n, b.n).lazyProduct(dx.middleRows(b.start, b.n));
+    tangent_matrix.middleRows(b.start, b.n) = ConstMatrixMap(b.A, b.n, b.n).lazyProduct(dy.middleRows(b.start, b.n)) +
+                                              ConstMatrixMap(b.R, b.n, b.n).lazyProduct(dx.middleRows(b.start, b.n));
   if (!first) return;
   if (mu_size) tangent_matrix.middleRows(ny, nv) = mu_velocity;
   tangent_matrix.bottomRows(carry_size) = dF[n - 1].bottomRows(carry_size);
@@ -195,15 +195,15 @@ void CoupledStages::forward(int directions, double* tangents, const double* dp, 
 
 void CoupledStages::reverse(int costs, double* cotangents) {
   const int n = a_.n, ny = s_.ny, nv = s_.nv, first = a_.first, mu_size = mu_velocity_start() < 0 ? 0 : nv,
-      carry_size = ny - nv;
+            carry_size = ny - nv;
   const int width = ny + (first ? mu_size + carry_size : 0), m = stages_.empty() ? 0 : stages_[0]->size();
   Eigen::Map<Matrix> cotangent_matrix(cotangents, width, costs);
   Matrix out = cotangent_matrix.topRows(ny), x = out;
   for (const IntegratePartialsBlock& b : end_) {
-    out.middleRows(b.start, b.n) = ConstMatrixMap(b.A, b.n,
-        b.n).transpose().lazyProduct(cotangent_matrix.middleRows(b.start, b.n));
-    x.middleRows(b.start, b.n) = ConstMatrixMap(b.R, b.n,
-        b.n).transpose().lazyProduct(cotangent_matrix.middleRows(b.start, b.n));
+    out.middleRows(b.start, b.n) =
+        ConstMatrixMap(b.A, b.n, b.n).transpose().lazyProduct(cotangent_matrix.middleRows(b.start, b.n));
+    x.middleRows(b.start, b.n) =
+        ConstMatrixMap(b.R, b.n, b.n).transpose().lazyProduct(cotangent_matrix.middleRows(b.start, b.n));
   }
   std::vector<Matrix> F(n);
   for (int i = 0; i < n; ++i) F[i] = h_ * a_.b[i] * x;

@@ -19,8 +19,8 @@
 namespace mbdae {
 
 struct StepCoefficients {
-  int n = 0, first = 0;    // number of stages, and of explicit stages
-  bool coupled = false;    // collocation: the stages are one system
+  int n = 0, first = 0;  // number of stages, and of explicit stages
+  bool coupled = false;  // collocation: the stages are one system
   Vector A, Ahat, b, c, chat;
   explicit StepCoefficients(const Tableau& a);
   explicit StepCoefficients(const Radau& a);
@@ -41,7 +41,7 @@ class StageRecorder {
   virtual void finish(const State&, State&) {}
   std::vector<StageValues> stages;
   Rows<double> F;                               // (n, ny)
-  const IndependentRows* positions = nullptr;  // rows of mu
+  const IndependentRows* positions = nullptr;   // rows of mu
 };
 
 std::unique_ptr<StageRecorder> recorder(Index2System& s, const Tableau& a);

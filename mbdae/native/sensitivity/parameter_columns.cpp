@@ -172,9 +172,10 @@ void ParameterPartials::row_columns(const LinearizationPoint::ConstraintPoint& c
       double xi[6], dF[6], subtree_dF[6];
       world_poses_[frame.component].to_world(d->x.data(), xi);
       for (const auto& [position, t] : requested_)
-        Q[d->parameter * r + position] += constrained.weight * (constrained.kind == LinearizationPoint::ConstraintPoint::g
-                                                              ? (frame.second ? 1 : -1) * dot6(t->F, xi)
-                                                              : wrench_change(pair, *t, frame, xi, dF, subtree_dF));
+        Q[d->parameter * r + position] +=
+            constrained.weight * (constrained.kind == LinearizationPoint::ConstraintPoint::g
+                                      ? (frame.second ? 1 : -1) * dot6(t->F, xi)
+                                      : wrench_change(pair, *t, frame, xi, dF, subtree_dF));
     }
 }
 

@@ -57,7 +57,7 @@ struct ChangedElement {
   std::vector<PerturbedLaws> laws;
   std::vector<PerturbedRows> rows;
   std::vector<FlexibleBody> bodies;  // whose data are rates of the parameters
-  Vector gravity;  // rate of gravity, which acts on bodies with their actual data; empty: none
+  Vector gravity;                    // rate of gravity, which acts on bodies with their actual data; empty: none
 };
 
 class ParameterPartials {
@@ -78,7 +78,7 @@ class ParameterPartials {
   // Add P^T cotangent + Q^T nu, for cotangent (costs, n) and nu (costs, r).
   void add_point(const LinearizationPoint& point, const Vector& cotangent, const Vector& nu);
   void add_columns(const Vector& P, const Vector& cotangent);  // P (k, n)
-  void end_gradient(double* p);  // add the gradients to p (costs, k)
+  void end_gradient(double* p);                                // add the gradients to p (costs, k)
   // P (k, n); requires current J and poses
   void forces(const LinearizationPoint& point, Vector& P);
   // Q (k, r); requires J and poses at q
@@ -90,12 +90,12 @@ class ParameterPartials {
     bool second;  // whether it is the second frame
   };
   struct RequestedRow {  // a row of a pair
-    int position;  // among the rows in use
+    int position;        // among the rows in use
     const WrenchPartials* partials;
   };
 
-  void update_poses(const LinearizationPoint& point);     // J and poses, if required
-  void evaluate_terms(const LinearizationPoint& point);   // all other terms, and changed_P_, at the current poses
+  void update_poses(const LinearizationPoint& point);    // J and poses, if required
+  void evaluate_terms(const LinearizationPoint& point);  // all other terms, and changed_P_, at the current poses
   void evaluate_changed(const LinearizationPoint& point);                         // changed_P_
   void add_changed_rows(const LinearizationPoint::ConstraintPoint& constrained);  // add to changed_Q_
   template <bool accelerated>
@@ -128,7 +128,7 @@ class ParameterPartials {
   double wrench_change(const Pair& pair, const WrenchPartials& t, const MovedFrame& frame, const double* xi, double* dF,
                        double* subtree_dF) const;
   void subtract_wrench(int joint, const double* W, double* P) const;  // P -= J^T W, by the columns that move the joint
-  void subtract_subtree_wrenches(int joint, double* P);  // P -= J^T W_ of the subtree, by its columns
+  void subtract_subtree_wrenches(int joint, double* P);               // P -= J^T W_ of the subtree, by its columns
 
   Index2System& s_;
   const size_t count_;
@@ -138,19 +138,19 @@ class ParameterPartials {
   std::vector<ChangedElement> changed_;
   std::map<const Pair*, std::vector<MovedFrame>> moved_frames_;  // of all pairs
   bool frames_move_ = false, has_placement_ = false, needs_kinematics_ = false, has_changed_rows_ = false;
-  bool has_moving_rows_ = false;                      // rows depend on placements or frames
-  std::vector<std::vector<int>> columns_;             // columns of J of each joint
-  std::vector<int> joint_of_;                         // (nv,) joint of each column
+  bool has_moving_rows_ = false;           // rows depend on placements or frames
+  std::vector<std::vector<int>> columns_;  // columns of J of each joint
+  std::vector<int> joint_of_;              // (nv,) joint of each column
   // (joints, joints): whether the second joint is the first or its ancestor
   std::vector<std::vector<bool>> has_ancestor_;
   std::vector<std::vector<int>> subtree_;             // the subtree of each joint; of the world: all joints
   std::vector<std::vector<const Direction*>> directions_of_;  // of each component
-  std::vector<int> moving_joints_, inertial_joints_;  // joints whose motions, and whose bodies are required
+  std::vector<int> moving_joints_, inertial_joints_;          // joints whose motions, and whose bodies are required
   struct Sums {
     std::vector<Vector> components;
     Vector columns, changed;  // (k,) from `add_columns`; of perturbed laws and rows
   };
-  std::vector<Sums> sums_;         // gradients of each cost
+  std::vector<Sums> sums_;        // gradients of each cost
   Vector changed_P_, changed_Q_;  // of perturbed laws and rows: (changed, n), (changed, ng)
 
   // By joint: V velocity, A acceleration minus gravity, U virtual velocity, X = U + power V. Sums over its subtree:

@@ -73,8 +73,8 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   p.lam.assign(s_.ng, 0.0), p.wrenches.clear(), p.constraint_points.resize(1);
   LinearizationPoint::ConstraintPoint& constrained = p.constraint_points[0];
   constrained.t = t, constrained.q = p.q,
-  constrained.kind = c.velocity_level ? LinearizationPoint::ConstraintPoint::rate
-      : LinearizationPoint::ConstraintPoint::g,
+  constrained.kind =
+      c.velocity_level ? LinearizationPoint::ConstraintPoint::rate : LinearizationPoint::ConstraintPoint::g,
   constrained.weight = 1;
   if (c.velocity_level) constrained.v.assign(v, v + nv);
   c.is_nonzero = largest(x.data(), nv) > s_.tree.tolerances.evaluation_rounding;
@@ -112,8 +112,7 @@ void ProjectionSensitivity::solve(const Correction& c, double* upper, double* lo
   factors_.solve_root(upper);
   for (size_t i = 0; i < l.size(); ++i) l[i] = lower[c.rows[i]] - s_.constraints.times(c.rows[i], c.Z, upper);
   c.lu.solve(l.data());
-  for (size_t i = 0; i < l.size(); ++i)
-    lower[c.rows[i]] = l[i], s_.constraints.add(c.rows[i], c.Z, l[i], upper);
+  for (size_t i = 0; i < l.size(); ++i) lower[c.rows[i]] = l[i], s_.constraints.add(c.rows[i], c.Z, l[i], upper);
   factors_.solve_root_transposed(upper);
 }
 

@@ -30,12 +30,12 @@ class ProjectionSensitivity {
   struct Correction {
     LinearizationPoint point;
     bool velocity_level = false, is_nonzero = false;  // is_nonzero: of x
-    std::vector<int> rows;             // (r,) rows that it satisfies
+    std::vector<int> rows;                            // (r,) rows that it satisfies
     BandLU lu;                         // of G M^-1 G^T
     Vector G, Z, x;                    // entries by rows, entries by rows, (nv,)
     Vector K, B, T, Bv;                // (nv, nv), (r, nv), (nv, nv), (r, nv); see correct()
     std::vector<IntegratePartialsBlock> integrate_partials;
-    Vector P, Q;  // (k, n) if x is nonzero, and (k, r); for tangents
+    Vector P, Q;   // (k, n) if x is nonzero, and (k, r); for tangents
     Vector dr_dt;  // (ng,) partials of r with respect to t
   };
 

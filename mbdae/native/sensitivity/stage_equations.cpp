@@ -82,8 +82,8 @@ void StageEquations::constraints(const double* y0, const StageValues& stage) {
   if (!position_rows_) return;
   const LinearizationPoint::ConstraintPoint& constraint_point = point_.constraint_points[0];
   mu_point_.rows = position_rows_;
-  mu_point_.constraint_points.push_back({stage.that, constraint_point.q, constraint_point.v,
-      LinearizationPoint::ConstraintPoint::g, 1});
+  mu_point_.constraint_points.push_back(
+      {stage.that, constraint_point.q, constraint_point.v, LinearizationPoint::ConstraintPoint::g, 1});
   time_.assign(s_.ng, 0.0);
   s_.constraints.evaluate_g_t(stage.that, time_.data());
   const int first = ny + r_ + nv;
@@ -114,8 +114,8 @@ void StageEquations::motion(const double* y0, const StageValues& stage) {
   M_.resize(static_cast<size_t>(nv) * nv), s_.tree.dense_M(M_.data());
   unknown_partials.block(nv, nv, nv, nv) = ConstMatrixMap(M_.data(), nv, nv);
   x.block(0, nv, nv, nv) = -Rows<double>::Identity(nv, nv);
-  x.block(nv, 0, n_, nv) = -ConstMatrixMap(partials_.K.data(), n_, nv), x.block(nv, nv, n_,
-      n_) = -ConstMatrixMap(partials_.D.data(), n_, n_);
+  x.block(nv, 0, n_, nv) = -ConstMatrixMap(partials_.K.data(), n_, nv),
+                     x.block(nv, nv, n_, n_) = -ConstMatrixMap(partials_.D.data(), n_, n_);
   for (int k : s_.rows.in_use()) {
     const int i = s_.rows.position()[k];
     unknown_partials.block(nv, ny + i, nv, 1) = -ConstMatrixMap(&G_[static_cast<size_t>(k) * nv], 1, nv).transpose();
@@ -145,8 +145,8 @@ void StageEquations::friction() {
   Vector K(n * nv), D(n * n);
   friction_columns_.resize(parameters_.count() * n);
   parameters_.friction(point_.q, Vector(point_.u.begin(), point_.u.begin() + nv), point_.lam, K, D, friction_columns_);
-  x.block(nv, 0, n_, nv) -= ConstMatrixMap(K.data(), n_, nv), x.block(nv, nv, n_, n_) -= ConstMatrixMap(D.data(), n_,
-      n_);
+  x.block(nv, 0, n_, nv) -= ConstMatrixMap(K.data(), n_, nv),
+      x.block(nv, nv, n_, n_) -= ConstMatrixMap(D.data(), n_, n_);
   if (forward_) p.middleRows(nv, n_) -= ConstMatrixMap(friction_columns_.data(), p.cols(), n_).transpose();
 }
 

@@ -32,7 +32,7 @@ class StageEquations {
   void add_parameters(const Eigen::MatrixXd& mu);
 
   Rows<double> unknown_partials, x, xhat, y;  // (m, m) at fixed x and xhat; (m, ny), (m, 2 nv), (m, ny)
-  Rows<double> p;                // (m, k), for tangents
+  Rows<double> p;                             // (m, k), for tangents
   Eigen::VectorXd t, that;       // (m,)
 
  private:

@@ -117,8 +117,14 @@ class RecordingCollocation final : public Step, public StageRecorder {
     stages.clear();
     for (int i = 0; i < a_.s; ++i) {
       const double *x = X.row(i).data(), *K = F.row(i).data(), time = t_ + a_.c[i] * m.h;
-      stages.push_back({time, time, Vector(x, x + this->ny_), Vector(x, x + 2 * this->nv_), Vector(K, K + this->ny_),
-                        Vector(this->s_.ng, 0.0), {}, {}});
+      stages.push_back({time,
+                        time,
+                        Vector(x, x + this->ny_),
+                        Vector(x, x + 2 * this->nv_),
+                        Vector(K, K + this->ny_),
+                        Vector(this->s_.ng, 0.0),
+                        {},
+                        {}});
       multipliers(stages.back(), &m.Z[static_cast<size_t>(i) * unknown_count()], unknown_count());
     }
   }

@@ -117,8 +117,8 @@ void StageSensitivity::reverse(const double* F, double* x, double* xhat, double*
     std::fill(dq_.begin(), dq_.end(), 0.0);
   }
   point.solve_root_transposed(upper.data());
-  add_transposed(partials.K, n, nv, upper.data(), dq_.data()), add_transposed(partials.D, n, n, upper.data(),
-      du_.data());
+  add_transposed(partials.K, n, nv, upper.data(), dq_.data()),
+      add_transposed(partials.D, n, n, upper.data(), du_.data());
   apply(integrate_partials, &IntegratePartialsBlock::J, true, true, nv, rate_.data(), scratch_.data());
   for (int i = 0; i < nv; ++i) du_[i] += scratch_[i];
   apply(integrate_partials, &IntegratePartialsBlock::T, true, false, nv, rate_.data(), scratch_.data());

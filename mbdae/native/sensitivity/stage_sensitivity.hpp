@@ -1,5 +1,5 @@
-// Tangent and adjoint of a stage of index 2, by its saddle-point system. In coordinates x of a step, q = q_n (+) x, with
-// A, R, J, T of `IntegratePartialsBlock` and the partials K, D, B of `EquationPartials`,
+// Tangent and adjoint of a stage of index 2, by its saddle-point system. In coordinates x of a step, q = q_n (+) x,
+// with A, R, J, T of `IntegratePartialsBlock` and the partials K, D, B of `EquationPartials`,
 //
 //   dq = A dq_n + R dx,   dx' = J dv + T dx,   dqhat = Ahat dq_n + Rhat (dxhat + factor dx')
 //   [M  -G^T] [dv' ]   [K dq + D du + P dp                                            ]
@@ -21,12 +21,12 @@ struct LinearizationPoint {
     double weight;
     std::vector<WrenchPartials> wrench_partials = {};  // (ng,) of rows in use, unless kind is g
   };
-  bool loaded = true;      // includes laws and gravity
-  bool at_rest = false;    // no forces and no velocity: P is 0
+  bool loaded = true;                     // includes laws and gravity
+  bool at_rest = false;                   // no forces and no velocity: P is 0
   const IndependentRows* rows = nullptr;  // rows of `constraint_points` and `nu`; nullptr: rows in use
   double t = 0;
   Vector q, u, vdot, lam;              // (nq,), (nv + ns + 1,), (nv,), (ng,)
-  std::vector<LawWrench> wrenches;  // of laws and closures, if placements or frames are parameters
+  std::vector<LawWrench> wrenches;     // of laws and closures, if placements or frames are parameters
   std::vector<ConstraintPoint> constraint_points;
 };
 

@@ -82,8 +82,7 @@ bool project(Index2System& s, const RepeatTolerances& tolerances, double t, cons
   double move_norm;
   if (tolerances.adaptive) {
     move_norm = tolerances.control.error_norm(move.data(), 1, s.ny, s.controlled_components(), size0.data(),
-        size1.data(),
-                                          0, 0, 0);
+                                              size1.data(), 0, 0, 0);
   } else {
     add_characteristic_magnitudes(s, next.y.data(), size1.data());
     move_norm = largest_move(move, size1, s.controlled_components(), tolerances.tolerated_move, tolerances.tiny);

@@ -119,8 +119,8 @@ void CollocationStep::enlarge_scale(const Radau& a, const Vector& displacements)
     for (int i = 0; i < a.s; ++i) move = std::max(move, std::fabs(displacements[i * ny_ + k]));
     scale[k] += move, largest_scale = std::max(largest_scale, scale[k]);
   }
-  for (int k = 0; k < s_.controlled_components(); ++k) scale_[k] = std::max(scale_[k],
-      scale[k] + a.negligible * largest_scale);
+  for (int k = 0; k < s_.controlled_components(); ++k)
+    scale_[k] = std::max(scale_[k], scale[k] + a.negligible * largest_scale);
 }
 
 bool CollocationStep::solve(const Radau& a, int max_iterations, double accuracy, double t, StageMemory& m) {
@@ -162,9 +162,8 @@ bool CollocationStep::solve(const Radau& a, int max_iterations, double accuracy,
       m.rate = rate;
       return true;
     }
-    const bool slow =
-        k > 1 && last > a.iteration_rounding && (rate >= 1 || std::pow(rate,
-            max_iterations - 1 - k) * size > acceptable);
+    const bool slow = k > 1 && last > a.iteration_rounding &&
+                      (rate >= 1 || std::pow(rate, max_iterations - 1 - k) * size > acceptable);
     if (slow || !std::isfinite(size)) return false;
     last = size;
   }

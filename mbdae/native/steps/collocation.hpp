@@ -23,12 +23,12 @@ struct Radau {
   std::vector<EigenMode> modes;
   int real = -1;  // index of the real eigenvalue; -1: none
   double gamma = 0;
-  Vector start;                          // error estimates: F minus these combinations of stages, (1 or 2, s) by rows
-  int middle = 0;                        // the stage at which partials are evaluated
+  Vector start;    // error estimates: F minus these combinations of stages, (1 or 2, s) by rows
+  int middle = 0;  // the stage at which partials are evaluated
   int max_iterations = 0,
-      max_iterations_controlled = 0;     // for a fixed step; for a step that may be shortened
-  int extra_iterations = 0;              // largest number of iterations after a change close to rounding
-  int first_iterations = 0;              // number of iterations after the first one
+      max_iterations_controlled = 0;  // for a fixed step; for a step that may be shortened
+  int extra_iterations = 0;           // largest number of iterations after a change close to rounding
+  int first_iterations = 0;           // number of iterations after the first one
   double below_rounding = 0, iteration_rounding = 0, negligible = 0;  // mbdae/tolerances.py
   double expected_rate = 0, reuse = 0;  // contraction rates: initial value; largest rate at which partials are reused
   int s = 0, errors = 0;                // stages, and error estimates

@@ -22,7 +22,7 @@ class GGLCollocation : public CollocationStep {
 
  private:
   Vector gap_, mu_;  // (ng,)
-  Vector mu_velocity_;      // (nv,)
+  Vector mu_velocity_;  // (nv,)
 };
 
 }  // namespace mbdae

@@ -35,7 +35,7 @@ class HalfExplicitStep {
   virtual void set_carry(const double* F, Vector& carry) const;     // carry to the next step, from the last stage
   // at x_, with the stage constraint at xhat_
   virtual void stage(double t, double that, double factor, double* F, bool last);
-  void set_stage_state();                                                              // set q_, v_ and s_in_ at x_
+  void set_stage_state();  // set q_, v_ and s_in_ at x_
   // Set x' (nv,) of a stage, from J v; evaluate G and Z of the rows in use at its constraint point, and factorize S.
   virtual void satisfy_constraint(double that, double factor, double* dx);
   virtual void project(double* e);                  // project an error (ny,) onto the constraints, in the mass metric
@@ -55,7 +55,7 @@ class HalfExplicitStep {
   Vector f_;                          // (nv,)
   Vector lam_, gt_, gthat_, work_;    // (ng,)
   Vector Ghat_, Zhat_;                // entries by rows, at the constraint point of the stage
-  bool with_partials_ = false;               // compute terms of the partials of stages
+  bool with_partials_ = false;        // compute terms of the partials of stages
 };
 
 }  // namespace mbdae

@@ -58,7 +58,7 @@ void NewmarkStep::correct(const GeneralizedAlpha& a, double t, Vector& dx) {
   const int size = n_ + r + m;
   matrix_.resize(size);
   const auto add_to_row = [&](int i, const double* du_partials, const double* dx_partials, double weight,
-      double factor) {
+                              double factor) {
     // row i: factor * du_partials (nv,) + weight * dx_partials in the columns of v'; weight * dx_partials N in those of
     // mu
     for (size_t j = 0; j < nv; ++j)
@@ -78,8 +78,8 @@ void NewmarkStep::correct(const GeneralizedAlpha& a, double t, Vector& dx) {
     for (size_t i = 0; i < nv; ++i) column[i] = -G[i];
     column[n - 1] = partials_.g_t[k];
     if (!partials_.friction.empty())
-      for (size_t i = 0; i <= nv; ++i) column[i < nv ? i
-          : n - 1] -= partials_.friction[static_cast<size_t>(k) * (nv + 1) + i];
+      for (size_t i = 0; i <= nv; ++i)
+        column[i < nv ? i : n - 1] -= partials_.friction[static_cast<size_t>(k) * (nv + 1) + i];
     int row = n_ + k;
     if (a.stabilized) {
       add_to_row(row, G, &partials_.B[static_cast<size_t>(k) * nv], b2_ / b1_, 1);

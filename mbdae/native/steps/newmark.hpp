@@ -31,10 +31,10 @@ class NewmarkStep : private CollocationStep {  // uses its stage residual
   void correct(const GeneralizedAlpha& a, double t, Vector& dx);
   std::pair<double, double> change_and_scale(const Vector& dx) const;
 
-  const int n_;        // size of u
+  const int n_;  // size of u
   double h_ = 0, b1_ = 0, b2_ = 0;
   Vector x_, normal_;  // (n + r + m,) u_1', lam, mu; M_0^-1 G_0^T (m, nv) by rows
-  Vector predictor_;       // (ny,) the displacement for zero unknowns
+  Vector predictor_;   // (ny,) the displacement for zero unknowns
   EquationPartials partials_;
   std::vector<TangentBlock> inverse_;  // J(x)^-1
   DenseLU<1> matrix_;

@@ -83,8 +83,9 @@ class ModeSolver final : public StageSolver {
   static Complex times(Complex a, Complex b) {  // without the check of operator* for non-finite values
     return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
   }
-  static Complex entry(const double* x, int i, int n) { return components == 1 ? Complex(x[i]) : Complex(x[i],
-      x[n + i]); }
+  static Complex entry(const double* x, int i, int n) {
+    return components == 1 ? Complex(x[i]) : Complex(x[i], x[n + i]);
+  }
   static void write(double* x, int i, int n, Complex value) {
     x[i] = value.real();
     if constexpr (components == 2) x[n + i] = value.imag();
@@ -188,7 +189,7 @@ class ModeSolver final : public StageSolver {
 }  // namespace
 
 std::shared_ptr<const StageSolver> make_stage_solver(const std::shared_ptr<const LinearizedStages>& partials, int nv,
-    Complex mu) {
+                                                     Complex mu) {
   if (mu.imag() == 0) return std::make_shared<ModeSolver<1>>(partials, nv, mu);
   return std::make_shared<ModeSolver<2>>(partials, nv, mu);
 }

@@ -17,6 +17,6 @@ class StageSolver {
 };
 
 std::shared_ptr<const StageSolver> make_stage_solver(const std::shared_ptr<const LinearizedStages>& partials, int nv,
-    Complex mu);
+                                                     Complex mu);
 
 }  // namespace mbdae

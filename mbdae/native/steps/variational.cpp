@@ -157,7 +157,7 @@ void VariationalStep::rattle(const NewtonIteration& iteration, double t, double 
   for (int i = 0; i < n; ++i) x_[i] = h * v0_[i];
   solve_by_newton(
       iteration, s_.counts, x_, [&](Vector& dx) { correct(dx); },
-          [&](const Vector& dx) { return change_and_scale(dx); });
+      [&](const Vector& dx) { return change_and_scale(dx); });
 
   for (int i = 0; i < n; ++i) w_[i] = x_[i] / h;
   evaluate_endpoint(t, q0_.data(), start_);

@@ -58,7 +58,7 @@ void ClosureFriction::begin_step(const double* v) {
 }
 
 double ClosureFriction::slip(const FrictionInterface& interface, const double* v, double (*W)[6],
-    double* slip_velocity) const {
+                             double* slip_velocity) const {
   const Pair& pair = constraints_.pairs[interface.pair];
   double V[6];
   slip_velocity[0] = slip_velocity[1] = 0;
@@ -79,8 +79,8 @@ void ClosureFriction::no_slip_wrench(size_t k, const double* v, bool within_step
     const double component = dot(slip_velocity, directions, 2);
     if (component < 0 && (within_step || size <= tolerances.clear_slip * smallest_slip))
       for (double& x : slip_velocity) x = -x;
-    if (within_step && std::fabs(component) > tolerances.slip_cosine) std::copy(slip_velocity, slip_velocity + m,
-        directions);
+    if (within_step && std::fabs(component) > tolerances.slip_cosine)
+      std::copy(slip_velocity, slip_velocity + m, directions);
   } else {
     std::copy(directions, directions + m, slip_velocity);
   }
@@ -190,8 +190,8 @@ void ClosureFriction::solve_forces(const Vector& lam, const Vector& responses) {
     partials.solve(move.data());
     for (int i = 0; i < k; ++i) T_[i] += move[i];
     const double change = largest(move.data(), k), size = largest(T_.data(), k);
-    if (change <= tolerances.rounding * size || (change >= 0.5 * last &&
-        change <= tolerances.solution_rounding * size)) return;
+    if (change <= tolerances.rounding * size || (change >= 0.5 * last && change <= tolerances.solution_rounding * size))
+      return;
     last = change;
   }
   throw FallBackToPython();

@@ -35,7 +35,7 @@ class ClosureFriction {
   explicit operator bool() const {  // whether any interface slides
     return std::any_of(active_, active_ + interfaces_.size(), [](std::uint8_t x) { return x != 0; });
   }
-  double smallest_slip;            // m/s: smaller slips have no direction
+  double smallest_slip;  // m/s: smaller slips have no direction
   size_t size() const { return interfaces_.size(); }
   void set_active(int k, bool on) { active_[k] = on; }
   double& direction(int k) { return directions_[2 * k]; }  // sign of the slip along the first no-slip row
@@ -65,8 +65,8 @@ class ClosureFriction {
   void prepare_minimum_norm(const double* G);               // compute C_ and P_
   void minimum_norm(const double* lam, double* all) const;  // multipliers of all rows, of minimum norm
   double force_magnitude(const FrictionInterface& interface, const double* all,
-                         double* gradient) const;                   // |F|, and d|F|/dF
-  void solve_forces(const Vector& lam, const Vector& responses);    // set T_; responses (k, ng) by rows
+                         double* gradient) const;                 // |F|, and d|F|/dF
+  void solve_forces(const Vector& lam, const Vector& responses);  // set T_; responses (k, ng) by rows
 
   const MultibodyTree& m_;
   Constraints& constraints_;
@@ -78,7 +78,7 @@ class ClosureFriction {
   Vector e_, C_, P_;
   Vector speed_, factor_, T_;  // (k,)
   Vector slips_;               // (k, 2) slip directions along no-slip rows
-  Vector all_multipliers_, unit_response_, v_;       // (ng,), (ng,), (nv,)
+  Vector all_multipliers_, unit_response_, v_;  // (ng,), (ng,), (nv,)
 };
 
 }  // namespace mbdae

@@ -24,8 +24,8 @@ class IndependentRows {
   int rank = -1;           // -1: unknown
   double floor = 0;        // pivot ratio below which the rank has fallen
   bool frozen = false;     // the rows in use change only in `update_independent_rows`
-  double least_pivot_ratio = 1;      // smallest pivot ratio of G M^-1 G^T since the last check in Python
-  bool remaining_independent = false;   // remaining rows may be independent of the rows in use
+  double least_pivot_ratio = 1;        // smallest pivot ratio of G M^-1 G^T since the last check in Python
+  bool remaining_independent = false;  // remaining rows may be independent of the rows in use
 
   const std::vector<int>& neighbours(int row) const { return neighbours_[row]; }  // rows with a common column, sorted
   const std::vector<int>& in_use() const { return rows_; }                        // (r,) in the order of elimination
@@ -40,7 +40,7 @@ class IndependentRows {
   bool has_many() const { return static_cast<int>(position_.size()) > tolerances_.many_rows; }
 
   void use(const std::vector<int>& rows, int rank, double floor, bool frozen);
-  void reset();  // to the initial state
+  void reset();                     // to the initial state
   void record_ratio(double ratio);  // record the pivot ratio of a saddle-point system
   // Determine rank, floor and rows at the start of a run from G and Z (entries by rows), as `initial_rank` and
   // `select_rows` in Python; FallBackToPython if Python must decide, for example close to singular configurations.
@@ -77,8 +77,8 @@ class IndependentRows {
                    Vector& pivots) const;
   double smallest_pivot_in_use(const Vector& Z);
   bool uses_first_pivots() const;  // whether the rows of the first `rank` pivots are in use
-  bool use_first_pivots();  // use these rows; return whether the rows in use changed
-  bool has_tie() const;  // whether a dependent row ties with a pivot, to rounding, in `factors_`
+  bool use_first_pivots();         // use these rows; return whether the rows in use changed
+  bool has_tie() const;            // whether a dependent row ties with a pivot, to rounding, in `factors_`
   int dense_rank(const Vector& G, const InitialRank& first);
 
   const Constraints& constraints_;

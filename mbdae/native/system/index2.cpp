@@ -121,8 +121,8 @@ void Index2System::deactivate_rows(std::vector<bool> inactive, bool has_sticking
 }
 
 void Index2System::probe_other_rows() {
-  if (rows.has_many() && rows.dependent() && !saddle.remaining_rows_dependent(probe_)) rows.remaining_independent =
-      true;
+  if (rows.has_many() && rows.dependent() && !saddle.remaining_rows_dependent(probe_))
+    rows.remaining_independent = true;
 }
 
 void Index2System::torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates) {
@@ -130,8 +130,7 @@ void Index2System::torque(double t, const double* q, const double* v, const doub
   std::fill_n(tau, nv, 0.0), rates[ns] = 0;
   if (laws_.empty()) return;
   std::fill(nonconservative_.begin(), nonconservative_.end(), 0.0);
-  for (const Law& law : laws_)
-    law.add(tree, t, q, v, s + law.state, tau, nonconservative_.data(), rates + law.state);
+  for (const Law& law : laws_) law.add(tree, t, q, v, s + law.state, tau, nonconservative_.data(), rates + law.state);
   rates[ns] = dot(nonconservative_.data(), v, nv);
   for (int i = 0; i < nv; ++i) tau[i] += nonconservative_[i];
 }

@@ -91,7 +91,7 @@ class Index2System {
   bool write(const void* model, const Tolerances& tolerances, Description d);
   bool remaining_rows_dependent(const double* q, double tolerance);  // see `IndependentRows`; not counted
   void determine_rows(const double* q, const IndependentRows::InitialRank& first);  // at the start of a run
-  bool change_law(int k, const Vector& a);  // replace the parameters of law k
+  bool change_law(int k, const Vector& a);                                          // replace the parameters of law k
   size_t law_size(int k) const { return k < 0 || k >= static_cast<int>(laws_.size()) ? 0 : laws_[k].a.size(); }
   // parameter i of law k; beyond the last one, the offset of its potential; nullptr: none
   double* law_parameter(int k, int i);
@@ -110,8 +110,8 @@ class Index2System {
   void partials(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out);
   // Only K, D and g_t, and if requested B (r, nv) and wrenches: of laws between frames, then of closures, summed over
   // rows.
-  void force_partials(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out,
-                    Vector* B = nullptr, std::vector<LawWrench>* wrenches = nullptr);
+  void force_partials(double t, const double* q, const double* u, const double* vdot, const double* lam,
+                      EquationPartials& out, Vector* B = nullptr, std::vector<LawWrench>* wrenches = nullptr);
   // Partials of all laws with respect to (q, v, s): of conservative and of other forces, (nv, width) each, and of s',
   // (ns, width), width = 2 nv + ns; requires current kinematics at q. Valid until the next call.
   const double* law_partials(double t, const double* q, const double* v, const double* s,
@@ -178,7 +178,7 @@ class Index2System {
   std::vector<Law> laws_;
   const Vector probe_;               // (nv,)
   const double alpha_, beta_;         // 1/s
-  Vector nonconservative_, f_;                 // (nv,)
+  Vector nonconservative_, f_;        // (nv,)
   Vector lam_, gt_, gap_, rate_;     // (ng,)
   Vector all_G_;                     // (ng, nv)
   Vector law_partials_, dtau_dq_, dtau_dv_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice

@@ -27,15 +27,15 @@ void IndependentRows::determine(const Vector& G, const Vector& Z, long stamp, co
   const double ratio = rank ? pivots_[rank - 1] / pivots_[0] : 1;
   floor = rank ? std::min(1.0, first.fallen * ratio) * tolerances_.pivot_rank : 0;
   const bool fell = count_above(pivots_, floor) < rank;
-  const bool grew = static_cast<int>(pivots_.size()) > rank &&
-      pivots_[rank] > tolerances_.growth_tolerance * pivots_[0];
+  const bool grew =
+      static_cast<int>(pivots_.size()) > rank && pivots_[rank] > tolerances_.growth_tolerance * pivots_[0];
   // Equal pivots of few rows: Python selects, because rounding must not decide.
   if (fell || grew || (!has_many() && has_tie())) rank = -1;
   if (rank < 0) throw FallBackToPython();
   use_first_pivots();
   // If rows omitted by the elimination are not dependent, Python examines them by QR.
-  if (has_many() && rank < max_rank && !(remaining_rows_dependent(Z, first.dependent, probe) &&
-                                  remaining_rows_dependent(G, first.dependent, probe))) {
+  if (has_many() && rank < max_rank &&
+      !(remaining_rows_dependent(Z, first.dependent, probe) && remaining_rows_dependent(G, first.dependent, probe))) {
     rank = -1;
     throw FallBackToPython();
   }
@@ -88,7 +88,8 @@ bool IndependentRows::remaining_rows_dependent(const Vector& B, double tolerance
   Vector row_norm(position_.size());
   for (int k : constraints_.all) row_norm[k] = std::sqrt(constraints_.product(k, k, B.data()));
   for (int i = 0; i < r; ++i)
-    for (int j : coupled_[i]) S.at(i, j) = S.at(j, i) =
+    for (int j : coupled_[i])
+      S.at(i, j) = S.at(j, i) =
           constraints_.product(rows_[i], rows_[j], B.data()) / (row_norm[rows_[i]] * row_norm[rows_[j]]);
   if (!S.factorize()) return false;
   const double smallest_size = tolerances_.pivot_rank * *std::max_element(row_norm.begin(), row_norm.end());
@@ -104,8 +105,8 @@ bool IndependentRows::remaining_rows_dependent(const Vector& B, double tolerance
       }
     }
     for (int k : remaining_)
-      if (row_norm[k] > smallest_size && !(std::fabs(constraints_.times(k, B,
-          w.data())) <= tolerance * row_norm[k])) return false;
+      if (row_norm[k] > smallest_size && !(std::fabs(constraints_.times(k, B, w.data())) <= tolerance * row_norm[k]))
+        return false;
   }
   return true;
 }

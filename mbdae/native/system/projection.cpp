@@ -39,8 +39,8 @@ bool violates_velocity_constraints(const Index2System& s, double t, const double
     double sum = g_t[k], size = std::fabs(g_t[k]);
     const double* G = s.point.G.data() + s.constraints.start[k];
     for (int i : s.constraints.rows[k].columns) sum += *G * v[i], size += std::fabs(*G++ * v[i]);
-    violation = std::max(violation, std::fabs(sum) / tolerances.row_scales[k]), terms = std::max(terms,
-        size / tolerances.row_scales[k]);
+    violation = std::max(violation, std::fabs(sum) / tolerances.row_scales[k]),
+    terms = std::max(terms, size / tolerances.row_scales[k]);
   }
   return !(violation <= tolerances.visible * terms);
 }
@@ -53,16 +53,16 @@ void add_characteristic_magnitudes(const Index2System& s, const double* y, doubl
 
 double largest_move(const Vector& move, const Vector& magnitudes, int n, double ratio, double tiny) {
   double largest_ratio = 0;
-  for (int k = 0; k < n; ++k) largest_ratio = std::max(largest_ratio,
-      std::fabs(move[k]) / (ratio * magnitudes[k] + tiny));
+  for (int k = 0; k < n; ++k)
+    largest_ratio = std::max(largest_ratio, std::fabs(move[k]) / (ratio * magnitudes[k] + tiny));
   return largest_ratio;
 }
 
 bool exceeds_rounding(const Index2System& s, const double* rate, const double* v) {
   const Tolerances& tolerances = s.tree.tolerances;
   return s.constraints.has_sticking_joints ||
-         norm_of(rate, tolerances.row_scales) > tolerances.sum_rounding * largest_scaled(v,
-             tolerances.coordinate_scales);
+         norm_of(rate, tolerances.row_scales) >
+             tolerances.sum_rounding * largest_scaled(v, tolerances.coordinate_scales);
 }
 
 namespace {
@@ -78,9 +78,8 @@ class MinimumNormCorrection {
 
   // Compute x; return whether the rows in use were used: if other rows remain violated, call `use_all_rows` and repeat.
   bool compute(const Vector& r, bool of_q, double* x) {
-    const bool used_rows_in_use =
-        rows_in_use_suffice_ && !(of_q && has_velocity_rows_in_use()) &&
-            s_.saddle.factorize_symmetric(s_.tree.tolerances.truncation);
+    const bool used_rows_in_use = rows_in_use_suffice_ && !(of_q && has_velocity_rows_in_use()) &&
+                                  s_.saddle.factorize_symmetric(s_.tree.tolerances.truncation);
     used_rows_in_use ? s_.saddle.minimum_norm_correction(r.data(), x) : compute_by_all_rows(r, of_q, x);
     return used_rows_in_use;
   }
@@ -117,8 +116,9 @@ void project_positions(Index2System& s, double t, double* q, std::vector<Vector>
   double move = 0;
   bool has_moved = false;
   for (int i = 0; i < tolerances.projection_iterations; ++i) {
-    if (norm_of(g.data(), tolerances.row_scales) <= tolerances.sum_rounding * (1 + largest_scaled(q,
-        tolerances.q_scales))) break;
+    if (norm_of(g.data(), tolerances.row_scales) <=
+        tolerances.sum_rounding * (1 + largest_scaled(q, tolerances.q_scales)))
+      break;
     const bool used_rows_in_use = correction.compute(g, true, x.data());
     move = largest_scaled(x.data(), tolerances.coordinate_scales);
     for (double& c : x) c = -c;
@@ -163,7 +163,8 @@ void project_velocities(Index2System& s, double t, double* v) {
   const double initial_norm = norm_of(rate.data(), tolerances.row_scales);
   if (correct()) {
     s.residual_rate(t, v, rate.data());
-    const bool reduced = norm_of(rate.data(), tolerances.row_scales) < tolerances.projection_max_remaining * initial_norm;
+    const bool reduced =
+        norm_of(rate.data(), tolerances.row_scales) < tolerances.projection_max_remaining * initial_norm;
     if (!reduced && exceeds_rounding(s, rate.data(), v)) correction.use_all_rows(), correct();
   }
   if (violates_velocity_constraints(s, t, v)) throw FallBackToPython();

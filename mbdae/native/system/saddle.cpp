@@ -174,8 +174,8 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   couplings_.clear();
   for (int i = 0; i < d; ++i)
     for (int l : rows_.neighbours(remaining[i]))
-      if (position[l] >= 0) couplings_.push_back({i, position[l], constraints_.product(remaining[i], l,
-          point_.Z.data())});
+      if (position[l] >= 0)
+        couplings_.push_back({i, position[l], constraints_.product(remaining[i], l, point_.Z.data())});
   auto apply_C = [&](Vector& u, Vector& out) {  // out = C u; u is overwritten
     lu_.solve(u.data());
     std::fill(out.begin(), out.end(), 0.0);

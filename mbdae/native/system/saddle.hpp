@@ -12,8 +12,7 @@ namespace mbdae {
 class SaddleSystem {
  public:
   SaddleSystem(const Configuration& point, const Constraints& constraints, IndependentRows& rows,
-      const Tolerances& tolerances,
-               Counts& counts, int nv);
+               const Tolerances& tolerances, Counts& counts, int nv);
 
   void factorize(const Vector& Zhat);  // factorize S
   // After `factorize`: replace rhs (ng,) by row by lam, and f (nv,) by v'.
@@ -42,15 +41,15 @@ class SaddleSystem {
     int i, j;
     double s;
   };
-  struct Block {  // a row in use, and up to four rows coupled with it that have equal columns
+  struct Block {                          // a row in use, and up to four rows coupled with it that have equal columns
     int i, n, j[4];                       // positions
     size_t start, starts[4];              // first entries
     size_t first, last;                   // range in `common_runs_`
   };
   template <int n, bool symmetric>
   void multiply(const Block& block, const double* Zhat);  // entries of S, as independent sums
-  void build_coupling_blocks();        // set `blocks_`
-  void assemble(const Vector& Zhat);   // assemble S of the rows in use
+  void build_coupling_blocks();                           // set `blocks_`
+  void assemble(const Vector& Zhat);                      // assemble S of the rows in use
 
   const Configuration& point_;
   const Constraints& constraints_;

@@ -32,7 +32,7 @@ struct SampledController {
 
   FIELDS(kind, rate, offset, coincide, state, states, reference, a, x, v, inputs)
 
-  double next(double t) const;  // first sampling instant after t
+  double next(double t) const;                   // first sampling instant after t
   bool has_jumped(double t, double late) const;  // whether the nearest instant is more than `late` roundings before t
   // Set its states after t from y = (q, v, s, ...) before t, if t is a sampling instant.
   void sample(double t, const double* y, int nq, int nv, double* after) const;

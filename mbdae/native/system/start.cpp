@@ -78,8 +78,8 @@ double first_step(Index2System& s, double t, const Vector& y, const Vector& F, c
   };
   const double d0 = norm(size), d1 = norm(F);
   if (!std::isfinite(d0) || !std::isfinite(d1)) throw FallBackToPython();
-  const double initial_step = std::min(d0, d1) < settings.small_norm ? settings.default_step
-      : settings.change * d0 / d1;
+  const double initial_step =
+      std::min(d0, d1) < settings.small_norm ? settings.default_step : settings.change * d0 / d1;
   const double h0 = std::min(initial_step, settings.left);
   if (!(h0 > 0)) return 0;
   for (double& x : move) x *= settings.sign * h0;
@@ -88,9 +88,9 @@ double first_step(Index2System& s, double t, const Vector& y, const Vector& F, c
   for (int i = 0; i < s.ny; ++i) change[i] -= F[i];
   const double largest_derivative = std::max(d1, norm(change) / h0);
   if (!std::isfinite(largest_derivative)) throw FallBackToPython();
-  const double h1 = largest_derivative <= settings.zero_change ? std::max(settings.default_step,
-      settings.reduction * h0)
-                                                  : std::pow(settings.change / largest_derivative, 1 / settings.power);
+  const double h1 = largest_derivative <= settings.zero_change
+                        ? std::max(settings.default_step, settings.reduction * h0)
+                        : std::pow(settings.change / largest_derivative, 1 / settings.power);
   return std::min(settings.growth * h0, h1);
 }
 

@@ -13,8 +13,8 @@ void start(Index2System& system, double t, bool project, const IndependentRows::
 struct FirstStep {
   double sign, left;  // direction of time; s to the end of the smooth interval
   double rtol;
-  Vector atol;  // (1,) or (components under error control,)
-  double power;  // power of h in the error estimate
+  Vector atol;                      // (1,) or (components under error control,)
+  double power;                     // power of h in the error estimate
   double small_norm, default_step;  // norms below it are small; h_0 in s for small norms
   double reduction;                 // h_1 / h_0 if y' does not change
   double change, growth;            // relative change of y in a step of h_0; largest h_1 / h_0

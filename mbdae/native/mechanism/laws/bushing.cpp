@@ -56,7 +56,7 @@ struct Bushing {
 
   template <class S, class T, class U>
   static Wrenches<S, Common<S, T>> wrenches(const Law& law, const Context<U>& context, const Frames<S>& x,
-                                             const Velocity<T>& V) {
+                                            const Velocity<T>& V) {
     const double *k = law.a.data(), *d = k + 6;
     const Vec3<S> theta = rotation(law, x);
     const Vec3<S> moment = inverse_jacobian(context.tolerances, theta, scaled(k + 3, theta));

@@ -19,7 +19,7 @@ struct SpringDamper {
 
   template <class S, class T, class U>
   static Wrenches<S, Common<S, T>> wrenches(const Law& law, const Context<U>& context, const Frames<S>& x,
-                                             const Velocity<T>& V) {
+                                            const Velocity<T>& V) {
     const Vec3<S> gap = x.pb - x.pa, n = direction(gap);
     // Not as a function of the distance, which has no derivative at 0: a spring of free length 0 is stiff in all
     // directions.
