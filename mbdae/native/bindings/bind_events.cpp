@@ -1,4 +1,4 @@
-// Events of a run.
+// Bindings of the events and the discrete modes of a run.
 #include "bindings/bindings.hpp"
 #include "bindings/structs.hpp"
 
@@ -15,7 +15,7 @@ void set_nodes(Events& e, const ValueNodes& nodes) {
   e.located.clear(), e.stopped = false;
 }
 
-// Size, level, time of return, and unit.
+// Size, level, return time, and unit.
 using GuardStates = std::vector<std::tuple<double, double, double, double>>;
 
 GuardStates guard_states(const Modes& m) {
@@ -35,12 +35,13 @@ void set_guard_states(Modes& m, const GuardStates& states) {
   }
 }
 
-// Node, switches that end the mode, the mode after it, whether there is an impact, its contacts and rows that become
-// active, its work, and impulses of all rows.
-using Found = std::tuple<long, std::vector<int>, Mode, bool, std::vector<int>, std::vector<int>, double, Vector>;
+// Node, switches that end the mode, the next mode, whether there is an impact, its contacts and the rows that become
+// active, its work, and the impulses of all rows.
+using TransitionRecord =
+    std::tuple<long, std::vector<int>, Mode, bool, std::vector<int>, std::vector<int>, double, Vector>;
 
-std::vector<Found> transitions(const Modes& m) {
-  std::vector<Found> out;
+std::vector<TransitionRecord> transitions(const Modes& m) {
+  std::vector<TransitionRecord> out;
   for (const Transition& x : m.transitions)
     out.emplace_back(x.node, x.fired, x.mode, x.impact, x.contacts, x.engaged, x.work, x.impulses);
   return out;
@@ -54,14 +55,15 @@ void check_events(const Events& e, const Index2System& s) {
 }
 
 void bind_events(nb::module_& m) {
-  bind_attributes<Events>(m, "Events", "Events named by signals.")
+  bind_attributes<Events>(m, "Events", "Events defined by signals.")
       .def(
           "set_events",
           [](Events& e, const nb::list& events) {
             e.events = PyReader().read<std::vector<SignalEvent>>(events);
             e.nodes.assign(e.events.size(), Node());
           },
-          nb::arg("events"), "Set the events: dicts of a signal, its level, direction and width without change, and whether it is terminal.")
+          nb::arg("events"),
+          "Set the events: dicts of a signal, its level, direction and `unchanged_within`, and whether it is terminal.")
       .def("set_nodes", set_nodes, nb::arg("nodes"), "Set the current time, value and rate of each event.")
       .def_prop_ro("nodes",
                    [](const Events& e) {
@@ -77,9 +79,9 @@ void bind_events(nb::module_& m) {
   bind_attributes<Modes>(m, "Modes", "Switches, guards of the mode, and transitions.")
       .def(
           "set_switches",
-          [](Modes& c, const nb::list& switches) { c.switches = PyReader().read<std::vector<Switch>>(switches); },
+          [](Modes& m, const nb::list& switches) { m.switches = PyReader().read<std::vector<Switch>>(switches); },
           nb::arg("switches"), "Set the switches: dicts of the fields of `Switch`.")
-      .def_prop_rw("states", guard_states, set_guard_states, "Size, level, time of return and unit of each guard.")
+      .def_prop_rw("states", guard_states, set_guard_states, "Size, level, return time and unit of each guard.")
       .def_prop_ro("transitions", transitions);
 }
 

@@ -1,4 +1,4 @@
-// Evaluations at points: derivatives, partials, residuals, ratios of pivots.
+// Bindings that evaluate a core at points: time derivatives, partials, residuals, pivot ratios.
 #include <cmath>
 
 #include "bindings/py_core.hpp"
@@ -10,12 +10,12 @@ namespace {
 
 auto partials(PyCore& c, double t, const Array& q, const Array& u, const Array& vdot, const Array& lam) {
   return attempt(c, [&](Index2System& s) {
-    if (!s.tree.expanded()) reject("partials need the expanded tree");
+    if (!s.tree.expanded()) reject("partials require the expanded tree");
     const size_t nv = s.nv, n = s.ny - s.nv;
-    Vector a = checked_numbers(q, s.nq, "q"), b = checked_numbers(u, n, "u"), d = checked_numbers(vdot, nv, "vdot");
-    Vector l = checked_numbers(lam, s.ng, "lam");
+    Vector q0 = checked_vector(q, s.nq, "q"), u0 = checked_vector(u, n, "u"), a = checked_vector(vdot, nv, "vdot");
+    Vector multipliers = checked_vector(lam, s.ng, "lam");
     EquationPartials out;
-    s.partials(t, a.data(), b.data(), d.data(), l.data(), out);
+    s.partials(t, q0.data(), u0.data(), a.data(), multipliers.data(), out);
     const size_t r = out.g_t.size();
     return std::make_tuple(array(out.M, {nv, nv}), array(out.K, {n, nv}), array(out.D, {n, n}), array(out.G, {r, nv}),
                            array(out.B, {r, nv}), vector(out.g_t));
@@ -24,16 +24,16 @@ auto partials(PyCore& c, double t, const Array& q, const Array& u, const Array& 
 
 auto derivative(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
-    Vector at = checked_numbers(y, s.length, "y"), F(s.ny), z(s.ng);
-    s.derivative(t, at.data(), F.data(), z.data());
+    Vector point_data = checked_vector(y, s.length, "y"), F(s.ny), z(s.ng);
+    s.derivative(t, point_data.data(), F.data(), z.data());
     return std::make_tuple(vector(F), vector(z));
   });
 }
 
 auto raw_derivative(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
-    Vector at = checked_numbers(y, s.length, "y"), dy(s.length), z(s.ng);
-    s.raw_derivative(t, at.data(), dy.data(), z.data());
+    Vector point_data = checked_vector(y, s.length, "y"), dy(s.length), z(s.ng);
+    s.raw_derivative(t, point_data.data(), dy.data(), z.data());
     return std::make_tuple(vector(dy), vector(z));
   });
 }
@@ -42,10 +42,10 @@ auto derivatives(PyCore& c, const Array& t, const Array& y) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
   const size_t n = t.size(), length = s.length, ng = s.ng, ny = s.ny;
-  Vector ts(t.data(), t.data() + n), at = checked_numbers(y, n * length, "y"), F(n * ny, NAN), z(n * ng, NAN);
+  Vector ts(t.data(), t.data() + n), point_data = checked_vector(y, n * length, "y"), F(n * ny, NAN), z(n * ng, NAN);
   run_unlocked(c, [&] {
     for (size_t i = 0; i < n; ++i) try {
-        s.derivative(ts[i], &at[i * length], &F[i * ny], z.data() + i * ng);
+        s.derivative(ts[i], &point_data[i * length], &F[i * ny], z.data() + i * ng);
       } catch (const FallBackToPython&) {
         std::fill_n(F.begin() + i * ny, ny, NAN), std::fill_n(z.begin() + i * ng, ng, NAN);
         if (c.callbacks->interrupted) break;
@@ -58,12 +58,13 @@ auto residuals(PyCore& c, const Array& t, const Array& y) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
   const size_t n = t.size(), length = s.length, ng = s.ng;
-  Vector ts(t.data(), t.data() + n), at = checked_numbers(y, n * length, "y"), g(n * ng), rate(n * ng), energies(2 * n);
+  Vector ts(t.data(), t.data() + n), point_data = checked_vector(y, n * length, "y"), g(n * ng), rate(n * ng),
+                                     energies(2 * n);
   bool unknown = false;
   run_unlocked(c, [&] {
     for (size_t i = 0; i < n; ++i) try {
-        residual(s, ts[i], &at[i * length], g.data() + i * ng, rate.data() + i * ng);
-        const Energy e = energy(s, &at[i * length]);
+        residual(s, ts[i], &point_data[i * length], g.data() + i * ng, rate.data() + i * ng);
+        const Energy e = energy(s, &point_data[i * length]);
         energies[2 * i] = e.kinetic, energies[2 * i + 1] = e.potential;
       } catch (const FallBackToPython&) {
         energies[2 * i] = energies[2 * i + 1] = NAN, unknown = true;
@@ -73,17 +74,17 @@ auto residuals(PyCore& c, const Array& t, const Array& y) {
   return std::make_tuple(array(g, {n, ng}), array(rate, {n, ng}), array(energies, {n, 2}), unknown);
 }
 
-// g, G, g_t and gamma, including rows inactive in the mode.
+// g, G, g_t and gamma of all rows, including those inactive in the mode.
 auto rows_of_all_modes(PyCore& c, double t, const Array& q, const Array& v) {
   return attempt(c, [&](Index2System& s) {
     const AllRowsActive all(s.constraints);
     const size_t ng = s.ng, nv = s.nv;
-    Vector at = checked_numbers(q, s.nq, "q"), u = checked_numbers(v, nv, "v");
+    Vector point_data = checked_vector(q, s.nq, "q"), u = checked_vector(v, nv, "v");
     Vector g(ng), G(ng * nv, 0.0), g_t(ng, 0.0), gamma(ng), g_tt(ng, 0.0);
-    s.tree.poses(at.data()), s.tree.motions(at.data(), u.data());
-    s.constraints.dense_value(s.tree, at.data(), s.constraints.all, G, g.data());
+    s.tree.poses(point_data.data()), s.tree.motions(point_data.data(), u.data());
+    s.constraints.dense_value(s.tree, point_data.data(), s.constraints.all, G, g.data());
     s.constraints.complete_g(t, g.data()), s.constraints.evaluate_g_t(t, g_t.data());
-    s.constraints.bias(s.tree, at.data(), u.data(), s.constraints.all, gamma.data());
+    s.constraints.bias(s.tree, point_data.data(), u.data(), s.constraints.all, gamma.data());
     s.constraints.evaluate_g_tt(t, g_tt.data());
     for (size_t k = 0; k < ng; ++k) gamma[k] += g_tt[k];
     return std::make_tuple(vector(g), array(G, {ng, nv}), vector(g_t), vector(gamma));
@@ -92,44 +93,45 @@ auto rows_of_all_modes(PyCore& c, double t, const Array& q, const Array& v) {
 
 std::optional<std::pair<double, double>> smallest_pivot(PyCore& c, const Array& q, int rank) {
   Index2System& s = c.core->system;
-  Vector at = checked_numbers(q, s.nq, "q");
+  Vector point_data = checked_vector(q, s.nq, "q");
   if (rank < 1 || rank > std::min(s.ng, s.nv)) reject("rank out of range");
   try {
-    const SmallestPivot found = s.smallest_pivot(at.data(), rank);
-    return std::make_pair(found.size, found.ratio);
+    const SmallestPivot pivot = s.smallest_pivot(point_data.data(), rank);
+    return std::make_pair(pivot.size, pivot.ratio);
   } catch (const FallBackToPython&) {
     return std::nullopt;
   }
 }
 
-// M by rows, nle, J by columns, M a + nle; velocities and accelerations of joints for v' = a, (joints, 6).
+// M by rows, nle, J by columns, M a + nle; joint velocities and accelerations for v' = a, (joints, 6).
 nb::object dynamics(PyCore& c, const Array& q, const Array& v, const Array& a) {
   const CoreLock lock(c);
   MultibodyTree& m = c.core->system.tree;
   c.core->system.point.invalidate();
   const size_t nv = m.nv, n = m.joints;
-  Vector at = checked_numbers(q, m.nq, "q"), u = checked_numbers(v, nv, "v"), rate = checked_numbers(a, nv, "a"), V(6 * n), A(6 * n), full(nv);
-  m.dynamics(at.data(), u.data());
+  Vector point_data = checked_vector(q, m.nq, "q"), u = checked_vector(v, nv, "v"), vdot = checked_vector(a, nv, "a");
+  Vector V(6 * n), A(6 * n), tau(nv);
+  m.dynamics(point_data.data(), u.data());
   Vector M(nv * nv), nle(m.bias(), m.bias() + nv), J(m.J(), m.J() + 6 * nv);
   m.dense_M(M.data());
-  m.inverse(at.data(), u.data(), rate.data(), full.data());
-  m.motions(at.data(), u.data(), rate.data());
+  m.inverse(point_data.data(), u.data(), vdot.data(), tau.data());
+  m.motions(point_data.data(), u.data(), vdot.data());
   for (size_t j = 0; j < n; ++j) m.velocity(j, &V[6 * j]), m.acceleration(j, &A[6 * j]);
-  return nb::make_tuple(array(M, {nv, nv}), vector(nle), array(J, {nv, 6}), vector(full), array(V, {n, 6}),
+  return nb::make_tuple(array(M, {nv, nv}), vector(nle), array(J, {nv, 6}), vector(tau), array(V, {n, 6}),
                         array(A, {n, 6}));
 }
 
 double minimal_stage_seconds(PyCore& c, const Array& q, const Array& v, int repetitions) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
-  Vector a = checked_numbers(q, s.nq, "q"), b = checked_numbers(v, s.nv, "v");
+  Vector q0 = checked_vector(q, s.nq, "q"), v0 = checked_vector(v, s.nv, "v");
   try {
-    s.point.evaluate(a.data(), false);
+    s.point.evaluate(q0.data(), false);
     Vector G;
     for (int k : s.rows.in_use())
       G.resize(G.size() + s.nv), s.constraints.expand(k, s.point.G.data(), G.data() + G.size() - s.nv);
     const int r = static_cast<int>(s.rows.in_use().size());
-    return bare_stage_seconds(model_pointer(c.model.ptr()), a.data(), b.data(), r, G.data(), repetitions);
+    return pinocchio_stage_seconds(model_pointer(c.model.ptr()), q0.data(), v0.data(), r, G.data(), repetitions);
   } catch (const FallBackToPython&) {
     reject("the point is singular");
   }
@@ -151,13 +153,13 @@ void bind_points(nb::class_<PyCore>& core) {
            "Return g (n, ng), G v + g_t (n, ng), kinetic and potential energy (n, 2) at many points, and whether some "
            "are unknown.")
       .def("rows_of_all_modes", rows_of_all_modes, arg("t"), arg("q"), arg("v"),
-           "Return g (ng,), G (ng, nv), g_t and Gdot v + g_tt (ng,) over all rows whatever the mode, or None.")
+           "Return g (ng,), G (ng, nv), g_t and Gdot v + g_tt (ng,), rows inactive in the mode included, or None.")
       .def("smallest_pivot", smallest_pivot, arg("q"), arg("rank"),
            "Return the smallest pivot of independent rows of G M^-1/2, and its ratio to the largest, or None.")
       .def("dynamics", dynamics, arg("q"), arg("v"), arg("a"),
            "Return M, nle, J^T, M a + nle, and velocities and accelerations of joints in the world, (njoints, 6).")
       .def("minimal_stage_seconds", minimal_stage_seconds, arg("q"), arg("v"), arg("repetitions"),
-           "Return seconds of one mass matrix, nonlinear effects, factorization and solve, for benchmarks.");
+           "Return the seconds of one mass matrix, nonlinear effects, factorization and solve, for benchmarks.");
 }
 
 }  // namespace mbdae

@@ -1,4 +1,4 @@
-// The Python module mbdae._native. No Pinocchio types are included here: this file compiles in seconds.
+// The Python module mbdae._native. This file includes no Pinocchio types, so that it compiles in seconds.
 #include <set>
 #include <utility>
 
@@ -26,7 +26,7 @@ int clear(PyObject* self) {
   return 0;
 }
 
-PyType_Slot collected[] = {
+PyType_Slot garbage_collection_slots[] = {
     {Py_tp_traverse, reinterpret_cast<void*>(traverse)}, {Py_tp_clear, reinterpret_cast<void*>(clear)}, {0, nullptr}};
 
 using StepResult = std::tuple<Out, nb::object, std::optional<Out>, Out, Out>;  // y, carry, low, z, errors
@@ -36,11 +36,11 @@ auto update_independent_rows(PyCore& c, double t, const Array& y, const nb::obje
     State x = state(y, carry);
     if (static_cast<int>(x.y.size()) != s.length) reject("y has the wrong length");
     const bool changed = s.update_independent_rows(t, x);
-    return std::make_tuple(changed, vector(x.y), carried(x));
+    return std::make_tuple(changed, vector(x.y), carry_of(x));
   });
 }
 
-// Controlled: a flag for methods whose error estimate is not computed otherwise.
+// Controlled: whether to estimate the error, for methods that do so on request.
 template <class Coefficients, class... Controlled>
 std::optional<StepResult> step(PyCore& c, const Coefficients& a, double t, double h, const Array& y,
                                const nb::object& carry, const std::optional<Array>& low, Controlled... controlled) {
@@ -50,7 +50,7 @@ std::optional<StepResult> step(PyCore& c, const Coefficients& a, double t, doubl
     Vector z(s.nz), errors;
     c.core->method(a).take((false || ... || controlled), t, h, in, out, z.data(), errors);
     const size_t ny = s.ny;
-    return {vector(out.y), carried(out), maybe(out.low), vector(z), array(errors, {errors.size() / ny, ny})};
+    return {vector(out.y), carry_of(out), optional_vector(out.low), vector(z), array(errors, {errors.size() / ny, ny})};
   });
 }
 
@@ -72,11 +72,11 @@ void advance(PyCore& c, const Coefficients& a, Run& run) {
   take_steps(c, method, run);
 }
 
-auto project_state_of(PyCore& c, double t, const Array& y) {
+auto projected_state(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
-    Vector at = checked_numbers(y, s.length, "y");
-    project_state(s, t, at.data());
-    return vector(at);
+    Vector projected = checked_vector(y, s.length, "y");
+    project_state(s, t, projected.data());
+    return vector(projected);
   });
 }
 
@@ -115,7 +115,7 @@ bool write_core(PyCore& c, nb::handle model, const Tolerances& tolerances, const
 
 void change_law(PyCore& c, int k, const Vector& a) {
   const CoreLock lock(c);
-  if (!c.core->system.change_law(k, a)) reject("the new parameters of a law must be as many as its present ones");
+  if (!c.core->system.change_law(k, a)) reject("the number of parameters of a law must not change");
 }
 
 void use_rows(PyCore& c, const std::vector<int>& rows, int rank, double floor, bool frozen) {
@@ -130,11 +130,11 @@ void use_rows(PyCore& c, const std::vector<int>& rows, int rank, double floor, b
 Out point_paths(nb::handle model, const std::vector<int>& joints, const Array& points, const Array& q) {
   MultibodyTree tree(model_pointer(model.ptr()), Tolerances(), {});  // kinematics have no tolerances
   const size_t n = joints.size(), m = q.ndim() ? q.shape(0) : 0;
-  const Vector at = checked_numbers(q, m * tree.nq, "q"), local = checked_numbers(points, 3 * n, "points");
+  const Vector configurations = checked_vector(q, m * tree.nq, "q"), local = checked_vector(points, 3 * n, "points");
   check_indices(joints, tree.joints, "joint");
   Vector out(n * m * 3);
   for (size_t k = 0; k < m; ++k) {
-    tree.poses(at.data() + k * tree.nq);
+    tree.poses(configurations.data() + k * tree.nq);
     for (size_t i = 0; i < n; ++i) {
       double* p = &out[3 * (i * m + k)];
       rotate_by_columns(tree.rotation(joints[i]), &local[3 * i], p);
@@ -148,24 +148,26 @@ Out point_paths(nb::handle model, const std::vector<int>& joints, const Array& p
 
 NB_MODULE(_native, m) {
   m.doc() = "The compiled core of mbdae.";
-  nb::set_leak_warnings(false);  // workers of a pool end while mechanisms are kept for their next task
+  nb::set_leak_warnings(false);  // pool workers exit while they keep mechanisms for the next task
   m.def("version", [] { return MBDAE_PINOCCHIO_VERSION; }, "Version of Pinocchio that the core was built for.");
-  m.def("sweeps", [](nb::handle model) { return model_sweeps(model_pointer(model.ptr())); }, nb::arg("model"),
-        "Return whether the core computes M, nle and J of a model itself; otherwise Pinocchio does.");
+  m.def(
+      "sweeps", [](nb::handle model) { return sweep_supports(model_pointer(model.ptr())); }, nb::arg("model"),
+      "Return whether the core computes M, nle and J of a model; otherwise Pinocchio does.");
   m.def(
       "tree_data",
       [](nb::handle model) {
         TreeData data = data_of(tree_model(model_pointer(model.ptr())));
         return to_python(data);
       },
-      nb::arg("model"), "Return the numbers of a model, from which a core without Pinocchio makes it.");
+      nb::arg("model"), "Return the data of a model, from which a core without Pinocchio rebuilds it.");
   m.def("point_paths", point_paths, nb::arg("model"), nb::arg("joints"), nb::arg("points"), nb::arg("q"),
         "Return the positions (n, m, 3) in the world of points (n, 3) fixed to joints at configurations q (m, nq).");
   nb::exception<UnknownKind>(m, "UnknownKind", PyExc_ValueError);
   bind_structs(m), bind_events(m);
 
   using nb::arg;
-  nb::class_<PyCore> core(m, "Core", nb::type_slots(collected), "A mechanism in a workspace.");
+  nb::class_<PyCore> core(m, "Core", nb::type_slots(garbage_collection_slots),
+                          "The compiled core of a mechanism, with its workspace.");
   core.def(nb::init<nb::handle, const Tolerances&, const nb::dict&>(), arg("model"), arg("tolerances"),
            arg("description"))
       .def_prop_ro("rows", [](const PyCore& c) { return c.core->system.rows.in_use(); })
@@ -176,7 +178,7 @@ NB_MODULE(_native, m) {
       .def_prop_ro("floor", [](const PyCore& c) { return c.core->system.rows.floor; })
       .def_prop_ro(
           "calls_python", [](const PyCore& c) { return !c.callbacks->functions.empty(); },
-          "Whether a force, a row, a driver or a controller is a function of Python.")
+          "Whether a force, a row, a driver or a controller is a Python function.")
       .def("take_record", take_record,
            "Return the counts of work since the last call, in the order of mbdae.system.Counts, the smallest pivot "
            "ratio\n"
@@ -189,7 +191,7 @@ NB_MODULE(_native, m) {
       .def(
           "reset", [](PyCore& c) { c.core->system.reset(); }, "Return to the state of a new core, in the same mode.")
       .def("write", write_core, arg("model"), arg("tolerances"), arg("description"),
-           "Write the numbers of a mechanism in place, and reset; False if its structure is another one.")
+           "Write the parameters of a mechanism in place, and reset; False if its structure differs.")
       .def(
           "set_input",
           [](PyCore& c, int input, double t, double value, double rate) {
@@ -197,11 +199,11 @@ NB_MODULE(_native, m) {
             c.core->system.set_input(input, t, value, rate);
           },
           arg("input"), arg("t"), arg("value"), arg("rate"), "Set an input to value + rate (t' - t).")
-      .def("change_law", change_law, arg("k"), arg("a"), "Set the numbers of law k, which are constant in a mode.")
+      .def("change_law", change_law, arg("k"), arg("a"), "Set the parameters of law k, which are constant in a mode.")
       .def("deactivate_rows", deactivate_rows, arg("off"), arg("has_sticking_joints"),
            "Set the rows that are inactive in the mode, an empty list for none, and whether joints stick.")
       .def("update_independent_rows", update_independent_rows, arg("t"), arg("y"), arg("carry").none(),
-           "Select the rows of the next step: return whether they changed, y and carry, or None.")
+           "Select the rows of the next step; return whether they changed, y and carry, or None.")
       .def("step", step<Tableau>, arg("tableau"), arg("t"), arg("h"), arg("y"), arg("carry").none(), arg("low").none(),
            "Return y, carry, low, z and errors after one step; None where it cannot be taken.")
       .def("step", step<Radau, bool>, arg("radau"), arg("t"), arg("h"), arg("y"), arg("carry").none(),
@@ -214,7 +216,7 @@ NB_MODULE(_native, m) {
       .def("advance", advance<Radau>, arg("radau"), arg("run"))
       .def("advance", advance<Composition>, arg("composition"), arg("run"))
       .def("advance", advance<GeneralizedAlpha>, arg("alpha"), arg("run"))
-      .def("expand", expand, arg("model"), "Set the expanded tree, which partials and implicit methods need.")
+      .def("expand", expand, arg("model"), "Set the expanded tree, which partials and implicit methods require.")
       .def("set_sampled_controllers", set_sampled_controllers, arg("controllers"))
       .def("set_friction_interfaces", set_friction_interfaces, arg("interfaces"), arg("active").noconvert(),
            arg("directions").noconvert(),
@@ -223,7 +225,7 @@ NB_MODULE(_native, m) {
            "read and written.")
       .def(
           "set_smallest_slip", [](PyCore& c, double speed) { c.core->system.friction.smallest_slip = speed; },
-          arg("speed"), "Set the speed below which a slip has no direction.")
-      .def("project_state", project_state_of, arg("t"), arg("y"), "Return the projected point, or None.");
+          arg("speed"), "Set the slip speed below which the slip has no direction.")
+      .def("project_state", projected_state, arg("t"), arg("y"), "Return the projected point, or None.");
   bind_run(m), bind_points(core), bind_start(core), bind_sensitivity(m, core);
 }

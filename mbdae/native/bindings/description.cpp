@@ -1,3 +1,4 @@
+// Python functions in the description of a mechanism: force laws, rows, functions of time, controllers.
 #include "bindings/description.hpp"
 
 #include <algorithm>
@@ -13,14 +14,14 @@ nb::object argument(const double* x, size_t n) {  // a copy: a Python function m
   return nb::cast(nb::ndarray<nb::numpy, const double>(data, {n}, owner));
 }
 
-// Call Python: an exception ends the core's part of a run, and Python, which calls the function again, reports it.
+// Call a Python function; an exception makes the run fall back to Python, which calls it again and reports the error.
 template <class F>
-void guarded(bool* interrupted, F&& f) {
+void catch_python_errors(bool* interrupted, F&& f) {
   nb::gil_scoped_acquire gil;
   try {
     f();
   } catch (nb::python_error& e) {
-    if (!e.matches(PyExc_Exception)) {  // Ctrl-C, exit: raised again at the end
+    if (!e.matches(PyExc_Exception)) {  // Ctrl-C, exit: re-raised at the end of the call
       *interrupted = true, e.restore();
       throw Interrupted();
     }
@@ -30,30 +31,30 @@ void guarded(bool* interrupted, F&& f) {
   }
 }
 
-// A function (t, q, v, s) -> (tau, s'), s (k,); tau is added.
+// A function (t, q, v, s) -> (tau, s'), s (k,); it adds to tau.
 Law::Call law_function(nb::handle f, const Sizes& n, int k, bool* interrupted) {
   return [=](double t, const double* q, const double* v, const double* s, double* tau, double* ds) {
-    guarded(interrupted, [&] {
-      const nb::tuple both(f(t, argument(q, n.nq), argument(v, n.nv), argument(s, k)));
-      if (both.size() != 2) throw FallBackToPython();
-      const auto force = nb::cast<Array>(both[0]);
+    catch_python_errors(interrupted, [&] {
+      const nb::tuple result(f(t, argument(q, n.nq), argument(v, n.nv), argument(s, k)));
+      if (result.size() != 2) throw FallBackToPython();
+      const auto force = nb::cast<Array>(result[0]);
       if (force.size() != static_cast<size_t>(n.nv)) throw FallBackToPython();
       for (int i = 0; i < n.nv; ++i) tau[i] += force.data()[i];
       if (!k) return;
-      const auto rate = nb::cast<Array>(both[1]);
+      const auto rate = nb::cast<Array>(result[1]);
       if (rate.size() != static_cast<size_t>(k)) throw FallBackToPython();
       std::copy(rate.data(), rate.data() + k, ds);
     });
   };
 }
 
-// A function (t, q, v, s) -> partials of (tau, s') and of the power, one row or number for each of them.
-Law::EquationPartials partials(nb::handle f, const Sizes& n, int k, bool* interrupted) {
+// A function (t, q, v, s) -> partials of (tau, s'), (nv + k, 2 nv + k), or their time derivatives (nv + k,).
+Law::Partials partials(nb::handle f, const Sizes& n, int k, bool* interrupted) {
   return [=](double t, const double* q, const double* v, const double* s, Vector& out) {
-    guarded(interrupted, [&] {
-      const auto known = nb::cast<Array>(f(t, argument(q, n.nq), argument(v, n.nv), argument(s, k)));
-      if (known.size() < out.size()) throw FallBackToPython();
-      std::copy(known.data(), known.data() + out.size(), out.begin());
+    catch_python_errors(interrupted, [&] {
+      const auto values = nb::cast<Array>(f(t, argument(q, n.nq), argument(v, n.nv), argument(s, k)));
+      if (values.size() < out.size()) throw FallBackToPython();
+      std::copy(values.data(), values.data() + out.size(), out.begin());
     });
   };
 }
@@ -62,14 +63,14 @@ Law::EquationPartials partials(nb::handle f, const Sizes& n, int k, bool* interr
 
 void call_python(nb::handle f, bool* interrupted, const std::vector<std::pair<const double*, size_t>>& in,
                  const std::vector<Vector*>& out) {
-  guarded(interrupted, [&] {
-    nb::list given;
-    for (const auto& [x, n] : in) given.append(argument(x, n));
-    const nb::object found = f(*nb::tuple(given));
+  catch_python_errors(interrupted, [&] {
+    nb::list arguments;
+    for (const auto& [x, n] : in) arguments.append(argument(x, n));
+    const nb::object result = f(*nb::tuple(arguments));
     for (size_t i = 0; i < out.size(); ++i) {
-      const auto known = nb::cast<Array>(out.size() > 1 ? nb::object(found[i]) : found);
-      if (known.size() != out[i]->size()) throw FallBackToPython();
-      std::copy(known.data(), known.data() + known.size(), out[i]->begin());
+      const auto values = nb::cast<Array>(out.size() > 1 ? nb::object(result[i]) : result);
+      if (values.size() != out[i]->size()) throw FallBackToPython();
+      std::copy(values.data(), values.data() + values.size(), out[i]->begin());
     }
   });
 }
@@ -77,7 +78,7 @@ void call_python(nb::handle f, bool* interrupted, const std::vector<std::pair<co
 void PyDescriptionReader::bind_functions(nb::handle h, TimeFunction& out) {
   out.call = [f = function(h, "call"), interrupted = &callbacks_.interrupted](double t, int k) {
     double x = NAN;
-    guarded(interrupted, [&] { x = nb::cast<double>(f(t, k)); });
+    catch_python_errors(interrupted, [&] { x = nb::cast<double>(f(t, k)); });
     return x;
   };
 }
@@ -88,20 +89,20 @@ void PyDescriptionReader::bind_functions(nb::handle h, RowFunction& out) {
     for (int i : indices) selected.push_back(x[i]);
     return selected;
   };
-  const auto of_q = [&](const char* key) {
-    return [=, f = function(h, key), iq = out.iq, interrupted = &callbacks_.interrupted](const double* q,
-                                                                                                Vector& to) {
-      const Vector x = select(q, iq);
-      call_python(f, interrupted, {{x.data(), x.size()}}, {&to});
-    };
+  const auto function_of_q = [&](const char* key) {
+    return
+        [=, f = function(h, key), iq = out.iq, interrupted = &callbacks_.interrupted](const double* q, Vector& result) {
+          const Vector x = select(q, iq);
+          call_python(f, interrupted, {{x.data(), x.size()}}, {&result});
+        };
   };
-  out.value = of_q("value"), out.partials = of_q("partials");
+  out.value = function_of_q("value"), out.partials = function_of_q("partials");
   out.bias = [=, f = function(h, "bias"), iq = out.iq, iv = out.iv, interrupted = &callbacks_.interrupted](
                   const double* q, const double* v) {
     const Vector x = select(q, iq), rates = select(v, iv);
-    Vector to(1);
-    call_python(f, interrupted, {{x.data(), x.size()}, {rates.data(), rates.size()}}, {&to});
-    return to[0];
+    Vector result(1);
+    call_python(f, interrupted, {{x.data(), x.size()}, {rates.data(), rates.size()}}, {&result});
+    return result[0];
   };
 }
 
@@ -115,10 +116,10 @@ void PyDescriptionReader::bind_functions(nb::handle h, Law& out) {
 void PyDescriptionReader::bind_functions(nb::handle h, SampledController& out) {
   out.call = [f = function(h, "call"), n = n_, all = states_, k = out.states, interrupted = &callbacks_.interrupted](
                  double t, const double* q, const double* v, const double* s, double* after) {
-    guarded(interrupted, [&] {
-      const auto found = nb::cast<Array>(f(t, argument(q, n.nq), argument(v, n.nv), argument(s, all)));
-      if (found.size() != static_cast<size_t>(k)) throw FallBackToPython();
-      std::copy(found.data(), found.data() + k, after);
+    catch_python_errors(interrupted, [&] {
+      const auto result = nb::cast<Array>(f(t, argument(q, n.nq), argument(v, n.nv), argument(s, all)));
+      if (result.size() != static_cast<size_t>(k)) throw FallBackToPython();
+      std::copy(result.data(), result.data() + k, after);
     });
   };
 }

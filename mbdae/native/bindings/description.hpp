@@ -1,4 +1,4 @@
-// Description of a mechanism from Python (mbdae/mechanism/formulations/core_description.py), read and checked.
+// Reader of a mechanism's description from Python (mbdae/mechanism/formulations/core_description.py).
 #pragma once
 
 #include "bindings/structs.hpp"
@@ -6,8 +6,8 @@
 
 namespace mbdae {
 
-// Python references of a core: functions, which the garbage collector must see, as they may lead back to the core; and
-// whether one of them was interrupted.
+// Python functions referenced by a core, which the garbage collector must see, because they may refer back to the core;
+// and whether one of them was interrupted.
 struct Callbacks {
   std::vector<nb::object> functions;
   bool interrupted = false;
@@ -19,7 +19,7 @@ struct Callbacks {
   }
 };
 
-// Reads what a mechanism consists of, from dicts with functions.
+// Reader of a mechanism from Python dicts that contain functions.
 class PyDescriptionReader final : public DescriptionReader<nb::handle> {
  public:
   PyDescriptionReader(Callbacks& callbacks, const Sizes& n, int states)
@@ -35,7 +35,7 @@ class PyDescriptionReader final : public DescriptionReader<nb::handle> {
   Callbacks& callbacks_;
 };
 
-// Call Python with arrays, for arrays of these sizes, or a number: see `Callbacks`.
+// Call a Python function with arrays; it returns an array or a number for each of `out`, of the given size.
 void call_python(nb::handle f, bool* interrupted, const std::vector<std::pair<const double*, size_t>>& in,
                  const std::vector<Vector*>& out);
 }  // namespace mbdae

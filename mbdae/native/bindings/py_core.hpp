@@ -1,4 +1,4 @@
-// A core as Python holds it: made of core data, used by one thread at a time.
+// The core object of the Python module: built from core data, used by one thread at a time.
 #pragma once
 
 #include <algorithm>
@@ -22,15 +22,15 @@ struct PyCore {
     core.reset(new Core(model_pointer(model_.ptr()), tolerances, read(model_, tolerances, description)));
   }
 
-  // The numbers of a mechanism of the same structure take the place of those before; false: it has another structure.
+  // Write the parameters of a mechanism of the same structure in place; false if its structure differs.
   bool write(nb::handle model_, const Tolerances& tolerances, const nb::dict& description) {
     const void* m = model_pointer(model_.ptr());
     const Index2System& s = core->system;
     if (model_sizes(m) != std::array<int, 3>{s.nq, s.nv, s.tree.joints}) return false;
-    const size_t before = callbacks->functions.size();  // kept until nothing refers to them
+    const size_t old_count = callbacks->functions.size();  // kept until no law refers to them
     if (!core->system.write(m, tolerances, read(model_, tolerances, description))) return false;
     core->system.samplers.clear();
-    callbacks->functions.erase(callbacks->functions.begin(), callbacks->functions.begin() + before);
+    callbacks->functions.erase(callbacks->functions.begin(), callbacks->functions.begin() + old_count);
     model = nb::borrow(model_);
     return true;
   }
@@ -39,7 +39,7 @@ struct PyCore {
     const auto size = model_sizes(model_pointer(model_.ptr()));
     const Sizes n{size[0], size[1], size[2]};
     const int ns = nb::cast<int>(item(description, "ns"));
-    if (ns < 0 || ns > 1000000) reject("sizes do not fit the model");
+    if (ns < 0 || ns > 1000000) reject("ns is out of range");
     auto d = PyDescriptionReader(*callbacks, n, ns).read<Description>(description);
     mbdae::check(d, n, tolerances);
     return d;
@@ -48,9 +48,9 @@ struct PyCore {
   void check(const State& s, const Tableau* t = nullptr) const {
     const Index2System& x = core->system;
     if (static_cast<int>(s.y.size()) != x.length) reject("y has the wrong length");
-    if (!t && !x.tree.expanded()) reject("implicit methods need the expanded tree");
-    if (t && t->explicit_first && static_cast<int>(s.carry.size()) != x.carried())
-      reject("the method needs a carried derivative");
+    if (!t && !x.tree.expanded()) reject("implicit methods require the expanded tree");
+    if (t && t->explicit_first && static_cast<int>(s.carry.size()) != x.carry_length())
+      reject("the method requires a carry of the right length");
     if (!s.low.empty() && static_cast<int>(s.low.size()) != x.ny) reject("low has the wrong length");
   }
 
@@ -62,7 +62,7 @@ struct PyCore {
   nb::object model, expanded;  // kept alive
   Active active;
   Directions directions;
-  bool busy = false;  // read and written under the interpreter's lock
+  bool busy = false;  // read and written under the global interpreter lock
   std::thread::id owner;
   std::unique_ptr<Callbacks> callbacks;
   std::unique_ptr<Core> core;
@@ -73,7 +73,7 @@ struct CoreLock {
   explicit CoreLock(PyCore& c) : busy(c.busy) {
     while (busy) {
       if (c.owner == std::this_thread::get_id())
-        throw std::runtime_error("the core is in use: bind a workspace of its own by Mechanism.system()");
+        throw std::runtime_error("the core is in use: bind another workspace by Mechanism.system()");
       nb::gil_scoped_release release;
       std::this_thread::sleep_for(std::chrono::microseconds(50));
     }
@@ -84,7 +84,7 @@ struct CoreLock {
   bool& busy;
 };
 
-// Execute one call; a failure in the core returns None, and Ctrl-C in a Python function is raised.
+// Execute one call; return None if the core fails, and raise Ctrl-C of a Python function.
 template <class F>
 auto attempt(PyCore& c, F&& compute) -> std::optional<decltype(compute(c.core->system))> {
   const CoreLock lock(c);
@@ -97,7 +97,7 @@ auto attempt(PyCore& c, F&& compute) -> std::optional<decltype(compute(c.core->s
   }
 }
 
-// The same for many points or steps, concurrently with other threads; failures are reported in the results.
+// Execute a call for many points or steps without the global interpreter lock; the results report failures.
 template <class F>
 void run_unlocked(PyCore& c, F&& compute) {
   c.callbacks->interrupted = false;

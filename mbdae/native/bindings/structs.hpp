@@ -1,4 +1,4 @@
-// Plain structs in Python, by the lists of their fields (math/fields.hpp): attributes, constructors by keywords, and
+// Bindings of structs from the lists of their fields (math/fields.hpp): attributes, constructors with keywords, and
 // access to dicts for their readers (math/field_reader.hpp).
 #pragma once
 
@@ -27,7 +27,7 @@ inline nb::object item(const nb::dict& d, const char* key) {
   return d[key];
 }
 
-// The argument for a field: arrays of any shape for numbers, names for values of enumerations.
+// The argument type of a field: an array of any shape for a vector, a name for the value of an enumeration.
 template <class F, class = void>
 struct Argument {
   using type = F;
@@ -50,10 +50,10 @@ void define_fields(nb::class_<T>& c, bool keywords, void (*complete)(T&), std::i
     c.def(
         "__init__",
         [complete](T* self, typename Argument<Field<T, I>>::type... x) {
-          T made{};
-          ((std::get<I>(made.fields()) = Argument<Field<T, I>>::value(std::move(x))), ...);
-          complete(made);
-          new (self) T(std::move(made));
+          T out{};
+          ((std::get<I>(out.fields()) = Argument<Field<T, I>>::value(std::move(x))), ...);
+          complete(out);
+          new (self) T(std::move(out));
         },
         nb::kw_only(), nb::arg(names_of<T>()[I].c_str())...);
   else
@@ -71,7 +71,7 @@ nb::class_<T> bind_attributes(nb::module_& m, const char* name, const char* doc)
   return c;
 }
 
-// A struct that is made from keywords, all of which are required; `complete` checks it and sets what follows from them.
+// A struct constructed from keywords, all of which are required; `complete` checks it and sets its derived fields.
 template <class T>
 nb::class_<T> bind_keywords(nb::module_& m, const char* name, const char* doc, void (*complete)(T&) = [](T&) {}) {
   nb::class_<T> c(m, name, doc);
@@ -79,7 +79,7 @@ nb::class_<T> bind_keywords(nb::module_& m, const char* name, const char* doc, v
   return c;
 }
 
-// Values of Python for readers of structs.
+// Access to Python values for the readers of structs.
 template <>
 struct DataAccess<nb::handle> {
   static bool contains(nb::handle h, const char* key) { return nb::cast<nb::dict>(h).contains(key); }

@@ -8,28 +8,28 @@ namespace mbdae {
 
 // A zero of f between a and b, where its values fa and fb have opposite signs, by R. P. Brent's method (Algorithms for
 // Minimization without Derivatives, 1973, chapter 4): inverse interpolation where it converges, otherwise bisection. b
-// is the best so far, c on the other side of the zero.
+// is the best estimate so far; the zero lies between b and c.
 template <class Function>
 double brent(Function&& f, double a, double fa, double b, double fb, double resolution, double relative,
              int iterations) {
-  double c = a, fc = fa, move = b - a, before = move;
+  double c = a, fc = fa, step = b - a, previous_step = step;
   for (int k = 0; k < iterations; ++k) {
-    if ((fb > 0) == (fc > 0) && (fb < 0) == (fc < 0)) c = a, fc = fa, move = before = b - a;
+    if ((fb > 0) == (fc > 0) && (fb < 0) == (fc < 0)) c = a, fc = fa, step = previous_step = b - a;
     if (std::fabs(fc) < std::fabs(fb)) a = b, fa = fb, b = c, fb = fc, c = a, fc = fa;
-    const double tolerance = 0.5 * (resolution + relative * std::fabs(b)), to_middle = 0.5 * (c - b);
-    if (fb == 0 || std::fabs(to_middle) <= tolerance) break;
-    double guess = 0;
-    if (std::fabs(before) > tolerance && std::fabs(fb) < std::fabs(fa)) {
+    const double tolerance = 0.5 * (resolution + relative * std::fabs(b)), half_interval = 0.5 * (c - b);
+    if (fb == 0 || std::fabs(half_interval) <= tolerance) break;
+    double interpolated = 0;
+    if (std::fabs(previous_step) > tolerance && std::fabs(fb) < std::fabs(fa)) {
       const double ab = (a - b) / (fa - fb), cb = (c - b) / (fc - fb);
-      guess = a == c ? -fb * (b - a) / (fb - fa) : -fb * (ab - fa * (cb - ab) / (fc - fa));
+      interpolated = a == c ? -fb * (b - a) / (fb - fa) : -fb * (ab - fa * (cb - ab) / (fc - fa));
     }
-    const double longest = std::min(3 * std::fabs(to_middle) - tolerance, std::fabs(before));
-    if (guess * to_middle > 0 && 2 * std::fabs(guess) < longest)
-      before = move, move = guess;
+    const double largest_step = std::min(3 * std::fabs(half_interval) - tolerance, std::fabs(previous_step));
+    if (interpolated * half_interval > 0 && 2 * std::fabs(interpolated) < largest_step)
+      previous_step = step, step = interpolated;
     else
-      before = move = to_middle;
+      previous_step = step = half_interval;
     a = b, fa = fb;
-    b += std::fabs(move) > tolerance ? move : std::copysign(tolerance, to_middle);
+    b += std::fabs(step) > tolerance ? step : std::copysign(tolerance, half_interval);
     fb = f(b);
   }
   return b;

@@ -1,3 +1,4 @@
+// LU with partial pivoting of full matrices, by panels of columns.
 #include "math/dense_lu.hpp"
 
 #include <algorithm>
@@ -8,7 +9,7 @@ namespace mbdae {
 
 namespace {
 
-constexpr int PANEL = 4;  // columns that are applied to the others together
+constexpr int PANEL = 4;  // columns of a panel, which are eliminated together
 
 template <int components>
 struct Scalar {  // entry i of a column
@@ -20,8 +21,8 @@ struct Scalar {  // entry i of a column
     column[i] = re;
     if constexpr (components == 2) column[n + i] = im;
   }
-  bool zero() const { return re == 0 && im == 0; }
-  void times(const Scalar& f) {
+  bool is_zero() const { return re == 0 && im == 0; }
+  void multiply_by(const Scalar& f) {
     const double x = re * f.re - im * f.im;
     im = re * f.im + im * f.re, re = x;
   }
@@ -61,11 +62,11 @@ void subtract_panel(double* __restrict a, const double* __restrict b, const Scal
 
 // b[k] - sum_i a[i] b[i] over from..to
 template <int components>
-Scalar<components> reduced(const double* b, const double* a, int k, int from, int to, int n) {
+Scalar<components> subtract_product(const double* b, const double* a, int k, int from, int to, int n) {
   Scalar<components> x(b, k, n);
   for (int i = from; i < to; ++i) {
     Scalar<components> term(b, i, n);
-    term.times(Scalar<components>(a, i, n));
+    term.multiply_by(Scalar<components>(a, i, n));
     x.re -= term.re, x.im -= term.im;
   }
   return x;
@@ -93,12 +94,12 @@ bool DenseLU<components>::factorize() {
   for (int first = 0; first < n; first += PANEL) {
     const int end = std::min(first + PANEL, n);
     for (int k = first; k < end; ++k) {
-      double *a = column(k), most = -1;
+      double *a = column(k), largest = -1;
       for (int i = k; i < n; ++i) {
         const double size = components == 1 ? std::fabs(a[i]) : std::fabs(a[i]) + std::fabs(a[n + i]);
-        if (size > most) most = size, swap_[k] = i;
+        if (size > largest) largest = size, swap_[k] = i;
       }
-      if (!(most > 0) || !std::isfinite(most)) return false;
+      if (!(largest > 0) || !std::isfinite(largest)) return false;
       for (int j = 0; j < n; ++j) swap<components>(column(j), k, swap_[k], n);
       S pivot(a, k, n);
       if constexpr (components == 1) {
@@ -110,27 +111,27 @@ bool DenseLU<components>::factorize() {
       pivot.write(a, k, n);
       for (int i = k + 1; i < n; ++i) {
         S x(a, i, n);
-        x.times(pivot);
+        x.multiply_by(pivot);
         x.write(a, i, n);
       }
       for (int j = k + 1; j < end; ++j) {
         const S f(column(j), k, n);
-        if (!f.zero()) subtract<components>(column(j), a, f, k + 1, n, n);
+        if (!f.is_zero()) subtract<components>(column(j), a, f, k + 1, n, n);
       }
     }
     for (int j = end; j < n; ++j) {
       double* a = column(j);
       for (int k = first; k < end; ++k) {
         const S f(a, k, n);
-        for (int i = k + 1; i < end && !f.zero(); ++i) {
+        for (int i = k + 1; i < end && !f.is_zero(); ++i) {
           S x(a, i, n), y(column(k), i, n);
-          y.times(f);
+          y.multiply_by(f);
           x.re -= y.re, x.im -= y.im;
           x.write(a, i, n);
         }
       }
       const S f[PANEL] = {{a, first, n}, {a, first + 1, n}, {a, first + 2, n}, {a, first + 3, n}};
-      if (f[0].zero() && f[1].zero() && f[2].zero() && f[3].zero()) continue;
+      if (f[0].is_zero() && f[1].is_zero() && f[2].is_zero() && f[3].is_zero()) continue;
       subtract_panel<components>(a, column(first), f, end, n);
     }
   }
@@ -145,12 +146,12 @@ void DenseLU<components>::solve(double* b) const {
   for (int k = 0; k < n; ++k) swap<components>(b, k, swap_[k], n);
   for (int k = 0; k < n; ++k, a += components * n) {
     const S f(b, k, n);
-    if (!f.zero()) subtract<components>(b, a, f, k + 1, n, n);
+    if (!f.is_zero()) subtract<components>(b, a, f, k + 1, n, n);
   }
   for (int k = n - 1; k >= 0; --k) {
     a -= components * n;
     S f(b, k, n);
-    f.times(S(a, k, n));
+    f.multiply_by(S(a, k, n));
     f.write(b, k, n);
     subtract<components>(b, a, f, 0, k, n);
   }
@@ -162,13 +163,13 @@ void DenseLU<components>::solve_transposed(double* b) const {
   const int n = n_;
   const double* a = a_.data();
   for (int k = 0; k < n; ++k, a += components * n) {
-    S x = reduced<components>(b, a, k, 0, k, n);
-    x.times(S(a, k, n));
+    S x = subtract_product<components>(b, a, k, 0, k, n);
+    x.multiply_by(S(a, k, n));
     x.write(b, k, n);
   }
   for (int k = n - 1; k >= 0; --k) {
     a -= components * n;
-    reduced<components>(b, a, k, k + 1, n, n).write(b, k, n);
+    subtract_product<components>(b, a, k, k + 1, n, n).write(b, k, n);
   }
   for (int k = n - 1; k >= 0; --k) swap<components>(b, k, swap_[k], n);
 }

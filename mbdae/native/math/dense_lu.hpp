@@ -8,7 +8,8 @@
 
 namespace mbdae {
 
-// By columns, of `components` times n numbers each: real components, followed by imaginary components. The same for vectors.
+// Stored by columns; a complex column (components = 2) has its n real parts first, then its n imaginary parts. Vectors
+// have the same layout.
 template <int components>
 class DenseLU {
  public:

@@ -14,14 +14,14 @@ struct Dual {
   Dual(double value) : x(value) {}
 
   // f(a) and f(a, b), from the value and the partial derivatives of f
-  friend Dual chain(const Dual& a, double value, double by) {
+  friend Dual chain(const Dual& a, double value, double df_da) {
     Dual out(value);
-    for (int i = 0; i < N; ++i) out.d[i] = by * a.d[i];
+    for (int i = 0; i < N; ++i) out.d[i] = df_da * a.d[i];
     return out;
   }
-  friend Dual chain(const Dual& a, const Dual& b, double value, double by_a, double by_b) {
+  friend Dual chain(const Dual& a, const Dual& b, double value, double df_da, double df_db) {
     Dual out(value);
-    for (int i = 0; i < N; ++i) out.d[i] = by_a * a.d[i] + by_b * b.d[i];
+    for (int i = 0; i < N; ++i) out.d[i] = df_da * a.d[i] + df_db * b.d[i];
     return out;
   }
 

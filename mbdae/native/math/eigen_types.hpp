@@ -1,5 +1,5 @@
-// Eigen matrices stored by rows, and views of arrays as such. Their products are lazy: blocked ones, for matrices much
-// larger than those of a stage, take long to compile.
+// Row-major Eigen matrices, and views of arrays as such matrices. Use their lazy products: blocked products are faster
+// only for matrices much larger than those of a stage, and take long to compile.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,7 +8,7 @@ namespace mbdae {
 
 template <class T>
 using Rows = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-using RowsIn = Eigen::Map<const Rows<double>>;
-using RowsOut = Eigen::Map<Rows<double>>;
+using ConstMatrixMap = Eigen::Map<const Rows<double>>;
+using MatrixMap = Eigen::Map<Rows<double>>;
 
 }  // namespace mbdae

@@ -1,3 +1,4 @@
+// Banded LU, column-pivoted QR, minimum-norm and least-squares solutions.
 #include "math/factorizations.hpp"
 
 #include <algorithm>
@@ -6,8 +7,8 @@
 
 namespace mbdae {
 
-void BandLU::resize(int n, int half) {
-  n_ = n, half_bandwidth_ = std::max(0, std::min(half, n - 1)), width_ = 3 * half_bandwidth_ + 1;
+void BandLU::resize(int n, int half_bandwidth) {
+  n_ = n, half_bandwidth_ = std::max(0, std::min(half_bandwidth, n - 1)), width_ = 3 * half_bandwidth_ + 1;
   a_.assign(static_cast<size_t>(n) * width_, 0.0);
   multiplier_.assign(static_cast<size_t>(n) * std::max(half_bandwidth_, 1), 0.0);
   swap_.assign(n, 0);
@@ -16,23 +17,24 @@ void BandLU::resize(int n, int half) {
 void BandLU::zero() { std::fill(a_.begin(), a_.end(), 0.0); }
 
 bool BandLU::factorize() {
-  const int down = width_ - 1;  // from an entry to that of the next row, in the same column
+  const int row_stride = width_ - 1;  // from an entry to that of the next row, in the same column
   double smallest = INFINITY, largest = 0;
   for (int k = 0; k < n_; ++k) {
-    const int left = n_ - 1 - k, below = std::min(half_bandwidth_, left), right = std::min(2 * half_bandwidth_, left);
+    const int remaining = n_ - 1 - k, below = std::min(half_bandwidth_, remaining),
+              right = std::min(2 * half_bandwidth_, remaining);
     double* __restrict top = &a_[k * width_ + half_bandwidth_];
     double pivot = std::fabs(*top);
     int p = 0;
     for (int i = 1; i <= below; ++i)
-      if (const double size = std::fabs(top[i * down]); size > pivot) pivot = size, p = i;
+      if (const double size = std::fabs(top[i * row_stride]); size > pivot) pivot = size, p = i;
     swap_[k] = k + p;
     if (p)
-      for (int j = 0; j <= right; ++j) std::swap(top[j], top[p * down + j]);
+      for (int j = 0; j <= right; ++j) std::swap(top[j], top[p * row_stride + j]);
     if (!(pivot > 0) || !std::isfinite(pivot)) return ratio_ = 0, false;
     smallest = std::min(smallest, pivot), largest = std::max(largest, pivot);
     double *row = top, *multiplier = &multiplier_[k * half_bandwidth_];
     for (int i = 1; i <= below; ++i) {
-      row += down;
+      row += row_stride;
       const double f = *multiplier++ = row[0] / top[0];
       if (f != 0)
         for (int j = 1; j <= right; ++j) row[j] -= f * top[j];
@@ -80,19 +82,19 @@ void qr(int m, int n, double* A, std::vector<int>& order, std::vector<double>& d
   const int steps = std::min(m, n);
   diagonal.assign(steps, 0.0);
   for (int k = 0; k < steps; ++k) {
-    int best = k;
-    double most = -1;
+    int pivot_column = k;
+    double largest_square = -1;
     for (int j = k; j < n; ++j) {
       double s = 0;
       for (int i = k; i < m; ++i) s += A[j * m + i] * A[j * m + i];
-      if (s > most) most = s, best = j;
+      if (s > largest_square) largest_square = s, pivot_column = j;
     }
-    if (best != k) {
-      std::swap_ranges(A + k * m, A + (k + 1) * m, A + best * m);
-      std::swap(order[k], order[best]);
+    if (pivot_column != k) {
+      std::swap_ranges(A + k * m, A + (k + 1) * m, A + pivot_column * m);
+      std::swap(order[k], order[pivot_column]);
     }
     double* x = A + k * m;
-    const double norm = std::sqrt(most);
+    const double norm = std::sqrt(largest_square);
     diagonal[k] = norm;
     head[k] = 0;
     if (!(norm > 0)) continue;

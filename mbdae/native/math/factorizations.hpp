@@ -1,4 +1,4 @@
-// Linear algebra of the core, on arrays: small and banded systems, and the selection of independent rows.
+// Linear algebra on arrays: banded LU, pivoted QR for the selection of independent rows, least squares.
 #pragma once
 
 #include <vector>
@@ -30,7 +30,7 @@ class BandLU {
 // decreasing. B grows by min(m, n) numbers.
 void pivoted_qr(int m, int n, Vector& B, std::vector<int>& order, Vector& diagonal);
 
-// The z (m,) of least norm that minimizes |B^T z - r|, B (m, n) by columns, of numerical rank at a truncation.
+// The minimum-norm z (m,) that minimizes |B^T z - r|, B (m, n) by columns; `truncation` determines its numerical rank.
 void minimum_norm(int m, int n, const double* B, const double* r, double truncation, double* z);
 
 // The X (n, k) that minimizes |A X - B|, A (m, n) of full rank, all by columns: written to the first n rows of B (m, k).

@@ -1,4 +1,4 @@
-// Readers of structs from data, by the lists of their fields (fields.hpp).
+// Readers of structs from data (Python dicts, JSON), by the lists of their fields (fields.hpp).
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace mbdae {
 
 [[noreturn]] inline void reject(const std::string& text) { throw std::invalid_argument(text); }
 
-// A kind of row, law or signal that Python has and this core does not: the core was built before it was written.
+// A kind of row, law or signal that Python defines and this core does not: the core is older than the kind.
 struct UnknownKind : std::invalid_argument {
   explicit UnknownKind(const std::string& name)
       : std::invalid_argument("kind '" + name + "': it was built before that was written") {}
@@ -56,12 +56,12 @@ template <class T>
 struct HasFields<T, std::void_t<decltype(T::field_names)>> : std::true_type {};
 
 template <class T>
-struct IsSequence : std::false_type {};  // of anything but numbers
+struct IsSequence : std::false_type {};  // a vector of structs or vectors, not of numbers
 template <class T>
 struct IsSequence<std::vector<T>> : std::bool_constant<!std::is_arithmetic_v<T>> {};
 
-// Reads core data: numbers, names of enumerations, arrays of a fixed size, sequences, and structs from tables with their
-// fields. Data: what refers to a value; DataAccess tells tables and sequences. A derived class reads what needs more.
+// Reader of core data: numbers, names of enumerations, arrays of fixed size, sequences, and structs from tables with
+// their fields. Data refers to a value; DataAccess reads tables and sequences. Derived classes read further types.
 template <class Data>
 struct DataAccess;  // contains(d, key), at(d, key), size(d), item(d, i), cast<T>(d)
 
@@ -106,16 +106,16 @@ class Reader {
     }
   }
 
-  // Fields that may be missing keep their values.
+  // Unless `all` are required, missing fields keep their values.
   template <class T>
   void read_fields(Data h, T& out, bool all) {
     const auto& names = names_of<T>();
     size_t i = 0;
-    auto one = [&](auto& field) {
+    auto read_field = [&](auto& field) {
       const char* name = names[i++].c_str();
       if (all || Access::contains(h, name)) static_cast<Derived*>(this)->read(field_of(h, name), field);
     };
-    std::apply([&](auto&... field) { (one(field), ...); }, out.fields());
+    std::apply([&](auto&... field) { (read_field(field), ...); }, out.fields());
   }
 
  protected:

@@ -1,5 +1,5 @@
-// The fields of a plain struct, listed once within it: attributes, constructors by keywords, and readers of
-// descriptions follow from the list (bindings/structs.hpp).
+// The list of the fields of a struct, written once within it, from which its Python attributes, its constructor with
+// keywords (bindings/structs.hpp) and its reader (field_reader.hpp) are generated.
 #pragma once
 
 #include <tuple>

@@ -40,8 +40,8 @@ Vec3<Common<S, T>> cross(const Vec3<S>& a, const Vec3<T>& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 template <class T>
-Vec3<T> scaled(const double* by, const Vec3<T>& a) {  // component by component
-  return {by[0] * a[0], by[1] * a[1], by[2] * a[2]};
+Vec3<T> scaled(const double* factors, const Vec3<T>& a) {  // component by component
+  return {factors[0] * a[0], factors[1] * a[1], factors[2] * a[2]};
 }
 
 template <class S>
@@ -89,7 +89,7 @@ struct Velocity {  // spatial, at the world's origin
 };
 
 template <class S>
-struct Wrench {  // at the world's origin; zero
+struct Wrench {  // at the world's origin
   Vec3<S> force, moment;
 };
 

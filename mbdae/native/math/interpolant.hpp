@@ -1,4 +1,4 @@
-// Polynomials through given values, their extrema and zeros.
+// Interpolating polynomials (Hermite cubic, divided differences), their extrema and zeros.
 #pragma once
 
 #include <algorithm>
@@ -24,13 +24,13 @@ struct Cubic {
     return value(c[1] >= 0 ? -c[2] / (c[1] + root) : (root - c[1]) / (3 * c[0]));
   }
 
-  double steepest() const { return c[2] < 0 ? 0 : -c[1] / (3 * c[0]); }  // where it falls, before the minimum
+  double steepest() const { return c[2] < 0 ? 0 : -c[1] / (3 * c[0]); }  // where it decreases fastest in [0, minimum]
 
-  // The first zero in (0, 1), or that of the cubic over x if it is zero at 0; 1 if there is none.
+  // The first zero in (0, 1), of the cubic divided by x if it is zero at 0; 1 if there is none.
   double first_zero() const {
     const bool starts_at_zero = c[3] == 0;
     const auto f = [&](double x) { return starts_at_zero ? c[2] + x * (c[1] + x * c[0]) : value(x); };
-    // extrema, between which it is monotonic
+    // extrema: the function is monotonic between them
     const double a = starts_at_zero ? 0 : 3 * c[0], b = starts_at_zero ? 2 * c[0] : 2 * c[1];
     const double d = starts_at_zero ? c[1] : c[2];
     double bounds[3] = {1, 1, 1};
@@ -66,7 +66,7 @@ double bisect(Function&& f, double low, double high) {
   return low;
 }
 
-// The root of a polynomial near x, of which `f` is the value and the derivative, by Newton's method.
+// The root of a polynomial near x by Newton's method; f returns its value and derivative.
 template <class Function>
 double newton_root(Function&& f, double x) {
   for (int k = 0; k < 3; ++k) {
@@ -97,17 +97,17 @@ class Interpolant {
 
   std::vector<double> extrema(double first, double last) const {
     std::vector<double> out;
-    const auto rises = [&](double x) { return derivative(x); };
-    for (double x = first; x < last; x += MOVE) {
-      const double high = std::min(x + MOVE, last);
-      if ((rises(x) > 0) != (rises(high) > 0)) out.push_back(bisect(rises, x, high));
+    const auto rate = [&](double x) { return derivative(x); };
+    for (double x = first; x < last; x += SAMPLING_INTERVAL) {
+      const double high = std::min(x + SAMPLING_INTERVAL, last);
+      if ((rate(x) > 0) != (rate(high) > 0)) out.push_back(bisect(rate, x, high));
     }
     return out;
   }
 
   double first_zero(double last) const {  // where it becomes negative, after 0; 0 if it does not
-    for (double low = 0; low < last; low += MOVE) {
-      const double high = std::min(low + MOVE, last);
+    for (double low = 0; low < last; low += SAMPLING_INTERVAL) {
+      const double high = std::min(low + SAMPLING_INTERVAL, last);
       if (value(low) > 0 && !(value(high) > 0)) return bisect([&](double x) { return value(x); }, low, high);
     }
     return 0;
@@ -118,13 +118,13 @@ class Interpolant {
   }
 
  private:
-  static constexpr double MOVE = 1.0 / 8;  // between samples of extrema and zeros
+  static constexpr double SAMPLING_INTERVAL = 1.0 / 8;  // between the points tested for sign changes
 
-  void append(double x, double f, double derivative) {  // the latter for the second of two equal nodes
+  void append(double x, double f, double derivative) {  // derivative: used for the second of two equal nodes
     double difference = f;
     for (size_t n = nodes_.size(), k = n; k > 0; --k) {
-      const double before = std::exchange(last_[n - k], difference), width = x - nodes_[k - 1];
-      difference = width == 0 ? derivative : (difference - before) / width;
+      const double previous = std::exchange(last_[n - k], difference), width = x - nodes_[k - 1];
+      difference = width == 0 ? derivative : (difference - previous) / width;
     }
     nodes_.push_back(x), last_.push_back(difference), d_.push_back(difference);
   }

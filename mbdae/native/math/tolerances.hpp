@@ -1,6 +1,6 @@
 // Thresholds of evaluations and steps. All are defined and documented in Python, under the same names, and passed by
-// mbdae/mechanism/formulations/core_description.py; those of step-size control are set for each run. None is a literal
-// here.
+// mbdae/mechanism/formulations/core_description.py; those of step-size control are set for each run. The core has
+// no literal thresholds.
 #pragma once
 
 #include <vector>
@@ -16,7 +16,7 @@ struct Tolerances {
   // mechanism/tree/manifold.py
   double max_rotation;         // rad, largest joint rotation within one step
   std::vector<double> series;  // B_2k/(2k)!, k = 1, 2, ...
-  // closures/independent_rows.py: ratios of pivots, and numbers of rows and iterations
+  // closures/independent_rows.py: pivot ratios, and numbers of rows and iterations
   double smallest_pivot, worst_conditioning, growth_tolerance, reselection_ratio, probe_tolerance;
   double cg_tolerance;  // of the squared residual of conjugate gradients
   int many_rows, extra_cg_iterations;
@@ -25,8 +25,9 @@ struct Tolerances {
   int projection_iterations;
   // formulations/ggl.py, closure_friction.py, friction_interface.py
   int ggl_iterations, friction_iterations;
-  double slip_cosine, clear_slip;                               // of the rotation of a slip in a step; its speed
-  int stage_iterations;                                         // of stages that derivatives of runs recompute
+  // largest rotation of a slip in a step; smallest clear slip speed
+  double slip_cosine, clear_slip;
+  int stage_iterations;                                         // of stages that tangents and adjoints recompute
   std::vector<double> row_scales, q_scales, coordinate_scales;  // units of g (ng,), q (nq,) and v (nv,)
 
   FIELDS(eps, tiny, below_rounding, rounding, sum_rounding, evaluation_rounding, solution_rounding, search_tolerance,

@@ -1,4 +1,4 @@
-// Sums over short arrays; vectors of three numbers, rotations by rows.
+// Norms and products of short arrays; vectors of three components, rotations by rows.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 namespace mbdae {
 
-// The largest magnitude of x by its scales.
+// The largest |x[i]| / scales[i].
 inline double largest_scaled(const double* x, const std::vector<double>& scales) {
   double out = 0;
   for (size_t i = 0; i < scales.size(); ++i) out = std::max(out, std::fabs(x[i]) / scales[i]);

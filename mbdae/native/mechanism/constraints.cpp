@@ -1,4 +1,4 @@
-// All rows of a mechanism: shared quantities, and drivers.
+// Constraint rows of a mechanism: g, G, Gdot v, products of rows, and drivers.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -19,7 +19,7 @@ Constraints::Constraints(const MultibodyTree& m, std::vector<Row> rows_,
     pairs.emplace_back(x.first, x.second, supports);
     pairs.back().needs_Ra = pairs.back().needs_Rb = false;
   }
-  of_pair.resize(pairs.size());
+  rows_of_pair.resize(pairs.size());
   for (Row& r : rows) {
     if (r.between_joints()) {
       std::set<int> columns;
@@ -31,7 +31,7 @@ Constraints::Constraints(const MultibodyTree& m, std::vector<Row> rows_,
         r.entries.push_back(std::lower_bound(r.columns.begin(), r.columns.end(), i) - r.columns.begin());
       continue;
     }
-    of_pair[r.pair].push_back(static_cast<int>(&r - rows.data()));
+    rows_of_pair[r.pair].push_back(static_cast<int>(&r - rows.data()));
     Pair& pair = pairs[r.pair];
     r.columns = pair.columns;
     r.columns.erase(std::unique(r.columns.begin(), r.columns.end()), r.columns.end());
@@ -63,12 +63,13 @@ void Constraints::write(Constraints x) {
   drivers = std::move(x.drivers);
 }
 
-void Constraints::value(const MultibodyTree& m, const double* q, const std::vector<int>& which, double* G, double* g) {
+void Constraints::value(const MultibodyTree& m, const double* q, const std::vector<int>& selected, double* G,
+                        double* g) {
   const double* J = m.J();
-  for (int r : which) {
+  for (int r : selected) {
     const Row& row = rows[r];
     double *out = G + start[r], gap = 0;
-    if (!off.empty() && off[r]) {
+    if (!inactive.empty() && inactive[r]) {
       std::fill_n(out, row.columns.size(), 0.0);
     } else if (row.between_joints()) {
       gap = row.coordinate_entries(q, out);
@@ -80,21 +81,21 @@ void Constraints::value(const MultibodyTree& m, const double* q, const std::vect
       const double* sign = pair.sign.data();
       const int *source = pair.sources.data(), n = static_cast<int>(pair.sources.size());
       const auto entry = [&](int k) { return sign[k] == 0 ? 0 : sign[k] * dot6(w, J + 6 * source[k]); };
-      for (int k = 0; k < n && !pair.twice; ++k) out[k] = entry(k);
-      for (int k = 0; k < n && pair.twice; ++k) {
-        const bool again = k && pair.columns[k - 1] == pair.columns[k];
-        again ? out[-1] += entry(k) : *out++ = entry(k);
+      for (int k = 0; k < n && !pair.has_repeated_columns; ++k) out[k] = entry(k);
+      for (int k = 0; k < n && pair.has_repeated_columns; ++k) {
+        const bool repeated = k && pair.columns[k - 1] == pair.columns[k];
+        repeated ? out[-1] += entry(k) : *out++ = entry(k);
       }
     }
     if (g) g[r] = row.positional ? gap : 0;
   }
 }
 
-void Constraints::dense_value(const MultibodyTree& m, const double* q, const std::vector<int>& which, Vector& G,
+void Constraints::dense_value(const MultibodyTree& m, const double* q, const std::vector<int>& selected, Vector& G,
                               double* g) {
   G.resize(rows.size() * nv), entries_.resize(start.back());
-  value(m, q, which, entries_.data(), g);
-  for (int r : which) expand(r, entries_.data(), &G[r * nv]);
+  value(m, q, selected, entries_.data(), g);
+  for (int r : selected) expand(r, entries_.data(), &G[r * nv]);
 }
 
 Vector Constraints::dense(const Vector& entries) const {
@@ -102,17 +103,17 @@ Vector Constraints::dense(const Vector& entries) const {
   return dense(all, entries, out), out;
 }
 
-void Constraints::dense(const std::vector<int>& which, const Vector& entries, Vector& out) const {
-  out.assign(which.size() * nv, 0.0);
-  for (size_t i = 0; i < which.size(); ++i) expand(which[i], entries.data(), &out[i * nv]);
+void Constraints::dense(const std::vector<int>& selected, const Vector& entries, Vector& out) const {
+  out.assign(selected.size() * nv, 0.0);
+  for (size_t i = 0; i < selected.size(); ++i) expand(selected[i], entries.data(), &out[i * nv]);
 }
 
-std::vector<Constraints::Common> Constraints::common(int k, int l) const {
+std::vector<Constraints::CommonRun> Constraints::common(int k, int l) const {
   const std::vector<int>&a = rows[k].columns, &b = rows[l].columns;
-  std::vector<Common> out;
+  std::vector<CommonRun> out;
   for (size_t i = 0, j = 0; i < a.size() && j < b.size();) {
     if (a[i] == b[j]) {
-      const Common* last = out.empty() ? nullptr : &out.back();
+      const CommonRun* last = out.empty() ? nullptr : &out.back();
       if (!last || last->k + last->n != static_cast<int>(i) || last->l + last->n != static_cast<int>(j))
         out.push_back({static_cast<int>(i), static_cast<int>(j), 0});
       ++out.back().n;
@@ -146,12 +147,12 @@ void Constraints::complete_g(double t, double* g) const {
     if (rows[r].period > 0 && rows[r].positional) g[r] -= rows[r].period * std::nearbyint(g[r] / rows[r].period);
 }
 
-void Constraints::bias(const MultibodyTree& m, const double* q, const double* v, const std::vector<int>& which, double* out,
-                       bool minus_gravity) {
-  int located = -1;
-  for (int r : which) {
+void Constraints::bias(const MultibodyTree& m, const double* q, const double* v, const std::vector<int>& selected,
+                       double* out, bool minus_gravity) {
+  int current_pair = -1;
+  for (int r : selected) {
     const Row& row = rows[r];
-    if (!off.empty() && off[r]) {
+    if (!inactive.empty() && inactive[r]) {
       out[r] = 0;
       continue;
     }
@@ -160,7 +161,8 @@ void Constraints::bias(const MultibodyTree& m, const double* q, const double* v,
       continue;
     }
     Pair& pair = pairs[row.pair];
-    if (row.pair != located) pair.update_poses(m), pair.update_velocities(m, minus_gravity), located = row.pair;
+    if (row.pair != current_pair)
+      pair.update_poses(m), pair.update_velocities(m, minus_gravity), current_pair = row.pair;
     out[r] = row.rate(pair);
   }
 }

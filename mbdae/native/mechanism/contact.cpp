@@ -1,3 +1,4 @@
+// Contact normal, point and tangents of a rolling body on a surface.
 #include "mechanism/contact.hpp"
 
 #include "mechanism/frames.hpp"
@@ -8,9 +9,9 @@ namespace {
 
 template <class S>
 S normalize(Vec3<S>& x) {  // x := x/|x|; |x|
-  const S size = sqrt(dot(x, x));
-  x = 1 / size * x;
-  return size;
+  const S length = sqrt(dot(x, x));
+  x = 1 / length * x;
+  return length;
 }
 
 template <class S>
@@ -37,23 +38,23 @@ Contact<S> contact_of(const Shape& shape, const Frames<S>& x) {
   out.p = out.p - shape.tyre * n;
   if (shape.body == Shape::Body::wheel) {
     const Vec3<S> axle = x.Rb * Vec3<double>(shape.axle);
-    out.ahead = cross(axle, n);
-    if (!(value(normalize(out.ahead)) > shape.parallel)) throw FallBackToPython();
-    // ahead x axle is the unit vector along n - (n . s) s
-    if (shape.rim > 0) out.p = out.p - shape.rim * cross(out.ahead, axle);
+    out.longitudinal = cross(axle, n);
+    if (!(value(normalize(out.longitudinal)) > shape.parallel)) throw FallBackToPython();
+    // longitudinal x axle is the unit vector along n - (n . s) s
+    if (shape.rim > 0) out.p = out.p - shape.rim * cross(out.longitudinal, axle);
   } else if (shape.surface == Shape::Surface::plane) {
-    out.ahead = column(x.Ra, 0);
+    out.longitudinal = column(x.Ra, 0);
   } else if (shape.surface == Shape::Surface::cylinder) {
-    out.ahead = cross(column(x.Ra, 2), n), normalize(out.ahead);
+    out.longitudinal = cross(column(x.Ra, 2), n), normalize(out.longitudinal);
   } else {
-    const Vec3<double> ahead = column(x.Ra, 0);
+    const Vec3<double> longitudinal = column(x.Ra, 0);
     Vec3<S> w = n + column(x.Ra, 2);
     if (value(normalize(w)) > shape.parallel)
-      out.ahead = ahead - 2 * dot(w, ahead) * w;
+      out.longitudinal = longitudinal - 2 * dot(w, longitudinal) * w;
     else
-      out.ahead = cross(ahead, n), normalize(out.ahead);
+      out.longitudinal = cross(longitudinal, n), normalize(out.longitudinal);
   }
-  out.left = cross(n, out.ahead);
+  out.lateral = cross(n, out.longitudinal);
   return out;
 }
 

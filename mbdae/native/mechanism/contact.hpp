@@ -1,4 +1,4 @@
-// A convex body of frame b on a surface of frame a: contact kinematics (mbdae/mechanism/closures/contact.py).
+// Contact kinematics of a convex body on frame b and a surface on frame a (mbdae/mechanism/closures/contact.py).
 #pragma once
 
 #include "math/fields.hpp"
@@ -14,17 +14,17 @@ struct Shape {
   NAMED_ENUM(enum class, Surface, plane, sphere, cylinder)
   Body body = Body::sphere;
   Surface surface = Surface::plane;
-  double rim = 0, tyre = 0, curve = 0;  // radii; that of the surface is negative where the body rolls inside
+  double rim = 0, tyre = 0, curve = 0;  // radii of rim, cross-section, surface (< 0: the body rolls inside)
   double axle[3] = {0, 0, 0}, squares[3] = {0, 0, 0}, centre[3] = {0, 0, 0};  // squares: of semi-axes
-  double parallel = 0;                                                        // threshold
+  double parallel = 0;  // threshold of the sine between normal and axle
 
   FIELDS(body, surface, rim, tyre, curve, axle, squares, centre, parallel)
 };
 
-// The normal towards b, the lowest point, the tangents ahead and to the left.
+// The normal towards b, the contact point of b, the longitudinal and the lateral tangent.
 template <class S>
 struct Contact {
-  Vec3<S> n, p, ahead, left;
+  Vec3<S> n, p, longitudinal, lateral;
 };
 
 template <class S>

@@ -15,26 +15,26 @@ namespace mbdae {
 struct FramePose {
   double pose[12], arm[3];
 
-  void from_motion(const double* V, double* out) const;  // into the axes of the frame, about its origin
-  void to_motion(const double* V, double* out) const;    // back
+  void from_motion(const double* V, double* out) const;  // to the axes of the frame, about its origin
+  void to_motion(const double* V, double* out) const;    // from the axes of the frame
   void to_wrench(const double* F, double* out) const;
 };
 
 class FlexibleBody {
  public:
-  // base: the degrees of freedom that move the frame, outward; the nodes follow `first_pose` entries of poses, their
-  // columns `first_column` columns of J.
+  // base: the degrees of freedom that move the frame, outward; first_pose, first_column: first pose and column of J of
+  // the nodes.
   FlexibleBody(ModalBody data, std::vector<int> base, int first_pose, int first_column);
 
   const ModalBody data;
   const std::vector<int> base;
   const int first_pose, first_column;
 
-  // Rotation by theta = Psi q, by rows, with the functions a, b, a1, b1; position d and Phi = dd/dq.
+  // Rotation E by theta = Psi q, by rows, with the series a, b, a1, b1; position d and Phi = dd/dq.
   struct Node {
     double theta[3], functions[4], E[9], Jr[9], d[3];
     Vector Phi;
-    bool curved = false;  // are there displacements of second order?
+    bool curved = false;  // has displacements of second order
   };
   const Node& node(int i) const { return nodes_[i]; }
 
@@ -42,34 +42,36 @@ class FlexibleBody {
   void use(const std::vector<bool>& nodes);
   const std::vector<int>& used() const { return used_; }
 
-  // At the pose of the joint and the vector from the root's position to it: what follows is at the last one.
+  // Set the frame from the pose of its joint and the vector from the root's position to the joint; see `FramePose`.
   void set_pose(const double* joint_pose, const double* arm);
-  void deform(const double* q);      // for the terms of M and nle; at the last q nothing is to be done
-  void turn_nodes(const double* q);  // the same
-  void place_nodes(double* poses, double* J) const;
-  // Motions of a node about the root's position, from those of the frame; u, du (k,) of the modes, du may be null.
-  void move_node(int number, const double* V, const double* A, const double* u, const double* du, double* V_node,
-                 double* A_node) const;
-  // Entries of M, whose columns begin at `starts`: adds to those of the frame, and sets those of the modes.
-  void add_inertia(const Six* about, const std::vector<size_t>& starts, double* M) const;
-  // out += the part of M a + nle; A of the frame minus gravity.
-  void add_force(const Six* about, const double* V, const double* A, const double* u, const double* du,
+  void deform(const double* q);        // update the terms of M and nle, unless q is unchanged
+  void update_nodes(const double* q);  // update rotations and positions of nodes, unless q is unchanged
+  void write_node_poses(double* poses, double* J) const;
+  // Velocity and acceleration of a node about the root's position, from those of the frame; u, du (k,) modal velocities
+  // and accelerations, du may be null.
+  void node_motion(int number, const double* V, const double* A, const double* u, const double* du, double* V_node,
+                   double* A_node) const;
+  // Add to the entries of M of the frame, and set those of the modes; `starts`: first entries of the columns of M.
+  void add_inertia(const Six* J_root, const std::vector<size_t>& starts, double* M) const;
+  // out += contribution to M a + nle; A: acceleration of the frame minus gravity.
+  void add_force(const Six* J_root, const double* V, const double* A, const double* u, const double* du,
                  double* out) const;
-  // A vector in the axes of the frame, in those of the world, from the rotation of its joint.
+  // Rotate a vector from the axes of the frame to those of the world.
   void rotate_to_world(const double* joint_rotation, const double* x, double* out) const;
-  // That the deformation adds, after `deform`.
+  // Gravity potential due to the deformation, in J; requires `deform`.
   double potential(const double* joint_rotation, const double* gravity) const;
-  // Partials of these forces with respect to q in the tangent and to v, added to by_q and by_v (nv, nv) by rows;
-  // expanded_joints (nv,): joint of each degree of freedom in the expanded tree; base_acceleration: -gravity, or 0.
-  void add_partials(const Six* about, const int* expanded_joints, const double* q, const double* v,
-                    const double* a, const Six& base_acceleration, double* by_q, double* by_v, size_t nv) const;
+  // Add the partials of these forces with respect to q in the tangent and to v, to dtau_dq and dtau_dv (nv, nv) by
+  // rows; expanded_joints (nv,): joint of each degree of freedom in the expanded tree; base_acceleration: -gravity, or
+  // 0.
+  void add_partials(const Six* J_root, const int* expanded_joints, const double* q, const double* v, const double* a,
+                    const Six& base_acceleration, double* dtau_dq, double* dtau_dv, size_t nv) const;
 
  private:
   std::vector<Node> nodes_;
-  FramePose at_;
+  FramePose frame_;
   std::vector<int> used_;
-  Vector deformed_at_, turned_at_;  // (k,)
-  Deformation<double> now_;
+  Vector deformation_q_, nodes_q_;  // (k,)
+  Deformation<double> deformation_;
   mutable std::vector<double> nu_, F_;
   mutable std::vector<Six> columns_;  // (base,) in the axes of the frame
 };

@@ -1,4 +1,4 @@
-// Laws between two frames: a formula of their poses and velocities, whose derivatives follow by dual numbers.
+// Force laws between two frames: a formula of their poses and velocities, differentiated by dual numbers.
 #pragma once
 
 #include "mechanism/frames.hpp"
@@ -7,25 +7,25 @@
 namespace mbdae {
 
 template <class S>
-struct Context {  // other arguments of a law
+struct Context {  // arguments of a law besides frames and velocity
   S t;
-  const Tolerances& limits;
+  const Tolerances& tolerances;
 };
 
-// Wrenches on b: of a potential, and other.
+// Wrenches on b: conservative, and all other ones.
 template <class S, class T>
 struct Wrenches {
   Wrench<S> conservative;
   Wrench<T> other;
 };
 
-// F::wrenches(law, context, frames, V) are the Wrenches; F::damped(law) says whether they depend on V = V_b - V_a;
-// F::potential(law, frames) is in J; F::is_valid checks the data.
+// F::wrenches(law, context, frames, V) returns the Wrenches, F::damped(law) whether they depend on V = V_b - V_a,
+// F::potential(law, frames) the potential in J; F::is_valid checks the data.
 template <class F>
 struct FrameLaw {
   template <class S>
-  static Context<S> now(const ForcePoint& p, const S& t) {
-    return {t, p.m.limits};
+  static Context<S> context(const ForcePoint& p, const S& t) {
+    return {t, p.m.tolerances};
   }
 
   static void add(const Law& law, const ForcePoint& p, const Forces& f) {
@@ -33,7 +33,7 @@ struct FrameLaw {
     double V[6] = {0, 0, 0, 0, 0, 0}, w[6];
     pair.update_poses(p.m);
     if (F::damped(law)) pair.relative(p.m, p.v, V);
-    const auto all = F::wrenches(law, now(p, p.t), frames_of(pair), velocity_of(V));
+    const auto all = F::wrenches(law, context(p, p.t), frames_of(pair), velocity_of(V));
     read(all.conservative, w, nullptr), pair.torque(p.m, w, 1, f.conservative);
     read(all.other, w, nullptr);
     if (largest(w, 6) != 0) pair.torque(p.m, w, 1, f.other);
@@ -42,17 +42,18 @@ struct FrameLaw {
   static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
     Pair& pair = *law.frames;
     pair.update_poses(p.m);
-    const PairPartials here(p.m, pair, p.v);
+    const PairPartials pair_partials(p.m, pair, p.v);
     WrenchPartials conservative, other;
-    const auto all = F::wrenches(law, now(p, p.t), moving_frames(pair), velocity_of(here.V));
+    const auto all = F::wrenches(law, context(p, p.t), moving_frames(pair), velocity_of(pair_partials.V));
     read(all.conservative, conservative.F, conservative.Db), read(all.other, other.F, other.Db);
     if (F::damped(law)) {
       other.damp();
-      read(F::wrenches(law, now(p, p.t), frames_of(pair), moving_velocity(here.V)).other, other.F, other.C);
+      read(F::wrenches(law, context(p, p.t), frames_of(pair), moving_velocity(pair_partials.V)).other, other.F,
+           other.C);
     }
-    conservative.complete(), out.add(here, conservative, true);
+    conservative.complete(), out.add(pair_partials, conservative, true);
     if (!other.damped && largest(other.F, 6) == 0 && largest(other.Db, 36) == 0) return;
-    other.complete(here.V), out.add(here, other, false);
+    other.complete(pair_partials.V), out.add(pair_partials, other, false);
   }
 
   static void time_rate(const Law& law, const ForcePoint& p, const Forces& f) {
@@ -63,7 +64,7 @@ struct FrameLaw {
     if (F::damped(law)) pair.relative(p.m, p.v, V);
     Dual<1> t(p.t);
     t.d[0] = 1;
-    const auto all = F::wrenches(law, now(p, t), moving_frames(pair, zero), velocity_of(V));
+    const auto all = F::wrenches(law, context(p, t), moving_frames(pair, zero), velocity_of(V));
     read(all.conservative, w, rate), pair.torque(p.m, rate, 1, f.conservative);
     read(all.other, w, rate), pair.torque(p.m, rate, 1, f.other);
   }

@@ -1,3 +1,4 @@
+// Dual numbers of the poses and velocities of frame pairs.
 #include "mechanism/frames.hpp"
 
 #include "math/spatial.hpp"

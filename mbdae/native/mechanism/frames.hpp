@@ -1,4 +1,5 @@
-// Poses of a pair, of which only b moves: a common motion of both rotates wrenches, which gives the rest.
+// Poses of a frame pair, as dual numbers for a motion of b alone; partials for a motion of a follow from a common
+// motion of both frames, which only rotates wrenches (`WrenchPartials::complete`).
 #pragma once
 
 #include "math/geometry.hpp"

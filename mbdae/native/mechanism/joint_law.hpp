@@ -1,4 +1,4 @@
-// Laws of single coordinates: a formula of (q, v), whose derivatives follow by dual numbers.
+// Force laws of single joint coordinates: a formula of (q, v), differentiated by dual numbers.
 #pragma once
 
 #include <type_traits>
@@ -10,7 +10,7 @@
 namespace mbdae {
 
 template <class S>
-struct Effort {  // of a spring, and other
+struct Effort {  // of springs, and of everything else
   S conservative, other;
 };
 
@@ -24,8 +24,8 @@ Effort<S> effort_of(const S& tau) {
   return {0, tau};
 }
 
-// F::effort(law, k, q, v) is the Effort at velocity law.rows[k], or a number for a law without a potential; q is the
-// coordinate law.columns[k] (0 without columns). F::is_valid checks the data; F::potential(law, point) is in J.
+// F::effort(law, k, q, v) returns the Effort at velocity law.rows[k], or a scalar for a law without a potential; q is
+// the coordinate law.columns[k] (0 without columns). F::is_valid checks the data; F::potential(law, point) is in J.
 template <class F>
 struct JointLaw {
   static constexpr bool conservative =
@@ -51,8 +51,8 @@ struct JointLaw {
       const Effort<Dual<2>> tau = effort_of(F::effort(law, k, q, v));
       double *conservative = out.conservative + i * out.width, *other = out.other + i * out.width;
       if (!law.columns.empty()) {
-        const int at = p.m.tangent[law.columns[k]];
-        conservative[at] += tau.conservative.d[0], other[at] += tau.other.d[0];
+        const int column = p.m.tangent[law.columns[k]];
+        conservative[column] += tau.conservative.d[0], other[column] += tau.other.d[0];
       }
       conservative[p.m.nv + i] += tau.conservative.d[1], other[p.m.nv + i] += tau.other.d[1];
     }

@@ -1,3 +1,4 @@
+// The table of force laws, from the files of laws/.
 #include "mechanism/laws.hpp"
 
 #include <map>
@@ -12,11 +13,11 @@ namespace laws {
 
 }  // namespace laws
 
-void LawPartials::add(const PairPartials& here, const WrenchPartials& t, bool conservative_) const {
-  double* to = conservative_ ? conservative : other;
-  here.torque(t, to, width);
-  if (t.damped) here.damping(t.C, to + here.nv, width);
-  if (wrenches) wrenches->push_back({&here.pair, t, conservative_});
+void LawPartials::add(const PairPartials& pair_partials, const WrenchPartials& t, bool conservative_) const {
+  double* tau_partials = conservative_ ? conservative : other;
+  pair_partials.torque(t, tau_partials, width);
+  if (t.damped) pair_partials.damping(t.C, tau_partials + pair_partials.nv, width);
+  if (wrenches) wrenches->push_back({&pair_partials.pair, t, conservative_});
 }
 
 const LawKind* law_kind(const std::string& name) {

@@ -1,4 +1,4 @@
-// Force laws, as the files of mbdae/mechanism/forces define them; each kind is a file of laws/.
+// Force laws of mbdae/mechanism/forces; each kind is a file in laws/.
 #pragma once
 
 #include <cstddef>
@@ -25,38 +25,39 @@ struct ForcePoint {
   const double *q, *v, *s;
 };
 
-// Outputs: terms added to (nv,) each, and s', which is written.
+// Outputs of a law: forces, (nv,) each, to which it adds, and s', which it writes.
 struct Forces {
   double *conservative, *other, *ds;
 };
 
-// A wrench between two frames; for a law: whether it derives from a potential.
-struct ActingWrench {
+// A wrench of a law between two frames, and whether it derives from a potential.
+struct LawWrench {
   const Pair* pair;
   WrenchPartials partials;
   bool conservative;
 };
 
-// d/d(q in the tangent, v, s), by rows of `width` numbers: of both parts of tau, (nv, width), and of s'.
+// d/d(q in the tangent, v, s), in rows of `width` entries: of the conservative and other forces, (nv, width), and of
+// s'.
 struct LawPartials {
   double *conservative, *other, *ds;
   size_t width;
   int states;  // the column of the law's first state
-  std::vector<ActingWrench>* wrenches = nullptr;  // filled if requested
+  std::vector<LawWrench>* wrenches = nullptr;  // filled if requested
 
   // Add the partials of a wrench between the frames of a pair.
-  void add(const PairPartials& here, const WrenchPartials& t, bool conservative) const;
+  void add(const PairPartials& pair_partials, const WrenchPartials& t, bool conservative) const;
 };
 
-// Definitions in a file of laws/. Implicit methods, equilibria and gradients use the derivatives of every law: a kind
-// without them does not compile.
+// The functions that a file of laws/ defines. Implicit methods, equilibria and gradients use the partials of every law:
+// a kind without partials does not compile.
 struct LawKind {
-  using IsValid = bool (*)(Law& law, const Sizes& n);  // whether its data are valid; may precompute
+  using IsValid = bool (*)(Law& law, const Sizes& n);  // whether its data are valid; may precompute terms
   using Add = void (*)(const Law& law, const ForcePoint& p, const Forces& f);
-  using EquationPartials = void (*)(const Law& law, const ForcePoint& p, const LawPartials& out);  // the partials of `add`
-  using Potential = double (*)(const Law& law, const ForcePoint& p);                   // in J; of q alone
+  using Partials = void (*)(const Law& law, const ForcePoint& p, const LawPartials& out);  // partials of `add`
+  using Potential = double (*)(const Law& law, const ForcePoint& p);  // in J; a function of q alone
 
-  constexpr LawKind(IsValid is_valid, Add add, EquationPartials partials, Potential potential = nullptr,
+  constexpr LawKind(IsValid is_valid, Add add, Partials partials, Potential potential = nullptr,
                     Add time_rate = nullptr)
       : is_valid(is_valid), add(add), partials(partials), potential(potential), time_rate(time_rate) {}
   LawKind(IsValid, Add) = delete;
@@ -64,12 +65,12 @@ struct LawKind {
 
   IsValid is_valid;
   Add add;
-  EquationPartials partials;
+  Partials partials;
   Potential potential;
   Add time_rate;  // time derivative of `add`; nullptr: does not depend on t
 };
 
-// A kind defined in a file of laws/, by the name of the file; nullptr for another name.
+// The kind that the file of this name in laws/ defines; nullptr: none.
 const LawKind* law_kind(const std::string& name);
 
 struct Law {
@@ -80,22 +81,22 @@ struct Law {
   using Call =
       std::function<void(double t, const double* q, const double* v, const double* s, double* tau, double* ds)>;
   // Partials of (tau, s'), (nv + states, 2 nv + states) by rows.
-  using EquationPartials = std::function<void(double t, const double* q, const double* v, const double* s, Vector& out)>;
+  using Partials = std::function<void(double t, const double* q, const double* v, const double* s, Vector& out)>;
 
   const LawKind* kind = nullptr;
   std::vector<int> rows, columns;  // indices
   std::vector<int> orders;         // of derivatives of the signals
-  std::vector<double> a;           // numbers
+  std::vector<double> a;           // parameters
   std::vector<TimeFunction> signals;  // functions of time
-  int pair = -1;                      // its frames, of the pairs of laws; -1: none
+  int pair = -1;                      // index of its frames in the pairs of laws; -1: none
   Pair* frames = nullptr;
   double offset = 0;              // of the potential, in J
   int state = 0, states = 0;      // first index of its states in s, and their number
   bool rotating = false;          // its axes rotate with the frame
   bool has_potential = false;
   Call call;                      // Python
-  EquationPartials partials;      // Python
-  EquationPartials time_rate;     // Python, of (tau, s'), (nv + states,)
+  Partials partials;              // Python
+  Partials time_rate;             // Python, of (tau, s'), (nv + states,)
   std::vector<Term> terms;        // precomputed
   mutable std::vector<double> u;  // workspace
 

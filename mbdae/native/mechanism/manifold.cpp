@@ -1,3 +1,4 @@
+// Exponential coordinates of SO(3), SE(3) and SE(2) joints: tangent map, its inverse and derivatives.
 #include "mechanism/manifold.hpp"
 
 #include <algorithm>
@@ -10,7 +11,7 @@ namespace mbdae {
 
 namespace {
 
-void times(int n, const double* A, const double* x, double* out) {
+void multiply(int n, const double* A, const double* x, double* out) {
   for (int i = 0; i < n; ++i) {
     double s = 0;
     for (int j = 0; j < n; ++j) s += A[i * n + j] * x[j];
@@ -18,7 +19,7 @@ void times(int n, const double* A, const double* x, double* out) {
   }
 }
 
-// ad of p, (n, n) by rows; n.
+// Write the adjoint matrix ad of p, (n, n) by rows; return n.
 int ad(const GroupJoint& b, const double* p, double* X) {
   std::fill(X, X + 36, 0.0);
   auto skew = [&](const double* w, int row, int column, int width) {
@@ -43,54 +44,54 @@ void multiply_transposed(const std::vector<TangentBlock>& blocks, double* a, int
   for (const TangentBlock& b : blocks) {
     double out[6] = {};
     for (int i = 0; i < b.n; ++i)
-      for (int k = 0; k < b.n; ++k) out[k] += b.J[i * b.n + k] * a[(b.at + i) * stride];
-    for (int k = 0; k < b.n; ++k) a[(b.at + k) * stride] = out[k];
+      for (int k = 0; k < b.n; ++k) out[k] += b.J[i * b.n + k] * a[(b.start + i) * stride];
+    for (int k = 0; k < b.n; ++k) a[(b.start + k) * stride] = out[k];
   }
 }
 
 void multiply_rows(const std::vector<TangentBlock>& blocks, Vector& X, int n) {
   if (blocks.empty()) return;
-  for (size_t at = 0; at < X.size(); at += n) multiply_transposed(blocks, &X[at]);
+  for (size_t row = 0; row < X.size(); row += n) multiply_transposed(blocks, &X[row]);
 }
 
 // y = x + sum (-1)^k/(k + 1)! X^k x: the right Jacobian of exp.
-static void right_jacobian(const Tolerances& limits, int n, const double* X, const double* x, double* y) {
+static void right_jacobian(const Tolerances& tolerances, int n, const double* X, const double* x, double* y) {
   double term[6], next[6];
   std::copy(x, x + n, term), std::copy(x, x + n, y);
   const double size = largest(x, n);
-  for (size_t k = 1; k < 2 * limits.series.size(); ++k) {
-    times(n, X, term, next);
+  for (size_t k = 1; k < 2 * tolerances.series.size(); ++k) {
+    multiply(n, X, term, next);
     for (int i = 0; i < n; ++i) term[i] = -next[i] / (k + 1), y[i] += term[i];
-    if (largest(term, n) <= limits.below_rounding * size) break;
+    if (largest(term, n) <= tolerances.below_rounding * size) break;
   }
 }
 
 // y = J x, J = 1 + X/2 + sum B_2k/(2k)! X^2k with X = ad (n, n) by rows: the inverse right Jacobian of exp.
-static void inverse_jacobian(const Tolerances& limits, int n, const double* X, const double* x, double* y) {
+static void inverse_jacobian(const Tolerances& tolerances, int n, const double* X, const double* x, double* y) {
   double term[6], next[6];
-  times(n, X, x, next);
+  multiply(n, X, x, next);
   for (int i = 0; i < n; ++i) y[i] = x[i] + 0.5 * next[i], term[i] = x[i];
   const double size = largest(x, n);
-  for (double b : limits.series) {
-    times(n, X, term, next), times(n, X, next, term);
+  for (double b : tolerances.series) {
+    multiply(n, X, term, next), multiply(n, X, next, term);
     for (int i = 0; i < n; ++i) y[i] += b * term[i];
-    if (largest(term, n) * std::fabs(b) <= limits.below_rounding * size) break;
+    if (largest(term, n) * std::fabs(b) <= tolerances.below_rounding * size) break;
   }
 }
 
 // out = d/ds J(x + s e) v, with X = ad_x and dX = ad_e (n, n) by rows.
-static void inverse_jacobian_rate(const Tolerances& limits, int n, const double* X, const double* dX, const double* v,
-                                  double* out) {
+static void inverse_jacobian_rate(const Tolerances& tolerances, int n, const double* X, const double* dX,
+                                  const double* v, double* out) {
   double term[6], dterm[6] = {0, 0, 0, 0, 0, 0}, next[6], dnext[6], work[6];
-  times(n, dX, v, out);
+  multiply(n, dX, v, out);
   for (int i = 0; i < n; ++i) out[i] *= 0.5, term[i] = v[i];
   const double size = largest(v, n);
-  for (double b : limits.series) {
-    times(n, X, term, next), times(n, dX, term, dnext), times(n, X, dterm, work);
+  for (double b : tolerances.series) {
+    multiply(n, X, term, next), multiply(n, dX, term, dnext), multiply(n, X, dterm, work);
     for (int i = 0; i < n; ++i) dnext[i] += work[i];
-    times(n, X, next, term), times(n, dX, next, dterm), times(n, X, dnext, work);
+    multiply(n, X, next, term), multiply(n, dX, next, dterm), multiply(n, X, dnext, work);
     for (int i = 0; i < n; ++i) dterm[i] += work[i], out[i] += b * dterm[i];
-    if (std::max(largest(term, n), largest(dterm, n)) * std::fabs(b) <= limits.below_rounding * size) break;
+    if (std::max(largest(term, n), largest(dterm, n)) * std::fabs(b) <= tolerances.below_rounding * size) break;
   }
 }
 
@@ -121,14 +122,14 @@ void Manifold::component_magnitudes(const double* q, double* out) const {
 double Manifold::largest_rotation(const double* x) const {
   double out = 0;
   for (const GroupJoint& b : group_joints_) {
-    const double *u = x + b.iv, *turned = b.kind == GroupJoint::se3 ? u + 3 : u;
-    out = std::max(out, b.kind == GroupJoint::se2 ? std::fabs(u[2]) : norm(turned, 3));
+    const double *u = x + b.iv, *rotation = b.kind == GroupJoint::se3 ? u + 3 : u;
+    out = std::max(out, b.kind == GroupJoint::se2 ? std::fabs(u[2]) : norm(rotation, 3));
   }
   return out;
 }
 
 void Manifold::check_rotations(const double* x) const {
-  if (largest_rotation(x) > m_.limits.max_rotation) throw StepTooLong();
+  if (largest_rotation(x) > m_.tolerances.max_rotation) throw StepTooLong();
 }
 
 void Manifold::tangent(const double* x, double* dx) const {
@@ -137,7 +138,7 @@ void Manifold::tangent(const double* x, double* dx) const {
   for (const GroupJoint& b : group_joints_) {
     double X[36], out[6];
     const int n = ad(b, x + b.iv, X);
-    inverse_jacobian(m_.limits, n, X, dx + b.iv, out);
+    inverse_jacobian(m_.tolerances, n, X, dx + b.iv, out);
     std::copy(out, out + n, dx + b.iv);
   }
 }
@@ -146,7 +147,7 @@ void Manifold::velocity(const double* x, double* v) const {
   for (const GroupJoint& b : group_joints_) {
     double X[36], out[6];
     const int n = ad(b, x + b.iv, X);
-    right_jacobian(m_.limits, n, X, v + b.iv, out);
+    right_jacobian(m_.tolerances, n, X, v + b.iv, out);
     std::copy(out, out + n, v + b.iv);
   }
 }
@@ -156,14 +157,14 @@ void Manifold::transfer(const double* x, const double* to, std::vector<TangentBl
   for (size_t i = 0; i < group_joints_.size(); ++i) {
     const GroupJoint& b = group_joints_[i];
     TangentBlock& t = out[i];
-    double from[36], X[36], middle[6], column[6];
-    t.at = b.iv, t.n = ad(b, x + b.iv, from);
+    double from[36], X[36], mapped[6], column[6];
+    t.start = b.iv, t.n = ad(b, x + b.iv, from);
     ad(b, to + b.iv, X);
     for (int k = 0; k < t.n; ++k) {
       double e[6] = {0, 0, 0, 0, 0, 0};
       e[k] = 1;
-      inverse_jacobian(m_.limits, t.n, from, e, middle);
-      right_jacobian(m_.limits, t.n, X, middle, column);
+      inverse_jacobian(m_.tolerances, t.n, from, e, mapped);
+      right_jacobian(m_.tolerances, t.n, X, mapped, column);
       for (int j = 0; j < t.n; ++j) t.J[j * t.n + k] = column[j];
     }
   }
@@ -175,14 +176,14 @@ void Manifold::partials(const double* x, const double* v, std::vector<TangentBlo
     const GroupJoint& b = group_joints_[i];
     TangentBlock& t = out[i];
     double X[36], dX[36], column[6];
-    t.at = b.iv, t.n = ad(b, x + b.iv, X);
+    t.start = b.iv, t.n = ad(b, x + b.iv, X);
     for (int k = 0; k < t.n; ++k) {
       double e[6] = {0, 0, 0, 0, 0, 0};
       e[k] = 1;
-      inverse_jacobian(m_.limits, t.n, X, e, column);
+      inverse_jacobian(m_.tolerances, t.n, X, e, column);
       for (int j = 0; j < t.n; ++j) t.J[j * t.n + k] = column[j];
       ad(b, e, dX);
-      inverse_jacobian_rate(m_.limits, t.n, X, dX, v + b.iv, column);
+      inverse_jacobian_rate(m_.tolerances, t.n, X, dX, v + b.iv, column);
       for (int j = 0; j < t.n; ++j) t.dJv[j * t.n + k] = column[j];
     }
   }
@@ -194,15 +195,15 @@ void Manifold::integrate_partials(const double* x, const double* v, std::vector<
   out.resize(group_joints_.size());
   for (size_t i = 0; i < group_joints_.size(); ++i) {
     IntegratePartialsBlock& t = out[i];
-    const int n = t.n = tangents[i].n, at = t.at = tangents[i].at;
-    double X[36], column[6], moved[6];
+    const int n = t.n = tangents[i].n, start = t.start = tangents[i].start;
+    double X[36], column[6], X_column[6];
     std::copy_n(tangents[i].J, n * n, t.J), std::copy_n(tangents[i].dJv, n * n, t.T);
-    ad(group_joints_[i], x + at, X);
+    ad(group_joints_[i], x + start, X);
     for (int k = 0; k < n; ++k) {
       double e[6] = {0, 0, 0, 0, 0, 0};
       e[k] = 1;
-      right_jacobian(m_.limits, n, X, e, column), times(n, X, column, moved);
-      for (int j = 0; j < n; ++j) t.R[j * n + k] = column[j], t.A[j * n + k] = (j == k) - moved[j];
+      right_jacobian(m_.tolerances, n, X, e, column), multiply(n, X, column, X_column);
+      for (int j = 0; j < n; ++j) t.R[j * n + k] = column[j], t.A[j * n + k] = (j == k) - X_column[j];
     }
   }
 }

@@ -1,4 +1,4 @@
-// A modal body: forces of inertia of its deformation, polynomials in the modal coordinates over any scalar
+// A body with modal deformation: inertial forces, polynomial in the modal coordinates, over any scalar
 // (mbdae/mechanism/flexible/modal_body.py).
 #pragma once
 
@@ -15,23 +15,24 @@ inline bool is_zero(const Vector& x) {
   return std::all_of(x.begin(), x.end(), [](double y) { return y == 0; });
 }
 
-struct ModalNode {  // Phi, Psi: 3 numbers a mode; Phi2: 3 a pair of modes
+struct ModalNode {  // position r; Phi, Psi (k, 3): translations and rotations of modes; Phi2 (k, k, 3): second order
   double r[3] = {0, 0, 0};
   Vector Phi, Psi, Phi2;
 
   FIELDS(r, Phi, Psi, Phi2)
 };
 
-// H2 (k, k, k, 3), Mq1 (k, k, k), Mq2 (k, k, k, k), derivatives first, are empty without displacements of second order.
-// Per mode: C, H0 (3,); C2 (k, 3); Mq (k,); Hj (k, 3) of sum m Phi_j x Phi_i; I1 and I2 (k,) in order xx, xy, yy, xz, yz, zz.
+// H2 (k, k, k, 3), Mq1 (k, k, k), Mq2 (k, k, k, k), the index of the derivative first, are empty without displacements
+// of second order. Per mode: C, H0 (3,); C2 (k, 3); Mq (k,); Hj (k, 3), sum of m Phi_j x Phi_i; I1 and I2 (k,), in the
+// order xx, xy, yy, xz, yz, zz.
 struct ModalBody {
-  int joint = 0;  // of the model, which carries the frame
-  double placement[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};  // of the frame in the joint: R by columns, p
+  int joint = 0;                                                // joint of the model that moves the frame
+  double placement[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};  // of the frame on the joint: R by columns, p
   int iq = 0, iv = 0, modes = 0;  // the first coordinate and velocity of the modes, and their number
   Vector C, C2, H0, Mq, Hj, I1, I2, H2, Mq1, Mq2;
   std::vector<ModalNode> nodes;
 
-  bool orthogonal() const {  // is Mq diagonal, whatever q is?
+  bool orthogonal() const {  // whether Mq is diagonal at all q
     bool out = Mq1.empty();
     for (int i = 0; i < modes; ++i)
       for (int j = 0; j < i; ++j) out = out && Mq[i * modes + j] == 0 && Mq[j * modes + i] == 0;
@@ -52,7 +53,7 @@ void add_multiple(const S& factor, const T* x, size_t n, S* __restrict out) {
   for (size_t i = 0; i < n; ++i) out[i] = out[i] + factor * x[i];
 }
 
-// out (n,) += sum q_i x_i, n numbers each.
+// out (n,) += sum q_i x_i, x_i (n,).
 template <class S, class T>
 void add_combination(const std::vector<T>& x, const S* q, int k, size_t n, S* __restrict out) {
   for (int i = 0; i < k; ++i) add_multiple(q[i], x.data() + n * i, n, out);
@@ -65,55 +66,60 @@ void add_quadratic(const std::vector<T>& x, const S* q, int k, size_t n, S* __re
     for (int j = 0; j < k; ++j) add_multiple(q[i] * q[j], &x[n * (i * k + j)], n, out);
 }
 
-// out += half of sum q_i (first_i + by_q_i), n numbers each: a polynomial of second order from its derivatives.
+// out (n,) += sum q_i (d0_i + d_i)/2: a polynomial of second order from its derivatives at 0 and at q.
 template <class S>
-void add_polynomial(const Vector& first, const std::vector<S>& by_q, const S* q, int k, size_t n, S* __restrict out) {
+void add_polynomial(const Vector& d0, const std::vector<S>& d, const S* q, int k, size_t n, S* __restrict out) {
   for (int i = 0; i < k; ++i) {
     const S factor = 0.5 * q[i];
-    for (size_t l = 0; l < n; ++l) out[l] = out[l] + factor * (by_q[n * i + l] + first[n * i + l]);
+    for (size_t l = 0; l < n; ++l) out[l] = out[l] + factor * (d[n * i + l] + d0[n * i + l]);
   }
 }
 
-// The polynomials at modal coordinates: S - s0, C, dI/dq_i, I - I0, H, Mq, and dH/dq_j, dMq/dq_j; the last is empty
-// without displacements of second order.
+// The polynomials at modal coordinates: first moment S - s0, C, dI/dq_i, I - I0, H, Mq, and dH/dq_j, dMq/dq_j, where
+// dMq/dq_j is empty without displacements of second order.
 template <class S>
 struct Deformation {
   const bool second_order, coupled;  // coupled: H depends on q
   Vec3<S> moment;
-  std::vector<S> C, by_q, H, Mq, H_by_q, Mq_by_q;  // (k, 3), (k, 6), (k, 3), (k, k), (k, k, 3), (k, k, k)
+  std::vector<S> C, dI_dq, H, Mq, dH_dq, dMq_dq;  // (k, 3), (k, 6), (k, 3), (k, k), (k, k, 3), (k, k, k)
   S I[6];
 
   explicit Deformation(const ModalBody& b)
-      : second_order(!b.Mq1.empty()), coupled(second_order || !is_zero(b.Hj)), C(b.C.begin(), b.C.end()),
-        by_q(b.I1.size()), H(b.H0.begin(), b.H0.end()), Mq(b.Mq.begin(), b.Mq.end()), H_by_q(b.Hj.begin(), b.Hj.end()) {}
+      : second_order(!b.Mq1.empty()),
+        coupled(second_order || !is_zero(b.Hj)),
+        C(b.C.begin(), b.C.end()),
+        dI_dq(b.I1.size()),
+        H(b.H0.begin(), b.H0.end()),
+        Mq(b.Mq.begin(), b.Mq.end()),
+        dH_dq(b.Hj.begin(), b.Hj.end()) {}
 
-  // Of the body which it was made from.
+  // body: the one that the constructor was called with.
   void update(const ModalBody& b, const S* q) {
     const int k = b.modes;
-    std::copy(b.I1.begin(), b.I1.end(), by_q.begin());
-    add_combination(b.I2, q, k, 6 * k, by_q.data());  // here and below, second derivatives are symmetric in the modes
+    std::copy(b.I1.begin(), b.I1.end(), dI_dq.begin());
+    add_combination(b.I2, q, k, 6 * k, dI_dq.data());  // second derivatives are symmetric in the modes, also below
     if (second_order) update_second_order(b, q);
     moment = {0, 0, 0};
     for (S& x : I) x = 0;
-    add_polynomial(b.C, C, q, k, 3, moment.x), add_polynomial(b.I1, by_q, q, k, 6, I);
+    add_polynomial(b.C, C, q, k, 3, moment.x), add_polynomial(b.I1, dI_dq, q, k, 6, I);
     if (!coupled) return;
-    std::copy(b.H0.begin(), b.H0.end(), H.begin()), add_polynomial(b.Hj, H_by_q, q, k, 3 * k, H.data());
+    std::copy(b.H0.begin(), b.H0.end(), H.begin()), add_polynomial(b.Hj, dH_dq, q, k, 3 * k, H.data());
   }
 
  private:
   void update_second_order(const ModalBody& b, const S* q) {
     const int k = b.modes;
     C.assign(b.C.begin(), b.C.end()), Mq.assign(b.Mq.begin(), b.Mq.end());
-    H_by_q.assign(b.Hj.begin(), b.Hj.end()), Mq_by_q.assign(b.Mq1.begin(), b.Mq1.end());
-    add_combination(b.C2, q, k, 3 * k, C.data()), add_combination(b.H2, q, k, 3 * k * k, H_by_q.data());
-    add_combination(b.Mq2, q, k, k * k * k, Mq_by_q.data());
-    add_polynomial(b.Mq1, Mq_by_q, q, k, k * k, Mq.data());
+    dH_dq.assign(b.Hj.begin(), b.Hj.end()), dMq_dq.assign(b.Mq1.begin(), b.Mq1.end());
+    add_combination(b.C2, q, k, 3 * k, C.data()), add_combination(b.H2, q, k, 3 * k * k, dH_dq.data());
+    add_combination(b.Mq2, q, k, k * k * k, dMq_dq.data());
+    add_polynomial(b.Mq1, dMq_dq, q, k, k * k, Mq.data());
   }
 };
 
-// Forces of inertia on the frame, in its axes, force before moment, and on the modes, F (6 + k,), without those of the
-// rigid body: nu (6 + k,) velocities; A (6,) the rates of those of the frame, spatial and minus gravity, du (k,) of those
-// of the modes, or null: 0.
+// Inertial forces F (6 + k,) due to deformation: on the frame, in its axes, force before moment, and on the modes;
+// nu (6 + k,) velocities, A (6,) spatial acceleration of the frame minus gravity, du (k,) modal accelerations or null:
+// 0.
 template <class S>
 void inertial_force(const ModalBody& b, const Deformation<S>& d, const S* nu, const S* A, const S* du, S* F) {
   const int k = b.modes;
@@ -124,9 +130,9 @@ void inertial_force(const ModalBody& b, const Deformation<S>& d, const S* nu, co
   const Vec3<S> vw = cross(v, w);
   for (int i = 0; i < k; ++i) {
     const Vec3<S> C(&d.C[3 * i]), H(&d.H[3 * i]);
-    for (int l = 0; l < 6; ++l) dI[l] = dI[l] + u[i] * d.by_q[6 * i + l];
+    for (int l = 0; l < 6; ++l) dI[l] = dI[l] + u[i] * d.dI_dq[6 * i + l];
     moment_rate = moment_rate + u[i] * C, Hu = Hu + u[i] * H;
-    F[6 + i] = dot(C, Av - vw) + dot(H, Aw) - 0.5 * dot(w, symmetric(&d.by_q[6 * i], w));
+    F[6 + i] = dot(C, Av - vw) + dot(H, Aw) - 0.5 * dot(w, symmetric(&d.dI_dq[6 * i], w));
     if (du) {
       C_rate = C_rate + du[i] * C, H_rate = H_rate + du[i] * H;
       for (int j = 0; j < k; ++j) F[6 + i] = F[6 + i] + d.Mq[i * k + j] * du[j];
@@ -134,7 +140,7 @@ void inertial_force(const ModalBody& b, const Deformation<S>& d, const S* nu, co
     if (!d.coupled) continue;
     Vec3<S> rate(0, 0, 0), row(0, 0, 0);
     for (int j = 0; j < k; ++j)
-      add_multiple(u[j], &d.H_by_q[3 * (j * k + i)], 3, rate.x), add_multiple(u[j], &d.H_by_q[3 * (i * k + j)], 3, row.x);
+      add_multiple(u[j], &d.dH_dq[3 * (j * k + i)], 3, rate.x), add_multiple(u[j], &d.dH_dq[3 * (i * k + j)], 3, row.x);
     H_rate = H_rate + u[i] * rate, F[6 + i] = F[6 + i] + dot(w, rate - row);
   }
   if (d.second_order) {
@@ -143,7 +149,7 @@ void inertial_force(const ModalBody& b, const Deformation<S>& d, const S* nu, co
       S square = 0;
       for (int i = 0; i < k; ++i) {
         S product = 0;
-        for (int l = 0; l < k; ++l) product = product + d.Mq_by_q[(j * k + i) * k + l] * u[l];
+        for (int l = 0; l < k; ++l) product = product + d.dMq_dq[(j * k + i) * k + l] * u[l];
         F[6 + i] = F[6 + i] + u[j] * product, square = square + u[i] * product;
       }
       F[6 + j] = F[6 + j] - 0.5 * square;

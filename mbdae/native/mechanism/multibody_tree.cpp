@@ -1,3 +1,4 @@
+// Kinematics and dynamics of a tree of bodies, by a sweep or by other algorithms.
 #include <algorithm>
 #include <iterator>
 #include <stdexcept>
@@ -9,7 +10,7 @@ namespace mbdae {
 
 namespace {
 
-std::vector<FlexibleBody> bound(std::vector<ModalBody> bodies, const TreeModel& m) {
+std::vector<FlexibleBody> bind_bodies(std::vector<ModalBody> bodies, const TreeModel& m) {
   std::vector<FlexibleBody> out;
   int pose = static_cast<int>(m.joints.size()), column = m.nv;
   for (ModalBody& x : bodies) {
@@ -26,26 +27,26 @@ std::vector<FlexibleBody> bound(std::vector<ModalBody> bodies, const TreeModel& 
 
 }  // namespace
 
-MultibodyTree::MultibodyTree(const void* model, const Tolerances& limits_, std::vector<ModalBody> flexible)
-    : limits(limits_) {
+MultibodyTree::MultibodyTree(const void* model, const Tolerances& tolerances_, std::vector<ModalBody> flexible)
+    : tolerances(tolerances_) {
   TreeModel m = tree_model(model);
-  auto bodies = bound(std::move(flexible), m);
+  auto bodies = bind_bodies(std::move(flexible), m);
   w.reset(new Workspace(model, std::move(m), std::move(bodies)));
   nq = w->model.nq, nv = w->model.nv;
   joints = static_cast<int>(w->model.joints.size()), frames = static_cast<int>(w->poses.size() / 12);
   ancestors.resize(nv), tangent.assign(nq, 0);
-  const auto above = supports();
+  const auto supported = supports();
   for (int j = 0; j < joints; ++j) {
     const TreeModel::Joint& x = w->model.joints[j];
     parents.push_back(x.parent);
     if (j) tangent[x.iq] = x.iv;
     for (int i = 0; i < x.nv; ++i) {
-      const auto& own = above[j].velocities;
-      const auto end = own.end() - x.nv + i;
-      ancestors[x.iv + i].assign(std::make_reverse_iterator(end), own.rend());
+      const auto& velocities = supported[j].velocities;
+      const auto end = velocities.end() - x.nv + i;
+      ancestors[x.iv + i].assign(std::make_reverse_iterator(end), velocities.rend());
     }
   }
-  for (const FlexibleBody& x : w->flexible)  // zeros of M: its factors have no others
+  for (const FlexibleBody& x : w->flexible)  // zeros of M, and of its factors
     for (int i = 0; i < x.data.modes && x.data.orthogonal(); ++i)
       ancestors[x.data.iv + i].assign(x.base.rbegin(), x.base.rend());
   for (int k = 0; k < nv; ++k) {
@@ -59,12 +60,11 @@ void MultibodyTree::begin_sweep() {
   const TreeModel& m = w->model;
   w->M.resize(pattern.rows.size());
   if (!m.tree.empty() && w->flexible.empty())
-    w->sweep = planar_sweep(m.tree, pattern, m.gravity, m.armature, limits.sum_rounding);
+    w->sweep = planar_sweep(m.tree, pattern, m.gravity, m.armature, tolerances.sum_rounding);
   if (!m.tree.empty() && !w->sweep)
     w->sweep.reset(new TreeSweep(m.tree, pattern, m.gravity, m.armature, &w->flexible));
-  if (!w->sweep && w->flexible.empty()) w->other = tree_algorithms(w->source);
-  if (!w->sweep && !w->other)
-    throw std::invalid_argument("flexible bodies need joints with fixed axes");
+  if (!w->sweep && w->flexible.empty()) w->fallback = tree_algorithms(w->source);
+  if (!w->sweep && !w->fallback) throw std::invalid_argument("flexible bodies need joints with fixed axes");
 }
 
 bool MultibodyTree::planar() const { return w->sweep && w->sweep->planar(); }
@@ -85,12 +85,12 @@ double* MultibodyTree::gravity_parameter(int i) {
 
 const void* MultibodyTree::source() const { return w->source; }
 
-void MultibodyTree::write(const void* model, const Tolerances& limits_, std::vector<ModalBody> flexible) {
-  ++motion_stamp_, ++pose_stamp_, limits = limits_;
+void MultibodyTree::write(const void* model, const Tolerances& tolerances_, std::vector<ModalBody> flexible) {
+  ++motion_stamp_, ++pose_stamp_, tolerances = tolerances_;
   if (model == w->source) return refresh();
   auto partials = std::move(w->partials);
   TreeModel m = tree_model(model);
-  auto bodies = bound(std::move(flexible), m);
+  auto bodies = bind_bodies(std::move(flexible), m);
   w.reset(new Workspace(model, std::move(m), std::move(bodies))), begin_sweep();
   w->partials = std::move(partials);
 }
@@ -141,7 +141,7 @@ const FlexibleBody::Node* MultibodyTree::node(int frame, const FlexibleBody*& bo
 void MultibodyTree::inertia(const double* q) {
   ++pose_stamp_;
   w->sweep ? w->sweep->inertia(q, w->poses.data(), w->J.data(), w->M.data())
-           : set_M(w->other->inertia(q, w->poses.data(), w->J.data()));
+           : set_M(w->fallback->inertia(q, w->poses.data(), w->J.data()));
 }
 
 void MultibodyTree::dynamics(const double* q, const double* v) {
@@ -152,7 +152,7 @@ void MultibodyTree::dynamics(const double* q, const double* v) {
 
 void MultibodyTree::poses(const double* q) {
   ++pose_stamp_;
-  w->sweep ? w->sweep->poses(q, w->poses.data(), w->J.data()) : w->other->poses(q, w->poses.data(), w->J.data());
+  w->sweep ? w->sweep->poses(q, w->poses.data(), w->J.data()) : w->fallback->poses(q, w->poses.data(), w->J.data());
 }
 
 void MultibodyTree::save_poses() { ++pose_stamp_, std::swap(w->poses, w->saved_poses); }
@@ -162,20 +162,19 @@ void MultibodyTree::motions(const double* q, const double* v) { motions(q, v, nu
 
 void MultibodyTree::motions(const double* q, const double* v, const double* a) {
   ++motion_stamp_, ++pose_stamp_;
-  w->sweep ? w->sweep->motions(q, v, a, w->poses.data(), w->J.data())
-           : w->other->motions(q, v, a, w->poses.data());
+  w->sweep ? w->sweep->motions(q, v, a, w->poses.data(), w->J.data()) : w->fallback->motions(q, v, a, w->poses.data());
 }
 
 void MultibodyTree::bias(const double* q, const double* v) {
   ++motion_stamp_, ++pose_stamp_;
   w->sweep ? w->sweep->inverse(q, v, nullptr, w->poses.data(), w->J.data(), w->nle.data())
-           : w->other->bias(q, v, w->nle.data());
+           : w->fallback->bias(q, v, w->nle.data());
 }
 
 void MultibodyTree::inverse(const double* q, const double* v, const double* a, double* out) {
   ++motion_stamp_, ++pose_stamp_;
   w->sweep ? w->sweep->inverse(q, v, a, w->poses.data(), w->J.data(), out)
-           : w->other->inverse(q, v, a, w->poses.data(), w->J.data(), out);
+           : w->fallback->inverse(q, v, a, w->poses.data(), w->J.data(), out);
 }
 
 void MultibodyTree::add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a,
@@ -185,7 +184,7 @@ void MultibodyTree::add_forces(std::vector<FlexibleBody>& bodies, const double* 
 }
 
 std::vector<FlexibleBody> MultibodyTree::bind(std::vector<ModalBody> bodies) const {
-  return bound(std::move(bodies), w->model);
+  return bind_bodies(std::move(bodies), w->model);
 }
 
 double MultibodyTree::potential() const {
@@ -238,15 +237,15 @@ const double* MultibodyTree::rotation(int j) const { return &w->poses[12 * j]; }
 const double* MultibodyTree::position(int j) const { return &w->poses[12 * j + 9]; }
 
 void MultibodyTree::velocity(int j, double* out) const {
-  w->sweep ? w->sweep->velocity(j, out) : w->other->velocity(j, w->poses.data(), out);
+  w->sweep ? w->sweep->velocity(j, out) : w->fallback->velocity(j, w->poses.data(), out);
 }
 
 void MultibodyTree::acceleration(int j, double* out) const {
-  w->sweep ? w->sweep->acceleration(j, out) : w->other->acceleration(j, w->poses.data(), out);
+  w->sweep ? w->sweep->acceleration(j, out) : w->fallback->acceleration(j, w->poses.data(), out);
 }
 
 void MultibodyTree::bias_minus_gravity(int j, double* out) const {
-  w->sweep ? w->sweep->acceleration(j, out) : w->other->bias_minus_gravity(j, w->poses.data(), out);
+  w->sweep ? w->sweep->acceleration(j, out) : w->fallback->bias_minus_gravity(j, w->poses.data(), out);
 }
 
 void MultibodyTree::gravity(double* out) const { std::copy_n(w->model.gravity, 3, out); }
@@ -271,21 +270,19 @@ Body MultibodyTree::body(int j) const {
 }
 
 void MultibodyTree::integrate(const double* q, const double* x, double* out) {
-  w->sweep ? mbdae::integrate(w->model.tree, q, x, out) : w->other->integrate(q, x, out);
+  w->sweep ? mbdae::integrate(w->model.tree, q, x, out) : w->fallback->integrate(q, x, out);
 }
 
 void MultibodyTree::difference(const double* q0, const double* q1, double* out) {
-  w->sweep ? mbdae::difference(w->model.tree, q0, q1, out) : w->other->difference(q0, q1, out);
+  w->sweep ? mbdae::difference(w->model.tree, q0, q1, out) : w->fallback->difference(q0, q1, out);
 }
 
-void MultibodyTree::normalize(double* q) {
-  w->sweep ? mbdae::normalize(w->model.tree, q) : w->other->normalize(q);
-}
+void MultibodyTree::normalize(double* q) { w->sweep ? mbdae::normalize(w->model.tree, q) : w->fallback->normalize(q); }
 
 void MultibodyTree::tangent_map(const double* q, const double* v, double* dq) {
-  w->sweep ? mbdae::tangent_map(w->model.tree, q, v, dq) : w->other->tangent_map(q, v, dq);
+  w->sweep ? mbdae::tangent_map(w->model.tree, q, v, dq) : w->fallback->tangent_map(q, v, dq);
 }
 
-void MultibodyTree::neutral(double* q) { w->sweep ? mbdae::neutral(w->model.tree, q) : w->other->neutral(q); }
+void MultibodyTree::neutral(double* q) { w->sweep ? mbdae::neutral(w->model.tree, q) : w->fallback->neutral(q); }
 
 }  // namespace mbdae

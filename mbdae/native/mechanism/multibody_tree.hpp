@@ -1,5 +1,5 @@
-// Kinematics and dynamics of a tree of bodies: by the sweep through it (tree_sweep.hpp), or, for kinds of joints that it
-// does not support, by other algorithms (tree_model.hpp).
+// Kinematics and dynamics of a tree of bodies: by a sweep (tree_sweep.hpp), or by other algorithms for joints that the
+// sweep does not support (tree_model.hpp).
 #pragma once
 
 #include <memory>
@@ -13,57 +13,60 @@ namespace mbdae {
 
 class MultibodyTree {
  public:
-  // model: of `tree_model`; it outlives this object.
-  MultibodyTree(const void* model, const Tolerances& limits, std::vector<ModalBody> flexible);
+  // model: see `tree_model`; it must outlive this object.
+  MultibodyTree(const void* model, const Tolerances& tolerances, std::vector<ModalBody> flexible);
   ~MultibodyTree();
 
   bool planar() const;  // whether all bodies move in parallel planes, and `planar_sweep` computes them
-  bool has_same_structure(const std::vector<ModalBody>& flexible) const;  // as many modes and nodes
-  // Another model of the same joints; results of the previous one are discarded.
-  void write(const void* model, const Tolerances& limits, std::vector<ModalBody> flexible);
+  // the same joints, numbers of modes and of nodes
+  bool has_same_structure(const std::vector<ModalBody>& flexible) const;
+  // Use another model with the same joints; results of the previous one are discarded.
+  void write(const void* model, const Tolerances& tolerances, std::vector<ModalBody> flexible);
   void refresh();  // after changes of the model in place
-  double* body_parameter(int joint, int i);  // in the model: mass, centre and inertia as in TreeJoint; nullptr: none
+  double* body_parameter(int joint, int i);  // mass, centre and inertia in the model, see TreeJoint; nullptr: none
   double* gravity_parameter(int i);
   const void* source() const;  // the model of Pinocchio
 
-  Tolerances limits;
-  int nq, nv, joints, frames;               // frames: joints, and nodes of flexible bodies, which follow them
+  Tolerances tolerances;
+  int nq, nv, joints, frames;               // frames: joints, then nodes of flexible bodies
   std::vector<std::vector<int>> ancestors;  // of each degree of freedom, nearest first
   InertiaPattern pattern;
   std::vector<int> tangent;                 // (nq,) the degree of freedom of a joint's first coordinate
   std::vector<int> parents;                 // (joints,)
-  std::vector<int> expanded_joints;         // (nv,) of each degree of freedom: its joint in the expanded tree
+  std::vector<int> expanded_joints;         // (nv,) joint of each degree of freedom in the expanded tree
 
-  // Of each joint and node: the degrees of freedom that move it, and their columns of J.
+  // The degrees of freedom that move a joint or node, and their columns of J.
   struct Support {
     std::vector<int> velocities, columns;
   };
   std::vector<Support> supports() const;
   const FlexibleBody::Node* node(int frame, const FlexibleBody*& body, int& i) const;  // null: a joint
 
-  void inertia(const double* q);                                  // M; J and poses in the world
-  void dynamics(const double* q, const double* v);                // the same, and all that `bias` computes
-  void inertia(const double* q, const double* v);                 // M; J and poses; the first terms of `partials`
-  const double* bias() const;                                     // (nv,) nle of the last two, or of `bias`
+  void inertia(const double* q);                                  // M, J and poses
+  void dynamics(const double* q, const double* v);                // M, J, poses, nle and velocities
+  void inertia(const double* q, const double* v);                 // M, J and poses; nle and terms of `partials`
+  const double* bias() const;                                     // (nv,) nle of the last call
   void poses(const double* q);                                    // J and poses alone
-  void save_poses();                                              // for `restore_poses`, before others are computed
+  // for `restore_poses`, before other poses are computed
+  void save_poses();
   void restore_poses();
   void motions(const double* q, const double* v);                 // velocities, and accelerations for v' = 0
   void motions(const double* q, const double* v, const double* a);  // and accelerations for v' = a
-  void bias(const double* q, const double* v);                      // nle(q, v); velocities; for `bias_minus_gravity`
-  // out += the part of M a + nle of flexible bodies under this gravity (3,); velocities, J and poses.
+  // nle(q, v) and velocities; for `bias_minus_gravity`
+  void bias(const double* q, const double* v);
+  // out += contribution of flexible bodies to M a + nle under this gravity (3,); updates velocities, J and poses.
   void add_forces(std::vector<FlexibleBody>& bodies, const double* q, const double* v, const double* a, const double* gravity,
                   double* out);
-  void use_nodes(const std::vector<int>& used);  // place only the nodes among these frames
+  void use_nodes(const std::vector<int>& used);  // compute only those nodes that are in these frames
   std::vector<FlexibleBody> bind(std::vector<ModalBody> bodies) const;
-  void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v); J and poses
+  void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v), J and poses
 
   // model: the expanded tree (mechanism/tree/expanded_tree.py).
   void expand(const void* model);
   bool expanded() const { return !expanded_joints.empty(); }
-  // Partials of M a + nle(q, v) with respect to q in the tangent and to v, (nv, nv) by rows; `inertia_only`: of M a,
-  // for v = 0. M, J and poses are current afterwards.
-  void partials(const double* q, const double* v, const double* a, double* by_q, double* by_v,
+  // Partials of M a + nle(q, v) with respect to q in the tangent and to v, (nv, nv) by rows; if `inertia_only`, of M a
+  // for v = 0. Updates M, J and poses.
+  void partials(const double* q, const double* v, const double* a, double* dtau_dq, double* dtau_dv,
                 bool inertia_only = false);
 
   void integrate(const double* q, const double* x, double* out);  // q (+) x
@@ -73,7 +76,7 @@ class MultibodyTree {
   void tangent_map(const double* q, const double* v, double* dq);  // dq/dt of raw coordinates
 
   double potential() const;                 // of gravity in J, at the current poses
-  const double* M() const;                  // its entries, see `InertiaPattern`
+  const double* M() const;                  // entries of M, see `InertiaPattern`
   void dense_M(double* out) const;          // (nv, nv)
   double kinetic_energy(const double* v) const;                     // in J, of the current M
   void add_inertial_force(const double* a, double* out) const;      // out += M a
@@ -82,13 +85,14 @@ class MultibodyTree {
   const double* position(int joint) const;
   void velocity(int joint, double* out) const;  // spatial, at the world's origin, linear part first
   void acceleration(int joint, double* out) const;
-  long motion_stamp() const { return motion_stamp_; }  // changes whenever velocities or accelerations may change
-  long pose_stamp() const { return pose_stamp_; }      // changes whenever poses may change
-  // Bias acceleration (of v' = 0) minus gravity, at the last call of `bias`.
+  long motion_stamp() const { return motion_stamp_; }  // changes when velocities or accelerations may change
+  long pose_stamp() const { return pose_stamp_; }      // changes when poses may change
+  // Bias acceleration (for v' = 0) minus gravity, of the last call of `bias`.
   void bias_minus_gravity(int joint, double* out) const;
   void gravity(double* out) const;                              // (3,)
-  void placement(int joint, double* R, double* p) const;        // of the joint's placement on its parent body, by rows
-  Body body(int joint) const;                                   // child of a joint
+  // placement of the joint on its parent body, in the world, R by rows
+  void placement(int joint, double* R, double* p) const;
+  Body body(int joint) const;  // child body of a joint
 
  private:
   struct Workspace;

@@ -51,16 +51,15 @@ void MultibodyTree::inertia(const double* q, const double* v) {
 
 const double* MultibodyTree::bias() const { return w->nle.data(); }
 
-void MultibodyTree::partials(const double* q, const double* v, const double* a, double* by_q, double* by_v,
+void MultibodyTree::partials(const double* q, const double* v, const double* a, double* dtau_dq, double* dtau_dv,
                              bool inertia_only) {
   ++pose_stamp_;
   if (has_partial_terms(q, v) && w->flexible.empty())
     w->M = w->terms.M, w->J = w->terms.J, w->poses = w->terms.poses;
   else
     inertia(q, v);
-  w->partials->complete(a, by_q, by_v, inertia_only);
-  if (!w->flexible.empty())
-    w->sweep->add_partials(expanded_joints.data(), q, v, a, inertia_only, by_q, by_v);
+  w->partials->complete(a, dtau_dq, dtau_dv, inertia_only);
+  if (!w->flexible.empty()) w->sweep->add_partials(expanded_joints.data(), q, v, a, inertia_only, dtau_dq, dtau_dv);
 }
 
 }  // namespace mbdae

@@ -1,4 +1,4 @@
-// Tree, kinematics and mass matrix of a mechanism.
+// Workspace of a multibody tree: its model, poses, Jacobian, mass matrix and bias.
 #pragma once
 
 #include "math/eigen_types.hpp"
@@ -34,10 +34,10 @@ struct MultibodyTree::Workspace {
   const TreeModel model;
   std::vector<FlexibleBody> flexible;
   std::unique_ptr<Sweep> sweep;
-  std::unique_ptr<TreeAlgorithms> other;  // where there is no sweep
+  std::unique_ptr<TreeAlgorithms> fallback;  // if no sweep supports the joints
   Vector poses, saved_poses;              // (frames, 12) R by columns, and p
   Vector J, M, nle, zero;                 // (6, nv and nodes), see `MultibodyTree::M`, (nv,), (nv,)
-  struct PartialTerms {                // at (q, v), the same for all accelerations
+  struct PartialTerms {                   // terms at (q, v) that do not depend on the acceleration
     Vector q, v, J, J_centroid, M, poses;  // J about the world's origin, and about the reference point of the partials
     Vector dense;                          // (nv, nv) M
   } terms;

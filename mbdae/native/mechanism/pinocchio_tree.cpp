@@ -1,4 +1,4 @@
-// Models of Pinocchio: their numbers, and its algorithms for joints that the sweep does not know.
+// Pinocchio models: their data, and Pinocchio's algorithms for joints that the sweep does not support.
 #include <pinocchio/algorithm/crba.hpp>
 #include <pinocchio/algorithm/jacobian.hpp>
 #include <pinocchio/algorithm/joint-configuration.hpp>
@@ -20,8 +20,9 @@ using VectorRef = Eigen::Ref<const VectorXd>;  // the type for which the library
 using In = Eigen::Map<const VectorXd>;
 using Out = Eigen::Map<VectorXd>;
 
-// A workspace for crba in the world's convention, nonLinearEffects, rnea, forwardKinematics and computeJointJacobians:
-// the constructor from a model allocates nv^3 numbers for second derivatives. See mechanism/tree/pinocchio_data.py.
+// A workspace for crba in the world convention, nonLinearEffects, rnea, forwardKinematics and computeJointJacobians:
+// the constructor from a model also allocates nv^3 entries for second derivatives. See
+// mechanism/tree/pinocchio_data.py.
 pinocchio::Data minimal_data(const pinocchio::Model& model) {
   using namespace pinocchio;
   Data data;
@@ -42,7 +43,7 @@ pinocchio::Data minimal_data(const pinocchio::Model& model) {
 class PinocchioTree final : public TreeAlgorithms {
  public:
   explicit PinocchioTree(const pinocchio::Model& model)
-      : m_(model), data_(minimal_data(model)), q_(m_.nq), end_(m_.nq), zero_(VectorXd::Zero(m_.nv)) {}
+      : m_(model), data_(minimal_data(model)), q_(m_.nq), sum_(m_.nq), zero_(VectorXd::Zero(m_.nv)) {}
 
   const double* inertia(const double* q, double* poses, double* J) override {
     pinocchio::crba(m_, data_, configuration(q), pinocchio::Convention::WORLD), write(poses, J);
@@ -68,7 +69,7 @@ class PinocchioTree final : public TreeAlgorithms {
     act(j, poses, data_.a_gf[j], out);
   }
   void integrate(const double* q, const double* x, double* out) override {
-    pinocchio::integrate(m_, VectorXd(In(q, m_.nq)), VectorXd(In(x, m_.nv)), end_), Out(out, m_.nq) = end_;
+    pinocchio::integrate(m_, VectorXd(In(q, m_.nq)), VectorXd(In(x, m_.nv)), sum_), Out(out, m_.nq) = sum_;
   }
   void difference(const double* q0, const double* q1, double* out) override {
     Out(out, m_.nv) = pinocchio::difference(m_, VectorXd(In(q0, m_.nq)), VectorXd(In(q1, m_.nq)));
@@ -96,15 +97,16 @@ class PinocchioTree final : public TreeAlgorithms {
     if (J) std::copy_n(data_.J.data(), data_.J.size(), J);
   }
   void act(int j, const double* poses, const pinocchio::Motion& x, double* out) const {
-    const double* own = poses + 12 * j;
-    const pinocchio::SE3 pose(Eigen::Map<const Eigen::Matrix3d>(own), Eigen::Map<const Eigen::Vector3d>(own + 9));
+    const double* R_and_p = poses + 12 * j;
+    const pinocchio::SE3 pose(Eigen::Map<const Eigen::Matrix3d>(R_and_p),
+                              Eigen::Map<const Eigen::Vector3d>(R_and_p + 9));
     Eigen::Map<Eigen::Matrix<double, 6, 1>> o(out);
     j ? o = pose.act(x).toVector() : o.setZero();
   }
 
   const pinocchio::Model& m_;
   pinocchio::Data data_;
-  VectorXd q_, end_;
+  VectorXd q_, sum_;
   const VectorXd zero_;
 };
 
@@ -116,7 +118,7 @@ TreeModel tree_model(const void* model) {
   out.nq = m.nq, out.nv = m.nv, out.tree = tree_joints(m);
   out.gravity = m.gravity.linear().data(), out.armature = m.armature.data();
   for (int j = 0; j < m.njoints; ++j) {
-    auto& body = const_cast<pinocchio::Inertia&>(m.inertias[j]);  // whose mass has no other address
+    auto& body = const_cast<pinocchio::Inertia&>(m.inertias[j]);  // non-const, to take the address of its mass
     const pinocchio::SE3& placement = m.jointPlacements[j];
     out.joints.push_back({static_cast<int>(m.parents[j]), m.idx_qs[j], m.idx_vs[j], m.nvs[j],
                           placement.rotation().data(), placement.translation().data(), &body.mass(),
@@ -136,7 +138,7 @@ const void* model_pointer(PyObject* object) {
   return &extract();
 }
 
-bool model_sweeps(const void* pointer) {
+bool sweep_supports(const void* pointer) {
   return !tree_joints(*static_cast<const pinocchio::Model*>(pointer)).empty();
 }
 

@@ -1,5 +1,4 @@
-// Poses, joint Jacobian, mass matrix and bias of a tree whose bodies move in parallel planes, as in tree_sweep.hpp: two
-// coordinates and an angle for each body.
+// The sweep of tree_sweep.hpp for a tree whose bodies move in parallel planes: two coordinates and an angle per body.
 #pragma once
 
 #include <memory>
@@ -9,8 +8,8 @@
 
 namespace mbdae {
 
-// For joints that rotate about one direction and translate across it, to this tolerance of their axes; otherwise null.
-// The numbers of the model are read by `Sweep::refresh`.
+// The sweep of joints that rotate about one direction and translate perpendicular to it, where `tolerance` is that of
+// the axes; null for other joints. `Sweep::refresh` reads the data of the model.
 std::unique_ptr<Sweep> planar_sweep(const std::vector<TreeJoint>& joints,
                                     const InertiaPattern& pattern, const double* gravity,
                                     const double* armature, double tolerance);

@@ -1,3 +1,4 @@
+// Evaluation of profiles, and Newton's method for their nearest and farthest points.
 #include "mechanism/profiles.hpp"
 
 #include <algorithm>
@@ -17,10 +18,11 @@ Profile::Point Profile::at(double s) const {
     for (int j = 0; j < 2; ++j) out.c[j] = coefficients[j];
     for (size_t i = 1; 2 * i < coefficients.size(); ++i) {
       const double k = static_cast<double>((i + 1) / 2), wave[2] = {std::cos(k * s), std::sin(k * s)};
-      const int odd = i % 2 == 0;
+      const int is_sine = i % 2 == 0;
       for (int j = 0; j < 2; ++j) {
         const double a = coefficients[2 * i + j];
-        out.c[j] += wave[odd] * a, out.d[j] += (odd ? k : -k) * wave[1 - odd] * a, out.dd[j] -= k * k * wave[odd] * a;
+        out.c[j] += wave[is_sine] * a, out.d[j] += (is_sine ? k : -k) * wave[1 - is_sine] * a,
+            out.dd[j] -= k * k * wave[is_sine] * a;
       }
     }
     return out;
@@ -37,22 +39,22 @@ Profile::Point Profile::at(double s) const {
 }
 
 Profile::Point Profile::nearest(const double* x) const {
-  size_t best = 0;
-  double least = INFINITY;
+  size_t start = 0;
+  double smallest = INFINITY;
   for (size_t i = 0; i < samples.size(); ++i) {
     const double a = points[2 * i] - x[0], b = points[2 * i + 1] - x[1], square = a * a + b * b;
-    if (square < least) least = square, best = i;
+    if (square < smallest) smallest = square, start = i;
   }
   const double length = starts.back() - starts[0];
-  double s = samples[best], size = 0, derivative = 0, off[2];
+  double s = samples[start], size = 0, derivative = 0, offset[2];
   auto is_regular = [&](const Point& p) {
-    for (int j = 0; j < 2; ++j) off[j] = x[j] - p.c[j];
-    size = dot(p.d, p.d, 2), derivative = size - dot(off, p.dd, 2);
+    for (int j = 0; j < 2; ++j) offset[j] = x[j] - p.c[j];
+    size = dot(p.d, p.d, 2), derivative = size - dot(offset, p.dd, 2);
     return derivative > tolerance * size;
   };
   for (int k = 0; k < iterations; ++k) {
     const Point p = at(s);
-    const double step = is_regular(p) ? dot(off, p.d, 2) / derivative : 0.0;
+    const double step = is_regular(p) ? dot(offset, p.d, 2) / derivative : 0.0;
     s += step;
     if (std::fabs(step) <= rounding * length) break;
   }
@@ -64,14 +66,14 @@ Profile::Point Profile::nearest(const double* x) const {
 }
 
 Profile::Point Profile::support(const double* n) const {
-  size_t best = 0;
-  double most = -INFINITY;
+  size_t start = 0;
+  double farthest = -INFINITY;
   for (size_t i = 0; i < samples.size(); ++i) {
     const double distance = dot(&points[2 * i], n, 2);
-    if (distance > most) most = distance, best = i;
+    if (distance > farthest) farthest = distance, start = i;
   }
   const double length = starts.back() - starts[0];
-  double s = samples[best];
+  double s = samples[start];
   for (int k = 0; k < iterations; ++k) {
     const Point p = at(s);
     const double second = dot(p.dd, n, 2), step = second < 0 ? dot(p.d, n, 2) / second : 0.0;

@@ -1,4 +1,4 @@
-// Plane curves of cams and slots, and contacts with them (mbdae/mechanism/closures/profiles.py).
+// Plane curves of cams and slots, and their contact points (mbdae/mechanism/closures/profiles.py).
 #pragma once
 
 #include <vector>
@@ -9,14 +9,15 @@ namespace mbdae {
 
 struct Profile {
   bool harmonic = false, closed = true;
-  double side = 1;              // orientation of the curve, towards the outside
-  std::vector<double> starts;   // of polynomial pieces, and the end; of harmonics 0 and 2 pi
-  std::vector<double> coefficients;  // pairs: of piecewise polynomials, highest power first, or of harmonics
+  double side = 1;                   // sign of the outward normal relative to the orientation of the curve
+  std::vector<double> starts;        // first s of each polynomial, and the last s; of harmonics 0 and 2 pi
+  std::vector<double> coefficients;  // (x, y) pairs: of polynomials, highest power first, or of harmonics
   int degree = 0;
-  std::vector<double> samples, points;  // s, and pairs c(s)
+  std::vector<double> samples, points;  // s, and (x, y) pairs c(s)
   int iterations = 0;
-  double rounding = 0;   // of the length: last change of an iteration
-  double tolerance = 0;  // of |c'|^2 and of the length: smallest curvature of the distance, and overshoot at open ends
+  double rounding = 0;  // largest change of the last iteration, relative to the length
+  // of the second derivative of the distance, relative to |c'|^2; of s at open ends, relative to the length
+  double tolerance = 0;
 
   FIELDS(harmonic, closed, side, starts, coefficients, degree, samples, iterations, rounding, tolerance)
 

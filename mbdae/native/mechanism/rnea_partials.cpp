@@ -1,3 +1,4 @@
+// Recursions of the analytical partials of inverse dynamics.
 #include "mechanism/rnea_partials.hpp"
 
 #include <algorithm>
@@ -53,10 +54,10 @@ void RneaPartials::InertiaTerms::set_motion(const double* V, const double* A) {
   const double rows[3][3] = {{I[0], I[1], I[3]}, {I[1], I[2], I[4]}, {I[3], I[4], I[5]}};
   double WI[3][3];  // by columns, as I is symmetric
   for (int i = 0; i < 3; ++i) cross(w, rows[i], WI[i]);
-  const double twice = 2 * dot(moment, V);
+  const double twice_mV = 2 * dot(moment, V);
   for (int i = 0, at = 0; i < 3; ++i)
     for (int j = 0; j <= i; ++j, ++at)
-      S[at] = WI[j][i] + WI[i][j] - V[i] * moment[j] - moment[i] * V[j] + (i == j ? twice : 0);
+      S[at] = WI[j][i] + WI[i][j] - V[i] * moment[j] - moment[i] * V[j] + (i == j ? twice_mV : 0);
 }
 
 void RneaPartials::update_motion(int joint, const double* J, const double* v) {
@@ -99,14 +100,15 @@ void RneaPartials::begin(const double* J, const double* gravity, const double* v
       for (int j : ancestor_dofs_[p]) M[k * nv + j] = M[j * nv + k] = dot6(x.IJ.data(), columns_[j].J.data());
     }
     if (parents_[p] < 0) continue;
-    InertiaTerms& to = subtrees_[parents_[p]];
-    to.mass += c.mass;
-    for (int i = 0; i < 3; ++i) to.moment[i] += c.moment[i];
-    for (int i = 0; i < 6; ++i) to.I[i] += c.I[i], to.h[i] += c.h[i], to.f[i] += c.f[i], to.S[i] += c.S[i];
+    InertiaTerms& parent = subtrees_[parents_[p]];
+    parent.mass += c.mass;
+    for (int i = 0; i < 3; ++i) parent.moment[i] += c.moment[i];
+    for (int i = 0; i < 6; ++i)
+      parent.I[i] += c.I[i], parent.h[i] += c.h[i], parent.f[i] += c.f[i], parent.S[i] += c.S[i];
   }
 }
 
-void RneaPartials::complete(const double* a, double* by_q, double* by_v, bool inertia_only) {
+void RneaPartials::complete(const double* a, double* dtau_dq, double* dtau_dv, bool inertia_only) {
   const size_t nv = columns_.size();
   const int joints = static_cast<int>(parents_.size());
   static const Six zero{};
@@ -124,7 +126,7 @@ void RneaPartials::complete(const double* a, double* by_q, double* by_v, bool in
     Aa_[p] = Aa, f_[p] = zero;
     if (has_mass_[p]) bodies_[p].momentum(Aa.data(), f_[p].data());
   }
-  for (double* out : {by_q, by_v}) std::fill(out, out + nv * nv, 0.0);
+  for (double* out : {dtau_dq, dtau_dv}) std::fill(out, out + nv * nv, 0.0);
   for (int p = joints - 1; p >= 0; --p) {
     const InertiaTerms& c = subtrees_[p];
     double F[6];
@@ -133,19 +135,19 @@ void RneaPartials::complete(const double* a, double* by_q, double* by_v, bool in
       const Column& x = columns_[k];
       const auto set_ancestor_entries = [&](int j) {
         const Column& y = columns_[j];
-        by_q[k * nv + j] = dot(x.DJ, y.psi_dot.data() + 3) + dot6(x.IJ.data(), y.psi_ddot.data());
-        by_v[k * nv + j] = dot(x.DJ, y.J.data() + 3) + dot6(x.IJ.data(), y.psi_dot_plus_S_dot.data());
+        dtau_dq[k * nv + j] = dot(x.DJ, y.psi_dot.data() + 3) + dot6(x.IJ.data(), y.psi_ddot.data());
+        dtau_dv[k * nv + j] = dot(x.DJ, y.J.data() + 3) + dot6(x.IJ.data(), y.psi_dot_plus_S_dot.data());
       };
       for (int j : dofs_[p]) set_ancestor_entries(j);
       if (ancestor_dofs_[p].empty()) continue;
-      double by_x[6], by_rate[6], product[6];  // of F
-      c.momentum(x.psi_ddot.data(), by_x), c.add_D(x.psi_dot.data() + 3, by_x);
+      double F_q[6], F_v[6], product[6];  // partials of the subtree's wrench
+      c.momentum(x.psi_ddot.data(), F_q), c.add_D(x.psi_dot.data() + 3, F_q);
       wrench_cross(x.J.data(), F, product);
-      for (int i = 0; i < 6; ++i) by_x[i] += product[i];
-      c.momentum(x.psi_dot_plus_S_dot.data(), by_rate), c.add_D(x.J.data() + 3, by_rate);
+      for (int i = 0; i < 6; ++i) F_q[i] += product[i];
+      c.momentum(x.psi_dot_plus_S_dot.data(), F_v), c.add_D(x.J.data() + 3, F_v);
       for (int j : ancestor_dofs_[p]) {
         set_ancestor_entries(j);
-        by_q[j * nv + k] = dot6(by_x, columns_[j].J.data()), by_v[j * nv + k] = dot6(by_rate, columns_[j].J.data());
+        dtau_dq[j * nv + k] = dot6(F_q, columns_[j].J.data()), dtau_dv[j * nv + k] = dot6(F_v, columns_[j].J.data());
       }
     }
     if (parents_[p] < 0) continue;

@@ -1,3 +1,4 @@
+// Rows of closures: constraint values, wrenches, rates and partials.
 #include "mechanism/rows.hpp"
 
 #include <algorithm>
@@ -14,11 +15,11 @@ namespace mbdae {
 namespace {
 
 void frame_pose(const MultibodyTree& m, const Anchor& x, bool with_rotation, double* __restrict R, double* __restrict p) {
-  if (!x.joint) return;  // fixed to the world: computed once
-  const double* __restrict o = m.rotation(x.joint), * __restrict at = m.position(x.joint);  // o by columns
-  for (int i = 0; i < 3; ++i) p[i] = o[i] * x.p[0] + o[3 + i] * x.p[1] + o[6 + i] * x.p[2] + at[i];
+  if (!x.joint) return;  // fixed to the world: constant
+  const double* __restrict o = m.rotation(x.joint), * __restrict origin = m.position(x.joint);  // o by columns
+  for (int i = 0; i < 3; ++i) p[i] = o[i] * x.p[0] + o[3 + i] * x.p[1] + o[6 + i] * x.p[2] + origin[i];
   if (!with_rotation) return;
-  if (x.straight) {
+  if (x.is_identity) {
     for (int i = 0; i < 3; ++i) R[3 * i] = o[i], R[3 * i + 1] = o[3 + i], R[3 * i + 2] = o[6 + i];
     return;
   }
@@ -32,9 +33,9 @@ Six difference(const double* a, const double* b) {  // b - a
 
 double angle(const double* q, const RowJoint& j) { return j.nq == 1 ? q[j.iq] : std::atan2(q[j.iq + 1], q[j.iq]); }
 
-void horner(const std::vector<double>& c, double x, double& p, double& first, double& curve) {
-  p = first = curve = 0;
-  for (size_t i = c.size(); i-- > 0;) curve = curve * x + 2 * first, first = first * x + p, p = p * x + c[i];
+void horner(const std::vector<double>& c, double x, double& p, double& first, double& second) {
+  p = first = second = 0;
+  for (size_t i = c.size(); i-- > 0;) second = second * x + 2 * first, first = first * x + p, p = p * x + c[i];
 }
 
 }  // namespace
@@ -47,22 +48,22 @@ Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<MultibodyTree::
   }
   for (const auto& [column, s] : all)
     columns.push_back(column.first), sources.push_back(column.second), sign.push_back(s);
-  twice = std::adjacent_find(columns.begin(), columns.end()) != columns.end();
-  const double one[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-  for (Anchor* x : {&a, &b}) x->straight = std::equal(one, one + 9, x->R);
+  has_repeated_columns = std::adjacent_find(columns.begin(), columns.end()) != columns.end();
+  const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  for (Anchor* x : {&a, &b}) x->is_identity = std::equal(identity, identity + 9, x->R);
   std::copy(a.R, a.R + 9, Ra), std::copy(a.p, a.p + 3, pa), std::copy(b.R, b.R + 9, Rb), std::copy(b.p, b.p + 3, pb);
 }
 
 void Pair::update_frames(const MultibodyTree& m) {
   frame_pose(m, a, needs_Ra, Ra, pa), frame_pose(m, b, needs_Rb, Rb, pb);
-  contact_current_ = moving_contact_current_ = false, poses_of_ = m.pose_stamp();
+  contact_current_ = moving_contact_current_ = false, pose_stamp_ = m.pose_stamp();
 }
 
 void Pair::update_velocities(const MultibodyTree& m, bool minus_gravity) {
   double other[6];
   m.velocity(a.joint, Va), m.velocity(b.joint, Vb);
-  const auto of = minus_gravity ? &MultibodyTree::bias_minus_gravity : &MultibodyTree::acceleration;
-  (m.*of)(a.joint, other), (m.*of)(b.joint, A);
+  const auto acceleration = minus_gravity ? &MultibodyTree::bias_minus_gravity : &MultibodyTree::acceleration;
+  (m.*acceleration)(a.joint, other), (m.*acceleration)(b.joint, A);
   for (int i = 0; i < 6; ++i) A[i] -= other[i];
   moving_contact_current_ = false;
 }
@@ -195,22 +196,22 @@ void Row::partials(const Pair& pair, WrenchPartials& t) const {
   }
   skew(x, X), skew_product(pair.pb, x, XX);
   add_block(t.Da, 0, 3, X, -1), add_block(t.Da, 3, 3, XX, -1);
-  moved_line_partials(pair.pb, x, t.Db);
+  line_point_partials(pair.pb, x, t.Db);
 }
 
 double Row::coordinate_value(const double* q, double* first) const {
   if (kind == ratio) {
-    double by, curve;
-    horner(c, joints.size() < 3 ? 0 : angle(q, joints[2]), *first, by, curve);
+    double first_derivative, second_derivative;
+    horner(c, joints.size() < 3 ? 0 : angle(q, joints[2]), *first, first_derivative, second_derivative);
     return 0;
   }
   const double x = angle(q, joints[0]);
-  double p = 0, curve = 0;
+  double p = 0, second = 0;
   *first = 0;
   if (kind == curved) {
-    const double at = folded(q, &p);
-    *first = law.at(at, 1);
-    return x - p - law.at(at);
+    const double reduced = reduced_coordinate(q, &p);
+    *first = law.at(reduced, 1);
+    return x - p - law.at(reduced);
   }
   if (kind == sum) {
     for (size_t k = 1; k < joints.size(); ++k) p += c[k] * angle(q, joints[k]);
@@ -220,17 +221,17 @@ double Row::coordinate_value(const double* q, double* first) const {
     for (double k : c) p += k;
     return x - p;
   }
-  horner(c, angle(q, joints[1]), p, *first, curve);
+  horner(c, angle(q, joints[1]), p, *first, second);
   return x - p;
 }
 
 double Row::coordinate_entries(const double* q, double* out) const {
   std::fill_n(out, columns.size(), 0.0);
   if (python) {
-    Vector known(1 + python->iv.size());
-    python->value(q, known);
-    for (size_t k = 1; k < known.size(); ++k) out[entries[k - 1]] = known[k];
-    return known[0];
+    Vector values(1 + python->iv.size());
+    python->value(q, values);
+    for (size_t k = 1; k < values.size(); ++k) out[entries[k - 1]] = values[k];
+    return values[0];
   }
   double first;
   const double g = coordinate_value(q, &first);
@@ -246,42 +247,42 @@ double Row::coordinate_bias(const double* q, const double* v) const {
   return kind == sum || joints.size() <= k ? 0 : -curvature(q) * v[joints[1].iv] * v[joints[k].iv];
 }
 
-double Row::folded(const double* q, double* rise) const {
+double Row::reduced_coordinate(const double* q, double* increase) const {
   const double x = angle(q, joints[1]), periods = fold[1] > 0 ? std::floor((x - fold[0]) / fold[1]) : 0;
-  *rise = periods * fold[2];
+  *increase = periods * fold[2];
   return x - periods * fold[1];
 }
 
 double Row::curvature(const double* q) const {
   if (kind == curved) {
-    double rise;
-    return law.at(folded(q, &rise), 2);
+    double increase;
+    return law.at(reduced_coordinate(q, &increase), 2);
   }
-  double p, first, curve;
+  double p, first, second;
   const int k = kind == ratio ? 2 : 1;
-  horner(c, angle(q, joints[k]), p, first, curve);
-  return kind == ratio ? first : curve;
+  horner(c, angle(q, joints[k]), p, first, second);
+  return kind == ratio ? first : second;
 }
 
 void Row::coordinate_partials(const double* q, const double* v, double lam, double* K, double* B, size_t width) const {
   if (python) {
-    const std::vector<int>& at = python->iv;
-    const size_t n = at.size();
+    const std::vector<int>& iv = python->iv;
+    const size_t n = iv.size();
     Vector D(n * n);
     python->partials(q, D);
     for (size_t i = 0; i < n; ++i)
       for (size_t j = 0; j < n; ++j) {
-        if (K) K[at[i] * width + at[j]] += lam * D[i * n + j];
-        if (B) B[at[j]] += v[at[i]] * D[i * n + j];
+        if (K) K[iv[i] * width + iv[j]] += lam * D[i * n + j];
+        if (B) B[iv[j]] += v[iv[i]] * D[i * n + j];
       }
     return;
   }
   const size_t last = kind == ratio ? 2 : 1;
   if (kind == sum || joints.size() <= last) return;
   const int j = joints[1].iv, k = joints[last].iv;
-  const double curve = curvature(q);
-  if (K) K[j * width + k] -= lam * curve;
-  if (B) B[k] -= curve * v[j];
+  const double second = curvature(q);
+  if (K) K[j * width + k] -= lam * second;
+  if (B) B[k] -= second * v[j];
 }
 
 }  // namespace mbdae

@@ -1,3 +1,4 @@
+// Evaluation of functions of time and their derivatives.
 #include "mechanism/time_functions.hpp"
 
 #include <algorithm>

@@ -9,23 +9,23 @@
 
 namespace mbdae {
 
-// Failure in the core; the step is taken in Python instead, which writes the message.
+// Thrown if the core fails: Python takes the step instead, and writes the message.
 struct FallBackToPython {};
-struct StepTooLong : FallBackToPython {};  // a step, for an iteration or for its coordinates: a shorter one may succeed
-struct Interrupted : FallBackToPython {};  // Ctrl-C in a Python function: no other attempt
+struct StepTooLong : FallBackToPython {};  // for its iteration or its coordinates: a shorter one may succeed
+struct Interrupted : FallBackToPython {};  // Ctrl-C in a Python function: no further attempts
 
 struct TimeFunction {
   NAMED_ENUM(enum, Kind, polynomials, harmonic, python)
   Kind kind = polynomials;
-  std::vector<double> a, b;  // numbers; of polynomials: coefficients, highest power first; starts
+  std::vector<double> a, b;  // parameters; of polynomials: coefficients, highest power first, and starts
   int degree = 0;            // of polynomials
   double period = 0, rise = 0;  // of polynomials: period, and increase per period; 0: none
-  int input = -1;               // of polynomials: the input whose present line this is; -1: none
+  int input = -1;               // of polynomials: the input that sets this linear function; -1: none
   std::function<double(double t, int k)> call;  // Python
 
   FIELDS(kind, a, b, degree, period, rise, input)
 
-  void set(int input_, double t, double value, double rate) {  // value + rate (t' - t), if it is this input
+  void set(int input_, double t, double value, double rate) {  // to value + rate (t' - t), if this is the input
     if (input == input_) a = {rate, value}, b = {t};
   }
 

@@ -1,4 +1,4 @@
-// Coordinates of joints with fixed axes: addition and difference in the tangent, from joint to joint.
+// Coordinates of joints with fixed axes: q (+) x and q1 (-) q0, joint by joint, neutral configuration, normalization.
 #pragma once
 
 #include <vector>

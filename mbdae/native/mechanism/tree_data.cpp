@@ -1,3 +1,4 @@
+// Conversion between a tree model and its data.
 #include "mechanism/tree_data.hpp"
 
 #include <algorithm>

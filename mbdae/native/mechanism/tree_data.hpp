@@ -1,4 +1,4 @@
-// The numbers of a tree model by value: as they travel in exported mechanisms.
+// The data of a tree model by value, as stored in exported mechanisms.
 #pragma once
 
 #include <vector>
@@ -8,14 +8,14 @@
 
 namespace mbdae {
 
-struct BodyData {  // of each joint of the model, with its placement
+struct BodyData {  // a joint of the model: its placement and its child body
   int parent = 0, iq = 0, iv = 0, nv = 0;
   double R[9], p[3], mass = 0, lever[3], I[6];
 
   FIELDS(parent, iq, iv, nv, R, p, mass, lever, I)
 };
 
-struct FixedAxesData {  // of each joint of the sweep
+struct FixedAxesData {  // a joint of the sweep
   int rotation = 0, parent = 0, root = 0, joint = 0, q = 0, v = 0, nv = 0, translations = 0, frame_axis = 0;
   double axis[3], axis_sign = 1, pitch = 0, R[9], p[3];
 
@@ -31,7 +31,7 @@ struct TreeData {
   FIELDS(nq, nv, joints, tree, gravity, armature)
 };
 
-TreeModel model_of(const TreeData& data);  // reads its numbers, and must not outlive it
+TreeModel model_of(const TreeData& data);  // refers to the data, and must not outlive them
 TreeData data_of(const TreeModel& model);
 
 }  // namespace mbdae

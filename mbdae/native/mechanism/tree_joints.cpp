@@ -1,3 +1,4 @@
+// Pinocchio joints as chains of joints with fixed axes.
 #include "mechanism/tree_joints.hpp"
 
 #include <map>
@@ -20,7 +21,7 @@ struct Kind {
 constexpr int unaligned = -1;
 
 const std::map<std::string, Kind>& kinds() {
-  static const std::map<std::string, Kind> all = [] {
+  static const std::map<std::string, Kind> table = [] {
     std::map<std::string, Kind> out{{"Spherical", {TreeJoint::quaternion, 0, 2}},
                                     {"FreeFlyer", {TreeJoint::quaternion, 3, 2}},
                                     {"Planar", {TreeJoint::circle, 2, 2}},
@@ -37,10 +38,10 @@ const std::map<std::string, Kind>& kinds() {
     }
     return out;
   }();
-  return all;
+  return table;
 }
 
-// A joint as one of its types, or null. `calc` would tell axis and pitch too, but takes half a minute to compile.
+// A joint as this type, or null. `calc` would also compute axis and pitch, but takes half a minute to compile.
 template <class Joint>
 const Joint* as(const JointModel& joint) {
   return boost::get<Joint>(&joint.toVariant());
@@ -48,9 +49,9 @@ const Joint* as(const JointModel& joint) {
 
 template <class Joint>
 bool axis_of(const JointModel& joint, Eigen::Vector3d& axis) {
-  const auto* own = as<Joint>(joint);
-  if (own) axis = own->axis;
-  return own;
+  const auto* typed = as<Joint>(joint);
+  if (typed) axis = typed->axis;
+  return typed;
 }
 
 Eigen::Vector3d unaligned_axis(const JointModel& joint) {
@@ -73,26 +74,28 @@ double pitch(const JointModel& joint) {  // of a screw, otherwise 0
          pitch_of<JointModelHelicalUnaligned>(joint);
 }
 
-class Chains {
+class JointChains {
  public:
   std::vector<TreeJoint> joints{1};
 
-  // Append the joints with fixed axes that make one of the model: the last becomes `end`. False for an unknown kind.
+  // Append the joints with fixed axes that compose a joint of the model, and set `end` to the last; false: unsupported
+  // kind.
   bool add(const JointModel& joint, const SE3& placement, int& end) {
     const std::string name = joint.shortname().substr(std::string("JointModel").size());
     if (name == "Universal") {
-      const auto& both = boost::get<pinocchio::JointModelUniversal>(joint.toVariant());
-      return add_revolute(joint, 0, both.axis1, placement, end), add_revolute(joint, 1, both.axis2, one_, end), true;
+      const auto& universal = boost::get<pinocchio::JointModelUniversal>(joint.toVariant());
+      return add_revolute(joint, 0, universal.axis1, placement, end),
+             add_revolute(joint, 1, universal.axis2, identity_, end), true;
     }
     if (name == "SphericalZYX") {
-      for (int k = 0; k < 3; ++k) add_revolute(joint, k, Eigen::Vector3d::Unit(2 - k), k ? one_ : placement, end);
+      for (int k = 0; k < 3; ++k) add_revolute(joint, k, Eigen::Vector3d::Unit(2 - k), k ? identity_ : placement, end);
       return true;
     }
     if (name == "Composite") {
-      const auto& all = boost::get<pinocchio::JointModelComposite>(joint.toVariant());
+      const auto& composite = boost::get<pinocchio::JointModelComposite>(joint.toVariant());
       append({}, placement, end);
-      for (size_t i = 0; i < all.joints.size(); ++i)
-        if (!add(all.joints[i], all.jointPlacements[i], end)) return false;
+      for (size_t i = 0; i < composite.joints.size(); ++i)
+        if (!add(composite.joints[i], composite.jointPlacements[i], end)) return false;
       return true;
     }
     const auto kind = kinds().find(name);
@@ -115,8 +118,8 @@ class Chains {
   static void set_axis(TreeJoint& x, const Eigen::Vector3d& axis) {
     Eigen::Map<Eigen::Vector3d>(x.axis) = axis;
     for (int i = 0; i < 3; ++i)
-      for (const double sense : {1.0, -1.0})
-        if (axis == sense * Eigen::Vector3d::Unit(i)) x.frame_axis = i, x.axis_sign = sense;
+      for (const double sign : {1.0, -1.0})
+        if (axis == sign * Eigen::Vector3d::Unit(i)) x.frame_axis = i, x.axis_sign = sign;
   }
 
   void append(TreeJoint x, const SE3& placement, int& end) {
@@ -126,22 +129,22 @@ class Chains {
     joints.push_back(x);
   }
 
-  static const SE3 one_;
+  static const SE3 identity_;
 };
 
-const SE3 Chains::one_ = SE3::Identity();
+const SE3 JointChains::identity_ = SE3::Identity();
 
 }  // namespace
 
 std::vector<TreeJoint> tree_joints(const pinocchio::Model& model) {
-  Chains chains;
-  std::vector<int> carrier(model.njoints);
+  JointChains chains;
+  std::vector<int> last_of_joint(model.njoints);
   for (int j = 1; j < model.njoints; ++j) {
-    int end = carrier[model.parents[j]];
+    int end = last_of_joint[model.parents[j]];
     if (!chains.add(model.joints[j], model.jointPlacements[j], end)) return {};
-    carrier[j] = end;
+    last_of_joint[j] = end;
     TreeJoint& last = chains.joints[end];
-    auto& body = const_cast<pinocchio::Inertia&>(model.inertias[j]);  // whose mass has no other address
+    auto& body = const_cast<pinocchio::Inertia&>(model.inertias[j]);  // non-const, to take the address of its mass
     last.joint = j, last.mass = &body.mass(), last.lever = body.lever().data(), last.I = body.inertia().data().data();
   }
   return chains.joints;

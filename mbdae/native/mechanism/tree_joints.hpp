@@ -7,7 +7,7 @@
 
 namespace mbdae {
 
-// All joints, that of the world first; empty where the sweep does not know one of them. They point into the model.
+// All joints, the world first; empty if the sweep does not support one of them. They point into the model.
 std::vector<TreeJoint> tree_joints(const pinocchio::Model& model);
 
 }  // namespace mbdae

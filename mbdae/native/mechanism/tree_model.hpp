@@ -1,5 +1,5 @@
-// The tree of a model as numbers, and what computes it where a joint is unknown to the sweep (tree_sweep.hpp). A program
-// that contains the core defines where models come from: Pinocchio (pinocchio_tree.cpp), or data (runtime/).
+// The data of a tree, and the interface of algorithms for joints that the sweep (tree_sweep.hpp) does not support. The
+// source of models depends on the program: Pinocchio (pinocchio_tree.cpp), or data of an exported mechanism (runtime/).
 #pragma once
 
 #include <memory>
@@ -10,18 +10,18 @@
 namespace mbdae {
 
 struct TreeModel {
-  struct Joint {  // with its child body; numbers are read where the model has them, as in TreeJoint
+  struct Joint {  // a joint and its child body, with pointers into the model, as in TreeJoint
     int parent = 0, iq = 0, iv = 0, nv = 0;
     const double *R = nullptr, *p = nullptr;                       // placement on the parent, by columns
     const double *mass = nullptr, *lever = nullptr, *I = nullptr;  // as in TreeJoint
   };
   int nq = 0, nv = 0;
   std::vector<Joint> joints;    // parents first, after the world
-  std::vector<TreeJoint> tree;  // the same with fixed axes; empty: a joint is unknown
+  std::vector<TreeJoint> tree;  // as joints with fixed axes; empty: a joint is unsupported
   const double *gravity = nullptr, *armature = nullptr;  // (3,), (nv,)
 };
 
-// The algorithms of a tree, for models with unknown joints. Results are written where these numbers are.
+// Algorithms of trees with joints that the sweep does not support.
 class TreeAlgorithms {
  public:
   virtual ~TreeAlgorithms() = default;
@@ -43,6 +43,6 @@ class TreeAlgorithms {
 };
 
 TreeModel tree_model(const void* model);
-std::unique_ptr<TreeAlgorithms> tree_algorithms(const void* model);  // std::invalid_argument where there are none
+std::unique_ptr<TreeAlgorithms> tree_algorithms(const void* model);  // std::invalid_argument: not available
 
 }  // namespace mbdae

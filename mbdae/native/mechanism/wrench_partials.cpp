@@ -1,3 +1,4 @@
+// Partials of wrenches between two frames, in joint and modal coordinates.
 #include "mechanism/wrench_partials.hpp"
 
 #include <algorithm>
@@ -6,7 +7,7 @@
 
 namespace mbdae {
 
-// Not by string instructions, which compilers choose for constant sizes: the next addition would wait for them.
+// Eigen, not std::fill: for constant sizes compilers emit string instructions, which delay the next addition.
 void WrenchPartials::clear() {
   using Eigen::Map, Eigen::Vector;
   Map<Vector<double, 6>>(F).setZero();
@@ -47,7 +48,7 @@ void matrix_of_wrench(const double* F, double* out) {
   add_block(out, 0, 3, f, -1), add_block(out, 3, 0, f, -1), add_block(out, 3, 3, m, -1);
 }
 
-void moved_line_partials(const double* p, const double* n, double* D) {
+void line_point_partials(const double* p, const double* n, double* D) {
   double N[9], NP[9];
   skew(n, N), skew_product(n, p, NP);
   add_block(D, 3, 0, N, -1), add_block(D, 3, 3, NP, 1);
@@ -65,24 +66,24 @@ void distance_partials(const Pair& pair, double factor, WrenchPartials& t) {
   product(B, NA, out), add_block(t.Da, 3, 3, out, 1);
   product(B, NB, out), add_block(t.Db, 3, 3, out, -1);
   for (double& x : n) x *= factor;
-  moved_line_partials(pair.pb, n, t.Db);
+  line_point_partials(pair.pb, n, t.Db);
 }
 
 PairPartials::PairPartials(const MultibodyTree& m, const Pair& pair_, const double* v) : pair(pair_), nv(m.nv) {
   columns_.reserve(pair.columns.size());
   for (size_t k = 0; k < pair.columns.size(); ++k) {
-    const int at = pair.columns[k];
+    const int velocity = pair.columns[k];
     if (pair.sign[k] != 0 && pair.sources[k] < m.nv)
-      columns_.push_back({at, m.expanded_joints[at], pair.sign[k], m.J() + 6 * at, {}});
+      columns_.push_back({velocity, m.expanded_joints[velocity], pair.sign[k], m.J() + 6 * velocity, {}});
   }
   add_node(m, pair.a.joint, -1, v), add_node(m, pair.b.joint, 1, v);
   if (!v) return;
-  double W[2][6] = {};  // of frames a and b, relative to the parent of the joint
+  double W[2][6] = {};  // velocities of frames a and b relative to the parent of the joint
   for (size_t first, end = columns_.size(); end > 0; end = first) {
     const Column& last = columns_[end - 1];
     double* w = W[last.sign > 0];
     for (first = end; first > 0 && columns_[first - 1].joint == last.joint; --first)
-      for (int i = 0; i < 6; ++i) w[i] += columns_[first - 1].J[i] * v[columns_[first - 1].at];
+      for (int i = 0; i < 6; ++i) w[i] += columns_[first - 1].J[i] * v[columns_[first - 1].velocity];
     for (size_t k = first; k < end; ++k) {
       double product[6];
       motion_cross(columns_[k].J, w, product);
@@ -92,77 +93,79 @@ PairPartials::PairPartials(const MultibodyTree& m, const Pair& pair_, const doub
   for (int i = 0; i < 6; ++i) V[i] = W[1][i] - W[0][i];
 }
 
-// A node moves by its modes like by two joints: translations T along axes fixed in the frame, and a rotation vector.
+// Modes move a node like two joints: translations T along axes fixed in the frame, and a rotation vector.
 void PairPartials::add_node(const MultibodyTree& m, int frame, double sign, const double* v) {
   const FlexibleBody* body = nullptr;
-  int number = 0;
-  const FlexibleBody::Node* node = m.node(frame, body, number);
+  int index = 0;
+  const FlexibleBody::Node* node = m.node(frame, body, index);
   if (!node) return;
   const ModalBody& data = body->data;
-  const int modes = data.modes, part = m.nv + 2 * frame;
-  const double *carrier = m.rotation(data.joint), *Phi2 = data.nodes[number].Phi2.data();
-  const auto translate = [&](const double* u, int by, double* out) {  // the change of the translation T u, by mode `by`
+  const int modes = data.modes, node_joint = m.nv + 2 * frame;
+  const double *joint_rotation = m.rotation(data.joint), *Phi2 = data.nodes[index].Phi2.data();
+  const auto translation_rate = [&](const double* u, int mode, double* out) {  // d(T u)/dq of `mode`
     double local[3] = {};
     for (int i = 0; i < modes; ++i)
-      for (int l = 0; l < 3; ++l) local[l] += Phi2[3 * (i * modes + by) + l] * u[i];
-    body->rotate_to_world(carrier, local, out);
+      for (int l = 0; l < 3; ++l) local[l] += Phi2[3 * (i * modes + mode) + l] * u[i];
+    body->rotate_to_world(joint_rotation, local, out);
   };
-  const double *R = m.rotation(frame), *p = m.position(frame), *Psi = data.nodes[number].Psi.data();
+  const double *R = m.rotation(frame), *p = m.position(frame), *Psi = data.nodes[index].Psi.data();
   split_.emplace_back(12 * modes);
   double *T = split_.back().data(), *W = T + 6 * modes, s[3] = {};
   for (int k = 0; k < modes; ++k) {
-    const double* J = m.J() + 6 * (body->first_column + number * modes + k);
+    const double* J = m.J() + 6 * (body->first_column + index * modes + k);
     std::copy(J + 3, J + 6, W + 6 * k + 3), cross(p, J + 3, W + 6 * k);
     for (int i = 0; i < 3; ++i) T[6 * k + i] = J[i] - W[6 * k + i], s[i] += v ? Psi[3 * k + i] * v[data.iv + k] : 0;
-    columns_.push_back({data.iv + k, part, sign, T + 6 * k, {}});
-    if (v) translate(v + data.iv, k, columns_.back().dV);
+    columns_.push_back({data.iv + k, node_joint, sign, T + 6 * k, {}});
+    if (v) translation_rate(v + data.iv, k, columns_.back().dV);
   }
-  const auto change = [&](const double* z, int by, double* out) {  // of the rotation z, by mode `by`
+  const auto rotation_rate = [&](const double* z, int mode, double* out) {  // d(Jr z)/dq of `mode`
     double local[3];
-    rotation_jacobian_rate(*node, z, Psi + 3 * by, local);
+    rotation_jacobian_rate(*node, z, Psi + 3 * mode, local);
     rotate_by_columns(R, local, out + 3), cross(p, out + 3, out);
   };
   for (int k = 0; k < modes; ++k) {
-    columns_.push_back({data.iv + k, part + 1, sign, W + 6 * k, {}});
-    if (v) change(s, k, columns_.back().dV);
-    for (int by = 0; by < modes; ++by) {
-      node_changes_.push_back({data.iv + k, data.iv + by, sign, {}});
-      double *out = node_changes_.back().change, moved[3];
-      change(Psi + 3 * k, by, out), body->rotate_to_world(carrier, Phi2 + 3 * (k * modes + by), moved);
-      for (int l = 0; l < 3; ++l) out[l] += moved[l];
+    columns_.push_back({data.iv + k, node_joint + 1, sign, W + 6 * k, {}});
+    if (v) rotation_rate(s, k, columns_.back().dV);
+    for (int mode = 0; mode < modes; ++mode) {
+      node_changes_.push_back({data.iv + k, data.iv + mode, sign, {}});
+      double *out = node_changes_.back().change, translation[3];
+      rotation_rate(Psi + 3 * k, mode, out),
+          body->rotate_to_world(joint_rotation, Phi2 + 3 * (k * modes + mode), translation);
+      for (int l = 0; l < 3; ++l) out[l] += translation[l];
     }
   }
 }
 
 void PairPartials::torque(const WrenchPartials& t, double* K, size_t width) const {
   for (const Column& m : columns_) {
-    double dF[6], within[6], more[6];  // within = dF - J x* F
+    double dF[6], parent_dF[6], product[6];  // parent_dF = dF - J x* F
     times6(m.sign > 0 ? t.Db : t.Da, m.J, dF);
     if (t.damped) {
-      times6(t.C, m.dV, more);
-      for (int i = 0; i < 6; ++i) dF[i] += m.sign * more[i];
+      times6(t.C, m.dV, product);
+      for (int i = 0; i < 6; ++i) dF[i] += m.sign * product[i];
     }
-    cross(m.J + 3, t.F, within), cross(m.J + 3, t.F + 3, within + 3), cross(m.J, t.F, more);
-    for (int i = 0; i < 3; ++i) within[i] = dF[i] - within[i], within[3 + i] = dF[3 + i] - within[3 + i] - more[i];
+    cross(m.J + 3, t.F, parent_dF), cross(m.J + 3, t.F + 3, parent_dF + 3), cross(m.J, t.F, product);
+    for (int i = 0; i < 3; ++i)
+      parent_dF[i] = dF[i] - parent_dF[i], parent_dF[3 + i] = dF[3 + i] - parent_dF[3 + i] - product[i];
     for (const Column& k : columns_)
-      K[k.at * width + m.at] += k.sign * dot6(k.J, k.sign == m.sign && m.joint <= k.joint ? within : dF);
+      K[k.velocity * width + m.velocity] += k.sign * dot6(k.J, k.sign == m.sign && m.joint <= k.joint ? parent_dF : dF);
   }
-  for (const Turn& x : node_changes_) K[x.k * width + x.m] += x.sign * dot6(x.change, t.F);
+  for (const NodeChange& x : node_changes_) K[x.k * width + x.m] += x.sign * dot6(x.change, t.F);
 }
 
 void PairPartials::damping(const double* C, double* D, size_t width) const {
   for (const Column& m : columns_) {
     double dF[6];
     times6(C, m.J, dF);
-    for (const Column& k : columns_) D[k.at * width + m.at] += k.sign * m.sign * dot6(k.J, dF);
+    for (const Column& k : columns_) D[k.velocity * width + m.velocity] += k.sign * m.sign * dot6(k.J, dF);
   }
 }
 
 void PairPartials::power(const double* w, const WrenchPartials& t, double* B) const {
-  double by[2][6] = {};  // V^T Da, V^T Db
+  double VD[2][6] = {};  // V^T Da, V^T Db
   for (int i = 0; i < 6; ++i)
-    for (int j = 0; j < 6; ++j) by[0][j] += V[i] * t.Da[6 * i + j], by[1][j] += V[i] * t.Db[6 * i + j];
-  for (const Column& m : columns_) B[m.at] += dot6(by[m.sign > 0], m.J) + m.sign * dot6(w, m.dV);
+    for (int j = 0; j < 6; ++j) VD[0][j] += V[i] * t.Da[6 * i + j], VD[1][j] += V[i] * t.Db[6 * i + j];
+  for (const Column& m : columns_) B[m.velocity] += dot6(VD[m.sign > 0], m.J) + m.sign * dot6(w, m.dV);
 }
 
 }  // namespace mbdae

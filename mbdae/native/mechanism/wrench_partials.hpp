@@ -14,19 +14,19 @@ struct WrenchPartials {
   WrenchPartials() { clear(); }
   void clear();  // set to zero
   void add(double factor, const WrenchPartials& other);  // without damping
-  void damp();                                    // set C = 0, to be added to
-  // Da of a wrench of the frames and V = V_b - V_a alone: a motion d of both frames with their velocities changes it by
-  // d x* F, so that Da + Db - C (V x .) = F*.
+  void damp();                                           // set C = 0, before terms are added
+  // Set Da of a wrench that depends only on the frames and V = V_b - V_a: a common motion d of both frames changes it
+  // by d x* F, so that Da + Db - C (V x .) = F*.
   void complete(const double* V = nullptr);
 
   double F[6], Da[36], Db[36], C[36];
   bool damped;  // C is not 0
 };
 
-// Contributions of the columns of J that move only one frame of a pair, at a point. Outputs have rows of `width`.
+// Partials of J^T F by the columns of J that move only one frame of a pair. Rows of outputs have `width` entries.
 class PairPartials {
  public:
-  // J and poses are current, the pair is located; v is null if no torque is damped.
+  // J, poses and the frames of the pair must be current; v may be null if no wrench is damped.
   PairPartials(const MultibodyTree& m, const Pair& pair, const double* v);
 
   const Pair& pair;
@@ -39,7 +39,7 @@ class PairPartials {
 
  private:
   struct Column {
-    int at, joint;  // of the expanded tree
+    int velocity, joint;  // index in v; joint of the expanded tree
     double sign;
     const double* J;
     double dV[6];
@@ -47,17 +47,18 @@ class PairPartials {
   void add_node(const MultibodyTree& m, int frame, double sign, const double* v);
 
   std::vector<Column> columns_;
-  struct Turn {  // of a node: dT_k/dq_m + dW_k/dq_m - W_m x W_k, of the columns T and W of its modes
+  struct NodeChange {  // dT_k/dq_m + dW_k/dq_m - W_m x W_k of a node, T and W: columns of its modes
     int k, m;
     double sign, change[6];
   };
-  std::vector<Turn> node_changes_;
-  std::vector<std::vector<double>> split_;  // of each node: columns of translation and of rotation
+  std::vector<NodeChange> node_changes_;
+  std::vector<std::vector<double>> split_;  // columns of translation and rotation of each node
 };
 
 void matrix_of_wrench(const double* F, double* out);  // d -> d x* F
 void times6(const double* D, const double* x, double* out);
-void moved_line_partials(const double* p, const double* n, double* D);       // D += d(n, p x n)/dp, n fixed
-void distance_partials(const Pair& pair, double factor, WrenchPartials& t);  // of factor times a distance's wrench
+void line_point_partials(const double* p, const double* n, double* D);  // D += d(n, p x n)/dp for constant n
+// of the wrench of a distance row, times `factor`
+void distance_partials(const Pair& pair, double factor, WrenchPartials& t);
 
 }  // namespace mbdae

@@ -1,4 +1,5 @@
-// The mode after an event: which unilateral rows are active, separate or slip (mbdae/mechanism/hybrid/active_set.py).
+// Active-set selection of the mode after an event: which unilateral rows are active, separate or slip
+// (mbdae/mechanism/hybrid/active_set.py).
 #include <algorithm>
 #include <cmath>
 
@@ -14,7 +15,7 @@ Transition ModeTransition::resolve(double t, double* y, const std::vector<int>& 
   evaluate(t, y);
   resolve_impact(y, resting, out);
   select(y, separated);
-  if (entered_ || mode_ != modes_.mode) enter_mode(s_, modes_.switches, mode_, y, modes_.initial_rank(limits_));
+  if (entered_ || mode_ != modes_.mode) enter_mode(s_, modes_.switches, mode_, y, modes_.initial_rank(tolerances_));
   out.mode = mode_;
   return out;
 }
@@ -71,7 +72,7 @@ std::vector<ModeTransition::Candidate> ModeTransition::candidates(int i) {
       for (size_t k = 1; k < x.rows.size(); ++k) {
         Multiplier m;
         if (x.frictional()) {
-          if (!(x.sign > 0)) leave_to_python();
+          if (!(x.sign > 0)) fall_back_to_python();
           m.normal = x.rows[0], m.friction = x.friction;
           if (is_sliding(x)) m.sliding_ratio = -x.friction * slip_direction(x);
         }
@@ -89,7 +90,7 @@ std::vector<ModeTransition::Candidate> ModeTransition::candidates(int i) {
       if (state == active) evaluate_forces();
       if (state == active &&
           1 - std::fabs(stiction_utilization(s_, modes_.switches, modes_.mode, i, lam_before_)) < modes_.coincident)
-        limit = std::min(x.friction, (1 - limits_.visible) * limit);
+        limit = std::min(x.friction, (1 - tolerances_.visible) * limit);
       out.push_back({x.rows[0], {-limit, limit}});
       break;
     }
@@ -99,7 +100,7 @@ std::vector<ModeTransition::Candidate> ModeTransition::candidates(int i) {
   return out;
 }
 
-int ModeTransition::next_state(int i, const std::vector<Candidate>& which, bool in_active_set) {
+int ModeTransition::next_state(int i, const std::vector<Candidate>& selected, bool in_active_set) {
   const Switch& x = modes_.switches[i];
   const int k = x.rows[0];
   switch (x.kind) {
@@ -119,13 +120,13 @@ int ModeTransition::next_state(int i, const std::vector<Candidate>& which, bool 
       if (in_active_set) return active;
       const double speed = x.sign * rate_[k];
       if (std::fabs(speed) > rest_speed(k)) return speed > 0 ? released : runs_back;
-      if (!which.empty() || modes_.mode[i] == active) return released;
+      if (!selected.empty() || modes_.mode[i] == active) return released;
       evaluate_forces();
       return x.sign * (dot(row(k), F_.data() + s_.nv, s_.nv) + gamma_[k]) >= 0 ? released : runs_back;
     }
     case Switch::Kind::stiction:
       if (in_active_set) return active;
-      return (which.empty() ? y_[s_.nq + x.column] : acceleration_[k]) > 0 ? slips_ahead : slips_back;
+      return (selected.empty() ? y_[s_.nq + x.column] : acceleration_[k]) > 0 ? slips_ahead : slips_back;
     case Switch::Kind::range:
       return inside(x) ? active : released;
     default:
@@ -133,15 +134,15 @@ int ModeTransition::next_state(int i, const std::vector<Candidate>& which, bool 
   }
 }
 
-// y' and lam in the mode before the event, and gamma of all rows.
+// Evaluate y' and lam in the mode before the event, and gamma of all rows.
 void ModeTransition::evaluate_forces() {
   if (!F_.empty()) return;
   const double* y = y_;
   F_.resize(s_.ny), lam_before_.resize(s_.ng);
   s_.derivative(t_, y, F_.data(), lam_before_.data());
-  force_rounding_ = limits_.solution_rounding * largest_force(s_, y, F_.data(), lam_before_.data());
+  force_rounding_ = tolerances_.solution_rounding * largest_force(s_, y, F_.data(), lam_before_.data());
   {
-    const AllRowsActive all(s_.constraints);
+    const AllRowsActive all_active(s_.constraints);
     s_.tree.motions(y, y + s_.nq);
     s_.constraints.bias(s_.tree, y, y + s_.nq, s_.constraints.all, gamma_.data());
     Vector g_tt(s_.ng, 0.0);
@@ -154,89 +155,91 @@ void ModeTransition::select(const double* y, const std::vector<int>& separated) 
   Candidates remaining;
   const int n = static_cast<int>(modes_.switches.size());
   for (int i = 0; i < n; ++i) {
-    std::vector<Candidate> found = candidates(i);
-    if (!found.empty() && std::fabs(rate_[found[0].row]) <= rest_speed(found[0].row)) remaining[i] = std::move(found);
+    std::vector<Candidate> rows = candidates(i);
+    if (!rows.empty() && std::fabs(rate_[rows[0].row]) <= rest_speed(rows[0].row)) remaining[i] = std::move(rows);
   }
   for (int i = 0; i < n; ++i)
     if (!remaining.count(i)) mode_[i] = next_state(i, {}, false);
   for (int i : separated)
     if (remaining.count(i)) separating_.push_back(i);
   if (!remaining.empty()) evaluate_forces();
-  Candidates found;
+  Candidates tested;
   std::map<int, bool> in_active_set;
   for (bool changed = true; changed;) {
-    found = remaining;
-    for (int i : separating_) found.erase(i);
-    if (found.empty() && separating_.empty()) return;
-    solve(y, found);
+    tested = remaining;
+    for (int i : separating_) tested.erase(i);
+    if (tested.empty() && separating_.empty()) return;
+    solve(y, tested);
     for (int k : s_.constraints.all) largest_ = std::max(largest_, std::fabs(lam_[k]));
     if ((changed = retain_approaching(remaining))) continue;
-    std::vector<int> others;
-    for (const auto& [i, c] : found) {
+    std::vector<int> inactive;
+    for (const auto& [i, c] : tested) {
       in_active_set[i] = is_active(c[0]);
-      if (!in_active_set[i] && (c.size() > 1 || c[0].multiplier.bounded())) others.push_back(i);
+      if (!in_active_set[i] && (c.size() > 1 || c[0].multiplier.bounded())) inactive.push_back(i);
     }
-    for (int i : others) {
+    for (int i : inactive) {
       remaining.erase(i);
-      mode_[i] = next_state(i, found[i][0].multiplier.bounded() ? found[i] : std::vector<Candidate>(), false);
+      mode_[i] = next_state(i, tested[i][0].multiplier.bounded() ? tested[i] : std::vector<Candidate>(), false);
     }
-    changed = !others.empty();
+    changed = !inactive.empty();
   }
-  for (const auto& [i, c] : found) {
-    if (c.size() == 1 && !c[0].multiplier.bounded() && is_undecided(c[0])) leave_to_python();
+  for (const auto& [i, c] : tested) {
+    if (c.size() == 1 && !c[0].multiplier.bounded() && is_undecided(c[0])) fall_back_to_python();
     mode_[i] = next_state(i, c, in_active_set[i]);
   }
   for (int i : separating_) mode_[i] = next_state(i, {}, false);
 }
 
-void ModeTransition::solve(const double* y, const Candidates& found) {
+void ModeTransition::solve(const double* y, const Candidates& tested) {
   const int nv = s_.nv;
-  Mode base(mode_);
-  for (const auto& [i, c] : found) base[i] = released;
+  Mode base_mode(mode_);
+  for (const auto& [i, c] : tested) base_mode[i] = released;
   Vector F(s_.ny), lam(s_.ng);
-  if (entered_ || base != modes_.mode) enter_mode(s_, modes_.switches, base, y, modes_.initial_rank(limits_)), entered_ = true;
+  if (entered_ || base_mode != modes_.mode)
+    enter_mode(s_, modes_.switches, base_mode, y, modes_.initial_rank(tolerances_)), entered_ = true;
   s_.derivative(t_, y, F.data(), lam.data());
   acceleration_.resize(s_.ng), lam_.assign(s_.ng, 0.0);
   for (int k : s_.constraints.all) acceleration_[k] = dot(row(k), F.data() + nv, nv) + gamma_[k];
   scale_ = acceleration_;
   for (double& x : scale_) x = std::fabs(x);
-  if (found.empty()) return;
-  std::vector<int> kept(modes_.unswitched);
-  for (size_t i = 0; i < base.size(); ++i) {
+  if (tested.empty()) return;
+  std::vector<int> active_rows(modes_.unswitched);
+  for (size_t i = 0; i < base_mode.size(); ++i) {
     const std::vector<int>& rows = modes_.switches[i].rows;
-    kept.insert(kept.end(), rows.begin(), rows.begin() + modes_.switches[i].active_rows(base[i]));
+    active_rows.insert(active_rows.end(), rows.begin(), rows.begin() + modes_.switches[i].active_rows(base_mode[i]));
   }
-  const RowSpace space(s_, Z_, kept);
-  std::vector<Candidate> all;
+  const RowSpace space(s_, Z_, active_rows);
+  std::vector<Candidate> selected;
   std::vector<Multiplier> multipliers;
   std::vector<Vector> roots;
   Vector c, x, w;
-  for (const auto& [i, rows] : found) {
-    const int first = static_cast<int>(all.size());
+  for (const auto& [i, rows] : tested) {
+    const int first = static_cast<int>(selected.size());
     for (const Candidate& candidate : rows) {
       Vector z = root(candidate.row);
       const double full_norm = norm(z.data(), nv);
       space.project_out(z);
-      if (!(norm(z.data(), nv) > limits_.truncation * full_norm)) {  // its multiplier does not change its acceleration
-        if (!candidate.multiplier.bounded()) leave_to_python();
+      // dependent: its multiplier does not change its acceleration
+      if (!(norm(z.data(), nv) > tolerances_.truncation * full_norm)) {
+        if (!candidate.multiplier.bounded()) fall_back_to_python();
         continue;
       }
-      all.push_back(candidate), multipliers.push_back(candidate.multiplier), roots.push_back(std::move(z));
+      selected.push_back(candidate), multipliers.push_back(candidate.multiplier), roots.push_back(std::move(z));
       if (multipliers.back().normal >= 0) multipliers.back().normal = first;
       c.push_back(acceleration_[candidate.row]);
     }
   }
-  const size_t m = all.size();
+  const size_t m = selected.size();
   Vector W(m * m), force(nv, 0.0);
   for (size_t i = 0; i < m; ++i)
     for (size_t j = 0; j < m; ++j) W[i * m + j] = dot(roots[i].data(), roots[j].data(), nv);
-  Vector noise(m, limits_.solution_rounding * largest_scaled(acceleration_.data(), limits_.row_scales));
-  for (size_t i = 0; i < m; ++i) noise[i] *= limits_.row_scales[all[i].row];
-  if (!solve_complementarity(W, c, noise, multipliers, limits_, modes_.max_states, x, w)) leave_to_python();
+  Vector noise(m, tolerances_.solution_rounding * largest_scaled(acceleration_.data(), tolerances_.row_scales));
+  for (size_t i = 0; i < m; ++i) noise[i] *= tolerances_.row_scales[selected[i].row];
+  if (!solve_complementarity(W, c, noise, multipliers, tolerances_, modes_.max_states, x, w)) fall_back_to_python();
   for (size_t i = 0; i < m; ++i) {
-    lam_[all[i].row] = x[i];
-    if (all[i].multiplier.bounded())
-      scale_[all[i].row] += W[i * m + i] * (all[i].multiplier.upper - all[i].multiplier.lower);
+    lam_[selected[i].row] = x[i];
+    if (selected[i].multiplier.bounded())
+      scale_[selected[i].row] += W[i * m + i] * (selected[i].multiplier.upper - selected[i].multiplier.lower);
     for (int k = 0; k < nv; ++k) force[k] += x[i] * roots[i][k];
   }
   for (int k : s_.constraints.all) {
@@ -247,33 +250,33 @@ void ModeTransition::solve(const double* y, const Candidates& found) {
 }
 
 bool ModeTransition::retain_approaching(const Candidates& remaining) {
-  const auto found = std::find_if(separating_.begin(), separating_.end(),
-                                  [&](int i) { return approaches(remaining.at(i)[0]); });
-  if (found == separating_.end()) return false;
-  separating_.erase(found);
+  const auto approaching =
+      std::find_if(separating_.begin(), separating_.end(), [&](int i) { return approaches(remaining.at(i)[0]); });
+  if (approaching == separating_.end()) return false;
+  separating_.erase(approaching);
   return true;
 }
 
 bool ModeTransition::approaches(const Candidate& c) const {
   const double inward = std::isfinite(c.multiplier.lower) ? -acceleration_[c.row] : acceleration_[c.row];
   const double rate = modes_.characteristic_rate;
-  const double largest = rate * rate + largest_scaled(acceleration_.data(), limits_.row_scales);
-  return inward > limits_.zero_speed * largest * limits_.row_scales[c.row];
+  const double largest = rate * rate + largest_scaled(acceleration_.data(), tolerances_.row_scales);
+  return inward > tolerances_.zero_speed * largest * tolerances_.row_scales[c.row];
 }
 
 bool ModeTransition::is_active(const Candidate& c) const {
-  if (c.multiplier.bounded()) return std::fabs(acceleration_[c.row]) <= limits_.zero_speed * scale_[c.row];
+  if (c.multiplier.bounded()) return std::fabs(acceleration_[c.row]) <= tolerances_.zero_speed * scale_[c.row];
   const double margin = modes_.mode_rounding * largest_;
   return c.multiplier.lower + margin < lam_[c.row] && lam_[c.row] < c.multiplier.upper - margin;
 }
 
 bool ModeTransition::is_undecided(const Candidate& c) const {
   const Vector z = root(c.row);
-  const double size = largest(row(c.row), s_.nv);
-  const double error = force_rounding_ / (size > 0 ? size : 1) * dot(z.data(), z.data(), s_.nv);
+  const double largest_entry = largest(row(c.row), s_.nv);
+  const double error = force_rounding_ / (largest_entry > 0 ? largest_entry : 1) * dot(z.data(), z.data(), s_.nv);
   const double zero = std::max(modes_.mode_rounding * largest_, force_rounding_);
   return std::fabs(lam_[c.row]) <= zero &&
-         std::fabs(acceleration_[c.row]) <= limits_.zero_speed / limits_.solution_rounding * error;
+         std::fabs(acceleration_[c.row]) <= tolerances_.zero_speed / tolerances_.solution_rounding * error;
 }
 
 }  // namespace mbdae

@@ -9,7 +9,7 @@
 
 namespace mbdae {
 
-// A multiplier between its bounds; or a tangential one, |x| <= mu x_n, or d x_n where its contact slides.
+// A multiplier between bounds; or a tangential multiplier, |x| <= mu x_n, x = d x_n in a sliding contact.
 struct Multiplier {
   double lower = -INFINITY, upper = INFINITY;
   int normal = -1;  // index of the normal multiplier, which is not negative; -1: none
@@ -19,11 +19,12 @@ struct Multiplier {
   bool bounded() const { return std::isfinite(upper - lower); }
 };
 
-// Multipliers x (k,) and rates w = W x + c (k,): zero between bounds, and as the bound allows at a bound. All states of all
-// multipliers are tried; false where there are more than max_states, or if there is no solution or more than one to
-// rounding, which is noise (k,) in c. Of multipliers with two bounds without friction, only the rates need be unique.
+// Solve for multipliers x (k,) and rates w = W x + c (k,), which are zero between bounds and directed away from a bound
+// at it. Enumerates the states of all multipliers; false if they are more than max_states, or if there is no solution
+// or more than one, where c has the rounding error noise (k,). If all multipliers have two bounds and no friction, only
+// the rates must be unique.
 bool solve_complementarity(const Vector& W, const Vector& c, const Vector& noise,
-                           const std::vector<Multiplier>& multipliers, const Tolerances& limits, int max_states,
+                           const std::vector<Multiplier>& multipliers, const Tolerances& tolerances, int max_states,
                            Vector& x, Vector& w);
 
 }  // namespace mbdae

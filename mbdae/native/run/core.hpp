@@ -1,4 +1,4 @@
-// A mechanism with the steps of all methods.
+// The system of a mechanism, with the steps of all methods.
 #pragma once
 
 #include <memory>

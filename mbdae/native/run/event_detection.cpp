@@ -1,3 +1,4 @@
+// Sign changes of signals on a step, and their location by Brent's method on partial steps.
 #include "run/event_detection.hpp"
 
 #include <algorithm>
@@ -23,22 +24,22 @@ struct Crossing {
 
 int sign(double x) { return (x > 0) - (x < 0); }
 
-// One event on one step.
-class Search {
+// Detection of one event on one step.
+class EventSearch {
  public:
-  Search(Index2System& s, PointValues& values, const Events& all, const SignalEvent& event, Node& node,
-         const AcceptedStep& step, const PartialStep& partial_step)
+  EventSearch(Index2System& s, PointValues& values, const Events& events, const SignalEvent& event, Node& node,
+              const AcceptedStep& step, const PartialStep& partial_step)
       : s_(s),
         values_(values),
-        all_(all),
+        events_(events),
         event_(event),
         node_(node),
         step_(step),
         partial_step_(partial_step),
         h_(step.t1 - step.t) {}
 
-  void run(int number, std::vector<Crossing>& crossings) {
-    number_ = number, crossings_ = &crossings;
+  void run(int index, std::vector<Crossing>& crossings) {
+    index_ = index, crossings_ = &crossings;
     if (step_.t != node_.t) {  // after a jump
       const Vector y(step_.y, step_.y + s_.length);
       const double f = value(step_.t, y.data());
@@ -77,31 +78,32 @@ class Search {
   void check_interval(const Sample& a, const Sample& b) {
     const int direction = sign(a.f == 0 ? b.f : b.f - a.f);
     if (event_.direction * direction < 0) return;
-    if (a.f == 0 && b.f != 0 && a.theta == 0 && step_.t == all_.start)
-      crossings_->push_back({0, number_, a.y});
+    if (a.f == 0 && b.f != 0 && a.theta == 0 && step_.t == events_.start)
+      crossings_->push_back({0, index_, a.y});
     else if (a.f * b.f < 0 && a.theta == b.theta)  // a jump
-      crossings_->push_back({b.theta, number_, b.y});
+      crossings_->push_back({b.theta, index_, b.y});
     else if (a.f * b.f < 0)
       crossings_->push_back(locate(a, b));
     else if (b.f == 0 && a.f != 0)
-      crossings_->push_back({b.theta, number_, b.y});
+      crossings_->push_back({b.theta, index_, b.y});
   }
 
   Crossing locate(const Sample& a, const Sample& b) {
     const double scale = std::max(std::fabs(step_.t), std::fabs(step_.t1));
-    const double resolution = all_.spacings * (std::nextafter(scale, INFINITY) - scale) / std::fabs(h_);
-    std::vector<Sample> known = {a, b};
+    const double resolution = events_.spacings * (std::nextafter(scale, INFINITY) - scale) / std::fabs(h_);
+    std::vector<Sample> evaluated = {a, b};
     const auto f = [&](double theta) {
       const Vector y = partial_step_(theta);
-      known.push_back({theta, y, value(step_.t + theta * h_, y.data())});
-      return known.back().f;
+      evaluated.push_back({theta, y, value(step_.t + theta * h_, y.data())});
+      return evaluated.back().f;
     };
-    const double root = brent(f, a.theta, a.f, b.theta, b.f, resolution, all_.step_tolerance, all_.iterations);
-    const auto at = std::find_if(known.begin(), known.end(), [&](const Sample& x) { return x.theta == root; });
-    return {root, number_, at->y};
+    const double root = brent(f, a.theta, a.f, b.theta, b.f, resolution, events_.step_tolerance, events_.iterations);
+    const auto found =
+        std::find_if(evaluated.begin(), evaluated.end(), [&](const Sample& x) { return x.theta == root; });
+    return {root, index_, found->y};
   }
 
-  // Fraction of the step at which the signal may have crossed its level and returned; 0 for none.
+  // Fraction of the step at which the signal may have crossed its level and returned; 0: none.
   double extremum(double f0, double f1) {
     const SignalValue& signal = event_.signal;
     if ((signal.kind != SignalValue::Kind::y && signal.kind != SignalValue::Kind::angle) || signal.rate < 0 ||
@@ -126,13 +128,13 @@ class Search {
 
   Index2System& s_;
   PointValues& values_;
-  const Events& all_;
+  const Events& events_;
   const SignalEvent& event_;
   Node& node_;
   const AcceptedStep& step_;
   const PartialStep& partial_step_;
   const double h_;
-  int number_ = 0;
+  int index_ = 0;
   std::vector<Crossing>* crossings_ = nullptr;
 };
 
@@ -144,7 +146,8 @@ DetectedEvents detect_events(Index2System& s, PointValues& values, const Events&
   out.nodes = events.nodes;
   std::vector<Crossing> crossings;
   for (size_t i = 0; i < events.events.size(); ++i)
-    Search(s, values, events, events.events[i], out.nodes[i], step, partial_step).run(static_cast<int>(i), crossings);
+    EventSearch(s, values, events, events.events[i], out.nodes[i], step, partial_step)
+        .run(static_cast<int>(i), crossings);
   if (crossings.empty()) return out;
   std::sort(crossings.begin(), crossings.end(), [](const Crossing& a, const Crossing& b) {
     return a.theta != b.theta ? a.theta < b.theta : a.event < b.event;
@@ -152,12 +155,12 @@ DetectedEvents detect_events(Index2System& s, PointValues& values, const Events&
   const double h = step.t1 - step.t, agreement = events.agreement * std::max(1.0, std::fabs(step.t));
   for (const Crossing& crossing : crossings) {
     if (out.stop >= 0 && (crossing.theta - out.stop) * std::fabs(h) > agreement) break;
-    const bool begins = step.t == events.start && crossing.theta * std::fabs(h) <= agreement;
-    if (begins)
+    const bool at_start = step.t == events.start && crossing.theta * std::fabs(h) <= agreement;
+    if (at_start)
       out.located.push_back({crossing.event, step.t, Vector(step.y, step.y + s.length)});
     else
       out.located.push_back({crossing.event, step.t + crossing.theta * h, crossing.y});
-    if (events.events[crossing.event].terminal && !begins && out.stop < 0) out.stop = crossing.theta;
+    if (events.events[crossing.event].terminal && !at_start && out.stop < 0) out.stop = crossing.theta;
   }
   return out;
 }

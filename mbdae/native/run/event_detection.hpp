@@ -1,4 +1,4 @@
-// Events named by a signal: detected at the ends of steps, located on steps of the method
+// Events defined by a signal: detected at the ends of steps, located on partial steps of the method
 // (mbdae/integrate/events/level_crossing.py).
 #pragma once
 
@@ -16,7 +16,7 @@ struct SignalEvent {
   SignalValue signal;
   double level = 0;
   int direction = 0;  // 1 for upward crossings, -1 for downward crossings, 0 for both
-  double unchanged_within = 0;  // a value this close to the level at both ends of a step has not changed
+  double unchanged_within = 0;  // a value this close to the level at both ends of a step counts as unchanged
   bool terminal = false;
 
   FIELDS(signal, level, direction, unchanged_within, terminal)
@@ -29,21 +29,21 @@ struct LocatedEvent {
   Vector y;
 };
 
-// All events of a run.
+// The events of a run, and their settings.
 struct Events {
   std::vector<SignalEvent> events;
   std::vector<Node> nodes;  // current node of each event
   std::vector<LocatedEvent> located;
-  bool stopped = false;                     // a terminal one has ended the run
-  double start = 0;                         // s: start of the run, where an event counts as located
-  double agreement = 0;                     // s, or relative to t: an event so close to the start is the start
+  bool stopped = false;                     // a terminal event has ended the run
+  double start = 0;                         // s: start of the run, where an event is located but does not end it
+  double agreement = 0;                     // s, or relative to t: an event this close to the start is at the start
   double spacings = 0, step_tolerance = 0;  // location tolerance: spacings of t, and relative to the step
   int iterations = 0;
 
   FIELDS(stopped, start, agreement, spacings, step_tolerance, iterations)
 };
 
-// An accepted step: from y at t to y1 at t1, and the rates (v', s', w') that a method carries there, or nullptr.
+// An accepted step from y at t to y1 at t1, and the rates (v', s', w') in the carry at both ends, or nullptr.
 struct AcceptedStep {
   double t, t1;
   const double *y, *y1, *carry, *carry1;
@@ -53,7 +53,7 @@ struct AcceptedStep {
 struct DetectedEvents {
   std::vector<Node> nodes;
   std::vector<LocatedEvent> located;
-  double stop = -1;  // negative if it goes on
+  double stop = -1;  // negative: the run continues
 };
 
 // y (length,) at the end of a partial step of fraction theta; throws if it cannot be taken.

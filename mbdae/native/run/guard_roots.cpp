@@ -1,3 +1,4 @@
+// Resolution of the multipliers of guards on a step, and the first roots of guards.
 #include <algorithm>
 #include <cmath>
 
@@ -10,13 +11,13 @@ namespace mbdae {
 
 double GuardMonitor::begin_step(const AcceptedStep& step, const PartialStep& partial_step, bool refines) {
   step_ = &step, partial_step_ = &partial_step, intervals_ = 4, interpolated_.clear();
-  known_.remove_if([&](const Point& p) { return p.t != step.t || !std::equal(p.y.begin(), p.y.end(), step.y); });
-  for (Point& p : known_) p.theta = 0;  // the end of the last step, or the start of one that was rejected
-  const bool first = known_.empty();
+  points_.remove_if([&](const Point& p) { return p.t != step.t || !std::equal(p.y.begin(), p.y.end(), step.y); });
+  for (Point& p : points_) p.theta = 0;  // the end of the last step, or the start of a rejected step
+  const bool first = points_.empty();
   const Counts counts = s_.counts;
-  if (!referenced_) prepare(), set_references(point(0));
+  if (!has_references_) prepare(), set_references(point(0));
   point(0);
-  if (first) s_.counts = counts;  // they do not depend on how a run is split into calls
+  if (first) s_.counts = counts;  // counts must not depend on how a run is split into calls
   double worst = resolution_error();
   for (; refines && worst > 1 && intervals_ < modes_.finest; worst = resolution_error())
     intervals_ *= 2, interpolated_.clear();
@@ -38,11 +39,11 @@ Vector GuardMonitor::monitored_multipliers(const Guard& guard) {
 
 double GuardMonitor::longest_step(const Guard& guard, const Point& p) const {
   const Switch& x = of(guard);
-  const double scale = s_.tree.limits.coordinate_scales[x.column];
-  return x.shortest / std::max(std::fabs(p.y[s_.nq + x.column]), s_.tree.limits.zero_speed * speed(p) * scale);
+  const double scale = s_.tree.tolerances.coordinate_scales[x.column];
+  return x.shortest / std::max(std::fabs(p.y[s_.nq + x.column]), s_.tree.tolerances.zero_speed * speed(p) * scale);
 }
 
-// Whether the value of a guard follows from its own multiplier alone: not where several joints stick.
+// Whether the value of a guard depends on one multiplier: not if several joints stick.
 bool GuardMonitor::depends_on_one_multiplier(const Guard& guard) const {
   if (guard.kind != Guard::slip || of(guard).frictional()) return guard.monitors_multiplier();
   int sticking = 0;
@@ -51,17 +52,19 @@ bool GuardMonitor::depends_on_one_multiplier(const Guard& guard) const {
   return sticking == 1;
 }
 
-// Multipliers at the samples: at the ends of the step, and between them on the cubic through both ends and their rates.
+// Multipliers at the samples of a step: at its ends, and between them on the Hermite cubic through both ends.
 Vector GuardMonitor::interpolated_multipliers(const Guard& guard) {
   const Point &start = point(0), &end = point(1);
   if (interpolated_.empty()) {
     const double h = step_->t1 - step_->t;
-    Vector move(s_.ny), x(s_.ny);
-    s_.difference(start.y.data(), end.y.data(), move.data());
+    Vector displacement(s_.ny), x(s_.ny);
+    s_.difference(start.y.data(), end.y.data(), displacement.data());
     for (int k = 1; k < intervals_; ++k) {
       const double a = static_cast<double>(k) / intervals_, b = 1 - a;
       Point p{a, step_->t + a * h, Vector(s_.length)};
-      for (int i = 0; i < s_.ny; ++i) x[i] = a * a * (a + 3 * b) * move[i] + h * a * b * (b * start.F[i] - a * end.F[i]);
+      for (int i = 0; i < s_.ny; ++i) {
+        x[i] = a * a * (a + 3 * b) * displacement[i] + h * a * b * (b * start.F[i] - a * end.F[i]);
+      }
       s_.add(start.y.data(), x.data(), p.y.data());
       p.F.resize(s_.ny), p.lam.resize(s_.ng);
       s_.derivative(p.t, p.y.data(), p.F.data(), p.lam.data());
@@ -80,24 +83,27 @@ double GuardMonitor::resolution_error(const Guard& guard) {
     return std::pow(4 * h / intervals_ / std::min(longest_step(guard, point(0)), longest_step(guard, point(1))), 4);
   if (!guard.monitors_multiplier()) return 0;
   const bool slips = guard.kind == Guard::slip;
-  const double fourth[5] = {1, -4, 6, -4, 1};
+  const double weights[5] = {1, -4, 6, -4, 1};
   const Vector all = interpolated_multipliers(guard);
-  double most = 0, least = INFINITY, bend = 0, terms = 0;
-  for (double x : all) most = std::max(most, std::fabs(x)), least = std::min(least, x);
-  for (double x : fourth) terms += std::fabs(x);
-  for (int k = 0; k < intervals_; k += 4) bend = std::max(bend, std::fabs(dot(fourth, &all[k], 5)));
-  if (!slips && !(bend > terms * s_.tree.limits.solution_rounding * point(0).force)) return 0;
-  const double size = slips ? 1 : std::max(most, s_.tree.limits.visible * guard.size);
-  const double distance = slips ? 1 - most : least / (size > 0 ? size : 1);
-  return bend / (size * modes_.rough * std::max(distance >= 0 ? distance : 1.0, modes_.near_limit));
+  double largest_multiplier = 0, smallest_multiplier = INFINITY, fourth_difference = 0, terms = 0;
+  for (double x : all)
+    largest_multiplier = std::max(largest_multiplier, std::fabs(x)),
+    smallest_multiplier = std::min(smallest_multiplier, x);
+  for (double x : weights) terms += std::fabs(x);
+  for (int k = 0; k < intervals_; k += 4)
+    fourth_difference = std::max(fourth_difference, std::fabs(dot(weights, &all[k], 5)));
+  if (!slips && !(fourth_difference > terms * s_.tree.tolerances.solution_rounding * point(0).force)) return 0;
+  const double size = slips ? 1 : std::max(largest_multiplier, s_.tree.tolerances.visible * guard.size);
+  const double distance = slips ? 1 - largest_multiplier : smallest_multiplier / (size > 0 ? size : 1);
+  return fourth_difference / (size * modes_.rough * std::max(distance >= 0 ? distance : 1.0, modes_.near_limit));
 }
 
-// Fractions of the step, in order, at which a guard may be negative: the samples and, with multipliers, extrema of the
-// quartics through them, only where these are close to the limit.
+// Increasing fractions of the step at which a guard may be negative: the samples, and the extrema of quartics through
+// multipliers, if they are close to the limit.
 std::vector<double> GuardMonitor::samples(int i) {
   const Guard& guard = modes_.guards[i];
-  const bool own = depends_on_one_multiplier(guard);
-  const Vector all = own                           ? interpolated_multipliers(guard)
+  const bool one_multiplier = depends_on_one_multiplier(guard);
+  const Vector all = one_multiplier                ? interpolated_multipliers(guard)
                      : guard.monitors_multiplier() ? monitored_multipliers(guard)
                                                    : Vector();
   const double size = largest(all.data(), static_cast<int>(all.size()));
@@ -107,7 +113,7 @@ std::vector<double> GuardMonitor::samples(int i) {
   };
   std::vector<double> out;
   for (int k = 1; k <= intervals_; ++k)
-    if (!own || close(all[k])) out.push_back(static_cast<double>(k) / intervals_);
+    if (!one_multiplier || close(all[k])) out.push_back(static_cast<double>(k) / intervals_);
   for (size_t k = 0; k + 4 < all.size(); k += 4) {
     const Interpolant quartic(&all[k], 5);
     for (double x : quartic.extrema(-4 * modes_.outside, 4 * (1 + modes_.outside)))
@@ -124,18 +130,18 @@ double GuardMonitor::negative_fraction(int i) {
       if (theta > 0 && at(theta, i).f < -rounding(i)) return theta;
     return 0;
   }
-  const double h = step_->t1 - step_->t, share = (guard.return_time - step_->t) / h;
+  const double h = step_->t1 - step_->t, return_fraction = (guard.return_time - step_->t) / h;
   const Value end = at(1, i);
   if (end.f < -rounding(i)) return 1;
-  if (0 < share && share < 1 && at(share, i).f < -rounding(i)) return share;
+  if (0 < return_fraction && return_fraction < 1 && at(return_fraction, i).f < -rounding(i)) return return_fraction;
   if (!has_rate(guard) || !(end.rate > 0)) return 0;
   const Value start = at(0, i);
   const Cubic cubic(start.f, end.f, h * start.rate, h * end.rate);
   if (!cubic.has_minimum() || cubic.minimum() > modes_.grazing * std::min(start.f, end.f)) return 0;
   const auto rate = [&](double theta) { return at(theta, i).rate; };
-  const double small = modes_.coincident, falling = cubic.steepest(), steepest = rate(falling);
+  const double small = modes_.coincident, steepest_fraction = cubic.steepest(), steepest = rate(steepest_fraction);
   if (!(steepest < 0)) return 0;
-  const double theta = brent(rate, falling, steepest, 1, end.rate, small, small, modes_.root_iterations);
+  const double theta = brent(rate, steepest_fraction, steepest, 1, end.rate, small, small, modes_.root_iterations);
   return at(theta, i).f < -rounding(i) ? theta : 0;
 }
 
@@ -151,31 +157,31 @@ double GuardMonitor::locate(int i, double high) {
   const bool starts_at_zero = start.f <= rounding(i);
   const double low = starts_at_zero ? modes_.start_root * high : 0;
   double theta = high * Cubic(std::max(start.f, 0.0), end.f, high * h * start.rate, high * h * end.rate).first_zero();
-  double nearest = 0, best = INFINITY;
-  Interpolant known;  // converges faster than Newton's method with the same number of evaluations
-  known.add(0, start.f, h * start.rate), known.add(high, end.f, h * end.rate);
+  double best_theta = 0, best_value = INFINITY;
+  Interpolant interpolant;  // converges faster than Newton's method at the same cost
+  interpolant.add(0, start.f, h * start.rate), interpolant.add(high, end.f, h * end.rate);
   for (int k = 0; k < modes_.iterations && low < theta && theta < high; ++k) {
     const Value x = at(theta, i);
-    if (!(x.rate < 0) || !(std::fabs(x.f) < best)) {
-      if (best <= rounding(i)) return nearest;
+    if (!(x.rate < 0) || !(std::fabs(x.f) < best_value)) {
+      if (best_value <= rounding(i)) return best_theta;
       break;
     }
-    const double move = x.f / (h * x.rate);
-    if (std::fabs(move) <= tolerance + modes_.step_tolerance * theta) return theta;
-    known.add(theta, x.f, h * x.rate);
-    nearest = theta, best = std::fabs(x.f), theta = known.root(theta - move);
+    const double newton_step = x.f / (h * x.rate);
+    if (std::fabs(newton_step) <= tolerance + modes_.step_tolerance * theta) return theta;
+    interpolant.add(theta, x.f, h * x.rate);
+    best_theta = theta, best_value = std::fabs(x.f), theta = interpolant.root(theta - newton_step);
   }
   return locate_by_brent(i, high);
 }
 
-// The root of the quartic through five values, corrected by the polynomial through its errors at points of steps.
+// The root of the quartic through five values, corrected by the interpolant of its errors at the ends of partial steps.
 double GuardMonitor::locate_by_quartic(int i, double high) {
   if (intervals_ > 4) return locate_by_brent(i, high);
   const double tolerance = time_tolerance();
   const Guard& guard = modes_.guards[i];
-  const bool own = depends_on_one_multiplier(guard);
+  const bool one_multiplier = depends_on_one_multiplier(guard);
   Vector values;
-  if (own) {
+  if (one_multiplier) {
     values = interpolated_multipliers(guard);
     for (double& x : values) x = (guard.kind == Guard::slip ? 1 - std::fabs(x) : x) - guard.level;
   } else {
@@ -183,9 +189,9 @@ double GuardMonitor::locate_by_quartic(int i, double high) {
   }
   const Interpolant quartic(values.data(), 5);
   Interpolant errors;
-  for (int k = 0; k < 5; k += own ? 4 : 1) errors.add(k, 0);  // points of steps
-  if (own)
-    for (const Point& p : known_)
+  for (int k = 0; k < 5; k += one_multiplier ? 4 : 1) errors.add(k, 0);  // ends of partial steps
+  if (one_multiplier)
+    for (const Point& p : points_)
       if (0 < p.theta && p.theta < 1) errors.add(4 * p.theta, at(p, i).f - quartic.value(4 * p.theta));
   const auto corrected = [&](double x) {
     const auto [f, df] = quartic.evaluate(x);
@@ -193,22 +199,22 @@ double GuardMonitor::locate_by_quartic(int i, double high) {
     return std::pair(f + error, df + rate);
   };
   if (!(at(0, i).f > rounding(i))) return locate_by_brent(i, high);
-  double theta = newton_root(corrected, quartic.first_zero(4 * high)) / 4, best = INFINITY, nearest = 0;
+  double theta = newton_root(corrected, quartic.first_zero(4 * high)) / 4, best_value = INFINITY, best_theta = 0;
   for (int k = 0; k < modes_.iterations && 0 < theta && theta < high; ++k) {
     const double f = at(theta, i).f;
-    if (!(corrected(4 * theta).second < 0) || !(std::fabs(f) < best)) {
-      if (best <= rounding(i)) return nearest;
+    if (!(corrected(4 * theta).second < 0) || !(std::fabs(f) < best_value)) {
+      if (best_value <= rounding(i)) return best_theta;
       break;
     }
     errors.add(4 * theta, f - quartic.value(4 * theta));
     const double root = newton_root(corrected, 4 * theta) / 4;
     if (!(std::fabs(root - theta) > tolerance + modes_.step_tolerance * theta)) return theta;
-    nearest = theta, best = std::fabs(f), theta = root;
+    best_theta = theta, best_value = std::fabs(f), theta = root;
   }
   return locate_by_brent(i, high);
 }
 
-// A guard that is zero at the start is divided by theta, which gives its mean rate; 0 where that is negative.
+// A guard that is zero at the start is divided by theta, which gives its mean rate; returns 0 if the rate is negative.
 double GuardMonitor::locate_by_brent(int i, double high) {
   const bool starts_at_zero = at(0, i).f <= rounding(i);
   const auto value = [&](double theta) { return at(theta, i).f / (starts_at_zero ? theta : 1); };

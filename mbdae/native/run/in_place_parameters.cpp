@@ -1,3 +1,4 @@
+// Addresses of parameters in the core, and their values.
 #include "run/in_place_parameters.hpp"
 
 #include "math/field_reader.hpp"
@@ -10,7 +11,7 @@ InPlaceParameters::InPlaceParameters(Index2System& s, const std::vector<Paramete
     double* target = x.kind == ParameterLocation::body      ? s.tree.body_parameter(x.of, x.i)
                      : x.kind == ParameterLocation::gravity ? s.tree.gravity_parameter(x.i)
                                                             : s.law_parameter(x.of, x.i);
-    if (!target) reject("the core has no number at the location of a parameter");
+    if (!target) reject("the core has no parameter at this location");
     targets_.push_back(target), original_.push_back(*target);
   }
 }
@@ -18,7 +19,7 @@ InPlaceParameters::InPlaceParameters(Index2System& s, const std::vector<Paramete
 bool InPlaceParameters::write(const double* values) {
   if (targets_.empty()) return true;
   for (size_t i = 0; i < targets_.size(); ++i) *targets_[i] = values[i];
-  return s_.renew();
+  return s_.update_parameters();
 }
 
 Vector InPlaceParameters::mass_matrices(const double* q, const Vector& values) {

@@ -1,4 +1,4 @@
-// Parameters that are written in place between runs: they change numbers in the core, not the geometry
+// Parameters that are written in place between runs: they do not change the structure of the mechanism
 // (mbdae/mechanism/formats/in_place_parameters.py).
 #pragma once
 
@@ -8,23 +8,23 @@
 
 namespace mbdae {
 
-struct ParameterLocation {  // of a number in the core
+struct ParameterLocation {  // of a parameter in the core
   NAMED_ENUM(enum, Kind, body, gravity, law)
   Kind kind;
-  int of = 0, i = 0;  // joint of the body, or the law; and the index, see `body_parameter`, `law_parameter`
+  int of = 0, i = 0;  // of: joint of the body, or law; i: index, see `body_parameter`, `law_parameter`
 
   FIELDS(kind, of, i)
 };
 
 class InPlaceParameters {
  public:
-  // std::invalid_argument for a location without a number.
+  // std::invalid_argument: a location does not exist.
   InPlaceParameters(Index2System& s, const std::vector<ParameterLocation>& locations);
   ~InPlaceParameters() { write(original_.data()); }  // restores the values
   InPlaceParameters(const InPlaceParameters&) = delete;
 
   size_t count() const { return targets_.size(); }
-  bool write(const double* values);  // (count(),); false: they are invalid
+  bool write(const double* values);                             // (count(),); false: invalid values
   Vector mass_matrices(const double* q, const Vector& values);  // (k, nv, nv) for values (k, count()), by Pinocchio
 
  private:

@@ -1,4 +1,4 @@
-// Times at which a problem may jump, and the smooth intervals between them (mbdae/integrate/events/jumps.py).
+// Times of possible jumps, and the smooth intervals between them (mbdae/integrate/events/jumps.py).
 #pragma once
 
 #include <cmath>
@@ -9,23 +9,23 @@
 namespace mbdae {
 
 struct Jumps {
-  bool in_core = false;  // whether the core crosses them, not Python
+  bool in_core = false;  // whether the core crosses jumps, not Python
   Vector times;          // s, increasing
-  double margin = 0;     // roundings of t by which a step stays before a jump
-  int max_cluster = 0;   // jumps within roundings of one another that count as one
-  double restart = NAN;  // s: start of the next interval; nan after the end
+  double margin = 0;     // distance between the end of a step and a jump, in roundings of t
+  int max_cluster = 0;   // largest number of jumps that count as one
+  double restart = NAN;  // s: start of the next interval; nan: none
 
   FIELDS(in_core, times, margin, max_cluster, restart)
 
-  double late() const { return 4 * margin; }  // roundings between jumps that count as one, and to a start just after one
+  double cluster_width() const { return 4 * margin; }  // roundings of t within which jumps count as one
 
-  // The interval from t on, and the start of the next one; false where jumps follow one another too closely.
+  // Set the interval from t on, and the start of the next one; false if too many jumps follow each other closely.
   bool next_interval(const std::vector<SampledController>& samplers, double t, SmoothInterval& interval);
 
  private:
   double next(const std::vector<SampledController>& samplers, double t, double sign) const;
   bool last_of_cluster(const std::vector<SampledController>& samplers, double t, double sign, double gap,
-                       double& found) const;
+                       double& last) const;
 };
 
 }  // namespace mbdae

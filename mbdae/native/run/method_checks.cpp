@@ -1,3 +1,4 @@
+// Checks of tableaus, collocation coefficients, compositions and generalized-alpha parameters.
 #include "run/method_checks.hpp"
 
 #include <cmath>
@@ -14,10 +15,10 @@ void check_finite(std::initializer_list<const Vector*> all) {
     if (!finite(x->data(), static_cast<int>(x->size()))) reject("the coefficients of a method must be finite");
 }
 
-// The number of rows of as many weights as stages.
-int error_rows(const Vector& weights, size_t stages, size_t least) {
-  if (!stages || weights.size() % stages || weights.size() / stages < least || weights.size() / stages > 2)
-    reject("error weights must be one or two rows with a number for each stage");
+// The number of rows of error weights, each with a weight per stage.
+int error_rows(const Vector& weights, size_t stages, size_t min_rows) {
+  if (!stages || weights.size() % stages || weights.size() / stages < min_rows || weights.size() / stages > 2)
+    reject("error weights must have one or two rows with a weight for each stage");
   return static_cast<int>(weights.size() / stages);
 }
 
@@ -44,7 +45,7 @@ void complete_radau(Radau& r) {
   r.s = static_cast<int>(s), r.errors = error_rows(r.start, s, 1);
   if (r.A.size() != s * s) reject("A must have a row and a column for each stage");
   for (const EigenMode& m : r.modes)
-    if (m.column.size() != s || m.row.size() != s) reject("a mode must have a number for each stage");
+    if (m.column.size() != s || m.row.size() != s) reject("the vectors of a mode must have an entry for each stage");
   if (r.real < -1 || r.real >= static_cast<int>(r.modes.size()) || r.middle < 0 || r.middle >= r.s)
     reject("index of the real mode or of the middle stage out of range");
   check_finite({&r.c, &r.A, &r.start});
@@ -52,7 +53,7 @@ void complete_radau(Radau& r) {
 
 void complete_composition(Composition& c) {
   if (c.weights.empty() || c.nodes.size() != c.weights.size() + 1)
-    reject("a composition must have a node more than weights");
+    reject("a composition must have one more node than weights");
   check_finite({&c.weights, &c.nodes});
 }
 

@@ -1,4 +1,4 @@
-// Checks of the coefficients of methods, which also set what follows from them.
+// Checks of the coefficients of methods, which also set derived fields.
 #pragma once
 
 #include "run/core.hpp"

@@ -1,3 +1,4 @@
+// Values, rates and references of guards at points of a step.
 #include "run/mode_guards.hpp"
 
 #include <algorithm>
@@ -52,15 +53,15 @@ double largest_force(Index2System& s, const double* y, const double* F, const do
 double stiction_utilization(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
                             const Vector& lam) {
   const int nv = s.nv;
-  const double truncation = s.tree.limits.truncation;
+  const double truncation = s.tree.tolerances.truncation;
   std::vector<const Switch*> sticking;
-  std::vector<bool> others(s.ng, true);
+  std::vector<bool> not_sticking(s.ng, true);
   for (size_t i = 0; i < switches.size(); ++i)
     if (switches[i].kind == Switch::Kind::stiction && mode[i] == active)
-      sticking.push_back(&switches[i]), others[switches[i].rows[0]] = false;
+      sticking.push_back(&switches[i]), not_sticking[switches[i].rows[0]] = false;
   std::vector<int> rows;
   for (int k : s.constraints.all)
-    if (others[k] && (s.constraints.off.empty() || !s.constraints.off[k])) rows.push_back(k);
+    if (not_sticking[k] && (s.constraints.inactive.empty() || !s.constraints.inactive[k])) rows.push_back(k);
   const Vector Z = s.constraints.dense(s.point.Z);
   const RowSpace space(s, Z, rows);
   for (const Switch* x : sticking) rows.push_back(x->rows[0]);
@@ -74,11 +75,11 @@ double stiction_utilization(const Index2System& s, const std::vector<Switch>& sw
     const double full_norm = norm(row, nv);
     space.project_out(motion);
     if (first.empty()) first = motion, size = norm(first.data(), nv);
-    const double along = dot(motion.data(), first.data(), nv) / (size * size);
-    for (int c = 0; c < nv; ++c) motion[c] -= along * first[c];
-    if (!(std::fabs(along) * size > truncation * full_norm) || !(norm(motion.data(), nv) <= truncation * full_norm))
+    const double component = dot(motion.data(), first.data(), nv) / (size * size);
+    for (int c = 0; c < nv; ++c) motion[c] -= component * first[c];
+    if (!(std::fabs(component) * size > truncation * full_norm) || !(norm(motion.data(), nv) <= truncation * full_norm))
       throw FallBackToPython();
-    work += along * lam[x->rows[0]], limit += std::fabs(along) * x->limit;
+    work += component * lam[x->rows[0]], limit += std::fabs(component) * x->limit;
   }
   return work / limit;
 }
@@ -88,7 +89,7 @@ bool GuardMonitor::has_rate(const Guard& guard) const {
 }
 
 double GuardMonitor::speed(const Point& p) const {
-  return modes_.characteristic_rate + largest_scaled(p.y.data() + s_.nq, s_.tree.limits.coordinate_scales);
+  return modes_.characteristic_rate + largest_scaled(p.y.data() + s_.nq, s_.tree.tolerances.coordinate_scales);
 }
 
 void GuardMonitor::evaluate(Point& p) {
@@ -121,7 +122,7 @@ void GuardMonitor::evaluate(Point& p) {
 }
 
 const GuardMonitor::Point& GuardMonitor::point(double theta) {
-  for (const Point& p : known_)
+  for (const Point& p : points_)
     if (p.theta == theta) return p;
   Point p{theta, step_->t + theta * (step_->t1 - step_->t)};
   if (theta == 0 || theta == 1) {
@@ -131,8 +132,8 @@ const GuardMonitor::Point& GuardMonitor::point(double theta) {
     p.y = (*partial_step_)(theta);
   }
   evaluate(p);
-  known_.push_back(std::move(p));
-  return known_.back();
+  points_.push_back(std::move(p));
+  return points_.back();
 }
 
 double GuardMonitor::value(const Guard& guard, const Point& p) {
@@ -164,23 +165,23 @@ double GuardMonitor::monitored_multiplier(const Guard& guard, const Point& p) {
   const Switch& x = of(guard);
   if (guard.kind == Guard::separation) return guard.sign * p.lam[x.rows[0]];
   if (!x.frictional()) return p.lam[x.rows[0]] / x.limit;
-  return p.lam[x.rows[1]] / std::max(x.limit * std::fabs(p.lam[x.rows[0]]), s_.tree.limits.tiny);
+  return p.lam[x.rows[1]] / std::max(x.limit * std::fabs(p.lam[x.rows[0]]), s_.tree.tolerances.tiny);
 }
 
 void GuardMonitor::set_reference(Guard& guard, const Point& p) const {
   const Switch& x = of(guard);
-  const Tolerances& limits = s_.tree.limits;
+  const Tolerances& tolerances = s_.tree.tolerances;
   if (guard.kind == Guard::contact && x.kind == Switch::Kind::ratchet)
     guard.reference = std::floor(x.teeth(p.y.data()) + modes_.coincident);
   if (guard.kind == Guard::zero_velocity && x.frictional()) {
     const double slip = p.rate[x.rows[1]];
-    const double rest = modes_.mode_rounding * speed(p) * limits.row_scales[x.rows[1]];
+    const double rest = modes_.mode_rounding * speed(p) * tolerances.row_scales[x.rows[1]];
     guard.sign = std::fabs(slip) > modes_.transverse * rest ? std::copysign(1.0, slip) : s_.friction.direction(x.interface);
   }
 }
 
 double GuardMonitor::unit(const Guard& guard, const Point& p) const {
-  const double scale = s_.tree.limits.row_scales[of(guard).rows[0]];
+  const double scale = s_.tree.tolerances.row_scales[of(guard).rows[0]];
   if (guard.monitors_multiplier()) return p.force;
   return guard.kind == Guard::zero_velocity ? scale * speed(p) : scale;
 }
@@ -197,16 +198,16 @@ void GuardMonitor::prepare() {
 }
 
 void GuardMonitor::set_references(const Point& p) {
-  if (std::exchange(referenced_, true)) return;
+  if (std::exchange(has_references_, true)) return;
   for (Guard& guard : modes_.guards) set_reference(guard, p);
 }
 
 void GuardMonitor::track(double t, const double* y, const Vector& F, const Vector& lam) {
-  modes_.guards = guards_of(modes_.switches, modes_.mode), known_.clear();
-  referenced_ = true, prepare();
+  modes_.guards = guards_of(modes_.switches, modes_.mode), points_.clear();
+  has_references_ = true, prepare();
   Point p{0, t, Vector(y, y + s_.length)};
   p.F = F, p.lam = lam;
-  evaluate(p);  // accelerations predict the ends of flights
+  evaluate(p);  // accelerations predict the duration of separations
   for (size_t i = 0; i < modes_.guards.size(); ++i) {
     Guard& guard = modes_.guards[i];
     set_reference(guard, p);
@@ -218,14 +219,14 @@ void GuardMonitor::track(double t, const double* y, const Vector& F, const Vecto
     if (f <= rounding(static_cast<int>(i)) && approach > 0 && a < 0)
       guard.return_time = t - modes_.return_factor * 2 * approach / a;
   }
-  known_.push_back(std::move(p));
+  points_.push_back(std::move(p));
 }
 
 GuardMonitor::Values GuardMonitor::values(double t, const double* y, const Vector& F, const Vector& lam,
                                           bool advances) {
   Point p{0, t, Vector(y, y + s_.length)};
   p.F = F, p.lam = lam;
-  if (!referenced_) prepare();
+  if (!has_references_) prepare();
   evaluate(p), set_references(p);
   Values out;
   for (size_t i = 0; i < modes_.guards.size(); ++i) {
@@ -253,16 +254,16 @@ void GuardMonitor::advance(const Point& p) {
 void check(const Modes& m, const Index2System& s) {
   const auto outside = [](int i, size_t n) { return i < 0 || static_cast<size_t>(i) >= n; };
   for (const Switch& x : m.switches) {
-    bool wrong = x.rows.empty() || x.positions.size() != x.factors.size() || x.column >= s.nv;
-    for (int k : x.rows) wrong |= outside(k, s.ng);
-    for (int k : x.positions) wrong |= outside(k, s.nq);
-    wrong |= x.frictional() && (outside(x.interface, s.friction.size()) || x.rows.size() != 2);
-    wrong |= x.kind == Switch::Kind::stiction && outside(x.column, s.law_size(x.law));
-    wrong |= x.kind == Switch::Kind::range && (x.windows.empty() || x.column < 0);
-    if (wrong) reject("a switch does not fit the mechanism");
+    bool invalid = x.rows.empty() || x.positions.size() != x.factors.size() || x.column >= s.nv;
+    for (int k : x.rows) invalid |= outside(k, s.ng);
+    for (int k : x.positions) invalid |= outside(k, s.nq);
+    invalid |= x.frictional() && (outside(x.interface, s.friction.size()) || x.rows.size() != 2);
+    invalid |= x.kind == Switch::Kind::stiction && outside(x.column, s.law_size(x.law));
+    invalid |= x.kind == Switch::Kind::range && (x.windows.empty() || x.column < 0);
+    if (invalid) reject("a switch is not valid for the mechanism");
   }
   for (int k : m.unswitched)
-    if (outside(k, s.ng)) reject("a row does not fit the mechanism");
+    if (outside(k, s.ng)) reject("the index of a row is out of range");
 }
 
 }  // namespace mbdae

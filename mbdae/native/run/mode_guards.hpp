@@ -1,5 +1,5 @@
-// Guards of a mode, checked in many steps, and their first root (mbdae/integrate/events/guard_location.py,
-// multiplier_resolution.py). Rare cases are left to Python.
+// Guards of a mode: their values from step to step, and their first root in a step
+// (mbdae/integrate/events/guard_location.py, multiplier_resolution.py). Python handles rare cases.
 #pragma once
 
 #include <list>
@@ -11,8 +11,8 @@
 
 namespace mbdae {
 
-// A function of the point that is positive as long as a state lasts, tracked from step to step (Guard, TrackedGuard in
-// Python).
+// A function of the state that is positive while a switch keeps its state, tracked from step to step (Guard and
+// TrackedGuard in Python).
 struct Guard {
   enum Kind { contact, separation, slip, zero_velocity, range_boundary };
 
@@ -22,8 +22,8 @@ struct Guard {
   double reference = 0;  // last tooth of a ratchet, in pitches
   double size = 0;           // largest magnitude so far
   double level = 0;          // value at which the mode ends
-  double return_time = NAN;  // s: predicted end of a flight after an impact; nan: none
-  double unit = 0;           // typical size
+  double return_time = NAN;  // s: predicted contact closure after an impact; nan: none
+  double unit = 0;           // typical magnitude
 
   bool monitors_multiplier() const { return kind == separation || kind == slip; }
   bool needs_multipliers() const { return monitors_multiplier() || kind == range_boundary; }
@@ -31,48 +31,49 @@ struct Guard {
 
 // A change of the mode, or an impact in the same mode.
 struct Transition {
-  long node = -1;                 // the first one after it
+  long node = -1;                 // the first node after it
   std::vector<int> fired;         // switches whose guards are zero
-  bool impact = false;            // of these contacts, and bilateral rows that become active:
+  bool impact = false;            // of these contacts, and of rows that become active:
   std::vector<int> contacts, engaged;
-  double work = 0;                // J: the change of kinetic energy
+  double work = 0;                // J: change of kinetic energy
   Vector impulses;                // (ng,) of all rows
-  Mode mode;                      // after it
+  Mode mode;                      // the next mode
 };
 
-// All switches and their guards in the mode of a run, and the transitions of the last steps.
+// The switches of a run, the guards of its mode, the transitions of the last steps, and settings.
 struct Modes {
   std::vector<Switch> switches;
-  std::vector<int> unswitched;   // rows
+  std::vector<int> unswitched;  // rows without switches
   Mode mode;
   Vector last_impact;  // s, of each switch
   std::vector<Guard> guards;
   std::vector<Transition> transitions;
-  bool in_core = false;          // whether steps are checked here
-  bool undecided = false;        // the next step is left to Python
+  bool in_core = false;            // whether the core checks steps
+  bool undecided = false;          // Python must take the next step
   double characteristic_rate = 0;  // 1/s
-  double mode_rounding = 0;      // of the largest speed or multiplier: zero in impact and complementarity problems
-  double return_factor = 0;      // of a predicted flight time: the gap is then negative again
-  double start_root = 0;         // of a bracket: after an impact, a root this close to the start is the start
-  double grazing = 0;            // of the gaps at both ends of a step: a minimum between them above it is no contact
+  // relative to the largest speed or multiplier: zero in impacts and complementarity problems
+  double mode_rounding = 0;
+  double return_factor = 0;  // of a predicted time of separation, after which the gap is negative
+  double start_root = 0;     // relative to a bracket: a root this close to an impact is the impact
+  double grazing = 0;        // relative to the gaps at the ends of a step: a minimum above it is no contact
   double spacings = 0, step_tolerance = 0;  // location tolerance: spacings of t, and relative to the step
   int iterations = 0;            // of Newton's method
-  int root_iterations = 0, max_halvings = 0;  // of Brent's method; of a bracket
-  // of monitored multipliers: largest deviation from a cubic and its scale, extrema close to the limit, and how far
-  // outside five samples
+  int root_iterations = 0, max_halvings = 0;  // of Brent's method; largest number of halvings of a bracket
+  // of monitored multipliers: largest deviation from a cubic and its scale, distance of extrema from the limit, and
+  // extrapolation beyond five samples
   double rough = 0, near_limit = 0, close_extremum = 0, outside = 0;
   int finest = 0;                 // largest number of intervals between samples in a step of fixed size
-  double safety = 0, shrink = 0;  // of the largest step that resolves the multipliers; smallest ratio of step sizes
+  double safety = 0, shrink = 0;  // factor of the step that resolves the multipliers; smallest ratio of step sizes
   double shortest = 0;            // s: step that resolves all multipliers
-  double coincident = 0;          // of a pitch, or of the limit of friction
-  double transverse = 0;          // of the speed of rest: a slower contact does not slide
-  double at_limit = 0;            // of the limit of friction: a contact slides whose friction is closer to it
-  double lookahead = 0;           // rad or characteristic lengths: of a joint at the boundary of a range
-  double ambiguous = 0, fallen = 0;  // ratios of pivots in a new mode, see IndependentRows::InitialRank
-  int max_impacts = 0, max_states = 0;        // successive impacts at an instant; states of a complementarity problem
+  double coincident = 0;          // relative to a pitch, or to the friction limit
+  double transverse = 0;          // relative to the speed of rest: a slower contact does not slide
+  double at_limit = 0;            // relative to the friction limit: a contact with friction closer to it slides
+  double lookahead = 0;           // rad or characteristic lengths: added to a coordinate at the boundary of a range
+  double ambiguous = 0, fallen = 0;     // pivot ratios in a new mode, see IndependentRows::InitialRank
+  int max_impacts = 0, max_states = 0;  // successive impacts at one time; states of a complementarity problem
 
-  IndependentRows::InitialRank initial_rank(const Tolerances& limits) const {
-    return {ambiguous, fallen, limits.solution_rounding};
+  IndependentRows::InitialRank initial_rank(const Tolerances& tolerances) const {
+    return {ambiguous, fallen, tolerances.solution_rounding};
   }
 
   FIELDS(in_core, undecided, mode, last_impact, unswitched, characteristic_rate, mode_rounding, return_factor,
@@ -81,16 +82,16 @@ struct Modes {
          fallen, max_impacts, max_states)
 };
 
-void check(const Modes& m, const Index2System& s);  // std::invalid_argument where they do not fit
+void check(const Modes& m, const Index2System& s);  // std::invalid_argument: not valid for the mechanism
 
 std::vector<Guard> guards_of(const std::vector<Switch>& switches, const Mode& mode);
 
-// Rounding error of multipliers at the current point, where y' and lam are F and lam, over that of solved systems.
+// Largest inertial plus reaction force at the current point, where y' = F: scale of the rounding error of multipliers.
 double largest_force(Index2System& s, const double* y, const double* F, const double* lam);
 
-// Utilization of the limit of a sticking joint, with sign, at the current point of a mode: lam / limit where sticking
-// rows are independent; where they prevent one motion together, so that their torques are indeterminate, the work of all
-// over that of all limits along it. Otherwise FallBackToPython.
+// Signed utilization of the limit of a sticking joint at the current point: lam / limit if the sticking rows are
+// independent. If several rows prevent the same motion, so that their torques are statically indeterminate: their work
+// in this motion over the work of their limits. Otherwise FallBackToPython.
 double stiction_utilization(const Index2System& s, const std::vector<Switch>& switches, const Mode& mode, int element,
                             const Vector& lam);
 
@@ -100,24 +101,24 @@ class GuardMonitor {
 
   bool checks_steps() const { return modes_.in_core && !modes_.guards.empty(); }
   // Begin to check a step; return the largest resolution error of a multiplier relative to the tolerance. `refines`:
-  // with as many samples as resolve it, for a step of fixed size.
+  // add samples until they resolve it, for a step of fixed size.
   double begin_step(const AcceptedStep& step, const PartialStep& partial_step, bool refines);
-  std::vector<int> first_roots(double& theta);  // guards that end the mode in the step together, and the fraction
-  void advance() { advance(point(1)); }  // to the end of this step
-  // Guards of a new mode, from y on, where y' and lam are F and lam.
+  std::vector<int> first_roots(double& theta);  // guards that are first zero in the step, and at which fraction
+  void advance() { advance(point(1)); }         // to the end of the step
+  // Track the guards of a new mode from y on, where y' = F.
   void track(double t, const double* y, const Vector& F, const Vector& lam);
 
-  // Guards at a point of another program's solution.
+  // Guards at a point of a solution by another program (FMI).
   struct Value {
-    double f, rate;  // rate: 0 where it is unknown
+    double f, rate;  // rate: 0 if unknown
   };
   struct Values {
-    std::vector<Value> guards;  // less their levels
+    std::vector<Value> guards;  // minus their levels
     Vector tolerances;
   };
   Values values(double t, const double* y, const Vector& F, const Vector& lam, bool advances);
-  // s: end of the first quarter of the flight after an impact, whose gap a step of another method may not resolve;
-  // -inf: no flight.
+  // s: end of the first quarter of the predicted separation after an impact, in which other methods may not resolve the
+  // gap; -inf: none.
   double takeoff_end(int i) const;
 
  private:
@@ -125,17 +126,17 @@ class GuardMonitor {
     double theta, t;
     Vector y = {}, g = {}, rate = {}, acceleration = {};  // (length,), (ng,) of the rows of switches
     Vector F = {}, lam = {};                              // (ny,), (ng,)
-    double force = 0;                  // the largest one
+    double force = 0;                                     // largest force, see `largest_force`
   };
 
-  void prepare();  // for the guards of the mode
+  void prepare();  // set the rows of the guards of the mode
   void set_references(const Point& p);
   void advance(const Point& p);
   void evaluate(Point& p);
   const Point& point(double theta);
   double value(const Guard& guard, const Point& p);
   double rate(const Guard& guard, const Point& p) const;
-  // The multiplier that steps must resolve: for a slip, over its limit, signed; for a separation, itself, >= 0.
+  // The multiplier that steps must resolve: of a slip guard relative to its limit, signed; of a separation guard, >= 0.
   double monitored_multiplier(const Guard& guard, const Point& p);
   Value at(const Point& p, int i) {  // minus its level
     return {value(modes_.guards[i], p) - modes_.guards[i].level, rate(modes_.guards[i], p)};
@@ -145,36 +146,36 @@ class GuardMonitor {
   const Switch& of(const Guard& guard) const { return modes_.switches[guard.element]; }
   void set_reference(Guard& guard, const Point& p) const;
   double unit(const Guard& guard, const Point& p) const;
-  double speed(const Point& p) const;  // the largest one, and the characteristic rate
+  double speed(const Point& p) const;  // the largest scaled velocity plus the characteristic rate
   double rounding(int i) const {
-    return s_.tree.limits.evaluation_rounding * (modes_.guards[i].unit + modes_.guards[i].size);
+    return s_.tree.tolerances.evaluation_rounding * (modes_.guards[i].unit + modes_.guards[i].size);
   }
 
   bool depends_on_one_multiplier(const Guard& guard) const;
-  Vector interpolated_multipliers(const Guard& guard);  // at the samples, on a cubic
+  Vector interpolated_multipliers(const Guard& guard);  // at the samples, on the Hermite cubic
   double resolution_error();
   double resolution_error(const Guard& guard);
-  Vector monitored_multipliers(const Guard& guard);  // at the samples, points of steps
+  Vector monitored_multipliers(const Guard& guard);  // at the samples, by partial steps
   double longest_step(const Guard& guard, const Point& p) const;
   std::vector<double> samples(int i);  // fractions of the step at which a guard is sampled
-  double negative_fraction(int i);     // a fraction at which a guard is negative; 0: it stays positive
+  double negative_fraction(int i);     // a fraction at which the guard is negative; 0: none
   double locate(int i, double high);
-  double locate_by_quartic(int i, double high);  // of a guard without a rate, sampled at quarters of the step
+  double locate_by_quartic(int i, double high);  // for a guard without rate, sampled at quarters of the step
   double locate_by_brent(int i, double high);
   double time_tolerance() const;  // of a root, relative to the step
-  [[noreturn]] void leave_to_python() const { throw FallBackToPython(); }
+  [[noreturn]] void fall_back_to_python() const { throw FallBackToPython(); }
 
   Index2System& s_;
   Modes& modes_;
-  bool dynamic_ = false;       // do values need y' and lam?
-  bool referenced_ = false;    // are references set?
+  bool dynamic_ = false;         // values require y' and lam
+  bool has_references_ = false;  // references are set
   int intervals_ = 4;          // between samples of a step
-  std::vector<int> rows_;      // of switches
+  std::vector<int> rows_;      // rows of switches
   Vector G_;                   // entries by rows
   const AcceptedStep* step_ = nullptr;
   const PartialStep* partial_step_ = nullptr;
-  std::list<Point> known_;
-  std::vector<Point> interpolated_;  // at the samples
+  std::list<Point> points_;
+  std::vector<Point> interpolated_;  // points at the samples
 };
 
 }  // namespace mbdae

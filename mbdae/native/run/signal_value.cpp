@@ -1,3 +1,4 @@
+// Evaluation of signals: multipliers, reaction forces and moments, residuals, energies.
 #include "run/signal_value.hpp"
 
 #include <algorithm>
@@ -73,8 +74,8 @@ double SignalValue::at(PointValues& values, double t, const double* y) const {
   }
   if (kind == Kind::torque) out = values.moment(rows);
   if (kind == Kind::g || kind == Kind::Gv) {
-    const Vector& of = kind == Kind::g ? values.gaps() : values.rates();
-    out = largest(of.data(), static_cast<int>(of.size()));
+    const Vector& residuals = kind == Kind::g ? values.gaps() : values.rates();
+    out = largest(residuals.data(), static_cast<int>(residuals.size()));
   }
   if (kind == Kind::kinetic || kind == Kind::energy) out += values.energy().kinetic;
   if (kind == Kind::potential || kind == Kind::energy) out += values.energy().potential;

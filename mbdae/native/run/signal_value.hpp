@@ -6,10 +6,10 @@
 
 namespace mbdae {
 
-// Quantities for signals at a point, computed once for all of them. Not counted.
+// Quantities of signals at a point, computed once for all signals. Their evaluations are not counted.
 class PointValues {
  public:
-  // other: storage for the configuration of the run while another one is evaluated; it is restored in the end.
+  // other: storage for the configuration of the run while another one is evaluated; the destructor restores it.
   explicit PointValues(Index2System& s, Configuration* other = nullptr) : s_(s), other_(other) {}
   ~PointValues() {
     if (exchanged_) s_.point.exchange(*other_);
@@ -23,11 +23,12 @@ class PointValues {
 
   void set_point(double t, const double* y);
   const Vector& F() { return evaluate_hidden(), F_; }    // (ny,) y'
-  const Vector& lam() { return evaluate_hidden(), z_; }  // (ng,) of the hidden constraint; friction of inactive rows
+  // (ng,) from the hidden constraint; with friction of inactive rows
+  const Vector& lam() { return evaluate_hidden(), z_; }
   const Vector& gaps() { return evaluate_residuals(), g_; }      // (ng,) g
   const Vector& rates() { return evaluate_residuals(), rate_; }  // (ng,) G v + g_t
   const Energy& energy() { return evaluate_residuals(), energy_; }
-  double moment(const std::vector<int>& rows);  // of lam on the body of the second frame, at its origin
+  double moment(const std::vector<int>& rows);  // magnitude of the moment of lam on the second frame, at its origin
 
  private:
   void evaluate_hidden();
@@ -45,10 +46,10 @@ class PointValues {
 struct SignalValue {
   NAMED_ENUM(enum class, Kind, t, y, rate, angle, lam, force, torque, kinetic, potential, energy, g, Gv)
   Kind kind = Kind::t;
-  int i = 0, rate = -1;   // its index in y or y', for an angle that of its cosine; that of its rate in y', -1: none
-  std::vector<int> rows;  // of closures
+  int i = 0, rate = -1;   // index in y or y', for an angle of its cosine; index of its rate in y', -1: none
+  std::vector<int> rows;  // rows of closures
 
-  double at(PointValues& values, double t, const double* y) const;  // at a point y; an angle between -pi and pi
+  double at(PointValues& values, double t, const double* y) const;  // value at y; angles are between -pi and pi
   bool is_valid(const Index2System& s) const;                       // whether its indices exist
 
   FIELDS(kind, i, rate, rows)

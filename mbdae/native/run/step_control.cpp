@@ -1,3 +1,4 @@
+// Step proposals, error norm, and the step-size controller.
 #include "run/step_control.hpp"
 
 #include <algorithm>
@@ -6,11 +7,11 @@
 namespace mbdae {
 
 bool StepControl::propose(const SmoothInterval& interval, Proposal& p) {
-  const double left = std::fabs(interval.stop - interval.t);
+  const double remaining = std::fabs(interval.stop - interval.t);
   p.h = std::min(h, largest);
-  uncut_size = p.h > left ? h : 0.0;
-  if (p.h >= left * (1 - agreement)) {
-    p = {left, interval.end};
+  uncut_size = p.h > remaining ? h : 0.0;
+  if (p.h >= remaining * (1 - agreement)) {
+    p = {remaining, interval.end};
     return true;
   }
   if (!large_enough(interval, p.h)) return false;
@@ -37,8 +38,8 @@ double StepControl::error_norm(const double* e, int errors, int ny, int n, const
     norms[i] = std::sqrt(s / n);
   }
   if (errors == 1 || norms[0] == 0) return norms[0];
-  const double both = std::pow(norms[0], blend) + companion * std::pow(norms[1], blend);
-  return norms[0] * norms[0] / std::pow(both, 1 / blend);
+  const double denominator = std::pow(norms[0], blend) + companion * std::pow(norms[1], blend);
+  return norms[0] * norms[0] / std::pow(denominator, 1 / blend);
 }
 
 double StepControl::next_step(double taken, double error) {
@@ -61,13 +62,14 @@ double Grid::at(const SmoothInterval& interval, long k) const {
 
 Proposal Grid::propose(const SmoothInterval& interval) {
   const bool started = on_grid;
-  const double left = std::fabs(interval.stop - interval.t), t = at(interval, i + 1);
-  const double beyond = interval.sign * (t - interval.stop);
-  on_grid = beyond <= coincident * step;
+  const double remaining = std::fabs(interval.stop - interval.t), t = at(interval, i + 1);
+  const double overshoot = interval.sign * (t - interval.stop);
+  on_grid = overshoot <= coincident * step;
   i += on_grid;
   const double spacing = std::nextafter(std::fabs(interval.end), HUGE_VAL) - std::fabs(interval.end);
-  if (started && interval.stop == interval.end && std::fabs(left - step) <= 4 * spacing) return {step, interval.end};
-  if (beyond >= -coincident * step) return {left, interval.end};
+  if (started && interval.stop == interval.end && std::fabs(remaining - step) <= 4 * spacing)
+    return {step, interval.end};
+  if (overshoot >= -coincident * step) return {remaining, interval.end};
   return {started ? step : std::fabs(t - interval.t), t};
 }
 

@@ -1,4 +1,4 @@
-// Events of steps: signals, changes of the mode, impacts, jumps.
+// Events of steps in the time loop: signals, mode transitions, impacts, jumps.
 #include <algorithm>
 #include <cmath>
 
@@ -8,24 +8,25 @@
 namespace mbdae {
 
 void TimeLoop::detect_events(Proposal& p) {
-  const double t = run_.interval.t, h = p.t_next - t, least = s_.rows.least_pivot_ratio;
+  const double t = run_.interval.t, h = p.t_next - t, smallest_pivot_ratio = s_.rows.least_pivot_ratio;
   const IndependentRows::Freeze freeze(s_.rows);
-  // the input of `update_independent_rows` at the end, to the last bit
-  const bool near = s_.point.is_current(next_.y.data()) && !s_.point.is_exactly_current(next_.y.data());
-  PointValues values(s_, near ? &other_configuration_ : nullptr);
+  // to the last bit, the configuration with which `update_independent_rows` is called at the end
+  const bool save_configuration = s_.point.is_current(next_.y.data()) && !s_.point.is_exactly_current(next_.y.data());
+  PointValues values(s_, save_configuration ? &other_configuration_ : nullptr);
   PartialSteps steps(*this, h);
   auto partial_step = [&](double theta) {
     values.exchange();
     return steps.take(theta);
   };
-  const auto carried = [&](const State& x) {  // (v', s', w')
-    return x.carry.empty() ? nullptr : x.carry.data() + (s_.carried() - (s_.ny - s_.nv));
+  const auto carried_rates = [&](const State& x) {  // (v', s', w')
+    return x.carry.empty() ? nullptr : x.carry.data() + (s_.carry_length() - (s_.ny - s_.nv));
   };
-  const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), carried(run_.state), carried(next_)};
+  const AcceptedStep taken{
+      t, p.t_next, run_.state.y.data(), next_.y.data(), carried_rates(run_.state), carried_rates(next_)};
   detected_ = mbdae::detect_events(s_, values, run_.events, taken, partial_step);
   if (detected_.stop >= 0) {
     const bool monitored =
-        run_.monitored && std::sqrt(least) < run_.monitor.monitored_ratio * run_.monitor.largest_ratio;
+        run_.monitored && std::sqrt(smallest_pivot_ratio) < run_.monitor.monitored_ratio * run_.monitor.largest_ratio;
     if (monitored || detected_.stop * h == 0) throw FallBackToPython();
     values.exchange();
     steps.end_at(detected_.stop, p);
@@ -35,7 +36,7 @@ void TimeLoop::detect_events(Proposal& p) {
 }
 
 bool TimeLoop::detect_transition(Proposal& p, std::vector<int>& fired) {
-  const double t = run_.interval.t, h = p.t_next - t, least = s_.rows.least_pivot_ratio;
+  const double t = run_.interval.t, h = p.t_next - t, smallest_pivot_ratio = s_.rows.least_pivot_ratio;
   const Modes& modes = run_.modes;
   const IndependentRows::Freeze freeze(s_.rows);
   PartialSteps steps(*this, h);
@@ -53,13 +54,13 @@ bool TimeLoop::detect_transition(Proposal& p, std::vector<int>& fired) {
     guards_.advance(), steps.discard();
     return true;
   }
-  const double end = t + theta * h, ratio = std::sqrt(least);
+  const double end = t + theta * h, ratio = std::sqrt(smallest_pivot_ratio);
   const SingularityMonitor& monitor = run_.monitor;
-  const double before = (1 - s_.tree.limits.search_tolerance) * monitor.last_ratio;
-  const bool low = ratio < before && ratio < monitor.suspicious_ratio * monitor.largest_ratio;
+  const double previous = (1 - s_.tree.tolerances.search_tolerance) * monitor.last_ratio;
+  const bool low = ratio < previous && ratio < monitor.suspicious_ratio * monitor.largest_ratio;
   const bool suspicious = run_.monitored && low &&
                           (ratio < monitor.small_ratio * monitor.largest_ratio ||
-                           (std::isfinite(before) && ratio < monitor.notch_ratio * before));
+                           (std::isfinite(previous) && ratio < monitor.notch_ratio * previous));
   if (suspicious || !(end <= p.t_next && end < run_.interval.stop)) throw FallBackToPython();
   if (end == t) {
     if (++immediate_ > modes.max_impacts) throw FallBackToPython();
@@ -71,9 +72,9 @@ bool TimeLoop::detect_transition(Proposal& p, std::vector<int>& fired) {
 }
 
 bool TimeLoop::complete_step(Proposal& p) {
-  const std::vector<int> before = s_.rows.in_use();
+  const std::vector<int> previous_rows = s_.rows.in_use();
   const long node = static_cast<long>(run_.steps.t.size());
-  run_.modes.undecided = true;  // unless all of this succeeds
+  run_.modes.undecided = true;  // until all of this has succeeded
   std::vector<int> fired;
   bool resolved;
   try {
@@ -86,7 +87,7 @@ bool TimeLoop::complete_step(Proposal& p) {
   } catch (const FallBackToPython&) {
     std::vector<std::pair<long, std::vector<int>>>& changes = run_.steps.changes;
     if (!changes.empty() && changes.back().first == node) changes.pop_back();
-    if (s_.rows.in_use() != before) s_.use_rows(before, s_.rows.rank, s_.rows.floor, s_.rows.frozen);
+    if (s_.rows.in_use() != previous_rows) s_.use_rows(previous_rows, s_.rows.rank, s_.rows.floor, s_.rows.frozen);
     throw;
   }
   run_.modes.undecided = false;
@@ -94,36 +95,37 @@ bool TimeLoop::complete_step(Proposal& p) {
   return resolved;
 }
 
-// At the start of an interval at a point, see `SingularityMonitor._time_to_singularity` in Python.
+// At the start of an interval, see `SingularityMonitor._time_to_singularity` in Python.
 bool TimeLoop::is_near_singular(const NextMode& next, double largest) {
   const SingularityMonitor& monitor = run_.monitor;
   const double* y = next.state.y.data();
   if (!run_.monitored || !s_.rows.rank) return false;
-  const double here = s_.pivot_ratio(y, s_.rows.rank);
-  if (!run_.adaptive) return here < monitor.adjacent_ratio * largest;
-  if (!(here < monitor.monitored_ratio * largest)) return false;
-  double before = INFINITY;
+  const double ratio = s_.pivot_ratio(y, s_.rows.rank);
+  if (!run_.adaptive) return ratio < monitor.adjacent_ratio * largest;
+  if (!(ratio < monitor.monitored_ratio * largest)) return false;
+  double earlier_ratio = INFINITY;
   Vector earlier(s_.length);
-  for (double h = run_.control.h; std::fabs(before - here) > monitor.max_change * here;) {
+  for (double h = run_.control.h; std::fabs(earlier_ratio - ratio) > monitor.max_change * ratio;) {
     Vector move(next.F);
     h /= 2;
     for (double& x : move) x *= -h;
     s_.add(y, move.data(), earlier.data());
-    before = s_.pivot_ratio(earlier.data(), s_.rows.rank);
+    earlier_ratio = s_.pivot_ratio(earlier.data(), s_.rows.rank);
   }
-  return here < before;
+  return ratio < earlier_ratio;
 }
 
 void TimeLoop::resolve_transition(const std::vector<int>& fired, double t, bool immediate) {
   const SingularityMonitor& monitor = run_.monitor;
-  left_mode_ = run_.modes.mode, next_mode_ratio_ = monitor.mode_ratio;
-  const SmallestPivot before = run_.monitored ? s_.smallest_pivot(next_.y.data(), s_.rows.rank) : SmallestPivot();
+  previous_mode_ = run_.modes.mode, next_mode_ratio_ = monitor.mode_ratio;
+  const SmallestPivot previous_pivot =
+      run_.monitored ? s_.smallest_pivot(next_.y.data(), s_.rows.rank) : SmallestPivot();
   const auto check = [&](const NextMode& next) {
     if (!run_.monitored) return;
-    if (next.transition.mode != left_mode_) {
+    if (next.transition.mode != previous_mode_) {
       if (monitor.suspicious || monitor.near_singular) throw FallBackToPython();
-      const SmallestPivot here = s_.smallest_pivot(next.state.y.data(), s_.rows.rank);
-      next_mode_ratio_ = monitor.largest_in(next.transition.mode, before, here);
+      const SmallestPivot pivot = s_.smallest_pivot(next.state.y.data(), s_.rows.rank);
+      next_mode_ratio_ = monitor.expected_ratio(next.transition.mode, previous_pivot, pivot);
     }
     if (is_near_singular(next, monitor.by_mode ? next_mode_ratio_ : monitor.largest_ratio)) throw FallBackToPython();
   };
@@ -146,7 +148,7 @@ void TimeLoop::apply_transition() {
   run_.steps.changes.emplace_back(next_mode_.transition.node, s_.rows.in_use());
   std::swap(run_.state, next_mode_.state);
   begin_interval(next_mode_.z);
-  if (left_mode_ != run_.modes.mode) run_.monitor.enter(left_mode_, next_mode_ratio_);
+  if (previous_mode_ != run_.modes.mode) run_.monitor.enter(previous_mode_, next_mode_ratio_);
   run_.modes.transitions.push_back(std::move(next_mode_.transition));
 }
 

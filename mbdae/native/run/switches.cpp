@@ -1,3 +1,4 @@
+// Rows, friction and torques of a mode in the system.
 #include "run/switches.hpp"
 
 #include <algorithm>
@@ -23,11 +24,11 @@ double Switch::depth(double x) const {
 }
 
 void set_mode(Index2System& s, const std::vector<Switch>& switches, const Mode& mode) {
-  std::vector<bool> off(s.ng, false);
+  std::vector<bool> inactive(s.ng, false);
   bool has_sticking_joints = false;
   for (size_t i = 0; i < switches.size(); ++i) {
     const Switch& x = switches[i];
-    for (size_t k = x.active_rows(mode[i]); k < x.rows.size(); ++k) off[x.rows[k]] = true;
+    for (size_t k = x.active_rows(mode[i]); k < x.rows.size(); ++k) inactive[x.rows[k]] = true;
     if (x.frictional()) s.friction.set_active(x.interface, mode[i] == sliding);
     if (x.kind != Switch::Kind::stiction) continue;
     has_sticking_joints |= mode[i] == active;
@@ -35,7 +36,7 @@ void set_mode(Index2System& s, const std::vector<Switch>& switches, const Mode& 
     *s.law_parameter(x.law, x.column) = torque, s.last_stage.t = NAN;
     s.joint_friction[x.rows[0]] = -torque;
   }
-  s.deactivate_rows(std::move(off), has_sticking_joints);
+  s.deactivate_rows(std::move(inactive), has_sticking_joints);
 }
 
 void enter_mode(Index2System& s, const std::vector<Switch>& switches, const Mode& mode, const double* y,

@@ -1,5 +1,5 @@
-// Switches of a mechanism and their states (mbdae/mechanism/hybrid/): stops and contacts, one-way clutches, ratchets,
-// joints that stick, closures that are active within a range.
+// Switches of a mechanism and their states (mbdae/mechanism/hybrid/): unilateral contacts, one-way clutches, ratchets,
+// joints with stiction, closures that are active within a range.
 #pragma once
 
 #include <utility>
@@ -10,32 +10,32 @@ namespace mbdae {
 
 using Mode = std::vector<int>;  // the state of each switch
 
-// State 0: open, free-running, idle; 1: closed or sticking, locked, inside; then, depending on the kind:
+// 0: separated, overrunning, outside; 1: in contact or sticking, locked, inside; further states depend on the kind.
 enum SwitchState { released = 0, active = 1, sliding = 2, runs_back = 2, slips_ahead = 2, slips_back = 3 };
 
 struct Switch {
   NAMED_ENUM(enum class, Kind, contact, clutch, ratchet, stiction, range)
   Kind kind = Kind::contact;
-  std::vector<int> rows;      // the first one decides for the others
+  std::vector<int> rows;      // the guards and the state depend on the first row
   double sign = 1;            // of the gap, of the overrunning speed, and of the multiplier
   double restitution = 0;
-  double rest = 0;            // s: duration below which a flight ends in rest
+  double rest = 0;            // s: shortest separation between impacts; after a shorter one the contact comes to rest
   double friction = 0;        // coefficient, or the torque of a slipping joint
-  double limit = 0;           // the same while it sticks
-  int interface = -1;         // of the friction of a closure; -1: none
-  int law = -1, column = -1;  // of the torque of a slipping joint, and its velocity; of the joint of a range
-  std::vector<int> positions;  // coordinates in q of a ratchet or of a range, and their factors
+  double limit = 0;           // limit while it sticks
+  int interface = -1;         // index of the friction interface of a closure; -1: none
+  int law = -1, column = -1;  // law of the torque of a slipping joint; index of the velocity of the joint
+  std::vector<int> positions;  // indices in q of the coordinates of a ratchet or a range, and their factors
   Vector factors;
   double pitch = 0, tooth = 0;                     // of a ratchet
   std::vector<std::pair<double, double>> windows;  // of a range
-  double period = 0, shortest = 0;  // of the windows, 0: none; the shortest interval inside or between them
+  double period = 0, shortest = 0;  // of the windows, 0: none; shortest interval inside or between windows
 
   FIELDS(kind, rows, sign, restitution, rest, friction, limit, interface, law, column, positions, factors, pitch, tooth,
          windows, period, shortest)
 
   bool frictional() const { return interface >= 0; }
   bool one_way() const { return kind == Kind::clutch || kind == Kind::ratchet; }
-  int active_rows(int state) const {  // how many of the rows
+  int active_rows(int state) const {  // number of rows that are active
     return state == active ? static_cast<int>(rows.size()) : frictional() && state == sliding ? 1 : 0;
   }
   double coordinate(const double* q) const;      // of the ratchet or of the range
@@ -43,15 +43,15 @@ struct Switch {
   double depth(double x) const;  // in the range, positive inside
 };
 
-// The rows and forces of a mode in a workspace.
+// Set the active rows and the friction of a mode.
 void set_mode(Index2System& s, const std::vector<Switch>& switches, const Mode& mode);
 
-// Enter a mode at y in a workspace: its rows, its friction; rank and rows in use are determined.
-// FallBackToPython where that is ambiguous.
+// Enter a mode at y: set its rows and friction, determine the rank and the rows in use. FallBackToPython if the rank is
+// ambiguous.
 void enter_mode(Index2System& s, const std::vector<Switch>& switches, const Mode& mode, const double* y,
                 const IndependentRows::InitialRank& first);
 
-// What a mode sets in a workspace, to be put back.
+// A copy of the settings of a mode, to restore them.
 class ModeSettings {
  public:
   ModeSettings(Index2System& s, const std::vector<Switch>& switches, const Mode& mode);

@@ -1,3 +1,4 @@
+// The loop over steps: attempt, acceptance, projection, singularity monitor, record.
 #include "run/time_loop.hpp"
 
 #include <algorithm>
@@ -8,18 +9,19 @@
 
 namespace mbdae {
 
-double SingularityMonitor::largest_in(const Mode& mode, const SmallestPivot& before, const SmallestPivot& here) const {
-  const auto known = ratio_by_mode.find(mode);
-  if (known != ratio_by_mode.end()) return known->second;
-  const double smaller = std::min(before.size, here.size), larger = std::max(before.size, here.size);
-  const double share = smaller < larger ? std::pow(smaller / larger, 2) : 1;
-  const double regularity = before.ratio < mode_ratio ? std::pow(before.ratio / mode_ratio, 2) : 1;
-  const double scale = std::sqrt(1 - share * (1 - regularity));
-  return here.ratio < scale ? here.ratio / scale : 1;
+double SingularityMonitor::expected_ratio(const Mode& mode, const SmallestPivot& previous,
+                                          const SmallestPivot& current) const {
+  const auto recorded = ratio_by_mode.find(mode);
+  if (recorded != ratio_by_mode.end()) return recorded->second;
+  const double smaller = std::min(previous.size, current.size), larger = std::max(previous.size, current.size);
+  const double pivot_fraction = smaller < larger ? std::pow(smaller / larger, 2) : 1;
+  const double regularity = previous.ratio < mode_ratio ? std::pow(previous.ratio / mode_ratio, 2) : 1;
+  const double scale = std::sqrt(1 - pivot_fraction * (1 - regularity));
+  return current.ratio < scale ? current.ratio / scale : 1;
 }
 
-void SingularityMonitor::enter(const Mode& left, double largest) {
-  ratio_by_mode[left] = mode_ratio, mode_ratio = largest;
+void SingularityMonitor::enter(const Mode& previous, double largest) {
+  ratio_by_mode[previous] = mode_ratio, mode_ratio = largest;
   if (by_mode) largest_ratio = largest;
 }
 
@@ -40,11 +42,11 @@ double TimeLoop::error_norm(const double* e, int errors, double noise) const {
 
 bool TimeLoop::ends_singular() {
   if (!run_.grid.more_before_end(run_.interval)) return false;
-  const SingularityMonitor& w = run_.monitor;
-  const double nearest = std::min(std::sqrt(s_.rows.least_pivot_ratio), w.last_ratio);
-  const double limit = w.singular_ratio * std::min(w.largest_ratio, w.last_ratio);
+  const SingularityMonitor& monitor = run_.monitor;
+  const double nearest = std::min(std::sqrt(s_.rows.least_pivot_ratio), monitor.last_ratio);
+  const double limit = monitor.singular_ratio * std::min(monitor.largest_ratio, monitor.last_ratio);
   if (nearest < limit) return true;
-  return nearest < w.suspicious_ratio * w.largest_ratio &&
+  return nearest < monitor.suspicious_ratio * monitor.largest_ratio &&
          s_.pivot_ratio(next_.y.data(), std::max(s_.rows.rank, 1)) < limit;
 }
 
@@ -81,18 +83,18 @@ double TimeLoop::move_norm(const Vector& move) const {
   return largest_move(move, magnitude, s_.controlled_components(), run_.tolerated_move, run_.tiny);
 }
 
-bool TimeLoop::undoes_step(double h, double moved) {
+bool TimeLoop::undoes_step(double h, double projection_norm) {
   partial_move_.assign(s_.ny, 0.0);
   for (int i = 0; i < s_.nv; ++i) partial_move_[i] = h * move_[s_.nv + i];
-  double back = move_norm(partial_move_);
-  if (moved > 1) {  // only then can that of the coordinates alone be
+  double undone = move_norm(partial_move_);
+  if (projection_norm > 1) {  // only then may the move of the coordinates alone exceed 1
     std::copy_n(move_.begin(), s_.nv, partial_move_.begin());
-    back = std::max(back, move_norm(partial_move_));
+    undone = std::max(undone, move_norm(partial_move_));
   }
-  if (!(back > 1)) return false;
+  if (!(undone > 1)) return false;
   s_.difference(run_.state.y.data(), unprojected_.data(), partial_move_.data());
   std::fill(partial_move_.begin() + s_.nv, partial_move_.end(), 0.0);
-  return back > run_.max_undone * move_norm(partial_move_);
+  return undone > run_.max_undone * move_norm(partial_move_);
 }
 
 void TimeLoop::project(double t) {
@@ -100,11 +102,11 @@ void TimeLoop::project(double t) {
   restarted_ = false;
   project_state(s_, t, next_.y.data());
   next_.low.clear();
-  s_.component_magnitudes(next_.y.data(), size1_.data());  // where `advance` may be interrupted
+  s_.component_magnitudes(next_.y.data(), size1_.data());  // needed if `advance` is interrupted
   s_.difference(unprojected_.data(), next_.y.data(), move_.data());
-  const double moved = move_norm(move_);
-  if (undoes_step(t - run_.interval.t, moved)) throw FallBackToPython();
-  if (!method_.carries || moved <= 1) return;
+  const double projection_norm = move_norm(move_);
+  if (undoes_step(t - run_.interval.t, projection_norm)) throw FallBackToPython();
+  if (!method_.carries || projection_norm <= 1) return;
   Vector F(s_.ny), z(s_.ng);  // the carry restarts
   s_.derivative(t, next_.y.data(), F.data(), z.data());
   next_.carry = s_.carry(F), next_.memory.reset(), restarted_ = true;
@@ -174,7 +176,7 @@ void TimeLoop::advance() {
     if (run_.interval.t == run_.interval.end &&
         (!run_.jumps.in_core || std::isnan(run_.jumps.restart) || !apply_jump()))
       return;
-    const StepMemory control = run_.control;  // must be unchanged after an abandoned step
+    const StepMemory control = run_.control;  // restored after a failed attempt
     const GridMemory grid = run_.grid;
     const Counts counts = s_.counts;
     const long taken = run_.taken;
@@ -190,20 +192,21 @@ void TimeLoop::advance() {
     }
     immediate_ = 0;
     if (run_.events.stopped) return;
-    bool leave = false;
+    bool stop = false;
     if (run_.monitored) {
-      const double before = monitor.last_ratio, here = std::sqrt(s_.rows.least_pivot_ratio);
-      monitor.update(here);
-      const double low = std::min(before, here), high = std::isinf(before) ? here : std::max(before, here);
+      const double previous = monitor.last_ratio, ratio = std::sqrt(s_.rows.least_pivot_ratio);
+      monitor.update(ratio);
+      const double low = std::min(previous, ratio), high = std::isinf(previous) ? ratio : std::max(previous, ratio);
       const bool falls =
-          monitor.near_singular || (std::isfinite(before) && monitor.steps_ahead * (before - here) > here);
-      monitor.suspicious |= (here < monitor.monitored_ratio * monitor.largest_ratio && falls) ||
-                            low < monitor.small_ratio * monitor.largest_ratio ||
-                            (low < monitor.suspicious_ratio * monitor.largest_ratio && low < monitor.notch_ratio * high);
-      leave = run_.adaptive && here < monitor.monitored_ratio * monitor.largest_ratio && falls;
+          monitor.near_singular || (std::isfinite(previous) && monitor.steps_ahead * (previous - ratio) > ratio);
+      monitor.suspicious |=
+          (ratio < monitor.monitored_ratio * monitor.largest_ratio && falls) ||
+          low < monitor.small_ratio * monitor.largest_ratio ||
+          (low < monitor.suspicious_ratio * monitor.largest_ratio && low < monitor.notch_ratio * high);
+      stop = run_.adaptive && ratio < monitor.monitored_ratio * monitor.largest_ratio && falls;
     }
     apply_transition();
-    if (leave) return;
+    if (stop) return;
     if (!(std::chrono::duration<double>(Clock::now() - started).count() <= run_.seconds)) return;
   }
 }

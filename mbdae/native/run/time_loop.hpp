@@ -1,4 +1,4 @@
-// Many steps in a row: mbdae/integrate/run/loop.py without its special cases.
+// The time loop: steps of a run, with events, jumps and monitors (mbdae/integrate/run/loop.py), until Python is needed.
 #pragma once
 
 #include <algorithm>
@@ -15,27 +15,28 @@
 
 namespace mbdae {
 
-// Singularity monitor, in ratios of pivots (mbdae/integrate/events/singularity.py, singularity_location.py).
+// Singularity monitor, by pivot ratios (mbdae/integrate/events/singularity.py, singularity_location.py).
 struct SingularityMonitor {
-  double largest_ratio = 0, last_ratio = 0;                              // the largest so far, and the last
-  double mode_ratio = 0;                                                 // the largest in the mode so far
-  double suspicious_ratio = 0, singular_ratio = 0, monitored_ratio = 0;  // thresholds: of the largest, or of the last
-  double notch_ratio = 0;      // of the larger ratio of neighbouring steps
-  double small_ratio = 0;      // of the largest: minima below may contain a zero
-  double adjacent_ratio = 0;   // of the largest: no fixed step begins there
-  double max_change = 0;       // of the ratio at the start of an interval, over a linear backward step
-  double steps_ahead = 0;      // in which a decreasing ratio would vanish: then Python takes over
-  bool near_singular = false;  // the ratio is small already
+  double largest_ratio = 0, last_ratio = 0;  // the largest ratio so far, and the last
+  double mode_ratio = 0;                     // the largest ratio in the mode so far
+  // thresholds relative to the largest, or to the last ratio
+  double suspicious_ratio = 0, singular_ratio = 0, monitored_ratio = 0;
+  double notch_ratio = 0;      // relative to the larger ratio of neighbouring steps
+  double small_ratio = 0;      // relative to the largest: a smaller minimum may contain a zero
+  double adjacent_ratio = 0;   // relative to the largest: no fixed step begins at a smaller ratio
+  double max_change = 0;       // relative change of the ratio at the start of an interval, over a linear backward step
+  double steps_ahead = 0;      // Python takes over if a decreasing ratio would vanish within these steps
+  bool near_singular = false;  // the ratio is already small
   bool suspicious = false;     // there may be a singular configuration around a recorded step
-  bool by_mode = false;        // is the largest ratio that of the mode? Where Python inspects suspicious steps, of the run
+  bool by_mode = false;        // largest_ratio is that of the mode; of the run if Python inspects suspicious steps
   std::map<Mode, double> ratio_by_mode;  // the largest ratio of each mode when it was last left
 
   void update(double ratio) {
     last_ratio = ratio, largest_ratio = std::max(largest_ratio, ratio), mode_ratio = std::max(mode_ratio, ratio);
   }
-  // The largest ratio to count with in a mode, where these are the smallest pivots before it and in it.
-  double largest_in(const Mode& mode, const SmallestPivot& before, const SmallestPivot& here) const;
-  void enter(const Mode& left, double largest);  // a mode with this largest ratio
+  // The largest ratio to expect in a mode, from the smallest pivots before it and in it.
+  double expected_ratio(const Mode& mode, const SmallestPivot& previous, const SmallestPivot& current) const;
+  void enter(const Mode& previous, double largest);  // enter a mode with this largest ratio
 
   FIELDS(largest_ratio, last_ratio, mode_ratio, suspicious_ratio, singular_ratio, monitored_ratio, notch_ratio,
          small_ratio, adjacent_ratio, max_change, steps_ahead, near_singular, suspicious, by_mode)
@@ -43,12 +44,12 @@ struct SingularityMonitor {
 
 // The nodes of n steps and jumps.
 struct Steps {
-  Vector t, least_pivot_ratio;                             // (n,); smallest ratio of pivots in the step to each node
+  Vector t, least_pivot_ratio;                             // (n,); smallest pivot ratio in the step to each node
   Vector y, z;                                             // (n, length), (n, nz) by rows
-  std::vector<std::pair<long, std::vector<int>>> changes;  // nodes at which rows came into use, and these rows
-  Vector carry;                                            // (k, nc) by rows: carry from the first k nodes
-  std::vector<long> restarted;                             // nodes at which it was recomputed
-  std::vector<long> after_jumps;                           // nodes where no step ends
+  std::vector<std::pair<long, std::vector<int>>> changes;  // nodes at which the rows in use change, and the new rows
+  Vector carry;                                            // (k, nc) by rows: carry at the first k nodes
+  std::vector<long> restarted;                             // nodes at which the carry was restarted
+  std::vector<long> after_jumps;                           // nodes after jumps, where no step ends
 };
 
 // Input and output of a run.
@@ -62,13 +63,14 @@ struct Run {
   Jumps jumps;
   Modes modes;
   bool adaptive = false;      // with step-size control; otherwise on the grid
-  bool project = false;       // the ends of steps
+  bool project = false;       // project the ends of steps
   bool monitored = false;     // by the singularity monitor
-  double tolerated_move = 0;  // of the magnitude of a state: by a projection after fixed steps that keeps the carry
-  double tiny = 0;            // keeps scales positive where a state is zero
-  double max_undone = 0;      // of the motion of a step: what a projection may undo beyond tolerances
+  double tolerated_move = 0;  // relative to a state: largest projection after fixed steps that keeps the carry
+  double tiny = 0;            // keeps scales positive if a state is zero
+  // relative to the motion of a step: how much of it a projection may undo, beyond tolerances
+  double max_undone = 0;
   bool continued = false;     // keep the steps of earlier calls
-  double seconds = 0;         // of computing, checked after each step
+  double seconds = 0;         // limit of computing time, checked after each step
   long max_steps = 0;         // taken or rejected
   long max_carries = 0;       // nodes with a recorded carry
 
@@ -87,8 +89,8 @@ class Method {
   virtual void take(bool controlled, double t, double h, const State& in, State& out, double* z, Vector& errors) = 0;
 
   const int errors;    // error estimates of a controlled step
-  const double noise;  // rounding of v by which they exceed eps |v|
-  const bool carries;  // a derivative or stages from step to step
+  const double noise;  // factor by which the rounding of v exceeds eps |v|
+  const bool carries;  // whether it has a carry
 
  protected:
   Method(int errors_, double noise_, bool carries_) : errors(errors_), noise(noise_), carries(carries_) {}
@@ -140,26 +142,26 @@ class TimeLoop {
   void advance();  // take steps until Python is needed
 
  private:
-  bool attempt();          // a step; false if Python must handle the failure
-  bool accept(double h);   // is it accepted?
-  bool shorten(double h);  // after a step that was too long; false where a shorter one is too short
-  void project(double t);  // its end
-  double move_norm(const Vector& move) const;  // of the projected end of a step, in tolerances
-  bool undoes_step(double h, double moved);  // did the projection, by this norm, undo the step?
+  bool attempt();                              // attempt a step; false: Python must handle the failure
+  bool accept(double h);                       // whether the step is accepted
+  bool shorten(double h);                      // after a step that was too long; false: the shorter size is too small
+  void project(double t);                      // project the end of the step
+  double move_norm(const Vector& move) const;  // norm of the move by a projection, relative to tolerances
+  bool undoes_step(double h, double projection_norm);  // whether the projection has undone the step
   class PartialSteps;
-  void detect_events(Proposal& p);  // on the step just taken, which is cut where an event ends the run
-  // The guards that end the mode in it, where it is cut. False if the step does not resolve its multipliers.
+  void detect_events(Proposal& p);  // on the last step, which is truncated if an event ends the run
+  // Find the guards that end the mode in the last step, and truncate it. False: it does not resolve the multipliers.
   bool detect_transition(Proposal& p, std::vector<int>& fired);
-  // Check guards, and select the rows of the next step; false if it is too long, or the mode ends where it begins.
+  // Check guards and select the rows of the next step; false: the step is too long, or the mode ends at its start.
   bool complete_step(Proposal& p);
-  // Does the point after an event, in a mode with this largest ratio, approach a singular configuration?
+  // Whether the state after an event approaches a singular configuration, in a mode with this largest ratio.
   bool is_near_singular(const NextMode& next, double largest);
   void resolve_transition(const std::vector<int>& fired, double t, bool immediate);  // at the end of the step
-  void apply_transition();                       // the point after it is the next node
-  bool apply_jump();                // the jump after an interval; false if Python must handle it
+  void apply_transition();               // add the state after a transition as a node
+  bool apply_jump();                     // apply the jump after an interval; false: Python must handle it
   void begin_interval(const Vector& z);  // at the current state, after a jump or a transition
   void record();                    // record the state
-  bool ends_singular();  // does a fixed step end in a singular configuration although another step is possible?
+  bool ends_singular();  // whether a fixed step ends in a singular configuration before the end of the interval
   double error_norm(const double* e, int errors, double noise) const;
 
   Method& method_;
@@ -167,18 +169,18 @@ class TimeLoop {
   Run& run_;
   State next_;
   Vector unprojected_, move_, partial_move_;  // (length,) next_.y before its projection; (ny,) twice
-  bool restarted_ = false;  // its carry was recomputed
+  bool restarted_ = false;                    // the carry of next_ was restarted
   DetectedEvents detected_;          // on the accepted step
   GuardMonitor guards_;
   NextMode next_mode_;         // after the event at the end of the accepted step
-  Mode left_mode_;             // before it
-  double next_mode_ratio_ = 0;  // the largest pivot ratio to count with in the next mode
-  bool changes_mode_ = false;  // is there one?
+  Mode previous_mode_;         // the mode before the event
+  double next_mode_ratio_ = 0;  // the largest pivot ratio to expect in the next mode
+  bool changes_mode_ = false;   // whether a transition is pending
   int immediate_ = 0;          // events since the last step
   Vector errors_;              // (errors, ny)
   Vector size0_, size1_;       // (ny,) magnitudes at the start and the end of a step
   Vector z_;                   // (nz,) multipliers of the method
-  Configuration other_configuration_;  // storage for that of the run during event location
+  Configuration other_configuration_;  // storage for the configuration of the run during event location
 };
 
 }  // namespace mbdae

@@ -1,4 +1,4 @@
-// The differential equation of an exported mechanism in local coordinates, and its derivatives.
+// The ordinary differential equation of an exported mechanism in local coordinates, and its partials.
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -13,11 +13,11 @@ void ExportedMechanism::restart() { evaluate(), begin_coordinates(); }
 void ExportedMechanism::begin_coordinates() {
   Index2System& s = system();
   origin_ = y(), origin_.back() = 0, origin_t_ = time();
-  coordinates_.reset();  // its rows are selected at the new origin
-  State at;
-  at.y = origin_;
+  coordinates_.reset();  // rows are selected at the new origin
+  State state;
+  state.y = origin_;
   try {
-    s.update_independent_rows(time(), at);
+    s.update_independent_rows(time(), state);
     coordinates_ = std::make_unique<LocalCoordinates>(s, limits_, time(), origin_.data());
   } catch (const FallBackToPython&) {
     fail("the constraints are singular");
@@ -48,39 +48,41 @@ double ExportedMechanism::margin() {
 const ExportedMechanism::Derivatives& ExportedMechanism::derivatives() {
   evaluate();
   if (derivatives_current_) return derivatives_;
-  const size_t m = inputs.size(), n = coordinates_->size(), wide = n + m, padding = states_ - n;
+  const size_t m = inputs.size(), n = coordinates_->size(), width = n + m, padding = states_ - n;
   LocalCoordinates::Partials p;
   const auto set = [&](int i, double change) {
     system().set_input(i, time(), settings_[i].value + change, 0);
   };
   coordinates_->partials(time(), x_.data(), static_cast<int>(m), set, p);
-  const size_t all = states_ + m;
-  derivatives_.rates.assign(states_ * all, 0.0), derivatives_.outputs.assign(outputs.size() * all, 0.0);
-  for (size_t c = 0; c < wide; ++c) {
-    const size_t to = c < n ? c : c + padding;
-    for (size_t i = 0; i < n; ++i) derivatives_.rates[i * all + to] = p.x[i * wide + c];
-    for (size_t i = 0; i < outputs.size(); ++i) derivatives_.outputs[i * all + to] = output_partial(outputs[i], p, c, wide);
+  const size_t total = states_ + m;
+  derivatives_.rates.assign(states_ * total, 0.0), derivatives_.outputs.assign(outputs.size() * total, 0.0);
+  for (size_t c = 0; c < width; ++c) {
+    const size_t column = c < n ? c : c + padding;
+    for (size_t i = 0; i < n; ++i) derivatives_.rates[i * total + column] = p.x[i * width + c];
+    for (size_t i = 0; i < outputs.size(); ++i)
+      derivatives_.outputs[i * total + column] = output_partial(outputs[i], p, c, width);
   }
   derivatives_current_ = true;
   return derivatives_;
 }
 
-// Multipliers of dependent rows are those of minimum norm, and the partials those of the rows in use.
+// Multipliers of dependent rows are those of minimum norm, but the partials are those of the rows in use.
 void ExportedMechanism::require_determinate(const std::vector<int>& rows) {
   const Index2System& s = system();
-  const auto inactive = std::count(s.constraints.off.begin(), s.constraints.off.end(), true);
-  bool indeterminate = s.ng - static_cast<int>(inactive) - s.rows.rank > dependent_;
+  const auto inactive = std::count(s.constraints.inactive.begin(), s.constraints.inactive.end(), true);
+  bool indeterminate = s.ng - static_cast<int>(inactive) - s.rows.rank > dependent_rows_;
   for (int k : rows)
-    indeterminate = indeterminate || std::find(indeterminate_.begin(), indeterminate_.end(), k) != indeterminate_.end();
+    indeterminate = indeterminate ||
+                    std::find(indeterminate_rows_.begin(), indeterminate_rows_.end(), k) != indeterminate_rows_.end();
   if (indeterminate)
     throw std::invalid_argument("multipliers and forces of statically indeterminate constraints have no derivatives");
 }
 
 double ExportedMechanism::output_partial(const SignalValue& signal, const LocalCoordinates::Partials& p, size_t c,
-                                         size_t wide) {
+                                         size_t width) {
   using Kind = SignalValue::Kind;
   const Index2System& s = system();
-  const size_t n = wide - inputs.size(), i = signal.i, nq = s.nq;
+  const size_t n = width - inputs.size(), i = signal.i, nq = s.nq;
   switch (signal.kind) {
     case Kind::t:
       return 0;
@@ -90,21 +92,22 @@ double ExportedMechanism::output_partial(const SignalValue& signal, const LocalC
     case Kind::angle:
       return c < n ? p.y[signal.rate * n + c] : 0;
     case Kind::rate:
-      return p.F[i * wide + c];
+      return p.F[i * width + c];
     case Kind::lam:
       require_determinate(signal.rows);
-      return p.lam[signal.rows[0] * wide + c];
+      return p.lam[signal.rows[0] * width + c];
     case Kind::force: {
       require_determinate(signal.rows);
       const Vector& lam = s.multipliers();
-      double size = 0, along = 0;
-      bool acts = false;
+      double size = 0, force_dot_derivative = 0;
+      bool any_active = false;
       for (int k : signal.rows) {
-        size += lam[k] * lam[k], along += lam[k] * p.lam[k * wide + c];
-        acts = acts || s.constraints.off.empty() || !s.constraints.off[k];
+        size += lam[k] * lam[k], force_dot_derivative += lam[k] * p.lam[k * width + c];
+        any_active = any_active || s.constraints.inactive.empty() || !s.constraints.inactive[k];
       }
-      if (acts && size == 0) throw std::invalid_argument("the magnitude of a force has no derivative where it is zero");
-      return acts ? along / std::sqrt(size) : 0;
+      if (any_active && size == 0)
+        throw std::invalid_argument("the magnitude of a force has no derivative where it is zero");
+      return any_active ? force_dot_derivative / std::sqrt(size) : 0;
     }
     default:
       throw std::invalid_argument("an output of this kind has no derivatives");

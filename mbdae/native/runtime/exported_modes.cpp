@@ -1,5 +1,5 @@
-// Modes of contacts, clutches and stiction in FMI model exchange: guards are event indicators; impacts and mode changes
-// happen at events.
+// Modes of contacts, clutches and stiction in FMI model exchange: guards are event indicators; impacts and mode
+// transitions are applied at events.
 #include <algorithm>
 #include <cmath>
 
@@ -10,7 +10,8 @@ namespace mbdae {
 
 namespace {
 
-int guards_of_switch(const Switch& x) { return 1 + (x.frictional() || x.kind == Switch::Kind::ratchet); }  // at most
+// upper bound
+int guards_of_switch(const Switch& x) { return 1 + (x.frictional() || x.kind == Switch::Kind::ratchet); }
 
 }  // namespace
 
@@ -20,12 +21,13 @@ size_t ExportedMechanism::indicators() const {
   return states_ ? out : 0;
 }
 
-GuardMonitor::Values ExportedMechanism::guard_values(const double* at, bool advances) {
+GuardMonitor::Values ExportedMechanism::guard_values(const double* y, bool advances) {
   evaluate();
-  return monitor_->values(time(), at, coordinates_->F(), coordinates_->multipliers(), advances);
+  return monitor_->values(time(), y, coordinates_->F(), coordinates_->multipliers(), advances);
 }
 
-// An event at a quarter of each flight after an impact: large steps of the solver do not miss short flights.
+// A time event at a quarter of each flight after an impact, so that large steps of the solver do not miss short
+// flights.
 double ExportedMechanism::next_event() const {
   double out = INFINITY;
   for (size_t i = 0; i < run_.modes.guards.size(); ++i) {
@@ -38,79 +40,78 @@ double ExportedMechanism::next_event() const {
 
 Vector ExportedMechanism::indicator_values() {
   evaluate();
-  const GuardMonitor::Values now = guard_values(y().data(), false);
+  const GuardMonitor::Values current = guard_values(y().data(), false);
   Vector out(indicators(), 1.0);
-  std::vector<int> at;
+  std::vector<int> slots;
   int next = 0;
-  for (const Switch& x : modes_.switches) at.push_back(next), next += guards_of_switch(x);
-  for (size_t i = 0; i < now.guards.size(); ++i) {
-    double& place = out[at[run_.modes.guards[i].element]++];
-    place = now.guards[i].f + now.tolerances[i];
+  for (const Switch& x : modes_.switches) slots.push_back(next), next += guards_of_switch(x);
+  for (size_t i = 0; i < current.guards.size(); ++i) {
+    out[slots[run_.modes.guards[i].element]++] = current.guards[i].f + current.tolerances[i];
   }
   return out;
 }
 
 bool ExportedMechanism::complete_step() {
   bool due = margin() < restart_margin();
-  const GuardMonitor::Values now = guard_values(y().data(), true);
-  for (size_t i = 0; i < now.guards.size(); ++i)
-    due = due || now.guards[i].f < -now.tolerances[i];
+  const GuardMonitor::Values current = guard_values(y().data(), true);
+  for (size_t i = 0; i < current.guards.size(); ++i) due = due || current.guards[i].f < -current.tolerances[i];
   return due;
 }
 
-// A solver that has located the zero to rounding keeps its state. Others have overshot it, with a velocity that the
-// mode after the event does not have, or through a contact.
-std::vector<int> ExportedMechanism::correct_overshoot(Vector& at) {
-  GuardMonitor::Values now = guard_values(at.data(), false);
+// If the solver has located the zero to rounding, its state is kept. Otherwise it has overshot it, with a velocity that
+// is inconsistent in the next mode, or with a penetration.
+std::vector<int> ExportedMechanism::correct_overshoot(Vector& y) {
+  GuardMonitor::Values current = guard_values(y.data(), false);
   std::vector<int> out;
   int first = -1;
-  double back = 0;
-  for (size_t i = 0; i < now.guards.size(); ++i) {
-    const auto& [f, rate] = now.guards[i];
-    if (f <= -now.tolerances[i] / 2) out.push_back(static_cast<int>(i));
-    if (f < -now.tolerances[i] && rate < 0 && f / rate > back) first = static_cast<int>(i), back = f / rate;
+  double time_back = 0;
+  for (size_t i = 0; i < current.guards.size(); ++i) {
+    const auto& [f, rate] = current.guards[i];
+    if (f <= -current.tolerances[i] / 2) out.push_back(static_cast<int>(i));
+    if (f < -current.tolerances[i] && rate < 0 && f / rate > time_back)
+      first = static_cast<int>(i), time_back = f / rate;
   }
   if (first < 0) return out;
-  const Vector end(at), F(coordinates_->F());
+  const Vector end(y), F(coordinates_->F());
   for (int k = 0; k < limits_.iterations; ++k) {
-    Vector move(F);
-    for (double& x : move) x *= -back;
-    system().add(end.data(), move.data(), at.data());
-    project_state(system(), time(), at.data());
-    now = guard_values(at.data(), false);
-    const auto& [f, rate] = now.guards[first];
-    if (!(std::fabs(f) > now.tolerances[first] / 2) || !(rate < 0)) break;
-    back += f / rate;
+    Vector displacement(F);
+    for (double& x : displacement) x *= -time_back;
+    system().add(end.data(), displacement.data(), y.data());
+    project_state(system(), time(), y.data());
+    current = guard_values(y.data(), false);
+    const auto& [f, rate] = current.guards[first];
+    if (!(std::fabs(f) > current.tolerances[first] / 2) || !(rate < 0)) break;
+    time_back += f / rate;
   }
   return {first};
 }
 
-// A contact whose gap is negative while it separates: the flight is below the resolution of the solver, and rest
-// replaces it.
-void ExportedMechanism::end_flights(const std::vector<int>& fired, Vector& at) {
+// A contact whose gap is negative while it separates has a flight shorter than the solver resolves: it comes to rest.
+void ExportedMechanism::end_short_flights(const std::vector<int>& fired, Vector& y) {
   const Modes& modes = run_.modes;
-  const GuardMonitor::Values now = guard_values(at.data(), false);
+  const GuardMonitor::Values current = guard_values(y.data(), false);
   Mode closed(modes.mode);
   for (int i : fired)
-    if (!std::isnan(modes.guards[i].return_time) && now.guards[i].rate > 0) closed[modes.guards[i].element] = active;
+    if (!std::isnan(modes.guards[i].return_time) && current.guards[i].rate > 0)
+      closed[modes.guards[i].element] = active;
   if (closed == modes.mode) return;
   const ModeSettings settings(system(), modes.switches, modes.mode);
-  enter_mode(system(), modes.switches, closed, at.data(), modes.initial_rank(system().tree.limits));
-  project_state(system(), time(), at.data()), settings.restore();
+  enter_mode(system(), modes.switches, closed, y.data(), modes.initial_rank(system().tree.tolerances));
+  project_state(system(), time(), y.data()), settings.restore();
 }
 
 bool ExportedMechanism::update_mode() {
   evaluate();
   try {
-    Vector at(y());
-    const std::vector<int> fired = correct_overshoot(at);
+    Vector state(y());
+    const std::vector<int> fired = correct_overshoot(state);
     if (fired.empty()) return false;
-    end_flights(fired, at);
-    y() = enter_next_mode(system(), run_.modes, *monitor_, true, time(), at, fired).state.y;
+    end_short_flights(fired, state);
+    y() = enter_next_mode(system(), run_.modes, *monitor_, true, time(), state, fired).state.y;
     begin_coordinates();
-    const GuardMonitor::Values now = guard_values(y().data(), false);
-    for (size_t i = 0; i < now.guards.size(); ++i)
-      if (now.guards[i].f < -now.tolerances[i]) throw FallBackToPython();
+    const GuardMonitor::Values current = guard_values(y().data(), false);
+    for (size_t i = 0; i < current.guards.size(); ++i)
+      if (current.guards[i].f < -current.tolerances[i]) throw FallBackToPython();
   } catch (const FallBackToPython&) {
     fail("the mode after an event is not unique, or next to a singular configuration,");
   }

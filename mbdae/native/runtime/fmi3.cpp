@@ -1,4 +1,4 @@
-// The interface of FMI 3.0 (https://fmi-standard.org/docs/3.0.1), for any exported mechanism.
+// The functions of FMI 3.0 (https://fmi-standard.org/docs/3.0.1) for exported mechanisms.
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -27,21 +27,21 @@ void* instantiate(const char* token, const char* folder, bool exchange, void* en
   }
 }
 
-// Entries of derivatives of unknowns with respect to knowns, added up by `add(unknown, known, entry)`.
+// Call add(i, j, entry) for the partial of each unknown i with respect to each known j.
 template <class Add>
 void for_derivatives(ExportedMechanism& m, References unknowns, size_t rows, References knowns, size_t columns, Add&& add) {
   const ExportedMechanism::Derivatives& d = m.derivatives();
-  const size_t states = m.states(), wide = states + m.inputs.size();
+  const size_t states = m.states(), width = states + m.inputs.size();
   for (size_t i = 0; i < rows; ++i) {
-    const Variable of = variable(m, unknowns[i]);
-    if (of.kind != Variable::output && of.kind != Variable::rate)
+    const Variable unknown = variable(m, unknowns[i]);
+    if (unknown.kind != Variable::output && unknown.kind != Variable::rate)
       throw std::invalid_argument("unknowns of derivatives must be outputs or derivatives of states");
-    const Vector& entries = of.kind == Variable::output ? d.outputs : d.rates;
+    const Vector& entries = unknown.kind == Variable::output ? d.outputs : d.rates;
     for (size_t j = 0; j < columns; ++j) {
-      const Variable by = variable(m, knowns[j]);
-      if (by.kind != Variable::state && by.kind != Variable::input)
+      const Variable known = variable(m, knowns[j]);
+      if (known.kind != Variable::state && known.kind != Variable::input)
         throw std::invalid_argument("knowns of derivatives must be states or inputs");
-      add(i, j, entries[of.i * wide + by.i + (by.kind == Variable::input ? states : 0)]);
+      add(i, j, entries[unknown.i * width + known.i + (known.kind == Variable::input ? states : 0)]);
     }
   }
 }
@@ -98,16 +98,16 @@ FMI3 Status fmi3SetFloat64(void* instance, References references, size_t n, cons
   return attempt(instance, [&](Instance& x) {
     if (n != size) throw std::invalid_argument("values must be as many as variables");
     for (size_t i = 0; i < n; ++i) {
-      const Variable to = variable(x.mechanism, references[i]);
-      if (to.kind == Variable::input) {
-        x.mechanism.set_input(to.i, values[i]);
-      } else if (to.kind == Variable::parameter) {
+      const Variable target = variable(x.mechanism, references[i]);
+      if (target.kind == Variable::input) {
+        x.mechanism.set_input(target.i, values[i]);
+      } else if (target.kind == Variable::parameter) {
         if (x.mechanism.started() && !x.initializing)
           throw std::invalid_argument("parameters must be set before the end of the initialization");
-        x.mechanism.set_parameter(to.i, values[i]);
-      } else if (to.kind == Variable::state && x.mechanism.started()) {
-        Vector now = x.mechanism.x();
-        now[to.i] = values[i], x.mechanism.set_x(now.data());
+        x.mechanism.set_parameter(target.i, values[i]);
+      } else if (target.kind == Variable::state && x.mechanism.started()) {
+        Vector state = x.mechanism.x();
+        state[target.i] = values[i], x.mechanism.set_x(state.data());
       } else {
         throw std::invalid_argument("only inputs, parameters, and after the initialization states can be set");
       }
@@ -119,10 +119,10 @@ FMI3 Status fmi3DoStep(void* instance, double t, double step, bool, bool* event,
   auto& x = *static_cast<Instance*>(instance);
   *event = *terminate = *early = false;
   const Status out = attempt(instance, [&](Instance&) {
-    const auto after_step = [&](double now, bool finished) {
+    const auto after_step = [&](double time, bool finished) {
       bool requested = false;
-      double until = now;
-      x.update(x.environment, now, false, true, finished, x.early_return, &requested, &until);
+      double return_time = time;
+      x.update(x.environment, time, false, true, finished, x.early_return, &requested, &return_time);
       return requested && x.early_return;
     };
     if (std::fabs(x.mechanism.time() - t) > step)
@@ -141,9 +141,9 @@ FMI3 Status fmi3EnterConfigurationMode(void*) { return ok; }
 FMI3 Status fmi3ExitConfigurationMode(void*) { return ok; }
 FMI3 Status fmi3EvaluateDiscreteStates(void*) { return ok; }
 
-FMI3 Status fmi3UpdateDiscreteStates(void* instance, bool* again, bool* terminate, bool* nominals, bool* values, bool* next,
-                                     double* time) {
-  *again = *terminate = *nominals = *values = *next = false, *time = 0;
+FMI3 Status fmi3UpdateDiscreteStates(void* instance, bool* needs_update, bool* terminate, bool* nominals, bool* values,
+                                     bool* next, double* time) {
+  *needs_update = *terminate = *nominals = *values = *next = false, *time = 0;
   return attempt(instance, [&](Instance& x) {
     x.mechanism.pass_impact();
     if (!x.exchange || x.initializing) return;
@@ -185,8 +185,8 @@ FMI3 Status fmi3GetNominalsOfContinuousStates(void* instance, double* values, si
 FMI3 Status fmi3GetEventIndicators(void* instance, double* values, size_t n) {
   return attempt(instance, [&](Instance& x) {
     if (n != x.mechanism.indicators()) throw std::invalid_argument("values must be as many as event indicators");
-    const Vector now = x.mechanism.indicator_values();
-    std::copy(now.begin(), now.end(), values);
+    const Vector indicators = x.mechanism.indicator_values();
+    std::copy(indicators.begin(), indicators.end(), values);
   });
 }
 FMI3 Status fmi3GetNumberOfEventIndicators(void* instance, size_t* n) {
@@ -216,9 +216,9 @@ FMI3 Status fmi3GetAdjointDerivative(void* instance, References unknowns, size_t
 FMI3 Status fmi3GetFMUState(void* instance, void** state) {
   return attempt(instance, [&](Instance& x) {
     begin(x);
-    Vector found = x.mechanism.state();
+    Vector saved = x.mechanism.state();
     if (!*state) *state = new Vector();
-    *static_cast<Vector*>(*state) = std::move(found);
+    *static_cast<Vector*>(*state) = std::move(saved);
   });
 }
 FMI3 Status fmi3SetFMUState(void* instance, void* state) {
@@ -240,7 +240,7 @@ FMI3 Status fmi3SerializeFMUState(void* instance, void* state, std::uint8_t* byt
 }
 FMI3 Status fmi3DeserializeFMUState(void* instance, const std::uint8_t* bytes, size_t size, void** state) {
   return attempt(instance, [&](Instance&) {
-    if (size % sizeof(double)) throw std::invalid_argument("the state is not one of this mechanism");
+    if (size % sizeof(double)) throw std::invalid_argument("the state does not belong to this mechanism");
     auto* numbers = new Vector(size / sizeof(double));
     std::memcpy(numbers->data(), bytes, size), *state = numbers;
   });

@@ -1,9 +1,9 @@
-// Functions of FMI 3.0 for what exported mechanisms do not have.
+// Functions of FMI 3.0 for features that exported mechanisms do not have.
 #include "runtime/fmu_instance.hpp"
 
 using namespace mbdae::fmi;
 
-// Variables of other types, clocks and partitions do not exist; calls with none of them succeed.
+// There are no variables of other types, clocks or partitions; calls for zero variables succeed.
 #define NO_VARIABLES(name)                                                                                      \
   FMI3 Status name(void* instance, References, size_t n) {                                                      \
     return n ? static_cast<Instance*>(instance)->report(error, #name ": all variables are of type Float64") : ok; \

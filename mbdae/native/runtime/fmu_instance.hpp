@@ -1,5 +1,5 @@
-// An instance of an FMU, and its variables. Value references: 0 is time; inputs, parameters, outputs, states and their
-// derivatives, and event indicators follow.
+// An instance of an FMU, and its variables. Value references: 0 for time, then inputs, parameters, outputs, states,
+// their derivatives, and event indicators.
 #pragma once
 
 #include <cstdint>
@@ -32,7 +32,8 @@ struct Instance {
   }
 };
 
-// A call: what fails is reported; a point outside the range of the coordinates is one where a solver takes less.
+// Execute a call and report its failure; outside the range of the coordinates the status is `discard`, so that the
+// solver takes a shorter step.
 template <class F>
 Status attempt(void* instance, F&& call) {
   auto& x = *static_cast<Instance*>(instance);

@@ -1,3 +1,4 @@
+// A parser of JSON, with NaN and infinities.
 #include "runtime/json.hpp"
 
 #include <cmath>
@@ -10,36 +11,38 @@ namespace {
 
 class Parser {
  public:
-  explicit Parser(const std::string& text) : at_(text.data()), end_(at_ + text.size()) {
-    number_.imbue(std::locale::classic());  // whatever the locale of the program
+  explicit Parser(const std::string& text) : position_(text.data()), end_(position_ + text.size()) {
+    number_.imbue(std::locale::classic());  // independent of the locale of the program
   }
 
   Json document() {
     Json out = value();
     skip();
-    if (at_ != end_) fail();
+    if (position_ != end_) fail();
     return out;
   }
 
  private:
   [[noreturn]] static void fail() { reject("the data of the mechanism are damaged"); }
   void skip() {
-    while (at_ != end_ && (*at_ == ' ' || *at_ == '\n' || *at_ == '\t' || *at_ == '\r')) ++at_;
+    while (position_ != end_ && (*position_ == ' ' || *position_ == '\n' || *position_ == '\t' || *position_ == '\r'))
+      ++position_;
   }
   char next() {
     skip();
-    if (at_ == end_) fail();
-    return *at_;
+    if (position_ == end_) fail();
+    return *position_;
   }
-  bool take(char c) { return next() == c && (++at_, true); }
+  bool take(char c) { return next() == c && (++position_, true); }
   void expect(char c) {
     if (!take(c)) fail();
   }
   bool word(const char* text) {
     const std::string expected(text);
-    if (static_cast<size_t>(end_ - at_) < expected.size() || expected.compare(0, expected.size(), at_, expected.size()))
+    if (static_cast<size_t>(end_ - position_) < expected.size() ||
+        expected.compare(0, expected.size(), position_, expected.size()))
       return false;
-    at_ += expected.size();
+    position_ += expected.size();
     return true;
   }
 
@@ -51,7 +54,7 @@ class Parser {
     if (c == '"') {
       out.kind = Json::Kind::text, out.text = text();
     } else if (word("true") || word("false")) {
-      out.kind = Json::Kind::boolean, out.boolean = at_[-2] == 'u';
+      out.kind = Json::Kind::boolean, out.boolean = position_[-2] == 'u';
     } else if (!word("null")) {
       out.kind = Json::Kind::number, out.number = number();
     }
@@ -86,15 +89,15 @@ class Parser {
     return out;
   }
 
-  std::string text() {  // without escapes other than \" and backslashes: names are written so
+  std::string text() {  // the only escapes are \" and \\, as written by the exporter
     std::string out;
     expect('"');
-    for (; at_ != end_ && *at_ != '"'; ++at_) {
-      if (*at_ == '\\' && ++at_ == end_) fail();
-      out += *at_;
+    for (; position_ != end_ && *position_ != '"'; ++position_) {
+      if (*position_ == '\\' && ++position_ == end_) fail();
+      out += *position_;
     }
-    if (at_ == end_) fail();
-    ++at_;
+    if (position_ == end_) fail();
+    ++position_;
     return out;
   }
 
@@ -102,17 +105,18 @@ class Parser {
     if (word("NaN")) return NAN;
     if (word("Infinity")) return INFINITY;
     if (word("-Infinity")) return -INFINITY;
-    const char* from = at_;
-    while (at_ != end_ && (std::isalnum(static_cast<unsigned char>(*at_)) || *at_ == '-' || *at_ == '+' || *at_ == '.'))
-      ++at_;
+    const char* start = position_;
+    while (position_ != end_ && (std::isalnum(static_cast<unsigned char>(*position_)) || *position_ == '-' ||
+                                 *position_ == '+' || *position_ == '.'))
+      ++position_;
     double out = 0;
-    number_.clear(), number_.str(std::string(from, at_));
+    number_.clear(), number_.str(std::string(start, position_));
     number_ >> out;
     if (number_.fail() && out == 0) fail();
     return out;
   }
 
-  const char *at_, *const end_;
+  const char *position_, *const end_;
   std::istringstream number_;
 };
 
@@ -131,17 +135,17 @@ const Json& Json::at(const std::string& key) const {
 }
 
 double& Json::number_at(const std::vector<std::string>& path) {
-  Json* here = this;
+  Json* node = this;
   for (size_t k = 0; k < path.size(); ++k) {
-    if (here->kind == Kind::table) {
-      here = const_cast<Json*>(&here->at(path[k]));
+    if (node->kind == Kind::table) {
+      node = const_cast<Json*>(&node->at(path[k]));
       continue;
     }
     const size_t i = std::stoul(path[k]);
-    if (here->kind == Kind::number_list && k + 1 == path.size()) return here->values.at(i);
-    here = &here->list.at(i);
+    if (node->kind == Kind::number_list && k + 1 == path.size()) return node->values.at(i);
+    node = &node->list.at(i);
   }
-  return here->number;
+  return node->number;
 }
 
 Json parse_json(const std::string& text) { return Parser(text).document(); }

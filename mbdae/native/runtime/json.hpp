@@ -1,4 +1,4 @@
-// JSON data, and access to it for readers of structs.
+// JSON data, and access to them for readers of structs.
 #pragma once
 
 #include <string>
@@ -14,16 +14,16 @@ struct Json {
   bool boolean = false;
   double number = 0;
   std::string text;
-  std::vector<double> values;  // a list of numbers alone
+  std::vector<double> values;  // of a list that contains only numbers
   std::vector<Json> list;
   std::vector<std::pair<std::string, Json>> table;
 
   const Json* find(const std::string& key) const;   // in a table; nullptr: missing
-  const Json& at(const std::string& key) const;     // std::invalid_argument names a missing key
-  double& number_at(const std::vector<std::string>& path);  // within tables and lists, by keys and indices
+  const Json& at(const std::string& key) const;     // std::invalid_argument: missing key
+  double& number_at(const std::vector<std::string>& path);  // path: keys of tables and indices of lists
 };
 
-Json parse_json(const std::string& text);  // std::invalid_argument for anything else
+Json parse_json(const std::string& text);  // std::invalid_argument: invalid JSON
 
 template <>
 struct DataAccess<const Json*> {
@@ -43,7 +43,7 @@ struct DataAccess<const Json*> {
       return static_cast<T>(require(d, Kind::number).number);
     } else if constexpr (std::is_same_v<T, std::string>) {
       return require(d, Kind::text).text;
-    } else {  // of numbers
+    } else {  // a list of numbers
       const auto& x = require(d, Kind::number_list).values;
       return T(x.begin(), x.end());
     }

@@ -1,7 +1,7 @@
-"""Pack the sources of the runtime of exported mechanisms, for FMUs that are compiled where they are used.
+"""Pack the sources of the runtime of exported mechanisms, for source FMUs.
 
-Run by the build: ``python pack_sources.py LIST FOLDER EIGEN OUT.zip``. LIST has lines "GROUP FILE" of the files of
-FOLDER that are compiled, those of a group as one. Headers are found by their includes, in FOLDER and in EIGEN.
+Run by the build: ``python pack_sources.py LIST FOLDER EIGEN OUT.zip``. LIST has a line "GROUP FILE" for each file of
+FOLDER that is compiled; a group is one translation unit. Included headers are searched in FOLDER and in EIGEN.
 """
 
 import re
@@ -14,22 +14,22 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 
 
 def included(files: Iterable[Path], folders: Iterable[Path]) -> Iterator[tuple[str, Path]]:
-    """Yield names and paths of files and of all that they include from these folders."""
+    """Yield names and paths of files and of their headers in these folders."""
     folders = [folder.resolve() for folder in folders]
-    waiting, known = [path.resolve() for path in files], set[Path]()
-    while waiting:
-        path = waiting.pop()
-        if path in known:
+    pending, visited = [path.resolve() for path in files], set[Path]()
+    while pending:
+        path = pending.pop()
+        if path in visited:
             continue
-        known.add(path)
+        visited.add(path)
         yield next(path.relative_to(f).as_posix() for f in folders if f in path.parents), path
         for name in INCLUDE.findall(path.read_text("utf-8")):
-            found = (folder / name for folder in (path.parent, *folders))
-            waiting += [x.resolve() for x in found if x.is_file()][:1]
+            candidates = (folder / name for folder in (path.parent, *folders))
+            pending += [x.resolve() for x in candidates if x.is_file()][:1]
 
 
 def pack(groups: dict[str, list[Path]], folder: Path, eigen: Path, out: Path) -> None:
-    """Write an archive of the sources: a file for each group, headers, and the list ``compiled.txt``."""
+    """Write an archive of the sources: one file per group, headers, and the list ``compiled.txt``."""
     listed = [path for paths in groups.values() for path in paths]
     files = {name: path.read_text("utf-8") for name, path in included(listed, (folder, eigen))}
     files["laws.inc"] = "".join(f"LAW({path.stem})\n" for path in groups["laws"])

@@ -1,4 +1,4 @@
-// All of the state of an exported mechanism as numbers, and back.
+// The complete state of an exported mechanism as an array, to save and restore it.
 #include "runtime/exported_mechanism.hpp"
 
 namespace mbdae {
@@ -6,7 +6,7 @@ namespace mbdae {
 namespace {
 
 void require(bool valid) {
-  if (!valid) reject("the state is not one of this mechanism");
+  if (!valid) reject("the state does not belong to this mechanism");
 }
 
 }  // namespace
@@ -22,8 +22,10 @@ void ExportedMechanism::set_guards(const Vector& guards) {
   require(modes.mode.size() == modes.switches.size() && modes.last_impact.size() == modes.switches.size());
   modes.guards = guards_of(modes.switches, modes.mode);
   require(guards.size() == 4 * modes.guards.size());
-  const double* at = guards.data();
-  for (Guard& x : modes.guards) x.size = at[0], x.level = at[1], x.return_time = at[2], x.unit = at[3], at += 4;
+  const double* entry = guards.data();
+  for (Guard& x : modes.guards) {
+    x.size = entry[0], x.level = entry[1], x.return_time = entry[2], x.unit = entry[3], entry += 4;
+  }
 }
 
 Vector ExportedMechanism::state() {
@@ -37,7 +39,7 @@ Vector ExportedMechanism::state() {
               run_.monitor.mode_ratio, double(run_.monitor.near_singular), double(jumped_), double(by_steps_), origin_t_,
               double(rows.rank), rows.floor, double(rows.frozen)};
   const auto add = [&](const Vector& x) { out.push_back(double(x.size())), out.insert(out.end(), x.begin(), x.end()); };
-  add(y()), add(run_.state.carry), add(run_.state.low), add(values_), add(wanted_), add(origin_), add(x_);
+  add(y()), add(run_.state.carry), add(run_.state.low), add(values_), add(next_inputs_), add(origin_), add(x_);
   add(Vector(rows.in_use().begin(), rows.in_use().end()));
   add(slip_directions_), add(Vector(run_.modes.mode.begin(), run_.modes.mode.end()));
   add(run_.modes.last_impact), add(guards());
@@ -46,23 +48,23 @@ Vector ExportedMechanism::state() {
     ratios.insert(ratios.end(), mode.begin(), mode.end()), ratios.push_back(largest);
   add(ratios);
   for (const Setting& u : settings_) add({u.t, u.value, u.rate});
-  set_state(out);  // without what the core has found so far
+  set_state(out);  // the core must continue as after a restoration
   return out;
 }
 
 void ExportedMechanism::set_state(const Vector& state) {
-  size_t at = 0;
+  size_t position = 0;
   const auto next = [&] {
-    require(at < state.size());
-    return state[at++];
+    require(position < state.size());
+    return state[position++];
   };
   const auto list = [&] {
     const double size = next();
-    require(size >= 0 && size <= double(state.size() - at));
-    Vector out(state.begin() + at, state.begin() + at + static_cast<size_t>(size));
-    return at += out.size(), out;
+    require(size >= 0 && size <= double(state.size() - position));
+    Vector out(state.begin() + position, state.begin() + position + static_cast<size_t>(size));
+    return position += out.size(), out;
   };
-  Run run = fresh_run_;
+  Run run = initial_run_;
   SmoothInterval& i = run.interval;
   i.t = next(), i.stop = next(), i.end = next(), i.t1 = next(), run.jumps.restart = next(), run.grid.t0 = next();
   run.grid.i = static_cast<long>(next()), run.grid.on_grid = next(), run.control.h = next();
@@ -72,15 +74,16 @@ void ExportedMechanism::set_state(const Vector& state) {
   const bool jumped = next(), by_steps = next();
   const double origin_t = next(), rank = next(), floor = next(), frozen = next();
   run.state.y = list(), run.state.carry = list(), run.state.low = list();
-  const Vector values = list(), wanted = list(), origin = list(), x = list(), rows = list(), slips = list(), mode = list();
+  const Vector values = list(), next_inputs = list(), origin = list(), x = list(), rows = list(), slips = list(),
+               mode = list();
   run.modes.mode.assign(mode.begin(), mode.end()), run.modes.last_impact = list();
   const Vector guards = list(), ratios = list();
   const size_t switches = run.modes.mode.size();
   require(ratios.size() % (switches + 1) == 0);
-  for (auto at_mode = ratios.begin(); at_mode != ratios.end(); at_mode += switches + 1)
-    run.monitor.ratio_by_mode[Mode(at_mode, at_mode + switches)] = at_mode[switches];
-  require(run.state.y.size() == start_.y.size() && values.size() == values_.size() && wanted.size() == wanted_.size() &&
-          static_cast<int>(x.size()) == states_);
+  for (auto entry = ratios.begin(); entry != ratios.end(); entry += switches + 1)
+    run.monitor.ratio_by_mode[Mode(entry, entry + switches)] = entry[switches];
+  require(run.state.y.size() == start_.y.size() && values.size() == values_.size() &&
+          next_inputs.size() == next_inputs_.size() && static_cast<int>(x.size()) == states_);
   std::vector<Setting> settings;
   for (size_t k = 0; k < inputs.size(); ++k) {
     const Vector u = list();
@@ -88,7 +91,8 @@ void ExportedMechanism::set_state(const Vector& state) {
     settings.push_back({u[0], u[1], u[2]});
   }
   const bool rebuild = !started() || values != values_;
-  values_ = values, wanted_ = wanted, settings_ = std::move(settings), run_ = std::move(run), jumped_ = jumped;
+  values_ = values, next_inputs_ = next_inputs, settings_ = std::move(settings), run_ = std::move(run),
+  jumped_ = jumped;
   set_guards(guards), after_impact_ = State();
   by_steps_ = by_steps, current_ = derivatives_current_ = false;
   if (rebuild) build();

@@ -1,3 +1,4 @@
+// Linear systems of the stages of a step, and their tangent and adjoint solutions.
 #include "sensitivity/coupled_stages.hpp"
 
 #include <algorithm>
@@ -7,7 +8,7 @@ namespace mbdae {
 
 namespace {
 
-constexpr int halvings = 6;  // of the step, to obtain a guess
+constexpr int halvings = 6;  // of the step, to obtain an initial guess
 
 }  // namespace
 
@@ -28,16 +29,17 @@ void CoupledStages::System::factorize(Matrix a) {
 CoupledStages::Matrix CoupledStages::System::solve(const Matrix& b) const {
   const int n = lu.size();
   Matrix x = b;
-  Eigen::VectorXd left(n);
+  Eigen::VectorXd residual(n);
   for (int j = 0; j < b.cols(); ++j) {
     lu.solve(x.col(j).data());
-    left = b.col(j);
+    residual = b.col(j);
     int k = 0;
     for (; k + 4 <= n; k += 4)
-      left -= x(k, j) * A.col(k) + x(k + 1, j) * A.col(k + 1) + x(k + 2, j) * A.col(k + 2) + x(k + 3, j) * A.col(k + 3);
-    for (; k < n; ++k) left -= x(k, j) * A.col(k);
-    lu.solve(left.data());
-    x.col(j) += left;
+      residual -=
+          x(k, j) * A.col(k) + x(k + 1, j) * A.col(k + 1) + x(k + 2, j) * A.col(k + 2) + x(k + 3, j) * A.col(k + 3);
+    for (; k < n; ++k) residual -= x(k, j) * A.col(k);
+    lu.solve(residual.data());
+    x.col(j) += residual;
   }
   return x;
 }
@@ -45,12 +47,12 @@ CoupledStages::Matrix CoupledStages::System::solve(const Matrix& b) const {
 CoupledStages::Matrix CoupledStages::System::solve_transposed(const Matrix& b) const {
   const int n = lu.size();
   Matrix x = b;
-  Eigen::VectorXd left(n);
+  Eigen::VectorXd residual(n);
   for (int j = 0; j < b.cols(); ++j) {
     lu.solve_transposed(x.col(j).data());
-    for (int k = 0; k < n; ++k) left[k] = b(k, j) - A.col(k).dot(x.col(j));
-    lu.solve_transposed(left.data());
-    x.col(j) += left;
+    for (int k = 0; k < n; ++k) residual[k] = b(k, j) - A.col(k).dot(x.col(j));
+    lu.solve_transposed(residual.data());
+    x.col(j) += residual;
   }
   return x;
 }
@@ -62,12 +64,12 @@ CoupledStages::CoupledStages(Index2System& s, ParameterPartials& parameters, boo
   systems_.resize(a_.coupled ? 1 : stages_.size());
 }
 
-void CoupledStages::couple(Rows<double>& to, int i, int j) const {
+void CoupledStages::couple(Rows<double>& matrix, int i, int j) const {
   const int nv = s_.nv;
   const StageEquations& e = *stages_[i - a_.first];
   const double a = h_ * a_.A[i * a_.n + j], ahat = h_ * a_.Ahat[i * a_.n + j];
-  to.leftCols(s_.ny) += a * e.x;
-  to.leftCols(2 * nv) += ahat * e.xhat;
+  matrix.leftCols(s_.ny) += a * e.x;
+  matrix.leftCols(2 * nv) += ahat * e.xhat;
 }
 
 void CoupledStages::repeat(double t, double h, const State& in, State& out) {
@@ -84,26 +86,26 @@ void CoupledStages::repeat(double t, double h, const State& in, State& out) {
   s_.manifold.integrate_partials(x.data(), x.data(), end_);
 }
 
-void CoupledStages::newton(double t, double h, const State& in, int left) {
-  for (bool again : {false, true}) {
-    if (again) {
-      if (!left) break;
-      newton(t, h / 2, in, left - 1), steps_->extend(h);
+void CoupledStages::newton(double t, double h, const State& in, int halvings_left) {
+  for (bool from_half_step : {false, true}) {
+    if (from_half_step) {
+      if (!halvings_left) break;
+      newton(t, h / 2, in, halvings_left - 1), steps_->extend(h);
     } else {
-      steps_->guess(t, h, in);
+      steps_->initial_guess(t, h, in);
     }
     h_ = h;
-    for (int k = 0; k < s_.tree.limits.stage_iterations; ++k) {
+    for (int k = 0; k < s_.tree.tolerances.stage_iterations; ++k) {
       linearize(in.y);
       const int n = a_.n, m = stages_[0]->size();
-      Eigen::VectorXd right(n * m);
-      for (int i = 0; i < n; ++i) right.segment(i * m, m) = steps_->negative_residual(i);
-      const Matrix change = systems_[0].solve(right);
+      Eigen::VectorXd rhs(n * m);
+      for (int i = 0; i < n; ++i) rhs.segment(i * m, m) = steps_->negative_residual(i);
+      const Matrix change = systems_[0].solve(rhs);
       if (!change.allFinite()) break;
-      const Rows<double> moves = RowsIn(change.data(), n, m);
-      const double size = std::fabs(h) * moves.leftCols(s_.ny - 1).cwiseAbs().maxCoeff();
-      steps_->correct(moves);
-      if (size <= s_.tree.limits.solution_rounding *
+      const Rows<double> corrections = ConstMatrixMap(change.data(), n, m);
+      const double size = std::fabs(h) * corrections.leftCols(s_.ny - 1).cwiseAbs().maxCoeff();
+      steps_->correct(corrections);
+      if (size <= s_.tree.tolerances.solution_rounding *
                       (1 + std::fabs(h) * steps_->F.leftCols(s_.ny - 1).cwiseAbs().maxCoeff()))
         return;
     }
@@ -116,40 +118,41 @@ void CoupledStages::linearize(const Vector& y) {
   for (int i = 0; i < n; ++i) stages_[i]->take(y.data(), steps_->stages[i], steps_->positions);
   if (a_.coupled) {
     const int m = n ? stages_[0]->size() : 0;
-    Matrix all = Matrix::Zero(n * m, n * m);
+    Matrix matrix = Matrix::Zero(n * m, n * m);
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) {
-        Rows<double> one = Rows<double>::Zero(m, m);
-        if (i == j) one = stages_[i]->by_unknowns;
-        couple(one, i, j);
-        all.block(i * m, j * m, m, m) = one;
+        Rows<double> block = Rows<double>::Zero(m, m);
+        if (i == j) block = stages_[i]->unknown_partials;
+        couple(block, i, j);
+        matrix.block(i * m, j * m, m, m) = block;
       }
-    systems_[0].factorize(std::move(all));
+    systems_[0].factorize(std::move(matrix));
   } else {
     for (int i = 0; i < n; ++i) {
-      Rows<double> one = stages_[i]->by_unknowns;
-      couple(one, i + a_.first, i + a_.first);
-      systems_[i].factorize(one);
+      Rows<double> block = stages_[i]->unknown_partials;
+      couple(block, i + a_.first, i + a_.first);
+      systems_[i].factorize(block);
     }
   }
 }
 
-void CoupledStages::forward(int directions, double* moved, const double* dp, const double* dh, const double* dt) {
-  const int n = a_.n, ny = s_.ny, nv = s_.nv, first = a_.first, lead = slip() < 0 ? 0 : nv, tail = ny - nv;
-  const int width = ny + (first ? lead + tail : 0), k = forward_ ? static_cast<int>(parameters_.count()) : 0;
+void CoupledStages::forward(int directions, double* tangents, const double* dp, const double* dh, const double* dt) {
+  const int n = a_.n, ny = s_.ny, nv = s_.nv, first = a_.first, mu_size = mu_velocity_start() < 0 ? 0 : nv,
+            carry_size = ny - nv;
+  const int width = ny + (first ? mu_size + carry_size : 0), k = forward_ ? static_cast<int>(parameters_.count()) : 0;
   const int m = stages_.empty() ? 0 : stages_[0]->size();
-  Eigen::Map<Matrix> all(moved, width, directions);
+  Eigen::Map<Matrix> tangent_matrix(tangents, width, directions);
   const Eigen::Map<const Matrix> p(dp, k, k ? directions : 0);
-  const Matrix dy = all.topRows(ny);
+  const Matrix dy = tangent_matrix.topRows(ny);
   Eigen::VectorXd rate = Eigen::VectorXd::Zero(directions);
   if (dh) rate = Eigen::Map<const Eigen::VectorXd>(dh, directions);
   std::vector<Matrix> dF(n, Matrix::Zero(ny, directions));
-  Matrix carried = Matrix::Zero(lead, directions);
+  Matrix mu_velocity = Matrix::Zero(mu_size, directions);
   if (first) {
-    dF[0].topRows(nv) = dy.middleRows(nv, nv), dF[0].bottomRows(tail) = all.bottomRows(tail);
-    if (lead) dF[0].topRows(nv) += all.middleRows(ny, nv);
+    dF[0].topRows(nv) = dy.middleRows(nv, nv), dF[0].bottomRows(carry_size) = tangent_matrix.bottomRows(carry_size);
+    if (mu_size) dF[0].topRows(nv) += tangent_matrix.middleRows(ny, nv);
   }
-  Matrix right(a_.coupled ? m * (n - first) : 0, directions);
+  Matrix rhs(a_.coupled ? m * (n - first) : 0, directions);
   for (int i = first; i < n; ++i) {
     const StageEquations& e = *stages_[i - first];
     Matrix b = -(e.y.lazyProduct(dy));
@@ -165,44 +168,49 @@ void CoupledStages::forward(int directions, double* moved, const double* dp, con
     if (dh) b -= (a_.c[i] * e.t + a_.chat[i] * e.that) * rate.transpose();
     if (dt) b -= (e.t + e.that) * Eigen::Map<const Eigen::VectorXd>(dt, directions).transpose();
     if (a_.coupled) {
-      right.middleRows((i - first) * m, m) = b;
+      rhs.middleRows((i - first) * m, m) = b;
       continue;
     }
     b = systems_[i - first].solve(b);
     dF[i] = b.topRows(ny);
-    if (lead) carried = b.middleRows(slip(), nv);
+    if (mu_size) mu_velocity = b.middleRows(mu_velocity_start(), nv);
   }
   if (a_.coupled) {
-    right = systems_[0].solve(right);
-    for (int i = 0; i < n; ++i) dF[i] = right.middleRows(i * m, ny);
+    rhs = systems_[0].solve(rhs);
+    for (int i = 0; i < n; ++i) dF[i] = rhs.middleRows(i * m, ny);
   }
   Matrix dx = Matrix::Zero(ny, directions);
   for (int i = 0; i < n; ++i) {
     dx += h_ * a_.b[i] * dF[i];
     if (dh) dx += a_.b[i] * steps_->F.row(i).transpose() * rate.transpose();
   }
-  all.topRows(ny) = dy + dx;
+  tangent_matrix.topRows(ny) = dy + dx;
   for (const IntegratePartialsBlock& b : end_)
-    all.middleRows(b.at, b.n) = RowsIn(b.A, b.n, b.n).lazyProduct(dy.middleRows(b.at, b.n)) + RowsIn(b.R, b.n, b.n).lazyProduct(dx.middleRows(b.at, b.n));
+    tangent_matrix.middleRows(b.start, b.n) = ConstMatrixMap(b.A, b.n, b.n).lazyProduct(dy.middleRows(b.start, b.n)) +
+                                              ConstMatrixMap(b.R, b.n, b.n).lazyProduct(dx.middleRows(b.start, b.n));
   if (!first) return;
-  if (lead) all.middleRows(ny, nv) = carried;
-  all.bottomRows(tail) = dF[n - 1].bottomRows(tail);
+  if (mu_size) tangent_matrix.middleRows(ny, nv) = mu_velocity;
+  tangent_matrix.bottomRows(carry_size) = dF[n - 1].bottomRows(carry_size);
 }
 
-void CoupledStages::reverse(int costs, double* bars) {
-  const int n = a_.n, ny = s_.ny, nv = s_.nv, first = a_.first, lead = slip() < 0 ? 0 : nv, tail = ny - nv;
-  const int width = ny + (first ? lead + tail : 0), m = stages_.empty() ? 0 : stages_[0]->size();
-  Eigen::Map<Matrix> all(bars, width, costs);
-  Matrix out = all.topRows(ny), x = out;
+void CoupledStages::reverse(int costs, double* cotangents) {
+  const int n = a_.n, ny = s_.ny, nv = s_.nv, first = a_.first, mu_size = mu_velocity_start() < 0 ? 0 : nv,
+            carry_size = ny - nv;
+  const int width = ny + (first ? mu_size + carry_size : 0), m = stages_.empty() ? 0 : stages_[0]->size();
+  Eigen::Map<Matrix> cotangent_matrix(cotangents, width, costs);
+  Matrix out = cotangent_matrix.topRows(ny), x = out;
   for (const IntegratePartialsBlock& b : end_) {
-    out.middleRows(b.at, b.n) = RowsIn(b.A, b.n, b.n).transpose().lazyProduct(all.middleRows(b.at, b.n));
-    x.middleRows(b.at, b.n) = RowsIn(b.R, b.n, b.n).transpose().lazyProduct(all.middleRows(b.at, b.n));
+    out.middleRows(b.start, b.n) =
+        ConstMatrixMap(b.A, b.n, b.n).transpose().lazyProduct(cotangent_matrix.middleRows(b.start, b.n));
+    x.middleRows(b.start, b.n) =
+        ConstMatrixMap(b.R, b.n, b.n).transpose().lazyProduct(cotangent_matrix.middleRows(b.start, b.n));
   }
   std::vector<Matrix> F(n);
   for (int i = 0; i < n; ++i) F[i] = h_ * a_.b[i] * x;
-  if (first) F[n - 1].bottomRows(tail) += all.bottomRows(tail);
-  const Matrix carried = all.middleRows(first ? ny : 0, first ? lead : 0);
-  const auto back = [&](int i, const Matrix& mu) {  // of the equations of a stage, to what they depend on
+  if (first) F[n - 1].bottomRows(carry_size) += cotangent_matrix.bottomRows(carry_size);
+  const Matrix mu_velocity = cotangent_matrix.middleRows(first ? ny : 0, first ? mu_size : 0);
+  // add the cotangents that the equations of a stage contribute
+  const auto add_cotangents = [&](int i, const Matrix& mu) {
     const StageEquations& e = *stages_[i - first];
     out -= e.y.transpose().lazyProduct(mu);
     stages_[i - first]->add_parameters(mu);
@@ -212,23 +220,23 @@ void CoupledStages::reverse(int costs, double* bars) {
       F[j] -= h_ * a_.A[i * n + j] * X, F[j].topRows(2 * nv) -= h_ * a_.Ahat[i * n + j] * Xhat;
   };
   if (a_.coupled) {
-    Matrix right = Matrix::Zero(n * m, costs);
-    for (int i = 0; i < n; ++i) right.middleRows(i * m, ny) = F[i];
-    const Matrix mu = systems_[0].solve_transposed(right);
-    for (int i = 0; i < n; ++i) back(i, mu.middleRows(i * m, m));
+    Matrix rhs = Matrix::Zero(n * m, costs);
+    for (int i = 0; i < n; ++i) rhs.middleRows(i * m, ny) = F[i];
+    const Matrix mu = systems_[0].solve_transposed(rhs);
+    for (int i = 0; i < n; ++i) add_cotangents(i, mu.middleRows(i * m, m));
   }
   for (int i = n - 1; !a_.coupled && i >= first; --i) {
-    Matrix right = Matrix::Zero(m, costs);
-    right.topRows(ny) = F[i];
-    if (i == n - 1 && first && lead) right.middleRows(slip(), nv) = carried;
-    back(i, systems_[i - first].solve_transposed(right));
+    Matrix rhs = Matrix::Zero(m, costs);
+    rhs.topRows(ny) = F[i];
+    if (i == n - 1 && first && mu_size) rhs.middleRows(mu_velocity_start(), nv) = mu_velocity;
+    add_cotangents(i, systems_[i - first].solve_transposed(rhs));
   }
   if (first) {
     out.middleRows(nv, nv) += F[0].topRows(nv);
-    if (lead) all.middleRows(ny, nv) = F[0].topRows(nv);
-    all.bottomRows(tail) = F[0].bottomRows(tail);
+    if (mu_size) cotangent_matrix.middleRows(ny, nv) = F[0].topRows(nv);
+    cotangent_matrix.bottomRows(carry_size) = F[0].bottomRows(carry_size);
   }
-  all.topRows(ny) = out;
+  cotangent_matrix.topRows(ny) = out;
 }
 
 }  // namespace mbdae

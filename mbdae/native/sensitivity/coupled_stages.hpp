@@ -1,11 +1,11 @@
-// Tangent and adjoint of steps by all equations of their stages (stage_equations.hpp): half-explicit steps stage by stage,
-// collocation steps as one system.
+// Tangent and adjoint of steps from all equations of their stages (stage_equations.hpp): half-explicit steps stage by
+// stage, collocation steps as one system.
 //
-//   F_i, z_i by the equations of stage i,   dX_i = h sum_j a_ij dF_j + dh sum_j a_ij F_j,   Xhat_i by ahat_ij
+//   F_i, z_i from the equations of stage i,   dX_i = h sum_j a_ij dF_j + dh sum_j a_ij F_j,   Xhat_i with ahat_ij
 //   dy_1 = Y dy + X (h sum b_i dF_i + dh sum b_i F_i)
 //
-// Collocation steps are solved to rounding, so that the implicit function theorem applies: guess and iteration have no
-// effect. Source: Hager, Numer. Math. 87 (2000), for explicit methods.
+// Collocation steps are solved to rounding, so that the implicit function theorem applies: the initial guess and the
+// iteration have no effect. Source: Hager, Numer. Math. 87 (2000), for explicit methods.
 #pragma once
 
 #include <memory>
@@ -19,29 +19,29 @@
 namespace mbdae {
 
 struct StepCoefficients {
-  int n = 0, first = 0;    // stages, and explicit ones among them
-  bool coupled = false;    // collocation
+  int n = 0, first = 0;  // number of stages, and of explicit stages
+  bool coupled = false;  // collocation: the stages are one system
   Vector A, Ahat, b, c, chat;
   explicit StepCoefficients(const Tableau& a);
   explicit StepCoefficients(const Radau& a);
 };
 
-// Computes steps, and keeps their stages.
+// A step that records its stages.
 class StageRecorder {
  public:
   virtual ~StageRecorder() = default;
   virtual void take(double t, double h, const State& in, State& out) = 0;
-  // For Newton's iteration with the partials of all stages, of collocation steps that fail otherwise: a guess from y'_n,
-  // or the polynomial of the step of half the size; the negative equations of a stage, (m,); a change of all stages; and
-  // the end. Each sets `stages` and `F`.
-  virtual void guess(double, double, const State&) { throw StepTooLong(); }
+  // For Newton's method on all stages, of collocation steps that fail otherwise: an initial guess from y'_n, or the
+  // extrapolated polynomial of a step of half the size; negative residual of a stage, (m,); Newton correction of all
+  // stages; final state. Each sets `stages` and `F`.
+  virtual void initial_guess(double, double, const State&) { throw StepTooLong(); }
   virtual void extend(double) {}
   virtual Eigen::VectorXd negative_residual(int) { return {}; }
   virtual void correct(const Rows<double>&) {}  // (n, m)
   virtual void finish(const State&, State&) {}
   std::vector<StageValues> stages;
   Rows<double> F;                               // (n, ny)
-  const IndependentRows* positions = nullptr;  // those of mu
+  const IndependentRows* positions = nullptr;   // rows of mu
 };
 
 std::unique_ptr<StageRecorder> recorder(Index2System& s, const Tableau& a);
@@ -53,12 +53,12 @@ class CoupledStages final : public StepMap {
                 std::unique_ptr<StageRecorder> steps);
 
   void repeat(double t, double h, const State& in, State& out) override;
-  void forward(int directions, double* moved, const double* dp, const double* dh, const double* dt) override;
-  void reverse(int costs, double* bars) override;
+  void forward(int directions, double* tangents, const double* dp, const double* dh, const double* dt) override;
+  void reverse(int costs, double* cotangents) override;
 
  private:
   using Matrix = Eigen::MatrixXd;
-  // A factorized matrix; rows differ by powers of h, so solutions are refined once.
+  // A factorized matrix; its rows differ by powers of h, so that solutions need one step of refinement.
   struct System {
     Matrix A;
     DenseLU<1> lu;
@@ -69,8 +69,8 @@ class CoupledStages final : public StepMap {
 
   void linearize(const Vector& y);
   void newton(double t, double h, const State& in, int halvings);
-  void couple(Rows<double>& to, int i, int j) const;  // adds the effect of F_j on stage i
-  int slip() const { return steps_->positions ? s_.ny + r_ : -1; }
+  void couple(Rows<double>& matrix, int i, int j) const;  // add the partials of stage i with respect to F_j
+  int mu_velocity_start() const { return steps_->positions ? s_.ny + r_ : -1; }
 
   Index2System& s_;
   ParameterPartials& parameters_;
@@ -80,7 +80,7 @@ class CoupledStages final : public StepMap {
   double h_ = 0;
   int r_ = 0;
   std::vector<std::unique_ptr<StageEquations>> stages_;
-  std::vector<System> systems_;  // of each stage; or of all together
+  std::vector<System> systems_;  // of each stage, or one for all
   std::vector<IntegratePartialsBlock> end_;
 };
 

@@ -1,4 +1,4 @@
-// Poses and motions of a mechanism at a point, as far as parameters require them.
+// Poses, velocities and accelerations at a point that the partials with respect to parameters require.
 #include "sensitivity/parameter_partials.hpp"
 
 namespace mbdae {
@@ -9,13 +9,13 @@ void ParameterPartials::update_motions(const double* v, const double* a) {
   const MultibodyTree& m = s_.tree;
   const double* J = m.J();
   for (int j : moving_joints_) {
-    const std::vector<int>& own = columns_[j];
+    const std::vector<int>& dofs = columns_[j];
     V_[j] = V_[m.parents[j]];
     if (accelerated) A_[j] = A_[m.parents[j]];
-    for (size_t first = 0, end; first < own.size(); first = end) {
+    for (size_t first = 0, end; first < dofs.size(); first = end) {
       double W[6] = {}, rotated[6];
-      for (end = first; end < own.size() && m.expanded_joints[own[end]] == m.expanded_joints[own[first]]; ++end) {
-        const int c = own[end];
+      for (end = first; end < dofs.size() && m.expanded_joints[dofs[end]] == m.expanded_joints[dofs[first]]; ++end) {
+        const int c = dofs[end];
         for (int i = 0; i < 6; ++i) W[i] += J[6 * c + i] * v[c];
         for (int i = 0; accelerated && i < 6; ++i) A_[j][i] += J[6 * c + i] * a[c];
       }
@@ -58,9 +58,9 @@ void ParameterPartials::update_world_poses() {
       a = x.second ? &pair.b : &pair.a;
     }
     const int joint = x.kind == ModelComponent::frame ? a->joint : x.id;
-    const double *o = m.rotation(joint), *at = m.position(joint);  // o by columns
+    const double *o = m.rotation(joint), *origin_of_joint = m.position(joint);  // o by columns
     for (int k = 0; k < 3; ++k) {
-      out.p[k] = o[k] * a->p[0] + o[3 + k] * a->p[1] + o[6 + k] * a->p[2] + at[k];
+      out.p[k] = o[k] * a->p[0] + o[3 + k] * a->p[1] + o[6 + k] * a->p[2] + origin_of_joint[k];
       for (int l = 0; l < 3; ++l) out.R[3 * k + l] = o[k] * a->R[l] + o[3 + k] * a->R[3 + l] + o[6 + k] * a->R[6 + l];
     }
   }

@@ -1,5 +1,4 @@
-// Partials with respect to motions of placements and frames, masses and gravity
-// at a point: cotangents of all model components.
+// Cotangents of all model components at a point: inertias, motions of placements and frames, gravity, armatures.
 #include "sensitivity/parameter_partials.hpp"
 
 namespace mbdae {
@@ -18,12 +17,12 @@ void add_inertial_gradient(const double* U, const double* A, double factor, doub
   out[9] += factor * w[2] * a[2];
 }
 
-void add_frame_gradient(const WorldPose& at, const double* g, double* out) {  // d/d(a motion in the world)
-  double rotated[3], all[6];
-  cross(g, at.p, rotated);
+void add_frame_gradient(const WorldPose& pose, const double* g, double* out) {  // d/d(motion), for a wrench g
+  double rotated[3], local[6];
+  cross(g, pose.p, rotated);
   for (int i = 0; i < 3; ++i) rotated[i] += g[3 + i];
-  rotate_by_columns(at.R, g, all), rotate_by_columns(at.R, rotated, all + 3);
-  for (int i = 0; i < 6; ++i) out[i] += all[i];
+  rotate_by_columns(pose.R, g, local), rotate_by_columns(pose.R, rotated, local + 3);
+  for (int i = 0; i < 6; ++i) out[i] += local[i];
 }
 
 }  // namespace
@@ -40,24 +39,24 @@ void ParameterPartials::update_virtual_velocities(const double* v) {
 void ParameterPartials::add_wrench_gradient(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X,
                                             std::vector<Vector>& sums) {
   const int a = pair.a.joint, b = pair.b.joint;
-  Six relative, by_a{}, by_b{}, damping{};
+  Six relative, a_gradient{}, b_gradient{}, damping{};
   for (int i = 0; i < 6; ++i) relative[i] = X[b][i] - X[a][i];
   for (int i = 0; i < 6; ++i)
     for (int j = 0; j < 6; ++j) {
-      by_a[j] += relative[i] * t.Da[6 * i + j], by_b[j] += relative[i] * t.Db[6 * i + j];
+      a_gradient[j] += relative[i] * t.Da[6 * i + j], b_gradient[j] += relative[i] * t.Db[6 * i + j];
       if (t.damped) damping[j] += relative[i] * t.C[6 * i + j];
     }
   for (const MovedFrame& m : moved_frames_.at(&pair)) {
     const ModelComponent& x = components_[m.component];
-    Six g = m.second ? by_b : by_a;
+    Six g = m.second ? b_gradient : a_gradient;
     if (x.kind == ModelComponent::placement) {
-      const int end = m.second ? b : a, before = s_.tree.parents[x.id];
+      const int end = m.second ? b : a, parent = s_.tree.parents[x.id];
       double Y[6], rotated[6];
-      for (int i = 0; i < 6; ++i) Y[i] = X[end][i] - X[before][i];
+      for (int i = 0; i < 6; ++i) Y[i] = X[end][i] - X[parent][i];
       wrench_cross(Y, t.F, rotated);
       for (int i = 0; i < 6; ++i) g[i] += m.second ? rotated[i] : -rotated[i];
       if (t.damped) {
-        for (int i = 0; i < 6; ++i) Y[i] = V_[end][i] - V_[before][i];
+        for (int i = 0; i < 6; ++i) Y[i] = V_[end][i] - V_[parent][i];
         wrench_cross(Y, damping.data(), rotated);
         for (int i = 0; i < 6; ++i) g[i] += m.second ? rotated[i] : -rotated[i];
       }
@@ -74,7 +73,7 @@ void ParameterPartials::add_gap_gradient(const Pair& pair, const double* F, std:
   }
 }
 
-// The joint's subtree is held, and the rest of the tree moved by -xi: U, V, A there become U x xi, ...
+// The subtree of a joint is fixed, and the remaining tree is displaced by -xi, which changes its U, V, A by U x xi, ...
 void ParameterPartials::update_virtual_momenta() {
   const int joints = s_.tree.joints;
   for (int j = 1; j < joints; ++j) {
@@ -101,7 +100,7 @@ void ParameterPartials::contract(const LinearizationPoint& point, const double* 
   if (needs_kinematics_) {
     update_virtual_velocities(cotangent);
     if (!inertial_joints_.empty()) update_virtual_momenta();
-    for (const ActingWrench& w : point.wrenches) {
+    for (const LawWrench& w : point.wrenches) {
       if (moved_frames_.at(w.pair).empty()) continue;
       const double power = w.conservative ? 0 : cotangent[n_ - 1];
       for (int j = 0; j < m.joints; ++j)
@@ -111,31 +110,31 @@ void ParameterPartials::contract(const LinearizationPoint& point, const double* 
   }
   for (size_t i = 0; i < components_.size(); ++i) {
     const ModelComponent& x = components_[i];
-    double* to = sums[i].data();
+    double* sum = sums[i].data();
     if (x.kind == ModelComponent::armature)
-      for (int k = 0; k < nv; ++k) to[k] -= cotangent[k] * point.vdot[k];
+      for (int k = 0; k < nv; ++k) sum[k] -= cotangent[k] * point.vdot[k];
     if (x.kind == ModelComponent::gravity && point.loaded)
-      for (int k = 0; k < 3; ++k) to[k] += H_[0][k];
+      for (int k = 0; k < 3; ++k) sum[k] += H_[0][k];
     if (x.kind == ModelComponent::inertia && !is_zero(U_[x.id])) {
       double U[6], V[6], A[6], VU[6];
       world_poses_[i].to_local(U_[x.id].data(), U), world_poses_[i].to_local(V_[x.id].data(), V),
           world_poses_[i].to_local(A_[x.id].data(), A);
       motion_cross(V, U, VU);
-      add_inertial_gradient(U, A, -1, to), add_inertial_gradient(VU, V, 1, to);
+      add_inertial_gradient(U, A, -1, sum), add_inertial_gradient(VU, V, 1, sum);
     }
     if (x.kind == ModelComponent::placement) {
       const int p = m.parents[x.id];
       if (is_zero(U_[p]) && is_zero(H_[x.id]) && is_zero(C_[x.id])) continue;
-      double rotated[6], rest[6];
+      double rotated[6], difference[6];
       Six g;
-      wrench_cross(V_[p].data(), H_[x.id].data(), rest);
-      for (int k = 0; k < 6; ++k) rest[k] = C_[x.id][k] - rest[k];
-      wrench_cross(V_[p].data(), rest, g.data());
+      wrench_cross(V_[p].data(), H_[x.id].data(), difference);
+      for (int k = 0; k < 6; ++k) difference[k] = C_[x.id][k] - difference[k];
+      wrench_cross(V_[p].data(), difference, g.data());
       wrench_cross(U_[p].data(), F_[x.id].data(), rotated);
       for (int k = 0; k < 6; ++k) g[k] += rotated[k];
       wrench_cross(A_[p].data(), H_[x.id].data(), rotated);
       for (int k = 0; k < 6; ++k) g[k] += rotated[k];
-      add_frame_gradient(world_poses_[i], g.data(), to);
+      add_frame_gradient(world_poses_[i], g.data(), sum);
     }
   }
 }

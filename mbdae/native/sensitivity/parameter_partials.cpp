@@ -1,3 +1,4 @@
+// Components moved by parameters, perturbed laws and rows, and gradients accumulated over points.
 #include "sensitivity/parameter_partials.hpp"
 
 #include <algorithm>
@@ -27,49 +28,49 @@ ParameterPartials::ParameterPartials(Index2System& s, int count, std::vector<Mod
   columns_.resize(m.joints), subtree_.resize(m.joints), joint_of_.resize(s.nv);
   has_ancestor_.assign(m.joints, std::vector<bool>(m.joints, false));
   for (int j = 1; j < m.joints; ++j) {
-    const auto &all = supports[j].velocities, &before = supports[m.parents[j]].velocities;
-    columns_[j].assign(all.begin() + before.size(), all.end());
+    const auto &dofs = supports[j].velocities, &parent_dofs = supports[m.parents[j]].velocities;
+    columns_[j].assign(dofs.begin() + parent_dofs.size(), dofs.end());
     for (int c : columns_[j]) joint_of_[c] = j;
     for (int i = j; i; i = m.parents[i]) has_ancestor_[j][i] = true, subtree_[i].push_back(j);
     subtree_[0].push_back(j);
   }
-  along_.resize(components_.size());
-  for (size_t d = 0; d < directions_.size(); ++d) along_[directions_[d].component].push_back(&directions_[d]);
-  std::vector<bool> used(m.joints, false), has_inertia(m.joints, false);
-  const auto use = [&](int j) {
-    for (; j; j = m.parents[j]) used[j] = true;
+  directions_of_.resize(components_.size());
+  for (size_t d = 0; d < directions_.size(); ++d) directions_of_[directions_[d].component].push_back(&directions_[d]);
+  std::vector<bool> needs_motion(m.joints, false), has_inertia(m.joints, false);
+  const auto require_motion = [&](int j) {
+    for (; j; j = m.parents[j]) needs_motion[j] = true;
   };
   for (const ModelComponent& x : components_) {
     needs_kinematics_ = needs_kinematics_ || x.kind != ModelComponent::armature;
     has_placement_ = has_placement_ || x.kind == ModelComponent::placement;
     frames_move_ = frames_move_ || has_placement_ || x.kind == ModelComponent::frame;
-    if (x.kind == ModelComponent::inertia) use(x.id);
+    if (x.kind == ModelComponent::inertia) require_motion(x.id);
     if (x.kind != ModelComponent::placement && x.kind != ModelComponent::gravity) continue;
     for (int j : subtree_[x.kind == ModelComponent::placement ? x.id : 0]) {
       has_inertia[j] = true;
-      if (x.kind == ModelComponent::placement) use(j);
+      if (x.kind == ModelComponent::placement) require_motion(j);
     }
   }
   const auto collect_moved_frames = [&](const std::vector<Pair>& pairs, bool of_laws) {
     for (size_t p = 0; p < pairs.size(); ++p) {
       const int a = pairs[p].a.joint, b = pairs[p].b.joint;
-      std::vector<MovedFrame>& moved = moved_frames_[&pairs[p]];
+      std::vector<MovedFrame>& frames = moved_frames_[&pairs[p]];
       for (int i = 0; i < static_cast<int>(components_.size()); ++i) {
         const ModelComponent& x = components_[i];
         if (x.kind == ModelComponent::frame && x.of_law == of_laws && x.id == static_cast<int>(p))
-          moved.push_back({i, x.second});
+          frames.push_back({i, x.second});
         if (x.kind == ModelComponent::placement && has_ancestor_[a][x.id] != has_ancestor_[b][x.id])
-          moved.push_back({i, has_ancestor_[b][x.id]});
+          frames.push_back({i, has_ancestor_[b][x.id]});
       }
-      if (moved.empty()) continue;
-      use(a), use(b);
+      if (frames.empty()) continue;
+      require_motion(a), require_motion(b);
       has_moving_rows_ = has_moving_rows_ || !of_laws;
     }
   };
   collect_moved_frames(s.constraints.pairs, false), collect_moved_frames(s.law_pairs(), true);
   for (const ChangedElement& c : changed_) has_changed_rows_ = has_changed_rows_ || !c.rows.empty();
   for (int j = 1; j < m.joints; ++j) {
-    if (used[j]) moving_joints_.push_back(j);
+    if (needs_motion[j]) moving_joints_.push_back(j);
     if (has_inertia[j]) inertial_joints_.push_back(j);
   }
   for (auto* x : {&V_, &A_, &U_, &X_, &F_, &H_, &C_, &h_, &W_}) x->assign(m.joints, Six{});
@@ -105,14 +106,14 @@ void ParameterPartials::evaluate_changed(const LinearizationPoint& point) {
     double* P = &changed_P_[i * n];
     if (!c.bodies.empty()) {
       double gravity[3] = {0, 0, 0};
-      const Vector rest(nv, 0.0);
+      const Vector zero(nv, 0.0);
       const bool has_gravity = !c.gravity.empty();
       if (point.loaded) m.gravity(gravity);
       if (has_gravity)
         for (int l = 0; l < 3; ++l) gravity[l] = point.loaded ? c.gravity[l] : 0;
       std::fill(other.begin(), other.end(), 0.0);
-      m.add_forces(c.bodies, point.q.data(), has_gravity ? rest.data() : v,
-                   has_gravity ? rest.data() : point.vdot.data(), gravity, other.data());
+      m.add_forces(c.bodies, point.q.data(), has_gravity ? zero.data() : v,
+                   has_gravity ? zero.data() : point.vdot.data(), gravity, other.data());
       for (size_t l = 0; l < nv; ++l) P[l] -= other[l];
     }
     for (const PerturbedLaws& perturbed : c.laws) {
@@ -178,7 +179,7 @@ void ParameterPartials::add_point(const LinearizationPoint& point, const Vector&
   for_constraint_points(point, point.q, [&](const LinearizationPoint::ConstraintPoint& constrained, const Pair& pair) {
     for (size_t c = 0; c < costs; ++c) {
       WrenchPartials sum;
-      for (const auto& [at, t] : requested_) sum.add(constrained.weight * nu[c * r + at], *t);
+      for (const auto& [row, t] : requested_) sum.add(constrained.weight * nu[c * r + row], *t);
       if (constrained.kind == LinearizationPoint::ConstraintPoint::g)
         add_gap_gradient(pair, sum.F, sums_[c].components);
       else

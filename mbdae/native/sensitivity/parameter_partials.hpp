@@ -1,6 +1,6 @@
 // Partials of a stage with respect to parameters of a mechanism
-// (mbdae/mechanism/discrete_sensitivity/parameter_partials.py): each is a direction in model components, or a change of
-// laws, rows and flexible bodies.
+// (mbdae/mechanism/discrete_sensitivity/parameter_partials.py). A parameter is a direction in model components, or a
+// perturbation of laws, rows and flexible bodies.
 #pragma once
 
 #include <map>
@@ -12,18 +12,18 @@
 
 namespace mbdae {
 
-// Components of a model that parameters can change.
+// A component of a model that parameters may change.
 struct ModelComponent {
   NAMED_ENUM(enum, Kind, inertia, placement, frame, gravity, armature)
   Kind kind;
-  int id = 0;           // the joint of the body or of the placement; or the index of a pair
+  int id = 0;           // joint of the body or of the placement, or index of a pair
   bool of_law = false;  // the pair belongs to a law
-  bool second = false;  // the pair's second frame
+  bool second = false;  // the second frame of the pair
 
   FIELDS(kind, id, of_law, second)
 };
 
-// Mass, moment, inertia; a motion; a vector; one for each velocity.
+// Number of entries: mass, first moment and inertia; gravity; armatures; a motion.
 inline int size_of(ModelComponent::Kind kind, int nv) {
   return kind == ModelComponent::inertia    ? 1 + 3 + 6
          : kind == ModelComponent::gravity  ? 3
@@ -38,7 +38,7 @@ struct Direction {  // of a parameter in a model component
   FIELDS(parameter, component, x)
 };
 
-// Laws, or rows, perturbed by a parameter: differences are sums of them with weights.
+// Laws or rows perturbed by a parameter, with their weight in a finite difference.
 struct PerturbedLaws {
   PerturbedLaws(double weight, std::vector<Pair> pairs, std::vector<Law> laws);
   double weight;
@@ -53,11 +53,11 @@ struct PerturbedRows {
 
 struct ChangedElement {
   int parameter;
-  std::vector<int> indices;  // of the laws' states, or of the rows
+  std::vector<int> indices;  // indices of the states of laws, or of rows
   std::vector<PerturbedLaws> laws;
   std::vector<PerturbedRows> rows;
-  std::vector<FlexibleBody> bodies;  // with the rates of their numbers
-  Vector gravity;  // the rate of gravity, which then acts alone on bodies with their numbers; or empty
+  std::vector<FlexibleBody> bodies;  // whose data are rates of the parameters
+  Vector gravity;                    // rate of gravity, which acts on bodies with their actual data; empty: none
 };
 
 class ParameterPartials {
@@ -66,67 +66,69 @@ class ParameterPartials {
                     std::vector<Direction> directions, std::vector<ChangedElement> changed);
 
   size_t count() const { return count_; }
-  bool frames_move() const { return frames_move_; }  // do placements or frames change?
+  bool frames_move() const { return frames_move_; }  // placements or frames depend on parameters
 
   // Partials of friction that depends on multipliers, computed in Python at (q, v, lam): K (n, nv), D (n, n), P (k, n).
   using Friction = std::function<void(const Vector& q, const Vector& v, const Vector& lam, Vector& K, Vector& D,
                                       Vector& P)>;
   Friction friction;
 
-  // The gradient of each cost, a sum over points:
+  // Gradients of costs, as sums over points.
   void begin_gradient(size_t costs);
-  // Adds P^T cotangent + Q^T nu, (costs, n), (costs, r).
+  // Add P^T cotangent + Q^T nu, for cotangent (costs, n) and nu (costs, r).
   void add_point(const LinearizationPoint& point, const Vector& cotangent, const Vector& nu);
   void add_columns(const Vector& P, const Vector& cotangent);  // P (k, n)
-  void end_gradient(double* p);  // adds it to p (costs, k)
-  void forces(const LinearizationPoint& point, Vector& P);                          // P (k, n), J and poses current
-  void rows(const LinearizationPoint& point, Vector& Q, const Vector& q);          // Q (k, r), the same at q
+  void end_gradient(double* p);                                // add the gradients to p (costs, k)
+  // P (k, n); requires current J and poses
+  void forces(const LinearizationPoint& point, Vector& P);
+  // Q (k, r); requires J and poses at q
+  void rows(const LinearizationPoint& point, Vector& Q, const Vector& q);
 
  private:
   struct MovedFrame {  // components that move only one frame of a pair
     int component;
-    bool second;  // of the second one
+    bool second;  // whether it is the second frame
   };
   struct RequestedRow {  // a row of a pair
-    int at;
+    int position;        // among the rows in use
     const WrenchPartials* partials;
   };
 
-  void update_poses(const LinearizationPoint& point);     // J and poses, if needed
-  void evaluate_terms(const LinearizationPoint& point);   // all other terms, and changed_P_, with current poses
+  void update_poses(const LinearizationPoint& point);    // J and poses, if required
+  void evaluate_terms(const LinearizationPoint& point);  // all other terms, and changed_P_, at the current poses
   void evaluate_changed(const LinearizationPoint& point);                         // changed_P_
-  void add_changed_rows(const LinearizationPoint::ConstraintPoint& constrained);  // adds to changed_Q_
+  void add_changed_rows(const LinearizationPoint::ConstraintPoint& constrained);  // add to changed_Q_
   template <bool accelerated>
   void update_motions(const double* v, const double* a);  // V_, and A_
   void update_momenta();                                  // F_ and h_
   void update_world_poses();
-  // At each constraint point, computes changed_Q_, and calls each(constrained, pair) with requested_ of the pairs moved
-  // by placements and frames; poses are current at q.
+  // Update changed_Q_ at each constraint point, set requested_ for each pair that placements and frames move, and call
+  // each(constrained, pair); poses must be current at q.
   template <class F>
   void for_constraint_points(const LinearizationPoint& point, const Vector& q, const F& each);
 
   void contract(const LinearizationPoint& point, const double* cotangent, std::vector<Vector>& sums);
   void update_virtual_velocities(const double* v);  // U_
   void update_virtual_momenta();                    // H_ and C_
-  // Adds the partials of F . (X_b - X_a) with respect to motions of placements and frames; velocities V_ for a damped
-  // wrench.
+  // Add the partials of F . (X_b - X_a) with respect to motions of placements and frames; uses V_ if the wrench is
+  // damped.
   void add_wrench_gradient(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X,
                            std::vector<Vector>& sums);
-  // The same of F . d_b - F . d_a.
+  // Add the partials of F . d_b - F . d_a.
   void add_gap_gradient(const Pair& pair, const double* F, std::vector<Vector>& sums);
 
   void inertia_columns(int component, Vector& P) const;
   void placement_columns(int component, Vector& P);
   void gravity_columns(int component, Vector& P);
-  void pair_columns(const ActingWrench& w, Vector& P) const;
+  void pair_columns(const LawWrench& w, Vector& P) const;
   void row_columns(const LinearizationPoint::ConstraintPoint& constrained, const Pair& pair, size_t r,
                    Vector& Q) const;
-  // Change of a wrench due to xi of a frame, or of a placement with its subtree: dF for the rest of the tree, `within`
-  // for the subtree. Returns the partial of F . (V_b - V_a).
-  double wrench_change(const Pair& pair, const WrenchPartials& t, const MovedFrame& by, const double* xi, double* dF,
-                       double* within) const;
-  void subtract_wrench(int joint, const double* W, double* P) const;  // P -= J^T W with the columns that move a joint
-  void subtract_subtree_wrenches(int joint, double* P);  // the same of W_ on bodies of its subtree, by columns there
+  // Change of a wrench due to a motion xi of a frame, or of a placement with its subtree: subtree_dF in the subtree, dF
+  // outside. Returns the partial of F . (V_b - V_a).
+  double wrench_change(const Pair& pair, const WrenchPartials& t, const MovedFrame& frame, const double* xi, double* dF,
+                       double* subtree_dF) const;
+  void subtract_wrench(int joint, const double* W, double* P) const;  // P -= J^T W, by the columns that move the joint
+  void subtract_subtree_wrenches(int joint, double* P);               // P -= J^T W_ of the subtree, by its columns
 
   Index2System& s_;
   const size_t count_;
@@ -136,22 +138,23 @@ class ParameterPartials {
   std::vector<ChangedElement> changed_;
   std::map<const Pair*, std::vector<MovedFrame>> moved_frames_;  // of all pairs
   bool frames_move_ = false, has_placement_ = false, needs_kinematics_ = false, has_changed_rows_ = false;
-  bool has_moving_rows_ = false;                      // with placements and frames
-  std::vector<std::vector<int>> columns_;             // of J, of each joint
-  std::vector<int> joint_of_;                         // (nv,) of each column
-  std::vector<std::vector<bool>> has_ancestor_;       // (joints, joints) is the second one the first or its ancestor?
+  bool has_moving_rows_ = false;           // rows depend on placements or frames
+  std::vector<std::vector<int>> columns_;  // columns of J of each joint
+  std::vector<int> joint_of_;              // (nv,) joint of each column
+  // (joints, joints): whether the second joint is the first or its ancestor
+  std::vector<std::vector<bool>> has_ancestor_;
   std::vector<std::vector<int>> subtree_;             // the subtree of each joint; of the world: all joints
-  std::vector<std::vector<const Direction*>> along_;  // in each component
-  std::vector<int> moving_joints_, inertial_joints_;  // joints whose motions, and whose bodies are needed
+  std::vector<std::vector<const Direction*>> directions_of_;  // of each component
+  std::vector<int> moving_joints_, inertial_joints_;          // joints whose motions, and whose bodies are required
   struct Sums {
     std::vector<Vector> components;
-    Vector columns, changed;  // (k,) of further columns, and of changed laws and rows
+    Vector columns, changed;  // (k,) from `add_columns`; of perturbed laws and rows
   };
-  std::vector<Sums> sums_;         // the cotangents of each cost
-  Vector changed_P_, changed_Q_;  // of changed laws and rows: (changed, n), (changed, ng)
+  std::vector<Sums> sums_;        // gradients of each cost
+  Vector changed_P_, changed_Q_;  // of perturbed laws and rows: (changed, n), (changed, ng)
 
-  // By joint: velocity, acceleration minus gravity, velocity U of the virtual motion, and U + power V. Of its subtree:
-  // wrench I A + V x* h, I U, V x* I U - U x* h - I (V x U), and a change of the wrench; of its body alone h = I V.
+  // By joint: V velocity, A acceleration minus gravity, U virtual velocity, X = U + power V. Sums over its subtree:
+  // F = I A + V x* h, H = I U, C = V x* I U - U x* h - I (V x U), W change of the wrench. Of its body: h = I V.
   std::vector<Six> V_, A_, U_, X_, F_, H_, C_, W_, h_;
   std::vector<Body> body_;
   std::vector<WorldPose> world_poses_;  // of all components
@@ -178,7 +181,7 @@ void ParameterPartials::for_constraint_points(const LinearizationPoint& point, c
       Pair& pair = s_.constraints.pairs[p];
       if (moved_frames_.at(&pair).empty()) continue;
       requested_.clear();
-      for (int k : s_.constraints.of_pair[p]) {
+      for (int k : s_.constraints.rows_of_pair[p]) {
         if (position[k] < 0) continue;
         requested_.push_back({position[k], at_position ? &gaps_[k] : &constrained.wrench_partials[k]});
         if (!at_position) continue;

@@ -1,9 +1,9 @@
-// Sensitivity of projections (mbdae/mechanism/formulations/steps/projection.py): states onto the closures, and
-// velocities onto rows newly in use. A correction is the x of least x^T M x with G x = r, so that with multipliers eta
+// Sensitivity of projections (mbdae/mechanism/formulations/steps/projection.py): of states onto the closures, and of
+// velocities onto new rows in use. A correction x minimizes x^T M x with G x = r, so that with multipliers eta
 //
 //   M dx - G^T deta = d(G^T eta) dq + (G^T eta - M x)_p dp - dM x dq_0,   G dx = dr - d(G x) dq - (G x)_p dp
 //
-// where M is evaluated at q_0, the end of the step, and G at q, on the way from it to the closures.
+// where M is evaluated at q_0, the end of the step, and G at q, an iterate of the projection.
 #pragma once
 
 #include <memory>
@@ -14,39 +14,40 @@ namespace mbdae {
 
 class ProjectionSensitivity {
  public:
-  ProjectionSensitivity(Index2System& system, ParameterPartials& parameters, bool forward);  // or reverse
+  // forward: tangents; otherwise cotangents
+  ProjectionSensitivity(Index2System& system, ParameterPartials& parameters, bool forward);
 
-  // y (length,) becomes the nearest point that satisfies the closures; or v alone the nearest that they allow.
+  // Project y (length,), or v alone, onto the closures.
   void take(double t, double* y, bool positions = true);
-  // Tangents dy (ny,) become those of that point, for dp (k,) and dt, which may be missing; direction by direction,
-  // `width` numbers apart.
-  void forward(int directions, double* moved, size_t width, const double* dp, const double* dt);
-  // Cotangents (costs, width) of that point become those of the given one.
-  void reverse(int costs, double* bars, size_t width);
+  // Replace tangents dy (ny,) by those of the projected point, for dp (k,) and dt, which may be null; directions are
+  // `width` entries apart.
+  void forward(int directions, double* tangents, size_t width, const double* dp, const double* dt);
+  // Replace cotangents (costs, width) of the projected point by those of y.
+  void reverse(int costs, double* cotangents, size_t width);
 
  private:
-  // A correction x of least x^T M x with G x = r, and eta: M x = G^T eta.
+  // A correction x that minimizes x^T M x with G x = r, and its multipliers eta: M x = G^T eta.
   struct Correction {
     LinearizationPoint point;
-    bool of_v = false, moved = false;  // moved: x is nonzero
-    std::vector<int> rows;             // (r,) that it satisfies
+    bool velocity_level = false, is_nonzero = false;  // is_nonzero: of x
+    std::vector<int> rows;                            // (r,) rows that it satisfies
     BandLU lu;                         // of G M^-1 G^T
-    Vector G, Z, x;                    // entries by rows twice, (nv,)
+    Vector G, Z, x;                    // entries by rows, entries by rows, (nv,)
     Vector K, B, T, Bv;                // (nv, nv), (r, nv), (nv, nv), (r, nv); see correct()
     std::vector<IntegratePartialsBlock> integrate_partials;
-    Vector P, Q;  // (k, n) where moved, and (k, r); for tangents
-    Vector by_t;  // (ng,) of what it corrects
+    Vector P, Q;   // (k, n) if x is nonzero, and (k, r); for tangents
+    Vector dr_dt;  // (ng,) partials of r with respect to t
   };
 
   void correct(Correction& c, double t, const double* q, const double* v, const Vector& r);
-  void solve(const Correction& c, double* above, double* below) const;  // becomes x, eta; (nv,) and (ng,) by row
-  void solve_transposed(const Correction& c, double* above, double* below) const;  // below: 0 before; (r,) after
+  void solve(const Correction& c, double* upper, double* lower) const;  // replaced by x (nv,) and eta (ng,) by row
+  void solve_transposed(const Correction& c, double* upper, double* lower) const;  // lower: (r,), initially 0
 
   Index2System& s_;
   ParameterPartials& parameters_;
   const bool forward_;
-  Configuration factors_;  // of M at its start
-  Vector q0_;              // its start
+  Configuration factors_;  // factors of M at q_0
+  Vector q0_;              // start of the projection
   std::vector<std::unique_ptr<Correction>> corrections_;
   size_t count_ = 0;
 };

@@ -1,4 +1,4 @@
-// Recompute a half-explicit step of index 2 with its tangent and adjoint: stages by elimination.
+// A recomputed half-explicit step of index 2 with its tangent and adjoint: stages by elimination.
 #pragma once
 
 #include <memory>
@@ -12,15 +12,15 @@ namespace mbdae {
 
 class StepSensitivity final : public HalfExplicitStep, public StepMap {
  public:
-  // forward: for tangents; otherwise for cotangents
+  // forward: tangents; otherwise cotangents
   StepSensitivity(Index2System& system, ParameterPartials* parameters, const Tableau& a, bool forward = false);
 
-  // The same without partials, if they are not requested.
+  // partials: whether to store the partials of the step.
   void repeat(double t, double h, const State& in, State& out, bool partials);
   void repeat(double t, double h, const State& in, State& out) override { repeat(t, h, in, out, true); }
-  // dh and dt are not supported: `CoupledStages` has them.
-  void forward(int directions, double* moved, const double* dp, const double* dh, const double* dt) override;
-  void reverse(int costs, double* bar) override;
+  // dh and dt are ignored; `CoupledStages` supports them.
+  void forward(int directions, double* tangents, const double* dp, const double* dh, const double* dt) override;
+  void reverse(int costs, double* cotangents) override;
 
  private:
   void record_stage(int stage, double t, double that, double factor, const double* F);
@@ -33,7 +33,7 @@ class StepSensitivity final : public HalfExplicitStep, public StepMap {
   std::vector<IntegratePartialsBlock> end_;
   Vector dF_, Q_dp_, x_bar_, xhat_bar_, P_dp_;
   std::vector<Vector> P_, Q_;  // of stages, for tangents
-  Vector above_, nu_;          // of a stage, for cotangents: (costs, n), (costs, r)
+  Vector upper_, nu_;          // of a stage, for cotangents: (costs, n), (costs, r)
 };
 
 }  // namespace mbdae

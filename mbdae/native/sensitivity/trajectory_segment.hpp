@@ -1,4 +1,4 @@
-// Recompute many steps of a run: carries, tangents and adjoints (mbdae/integrate/trajectory/trajectory.py).
+// Recomputed steps of a segment of a run: carries, tangents and adjoints (mbdae/integrate/trajectory/trajectory.py).
 #pragma once
 
 #include "sensitivity/projection_sensitivity.hpp"
@@ -8,7 +8,7 @@
 
 namespace mbdae {
 
-// Steps between nodes t (m + 1,), y (m + 1, length): one from each to the next, or two of half the size.
+// Steps between nodes t (m + 1,), y (m + 1, length): one between neighbouring nodes, or two of half the size.
 struct TrajectorySegment {
   const Tableau* tableau;  // or
   const Radau* radau;
@@ -17,31 +17,31 @@ struct TrajectorySegment {
   const double *t, *y;
 };
 
-// Tolerances of a run: projections without a new carry, and agreement of recomputed steps.
+// Tolerances of a run: of projections that keep the carry, and of the agreement of recomputed steps.
 struct RepeatTolerances {
   bool adaptive;
   StepControl control;
-  double tolerated_move, tiny;   // with fixed steps, of magnitudes
-  double same_state, agreement;  // of 1 + |y|
+  double tolerated_move, tiny;   // with fixed steps, relative to magnitudes
+  double same_state, agreement;  // relative to 1 + |y|
 };
 
-// The carry at each node, (m + 1, nc), from that of the first, and where it was recomputed. Recomputed points continue
-// independently of the run, unless they differ by more than `agreement`.
+// The carry at each node, (m + 1, nc), from that at the first one, and the nodes at which it was restarted. Recomputed
+// states continue independently of the run, unless they deviate by more than `agreement`.
 struct Recomputed {
   Vector carries, end;
   std::vector<int> restarted;  // (m + 1,)
-  size_t steps;                // that ended within `same_state`
+  size_t steps;                // number of steps whose ends agree within `same_state`
 };
 
 void recompute(Index2System& s, const TrajectorySegment& segment, const RepeatTolerances& tolerances, Recomputed& out);
-// Cotangents (costs, ny + nc) at the last node become those at the first; `extra` (m + 1, costs, ny + nc) are added at
-// the inner nodes, and those of parameters (costs, k) are accumulated.
+// Replace cotangents (costs, ny + nc) at the last node by those at the first one; add `extra` (m + 1, costs, ny + nc)
+// at the inner nodes, and accumulate the cotangents of parameters (costs, k).
 void adjoint(Index2System& s, ParameterPartials& parameters, const TrajectorySegment& segment, const double* carries,
-             int costs, const double* extra, double* bars, double* p);
+             int costs, const double* extra, double* cotangents, double* p);
 size_t carry_size(const Index2System& s, const TrajectorySegment& segment);
-// Tangents (d, ny + nc) at the first node lead to those at all of them, (m + 1, d, ny + nc); dh (d,) are those of the
-// size of each step, or missing.
+// Tangents at all nodes, (m + 1, d, ny + nc), from those at the first node (d, ny + nc); dh (d,): tangents of the size
+// of each step, or null.
 void tangent(Index2System& s, ParameterPartials& parameters, const TrajectorySegment& segment, const double* carries,
-             int d, const double* dp, const double* dh, const double* first, double* along);
+             int d, const double* dp, const double* dh, const double* first, double* tangents);
 
 }  // namespace mbdae

@@ -1,4 +1,4 @@
-// Bodies and placements in the world.
+// Momentum of a body in the world, and transforms between the world and the axes of a frame.
 #pragma once
 
 #include "mechanism/rnea_partials.hpp"
@@ -17,14 +17,14 @@ inline void momentum(const Body& b, const double* V, double* out) {  // I V
 struct WorldPose {  // a body, a joint placement, or a frame, in the world; R by rows
   double R[9], p[3];
 
-  void to_local(const double* X, double* out) const {  // a motion from the world to its axes; R^T is R by columns
-    double moved[3];
-    cross(X + 3, p, moved);
-    for (int i = 0; i < 3; ++i) moved[i] += X[i];
-    rotate_by_columns(R, moved, out), rotate_by_columns(R, X + 3, out + 3);
+  void to_local(const double* X, double* out) const {  // a motion, from the world to the axes of the frame
+    double linear[3];
+    cross(X + 3, p, linear);
+    for (int i = 0; i < 3; ++i) linear[i] += X[i];
+    rotate_by_columns(R, linear, out), rotate_by_columns(R, X + 3, out + 3);
   }
 
-  void to_world(const double* x, double* out) const {  // a motion from its axes to the world's
+  void to_world(const double* x, double* out) const {  // a motion, from the axes of the frame to the world
     double arm[3];
     rotate(R, x, out), rotate(R, x + 3, out + 3), cross(p, out + 3, arm);
     for (int i = 0; i < 3; ++i) out[i] += arm[i];

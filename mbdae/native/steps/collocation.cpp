@@ -1,3 +1,4 @@
+// Newton iteration of the stages of a collocation method, extrapolation of its stages, error estimate.
 #include "steps/collocation.hpp"
 
 #include <algorithm>
@@ -14,7 +15,7 @@ namespace {
 
 using In = Eigen::Map<const Eigen::VectorXd>;
 
-// out (s, n) = h A K of A (s, s) and K (s, n), by rows.
+// out (s, n) = h A K, for A (s, s) and K (s, n), by rows.
 void combine(const Vector& A, const double* K, int s, int n, double h, double* out) {
   std::fill(out, out + s * n, 0.0);
   for (int i = 0; i < s; ++i) {
@@ -27,7 +28,7 @@ void combine(const Vector& A, const double* K, int s, int n, double h, double* o
   }
 }
 
-// The Lagrange polynomials of the nodes c at the points x, (n, s).
+// Values (n, s) of the Lagrange polynomials of the nodes c at the points x.
 Rows<double> lagrange(const Vector& c, const Vector& x) {
   const int n = static_cast<int>(x.size()), s = static_cast<int>(c.size());
   Rows<double> out = Rows<double>::Ones(n, s);
@@ -38,8 +39,8 @@ Rows<double> lagrange(const Vector& c, const Vector& x) {
   return out;
 }
 
-// Remaining iterations after a change by `size`, until the next one would be below the tolerance.
-int iterations_left(const Radau& a, double size, double rate) {
+// Number of iterations after a change of norm `size`, until the next change is below the tolerance.
+int remaining_iterations(const Radau& a, double size, double rate) {
   if (rate * size <= a.below_rounding) return 0;
   if (!(rate < 1)) return a.extra_iterations;
   return static_cast<int>(
@@ -48,16 +49,16 @@ int iterations_left(const Radau& a, double size, double rate) {
 
 }  // namespace
 
-std::shared_ptr<StageMemory> resampled(const Radau& a, const StageMemory& m, double later, double h) {
+std::shared_ptr<StageMemory> resample(const Radau& a, const StageMemory& m, double delay, double h) {
   auto out = std::make_shared<StageMemory>();
   Vector x(a.c);
-  for (double& c : x) c = (later + c * h) / m.h;
-  const Rows<double> at = lagrange(a.c, x);
+  for (double& c : x) c = (delay + c * h) / m.h;
+  const Rows<double> L = lagrange(a.c, x);
   const int r = static_cast<int>(m.unknowns.size()), ny = static_cast<int>(m.K.size()) / a.s;
   out->unknowns = m.unknowns, out->h = h, out->rate = INFINITY;
   out->K.resize(m.K.size()), out->Z.resize(m.Z.size());
-  RowsOut(out->K.data(), a.s, ny) = at.lazyProduct(RowsIn(m.K.data(), a.s, ny));
-  RowsOut(out->Z.data(), a.s, r) = at.lazyProduct(RowsIn(m.Z.data(), a.s, r));
+  MatrixMap(out->K.data(), a.s, ny) = L.lazyProduct(ConstMatrixMap(m.K.data(), a.s, ny));
+  MatrixMap(out->Z.data(), a.s, r) = L.lazyProduct(ConstMatrixMap(m.Z.data(), a.s, r));
   return out;
 }
 
@@ -89,79 +90,80 @@ void CollocationStep::correction(const Radau& a, double t, const StageMemory& m)
     const EigenMode& mode = a.modes[i];
     const bool real = mode.value.imag() == 0;
     std::fill(dk_.begin(), dk_.end(), 0.0), std::fill(dz_.begin(), dz_.end(), 0.0);
-    auto gather = [&](const double* from, int n, double* to) {
+    auto project_to_mode = [&](const double* from, int n, double* to) {
       for (int j = 0; j < s; ++j, from += n) {
         const double x = mode.row[j].real(), y = mode.row[j].imag();
         for (int k = 0; k < n; ++k) to[k] += x * from[k];
         for (int k = 0; k < n && !real; ++k) to[n + k] += y * from[k];
       }
     };
-    auto spread = [&](const double* from, int n, double* to) {
+    auto add_mode = [&](const double* from, int n, double* to) {
       for (int j = 0; j < s; ++j, to += n) {
         const double x = mode.column[j].real(), y = mode.column[j].imag();
         for (int k = 0; k < n; ++k) to[k] += x * from[k];
         for (int k = 0; k < n && !real; ++k) to[k] -= y * from[n + k];
       }
     };
-    gather(R_.data(), ny, dk_.data()), gather(C_.data(), r, dz_.data());
+    project_to_mode(R_.data(), ny, dk_.data()), project_to_mode(C_.data(), r, dz_.data());
     s_.counts.solves += 1;
     m.solvers[i]->solve(dk_.data(), dz_.data(), work_);
-    spread(dk_.data(), ny, dK_.data()), spread(dz_.data(), r, dZ_.data());
+    add_mode(dk_.data(), ny, dK_.data()), add_mode(dz_.data(), r, dZ_.data());
   }
 }
 
-void CollocationStep::grow_scale(const Radau& a, const Vector& moves) {
+void CollocationStep::enlarge_scale(const Radau& a, const Vector& displacements) {
   Vector scale(size_);
-  double most = 0;
+  double largest_scale = 0;
   for (int k = 0; k < s_.controlled_components(); ++k) {
     double move = 0;
-    for (int i = 0; i < a.s; ++i) move = std::max(move, std::fabs(moves[i * ny_ + k]));
-    scale[k] += move, most = std::max(most, scale[k]);
+    for (int i = 0; i < a.s; ++i) move = std::max(move, std::fabs(displacements[i * ny_ + k]));
+    scale[k] += move, largest_scale = std::max(largest_scale, scale[k]);
   }
-  for (int k = 0; k < s_.controlled_components(); ++k) scale_[k] = std::max(scale_[k], scale[k] + a.negligible * most);
+  for (int k = 0; k < s_.controlled_components(); ++k)
+    scale_[k] = std::max(scale_[k], scale[k] + a.negligible * largest_scale);
 }
 
 bool CollocationStep::solve(const Radau& a, int max_iterations, double accuracy, double t, StageMemory& m) {
-  const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), measured = s_.controlled_components();
-  const double h = m.h, near = std::max(a.iteration_rounding, accuracy);
+  const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), n_controlled = s_.controlled_components();
+  const double h = m.h, acceptable = std::max(a.iteration_rounding, accuracy);
   for (Vector* x : {&X_, &R_, &dK_, &moves_}) x->resize(s * ny);
   C_.resize(s * r), dZ_.resize(s * r), dk_.resize(2 * ny), dz_.resize(2 * r);
   combine(a.A, m.K.data(), s, ny, h, X_.data());
   std::fill(scale_.begin(), scale_.end(), 0.0);
-  grow_scale(a, X_);
+  enlarge_scale(a, X_);
   double last = INFINITY, rate = a.expected_rate;
-  int left = 0;
+  int remaining = 0;
   for (int k = 0; k < max_iterations; ++k) {
     correction(a, t, m);
     for (int i = 0; i < s * ny; ++i) m.K[i] += dK_[i];
     for (int i = 0; i < s * r; ++i) m.Z[i] += dZ_[i];
     combine(a.A, m.K.data(), s, ny, h, X_.data());
     combine(a.A, dK_.data(), s, ny, h, moves_.data());
-    if (!k) grow_scale(a, moves_);  // from rest, where nothing acts at the start, the guess foresees no change
+    if (!k) enlarge_scale(a, moves_);  // from rest without forces, the initial guess predicts no change
     double sum = 0;
     for (int i = 0; i < s; ++i)
-      for (int j = 0; j < measured; ++j) {
+      for (int j = 0; j < n_controlled; ++j) {
         const double move = moves_[i * ny + j] / (scale_[j] + std::numeric_limits<double>::min());
         sum += move * move;
       }
-    const double size = std::sqrt(sum / (s * measured));
+    const double size = std::sqrt(sum / (s * n_controlled));
     s_.counts.newton += 1;
     if (k && last > a.iteration_rounding) rate = k == 1 ? size / last : std::sqrt(rate * size / last);
-    if (k ? rate < 1 && rate * size <= accuracy * (1 - rate) : size <= accuracy) {  // what is left is less
+    if (k ? rate < 1 && rate * size <= accuracy * (1 - rate) : size <= accuracy) {  // the remaining error is smaller
       m.rate = rate;
       return true;
     }
     if (last > a.iteration_rounding) {
-      left = k ? iterations_left(a, size, rate) : a.first_iterations;
+      remaining = k ? remaining_iterations(a, size, rate) : a.first_iterations;
     } else {
-      --left;
+      --remaining;
     }
-    if (size <= a.iteration_rounding && (left <= 0 || k == max_iterations - 1)) {
+    if (size <= a.iteration_rounding && (remaining <= 0 || k == max_iterations - 1)) {
       m.rate = rate;
       return true;
     }
-    const bool slow =
-        k > 1 && last > a.iteration_rounding && (rate >= 1 || std::pow(rate, max_iterations - 1 - k) * size > near);
+    const bool slow = k > 1 && last > a.iteration_rounding &&
+                      (rate >= 1 || std::pow(rate, max_iterations - 1 - k) * size > acceptable);
     if (slow || !std::isfinite(size)) return false;
     last = size;
   }
@@ -179,49 +181,49 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   begin_step(y);
   auto m = std::make_shared<StageMemory>();
   m->unknowns = unknowns();
-  const int r = static_cast<int>(m->unknowns.size()), used = static_cast<int>(rows.in_use().size());
+  const int r = static_cast<int>(m->unknowns.size()), active_rows = static_cast<int>(rows.in_use().size());
   s_.component_magnitudes(y, size_.data());
-  const RowsIn A(a.A.data(), s, s);
+  const ConstMatrixMap A(a.A.data(), s, s);
   m->h = h, m->K.resize(static_cast<size_t>(s) * ny_), m->Z.resize(s * r);
-  RowsOut K(m->K.data(), s, ny_), Z(m->Z.data(), s, r);
+  MatrixMap K(m->K.data(), s, ny_), Z(m->Z.data(), s, r);
   Eigen::VectorXd F(ny_);
-  const StageMemory* before = in.memory.get();
-  if (before && (before->unknowns != m->unknowns || before->K.size() != m->K.size())) before = nullptr;
-  if (before) {
-    const RowsIn K0(before->K.data(), s, ny_), Z0(before->Z.data(), s, r);
+  const StageMemory* previous = in.memory.get();
+  if (previous && (previous->unknowns != m->unknowns || previous->K.size() != m->K.size())) previous = nullptr;
+  if (previous) {
+    const ConstMatrixMap K0(previous->K.data(), s, ny_), Z0(previous->Z.data(), s, r);
     F.head(nv_) = In(y + nq_, nv_), F.tail(ny_ - nv_) = K0.row(s - 1).tail(ny_ - nv_).transpose();
     Vector x(a.c);
-    for (double& c : x) c = 1 + c * h / before->h;
-    const Rows<double> onward = lagrange(a.c, x);
-    K = onward.lazyProduct(K0), Z = onward.lazyProduct(Z0);
+    for (double& c : x) c = 1 + c * h / previous->h;
+    const Rows<double> L = lagrange(a.c, x);
+    K = L.lazyProduct(K0), Z = L.lazyProduct(Z0);
   } else {
     Vector lam(s_.ng);
     s_.derivative(t, y, F.data(), lam.data());
     for (int i = 0; i < s; ++i) {
       K.row(i) = F.transpose();
-      for (int j = 0; j < used; ++j) Z(i, j) = s_.multipliers()[m->unknowns[j]];
+      for (int j = 0; j < active_rows; ++j) Z(i, j) = s_.multipliers()[m->unknowns[j]];
     }
   }
-  bool found = false;
-  if (before && before->h == h && before->rate < a.reuse) {
+  bool converged = false;
+  if (previous && previous->h == h && previous->rate < a.reuse) {
     const Vector K1(m->K), Z1(m->Z);
-    m->partials = before->partials, m->solvers = before->solvers;
+    m->partials = previous->partials, m->solvers = previous->solvers;
     try {
-      found = solve(a, max_iterations, accuracy, t, *m);
+      converged = solve(a, max_iterations, accuracy, t, *m);
     } catch (const Interrupted&) {
       throw;
     } catch (const FallBackToPython&) {
     }
-    if (!found) m->K = K1, m->Z = Z1;
+    if (!converged) m->K = K1, m->Z = Z1;
   }
-  if (!found) {
-    RowsOut K2(m->K.data(), s, ny_), Z2(m->Z.data(), s, r);
-    const Eigen::VectorXd middle = h * A.row(a.middle).lazyProduct(K2).transpose();
-    m->partials = linearize(t, middle.data(), K2.row(a.middle).data(), Z2.row(a.middle).data());
+  if (!converged) {
+    MatrixMap K2(m->K.data(), s, ny_), Z2(m->Z.data(), s, r);
+    const Eigen::VectorXd middle_x = h * A.row(a.middle).lazyProduct(K2).transpose();
+    m->partials = linearize(t, middle_x.data(), K2.row(a.middle).data(), Z2.row(a.middle).data());
     m->solvers = factorize(a, m->partials, h);
     if (!solve(a, max_iterations, accuracy, t, *m)) throw StepTooLong();
   }
-  const RowsIn K3(m->K.data(), s, ny_), Z3(m->Z.data(), s, r);
+  const ConstMatrixMap K3(m->K.data(), s, ny_), Z3(m->Z.data(), s, r);
   Eigen::VectorXd x = h * A.row(s - 1).lazyProduct(K3).transpose();
   out.carry.clear(), out.memory = m;
   s_.move(in, x.data(), out);
@@ -229,10 +231,10 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   Eigen::VectorXd R(ny_), C(r);
   CollocationStep::residual(t + h, x.data(), K3.row(s - 1).data(), Z3.row(s - 1).data(), R.data(), C.data());
   std::fill(lam_.begin(), lam_.end(), 0.0);
-  for (int i = 0; i < used; ++i) lam_[m->unknowns[i]] = Z3(s - 1, i);
-  if (used) {
+  for (int i = 0; i < active_rows; ++i) lam_[m->unknowns[i]] = Z3(s - 1, i);
+  if (active_rows) {
     s_.saddle.factorize_symmetric();
-    for (int i = 0; i < used; ++i) rates_[m->unknowns[i]] = -C[i];
+    for (int i = 0; i < active_rows; ++i) rates_[m->unknowns[i]] = -C[i];
     s_.saddle.minimum_norm_correction(rates_.data(), f_.data());
     for (int i = 0; i < nv_; ++i) {
       x[nv_ + i] -= f_[i];
@@ -244,19 +246,19 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   all_multipliers(t + h, Z3.row(s - 1).data(), z);
   errors.clear();
   if (controlled) {
-    std::shared_ptr<const StageSolver> filtered;
+    std::shared_ptr<const StageSolver> error_solver;
     if (a.real < 0)
-      s_.counts.factorizations += 1, filtered = solver(m->partials, nv_, h * a.gamma);
+      s_.counts.factorizations += 1, error_solver = make_stage_solver(m->partials, nv_, h * a.gamma);
     else
-      filtered = m->solvers[a.real];
-    const RowsIn M(m->partials->partials.M.data(), nv_, nv_), start(a.start.data(), a.errors, s);
+      error_solver = m->solvers[a.real];
+    const ConstMatrixMap M(m->partials->partials.M.data(), nv_, nv_), start(a.start.data(), a.errors, s);
     for (int i = 0; i < a.errors; ++i) {
-      Eigen::VectorXd miss = h * a.gamma * (F - start.row(i).lazyProduct(K3).transpose());
-      miss.segment(nv_, nv_) = M.lazyProduct(miss.segment(nv_, nv_)).eval();
+      Eigen::VectorXd error = h * a.gamma * (F - start.row(i).lazyProduct(K3).transpose());
+      error.segment(nv_, nv_) = M.lazyProduct(error.segment(nv_, nv_)).eval();
       std::fill(dz_.begin(), dz_.end(), 0.0);
       s_.counts.solves += 1;
-      filtered->solve(miss.data(), dz_.data(), work_);
-      errors.insert(errors.end(), miss.data(), miss.data() + ny_);
+      error_solver->solve(error.data(), dz_.data(), work_);
+      errors.insert(errors.end(), error.data(), error.data() + ny_);
     }
   }
   if (!finite(out.y.data(), s_.length) || !finite(z, s_.nz)) throw FallBackToPython();

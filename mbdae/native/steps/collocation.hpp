@@ -1,4 +1,4 @@
-// Steps of collocation methods (mbdae/methods/collocation.py, mbdae/mechanism/formulations/steps/implicit_stage.py).
+// Collocation steps, Radau IIA (mbdae/methods/collocation.py, mbdae/mechanism/formulations/steps/implicit_stage.py).
 #pragma once
 
 #include <complex>
@@ -21,16 +21,16 @@ struct EigenMode {  // of A: A x = Re sum column value (row . x)
 struct Radau {
   Vector c, A;  // (s,), (s, s) by rows
   std::vector<EigenMode> modes;
-  int real = -1;  // index of the real mode; -1: none
+  int real = -1;  // index of the real eigenvalue; -1: none
   double gamma = 0;
-  Vector start;                          // (1 or 2, s) by rows
-  int middle = 0;                        // the stage where partials are taken
+  Vector start;    // error estimates: F minus these combinations of stages, (1 or 2, s) by rows
+  int middle = 0;  // the stage at which partials are evaluated
   int max_iterations = 0,
-      max_iterations_controlled = 0;     // iterations for a given step, and if a smaller one is possible
-  int extra_iterations = 0;              // maximum number of iterations after a change near rounding
-  int first_iterations = 0;              // and after the first one
+      max_iterations_controlled = 0;  // for a fixed step; for a step that may be shortened
+  int extra_iterations = 0;           // largest number of iterations after a change close to rounding
+  int first_iterations = 0;           // number of iterations after the first one
   double below_rounding = 0, iteration_rounding = 0, negligible = 0;  // mbdae/tolerances.py
-  double expected_rate = 0, reuse = 0;  // of the iteration: at its start, and largest for partials to be kept
+  double expected_rate = 0, reuse = 0;  // contraction rates: initial value; largest rate at which partials are reused
   int s = 0, errors = 0;                // stages, and error estimates
 
   FIELDS(c, A, modes, real, gamma, start, middle, max_iterations, max_iterations_controlled, extra_iterations,
@@ -43,7 +43,7 @@ class StageSolver;
 struct LinearizedStages {
   EquationPartials partials;
   std::vector<TangentBlock> tangents;
-  Vector P, N = {};  // (k, nv): rows in use that have a g, and M^-1 P^T by columns; of GGL
+  Vector P, N = {};  // of GGL, (k, nv): positional rows in use, and M^-1 P^T by columns
 };
 
 // Data that a step passes to the next one.
@@ -55,15 +55,15 @@ struct StageMemory {
   std::vector<std::shared_ptr<const StageSolver>> solvers;
 };
 
-// The polynomial of a step at the nodes of one of size h that starts `later`: to guess one.
-std::shared_ptr<StageMemory> resampled(const Radau& a, const StageMemory& m, double later, double h);
+// Evaluate the collocation polynomial at the nodes of a step of size h that starts `delay` later: its initial guess.
+std::shared_ptr<StageMemory> resample(const Radau& a, const StageMemory& m, double delay, double h);
 
 class CollocationStep {
  public:
   explicit CollocationStep(Index2System& system);
   virtual ~CollocationStep();
 
-  // From t to t + h: the state, lam of the method (ng,), and, under error control, error estimates (errors, ny).
+  // Step from t to t + h: state, lam of the method (ng,) and, if controlled, error estimates (errors, ny).
   void take(const Radau& a, bool controlled, double t, double h, const State& in, State& out, double* z,
             Vector& errors);
 
@@ -71,7 +71,7 @@ class CollocationStep {
   // R (ny,) and C (m,) of a stage at x (ny,) with x' and z (m,): lam of the rows in use, and further multipliers of a
   // formulation.
   virtual void residual(double t, const double* x, const double* dx, const double* z, double* R, double* C);
-  virtual std::vector<int> unknowns() const;  // rows of z, (m,): those in use first
+  virtual std::vector<int> unknowns() const;  // rows of z, (m,): rows in use first
   virtual void begin_step(const double*) {}   // a step begins at y (length,)
   virtual void all_multipliers(double t, const double* z, double* out);  // (nz,) at the end of a step; lam_ is current
 
@@ -80,10 +80,10 @@ class CollocationStep {
   std::vector<std::shared_ptr<const StageSolver>> factorize(const Radau& a,
                                                             const std::shared_ptr<const LinearizedStages>& partials,
                                                             double h);
-  void correction(const Radau& a, double t, const StageMemory& m);  // dK_ and dZ_ of an iteration
-  // scale_: the size of y and of its change, no component's below a share of the largest.
-  void grow_scale(const Radau& a, const Vector& moves);
-  // Found to rounding, or to an accuracy > 0; else partials or h do not serve.
+  void correction(const Radau& a, double t, const StageMemory& m);  // set dK_ and dZ_ of an iteration
+  // Enlarge scale_, the magnitudes of y plus its change, none below a fraction of the largest.
+  void enlarge_scale(const Radau& a, const Vector& displacements);
+  // Iterate to rounding, or to an accuracy > 0; false: no convergence with these partials and this h.
   bool solve(const Radau& a, int max_iterations, double accuracy, double t, StageMemory& m);
 
   Index2System& s_;

@@ -1,4 +1,4 @@
-// The steps of each formulation.
+// The half-explicit and collocation steps of each formulation.
 #pragma once
 
 #include <memory>

@@ -1,3 +1,4 @@
+// Newton's method for mu at each stage of a half-explicit GGL step.
 #include "steps/ggl.hpp"
 
 #include <algorithm>
@@ -11,12 +12,12 @@ GGLStep::GGLStep(Index2System& s)
     : HalfExplicitStep(s),
       positions_(s),
       mu_(s.ng),
-      slip_(nv_),
+      mu_velocity_(nv_),
       gap_(s.ng),
       dmu_(s.ng),
-      dslip_(nv_),
+      dmu_velocity_(nv_),
       move_(nv_),
-      at_(nv_) {}
+      stage_x_(nv_) {}
 
 void GGLStep::first_stage(const Vector& carry, double* F) const {
   HalfExplicitStep::first_stage(Vector(carry.begin() + nv_, carry.end()), F);
@@ -24,42 +25,42 @@ void GGLStep::first_stage(const Vector& carry, double* F) const {
 }
 
 void GGLStep::set_carry(const double* F, Vector& carry) const {
-  carry = slip_;
+  carry = mu_velocity_;
   carry.insert(carry.end(), F + nv_, F + ny_);
 }
 
 void GGLStep::stage(double t, double that, double factor, double* F, bool last) {
-  std::copy_n(x_.begin(), nv_, at_.begin());
-  std::fill(mu_.begin(), mu_.end(), 0.0), std::fill(slip_.begin(), slip_.end(), 0.0);
+  std::copy_n(x_.begin(), nv_, stage_x_.begin());
+  std::fill(mu_.begin(), mu_.end(), 0.0), std::fill(mu_velocity_.begin(), mu_velocity_.end(), 0.0);
   HalfExplicitStep::stage(t, that, factor, F, last);
 }
 
 void GGLStep::satisfy_constraint(double that, double factor, double* dx) {
-  const std::vector<int>& kept = positions_.in_use();
-  if (kept.empty()) return HalfExplicitStep::satisfy_constraint(that, factor, dx);
-  const Tolerances& limits = s_.tree.limits;
-  const double scale = 1 + largest_scaled(q0_.data(), limits.q_scales);
+  const std::vector<int>& rows = positions_.in_use();
+  if (rows.empty()) return HalfExplicitStep::satisfy_constraint(that, factor, dx);
+  const Tolerances& tolerances = s_.tree.tolerances;
+  const double scale = 1 + largest_scaled(q0_.data(), tolerances.q_scales);
   double last = INFINITY;
-  for (int k = 0; k < limits.ggl_iterations; ++k) {
+  for (int k = 0; k < tolerances.ggl_iterations; ++k) {
     evaluate_poses(dx, factor);
     std::fill(gap_.begin(), gap_.end(), 0.0);
-    s_.constraints.value(s_.tree, qhat_.data(), kept, Ghat_.data(), gap_.data());
+    s_.constraints.value(s_.tree, qhat_.data(), rows, Ghat_.data(), gap_.data());
     s_.constraints.complete_g(that, gap_.data());
-    for (int r : kept) gap_[r] /= -factor;
+    for (int r : rows) gap_[r] /= -factor;
     compute_correction(Ghat_);
-    const double size = std::fabs(factor) * largest_scaled(move_.data(), limits.coordinate_scales);
+    const double size = std::fabs(factor) * largest_scaled(move_.data(), tolerances.coordinate_scales);
     if (!std::isfinite(size)) throw StepTooLong();
-    if (size <= limits.rounding * scale || (size > 0.5 * last && size <= limits.search_tolerance * scale)) {
+    if (size <= tolerances.rounding * scale || (size > 0.5 * last && size <= tolerances.search_tolerance * scale)) {
       if (!positions_.same_as_velocity_rows) factorize_constraints();
       return check_other_rows(that);
     }
     if (s_.manifold.curved()) {
-      if (!k) s_.manifold.transfer(at_.data(), dx_.data(), transfer_);
+      if (!k) s_.manifold.transfer(stage_x_.data(), dx_.data(), transfer_);
       transfer();
-      compute_correction(Gmoved_);
+      compute_correction(G_transferred_);
     }
-    for (int r : kept) mu_[r] += dmu_[r];
-    for (int i = 0; i < nv_; ++i) slip_[i] += dslip_[i], dx[i] += move_[i];
+    for (int r : rows) mu_[r] += dmu_[r];
+    for (int i = 0; i < nv_; ++i) mu_velocity_[i] += dmu_velocity_[i], dx[i] += move_[i];
     last = size;
   }
   throw StepTooLong();
@@ -68,48 +69,48 @@ void GGLStep::satisfy_constraint(double that, double factor, double* dx) {
 void GGLStep::compute_correction(const Vector& G) {
   s_.point.scale_rows(positions_.in_use(), G, Zhat_);
   positions_.saddle().factorize(Zhat_);
-  positions_.saddle().minimum_norm_correction(gap_.data(), dslip_.data(), dmu_.data());
-  move_ = dslip_;
-  s_.manifold.tangent(at_.data(), move_.data());
+  positions_.saddle().minimum_norm_correction(gap_.data(), dmu_velocity_.data(), dmu_.data());
+  move_ = dmu_velocity_;
+  s_.manifold.tangent(stage_x_.data(), move_.data());
 }
 
 void GGLStep::transfer() {
-  Gmoved_ = Ghat_;
+  G_transferred_ = Ghat_;
   for (int r : positions_.in_use()) {
     const std::vector<int>& columns = s_.constraints.rows[r].columns;
     const size_t start = s_.constraints.start[r];
     for (const TangentBlock& b : transfer_) {
-      const auto first = std::lower_bound(columns.begin(), columns.end(), b.at);
-      if (first == columns.end() || *first != b.at) continue;  // a row has all columns of a joint, or none
-      const size_t at = start + (first - columns.begin());
+      const auto first = std::lower_bound(columns.begin(), columns.end(), b.start);
+      if (first == columns.end() || *first != b.start) continue;  // a row contains all columns of a joint, or none
+      const size_t entry = start + (first - columns.begin());
       for (int j = 0; j < b.n; ++j) {
         double s = 0;
-        for (int i = 0; i < b.n; ++i) s += Ghat_[at + i] * b.J[i * b.n + j];
-        Gmoved_[at + j] = s;
+        for (int i = 0; i < b.n; ++i) s += Ghat_[entry + i] * b.J[i * b.n + j];
+        G_transferred_[entry + j] = s;
       }
     }
   }
 }
 
 void GGLStep::check_other_rows(double that) {
-  const std::vector<int>& others = positions_.rows().others();
+  const std::vector<int>& others = positions_.rows().remaining();
   if (others.empty()) return;
   std::fill(gap_.begin(), gap_.end(), 0.0);
   s_.constraints.value(s_.tree, qhat_.data(), others, Ghat_.data(), gap_.data());
   s_.constraints.complete_g(that, gap_.data());
-  const Tolerances& limits = s_.tree.limits;
+  const Tolerances& tolerances = s_.tree.tolerances;
   for (int r : others)
-    if (std::fabs(gap_[r]) > limits.same_state * limits.row_scales[r]) throw FallBackToPython();
+    if (std::fabs(gap_[r]) > tolerances.same_state * tolerances.row_scales[r]) throw FallBackToPython();
 }
 
 void GGLStep::project(double* e) {
   HalfExplicitStep::project(e);
   move_.assign(e, e + nv_);
-  s_.manifold.velocity(at_.data(), move_.data());
+  s_.manifold.velocity(stage_x_.data(), move_.data());
   if (!positions_.same_as_velocity_rows) positions_.saddle().factorize_symmetric();
   for (int k : positions_.in_use()) work_[k] = s_.constraints.times(k, s_.point.G, move_.data());
   positions_.saddle().minimum_norm_correction(work_.data(), move_.data());
-  s_.manifold.tangent(at_.data(), move_.data());
+  s_.manifold.tangent(stage_x_.data(), move_.data());
   for (int i = 0; i < nv_; ++i) e[i] -= move_[i];
 }
 

@@ -20,16 +20,17 @@ class GGLStep : public HalfExplicitStep {
   void all_multipliers(double* z) override;
 
   PositionRows positions_;
-  Vector mu_, slip_;  // (ng,) by row, and (nv,) M^-1 G^T mu
+  Vector mu_, mu_velocity_;  // (ng,) by row, and (nv,) M^-1 G^T mu
 
  private:
-  void compute_correction(const Vector& G);   // the change of mu, slip and x' that closes the gaps by rows G; their S
-  void transfer();                            // Gmoved_
-  void check_other_rows(double that);         // throws if a row that is not in use is open
+  // Newton correction of mu, M^-1 G^T mu and x' for the gaps g; factorizes S of the rows G
+  void compute_correction(const Vector& G);
+  void transfer();                     // set G_transferred_
+  void check_other_rows(double that);  // throws if a row that is not in use is violated
 
   Vector gap_, dmu_;          // (ng,) by row
-  Vector dslip_, move_, at_;  // (nv,) change of slip as velocity and in coordinates; x of a stage
-  Vector Gmoved_;             // Ghat J(xhat)^-1 J(x), where coordinates are curved
+  Vector dmu_velocity_, move_, stage_x_;  // (nv,) correction of M^-1 G^T mu and of x'; x of a stage
+  Vector G_transferred_;                  // Ghat J(xhat)^-1 J(x) of curved coordinates
   std::vector<TangentBlock> transfer_;
 };
 

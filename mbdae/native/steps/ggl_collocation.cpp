@@ -1,3 +1,4 @@
+// Stage residuals and linearization with the additional unknown mu.
 #include "steps/ggl_collocation.hpp"
 
 #include <algorithm>
@@ -8,7 +9,7 @@
 namespace mbdae {
 
 GGLCollocation::GGLCollocation(Index2System& s)
-    : CollocationStep(s), positions_(s), gap_(s.ng), mu_(s.ng), slip_(s.nv) {}
+    : CollocationStep(s), positions_(s), gap_(s.ng), mu_(s.ng), mu_velocity_(s.nv) {}
 
 std::vector<int> GGLCollocation::unknowns() const {
   std::vector<int> out = CollocationStep::unknowns();
@@ -30,7 +31,7 @@ std::shared_ptr<const LinearizedStages> GGLCollocation::linearize(double t, cons
   for (int j = 0; j < nv_; ++j) std::copy_n(&out->partials.M[static_cast<size_t>(j) * nv_], nv_, M.column(j));
   if (!M.factorize()) throw FallBackToPython();
   out->N = out->P;
-  for (size_t at = 0; at < out->N.size(); at += nv_) M.solve(&out->N[at]);
+  for (size_t row = 0; row < out->N.size(); row += nv_) M.solve(&out->N[row]);
   return out;
 }
 
@@ -40,17 +41,17 @@ void GGLCollocation::residual(double t, const double* x, const double* dx, const
   const size_t r = s_.rows.in_use().size();
   s_.counts.M += 1, s_.counts.factorizations += 1, s_.counts.G += s_.ng > 0;
   s_.point.inertia(q_.data());
-  std::fill(gap_.begin(), gap_.end(), 0.0), std::fill(slip_.begin(), slip_.end(), 0.0);
+  std::fill(gap_.begin(), gap_.end(), 0.0), std::fill(mu_velocity_.begin(), mu_velocity_.end(), 0.0);
   s_.constraints.dense_value(s_.tree, q_.data(), rows, G_, gap_.data());
   s_.constraints.complete_g(t, gap_.data());
   for (size_t i = 0; i < rows.size(); ++i) {
     C[r + i] = -gap_[rows[i]];
     for (int c : s_.constraints.rows[rows[i]].columns)
-      slip_[c] += z[r + i] * G_[static_cast<size_t>(rows[i]) * nv_ + c];
+      mu_velocity_[c] += z[r + i] * G_[static_cast<size_t>(rows[i]) * nv_ + c];
   }
-  s_.point.solve_root(slip_.data()), s_.point.solve_root_transposed(slip_.data());
-  s_.manifold.tangent(x, slip_.data());
-  for (int i = 0; i < nv_; ++i) R[i] += slip_[i];
+  s_.point.solve_root(mu_velocity_.data()), s_.point.solve_root_transposed(mu_velocity_.data());
+  s_.manifold.tangent(x, mu_velocity_.data());
+  for (int i = 0; i < nv_; ++i) R[i] += mu_velocity_[i];
 }
 
 void GGLCollocation::all_multipliers(double t, const double* z, double* out) {
@@ -58,8 +59,8 @@ void GGLCollocation::all_multipliers(double t, const double* z, double* out) {
   const std::vector<int>& rows = positions_.in_use();
   gap_ = s_.point.g;
   s_.constraints.complete_g(t, gap_.data());
-  const Tolerances& limits = s_.tree.limits;
-  if (largest_scaled(gap_.data(), limits.row_scales) > limits.same_state) throw FallBackToPython();
+  const Tolerances& tolerances = s_.tree.tolerances;
+  if (largest_scaled(gap_.data(), tolerances.row_scales) > tolerances.same_state) throw FallBackToPython();
   std::fill(mu_.begin(), mu_.end(), 0.0);
   for (size_t i = 0; i < rows.size(); ++i) mu_[rows[i]] = z[s_.rows.in_use().size() + i];
   if (!positions_.same_as_velocity_rows && positions_.rows().dependent()) positions_.saddle().factorize_symmetric();

@@ -1,4 +1,4 @@
-// Steps of collocation methods that also satisfy g = 0, by mu (mbdae/mechanism/formulations/ggl.py).
+// Collocation steps that also satisfy g = 0 by the multipliers mu (mbdae/mechanism/formulations/ggl.py).
 #pragma once
 
 #include "steps/collocation.hpp"
@@ -22,7 +22,7 @@ class GGLCollocation : public CollocationStep {
 
  private:
   Vector gap_, mu_;  // (ng,)
-  Vector slip_;      // (nv,)
+  Vector mu_velocity_;  // (nv,)
 };
 
 }  // namespace mbdae

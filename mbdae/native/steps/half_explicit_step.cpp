@@ -1,3 +1,4 @@
+// Stages of half-explicit methods: forces, stage constraint, saddle-point system.
 #include "steps/half_explicit_step.hpp"
 
 #include <algorithm>
@@ -9,7 +10,7 @@ namespace mbdae {
 
 namespace {
 
-constexpr int CHUNK = 8;  // numbers that are combined together, in registers
+constexpr int CHUNK = 8;  // entries of a block that stays in registers
 
 }  // namespace
 
@@ -38,7 +39,7 @@ HalfExplicitStep::HalfExplicitStep(Index2System& s)
       Ghat_(s.point.G.size()),
       Zhat_(Ghat_.size()) {}
 
-void HalfExplicitStep::place_stage() {
+void HalfExplicitStep::set_stage_state() {
   s_.manifold.integrate(q0_.data(), x_.data(), q_.data());
   for (int i = 0; i < nv_; ++i) v_[i] = v0_[i] + x_[nv_ + i];
   for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
@@ -49,13 +50,13 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   MultibodyTree& m = s_.tree;
   Constraints& constraints = s_.constraints;
   const std::vector<int>& rows = s_.rows.in_use();
-  place_stage();
+  set_stage_state();
   point.dynamics(q_.data(), v_.data(), with_partials_);
   s_.counts.M += 1, s_.counts.factorizations += 1;
   const bool has_friction = static_cast<bool>(s_.friction);
-  const std::vector<int>& which = (last || has_friction) && !s_.rows.others().empty() ? constraints.all : rows;
+  const std::vector<int>& selected = (last || has_friction) && !s_.rows.remaining().empty() ? constraints.all : rows;
   if (s_.ng) s_.counts.G += 1;
-  constraints.value(m, q_.data(), which, point.G.data(), point.g.data());
+  constraints.value(m, q_.data(), selected, point.G.data(), point.g.data());
   if (has_friction) s_.friction.update_slips(v_.data());
   double* rates = F + 2 * nv_;
   s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates, true);
@@ -67,7 +68,7 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
     last_stage.motion_stamp = m.motion_stamp();
     last_stage.rates.assign(rates, rates + ns_ + 1);
   }
-  point.scale_rows(which);
+  point.scale_rows(selected);
   std::copy(v_.begin(), v_.end(), F);
   s_.manifold.tangent(x_.data(), F);
   if (!rows.empty()) {
@@ -115,14 +116,14 @@ void HalfExplicitStep::factorize_constraints() {
   s_.saddle.factorize(Zhat_);
 }
 
-void HalfExplicitStep::combine(const double* weights, int count, double h, Vector& to) const {
+void HalfExplicitStep::combine(const double* weights, int count, double h, Vector& out) const {
   for (int k = 0; k < stride_; k += CHUNK) {
     const double* from = F_.data() + k;
     double sum[CHUNK] = {};
     for (int j = 0; j < count; ++j, from += stride_)
       if (const double w = weights[j]; w != 0)
         for (int i = 0; i < CHUNK; ++i) sum[i] += w * from[i];
-    for (int i = 0; i < CHUNK; ++i) to[k + i] = h * sum[i];
+    for (int i = 0; i < CHUNK; ++i) out[k + i] = h * sum[i];
   }
 }
 
@@ -169,13 +170,13 @@ void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& i
 void HalfExplicitStep::controlled(const Tableau& a, double t, double h, const State& in, State& out, double* z,
                                   Vector& errors) {
   if (!a.doubling_order) return take(a, t, h, in, out, z, errors);
-  State full, middle;
+  State full_step, half_step;
   Vector none;
-  take(a, t, h, in, full, z, none);
-  take(a, t, h / 2, in, middle, z, none);
-  take(a, t + h / 2, h / 2, middle, out, z, none);
+  take(a, t, h, in, full_step, z, none);
+  take(a, t, h / 2, in, half_step, z, none);
+  take(a, t + h / 2, h / 2, half_step, out, z, none);
   errors.resize(ny_);
-  s_.difference(full.y.data(), out.y.data(), errors.data());
+  s_.difference(full_step.y.data(), out.y.data(), errors.data());
   for (double& e : errors) e /= std::pow(2.0, a.doubling_order) - 1;
 }
 

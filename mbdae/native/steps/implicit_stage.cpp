@@ -1,4 +1,4 @@
-// The equations of a stage of an implicit method, and their partials
+// Residual and linearization of a stage of an implicit method
 // (mbdae/mechanism/formulations/steps/implicit_stage.py).
 #include <algorithm>
 
@@ -59,7 +59,7 @@ std::vector<std::shared_ptr<const StageSolver>> CollocationStep::factorize(
   std::vector<std::shared_ptr<const StageSolver>> out;
   for (const EigenMode& mode : a.modes) {
     s_.counts.factorizations += 1;
-    out.push_back(solver(partials, nv_, h * mode.value));
+    out.push_back(make_stage_solver(partials, nv_, h * mode.value));
   }
   return out;
 }

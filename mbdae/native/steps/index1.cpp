@@ -1,3 +1,4 @@
+// Accelerations at a stage, and their derivative in raw coordinates.
 #include "steps/index1.hpp"
 
 #include <algorithm>
@@ -7,7 +8,7 @@
 namespace mbdae {
 
 void Index1Step::stage(double t, double, double, double* F, bool) {
-  place_stage();
+  set_stage_state();
   s_.point.evaluate(q_.data(), true);
   std::copy(v_.begin(), v_.end(), F);
   s_.manifold.tangent(x_.data(), F);
@@ -16,14 +17,14 @@ void Index1Step::stage(double t, double, double, double* F, bool) {
 }
 
 void Index2System::raw_derivative(double t, const double* y, double* dy, double* z) {
-  Vector at(y, y + length), F(ny);
-  if (!manifold.flat) tree.normalize(at.data());
-  derivative(t, at.data(), F.data(), z);
+  Vector normalized(y, y + length), F(ny);
+  if (!manifold.flat) tree.normalize(normalized.data());
+  derivative(t, normalized.data(), F.data(), z);
   std::copy(F.begin() + nv, F.end(), dy + nq);
   if (manifold.flat)
     std::copy_n(F.begin(), nv, dy);
   else
-    tree.tangent_map(at.data(), F.data(), dy);
+    tree.tangent_map(normalized.data(), F.data(), dy);
 }
 
 }  // namespace mbdae

@@ -1,4 +1,5 @@
-// Explicit steps of accelerations: stages satisfy only the hidden constraint (mbdae/mechanism/formulations/index1.py).
+// Explicit Runge-Kutta steps in the index-1 formulation: stages satisfy only the hidden constraint
+// (mbdae/mechanism/formulations/index1.py).
 #pragma once
 
 #include "steps/half_explicit_step.hpp"

@@ -1,4 +1,5 @@
-// Steps of Newmark-type methods (mbdae/methods/alpha.py, mbdae/mechanism/formulations/steps/newmark_step.py).
+// Newmark-type steps: generalized alpha and HHT (mbdae/methods/alpha.py,
+// mbdae/mechanism/formulations/steps/newmark_step.py).
 #pragma once
 
 #include <vector>
@@ -17,27 +18,27 @@ struct GeneralizedAlpha {
   FIELDS(alpha_m, alpha_f, beta, gamma, stabilized, iteration)
 };
 
-class NewmarkStep : private CollocationStep {  // for the residual of a stage
+class NewmarkStep : private CollocationStep {  // uses its stage residual
  public:
   explicit NewmarkStep(Index2System& system);
 
-  // From t to t + h: the state, whose carry is (a, u', h), (2 n + 1,), and lam (ng,).
+  // Step from t to t + h: state, with the carry (a, u', h), (2 n + 1,), and lam (ng,).
   void take(const GeneralizedAlpha& a, double t, double h, const State& in, State& out, double* z);
 
  private:
   void start(const GeneralizedAlpha& a, double t, double h, const Vector& y, double* a_0, double* rate);
-  void displacement(Vector& out) const;
+  void set_displacement(Vector& out) const;
   void correct(const GeneralizedAlpha& a, double t, Vector& dx);
-  std::pair<double, double> measure(const Vector& dx) const;
+  std::pair<double, double> change_and_scale(const Vector& dx) const;
 
-  const int n_;          // of u
+  const int n_;  // size of u
   double h_ = 0, b1_ = 0, b2_ = 0;
   Vector x_, normal_;  // (n + r + m,) u_1', lam, mu; M_0^-1 G_0^T (m, nv) by rows
-  Vector known_;       // (ny,) the displacement without unknowns
-  EquationPartials at_;
+  Vector predictor_;   // (ny,) the displacement for zero unknowns
+  EquationPartials partials_;
   std::vector<TangentBlock> inverse_;  // J(x)^-1
   DenseLU<1> matrix_;
-  Vector full_, R1_, C1_, g_, multipliers_;
+  Vector displacement_, R1_, C1_, g_, multipliers_;
 };
 
 }  // namespace mbdae

@@ -13,12 +13,13 @@ namespace mbdae {
 struct NewtonIteration {
   int max_iterations = 0;
   double below_rounding = 0, iteration_rounding = 0;   // mbdae/tolerances.py
-  double slowest_rate = 0;  // contraction rate above which a small change is rounding: the last one
+  double slowest_rate = 0;  // contraction rate above which a small change is rounding error, and the last change
 
   FIELDS(max_iterations, below_rounding, iteration_rounding, slowest_rate)
 };
 
-// correct(dx): changes of the unknowns at x. measure(dx): their relative size, and that of the configuration.
+// correct(dx) sets the Newton correction at x; measure(dx) returns its relative size, and that of rounding errors of
+// the configuration.
 template <class Correct, class Measure>
 void solve_by_newton(const NewtonIteration& it, Counts& counts, Vector& x, Correct&& correct, Measure&& measure) {
   Vector dx(x.size());

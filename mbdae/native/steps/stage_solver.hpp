@@ -1,4 +1,5 @@
-// Linear systems of a stage of a collocation method, one for each mode (mbdae/mechanism/formulations/steps/implicit_stage.py).
+// Linear systems of the stages of a collocation method, one for each eigenvalue of A
+// (mbdae/mechanism/formulations/steps/implicit_stage.py).
 #pragma once
 
 #include "steps/collocation.hpp"
@@ -7,14 +8,15 @@ namespace mbdae {
 
 using Complex = std::complex<double>;
 
-// The system of one stage for a mode. Vectors of a complex mode have their imaginary parts after the real ones.
+// The system of an eigenvalue. In vectors of a complex eigenvalue, the imaginary parts follow the real parts.
 class StageSolver {
  public:
   virtual ~StageSolver() = default;
-  // r (ny,) becomes the change of x', c (r,) that of z.
+  // Replace the residuals r (ny,) and c (r,) by the changes of x' and z.
   virtual void solve(double* r, double* c, Vector& work) const = 0;
 };
 
-std::shared_ptr<const StageSolver> solver(const std::shared_ptr<const LinearizedStages>& partials, int nv, Complex mu);
+std::shared_ptr<const StageSolver> make_stage_solver(const std::shared_ptr<const LinearizedStages>& partials, int nv,
+                                                     Complex mu);
 
 }  // namespace mbdae

@@ -1,3 +1,4 @@
+// The discrete Euler-Lagrange equations of a RATTLE step, and their Newton matrix.
 #include "steps/variational.hpp"
 
 #include <algorithm>
@@ -29,10 +30,10 @@ VariationalStep::VariationalStep(Index2System& s)
 
 void VariationalStep::momentum_partials(const double* q, EndpointTerms& out) {
   const size_t n = static_cast<size_t>(nv_) * nv_;
-  out.N.resize(n), by_v_.resize(n);
+  out.N.resize(n), dtau_dv_.resize(n);
   s_.counts.M += 1;
   s_.tree.inertia(q, zero_.data());
-  s_.tree.partials(q, zero_.data(), w_.data(), out.N.data(), by_v_.data(), true);
+  s_.tree.partials(q, zero_.data(), w_.data(), out.N.data(), dtau_dv_.data(), true);
   out.M.resize(n), s_.tree.dense_M(out.M.data());
 }
 
@@ -56,19 +57,19 @@ void VariationalStep::evaluate_endpoint(double t, const double* q, EndpointTerms
 
 void VariationalStep::add_transported_momentum_partials(const double* p, double* matrix) {
   if (!s_.manifold.curved()) return;
-  Vector minus(nv_), unit(nv_);
-  for (int i = 0; i < nv_; ++i) minus[i] = -x_[i];
-  std::vector<TangentBlock> at;
+  Vector minus_x(nv_), unit(nv_);
+  for (int i = 0; i < nv_; ++i) minus_x[i] = -x_[i];
+  std::vector<TangentBlock> partials;
   for (int k = 0; k < 6; ++k) {
     std::fill(unit.begin(), unit.end(), 0.0);
     for (const TangentBlock& b : J_minus_)
-      if (k < b.n) unit[b.at + k] = 1;
-    s_.manifold.partials(minus.data(), unit.data(), at);
-    for (const TangentBlock& b : at)
+      if (k < b.n) unit[b.start + k] = 1;
+    s_.manifold.partials(minus_x.data(), unit.data(), partials);
+    for (const TangentBlock& b : partials)
       for (int j = 0; j < b.n && k < b.n; ++j) {
         double sum = 0;
-        for (int i = 0; i < b.n; ++i) sum += p[b.at + i] * b.dJv[i * b.n + j];
-        matrix[static_cast<size_t>(b.at + k) * nv_ + b.at + j] -= sum;
+        for (int i = 0; i < b.n; ++i) sum += p[b.start + i] * b.dJv[i * b.n + j];
+        matrix[static_cast<size_t>(b.start + k) * nv_ + b.start + j] -= sum;
       }
   }
 }
@@ -77,8 +78,8 @@ void VariationalStep::correct(Vector& dx) {
   const std::vector<int>& rows = s_.rows.in_use();
   const int n = nv_, r = static_cast<int>(rows.size());
   const double *x = x_.data(), *lam = x + n;
-  Vector minus(n);
-  for (int i = 0; i < n; ++i) w_[i] = x[i] / h_, minus[i] = -x[i];
+  Vector minus_x(n);
+  for (int i = 0; i < n; ++i) w_[i] = x[i] / h_, minus_x[i] = -x[i];
   s_.manifold.check_rotations(x);
   evaluate_endpoint(t_, q0_.data(), start_);
   s_.manifold.integrate(q0_.data(), x, q1_.data());
@@ -88,13 +89,13 @@ void VariationalStep::correct(Vector& dx) {
   s_.constraints.complete_g(t_ + h_, g_.data());
   if (s_.manifold.curved()) {
     s_.manifold.transfer(zero_.data(), x, J_inverse_);
-    s_.manifold.partials(minus.data(), zero_.data(), J_minus_);
+    s_.manifold.partials(minus_x.data(), zero_.data(), J_minus_);
   }
   matrix_.resize(static_cast<size_t>(n) * n);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) {
-      const size_t at = static_cast<size_t>(i) * n + j;
-      start_.M[at] = (start_.M[at] + end_.M[at]) / 2, matrix_[at] = end_.N[at] / 2;
+      const size_t entry = static_cast<size_t>(i) * n + j;
+      start_.M[entry] = (start_.M[entry] + end_.M[entry]) / 2, matrix_[entry] = end_.N[entry] / 2;
     }
   const Vector& mean = start_.M;
   multiply(mean, w_.data(), n, mean_.data());
@@ -108,8 +109,8 @@ void VariationalStep::correct(Vector& dx) {
   lu_.resize(n + r);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) {
-      const size_t at = static_cast<size_t>(i) * n + j;
-      lu_.column(j)[i] = h_ * (matrix_[at] - start_.dD_dw[at] / 2);
+      const size_t entry = static_cast<size_t>(i) * n + j;
+      lu_.column(j)[i] = h_ * (matrix_[entry] - start_.dD_dw[entry] / 2);
     }
   multiply_transposed(J_minus_, mean_.data());
   for (int i = 0; i < n; ++i) dx[i] = p_[i] - mean_[i] + h_ / 2 * start_.D[i];
@@ -128,15 +129,15 @@ void VariationalStep::correct(Vector& dx) {
   for (int k = 0; k < r; ++k) dx[n + k] *= 2 / (h_ * h_);
 }
 
-std::pair<double, double> VariationalStep::measure(const Vector& dx) const {
-  const Tolerances& limits = s_.tree.limits;
-  double size = limits.tiny, change = 0, position = 0;
+std::pair<double, double> VariationalStep::change_and_scale(const Vector& dx) const {
+  const Tolerances& tolerances = s_.tree.tolerances;
+  double size = tolerances.tiny, change = 0, position = 0;
   for (int i = 0; i < nv_; ++i) {
-    size = std::max(size, std::fabs(x_[i]) / limits.coordinate_scales[i]);
-    change = std::max(change, std::fabs(dx[i]) / limits.coordinate_scales[i]);
+    size = std::max(size, std::fabs(x_[i]) / tolerances.coordinate_scales[i]);
+    change = std::max(change, std::fabs(dx[i]) / tolerances.coordinate_scales[i]);
     if (!std::isfinite(dx[i])) change = dx[i];
   }
-  for (int i = 0; i < nq_; ++i) position = std::max(position, std::fabs(q0_[i]) / limits.q_scales[i]);
+  for (int i = 0; i < nq_; ++i) position = std::max(position, std::fabs(q0_[i]) / tolerances.q_scales[i]);
   return {change / size, (1 + position) / size};
 }
 
@@ -155,7 +156,8 @@ void VariationalStep::rattle(const NewtonIteration& iteration, double t, double 
   x_.assign(n + r, 0.0);
   for (int i = 0; i < n; ++i) x_[i] = h * v0_[i];
   solve_by_newton(
-      iteration, s_.counts, x_, [&](Vector& dx) { correct(dx); }, [&](const Vector& dx) { return measure(dx); });
+      iteration, s_.counts, x_, [&](Vector& dx) { correct(dx); },
+      [&](const Vector& dx) { return change_and_scale(dx); });
 
   for (int i = 0; i < n; ++i) w_[i] = x_[i] / h;
   evaluate_endpoint(t, q0_.data(), start_);

@@ -1,4 +1,4 @@
-// Steps of RATTLE, and their compositions (mbdae/methods/variational.py,
+// RATTLE steps and their compositions (mbdae/methods/variational.py,
 // mbdae/mechanism/formulations/steps/variational.py).
 #pragma once
 
@@ -21,7 +21,7 @@ class VariationalStep {
  public:
   explicit VariationalStep(Index2System& system);
 
-  // From t to t + h: the state, and mu of the last step of RATTLE (ng,).
+  // Step from t to t + h: state, and mu of the last RATTLE step (ng,).
   void take(const Composition& composition, double t, double h, const State& in, State& out, double* z);
 
  private:
@@ -33,21 +33,21 @@ class VariationalStep {
   };
 
   void rattle(const NewtonIteration& iteration, double t, double h, const State& in, State& out, double* z);
-  void momentum_partials(const double* q, EndpointTerms& out);  // M and N; updates the kinematics to q
+  void momentum_partials(const double* q, EndpointTerms& out);  // M and N; updates the kinematics at q
   void evaluate_endpoint(double t, const double* q, EndpointTerms& out);
   void correct(Vector& dx);
-  std::pair<double, double> measure(const Vector& dx) const;
+  std::pair<double, double> change_and_scale(const Vector& dx) const;
   void add_transported_momentum_partials(const double* p, double* matrix);  // d(J(-x)^T p)/dx, (nv, nv) by rows
 
   Index2System& s_;
   const int nq_, nv_;
   double t_ = 0, h_ = 0;
-  Vector q0_, v0_, q1_, G0_;  // start of the step, its end, (r, nv) rows in use at the start
+  Vector q0_, v0_, q1_, G0_;  // q and v at the start, q at the end; (r, nv) G of the rows in use at the start
   Vector x_, w_, zero_;       // (nv + r,) displacement and lam; (nv,) w = x/h; zero
   EndpointTerms start_, end_;
   std::vector<TangentBlock> J_minus_, J_plus_, J_inverse_;  // J(-x), J(x), J(x)^-1
   DenseLU<1> lu_;
-  Vector G_, g_, matrix_, mean_, p_, b_, by_v_;
+  Vector G_, g_, matrix_, mean_, p_, b_, dtau_dv_;
 };
 
 }  // namespace mbdae

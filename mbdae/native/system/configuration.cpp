@@ -1,3 +1,4 @@
+// Sparse factorization of M along the tree, and rows of G M^-1/2.
 #include "system/configuration.hpp"
 
 #include <algorithm>
@@ -28,7 +29,7 @@ void Configuration::dynamics(const double* q, const double* v, bool with_partial
   factorize();
 }
 
-// The ancestors of an ancestor of k are those that follow it among the ancestors of k.
+// The ancestors of an ancestor of k follow it in the list of ancestors of k.
 void Configuration::factorize() {
   invalidate();
   const size_t* starts = m_.pattern.starts.data();
@@ -39,13 +40,13 @@ void Configuration::factorize() {
     const double d = U[starts[k]];
     if (!(d > 0) || !std::isfinite(d)) throw FallBackToPython();
     root_[k] = 1 / std::sqrt(d);
-    const double over = 1 / d;
+    const double inverse = 1 / d;
     const size_t end = starts[k + 1];
     for (size_t i = starts[k] + 1; i < end; ++i) {
-      const double u = U[i], a = u * over;
-      double* to = U + starts[rows[i]];
-      *to -= a * u;
-      for (size_t j = i + 1; j < end; ++j) *++to -= a * U[j];
+      const double u = U[i], a = u * inverse;
+      double* target = U + starts[rows[i]];
+      *target -= a * u;
+      for (size_t j = i + 1; j < end; ++j) *++target -= a * U[j];
       U[i] = a;
     }
   }
@@ -71,12 +72,12 @@ void Configuration::solve_root_transposed(double* x) const {
   }
 }
 
-void Configuration::scale_rows(const std::vector<int>& which, const Vector& G, Vector& Z) const {
+void Configuration::scale_rows(const std::vector<int>& selected, const Vector& G, Vector& Z) const {
   const size_t* starts = m_.pattern.starts.data();
   const int* rows = m_.pattern.rows.data();
   const double *U = U_.data(), *root = root_.data();
   double* x = x_.data();
-  for (int row : which) {
+  for (int row : selected) {
     const std::vector<int>& columns = constraints_.rows[row].columns;
     double* z = Z.data() + constraints_.start[row];
     constraints_.expand(row, G.data(), x);
@@ -107,10 +108,10 @@ void Configuration::mark_rows_current(const double* q) {
   rows_current_ = true;
 }
 
-bool Configuration::is_near(const double* q) const {
-  const double tolerance = m_.limits.rounding * (1 + largest_scaled(q, m_.limits.q_scales));
+bool Configuration::agrees_with(const double* q) const {
+  const double tolerance = m_.tolerances.rounding * (1 + largest_scaled(q, m_.tolerances.q_scales));
   for (int i = 0; i < m_.nq; ++i)
-    if (!(std::fabs(q[i] - q_[i]) <= tolerance * m_.limits.q_scales[i])) return false;  // also where q is not finite
+    if (!(std::fabs(q[i] - q_[i]) <= tolerance * m_.tolerances.q_scales[i])) return false;  // also if q is not finite
   return true;
 }
 

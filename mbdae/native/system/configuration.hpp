@@ -1,4 +1,4 @@
-// A configuration: the factorized mass matrix M = R R^T, R = U D^1/2, and the rows of G and of Z = (R^-1 G^T)^T.
+// A configuration q: the factorized mass matrix M = R R^T, R = U D^1/2, and the rows of G and Z = (R^-1 G^T)^T.
 #pragma once
 
 #include <vector>
@@ -15,38 +15,38 @@ class Configuration {
  public:
   Configuration(MultibodyTree& m, Constraints& constraints, Counts& counts);
 
-  void inertia(const double* q);                                // M, its factors; G, Z invalid
-  void dynamics(const double* q, const double* v, bool with_partials);  // and nle; or the first terms of partials
-  void evaluate(const double* q, bool counted);                 // all of it, over all rows
-  void scale_rows(const std::vector<int>& which) { scale_rows(which, G, Z); }  // Z of these rows, from G
-  void scale_rows(const std::vector<int>& which, const Vector& G, Vector& Z) const;  // the same of other G
+  void inertia(const double* q);                                        // M and its factors; G, Z become invalid
+  void dynamics(const double* q, const double* v, bool with_partials);  // also nle, or terms of partials
+  void evaluate(const double* q, bool counted);                         // M, and all rows of G and Z
+  void scale_rows(const std::vector<int>& selected) { scale_rows(selected, G, Z); }     // Z of these rows
+  void scale_rows(const std::vector<int>& selected, const Vector& G, Vector& Z) const;  // from another G
   void solve_root(double* x) const;                             // x := R^-1 x
   void solve_root_transposed(double* x) const;                        // x := R^-T x
 
-  void mark_current(const double* q);  // all of it is current at q from now on
-  void mark_rows_current(const double* q);  // G and g are, with Z of the factors at a configuration nearby
+  void mark_current(const double* q);       // M, G, g and Z are current at q
+  void mark_rows_current(const double* q);  // G and g are current at q; Z has the factors of a configuration close to q
   void invalidate() { current_ = rows_current_ = false, ++stamp_; }
-  long stamp() const { return stamp_; }  // changes whenever Z may change
-  bool is_current(const double* q) const { return current_ && is_near(q); }  // is it current at q, to rounding?
-  bool are_rows_current(const double* q) const { return rows_current_ && is_near(q); }
-  bool is_exactly_current(const double* q) const;  // is it current at exactly q?
-  void exchange(Configuration& other);          // with another configuration of the same mechanism
+  long stamp() const { return stamp_; }                                          // changes when Z may change
+  bool is_current(const double* q) const { return current_ && agrees_with(q); }  // to rounding
+  bool are_rows_current(const double* q) const { return rows_current_ && agrees_with(q); }
+  bool is_exactly_current(const double* q) const;  // exactly
+  void exchange(Configuration& other);             // swap with another configuration of the mechanism
 
   Vector G, Z;       // entries by rows, see `Constraints::start`
-  Vector g;          // (ng,) over all rows, without the motion of drivers
+  Vector g;          // (ng,) of all rows, without the motion of drivers
   Vector scratch_G;  // scratch of the same size
 
  private:
-  void factorize();  // M
-  bool is_near(const double* q) const;  // the current configuration, to rounding
+  void factorize();                         // factorize M
+  bool agrees_with(const double* q) const;  // whether q is the stored configuration, to rounding
 
   MultibodyTree& m_;
   Constraints& constraints_;
   Counts& counts_;
   bool current_ = false, rows_current_ = false;
   long stamp_ = 0;
-  Vector q_;          // (nq,) where it is current
-  Vector U_;          // by the tree as M: pivots, and the entries of U
+  Vector q_;          // (nq,) at which it is current
+  Vector U_;          // D and U in the sparsity pattern of M
   Vector root_;       // (nv,) D^-1/2
   mutable Vector x_;  // (nv,) scratch
 };

@@ -1,3 +1,4 @@
+// Validation of rows, laws, friction interfaces and flexible bodies before the core is built.
 #include "system/core_description_checks.hpp"
 
 #include <algorithm>
@@ -7,9 +8,9 @@
 
 namespace mbdae {
 
-void check_indices(const std::vector<int>& x, int n, const char* what) {
+void check_indices(const std::vector<int>& x, int n, const char* name) {
   for (int i : x)
-    if (i < 0 || i >= n) reject(std::string(what) + " out of range");
+    if (i < 0 || i >= n) reject(std::string(name) + " out of range");
 }
 
 void check_anchors(const Anchors& pairs, int joints) {
@@ -74,7 +75,7 @@ static void check_body(const ModalBody& b, int nq, int nv, int joints) {
   const size_t cube = b.Mq1.size();
   valid = valid && (cube == 0 || cube == k * k * k) && b.H2.size() == 3 * cube && b.Mq2.size() == k * cube;
   for (const ModalNode& x : b.nodes) valid = valid && x.Phi.size() == 3 * k && x.Psi.size() == 3 * k && x.Phi2.size() == 3 * k * k;
-  if (!valid) reject("the numbers of a flexible body do not match its modes");
+  if (!valid) reject("the data of a flexible body do not match its modes");
 }
 
 void check_bodies(const std::vector<ModalBody>& bodies, int nq, int nv, int joints) {
@@ -83,7 +84,7 @@ void check_bodies(const std::vector<ModalBody>& bodies, int nq, int nv, int join
 
 void check(const Description& d, const Sizes& n, const Tolerances& tolerances) {
   if (static_cast<int>(d.angular.size()) != n.nv || d.probe.size() != d.angular.size())
-    reject("sizes do not fit the model");
+    reject("angular and probe must have an entry for each velocity");
   if (d.flat && n.nq != n.nv) reject("a flat manifold must have nq = nv");
   if (tolerances.row_scales.size() != d.rows.size() || static_cast<int>(tolerances.q_scales.size()) != n.nq ||
       static_cast<int>(tolerances.coordinate_scales.size()) != n.nv)

@@ -1,4 +1,4 @@
-// Checks of the description of a mechanism for the core: indices and sizes of numbers.
+// Checks of the description of a mechanism for the core: indices, and sizes of arrays.
 #pragma once
 
 #include "system/index2.hpp"
@@ -6,7 +6,7 @@
 namespace mbdae {
 
 using Anchors = std::vector<std::pair<Anchor, Anchor>>;
-void check_indices(const std::vector<int>& x, int n, const char* what);
+void check_indices(const std::vector<int>& x, int n, const char* name);
 void check_anchors(const Anchors& pairs, int joints);
 void check_rows(const std::vector<Row>& rows, size_t pairs);
 void check_row_joints(const Row& row, const Sizes& n);
@@ -15,7 +15,7 @@ void check_bodies(const std::vector<ModalBody>& bodies, int nq, int nv, int join
 void check_drivers(const std::vector<Driver>& drivers, size_t rows);
 void check(const Description& d, const Sizes& n, const Tolerances& tolerances);
 
-// Checks friction interfaces of these rows, and sets their pairs of frames.
+// Check friction interfaces of these rows, and set their frame pairs.
 void check_and_complete_interfaces(std::vector<FrictionInterface>& interfaces, const std::vector<Row>& rows);
 
 }  // namespace mbdae

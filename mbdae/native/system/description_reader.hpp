@@ -1,5 +1,5 @@
-// Reader of the description of a mechanism from any data. Indices of pairs and rows are checked afterwards
-// (core_description_checks.hpp).
+// Reader of the description of a mechanism from Python dicts or JSON. core_description_checks.hpp checks indices of
+// pairs and rows.
 #pragma once
 
 #include <algorithm>
@@ -29,17 +29,17 @@ class DescriptionReader : public Reader<DescriptionReader<Data>, Data> {
   void read(Data h, std::shared_ptr<const Profile>& out);
 
  protected:
-  // Functions of the user that a description contains; a reader of data without functions rejects them.
-  virtual void bind_functions(Data, TimeFunction&) { no_functions(); }
-  virtual void bind_functions(Data, RowFunction&) { no_functions(); }
-  virtual void bind_functions(Data, Law&) { no_functions(); }
-  virtual void bind_functions(Data, SampledController&) { no_functions(); }
+  // Bind user functions in a description; readers of data without functions reject them.
+  virtual void bind_functions(Data, TimeFunction&) { reject_functions(); }
+  virtual void bind_functions(Data, RowFunction&) { reject_functions(); }
+  virtual void bind_functions(Data, Law&) { reject_functions(); }
+  virtual void bind_functions(Data, SampledController&) { reject_functions(); }
 
   const Sizes n_;
-  const int states_;  // of all laws
+  const int states_;  // number of states of all laws
 
  private:
-  [[noreturn]] static void no_functions() { reject("functions of Python are not supported"); }
+  [[noreturn]] static void reject_functions() { reject("Python functions are not supported"); }
   void check_states(int first, int count) const {
     if (first < 0 || count < 0 || count > states_ || first > states_ - count) reject("states out of range");
   }
@@ -52,7 +52,7 @@ void DescriptionReader<Data>::read(Data h, TimeFunction& out) {
   if (out.kind == TimeFunction::polynomials)
     valid = out.degree >= 0 && (out.input < 0 || (out.degree == 1 && out.b.size() == 1)) && !out.b.empty() &&
             out.a.size() == out.b.size() * (static_cast<size_t>(out.degree) + 1);
-  if (!valid) reject("the numbers of a function of time do not match its kind");
+  if (!valid) reject("the parameters of a function of time do not match its kind");
   if (out.kind == TimeFunction::python) bind_functions(h, out);
 }
 
@@ -64,7 +64,7 @@ void DescriptionReader<Data>::read(Data h, std::shared_ptr<const Profile>& out) 
   if (p->starts.size() < 2 || p->samples.empty() || p->degree < 0 || n < 2 || n % 2 ||
       !(p->starts.back() > p->starts[0]) || !std::is_sorted(p->starts.begin(), p->starts.end()) ||
       (!p->harmonic && n != 2 * polynomials * (static_cast<size_t>(p->degree) + 1)))
-    reject("the numbers of a profile do not match its degree and its polynomials");
+    reject("the coefficients of a profile do not match its degree and its polynomials");
   for (double s : p->samples) {
     const Profile::Point x = p->at(s);
     p->points.insert(p->points.end(), x.c, x.c + 2);
@@ -77,7 +77,7 @@ void DescriptionReader<Data>::read(Data h, Row& out) {
   const Row::Kind kind = this->template read<Row::Kind>(this->field_of(h, "kind"));
   out.positional = ROW_KINDS.at(kind).positional;
   this->read_fields(h, out, false);
-  for (const std::string& key : split_names(ROW_KINDS.at(out.kind).needs)) {
+  for (const std::string& key : split_names(ROW_KINDS.at(out.kind).required)) {
     this->field_of(h, key.c_str());
     out.has_a = out.has_a || key == "a", out.has_b = out.has_b || key == "b";
   }
@@ -97,7 +97,7 @@ void DescriptionReader<Data>::read(Data h, Law& out) {
   this->read_fields(h, out, false);
   check_states(out.state, out.states);
   if (Access::contains(h, "call")) bind_functions(h, out);
-  if (!out.kind->is_valid(out, n_)) reject("the numbers of a force law do not match its kind");
+  if (!out.kind->is_valid(out, n_)) reject("the data of a force law do not match its kind");
 }
 
 template <class Data>
@@ -105,7 +105,7 @@ void DescriptionReader<Data>::read(Data h, SampledController& out) {
   const auto kind = this->template read<SampledController::Kind>(this->field_of(h, "kind"));
   this->read_fields(h, out, kind == SampledController::pid);
   if (!(out.rate > 0) || !std::isfinite(out.offset) || !(out.coincide >= 0))
-    reject("a sampled controller must have a positive rate, a finite offset and a tolerance of times from 0");
+    reject("a sampled controller must have a positive rate, a finite offset and a time tolerance of at least 0");
   if (out.states < 1) reject("a sampled controller must have a state");
   check_states(out.state, out.states);
   for (const HeldInput& u : out.inputs)

@@ -1,3 +1,4 @@
+// Selection of the rows in use by pivoted QR, or by sparse elimination for many rows.
 #include "system/independent_rows.hpp"
 
 #include <algorithm>
@@ -9,9 +10,9 @@
 namespace mbdae {
 
 IndependentRows::IndependentRows(const Constraints& constraints, std::vector<int> elimination, int nv,
-                                 const Tolerances& limits, bool positions)
+                                 const Tolerances& tolerances, bool positions)
     : constraints_(constraints),
-      limits_(limits),
+      tolerances_(tolerances),
       nv_(nv),
       elimination_(std::move(elimination)),
       neighbours_(constraints.rows.size()),
@@ -22,12 +23,12 @@ IndependentRows::IndependentRows(const Constraints& constraints, std::vector<int
     for (int c : constraints.rows[k].columns) users[c].push_back(k);
   for (int k : constraints.all) {
     excluded_[k] = positions && !constraints.rows[k].positional;
-    std::set<int> near;
-    for (int c : constraints.rows[k].columns) near.insert(users[c].begin(), users[c].end());
-    neighbours_[k].assign(near.begin(), near.end());
-    for (int l : near) window_ = std::max(window_, 2 * std::abs(elimination_[k] - elimination_[l]) + 2);
+    std::set<int> coupled;
+    for (int c : constraints.rows[k].columns) coupled.insert(users[c].begin(), users[c].end());
+    neighbours_[k].assign(coupled.begin(), coupled.end());
+    for (int l : coupled) window_ = std::max(window_, 2 * std::abs(elimination_[k] - elimination_[l]) + 2);
   }
-  window_ = std::max(window_, limits_.many_rows);
+  window_ = std::max(window_, tolerances_.many_rows);
 }
 
 void IndependentRows::find_pivots(const Vector& Z, bool of_rows_in_use, int count, double smallest,
@@ -54,7 +55,7 @@ void IndependentRows::record_ratio(double ratio) {
 
 void IndependentRows::set(std::vector<int> rows) {
   rows_ = std::move(rows);
-  ++version_, others_independent = false, best_ratio_ = 0;
+  ++version_, remaining_independent = false, best_ratio_ = 0;
   std::fill(position_.begin(), position_.end(), -1);
   const int r = static_cast<int>(rows_.size());
   for (int i = 0; i < r; ++i) position_[rows_[i]] = i;
@@ -65,15 +66,15 @@ void IndependentRows::set(std::vector<int> rows) {
     std::sort(coupled_[i].begin(), coupled_[i].end());
     half_bandwidth_ = std::max(half_bandwidth_, i - coupled_[i].front());
   }
-  others_.clear();
+  remaining_.clear();
   for (size_t k = 0; k < position_.size(); ++k)
-    if (position_[k] < 0 && !excluded_[k]) others_.push_back(static_cast<int>(k));
+    if (position_[k] < 0 && !excluded_[k]) remaining_.push_back(static_cast<int>(k));
 }
 
 void IndependentRows::update_pivots(const Vector& Z, long stamp) {
   if (pivots_stamp_ == stamp) return;
-  if (has_many()) {  // of more rows than these, rounding is left
-    find_pivots(Z, false, rank + 1, std::sqrt(limits_.eps), order_, pivots_);
+  if (has_many()) {  // further pivots are rounding errors
+    find_pivots(Z, false, rank + 1, std::sqrt(tolerances_.eps), order_, pivots_);
   } else {
     constraints_.dense(constraints_.all, Z, factors_);
     pivoted_qr(nv_, static_cast<int>(position_.size()), factors_, order_, pivots_);
@@ -84,7 +85,7 @@ void IndependentRows::update_pivots(const Vector& Z, long stamp) {
 bool IndependentRows::factorize(const Vector& Z, long stamp) {
   if (has_many() || rows_.empty() || rows_.size() < position_.size()) return false;
   update_pivots(Z, stamp);
-  return pivots_.back() * pivots_.back() > limits_.smallest_pivot * pivots_[0] * pivots_[0];
+  return pivots_.back() * pivots_.back() > tolerances_.smallest_pivot * pivots_[0] * pivots_[0];
 }
 
 void IndependentRows::solve(double* x) const {
@@ -108,16 +109,16 @@ bool IndependentRows::select(const Vector& Z, long stamp) {
   if (rank < 0) throw std::logic_error("the rows in use are not set");
   const int ng = static_cast<int>(position_.size());
   update_pivots(Z, stamp);
-  const int found = static_cast<int>(pivots_.size());
-  if (found < rank || (rank && !(pivots_[rank - 1] > floor * pivots_[0]))) throw FallBackToPython();
-  if (found > rank && pivots_[rank] > limits_.growth_tolerance * pivots_[0]) throw FallBackToPython();
+  const int n_pivots = static_cast<int>(pivots_.size());
+  if (n_pivots < rank || (rank && !(pivots_[rank - 1] > floor * pivots_[0]))) throw FallBackToPython();
+  if (n_pivots > rank && pivots_[rank] > tolerances_.growth_tolerance * pivots_[0]) throw FallBackToPython();
   if (rank) {
     const double smallest = pivots_[rank - 1] / pivots_[0];
     least_pivot_ratio = std::min(least_pivot_ratio, smallest * smallest);
   }
   if (version_) {
     if (rank == ng || !rank || uses_first_pivots()) return false;
-    if (smallest_pivot_in_use(Z) >= limits_.worst_conditioning * pivots_[rank - 1]) return false;
+    if (smallest_pivot_in_use(Z) >= tolerances_.worst_conditioning * pivots_[rank - 1]) return false;
   }
   return use_first_pivots();
 }
@@ -136,7 +137,7 @@ bool IndependentRows::use_first_pivots() {
 
 double IndependentRows::smallest_pivot_in_use(const Vector& Z) {
   if (has_many()) {
-    find_pivots(Z, true, rank, std::sqrt(limits_.eps), order_in_use_, pivots_in_use_);
+    find_pivots(Z, true, rank, std::sqrt(tolerances_.eps), order_in_use_, pivots_in_use_);
     return static_cast<int>(pivots_in_use_.size()) < rank ? 0 : pivots_in_use_[rank - 1];
   }
   constraints_.dense(rows_, Z, work_);
@@ -145,18 +146,18 @@ double IndependentRows::smallest_pivot_in_use(const Vector& Z) {
 }
 
 bool IndependentRows::select_if_triggered(const Vector& Z, long stamp) {
-  const double now = last_ratio_;
+  const double ratio = last_ratio_;
   last_ratio_ = NAN;
-  best_ratio_ = std::max(best_ratio_, now);
-  if (has_many() && !others_independent && now >= limits_.reselection_ratio * best_ratio_) return false;
-  others_independent = false, best_ratio_ = 0;
+  best_ratio_ = std::max(best_ratio_, ratio);
+  if (has_many() && !remaining_independent && ratio >= tolerances_.reselection_ratio * best_ratio_) return false;
+  remaining_independent = false, best_ratio_ = 0;
   return select(Z, stamp);
 }
 
 SmallestPivot IndependentRows::smallest_pivot(const Vector& Z, int rank) {
   pivots_stamp_ = -1;
   if (has_many()) {
-    find_pivots(Z, false, rank, std::sqrt(limits_.eps), order_, pivots_);
+    find_pivots(Z, false, rank, std::sqrt(tolerances_.eps), order_, pivots_);
     if (static_cast<int>(pivots_.size()) < rank) return {0, 0};
   } else {
     constraints_.dense(constraints_.all, Z, work_);

@@ -1,4 +1,4 @@
-// The rows in use: independent rows, selected again when they become worse conditioned than others
+// The rows in use: independent rows, reselected when other rows are better conditioned
 // (mbdae/mechanism/closures/independent_rows.py).
 #pragma once
 
@@ -10,91 +10,93 @@
 
 namespace mbdae {
 
-// Of independent rows, also relative to the largest pivot; 0 where they are dependent.
+// The smallest pivot of independent rows, and its ratio to the largest pivot; 0 if they are dependent.
 struct SmallestPivot {
-  double size = INFINITY, ratio = 1;  // without rows
+  double size = INFINITY, ratio = 1;  // values without rows
 };
 
 class IndependentRows {
  public:
-  // Of all rows; or of those only that have a g.
-  IndependentRows(const Constraints& constraints, std::vector<int> elimination, int nv, const Tolerances& limits,
+  // positions: only of rows that constrain positions.
+  IndependentRows(const Constraints& constraints, std::vector<int> elimination, int nv, const Tolerances& tolerances,
                   bool positions = false);
 
   int rank = -1;           // -1: unknown
-  double floor = 0;        // ratio of pivots below which the rank has fallen
-  bool frozen = false;     // the rows in use are fixed, except in `update_independent_rows`
-  double least_pivot_ratio = 1;      // smallest ratio of pivots of G M^-1 G^T since the last check in Python
-  bool others_independent = false;   // rows not in use may be independent of the rows in use
+  double floor = 0;        // pivot ratio below which the rank has fallen
+  bool frozen = false;     // the rows in use change only in `update_independent_rows`
+  double least_pivot_ratio = 1;        // smallest pivot ratio of G M^-1 G^T since the last check in Python
+  bool remaining_independent = false;  // remaining rows may be independent of the rows in use
 
-  const std::vector<int>& neighbours(int row) const { return neighbours_[row]; }  // with a column in common, sorted
+  const std::vector<int>& neighbours(int row) const { return neighbours_[row]; }  // rows with a common column, sorted
   const std::vector<int>& in_use() const { return rows_; }                        // (r,) in the order of elimination
-  // Positions of the rows in use with a column in common with the one at a position, up to it, in order.
+  // Sorted positions, up to this one, of the rows in use that have a column in common with the row at this position.
   const std::vector<int>& coupled(int position) const { return coupled_[position]; }
-  const std::vector<int>& others() const { return others_; }                      // (ng - r,) sorted
-  const std::vector<int>& position() const { return position_; }  // (ng,) in the saddle system; -1 where not in use
+  // (ng - r,) rows not in use, sorted
+  const std::vector<int>& remaining() const { return remaining_; }
+  const std::vector<int>& position() const { return position_; }  // (ng,) in the saddle system; -1: not in use
   int half_bandwidth() const { return half_bandwidth_; }          // of the saddle system
   long version() const { return version_; }                       // counts changes of the rows in use
-  bool dependent() const { return !others_.empty() && !rows_.empty(); }
-  bool has_many() const { return static_cast<int>(position_.size()) > limits_.many_rows; }
+  bool dependent() const { return !remaining_.empty() && !rows_.empty(); }
+  bool has_many() const { return static_cast<int>(position_.size()) > tolerances_.many_rows; }
 
   void use(const std::vector<int>& rows, int rank, double floor, bool frozen);
-  void reset();  // as when new
-  void record_ratio(double ratio);  // note the pivot ratio of a saddle-point system
-  // Determine rank, floor and rows at the start of a run from G and Z (entries by rows), as `initial_rank` and `select_rows` in Python;
-  // where Python must decide, as next to singular configurations, `FallBackToPython`.
+  void reset();                     // to the initial state
+  void record_ratio(double ratio);  // record the pivot ratio of a saddle-point system
+  // Determine rank, floor and rows at the start of a run from G and Z (entries by rows), as `initial_rank` and
+  // `select_rows` in Python; FallBackToPython if Python must decide, for example close to singular configurations.
   struct InitialRank {
-    double ambiguous;  // ratio of pivots below which no smooth interval begins
-    double fallen;     // of the ratio of pivots at the start: still small below this multiple
-    double dependent;  // of the largest row of many: its part outside the rows in use
+    double ambiguous;  // pivot ratio below which no smooth interval begins
+    double fallen;     // factor of the pivot ratio at the start, up to which ratios are small
+    double dependent;  // largest component of many rows outside the rows in use, relative to their length
   };
   void determine(const Vector& G, const Vector& Z, long stamp, const InitialRank& first, const Vector& probe);
-  // Is a vector in the null space of the rows in use, from one in general position (nv,) and its reverse, also one of all
-  // rows? To a tolerance of their length; negligible rows are ignored. B: G or Z.
-  bool remaining_rows_dependent(const Vector& B, double tolerance, const Vector& probe) const;
-  // From Z (ng, nv), the rows of G M^-1/2: select again; returns whether the rows in use changed. stamp: changes with
+  // Whether vectors in the null space of the rows in use, from a probe (nv,) in general position and its reverse, are
+  // also in the null space of all rows, to a tolerance relative to their length; negligible rows are ignored. B: G or
   // Z.
+  bool remaining_rows_dependent(const Vector& B, double tolerance, const Vector& probe) const;
+  // Select rows from Z (ng, nv), the rows of G M^-1/2; return whether the rows in use changed. stamp: identifies Z.
   bool select(const Vector& Z, long stamp);
-  // At the beginning of a step: always for few rows, for a reason for many rows.
+  // Select rows at the start of a step; many rows only if their conditioning requires it.
   bool select_if_triggered(const Vector& Z, long stamp);
-  // Is the factor R of Z^T P = Q R of the selection also a factor of Z Z^T of the rows in use? Then it is current.
+  // Whether the factor R of Z^T P = Q R of the selection is also a factor of Z Z^T of the rows in use; then it is
+  // current.
   bool factorize(const Vector& Z, long stamp);
-  void solve(double* x) const;  // with it, (r,) by position: x := (Z Z^T)^-1 x
-  // Smallest of this many pivots of all rows to the largest: many rows by sparse elimination.
+  void solve(double* x) const;  // with this factor: x := (Z Z^T)^-1 x, (r,) by position
+  // The smallest of the first `rank` pivots of all rows; of many rows by sparse elimination.
   SmallestPivot smallest_pivot(const Vector& Z, int rank);
 
-  class Freeze;  // while it exists, the rows in use are fixed, and solves are not part of the run
+  class Freeze;  // fixes the rows in use for its lifetime; solves are not part of the run
 
  private:
   void set(std::vector<int> rows);
-  void update_pivots(const Vector& Z, long stamp);  // pivots and factors of all rows, for this Z
-  // Z Z^T of all rows, or of those in use by their position.
+  void update_pivots(const Vector& Z, long stamp);  // pivots and factors of all rows
+  // Z Z^T of all rows, or of the rows in use by position.
   std::vector<SparseRow> products(const Vector& Z, bool of_rows_in_use) const;
-  // Pivots of many rows, of all or of those in use (then by position), see `sparse_pivots`.
+  // Pivots of all rows, or of the rows in use by position, see `sparse_pivots`.
   void find_pivots(const Vector& Z, bool of_rows_in_use, int count, double smallest, std::vector<int>& order,
                    Vector& pivots) const;
   double smallest_pivot_in_use(const Vector& Z);
-  bool uses_first_pivots() const;  // are those of the first `rank` pivots in use?
-  bool use_first_pivots();  // use those of the first `rank` pivots; whether they are others
-  bool has_tie() const;  // has a dependent row a pivot of a row in use, up to rounding, in `factors_`?
+  bool uses_first_pivots() const;  // whether the rows of the first `rank` pivots are in use
+  bool use_first_pivots();         // use these rows; return whether the rows in use changed
+  bool has_tie() const;            // whether a dependent row ties with a pivot, to rounding, in `factors_`
   int dense_rank(const Vector& G, const InitialRank& first);
 
   const Constraints& constraints_;
-  const Tolerances& limits_;
+  const Tolerances& tolerances_;
   const int nv_;
-  const std::vector<int> elimination_;         // (ng,) of each row in the order of elimination
-  int window_ = 0;                             // of rows among which pivots are chosen
+  const std::vector<int> elimination_;         // (ng,) position of each row in the order of elimination
+  int window_ = 0;                             // number of rows among which pivots are chosen
   std::vector<std::vector<int>> neighbours_;   // (ng,)
   std::vector<bool> excluded_;                 // (ng,)
-  std::vector<int> rows_, others_, position_;  // (r,), (ng - r,), (ng,)
+  std::vector<int> rows_, remaining_, position_;  // (r,), (ng - r,), (ng,)
   std::vector<std::vector<int>> coupled_;      // (r,)
   int half_bandwidth_ = 0;
   long version_ = 0;
   double best_ratio_ = 0,
-         last_ratio_ = NAN;  // ratios of pivots: best since the last examination, and last; nan: no solve since
+         last_ratio_ = NAN;  // pivot ratios: best since the last selection, and last; nan: no solve since then
   std::vector<int> order_, order_in_use_;      // (ng,), (r,) of pivots
   Vector pivots_, pivots_in_use_;              // (min(nv, ng),), (min(nv, r),)
-  Vector factors_, work_;  // (ng, nv) and more: R by columns, as `pivoted_qr` leaves it, of few rows; and scratch
+  Vector factors_, work_;  // (ng, nv) and more: R of few rows by columns, as in `pivoted_qr`; scratch
   mutable Vector x_;       // (r,) in the order of pivots
   long pivots_stamp_ = -1;                     // the stamp of the Z whose pivots and factors are current
 };

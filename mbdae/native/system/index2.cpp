@@ -1,3 +1,4 @@
+// Forces, accelerations from the hidden constraint, updates between steps.
 #include "system/index2.hpp"
 
 #include <algorithm>
@@ -8,13 +9,13 @@
 
 namespace mbdae {
 
-Index2System::Index2System(const void* model, const Tolerances& limits, Description d)
-    : tree(model, limits, std::move(d.flexible)),
+Index2System::Index2System(const void* model, const Tolerances& tolerances, Description d)
+    : tree(model, tolerances, std::move(d.flexible)),
       constraints(tree, std::move(d.rows), d.pairs, std::move(d.drivers)),
       manifold(tree, d.flat, std::move(d.group_joints), std::move(d.angular)),
-      rows(constraints, std::move(d.order), tree.nv, tree.limits),
+      rows(constraints, std::move(d.order), tree.nv, tree.tolerances),
       point(tree, constraints, counts),
-      saddle(point, constraints, rows, tree.limits, counts, tree.nv),
+      saddle(point, constraints, rows, tree.tolerances, counts, tree.nv),
       friction(tree, constraints, rows),
       formulation(d.formulation),
       nq(tree.nq),
@@ -28,7 +29,7 @@ Index2System::Index2System(const void* model, const Tolerances& limits, Descript
       probe_(std::move(d.probe)),
       alpha_(d.alpha),
       beta_(d.beta),
-      other_(nv),
+      nonconservative_(nv),
       f_(nv),
       lam_(ng),
       gt_(ng),
@@ -38,10 +39,10 @@ Index2System::Index2System(const void* model, const Tolerances& limits, Descript
 }
 
 void Index2System::use_nodes(const Description& d) {
-  std::vector<int> used;
+  std::vector<int> frames;
   for (const auto* pairs : {&d.pairs, &d.law_pairs})
-    for (const auto& p : *pairs) used.push_back(p.first.joint), used.push_back(p.second.joint);
-  tree.use_nodes(used);
+    for (const auto& p : *pairs) frames.push_back(p.first.joint), frames.push_back(p.second.joint);
+  tree.use_nodes(frames);
 }
 
 void Index2System::set_laws(std::vector<Law> laws, const std::vector<std::pair<Anchor, Anchor>>& pairs) {
@@ -53,7 +54,7 @@ void Index2System::set_laws(std::vector<Law> laws, const std::vector<std::pair<A
     if (law.pair >= 0) law.frames = &law_pairs_[law.pair];
 }
 
-bool Index2System::write(const void* model, const Tolerances& limits, Description d) {
+bool Index2System::write(const void* model, const Tolerances& tolerances, Description d) {
   if (d.formulation != formulation || d.alpha != alpha_ || d.beta != beta_ || d.ns != ns) return false;
   if (d.laws.size() != laws_.size() || d.law_pairs.size() != law_pairs_.size()) return false;
   for (size_t k = 0; k < laws_.size(); ++k)
@@ -61,11 +62,11 @@ bool Index2System::write(const void* model, const Tolerances& limits, Descriptio
         d.laws[k].states != laws_[k].states)
       return false;
   if (!tree.has_same_structure(d.flexible)) return false;
-  Constraints others(tree, std::move(d.rows), d.pairs, std::move(d.drivers));
-  if (!constraints.has_structure_of(others)) return false;
-  constraints.write(std::move(others));
+  Constraints new_constraints(tree, std::move(d.rows), d.pairs, std::move(d.drivers));
+  if (!constraints.has_structure_of(new_constraints)) return false;
+  constraints.write(std::move(new_constraints));
   set_laws(std::move(d.laws), d.law_pairs);
-  tree.write(model, limits, std::move(d.flexible)), use_nodes(d), reset();
+  tree.write(model, tolerances, std::move(d.flexible)), use_nodes(d), reset();
   return true;
 }
 
@@ -99,7 +100,7 @@ double* Index2System::law_parameter(int k, int i) {
   return static_cast<size_t>(i) < law.a.size() ? &law.a[i] : &law.offset;
 }
 
-bool Index2System::renew() {
+bool Index2System::update_parameters() {
   const Sizes sizes{nq, nv, tree.joints};
   tree.refresh(), point.invalidate(), last_stage.t = NAN;
   return std::all_of(laws_.begin(), laws_.end(), [&](Law& law) { return law.kind->is_valid(law, sizes); });
@@ -113,25 +114,25 @@ void Index2System::set_input(int input, double t, double value, double rate) {
   last_stage.t = NAN;
 }
 
-void Index2System::deactivate_rows(std::vector<bool> off, bool has_sticking_joints) {
-  constraints.off = std::move(off), constraints.has_sticking_joints = has_sticking_joints;
+void Index2System::deactivate_rows(std::vector<bool> inactive, bool has_sticking_joints) {
+  constraints.inactive = std::move(inactive), constraints.has_sticking_joints = has_sticking_joints;
   point.invalidate();
   for (Vector* rows : {&point.G, &point.Z, &point.scratch_G}) std::fill(rows->begin(), rows->end(), 0.0);
 }
 
 void Index2System::probe_other_rows() {
-  if (rows.has_many() && rows.dependent() && !saddle.remaining_rows_dependent(probe_)) rows.others_independent = true;
+  if (rows.has_many() && rows.dependent() && !saddle.remaining_rows_dependent(probe_))
+    rows.remaining_independent = true;
 }
 
 void Index2System::torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates) {
   counts.f += 1;
   std::fill_n(tau, nv, 0.0), rates[ns] = 0;
   if (laws_.empty()) return;
-  std::fill(other_.begin(), other_.end(), 0.0);
-  for (const Law& law : laws_)
-    law.add(tree, t, q, v, s + law.state, tau, other_.data(), rates + law.state);
-  rates[ns] = dot(other_.data(), v, nv);
-  for (int i = 0; i < nv; ++i) tau[i] += other_[i];
+  std::fill(nonconservative_.begin(), nonconservative_.end(), 0.0);
+  for (const Law& law : laws_) law.add(tree, t, q, v, s + law.state, tau, nonconservative_.data(), rates + law.state);
+  rates[ns] = dot(nonconservative_.data(), v, nv);
+  for (int i = 0; i < nv; ++i) tau[i] += nonconservative_[i];
 }
 
 void Index2System::forces(double t, const double* q, const double* v, const double* s, double* f, double* rates,
@@ -174,17 +175,17 @@ void Index2System::accelerate(double t, const double* q, const double* v, const 
   for (int k : rows.in_use()) rates[ns] -= lam_[k] * gt_[k];
 }
 
-bool Index2System::is_known(double t, const double* q, const double* v, const double* s) const {
-  auto near = [&](const double* x, const double* y, int n, const std::vector<double>* scales = nullptr) {
+bool Index2System::is_last_stage(double t, const double* q, const double* v, const double* s) const {
+  auto agrees = [&](const double* x, const double* y, int n, const std::vector<double>* scales = nullptr) {
     double size = 0;
     for (int i = 0; i < n; ++i) size = std::max(size, std::fabs(x[i]) / (scales ? (*scales)[i] : 1));
-    for (int i = 0; i < n; ++i)  // never near nan, the time of an invalid stage
-      if (!(std::fabs(x[i] - y[i]) <= tree.limits.rounding * size * (scales ? (*scales)[i] : 1))) return false;
+    for (int i = 0; i < n; ++i)  // false for nan, the time of an invalid stage
+      if (!(std::fabs(x[i] - y[i]) <= tree.tolerances.rounding * size * (scales ? (*scales)[i] : 1))) return false;
     return true;
   };
   if (last_stage.motion_stamp != tree.motion_stamp()) return false;
-  return near(&t, &last_stage.t, 1) && near(q, last_stage.q.data(), nq, &tree.limits.q_scales) &&
-         near(v, last_stage.v.data(), nv, &tree.limits.coordinate_scales) && near(s, last_stage.s.data(), ns);
+  return agrees(&t, &last_stage.t, 1) && agrees(q, last_stage.q.data(), nq, &tree.tolerances.q_scales) &&
+         agrees(v, last_stage.v.data(), nv, &tree.tolerances.coordinate_scales) && agrees(s, last_stage.s.data(), ns);
 }
 
 void Index2System::derivative(double t, const double* y, double* F, double* z) {
@@ -203,13 +204,13 @@ void Index2System::derivative(double t, const double* y, double* F, double* z) {
 void Index2System::hidden_derivative(double t, const double* y, double* F, double* z) {
   const double *q = y, *v = y + nq, *s = v + nv;
   double *f = F + nv, *rates = F + 2 * nv;
-  const bool current = point.is_current(q), stage_known = current && is_known(t, q, v, s);
+  const bool current = point.is_current(q), reuse_stage = current && is_last_stage(t, q, v, s);
   if (!current)
     point.evaluate(q, false);
   else
-    stage_known && !friction && !rows.in_use().empty() ? tree.restore_poses() : tree.poses(q);
+    reuse_stage && !friction && !rows.in_use().empty() ? tree.restore_poses() : tree.poses(q);
   if (friction) friction.update_slips(v, false);
-  if (stage_known)
+  if (reuse_stage)
     std::copy(last_stage.f.begin(), last_stage.f.end(), f),
         std::copy(last_stage.rates.begin(), last_stage.rates.end(), rates);
   else
@@ -230,7 +231,7 @@ void Index2System::hidden_derivative(double t, const double* y, double* F, doubl
 }
 
 Vector Index2System::carry(const Vector& F) const {
-  Vector out(carried(), 0.0);
+  Vector out(carry_length(), 0.0);
   std::copy(F.begin() + nv, F.end(), out.end() - (ny - nv));
   return out;
 }
@@ -265,10 +266,10 @@ bool Index2System::update_independent_rows(double t, State& s) {
   if (formulation == Formulation::ggl && violates_velocity_constraints(*this, t, v)) throw FallBackToPython();
   gap_ = point.g;
   constraints.complete_g(t, gap_.data());
-  const Tolerances& limits = tree.limits;
-  largest_g = std::max(largest_g, largest_scaled(gap_.data(), limits.row_scales));
-  largest_rate = std::max(largest_rate, largest_scaled(rate_.data(), limits.row_scales));
-  largest_speed = std::max(largest_speed, largest_scaled(v, limits.coordinate_scales));
+  const Tolerances& tolerances = tree.tolerances;
+  largest_g = std::max(largest_g, largest_scaled(gap_.data(), tolerances.row_scales));
+  largest_rate = std::max(largest_rate, largest_scaled(rate_.data(), tolerances.row_scales));
+  largest_speed = std::max(largest_speed, largest_scaled(v, tolerances.coordinate_scales));
   return changed;
 }
 

@@ -1,4 +1,5 @@
-// A mechanism in index-2 descriptor form, with its workspace (mbdae/mechanism/formulations/index2.py).
+// The equations of a mechanism in index-2 descriptor form, with their workspace
+// (mbdae/mechanism/formulations/index2.py).
 #pragma once
 
 #include <memory>
@@ -22,7 +23,7 @@ struct StageMemory;  // collocation.hpp
 struct State {
   Vector y;           // (nq + nv + ns + 1,): q, v, s, w
   Vector carry, low;  // (nv + ns + 1,): v', s', w', and (ny,): the rounding error of y; both may be empty
-  std::shared_ptr<StageMemory> memory;  // carry of an implicit method; may be missing
+  std::shared_ptr<StageMemory> memory;  // carry of a collocation method, or null
 };
 
 // Partials of (f + G^T lam - M v', h, power) and of G v + g_t at a point, by rows; n = nv + ns + 1
@@ -33,8 +34,8 @@ struct EquationPartials {
   Vector friction;       // (r, nv + 1) d(f, power)/dlam due to friction; empty: no friction
 };
 
-// Constraints that are kept: G v + g_t = 0; g = 0 too, by a second multiplier; or neither, with accelerations from the
-// hidden constraint (mbdae/mechanism/formulations/).
+// Constraints that steps satisfy: index2: G v + g_t = 0; ggl: also g = 0, by a second multiplier; index1: only the
+// hidden constraint of accelerations (mbdae/mechanism/formulations/).
 enum class Formulation { index2, ggl, index1 };
 inline constexpr const char* enumerators(Formulation) { return "index2, ggl, index1"; }
 
@@ -60,7 +61,7 @@ struct Description {
 
 class Index2System {
  public:
-  Index2System(const void* model, const Tolerances& limits, Description d);
+  Index2System(const void* model, const Tolerances& tolerances, Description d);
 
   MultibodyTree tree;
   Constraints constraints;
@@ -72,74 +73,76 @@ class Index2System {
   ClosureFriction friction;
   const Formulation formulation;
   const int nq, nv, ng, ns, nz;    // nz: multipliers of a method, lam and mu
-  const int ny, length;            // of the tangent (x, v, s, w), and of y
-  // |g| and |G v + g_t| over all rows, and |v|, at the ends of steps; lengths in characteristic lengths
+  const int ny, length;            // sizes of the tangent (x, v, s, w), and of y
+  // largest scaled |g|, |G v + g_t| and |v| at the ends of steps
   double largest_g = 0, largest_rate = 0, largest_speed = 0;
-  double accuracy = 0;  // of the size of y: of Newton's iteration in controlled steps of collocation methods; 0: rounding
+  double accuracy = 0;  // relative accuracy of Newton's method in controlled collocation steps; 0: rounding
 
-  int carried() const { return formulation == Formulation::ggl ? ny : ny - nv; }  // size of the carry from step to step
-  Vector carry(const Vector& F) const;  // carry from y' (ny,) at a point for methods with an explicit first stage
+  int carry_length() const { return formulation == Formulation::ggl ? ny : ny - nv; }  // size of the carry
+  Vector carry(const Vector& F) const;  // from y' (ny,), for methods with an explicit first stage
   bool driven() const { return !constraints.drivers.empty(); }
   int controlled_components() const { return driven() ? ny : ny - 1; }  // components under error control
-  // After `saddle.factorize_symmetric`: are rows not in use still dependent? Otherwise a reason to examine them.
+  // After `saddle.factorize_symmetric`: test whether the remaining rows are still dependent.
   void probe_other_rows();
-  void select_rows_of_step(const double* y);  // which begins at y (length,): unless the rows in use are fixed
+  void select_rows_of_step(const double* y);  // select rows for a step from y (length,), unless they are frozen
   void use_rows(const std::vector<int>& in_use, int rank, double floor, bool frozen);
   void reset();  // to the state of a new system, in the same mode
-  // The numbers of a mechanism of the same structure, in place, and `reset`; false: it has another structure.
-  bool write(const void* model, const Tolerances& limits, Description d);
-  bool remaining_rows_dependent(const double* q, double tolerance);  // at q, on the rows in use; uncounted
+  // Write the parameters of a mechanism of the same structure in place, and `reset`; false: its structure differs.
+  bool write(const void* model, const Tolerances& tolerances, Description d);
+  bool remaining_rows_dependent(const double* q, double tolerance);  // see `IndependentRows`; not counted
   void determine_rows(const double* q, const IndependentRows::InitialRank& first);  // at the start of a run
-  bool change_law(int k, const Vector& a);  // other data for law k, of the same size
+  bool change_law(int k, const Vector& a);                                          // replace the parameters of law k
   size_t law_size(int k) const { return k < 0 || k >= static_cast<int>(laws_.size()) ? 0 : laws_[k].a.size(); }
-  double* law_parameter(int k, int i);  // of its data, or after these the offset of its potential; nullptr: none
-  bool renew();  // after such numbers, or those of the model, have changed; false: they are invalid
-  void set_input(int input, double t, double value, double rate);  // value + rate (t' - t) from now on
-  Vector joint_friction;  // (ng,) of slipping joints in the mode, as multipliers of their inactive rows
-  // Inactive rows of the mode, (ng,), and whether joints stick; then the rows in use must be set.
-  void deactivate_rows(std::vector<bool> off, bool has_sticking_joints);
+  // parameter i of law k; beyond the last one, the offset of its potential; nullptr: none
+  double* law_parameter(int k, int i);
+  bool update_parameters();  // after changes of parameters in place; false: they are invalid
+  void set_input(int input, double t, double value, double rate);  // to value + rate (t' - t)
+  Vector joint_friction;  // (ng,) friction of slipping joints, as multipliers of their inactive rows
+  // Set the inactive rows of the mode (ng,), and whether joints stick; afterwards the rows in use must be set.
+  void deactivate_rows(std::vector<bool> inactive, bool has_sticking_joints);
 
-  // f (nv,) and the rates (s', power in W), (ns + 1,), with current kinematics at q; biased: and nle at (q, v).
+  // f (nv,) and the rates (s', power in W), (ns + 1,); requires current kinematics at q, and if `biased` nle at (q, v).
   void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates,
               bool biased = false);
-  // tau (nv,) of all laws, and the rates, with current kinematics at q.
+  // tau (nv,) of all laws, and the rates; requires current kinematics at q.
   void torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates);
-  // Partials at a point with v' (nv,) and lam (ng,) by row; the tree is expanded, J and poses are current afterwards.
+  // Partials at a point with v' (nv,) and lam (ng,) by row; requires the expanded tree, updates J and poses.
   void partials(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out);
-  // K, D and g_t alone, and B (r, nv) if requested; also the wrenches of laws between frames, followed by those of
-  // closures, summed over rows.
-  void force_partials(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out,
-                    Vector* B = nullptr, std::vector<ActingWrench>* wrenches = nullptr);
-  // Partials of all laws with respect to (q, v, s): of conservative forces and others, (nv, width) each, followed by
-  // those of s', (ns, width), width = 2 nv + ns; with current kinematics at q. Valid until the next call.
+  // Only K, D and g_t, and if requested B (r, nv) and wrenches: of laws between frames, then of closures, summed over
+  // rows.
+  void force_partials(double t, const double* q, const double* u, const double* vdot, const double* lam,
+                      EquationPartials& out, Vector* B = nullptr, std::vector<LawWrench>* wrenches = nullptr);
+  // Partials of all laws with respect to (q, v, s): of conservative and of other forces, (nv, width) each, and of s',
+  // (ns, width), width = 2 nv + ns; requires current kinematics at q. Valid until the next call.
   const double* law_partials(double t, const double* q, const double* v, const double* s,
-                             std::vector<ActingWrench>* wrenches = nullptr);
-  // The partial time derivative of the same equations as K, (n,), at a point with lam (ng,); kinematics current at q.
+                             std::vector<LawWrench>* wrenches = nullptr);
+  // The partial time derivative (n,) of the equations of K, at a point with lam (ng,); requires current kinematics at
+  // q.
   void time_partials(double t, const double* q, const double* u, const double* lam, double* out);
-  // Adds d(G^T lam)/dq with lam (ng,) to K (nv, nv), and writes d(G v)/dq, (r, nv) by rows: each
-  // if requested; and the partials of rows in use, (ng,). J and poses are current at q. Other rows may take their
-  // place.
+  // If requested: add d(G^T lam)/dq with lam (ng,) to K (nv, nv); write d(G v)/dq to B (r, nv) by rows, and the
+  // partials of rows in use to wrench_partials (ng,). Requires current J and poses at q. other_rows: instead of the
+  // rows in use.
   void closure_partials(const double* q, const double* v, const double* lam, double* K, Vector* B,
-                        std::vector<ActingWrench>* wrenches = nullptr,
+                        std::vector<LawWrench>* wrenches = nullptr,
                         std::vector<WrenchPartials>* wrench_partials = nullptr,
-                        const IndependentRows* others = nullptr);
-  // With current G and, for closure friction, slip directions: rhs (ng,) by row becomes lam, f (nv,) v'; the power of
-  // friction is added.
+                        const IndependentRows* other_rows = nullptr);
+  // Replace rhs (ng,) by lam and f (nv,) by v', and add the power of friction; requires current G, and slip directions
+  // of closure friction.
   void solve(const Vector& Zhat, double* rhs, double* f, double* power);
-  // v' (nv,) and the rates from the hidden constraint, where `point` is current at q; sets `multipliers`.
+  // v' (nv,) and the rates from the hidden constraint; requires `point` at q; sets `multipliers`.
   void accelerate(double t, const double* q, const double* v, const double* s, double* vdot, double* rates);
   // y' (ny,) and lam (ng,) from the hidden constraint.
   void derivative(double t, const double* y, double* F, double* z);
-  // Like derivative(), without Baumgarte terms, at the end of a step. Keeps the rows in use; reuses the kinematics of
-  // the step where q agrees to rounding.
+  // Like derivative(), without Baumgarte terms, at the end of a step. Keeps the rows in use, and reuses the last stage
+  // if it agrees to rounding.
   void hidden_derivative(double t, const double* y, double* F, double* z);
-  // The same in raw coordinates, normalized: dy/dt (length,) with dq/dt = T(q) v (index1.cpp).
+  // dy/dt (length,) of raw coordinates, dq/dt = T(q) v, at normalized q (index1.cpp).
   void raw_derivative(double t, const double* y, double* dy, double* z);
-  // Between two steps: select rows, and measure the violation of all. True if the rows changed; then v is projected
-  // onto them, and the carried derivative is recomputed.
+  // Between two steps: select rows, and record the largest violations. True if the rows changed; then v is projected
+  // onto them, and the carry is restarted.
   bool update_independent_rows(double t, State& s);
 
-  // f, the rates and the motions of the last stage of a step; its poses are kept if rows are in use.
+  // The last stage of a step; its poses are saved if rows are in use.
   struct LastStage {
     double t = NAN;
     long motion_stamp = -1;     // of the tree
@@ -147,10 +150,10 @@ class Index2System {
   } last_stage;
 
   std::vector<SampledController> samplers;
-  // To just after t, where t is a sampling instant; see `SampledController::has_jumped`.
+  // Replace the state before t by that after t, if t is a sampling instant; late: see `SampledController::has_jumped`.
   void apply_jumps(double t, double* y, double late = INFINITY);
   struct {
-    Vector g, gap, next_g, rate, x, nearer;  // (ng,) four times, (nv,), (nq,)
+    Vector g, gap, next_g, rate, x, trial_q;  // (ng,) four times, (nv,), (nq,)
   } projection;  // scratch of `project_state`
   double potential(const double* q);  // of gravity and springs in J, at the current poses
 
@@ -158,27 +161,27 @@ class Index2System {
   // out = in (+) x with compensated summation; x (ny,) with in.low added.
   void move(const State& in, double* x, State& out) const;
   void difference(const double* y0, const double* y1, double* out) const;
-  void component_magnitudes(const double* y, double* out);  // magnitudes in the tangent, (ny,)
+  void component_magnitudes(const double* y, double* out);  // in the tangent, (ny,)
 
   const std::vector<Pair>& law_pairs() const { return law_pairs_; }
-  const Vector& multipliers() const { return lam_; }  // (ng,) of the rows in use, from the last `derivative`
-  void residual_rate(double t, const double* v, double* rate) const;  // G v + g_t over all rows, with current G
-  SmallestPivot smallest_pivot(const double* q, int rank);            // see mbdae/mechanism/singularity.py; uncounted
+  const Vector& multipliers() const { return lam_; }  // (ng,) of the rows in use, of the last `derivative`
+  void residual_rate(double t, const double* v, double* rate) const;  // G v + g_t of all rows, with current G
+  SmallestPivot smallest_pivot(const double* q, int rank);            // see mbdae/mechanism/singularity.py; not counted
   double pivot_ratio(const double* q, int rank) { return smallest_pivot(q, rank).ratio; }
 
  private:
   void set_laws(std::vector<Law> laws, const std::vector<std::pair<Anchor, Anchor>>& pairs);
-  void use_nodes(const Description& d);  // place only the nodes of flexible bodies in its pairs
-  bool is_known(double t, const double* q, const double* v, const double* s) const;
+  void use_nodes(const Description& d);  // compute only nodes of flexible bodies that its frame pairs use
+  bool is_last_stage(double t, const double* q, const double* v, const double* s) const;
 
   std::vector<Pair> law_pairs_;
   std::vector<Law> laws_;
   const Vector probe_;               // (nv,)
   const double alpha_, beta_;         // 1/s
-  Vector other_, f_;                 // (nv,)
+  Vector nonconservative_, f_;        // (nv,)
   Vector lam_, gt_, gap_, rate_;     // (ng,)
   Vector all_G_;                     // (ng, nv)
-  Vector law_partials_, by_q_, by_v_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice
+  Vector law_partials_, dtau_dq_, dtau_dv_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice
 };
 
 }  // namespace mbdae

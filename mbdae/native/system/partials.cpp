@@ -1,4 +1,4 @@
-// Exact first derivatives of a mechanism's equations (mbdae/mechanism/formulations/equation_partials.py).
+// Exact partials of the equations of a mechanism (mbdae/mechanism/formulations/equation_partials.py).
 #include <algorithm>
 
 #include "system/index2.hpp"
@@ -17,8 +17,8 @@ void Index2System::partials(double t, const double* q, const double* u, const do
   out.G.assign(r * m, 0.0);
   constraints.dense_value(tree, q, rows.in_use(), all_G_);
   out.friction.clear();
-  if (friction) {  // its d/d(q, v) are left out: only the convergence of Newton's iteration suffers
-    constraints.dense_value(tree, q, rows.others(), all_G_);
+  if (friction) {  // without its d/d(q, v), which only slows the convergence of Newton's method
+    constraints.dense_value(tree, q, rows.remaining(), all_G_);
     friction.update_slips(u), friction.partials(all_G_.data(), lam, out.friction);
   }
   for (int k : rows.in_use())
@@ -26,30 +26,30 @@ void Index2System::partials(double t, const double* q, const double* u, const do
 }
 
 void Index2System::force_partials(double t, const double* q, const double* u, const double* vdot, const double* lam,
-                                  EquationPartials& out, Vector* B, std::vector<ActingWrench>* wrenches) {
+                                  EquationPartials& out, Vector* B, std::vector<LawWrench>* wrenches) {
   const size_t n = nv + ns + 1, m = nv, width = 2 * m + ns;
   const double *v = u, *s = u + nv;
-  by_q_.resize(m * m), by_v_.resize(m * m);
-  tree.partials(q, v, vdot, by_q_.data(), by_v_.data());
+  dtau_dq_.resize(m * m), dtau_dv_.resize(m * m);
+  tree.partials(q, v, vdot, dtau_dq_.data(), dtau_dv_.data());
 
-  Vector now(ns + 1);
-  torque(t, q, v, s, f_.data(), now.data());
+  Vector state_rates(ns + 1);
+  torque(t, q, v, s, f_.data(), state_rates.data());
   out.K.resize(n * m), out.D.assign(n * n, 0.0);
-  double *powers = &out.K[(n - 1) * m], *powers_by_u = &out.D[(n - 1) * n];
+  double *power_dq = &out.K[(n - 1) * m], *power_du = &out.D[(n - 1) * n];
   std::fill(out.K.begin() + m * m, out.K.end(), 0.0);
   for (size_t i = 0; i < m; ++i) {
-    const double *q_ = &by_q_[i * m], *v_ = &by_v_[i * m];
+    const double *q_ = &dtau_dq_[i * m], *v_ = &dtau_dv_[i * m];
     double *K = &out.K[i * m], *D = &out.D[i * n];
     for (size_t j = 0; j < m; ++j) K[j] = -q_[j], D[j] = -v_[j];
-    powers_by_u[i] = other_[i];
+    power_du[i] = nonconservative_[i];
   }
   const double *conservative = law_partials(t, q, v, s, wrenches), *other = conservative + m * width,
                *rates = other + m * width;
   for (size_t i = 0; i < m && !laws_.empty(); ++i) {
     const double *a = conservative + i * width, *b = other + i * width;
     double *K = &out.K[i * m], *D = &out.D[i * n];
-    for (size_t j = 0; j < m; ++j) K[j] += a[j] + b[j], powers[j] += v[i] * b[j];
-    for (size_t j = 0; j < m + ns; ++j) D[j] += a[m + j] + b[m + j], powers_by_u[j] += v[i] * b[m + j];
+    for (size_t j = 0; j < m; ++j) K[j] += a[j] + b[j], power_dq[j] += v[i] * b[j];
+    for (size_t j = 0; j < m + ns; ++j) D[j] += a[m + j] + b[m + j], power_du[j] += v[i] * b[m + j];
   }
   for (int i = 0; i < ns; ++i) {
     const double* rate = rates + i * width;
@@ -64,7 +64,7 @@ void Index2System::force_partials(double t, const double* q, const double* u, co
 }
 
 const double* Index2System::law_partials(double t, const double* q, const double* v, const double* s,
-                                         std::vector<ActingWrench>* wrenches) {
+                                         std::vector<LawWrench>* wrenches) {
   const size_t m = nv, width = 2 * m + ns;
   law_partials_.assign((2 * m + ns) * width, 0.0);
   double *conservative = law_partials_.data(), *other = conservative + m * width, *rates = other + m * width;
@@ -76,43 +76,43 @@ const double* Index2System::law_partials(double t, const double* q, const double
 
 void Index2System::time_partials(double t, const double* q, const double* u, const double* lam, double* out) {
   const double *v = u, *s = u + nv;
-  std::fill(other_.begin(), other_.end(), 0.0);
+  std::fill(nonconservative_.begin(), nonconservative_.end(), 0.0);
   std::fill(out, out + nv + ns + 1, 0.0), std::fill(gt_.begin(), gt_.end(), 0.0);
   for (const Law& law : laws_)
     if (law.kind->time_rate)
-      law.kind->time_rate(law, {tree, t, q, v, s + law.state}, {out, other_.data(), out + nv + law.state});
-  for (int i = 0; i < nv; ++i) out[i] += other_[i];
+      law.kind->time_rate(law, {tree, t, q, v, s + law.state}, {out, nonconservative_.data(), out + nv + law.state});
+  for (int i = 0; i < nv; ++i) out[i] += nonconservative_[i];
   constraints.evaluate_g_tt(t, gt_.data());
-  out[nv + ns] = dot(other_.data(), v, nv) - dot(gt_.data(), lam, ng);
+  out[nv + ns] = dot(nonconservative_.data(), v, nv) - dot(gt_.data(), lam, ng);
 }
 
 void Index2System::closure_partials(const double* q, const double* v, const double* lam, double* K, Vector* B,
-                                    std::vector<ActingWrench>* wrenches, std::vector<WrenchPartials>* wrench_partials,
-                                    const IndependentRows* others) {
+                                    std::vector<LawWrench>* wrenches, std::vector<WrenchPartials>* wrench_partials,
+                                    const IndependentRows* other_rows) {
   const size_t m = nv;
-  const IndependentRows& which = others ? *others : rows;
-  const std::vector<int>& position = which.position();
-  if (B) B->assign(which.in_use().size() * m, 0.0);
+  const IndependentRows& selected = other_rows ? *other_rows : rows;
+  const std::vector<int>& position = selected.position();
+  if (B) B->assign(selected.in_use().size() * m, 0.0);
   if (wrench_partials) wrench_partials->resize(ng);
   for (size_t p = 0; p < constraints.pairs.size(); ++p) {
-    const std::vector<int>& own = constraints.of_pair[p];
-    if (std::none_of(own.begin(), own.end(), [&](int k) { return position[k] >= 0; })) continue;
+    const std::vector<int>& pair_rows = constraints.rows_of_pair[p];
+    if (std::none_of(pair_rows.begin(), pair_rows.end(), [&](int k) { return position[k] >= 0; })) continue;
     constraints.pairs[p].update_poses(tree);
-    const PairPartials here(tree, constraints.pairs[p], B ? v : nullptr);
+    const PairPartials pair_partials(tree, constraints.pairs[p], B ? v : nullptr);
     WrenchPartials sum, scratch;
-    for (int k : own) {
+    for (int k : pair_rows) {
       if (position[k] < 0) continue;
-      WrenchPartials& one = wrench_partials ? (*wrench_partials)[k] : scratch;
-      one.clear();
-      constraints.rows[k].partials(here.pair, one);
-      if (B) here.power(one.F, one, B->data() + position[k] * m);
-      if (K) sum.add(lam[k], one);
+      WrenchPartials& row_partials = wrench_partials ? (*wrench_partials)[k] : scratch;
+      row_partials.clear();
+      constraints.rows[k].partials(pair_partials.pair, row_partials);
+      if (B) pair_partials.power(row_partials.F, row_partials, B->data() + position[k] * m);
+      if (K) sum.add(lam[k], row_partials);
     }
     if (!K) continue;
-    here.torque(sum, K, m);
-    if (wrenches) wrenches->push_back({&here.pair, sum, true});
+    pair_partials.torque(sum, K, m);
+    if (wrenches) wrenches->push_back({&pair_partials.pair, sum, true});
   }
-  for (int k : which.in_use())
+  for (int k : selected.in_use())
     if (constraints.rows[k].between_joints())
       constraints.rows[k].coordinate_partials(q, v, K ? lam[k] : 0, K, B ? B->data() + position[k] * m : nullptr, m);
 }

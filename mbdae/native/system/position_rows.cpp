@@ -1,3 +1,4 @@
+// Independent rows of the positional constraints, for mu.
 #include "system/position_rows.hpp"
 
 #include <algorithm>
@@ -18,8 +19,8 @@ std::vector<int> positional_rows(const Constraints& constraints) {
 PositionRows::PositionRows(Index2System& s)
     : same_as_velocity_rows(positional_rows(s.constraints).size() == s.constraints.all.size()),
       s_(s),
-      position_rows_(s.constraints, s.constraints.all, s.nv, s.tree.limits, true),
-      position_saddle_(s.point, s.constraints, position_rows_, s.tree.limits, s.counts, s.nv),
+      position_rows_(s.constraints, s.constraints.all, s.nv, s.tree.tolerances, true),
+      position_saddle_(s.point, s.constraints, position_rows_, s.tree.tolerances, s.counts, s.nv),
       all_(positional_rows(s.constraints)) {}
 
 void PositionRows::select(const double* y) {
@@ -28,9 +29,9 @@ void PositionRows::select(const double* y) {
   s_.constraints.dense(all_, s_.point.Z, Z_);
   pivoted_qr(s_.nv, static_cast<int>(all_.size()), Z_, order_, pivots_);
   if (position_rows_.rank < 0) {
-    const double least = pivots_.empty() ? 0 : s_.tree.limits.pivot_rank * pivots_[0];
+    const double threshold = pivots_.empty() ? 0 : s_.tree.tolerances.pivot_rank * pivots_[0];
     position_rows_.rank =
-        static_cast<int>(std::count_if(pivots_.begin(), pivots_.end(), [&](double x) { return x > least; }));
+        static_cast<int>(std::count_if(pivots_.begin(), pivots_.end(), [&](double x) { return x > threshold; }));
   }
   std::vector<int> selected;
   for (int i = 0; i < position_rows_.rank; ++i) selected.push_back(all_[order_[i]]);

@@ -1,4 +1,4 @@
-// The rows of mu: independent ones of the holonomic rows (mbdae/mechanism/formulations/ggl.py).
+// The rows of the multipliers mu: independent holonomic rows (mbdae/mechanism/formulations/ggl.py).
 #pragma once
 
 #include "system/index2.hpp"
@@ -9,8 +9,8 @@ class PositionRows {
  public:
   explicit PositionRows(Index2System& system);
 
-  void select(const double* y);  // select them at the beginning of a step
-  // If all rows are holonomic they are the rows in use, and S is that of lam.
+  void select(const double* y);  // at the start of a step from y
+  // all rows are holonomic: mu has the rows and the S of lam
   const bool same_as_velocity_rows;
   const IndependentRows& rows() const { return same_as_velocity_rows ? s_.rows : position_rows_; }
   SaddleSystem& saddle() { return same_as_velocity_rows ? s_.saddle : position_saddle_; }

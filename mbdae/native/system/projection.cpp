@@ -1,3 +1,4 @@
+// Gauss-Newton projection of positions and velocities in the mass metric.
 #include "system/projection.hpp"
 
 #include <algorithm>
@@ -9,7 +10,7 @@ namespace mbdae {
 
 namespace {
 
-// Scaled values: lengths in characteristic lengths of the mechanism.
+// x[i] / scales[i].
 Vector scaled(const double* x, const std::vector<double>& scales) {
   Vector out(scales.size());
   for (size_t i = 0; i < out.size(); ++i) out[i] = x[i] / scales[i];
@@ -28,7 +29,7 @@ double norm_of(const double* x, const std::vector<double>& scales) {
 }  // namespace
 
 bool violates_velocity_constraints(const Index2System& s, double t, const double* v) {
-  const Tolerances& limits = s.tree.limits;
+  const Tolerances& tolerances = s.tree.tolerances;
   if (s.constraints.drivers.empty()) return false;
   Vector g_t(s.ng, 0.0);
   s.constraints.evaluate_g_t(t, g_t.data());
@@ -38,127 +39,133 @@ bool violates_velocity_constraints(const Index2System& s, double t, const double
     double sum = g_t[k], size = std::fabs(g_t[k]);
     const double* G = s.point.G.data() + s.constraints.start[k];
     for (int i : s.constraints.rows[k].columns) sum += *G * v[i], size += std::fabs(*G++ * v[i]);
-    violation = std::max(violation, std::fabs(sum) / limits.row_scales[k]), terms = std::max(terms, size / limits.row_scales[k]);
+    violation = std::max(violation, std::fabs(sum) / tolerances.row_scales[k]),
+    terms = std::max(terms, size / tolerances.row_scales[k]);
   }
-  return !(violation <= limits.visible * terms);
+  return !(violation <= tolerances.visible * terms);
 }
 
 void add_characteristic_magnitudes(const Index2System& s, const double* y, double* magnitudes) {
-  const std::vector<double>& scales = s.tree.limits.coordinate_scales;
+  const std::vector<double>& scales = s.tree.tolerances.coordinate_scales;
   const double speed = largest_scaled(y + s.nq, scales);
   for (int i = 0; i < s.nv; ++i) magnitudes[i] += scales[i], magnitudes[s.nv + i] += scales[i] * speed;
 }
 
-double largest_move(const Vector& move, const Vector& magnitudes, int measured, double ratio, double tiny) {
-  double most = 0;
-  for (int k = 0; k < measured; ++k) most = std::max(most, std::fabs(move[k]) / (ratio * magnitudes[k] + tiny));
-  return most;
+double largest_move(const Vector& move, const Vector& magnitudes, int n, double ratio, double tiny) {
+  double largest_ratio = 0;
+  for (int k = 0; k < n; ++k)
+    largest_ratio = std::max(largest_ratio, std::fabs(move[k]) / (ratio * magnitudes[k] + tiny));
+  return largest_ratio;
 }
 
 bool exceeds_rounding(const Index2System& s, const double* rate, const double* v) {
-  const Tolerances& limits = s.tree.limits;
+  const Tolerances& tolerances = s.tree.tolerances;
   return s.constraints.has_sticking_joints ||
-         norm_of(rate, limits.row_scales) > limits.sum_rounding * largest_scaled(v, limits.coordinate_scales);
+         norm_of(rate, tolerances.row_scales) >
+             tolerances.sum_rounding * largest_scaled(v, tolerances.coordinate_scales);
 }
 
 namespace {
 
-// x of least |x| in the mass metric with G x = r (ng,), for r in the range of G: by the rows in use and the band
-// factors of G M^-1 G^T, in linear time, unless these do not suffice (near singular configurations, where rows of
-// velocity take part in q, or where joints stick, whose speed is exactly zero); or by all rows, with a truncated
-// pseudoinverse, in cubic time.
+// The minimum-norm x in the mass metric with G x = r (ng,), for r in the range of G: by the rows in use and the banded
+// factors of G M^-1 G^T, in linear time; or by all rows and a truncated pseudoinverse, in cubic time, if the rows in
+// use do not suffice (close to singular configurations, if velocity rows are in use for q, or if joints stick, whose
+// velocity is exactly zero).
 class MinimumNormCorrection {
  public:
   explicit MinimumNormCorrection(Index2System& s)
-      : s_(s), suffices_(!s.constraints.has_sticking_joints && s.rows.rank >= 0) {}
+      : s_(s), rows_in_use_suffice_(!s.constraints.has_sticking_joints && s.rows.rank >= 0) {}
 
-  // Returns whether it is by the rows in use: if these leave rows open, `insufficient`, and again.
-  bool find(const Vector& r, bool of_q, double* x) {
-    const bool by_rows_in_use =
-        suffices_ && !(of_q && rolls()) && s_.saddle.factorize_symmetric(s_.tree.limits.truncation);
-    by_rows_in_use ? s_.saddle.minimum_norm_correction(r.data(), x) : over_all(r, of_q, x);
-    return by_rows_in_use;
+  // Compute x; return whether the rows in use were used: if other rows remain violated, call `use_all_rows` and repeat.
+  bool compute(const Vector& r, bool of_q, double* x) {
+    const bool used_rows_in_use = rows_in_use_suffice_ && !(of_q && has_velocity_rows_in_use()) &&
+                                  s_.saddle.factorize_symmetric(s_.tree.tolerances.truncation);
+    used_rows_in_use ? s_.saddle.minimum_norm_correction(r.data(), x) : compute_by_all_rows(r, of_q, x);
+    return used_rows_in_use;
   }
-  void insufficient() { suffices_ = false; }
+  void use_all_rows() { rows_in_use_suffice_ = false; }
 
  private:
-  bool rolls() const {  // is a velocity row in use?
+  bool has_velocity_rows_in_use() const {
     const std::vector<int>& rows = s_.rows.in_use();
     return std::any_of(rows.begin(), rows.end(), [&](int k) { return !s_.constraints.rows[k].positional; });
   }
-  void over_all(const Vector& r, bool of_q, double* x) {
-    const std::vector<double>& scales = s_.tree.limits.row_scales;
+  void compute_by_all_rows(const Vector& r, bool of_q, double* x) {
+    const std::vector<double>& scales = s_.tree.tolerances.row_scales;
     Vector rows(s_.constraints.dense(s_.point.Z));
     for (int k : s_.constraints.all) {  // velocity rows do not constrain q
-      const double by = of_q && !s_.constraints.rows[k].positional ? 0 : 1 / scales[k];
-      for (int c : s_.constraints.rows[k].columns) rows[static_cast<size_t>(k) * s_.nv + c] *= by;
+      const double factor = of_q && !s_.constraints.rows[k].positional ? 0 : 1 / scales[k];
+      for (int c : s_.constraints.rows[k].columns) rows[static_cast<size_t>(k) * s_.nv + c] *= factor;
     }
-    minimum_norm(s_.nv, s_.ng, rows.data(), scaled(r.data(), scales).data(), s_.tree.limits.truncation, x);
+    minimum_norm(s_.nv, s_.ng, rows.data(), scaled(r.data(), scales).data(), s_.tree.tolerances.truncation, x);
     s_.point.solve_root_transposed(x);
   }
 
   Index2System& s_;
-  bool suffices_;
+  bool rows_in_use_suffice_;
 };
 
-// q becomes the nearest point with g = 0.
+// Project q onto g = 0.
 void project_positions(Index2System& s, double t, double* q, std::vector<Vector>* path) {
-  const Tolerances& limits = s.tree.limits;
+  const Tolerances& tolerances = s.tree.tolerances;
   Configuration& point = s.point;
   MinimumNormCorrection correction(s);
-  auto& [g, gap, next_g, rate, x, nearer] = s.projection;
-  g = point.g, next_g.resize(s.ng), x.resize(s.nv), nearer.resize(s.nq);
+  auto& [g, gap, next_g, rate, x, trial_q] = s.projection;
+  g = point.g, next_g.resize(s.ng), x.resize(s.nv), trial_q.resize(s.nq);
   s.constraints.complete_g(t, g.data());
   double move = 0;
-  bool moved = false;
-  for (int i = 0; i < limits.projection_iterations; ++i) {
-    if (norm_of(g.data(), limits.row_scales) <= limits.sum_rounding * (1 + largest_scaled(q, limits.q_scales))) break;
-    const bool by_rows_in_use = correction.find(g, true, x.data());
-    move = largest_scaled(x.data(), limits.coordinate_scales);
+  bool has_moved = false;
+  for (int i = 0; i < tolerances.projection_iterations; ++i) {
+    if (norm_of(g.data(), tolerances.row_scales) <=
+        tolerances.sum_rounding * (1 + largest_scaled(q, tolerances.q_scales)))
+      break;
+    const bool used_rows_in_use = correction.compute(g, true, x.data());
+    move = largest_scaled(x.data(), tolerances.coordinate_scales);
     for (double& c : x) c = -c;
-    s.manifold.integrate(q, x.data(), nearer.data());
-    s.tree.poses(nearer.data());
+    s.manifold.integrate(q, x.data(), trial_q.data());
+    s.tree.poses(trial_q.data());
     s.counts.G += 1;
-    s.constraints.value(s.tree, nearer.data(), s.constraints.all, point.scratch_G.data(), next_g.data());
+    s.constraints.value(s.tree, trial_q.data(), s.constraints.all, point.scratch_G.data(), next_g.data());
     gap = next_g;
     s.constraints.complete_g(t, gap.data());
-    if (!(norm_of(gap.data(), limits.row_scales) <
-          limits.projection_max_remaining * norm_of(g.data(), limits.row_scales))) {
-      if (!by_rows_in_use) break;
-      correction.insufficient();
+    if (!(norm_of(gap.data(), tolerances.row_scales) <
+          tolerances.projection_max_remaining * norm_of(g.data(), tolerances.row_scales))) {
+      if (!used_rows_in_use) break;
+      correction.use_all_rows();
       continue;
     }
     if (path) path->emplace_back(q, q + s.nq);
-    std::copy(nearer.begin(), nearer.end(), q);
-    g = gap, moved = true;
-    point.invalidate();  // M remains that of the start
+    std::copy(trial_q.begin(), trial_q.end(), q);
+    g = gap, has_moved = true;
+    point.invalidate();  // M remains at the initial q
     std::swap(point.G, point.scratch_G), std::swap(point.g, next_g);
     point.scale_rows(s.constraints.all);
   }
-  if (moved) point.mark_rows_current(q);
-  if (!(norm_of(g.data(), limits.row_scales) <= limits.projection_open) &&
-      !(move <= limits.projection_stalled * (1 + largest_scaled(q, limits.q_scales))))
+  if (has_moved) point.mark_rows_current(q);
+  if (!(norm_of(g.data(), tolerances.row_scales) <= tolerances.projection_open) &&
+      !(move <= tolerances.projection_stalled * (1 + largest_scaled(q, tolerances.q_scales))))
     throw FallBackToPython();
 }
 
-// v becomes the nearest one with G v + g_t = 0.
+// Project v onto G v + g_t = 0.
 void project_velocities(Index2System& s, double t, double* v) {
-  const Tolerances& limits = s.tree.limits;
+  const Tolerances& tolerances = s.tree.tolerances;
   MinimumNormCorrection correction(s);
   Vector &rate = s.projection.rate, &x = s.projection.x;
   rate.resize(s.ng), x.resize(s.nv);
   const auto correct = [&]() {
-    const bool by_rows_in_use = correction.find(rate, false, x.data());
+    const bool used_rows_in_use = correction.compute(rate, false, x.data());
     for (int i = 0; i < s.nv; ++i) v[i] -= x[i];
-    return by_rows_in_use;
+    return used_rows_in_use;
   };
   s.residual_rate(t, v, rate.data());
   if (!exceeds_rounding(s, rate.data(), v)) return;
-  const double before = norm_of(rate.data(), limits.row_scales);
+  const double initial_norm = norm_of(rate.data(), tolerances.row_scales);
   if (correct()) {
     s.residual_rate(t, v, rate.data());
-    const bool closed = norm_of(rate.data(), limits.row_scales) < limits.projection_max_remaining * before;
-    if (!closed && exceeds_rounding(s, rate.data(), v)) correction.insufficient(), correct();
+    const bool reduced =
+        norm_of(rate.data(), tolerances.row_scales) < tolerances.projection_max_remaining * initial_norm;
+    if (!reduced && exceeds_rounding(s, rate.data(), v)) correction.use_all_rows(), correct();
   }
   if (violates_velocity_constraints(s, t, v)) throw FallBackToPython();
 }

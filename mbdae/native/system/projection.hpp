@@ -1,4 +1,4 @@
-// Projection of a state onto its closures, optional at the ends of steps
+// Projection of states onto the closures, optional at the ends of steps
 // (mbdae/mechanism/formulations/steps/projection.py).
 #pragma once
 
@@ -9,16 +9,16 @@ namespace mbdae {
 // Whether G v + g_t (ng,) exceeds rounding; any nonzero value counts if joints stick.
 bool exceeds_rounding(const Index2System& system, const double* rate, const double* v);
 
-// Whether v misses rows of G v + g_t = 0 at the current point; without g_t, that of drivers, all have v = 0 in common.
+// Whether v violates G v + g_t = 0 at the current point; if g_t = 0, v = 0 satisfies all rows, and the result is false.
 bool violates_velocity_constraints(const Index2System& system, double t, const double* v);
 
-// Adds characteristic lengths and the largest speed to component magnitudes of y, (ny,): `characteristic_magnitudes`.
+// Add characteristic lengths and the largest speed to the component magnitudes of y, (ny,).
 void add_characteristic_magnitudes(const Index2System& system, const double* y, double* magnitudes);
 
-// The largest component of a move, relative to `ratio` times these magnitudes.
-double largest_move(const Vector& move, const Vector& magnitudes, int measured, double ratio, double tiny);
+// The largest of the first n components of a move, relative to `ratio` times the magnitudes.
+double largest_move(const Vector& move, const Vector& magnitudes, int n, double ratio, double tiny);
 
-// y becomes the nearest point with g = 0 and G v + g_t = 0; all configurations on the way except the last.
+// Project y onto g = 0 and G v + g_t = 0; path: all iterates of q except the last.
 void project_state(Index2System& system, double t, double* y, std::vector<Vector>* path = nullptr);
 
 }  // namespace mbdae

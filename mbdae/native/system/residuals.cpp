@@ -1,3 +1,4 @@
+// Constraint residuals, kinetic and potential energy.
 #include "system/residuals.hpp"
 
 #include <algorithm>

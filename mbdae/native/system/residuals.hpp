@@ -5,12 +5,12 @@
 
 namespace mbdae {
 
-// g and G v + g_t over all rows, (ng,) each, at y = (q, v, ...); M, J and poses are current at q then. Not counted.
+// g and G v + g_t of all rows, (ng,) each, at y = (q, v, ...); updates M, J and poses at q. Not counted.
 void residual(Index2System& s, double t, const double* y, double* g, double* rate);
 
 struct Energy {
   double kinetic, potential;  // J
 };
-Energy energy(Index2System& s, const double* y);  // with current M and poses at q
+Energy energy(Index2System& s, const double* y);  // requires current M and poses at q
 
 }  // namespace mbdae

@@ -1,3 +1,4 @@
+// Assembly of the banded Schur complement, solutions, and minimum-norm multipliers by conjugate gradients.
 #include "system/saddle.hpp"
 
 #include <algorithm>
@@ -8,24 +9,24 @@
 namespace mbdae {
 
 SaddleSystem::SaddleSystem(const Configuration& point, const Constraints& constraints, IndependentRows& rows,
-                           const Tolerances& limits, Counts& counts, int nv)
-    : point_(point), constraints_(constraints), rows_(rows), limits_(limits), counts_(counts), nv_(nv) {}
+                           const Tolerances& tolerances, Counts& counts, int nv)
+    : point_(point), constraints_(constraints), rows_(rows), tolerances_(tolerances), counts_(counts), nv_(nv) {}
 
 void SaddleSystem::build_coupling_blocks() {
   const std::vector<int>& rows = rows_.in_use();
-  blocks_.clear(), common_.clear();
+  blocks_.clear(), common_runs_.clear();
   for (int i = 0; i < static_cast<int>(rows.size()); ++i) {
     const std::vector<int>* columns = nullptr;
     for (int j : rows_.coupled(i)) {
-      const std::vector<int>& others = constraints_.rows[rows[j]].columns;
-      const bool same = columns && *columns == others;
-      const size_t first = same ? blocks_.back().first : common_.size();
+      const std::vector<int>& other_columns = constraints_.rows[rows[j]].columns;
+      const bool same = columns && *columns == other_columns;
+      const size_t first = same ? blocks_.back().first : common_runs_.size();
       if (!same)
-        for (const Constraints::Common& x : constraints_.common(rows[i], rows[j])) common_.push_back(x);
+        for (const Constraints::CommonRun& x : constraints_.common(rows[i], rows[j])) common_runs_.push_back(x);
       if (!same || blocks_.back().n == 4)
-        blocks_.push_back({i, 0, {}, constraints_.start[rows[i]], {}, first, common_.size()});
+        blocks_.push_back({i, 0, {}, constraints_.start[rows[i]], {}, first, common_runs_.size()});
       Block& x = blocks_.back();
-      x.j[x.n] = j, x.starts[x.n++] = constraints_.start[rows[j]], columns = &others;
+      x.j[x.n] = j, x.starts[x.n++] = constraints_.start[rows[j]], columns = &other_columns;
     }
   }
 }
@@ -36,11 +37,11 @@ void SaddleSystem::multiply(const Block& x, const double* Zhat) {
   double ij[n], ji[n];
   for (int m = 0; m < n; ++m) z[m] = Z + x.starts[m], zhat[m] = Zhat + x.starts[m], ij[m] = ji[m] = 0;
   for (size_t k = x.first; k < x.last; ++k) {
-    const Constraints::Common common = common_[k];
-    for (int c = 0; c < common.n; ++c)
+    const Constraints::CommonRun run = common_runs_[k];
+    for (int c = 0; c < run.n; ++c)
       for (int m = 0; m < n; ++m) {
-        ij[m] += a[common.k + c] * z[m][common.l + c];
-        if (!symmetric) ji[m] += zhat[m][common.l + c] * b[common.k + c];
+        ij[m] += a[run.k + c] * z[m][run.l + c];
+        if (!symmetric) ji[m] += zhat[m][run.l + c] * b[run.k + c];
       }
   }
   for (int m = 0; m < n; ++m) lu_.at(x.i, x.j[m]) = ij[m], lu_.at(x.j[m], x.i) = symmetric ? ij[m] : ji[m];
@@ -69,17 +70,17 @@ void SaddleSystem::factorize(const Vector& Zhat) {
   if (rows_.in_use().empty()) return;
   assemble(Zhat);
   const bool regular = lu_.factorize();
-  if (!regular || !(lu_.pivot_ratio() > limits_.smallest_pivot)) throw FallBackToPython();
+  if (!regular || !(lu_.pivot_ratio() > tolerances_.smallest_pivot)) throw FallBackToPython();
 }
 
-bool SaddleSystem::factorize_symmetric(double least_ratio) {
+bool SaddleSystem::factorize_symmetric(double smallest_ratio) {
   if (symmetric_stamp_ != point_.stamp() || version_ != rows_.version()) {
     symmetric_stamp_ = -1;
     if (!rows_.in_use().empty()) assemble(point_.Z);
     if (!rows_.in_use().empty() && !lu_.factorize()) return false;
     symmetric_stamp_ = point_.stamp();
   }
-  return rows_.in_use().empty() || lu_.pivot_ratio() > least_ratio;
+  return rows_.in_use().empty() || lu_.pivot_ratio() > smallest_ratio;
 }
 
 void SaddleSystem::solve(const Vector& Zhat, double* rhs, double* f) {
@@ -119,7 +120,7 @@ void SaddleSystem::solve_uncounted(const Vector& Zhat, double* rhs, double* f, b
 }
 
 void SaddleSystem::factorize_symmetric() {
-  if (!factorize_symmetric(limits_.smallest_pivot)) throw FallBackToPython();
+  if (!factorize_symmetric(tolerances_.smallest_pivot)) throw FallBackToPython();
 }
 
 void SaddleSystem::minimum_norm_correction(const double* r, double* out, double* multipliers) {
@@ -141,7 +142,7 @@ void SaddleSystem::update_multipliers(double* residual, double* lam) {
   for (int k : rows_.in_use()) lam[k] -= x_[position[k]];
 }
 
-// Rows that depend on those in use annihilate their null space: tested with one vector in it.
+// Rows dependent on the rows in use vanish on their null space: test one vector of it.
 bool SaddleSystem::remaining_rows_dependent(const Vector& probe) {
   const std::vector<int>& position = rows_.position();
   Vector w(probe);
@@ -153,9 +154,9 @@ bool SaddleSystem::remaining_rows_dependent(const Vector& probe) {
   lu_.solve(x_.data());
   for (int k : rows_.in_use())
     constraints_.add(k, point_.Z, -x_[position[k]], w.data());
-  for (int k : rows_.others()) {
+  for (int k : rows_.remaining()) {
     const double s = constraints_.times(k, point_.Z, w.data());
-    if (s * s > limits_.probe_tolerance * limits_.probe_tolerance * scale) return false;
+    if (s * s > tolerances_.probe_tolerance * tolerances_.probe_tolerance * scale) return false;
   }
   return true;
 }
@@ -164,16 +165,17 @@ bool SaddleSystem::remaining_rows_dependent(const Vector& probe) {
 // solved by conjugate gradients with C = G_D M^-1 G_I^T (G_I M^-1 G_I^T)^-1.
 void SaddleSystem::all_multipliers(const double* lam, double* z) {
   const std::vector<int>& position = rows_.position();
-  const std::vector<int>& others = rows_.others();
+  const std::vector<int>& remaining = rows_.remaining();
   const size_t ng = position.size();
   for (size_t k = 0; k < ng; ++k) z[k] = position[k] >= 0 ? lam[k] : 0.0;
   if (!rows_.dependent()) return;
-  const int d = static_cast<int>(others.size());
+  const int d = static_cast<int>(remaining.size());
   u_.resize(rows_.in_use().size()), n_.assign(d, 0.0), residual_.resize(d), p_.resize(d), Ap_.resize(d);
   couplings_.clear();
   for (int i = 0; i < d; ++i)
-    for (int l : rows_.neighbours(others[i]))
-      if (position[l] >= 0) couplings_.push_back({i, position[l], constraints_.product(others[i], l, point_.Z.data())});
+    for (int l : rows_.neighbours(remaining[i]))
+      if (position[l] >= 0)
+        couplings_.push_back({i, position[l], constraints_.product(remaining[i], l, point_.Z.data())});
   auto apply_C = [&](Vector& u, Vector& out) {  // out = C u; u is overwritten
     lu_.solve(u.data());
     std::fill(out.begin(), out.end(), 0.0);
@@ -188,9 +190,9 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   apply_C(u_, residual_);
   p_ = residual_;
   double rho = dot(residual_.data(), residual_.data(), d);
-  if (rho == 0) return;  // the norm is minimal already: dependent rows vanish, or C lam does
-  const double target = limits_.cg_tolerance * rho;
-  for (int it = 0; it < d + limits_.extra_cg_iterations && rho > target && rho > 0; ++it) {
+  if (rho == 0) return;  // the norm is already minimal: dependent rows vanish, or C lam does
+  const double target = tolerances_.cg_tolerance * rho;
+  for (int it = 0; it < d + tolerances_.extra_cg_iterations && rho > target && rho > 0; ++it) {
     apply_C_transposed(p_, u_);
     apply_C(u_, Ap_);
     for (int i = 0; i < d; ++i) Ap_[i] += p_[i];
@@ -202,9 +204,9 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   }
   apply_C_transposed(n_, u_);
   for (int k : rows_.in_use()) z[k] -= u_[position[k]];
-  for (int i = 0; i < d; ++i) z[others[i]] = n_[i];
+  for (int i = 0; i < d; ++i) z[remaining[i]] = n_[i];
   if (!finite(z, static_cast<int>(ng)))
-    throw FallBackToPython();  // in a singular configuration Python computes the minimum-norm multipliers
+    throw FallBackToPython();  // in singular configurations Python computes the minimum-norm multipliers
 }
 
 }  // namespace mbdae

@@ -1,3 +1,4 @@
+// Sampling instants, PID controllers, and the inputs that follow a controller.
 #include "system/sampled_controller.hpp"
 
 #include <algorithm>

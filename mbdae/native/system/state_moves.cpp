@@ -1,4 +1,4 @@
-// Points y = (q, v, s, w) and tangent vectors (x, v, s, w): moves, differences, magnitudes.
+// Sums y (+) x and differences of states y = (q, v, s, w), with tangent vectors (x, v, s, w), and their magnitudes.
 #include <cmath>
 
 #include "system/index2.hpp"

@@ -1,4 +1,4 @@
-// An elastic joint between two frames; a: stiffness (6,), damping (6,), largest rotation in rad.
+// A linear elastic joint (bushing) between two frames; a: stiffness (6,), damping (6,), largest rotation in rad.
 #include <algorithm>
 #include <limits>
 
@@ -7,7 +7,8 @@
 
 namespace mbdae::laws {
 
-// angle/sine for 0 <= angle < pi, by the square of the sine: at 0 the root has no derivative, and none is needed.
+// angle/sine for 0 <= angle < pi, from sine^2: the square root has no derivative at 0, where angle/sine = 1 is
+// constant.
 template <class S>
 static S angle_by_sine(const S& square, const S& cosine) {
   if (!(value(square) > std::numeric_limits<double>::min())) return 1;
@@ -24,12 +25,12 @@ static Vec3<S> rotation_vector(const Rotation<S>& R) {  // log R
 
 // J_r(theta)^-1 a = a + theta x a/2 + sum B_2k/(2k)! theta x (theta x ...).
 template <class S>
-static Vec3<S> inverse_jacobian(const Tolerances& limits, const Vec3<S>& theta, const Vec3<S>& a) {
+static Vec3<S> inverse_jacobian(const Tolerances& tolerances, const Vec3<S>& theta, const Vec3<S>& a) {
   auto largest = [](const Vec3<S>& x) { return std::max({magnitude(x[0]), magnitude(x[1]), magnitude(x[2])}); };
   Vec3<S> out = a + 0.5 * cross(theta, a), term = a;
-  for (double b : limits.series) {
+  for (double b : tolerances.series) {
     term = cross(theta, cross(theta, term)), out = out + b * term;
-    if (largest(term) * std::fabs(b) <= limits.below_rounding * largest(a)) break;
+    if (largest(term) * std::fabs(b) <= tolerances.below_rounding * largest(a)) break;
   }
   return out;
 }
@@ -42,7 +43,7 @@ struct Bushing {
   }
 
   template <class S>
-  static Vec3<S> gap(const Frames<S>& x) {  // in axes of a, as the rotation vector
+  static Vec3<S> gap(const Frames<S>& x) {  // in the axes of a, like the rotation vector
     return transposed(x.Ra, x.pb - x.pa);
   }
 
@@ -54,10 +55,11 @@ struct Bushing {
   }
 
   template <class S, class T, class U>
-  static Wrenches<S, Common<S, T>> wrenches(const Law& law, const Context<U>& at, const Frames<S>& x, const Velocity<T>& V) {
+  static Wrenches<S, Common<S, T>> wrenches(const Law& law, const Context<U>& context, const Frames<S>& x,
+                                            const Velocity<T>& V) {
     const double *k = law.a.data(), *d = k + 6;
     const Vec3<S> theta = rotation(law, x);
-    const Vec3<S> moment = inverse_jacobian(at.limits, theta, scaled(k + 3, theta));
+    const Vec3<S> moment = inverse_jacobian(context.tolerances, theta, scaled(k + 3, theta));
     Wrenches<S, Common<S, T>> out{};
     out.conservative = wrench_at(x.pb, x.Ra * (-1.0 * scaled(k, gap(x))), x.Ra * (-1.0 * moment));
     if (!damped(law)) return out;

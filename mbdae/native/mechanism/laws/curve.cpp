@@ -1,4 +1,5 @@
-// tau = -c(q - rest) - d v; signals: c and its integral, rows: of v, columns: of q, a: rest, d.
+// Spring with a characteristic curve: tau = -c(q - rest) - d v; signals: c and its integral; rows, columns: indices in
+// v and q; a: rest, d.
 #include "mechanism/joint_law.hpp"
 
 namespace mbdae::laws {

@@ -1,4 +1,4 @@
-// tau = -d tanh(v / v0), or -d where v0 = 0 (dry friction in a mode); a: d (nv,), v0.
+// Joint friction: tau = -d tanh(v / v0), or -d if v0 = 0 (Coulomb friction of a slipping joint); a: d (nv,), v0.
 #include <numeric>
 
 #include "mechanism/joint_law.hpp"
@@ -13,9 +13,9 @@ struct Friction {
 
   template <class S>
   static S effort(const Law& law, size_t k, const S&, const S& v) {
-    const double d = law.a[k], width = law.a.back();
-    if (d == 0 || width == 0) return -d;
-    return -d * tanh(v / width);
+    const double d = law.a[k], v0 = law.a.back();
+    if (d == 0 || v0 == 0) return -d;
+    return -d * tanh(v / v0);
   }
 };
 

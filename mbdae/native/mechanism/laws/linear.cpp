@@ -1,11 +1,12 @@
-// [tau of springs; other tau; s'] = C [q; v; s; 1; u(t) and u'(t)], C by its entries (rows, columns, a).
+// Linear laws: [tau of springs; other tau; s'] = C [q; v; s; 1; u(t) and u'(t)], C given by its entries (rows, columns,
+// a).
 #include <algorithm>
 
 #include "mechanism/laws.hpp"
 
 namespace mbdae::laws {
 
-// Which of several consecutive blocks of these sizes contains an index, made relative to it; -1 for none.
+// The one of consecutive blocks of these sizes that contains index i, which becomes relative to it; -1: none.
 static int block_of(const std::vector<int>& sizes, int& i) {
   if (i < 0) return -1;
   for (size_t k = 0; k < sizes.size(); i -= sizes[k++])
@@ -56,7 +57,7 @@ struct Linear {
     }
   }
 
-  // Of springs tau = -k q + c: k q^2/2 - c q + c^2/2k, of which the last is the offset.
+  // Springs tau = -k q + c have the potential k q^2/2 - c q + c^2/2k, where the last term is the offset.
   static double potential(const Law& law, const ForcePoint& p) {
     double out = law.offset;
     for (const Law::Term& x : law.terms) {
@@ -66,8 +67,8 @@ struct Linear {
         continue;
       }
       const auto& tangent = p.m.tangent;
-      const auto at = std::find(tangent.begin(), tangent.end(), x.row) - tangent.begin();
-      out -= x.value * p.q[at];
+      const auto iq = std::find(tangent.begin(), tangent.end(), x.row) - tangent.begin();
+      out -= x.value * p.q[iq];
     }
     return out;
   }

@@ -1,4 +1,4 @@
-// A Python function (t, q, v, s) -> (tau, s'), and its partials.
+// A force law in Python: a function (t, q, v, s) -> (tau, s'), and its partials.
 #include "mechanism/laws.hpp"
 
 namespace mbdae::laws {

@@ -1,4 +1,4 @@
-// A force and a moment on a frame; signals: their components.
+// An applied force and moment on a frame; signals: their components.
 #include "mechanism/frame_law.hpp"
 
 namespace mbdae::laws {
@@ -9,9 +9,9 @@ struct AppliedWrench {
   static bool damped(const Law&) { return false; }
 
   template <class S, class T, class U>
-  static Wrenches<S, S> wrenches(const Law& law, const Context<U>& at, const Frames<S>& x, const Velocity<T>&) {
+  static Wrenches<S, S> wrenches(const Law& law, const Context<U>& context, const Frames<S>& x, const Velocity<T>&) {
     S u[6];
-    for (int i = 0; i < 6; ++i) u[i] = law.signals[i].at(at.t);
+    for (int i = 0; i < 6; ++i) u[i] = law.signals[i].at(context.t);
     Vec3<S> force(u), moment(u + 3);
     if (law.rotating) force = x.Rb * force, moment = x.Rb * moment;
     if (law.has_potential) return {wrench_at(x.pb, force), {{}, moment}};

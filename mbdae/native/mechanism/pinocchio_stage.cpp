@@ -1,4 +1,4 @@
-// The calls of Pinocchio that a stage requires at least.
+// Benchmark: the minimal Pinocchio calls of one stage.
 #include <chrono>
 
 #include <pinocchio/algorithm/cholesky.hpp>
@@ -10,8 +10,8 @@
 
 namespace mbdae {
 
-double bare_stage_seconds(const void* pointer, const double* q_, const double* v_, int r, const double* G_,
-                          int repetitions) {
+double pinocchio_stage_seconds(const void* pointer, const double* q_, const double* v_, int r, const double* G_,
+                               int repetitions) {
   using Matrix = Eigen::MatrixXd;
   using VectorXd = Eigen::VectorXd;
   using VectorRef = Eigen::Ref<const VectorXd>;
