@@ -12,7 +12,7 @@ from ...tree.frames import Pair
 from ..closure import Axis, Z
 from ..fixed_axes import FixedAxisClosure
 from ..line_rows import LineRows, Lines
-from ..rows import displaced, rotated, unit_axis
+from ..rows import axis_rates, point_velocity_column, unit_axis
 
 
 class ScrewClosure(FixedAxisClosure):
@@ -21,7 +21,7 @@ class ScrewClosure(FixedAxisClosure):
     The body must rotate about this axis only.
 
     Attributes:
-        lead: in m per revolution, positive for a right-handed screw.
+        lead: lead in m per revolution, positive for a right-handed screw.
     """
 
     kind: Literal["screw"] = "screw"
@@ -62,4 +62,4 @@ class Screw(LineRows):
 
     def lines(self, pair: Pair) -> Lines:
         e = pair.Ra.dot(self.axis)
-        return Lines(e, pair.pb[:, None], rotated(pair.Va, e), displaced(pair.Vb, pair.pb))
+        return Lines(e, pair.pb[:, None], axis_rates(pair.Va, e), point_velocity_column(pair.Vb, pair.pb))
