@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .formulations.index2 import Index2System
 
 SINGULAR = AMBIGUOUS_PIVOT  # pivot ratio to its regular value, with projection
-MAX_WITH_VIOLATION = 1e-2  # largest pivot ratio for a run that violates closures: above, it misses the mechanism
+MAX_WITH_VIOLATION = 1e-2  # largest pivot ratio for a run that violates closures; above, its results are not reliable
 BYPASS = 5.0  # distance from a singularity at which such a run may pass, over the square root of the violation
 ROTATION_WIDTH = 1e-4  # fraction of a step: large enough to measure the rotation of the tangent space
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
 
 WIDTH = 2e-3  # rad and m, of finite differences
-SMALL = 0.03  # fraction of the width: below, series
+SMALL = 0.03  # fraction of the width, below which series are used
 
 
 def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> tuple[Array, Array]:
@@ -51,14 +51,14 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
             exact.append(interface.closure)
             along_rows[interface.no_slip_rows] = T * direction
     by_q += s.constraints.partials(v, along_rows, exact)[0]
-    into = np.eye(s.nv)[_differenced_coordinates(s, rows)]
+    basis = np.eye(s.nv)[_differenced_coordinates(s, rows)]
 
     def flat_terms(x: Array) -> Array:
-        changed, normal_forces = _terms(s, s.manifold.integrate(q, x @ into), lam, rows)
+        changed, normal_forces = _terms(s, s.manifold.integrate(q, x @ basis), lam, rows)
         return np.concatenate([*(changed[k].ravel() for k, *_ in regularized), normal_forces])
 
-    if len(into):
-        terms_by_q, end = numerical_jacobian(flat_terms, len(into), WIDTH) @ into, 0
+    if len(basis):
+        terms_by_q, end = numerical_jacobian(flat_terms, len(basis), WIDTH) @ basis, 0
         for k, by_rotation, force in regularized:
             S = jacobians[k]
             dS = terms_by_q[end : (end := end + S.size)].reshape(*S.shape, s.nv)

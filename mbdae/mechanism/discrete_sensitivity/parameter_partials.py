@@ -41,7 +41,7 @@ from .placement_tree import PlacementTree
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-UNREACHABLE, NEGLIGIBLE = TRUNCATION, SOLUTION_ROUNDING  # of |dg/dp| that no motion corrects: fraction; absolute limit
+UNREACHABLE, NEGLIGIBLE = TRUNCATION, SOLUTION_ROUNDING  # |dg/dp| that no motion corrects: fraction; absolute
 Make = Callable[[Mapping[str, float]], "Mechanism"]
 At = tuple[float, Array, Array, Array, Mode]  # (t, q, v, s, mode)
 REUSED = "workspace", "core data", "native"  # names of `Parameters.cached` that stay valid for other values

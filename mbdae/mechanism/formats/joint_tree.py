@@ -99,11 +99,11 @@ class Tree:
     ) -> dict[int, int]:
         """Copy the frames, and return their new indices."""
         frames = {0: self.model.getFrameId(parent.name, parent.type) if parent else 0}
-        taken = {(f.name, f.type) for f in self.model.frames}
+        existing = {(f.name, f.type) for f in self.model.frames}
         for i, f in enumerate(list(model.frames)[1:], 1):
             name, j = prefix + f.name, int(f.parentJoint)
             kind = pin.FrameType.FIXED_JOINT if f.type == pin.FrameType.JOINT and f.name in locked else f.type
-            if (name, kind) in taken:
+            if (name, kind) in existing:
                 raise InputError(f"two frames are called {name!r}: give one source a prefix")
             parent_frame, placement = frames.get(int(f.parentFrame), 0), placements[j] * f.placement
             copy = pin.Frame(name, new_index[j], parent_frame, placement, kind, f.inertia)

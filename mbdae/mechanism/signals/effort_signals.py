@@ -114,10 +114,10 @@ def _force_outputs(law: ForceElement, t: float, v: Array, tau: Array) -> list[fl
 
 def named_laws(mech: "Mechanism", laws: ForceElements) -> dict[str, ForceElement]:
     """Return the forces by unique names."""
-    taken = {*joint_names(mech.model), *(c.name for c in mech.constraints)}
+    used_names = {*joint_names(mech.model), *(c.name for c in mech.constraints)}
     out: dict[str, ForceElement] = {}
     for law in (law for law, _ in laws.bound if law.depends_on_state_only):
-        name = f"{law.name} (force)" if law.name in taken else law.name
+        name = f"{law.name} (force)" if law.name in used_names else law.name
         duplicates = sum(other.name == law.name for other in out.values())
         out[f"{name} {duplicates + 1}" if duplicates else name] = law
     return out

@@ -27,7 +27,7 @@ class ScrewClosure(FixedAxisClosure):
     kind: Literal["screw"] = "screw"
     lead: Annotated[float, Unit("m")]
     distinct_frames = True
-    free_rotation_message = "the bodies can rotate about other axes than that of the screw: add a cylindrical closure"
+    free_rotation_message = "the bodies can rotate about axes other than the screw axis: add a cylindrical closure"
 
     @field_validator("lead")
     @classmethod
@@ -41,7 +41,7 @@ class ScrewClosure(FixedAxisClosure):
 
     def violated_precondition(self, pair: Pair, relative: Array) -> str:
         angle = self.tilt(pair, relative)
-        return f"the body rotates about another axis than that of the screw, by {angle:.3g} rad" if angle else ""
+        return f"the body rotates about an axis other than the screw axis, by {angle:.3g} rad" if angle else ""
 
     @classmethod
     def create(cls, a: str, b: str, lead: float, axis: Axis = Z, name: str = "") -> "ScrewClosure":

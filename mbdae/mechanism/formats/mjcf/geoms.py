@@ -56,8 +56,8 @@ def _shape(c: MjcfModel, g: int, meshes: dict[int, coal.BVHModelOBBRSS], level: 
         case kinds.mjGEOM_PLANE if level:
             return ground()
         case kinds.mjGEOM_PLANE:  # a size of 0 means infinite
-            wide = 2 * float(m.stat.extent)
-            return coal.Box(2 * a or wide, 2 * b or wide, wide * COARSE)
+            extent = 2 * float(m.stat.extent)
+            return coal.Box(2 * a or extent, 2 * b or extent, extent * COARSE)
         case kinds.mjGEOM_MESH:
             i = int(m.geom_dataid[g])
             if i not in meshes:
