@@ -38,7 +38,7 @@ def damped(mech: Mechanism, ratios: tuple[float, ...]) -> Mechanism:
     """Return the mechanism with other damping ratios of its rod, its crank driven by its angle, which `alpha` needs."""
     model, (body,) = mech.model.copy(), mech.model.flexible
     damping = 2 * np.array(ratios) * np.sqrt(body.modal.stiffness * np.diagonal(body.modal.Mq))
-    model.flexible = (body.with_numbers(replace(body.modal, damping=damping)),)
+    model.flexible = (body.with_modal(replace(body.modal, damping=damping)),)
     crank = Driver.model_validate({"joint": "crank", "motion": {"kind": "polynomial", "coefficients": [0.0, 150.0]}})
     return Mechanism(model, mech.closures, drivers=(crank,), start=mech.start_values)
 

@@ -56,14 +56,14 @@ class NewMechanisms:
     """A mechanism made from its tables for each set of values, which shares nothing with those before."""
 
     def __init__(self) -> None:
-        self.recipe = read(MODEL, {}, more={"force": [motor()]})
+        self.spec = read(MODEL, {}, more={"force": [motor()]})
 
     def make(self, values) -> mbdae.Mechanism:
         """Return the mechanism with these values."""
-        file = self.recipe.file
+        file = self.spec.file
         for name, value in values.items():
             file = with_entry(file, name, value, name)
-        return make(self.recipe._replace(file=file))
+        return make(self.spec._replace(file=file))
 
 
 def main(iterations: int = 100) -> dict[str, float]:

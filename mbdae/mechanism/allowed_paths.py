@@ -1,10 +1,10 @@
 """Allowed paths: a model file may name files of its package and of folders given by the user.
 
-A model may come from an untrusted source. The meshes, pictures and further files that it names are therefore read from
-its package only: the nearest folder above with a ``package.xml``, or otherwise its own folder, or the one above folders
-named as in `LAYOUT`. Links are resolved before this check. ``packages`` of a mechanism file adds folders.
+A model may come from an untrusted source. The meshes, images and further files that it names are therefore read from
+its package only: the nearest parent folder with a ``package.xml``, or otherwise its own folder, or the parent of
+folders named as in `LAYOUT`. Links are resolved before this check. ``packages`` of a mechanism file adds folders.
 
-The folders named in a saved run are not trusted: its meshes are read from below its own folder, from installed
+The folders named in a saved run are not trusted: its meshes are read from its own folder, from installed
 packages, and from folders given by the user.
 """
 
@@ -29,7 +29,7 @@ class AllowedPaths(NamedTuple):
         folder: folder of the model file.
         packages: folders given by the user.
         root: package of the file.
-        trusted: for a saved run, folders that must contain the files as well; None for folders given by the user.
+        trusted: for a saved run, folders one of which must contain the file, too; None if the user loads the model.
     """
 
     folder: Path
@@ -43,7 +43,7 @@ class AllowedPaths(NamedTuple):
 
     @classmethod
     def from_record(cls, folder: str, packages: Sequence[str], meshes: Sequence[Path] | None) -> "AllowedPaths":
-        """Return the allowed paths of the record of an imported model.
+        """Return the allowed paths of a recorded imported model.
 
         Args:
             folder: folder of the model file, from the record.
@@ -74,7 +74,7 @@ class AllowedPaths(NamedTuple):
             uris = (name, unquote(name)) if "://" in name else (name,)
             for candidate in (path for uri in dict.fromkeys(uris) for path in self._candidates(uri)):
                 if ".." not in candidate.parts and not candidate.is_file():
-                    continue  # to resolve it would ask for each folder above
+                    continue  # resolving it would query every parent folder
                 path = candidate.resolve()
                 if path.is_file():
                     if self._allows(path):
@@ -82,9 +82,9 @@ class AllowedPaths(NamedTuple):
                     outside = outside or path
         except (OSError, ValueError, RuntimeError) as e:  # RuntimeError: circular links
             raise InputError(f"{name[:80]!r} is not a path: {e}") from None
-        if outside is not None and not self._trusts(outside):
-            known = "meshes of a saved run are read from below its folder and from installed packages"
-            raise InputError(f"{name!r} is {outside}: {known}; others are named by meshes=[...] or --meshes")
+        if outside is not None and not self._is_trusted(outside):
+            rule = "meshes of a saved run are read from its folder and from installed packages"
+            raise InputError(f"{name!r} is {outside}: {rule}; name further folders by meshes=[...] or --meshes")
         if outside is not None:
             raise access_error(name, outside, self.root)
         raise InputError(f"{name!r} is not found in {', '.join(map(str, (self.root, *self.packages)))}")
@@ -95,7 +95,7 @@ class AllowedPaths(NamedTuple):
 
     def _allows(self, path: Path) -> bool:
         contained = any(path.is_relative_to(folder) for folder in (self.root, *self.packages))
-        return self._trusts(path) and (contained or self._is_in_sibling_package(path))
+        return self._is_trusted(path) and (contained or self._is_in_sibling_package(path))
 
     def companion_folder(self, mesh: Path) -> Path:
         """Return the folder of the files to which a mesh may refer: its package, within the trusted folders."""
@@ -105,7 +105,7 @@ class AllowedPaths(NamedTuple):
         )
         return package if package.is_relative_to(widest) else widest
 
-    def _trusts(self, path: Path) -> bool:
+    def _is_trusted(self, path: Path) -> bool:
         return self.trusted is None or any(path.is_relative_to(folder) for folder in self.trusted)
 
     def _is_in_sibling_package(self, path: Path) -> bool:

@@ -37,7 +37,7 @@ class OneLine(ModelMetaclass):
 
 
 class Table(BaseModel, metaclass=OneLine):
-    """A table whose unknown keys are errors and whose numbers are finite; text and true or false are no numbers.
+    """A table that rejects unknown keys, numbers that are not finite, and strings or Booleans in place of numbers.
 
     Raises:
         InputError: for invalid values.
@@ -47,13 +47,13 @@ class Table(BaseModel, metaclass=OneLine):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _require_own_kinds(cls, given: Any, handler: ModelWrapValidatorHandler["Table"]) -> "Table":
+    def _reject_coerced_values(cls, given: Any, handler: ModelWrapValidatorHandler["Table"]) -> "Table":
         table = handler(given)
         if isinstance(given, Mapping):
             errors = [
                 InitErrorDetails(type=PydanticCustomError("kind", expected), loc=(key,), input=x)
                 for key, x in given.items()
-                if (expected := _lost_kind(x, getattr(table, key)))
+                if (expected := _expected_type(x, getattr(table, key)))
             ]
             if errors:
                 raise ValidationError.from_exception_data(cls.__name__, errors)
@@ -68,10 +68,10 @@ class Table(BaseModel, metaclass=OneLine):
         return {}
 
 
-def _lost_kind(given: Any, found: object) -> LiteralString:
-    """Return what is expected where text, or true or false, became a number, or anything else true or false; else "".
+def _expected_type(given: Any, found: object) -> LiteralString:
+    """Return the message for a string or Boolean coerced to a number, or a value coerced to a Boolean; else "".
 
-    Pydantic's strict mode is too strict: it rejects lists for tuples, and numbers of numpy.
+    Pydantic's strict mode is too strict: it rejects lists for tuples, and numpy scalars.
     """
     if found is given:
         return ""
@@ -80,9 +80,9 @@ def _lost_kind(given: Any, found: object) -> LiteralString:
     if isinstance(found, int | float):
         return "Input should be a valid number" if isinstance(given, str | bytes | bool | np.bool) else ""
     if isinstance(found, dict) and isinstance(given, Mapping):
-        return next(filter(None, (_lost_kind(given.get(key), x) for key, x in found.items())), "")
+        return next(filter(None, (_expected_type(given.get(key), x) for key, x in found.items())), "")
     if isinstance(found, tuple | list) and isinstance(given, tuple | list):
-        return next(filter(None, map(_lost_kind, given, found)), "")
+        return next(filter(None, map(_expected_type, given, found)), "")
     return ""
 
 
@@ -95,7 +95,7 @@ def tables_in(annotation: object) -> list[type[Table]]:
 
 
 def one_line(error: ValidationError, known: KnownKeys, content: object = None) -> str:
-    """Return all errors of a table in one line; with the valid keys for an unknown one.
+    """Return all errors of a table in one line, with the valid keys for an unknown key.
 
     Args:
         error: the validation error.
@@ -156,7 +156,7 @@ def _kind_text(loc: Location, where: str) -> str:
 
 
 def _structure(e: "ErrorDetails", where: str) -> str:
-    """Return what is expected of a value that is no list or no table, or of another length; "" for other errors."""
+    """Return the message for a value that is not a list or table, or of wrong length; "" for other errors."""
     kind, ctx = e["type"], e.get("ctx", {})
     if kind == "tuple_type":
         named = isinstance(e["input"], dict) and ("kind" in e["input"] or _entry_name(e["input"]))

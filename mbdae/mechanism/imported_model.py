@@ -42,12 +42,12 @@ class ImportedModel:
         drivers: its drivers.
         mimics: joints that follow others.
         forces: descriptions of its forces.
-        frames: tables of frames that its closures need.
-        weightless: masses in kg on which gravity does not act, by frames at their centres.
+        frames: tables of frames used by its closures.
+        weightless: masses in kg on which gravity does not act, by frame at the centre of mass.
         start: its start state.
         motors: its named inputs.
         controls: values of inputs given by the file.
-        normals: of the planes of planar joints, in their frames.
+        normals: normals of the planes of planar joints, in their frames.
         left_out: features of the file that are not supported.
     """
 
@@ -102,7 +102,7 @@ def prefixed(table: T, prefix: str) -> T:
 def mimic_couplings(
     mimics: tuple[Mimic, ...], locked: dict[str, Any], joints: list[str]
 ) -> tuple[list[Closure], dict[str, Any]]:
-    """Return couplings for mimic joints, and the locked joints: those that follow a locked joint are locked, too.
+    """Return couplings for mimic joints, and the locked joints; followers of locked joints are locked, too.
 
     Args:
         mimics: the joints that follow others.
@@ -110,7 +110,7 @@ def mimic_couplings(
         joints: names of the moving joints.
 
     Raises:
-        InputError: if a joint is locked, but the one that it follows is not.
+        InputError: if a joint is locked, but the joint it follows is not.
     """
     locked, remaining = dict(locked), [m for m in mimics if m.joint in joints]
     while resolved := [m for m in remaining if m.other in locked]:

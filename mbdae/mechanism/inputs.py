@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def _source_with(source: Any, forces: Iterable[Any], drivers: Iterable[Any]) -> Any:
-    """Return the origin of a mechanism with other forces and drivers: saved runs have its meshes, and parameters."""
+    """Return the source of a mechanism with its forces and drivers replaced; it keeps the meshes and parameters."""
     if not source:
         return source
     tables = {"force": [f for f in forces if isinstance(f, FORCES)], "driver": drivers}
@@ -27,46 +27,46 @@ def _source_with(source: Any, forces: Iterable[Any], drivers: Iterable[Any]) -> 
 
 
 class Inputs:
-    """The inputs of a mechanism, and a copy of it in which they can be set.
+    """Inputs of a mechanism, and a copy of it in which they can be set.
 
     Args:
-        mechanism: with any number of inputs in its forces and drivers; one without inputs is not copied.
-        settable: whether the user sets inputs; otherwise those that no FMU sets stay constants.
+        mechanism: the mechanism; without inputs in its forces and drivers it is not copied.
+        settable: whether the user sets inputs; if not, inputs that no FMU sets remain constant.
 
     Attributes:
         original: the mechanism.
-        mechanism: the copy.
-        named: the inputs of the user by name.
-        cells: those of the copy.
-        followed: inputs of the copy that outputs of FMUs set.
-        by_rate: names of those whose rate enters the accelerations, so that they jump with it.
+        mechanism: its copy.
+        original_inputs: inputs of the mechanism that the user sets, by name.
+        user_inputs: the same inputs of the copy.
+        fmu_inputs: inputs of the copy that outputs of FMUs set.
+        rate_dependent: names of inputs whose rate enters the accelerations, which jump with it.
 
     Raises:
-        InputError: for inputs of one name with different settings, or in a driver whose speed they would let jump.
+        InputError: for inputs of one name with different settings, or an input that makes the speed of a driver jump.
     """
 
     def __init__(self, mechanism: "Mechanism", settable: bool = True) -> None:
         self.original, self._fmu_by_input = mechanism, fmu_by_input(mechanism.forces)
         found = inputs_in([*mechanism.forces, *mechanism.drivers]) if settable or self._fmu_by_input else {}
-        self.named = self._settable(found) if settable else {}
-        self.cells = {name: x.cell(i) for i, (name, x) in enumerate(self.named.items())}
-        by_fmus = enumerate(self._fmu_by_input, len(self.cells))
-        self.followed = {name: as_input(found[name]).cell(i) for i, name in by_fmus}
-        cells = self.cells | self.followed
-        self.mechanism = self.replaced(cells) if cells else mechanism
+        self.original_inputs = self._set_by_user(found) if settable else {}
+        self.user_inputs = {name: x.settable_copy(i) for i, (name, x) in enumerate(self.original_inputs.items())}
+        numbered = enumerate(self._fmu_by_input, len(self.user_inputs))
+        self.fmu_inputs = {name: as_input(found[name]).settable_copy(i) for i, name in numbered}
+        inputs = self.user_inputs | self.fmu_inputs
+        self.mechanism = self.replaced(inputs) if inputs else mechanism
         self._laws = self.mechanism.bind_forces(self.mechanism.make_workspace())
-        self.by_rate = self._names_by_rate()
+        self.rate_dependent = self._rate_dependent()
 
-    def _settable(self, found: Mapping[str, object]) -> dict[str, Input]:
-        """Return the inputs that the user sets, which may not let the speed of a driver jump."""
+    def _set_by_user(self, found: Mapping[str, object]) -> dict[str, Input]:
+        """Return the inputs that the user sets; they must not make the speed of a driver jump."""
         for driver in self.original.drivers:
             driver.require_continuous()
         return {name: x for name, x in found.items() if isinstance(x, Input) and name not in self._fmu_by_input}
 
-    def _names_by_rate(self) -> set[str]:
+    def _rate_dependent(self) -> set[str]:
         paths = [d.path for d in self.mechanism.drivers]
-        of_laws = [u for law, _ in self._laws.bound for u in law.differentiated]
-        return {u.name for u in [*paths, *of_laws] if isinstance(u, Input)}
+        in_laws = [u for law, _ in self._laws.bound for u in law.differentiated]
+        return {u.name for u in [*paths, *in_laws] if isinstance(u, Input)}
 
     @classmethod
     def of_run(cls, problem: object) -> "Inputs | None":
@@ -87,28 +87,28 @@ class Inputs:
 
         return {name: [map_inputs(x, change) for x in getattr(m, name)] for name in ("forces", "drivers")}
 
-    def cell(self, name: str) -> Input:
-        """Return an input that can be set.
+    def user_input(self, name: str) -> Input:
+        """Return an input of the copy that the user sets.
 
         Raises:
-            InputError: for one that an FMU sets.
+            InputError: for an input that an FMU sets.
             UnknownNameError: lists the inputs.
         """
         if name in self._fmu_by_input:
             raise InputError(f"input {name!r} is set by FMU {self._fmu_by_input[name]!r}")
-        if name not in self.cells:
-            raise UnknownNameError("input", name, self.cells)
-        return self.cells[name]
+        if name not in self.user_inputs:
+            raise UnknownNameError("input", name, self.user_inputs)
+        return self.user_inputs[name]
 
     @property
     def values(self) -> dict[str, InputSetting]:
-        """The present setting of each input of the user."""
-        return {name: cell.setting for name, cell in self.cells.items()}
+        """Current setting of each input that the user sets."""
+        return {name: x.setting for name, x in self.user_inputs.items()}
 
     def begin(self, s: Array | None) -> "Mechanism":
-        """Return the copy, whose inputs that follow FMUs are set by the states s (ns,) of a start, if given."""
+        """Return the copy; inputs that FMUs set have their values from the initial states s (ns,), if given."""
         m = self.mechanism
-        if self.followed:
+        if self.fmu_inputs:
             values = np.array([*m.states.values()]) if s is None else m.vector("s", s, len(m.states))
             self._laws.set_inputs(values)
         return m
@@ -118,12 +118,12 @@ class Inputs:
 
         Args:
             t: nodes of a run in s, (n,).
-            y: their points (n, ...), which contain the settings by FMUs.
-            by_user: the settings by the user, by name of the input.
+            y: points at these nodes, (n, ...), which contain the settings by FMUs.
+            by_user: settings by the user, by name of the input.
         """
-        cells, history = self.cells | self.followed, {**(by_user or {}), **self._history_set_by_fmus(t, y)}
+        inputs, history = self.user_inputs | self.fmu_inputs, {**(by_user or {}), **self._history_set_by_fmus(t, y)}
         pieces = {name: tuple(map(tuple, settings)) for name, settings in history.items()}
-        new = {name: InputHistory(name=name, pieces=x, hold=cells[name].hold) for name, x in pieces.items()}
+        new = {name: InputHistory(name=name, pieces=x, hold=inputs[name].hold) for name, x in pieces.items()}
         m = self.original
         if not new:
             return m
@@ -132,8 +132,8 @@ class Inputs:
         return rebuilt(m, **changed, source=source)
 
     def _history_set_by_fmus(self, t: Array, y: Array) -> dict[str, list[InputSetting]]:
-        """Return the settings of inputs that follow FMUs, from the nodes of a run, t (n,) and points y (n, ...)."""
-        history: dict[str, list[InputSetting]] = {name: [] for name in self.followed}
+        """Return the settings of inputs by FMUs, from the nodes t (n,) of a run and its points y (n, ...)."""
+        history: dict[str, list[InputSetting]] = {name: [] for name in self.fmu_inputs}
         states = y[:, self.mechanism.nq + self.mechanism.nv : -1]
         for law, at in self._laws.bound if history else ():
             s = states[:, at]

@@ -1,4 +1,4 @@
-"""Units of the keys of a table: declared with their types, used where a mechanism file with ``[units]`` is read.
+"""Units of the keys of a table: declared with their types, used to read mechanism files with ``[units]``.
 
     mass: Annotated[float, Unit("kg")]
     stiffness: Annotated[float, Unit("e/q")]
@@ -50,14 +50,14 @@ class Coordinates:
 
 def declared_unit(field: FieldInfo) -> Unit | Coordinates | None:
     """Return the unit in the type of a key; None without one."""
-    return _found(field.metadata) or _found([field.annotation])
+    return _unit_in(field.metadata) or _unit_in([field.annotation])
 
 
-def _found(values: Any) -> Unit | Coordinates | None:
+def _unit_in(values: Any) -> Unit | Coordinates | None:
     for value in values:
         if isinstance(value, Unit | Coordinates):
             return value
-    nested = (_found(get_args(value)) for value in values)
+    nested = (_unit_in(get_args(value)) for value in values)
     return next((unit for unit in nested if unit), None)
 
 

@@ -60,13 +60,14 @@ class Mechanism(DynamicsTerms):
         forces: descriptions of forces, or functions tau(t, q, v) -> (nv,) in N m and N.
         start: values of joints at the start, ``{"q": {joint: x}}``, see `mbdae.mechanism.model_settings.Start`.
         visuals: Pinocchio geometry for the replay; generated from the joints when left out.
-        title: one line.
+        title: title, one line.
         duration: default end time of a run in s.
         order: settings of the order study.
         settings: defaults of `mbdae.solve` for this mechanism.
         source: origin of the mechanism, kept in saved solutions.
         motors: named inputs, to which `mbdae.load` assigns controls.
-        left_out: features of the files that are not supported; ``remarks`` are those worth a warning.
+        left_out: features of the files that are not supported.
+        remarks: the unsupported features that are worth a warning.
 
     Raises:
         UnknownNameError: for an unknown frame or joint.
@@ -109,7 +110,7 @@ class Mechanism(DynamicsTerms):
             names = ", ".join(c.name for c in self.constraints)
             raise InputError(f"closures, drivers and stops need different names, got {names}")
         if any(isinstance(j, pin.JointModelMimic) for j in model.joints):
-            raise InputError("mimic joints are not supported: close them by a coupling or lock them")
+            raise InputError("mimic joints are not supported: replace them by a coupling or lock them")
         if not is_depth_first(model):
             names = ", ".join(joint_names(model))
             raise InputError(f"joints must be numbered depth first, see mbdae.mechanism.depth_first; they are {names}")

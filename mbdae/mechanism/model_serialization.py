@@ -44,7 +44,7 @@ Six = tuple[float, float, float, float, float, float]
 
 
 class _Inertia(Table):
-    """mass in kg, com in m, moments (ixx, ixy, iyy, ixz, iyz, izz) about it in kg m^2."""
+    """Mass in kg, com (centre of mass) in m, moments (ixx, ixy, iyy, ixz, iyz, izz) about it in kg m^2."""
 
     mass: float
     com: Vector
@@ -257,11 +257,11 @@ def _composite_from_data(x: _Joint, owner: str) -> pin.JointModel:
 def _unaligned_continuous(axis: np.ndarray) -> pin.JointModel:
     """Return an unbounded revolute joint about any unit vector, bit for bit.
 
-    In Python only Pinocchio's URDF reader makes such joints. It normalizes the axis, which is scaled until that gives
-    the same bits again.
+    In Python only Pinocchio's URDF reader creates such joints. It normalizes the axis, which is therefore scaled until
+    normalization reproduces it exactly.
 
     Raises:
-        InputError: if it does not.
+        InputError: if no scaling does.
     """
     for k in range(MAX_SCALINGS):
         joint = pin.buildModelFromXML(ROBOT.format(*(axis * (1 + k / MAX_SCALINGS)).tolist())).joints[1]

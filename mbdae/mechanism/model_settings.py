@@ -20,15 +20,15 @@ T = TypeVar("T", bound=Table)
 
 
 class Start(Table):
-    """Start state: q and v are fixed during assembly, guess and guess_v are initial estimates of the others.
+    """Start state: q and v are fixed during assembly, guess and guess_v are initial estimates of other coordinates.
 
     Attributes:
         q: joint coordinates that are fixed during assembly, in rad or m; the angle of a continuous joint, a list for
             several coordinates.
         v: joint velocities that are fixed during assembly, in rad/s or m/s.
         guess: initial estimates of other coordinates: they select the assembly branch, such as elbow up or down.
-        guess_v: initial estimates of other velocities, 0 if omitted; those allowed by closures and drivers that are
-            closest in the mass metric are taken: a joint on a driven body then moves, too, unless ``v`` fixes it.
+        guess_v: initial estimates of other velocities, 0 if omitted; they are projected, in the mass metric, onto the
+            closures and drivers: a joint on a driven body then moves, too, unless ``v`` fixes it.
         assemble: make the start consistent; if false, values are used as given, and rejected if they violate a closure.
     """
 
@@ -139,7 +139,7 @@ def coordinates(model: pin.Model, table: Mapping[str, object], *, of_v: bool = F
             )
         out[at : at + n] = values
         if not of_v and normalized_or_none(model, out) is None:
-            raise InputError(f"joint {name!r}: {value!r} is no rotation: its quaternion, or cosine and sine, vanish")
+            raise InputError(f"joint {name!r}: {value!r} is not a rotation: its quaternion, or cosine and sine, vanish")
     return out if of_v else pin.normalize(model, out), tangent_indices(model, table)
 
 
@@ -156,10 +156,10 @@ def normalized_or_none(model: pin.Model, q: np.ndarray) -> np.ndarray | None:
 
 
 def as_table(kind: type[T], value: Any) -> T:
-    """Return an argument that is a table, or its values by key; an empty table for None.
+    """Return an argument, given as a table or by its values, as a table; an empty table for None.
 
     Raises:
-        InputError: for any other value, or invalid ones.
+        InputError: for any other value, or invalid values.
     """
     if isinstance(value, kind):
         return value

@@ -29,14 +29,14 @@ class PulledPoint:
 
         f = m (w^2 (target - p) - 2 w p'),   tau = J_p^T f,   1/m the largest eigenvalue of J_p M^-1 J_p^T
 
-    The mass is the least that the tree without closures has at the point in any direction, so that the spring has at
-    most the frequency w.
+    m is the smallest effective mass at the point, over all directions, of the tree without closures, so that the
+    frequency of the spring is at most w.
 
     Args:
         mechanism: the mechanism.
         joint: index of the joint.
         point: in the world in m, (3,).
-        q: configuration (nq,) at which the body is there.
+        q: configuration (nq,) for which the point is given.
     """
 
     def __init__(self, mechanism: Mechanism, joint: int, point: Array, q: Array) -> None:
@@ -49,10 +49,10 @@ class PulledPoint:
     def pull(self, q: Array, v: Array, target: Array, frequency: float) -> Pull:
         """Return the force at a state (nq,), (nv,) towards a target (3,), with a frequency w in rad/s."""
         pin.computeJointJacobians(self.model, self.data, q)
-        place = self.data.oMi[self.joint]
-        point = place.act(self.local)
+        placement = self.data.oMi[self.joint]
+        point = placement.act(self.local)
         J = pin.getJointJacobian(self.model, self.data, self.joint, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)
-        Jp = J[:3] - pin.skew(point - place.translation) @ J[3:]
+        Jp = J[:3] - pin.skew(point - placement.translation) @ J[3:]
         mass = 1 / max(np.linalg.eigvalsh(Jp @ np.linalg.solve(self.mechanism.mass_matrix(q), Jp.T))[-1], TINY)
         force = mass * (frequency**2 * (target - point) - 2 * frequency * (Jp @ v))
         return Pull(Jp.T @ force, point)

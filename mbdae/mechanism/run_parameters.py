@@ -10,11 +10,11 @@ from ..system import Array
 
 
 class RunParameters(NamedTuple):
-    """Parameters of k runs, as numbers in the core; see `mbdae.mechanism.formats.in_place_parameters`.
+    """Values of n parameters in k runs; see `mbdae.mechanism.formats.in_place_parameters`.
 
     Attributes:
-        locations: where the n numbers are in the core.
-        values: those of each run, (k, n).
+        locations: locations of the n parameters in the core.
+        values: values in each run, (k, n).
     """
 
     locations: Sequence[CoreData] = ()

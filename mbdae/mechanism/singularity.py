@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from .formulations.index2 import Index2System
 
 SINGULAR = AMBIGUOUS_PIVOT  # pivot ratio to its regular value, with projection
-MAX_WITH_VIOLATION = 1e-2  # the same for a run that violates closures: beyond, it does not represent the mechanism
-BYPASS = 5.0  # times the square root of the violation: how far from a singularity such a run may pass it
+MAX_WITH_VIOLATION = 1e-2  # largest pivot ratio for a run that violates closures; above, its results are not reliable
+BYPASS = 5.0  # distance from a singularity at which such a run may pass, over the square root of the violation
 ROTATION_WIDTH = 1e-4  # fraction of a step: large enough to measure the rotation of the tangent space
 
 
@@ -30,9 +30,9 @@ class Singular:
         t: time in s.
         q: configuration, (nq,).
         v: velocity, (nv,).
-        rank: of the closures before and after.
+        rank: rank of the closures before and after.
         rank_there: rank in this configuration.
-        closures: names of those whose rows become dependent there.
+        closures: names of the closures whose rows become dependent there.
     """
 
     t: float

@@ -30,7 +30,7 @@ class TaggedByKind:
 
 
 class _LazySchema:
-    """Annotation that leaves a table to its own validator, which is built on first use."""
+    """Annotation that delegates to the validator of a table, which is built on first use."""
 
     def __init__(self, tables: Mapping[str, type[Table]], kind: str) -> None:
         self.tables, self.kind = tables, kind

@@ -95,7 +95,7 @@ def test_what_is_not_a_problem():
 def test_turns_that_vanish(kind):
     mech = Mechanism(tree([kind], [0]))
     joint = mech.joint_names[0]
-    rejected(InputError, lambda: mech.assemble({joint: [0.0] * mech.nq}), repr(joint), "is no rotation")
+    rejected(InputError, lambda: mech.assemble({joint: [0.0] * mech.nq}), repr(joint), "is not a rotation")
     rejected(InputError, lambda: mech.assemble(np.zeros(mech.nq)), "q is not on the manifold", "vanish")
 
 

@@ -38,13 +38,13 @@ def numbers(part, path):
 
 def parameters(template):
     """Names and other values of parameters of every table, and of the first joints of sources."""
-    recipe = template.recipe({})
-    out = {"gravity.2": recipe.file.gravity[2] - 0.3, "duration": 7.0}
+    spec = template.spec({})
+    out = {"gravity.2": spec.file.gravity[2] - 0.3, "duration": 7.0}
     for table in TABLES:
-        found = [x for entry in getattr(recipe.file, table) for x in numbers(entry, f"{table}.{entry.name}")]
+        found = [x for entry in getattr(spec.file, table) for x in numbers(entry, f"{table}.{entry.name}")]
         for name, x in found[:: max(1, len(found) // OF_EACH)]:
             out[name] = x * 1.01 + (1e-3 if x == 0 else 0)
-    for source, part in zip(recipe.file.source, recipe.parts, strict=True):
+    for source, part in zip(spec.file.source, spec.parts, strict=True):
         for joint in joint_names(part.model)[:2]:
             at = part.model.getJointId(joint)
             out[f"joint.{source.prefix}{joint}.mass"] = 1.02 * part.model.inertias[at].mass
@@ -55,14 +55,14 @@ def parameters(template):
 
 def new_mechanism(template, values):
     """The mechanism of the files with other values, which shares nothing."""
-    recipe = template.recipe({})
-    file, parts = recipe.file, recipe.parts
+    spec = template.spec({})
+    file, parts = spec.file, spec.parts
     joints = {name.removeprefix("joint."): x for name, x in values.items() if name.startswith("joint.")}
     if joints:
         parts = [_with_joint_values(p, s.prefix, joints) for p, s in zip(parts, file.source, strict=True)]
     for name in values.keys() - {f"joint.{name}" for name in joints}:
         file = with_entry(file, name, values[name], name)
-    return make(recipe._replace(file=file, parts=parts), recorded=False)
+    return make(spec._replace(file=file, parts=parts), recorded=False)
 
 
 def terms(mech, native, fresh=False):

@@ -9,7 +9,7 @@ from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
 from ...data_types import CoreData
-from ...mechanism.closures.independent_rows import AMBIGUOUS_UNDERWAY, FALLEN
+from ...mechanism.closures.independent_rows import AMBIGUOUS_AFTER_START, RANK_LOSS_FACTOR
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.hybrid.impact import Impact
 from ...mechanism.hybrid.impact_law import MAX_IMPACTS
@@ -80,7 +80,7 @@ def set_constants(modes: "Modes") -> None:
     modes.rough, modes.near_limit, modes.close_extremum = ROUGH, NEAR_LIMIT, CLOSE_EXTREMUM
     modes.outside, modes.finest, modes.safety, modes.shrink = OUTSIDE, FINEST, SAFETY, SHRINK
     modes.transverse, modes.at_limit, modes.lookahead = TRANSVERSE, AT_LIMIT, LOOKAHEAD
-    modes.ambiguous, modes.fallen = AMBIGUOUS_UNDERWAY, FALLEN
+    modes.ambiguous, modes.fallen = AMBIGUOUS_AFTER_START, RANK_LOSS_FACTOR
     modes.max_impacts, modes.max_states = MAX_IMPACTS, MAX_STATES
 
 

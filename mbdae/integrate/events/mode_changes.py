@@ -7,7 +7,7 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import InputError, StepError
-from ...mechanism.closures.independent_rows import AMBIGUOUS_UNDERWAY
+from ...mechanism.closures.independent_rows import AMBIGUOUS_AFTER_START
 from ...mechanism.formulations.friction_interface import smallest_slip
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.hybrid.active_set import select_mode
@@ -108,7 +108,7 @@ class ModeChanges(EventSource):
             self._track(run.t, run.ys[-1])
 
     def _track(self, t: float, y: Array, tracked: Callable[[Guard, ModePoint], TrackedGuard] = TrackedGuard) -> None:
-        point, mode, self.system.ambiguous_pivot = self._point(t, y), self.system.mode, AMBIGUOUS_UNDERWAY
+        point, mode, self.system.ambiguous_pivot = self._point(t, y), self.system.mode, AMBIGUOUS_AFTER_START
         self.guards = [tracked(g, point) for s in self.switches for g in s.guards(mode[s.index])]
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:

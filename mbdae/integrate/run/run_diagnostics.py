@@ -6,7 +6,7 @@ from math import isfinite
 import numpy as np
 
 from ...mechanism.closures.closure_error import largest_error
-from ...mechanism.closures.preconditions import lost_precondition
+from ...mechanism.closures.preconditions import precondition_violation
 from ...mechanism.flexible.linear_range import beyond_linear
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.formulations.steps.projection import contradicting_rows
@@ -102,7 +102,7 @@ def lost_preconditions(sol: Solution, system: Index2System) -> str:
     """Return which closure lost a precondition, and when; empty if none."""
     ts, ys, _ = sol.nodes
     some = _spread(len(ts), PRECONDITION_NODES)
-    return lost_precondition(system, ts[some], ys[some, : system.nq])
+    return precondition_violation(system, ts[some], ys[some, : system.nq])
 
 
 def _largest_slip(system: Index2System) -> float:

@@ -58,26 +58,26 @@ class AdvanceParameters:
         if isinstance(names, str) or not all(isinstance(name, str) for name in names):
             raise InputError(f"parameters are given by dotted names, got {names!r:.60}")
         self.inputs, self.names, self.span = inputs, tuple(names), AdvanceSpan()
-        self.linear = [name for name, cell in inputs.cells.items() if cell.hold == "first"]
-        values = dict.fromkeys([*inputs.cells, *(BEFORE + name for name in self.linear)], UNIT)
+        self.linear = [name for name, cell in inputs.user_inputs.items() if cell.hold == "first"]
+        values = dict.fromkeys([*inputs.user_inputs, *(BEFORE + name for name in self.linear)], UNIT)
         if names:
             if not inputs.original.source:
                 raise InputError("derivatives with respect to parameters need a mechanism that was read from a file")
             self.template = LoadedModel(inputs.original)
             values |= {name: parameter_value(self.template, name) for name in names}
         self.columns = list(values)
-        self.bound = Parameters(self._make, values, backend.load(), own=True, along=[(*at, mode)])
+        self.bound = Parameters(self._make, values, backend.load(), are_defaults=True, along=[(*at, mode)])
 
     def _make(self, values: Mapping[str, float]) -> Mechanism:
         """Return the mechanism with a changed input or parameter."""
         if not values:
             return self.inputs.mechanism
         if changed := {name: x for name, x in values.items() if name in self.names}:
-            return self.inputs.replaced(self.inputs.cells, self.template.make(changed))
+            return self.inputs.replaced(self.inputs.user_inputs, self.template.make(changed))
         offsets = {name: x - UNIT for name, x in values.items()}
         varied = {
             name: PerturbedInput.of(cell, self.span, offsets.get(BEFORE + name, 0.0), offsets.get(name, 0.0))
-            for name, cell in self.inputs.cells.items()
+            for name, cell in self.inputs.user_inputs.items()
         }
         return self.inputs.replaced(varied)
 
@@ -87,7 +87,7 @@ class AdvanceParameters:
         Raises:
             UnknownNameError: lists the valid names.
         """
-        known = {"input": self.inputs.cells, "input of first order": self.linear, "parameter": self.names}[kind]
+        known = {"input": self.inputs.user_inputs, "input of first order": self.linear, "parameter": self.names}[kind]
         if name not in known:
             raise UnknownNameError(kind, name, known)
         return self.columns.index(BEFORE + name if known is self.linear else name)
@@ -142,7 +142,7 @@ class AdvanceSensitivity:
         p = self.parameters
         out = np.zeros((len(p.columns), len(dt)))
         for name in p.linear:
-            change = -p.inputs.cells[name].setting.rate * dt
+            change = -p.inputs.user_inputs[name].setting.rate * dt
             out[[p.columns.index(name), p.columns.index(BEFORE + name)]] = change
         return out
 
@@ -154,7 +154,7 @@ class AdvanceSensitivity:
         p, span = self.parameters, self.parameters.span
         out = np.zeros((len(p.columns), len(dt)))
         for name in p.linear:
-            change = p.inputs.cells[name].setting.rate * dt / span.length
+            change = p.inputs.user_inputs[name].setting.rate * dt / span.length
             out[p.columns.index(BEFORE + name)] = change * (t - span.start)
             out[p.columns.index(name)] = -change * (span.start + span.length - t)
         return out
@@ -174,7 +174,7 @@ class AdvanceSensitivity:
         Raises:
             InputError: for others.
         """
-        m, trajectory, cells = self.sol.mechanism, self.trajectory, list(self.parameters.inputs.cells.values())
+        m, trajectory, cells = self.sol.mechanism, self.trajectory, list(self.parameters.inputs.user_inputs.values())
         if samplers_of(trajectory.system.laws) or any(trajectory.jumped[1:]):
             why = "sampling times or jumps within the advance do not scale with dt"
             raise InputError(f"{why}: no derivative with respect to dt")

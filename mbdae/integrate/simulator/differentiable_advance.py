@@ -145,7 +145,7 @@ class DifferentiableAdvance:
         gradient, column = [float(x) for x in p], last.parameters.column
         return Adjoint(
             y[: m.nv], y[m.nv : 2 * m.nv], y[2 * m.nv : -1],
-            {name: gradient[column("input", name)] for name in self.inputs.cells},
+            {name: gradient[column("input", name)] for name in self.inputs.user_inputs},
             {name: gradient[column("input of first order", name)] for name in last.parameters.linear},
             {name: gradient[column("parameter", name)] for name in parameters}, by_dt,
         )  # fmt: skip

@@ -28,7 +28,7 @@ class InputSettings:
         Raises:
             UnknownNameError: lists the inputs.
         """
-        cell = self.inputs.followed.get(name) or self.inputs.cell(name)
+        cell = self.inputs.fmu_inputs.get(name) or self.inputs.user_input(name)
         return self.wanted.get(name, cell.at(t))
 
     def want(self, name: str, value: float) -> None:
@@ -38,7 +38,7 @@ class InputSettings:
             UnknownNameError: lists the inputs.
             InputError: for a value that is not a finite number.
         """
-        self.inputs.cell(name)
+        self.inputs.user_input(name)
         if not is_number(value):
             raise InputError(f"input {name!r} must be a finite number, got {value!r}")
         self.wanted[name] = float(value)
@@ -46,12 +46,13 @@ class InputSettings:
     def apply(self, t: float, dt: float) -> bool:
         """Let the inputs follow what was set, from t over dt; return whether one of them jumps."""
         jumps = False
-        for name, cell in self.inputs.cells.items():
+        for name, cell in self.inputs.user_inputs.items():
             now = cell.at(t)
             value = self.wanted.get(name, now)
             setting = InputSetting(t, value) if cell.hold == "zero" else InputSetting(t, now, (value - now) / dt)
             if setting[1:] != (now, cell.setting.rate):
-                jumps |= setting.value != now or (name in self.inputs.by_rate and setting.rate != cell.setting.rate)
+                rate_jumps = name in self.inputs.rate_dependent and setting.rate != cell.setting.rate
+                jumps |= setting.value != now or rate_jumps
                 cell.set(setting)
                 history = self.history[name]
                 if history[-1].t == t:

@@ -275,9 +275,9 @@ class Simulator(DifferentiableAdvance):
             InputError: for anything but such a state.
         """
         require(state, SimulatorState, "restore takes a state from save")
-        state.require_for(self.mechanism, self.inputs.cells, self._origin)
+        state.require_for(self.mechanism, self.inputs.user_inputs, self._origin)
         for name, setting in state.inputs.items():
-            self.inputs.cell(name).set(setting)
+            self.inputs.user_input(name).set(setting)
         self.start, self._settings, self._earlier = state.start, InputSettings(self.inputs, state.wanted), []
         self.status, self.message = "running", STATUS["finished"]
         self._last, self._differentiated, self._fresh = None, None, state.fresh

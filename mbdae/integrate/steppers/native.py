@@ -246,5 +246,5 @@ class NativeStepper(Stepper):
 def _needs_sources(options: "RunOptions", system: Index2System) -> bool:
     """Return whether sources may have events in a run that stays away from singular configurations."""
     mech, jumps = system.mechanism, options.jumps
-    timed = mech.drivers or system.laws.over_time or not (isinstance(jumps, tuple) and not jumps)
+    timed = mech.drivers or system.laws.time_dependent or not (isinstance(jumps, tuple) and not jumps)
     return bool(options.events or mech.switches or mech.resets or timed)

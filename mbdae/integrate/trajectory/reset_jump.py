@@ -52,7 +52,7 @@ class ResetJumps:
             raise InputError(f"event {reset.name!r} {when}: the run is not differentiable")
         reset_map = ResetMap(trajectory.system, reset)
         for k, (p, others) in enumerate(
-            zip(sensitivity.parameters.all, reset_map.of_parameters(sensitivity), strict=True)
+            zip(sensitivity.parameters.all, reset_map.perturbed_resets(sensitivity), strict=True)
         ):
             gradient[ny + k] -= p.quotient({j: np.array(_level(other)) for j, other in others.items()})
         switched = bool(trajectory.system.mechanism.switches)

@@ -174,7 +174,7 @@ class Trajectory:
         """Return partials at the first node, computed once for runs with the same start and parameters."""
         s = self.system
         key = type(s), s.in_use, self.ts[0], self.ys[0].tobytes(), self.initial_point.tobytes()
-        return self.sensitivity.parameters.once(name, key, find)
+        return self.sensitivity.parameters.cached(name, key, find)
 
     def step_parts(self, i: int) -> Iterator[TrajectoryPart]:
         """Yield the maps from node i to the next one."""

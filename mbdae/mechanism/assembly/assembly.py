@@ -31,8 +31,8 @@ VALUES = ARRAYS | Mapping | None
 class InitialEstimate(NamedTuple):
     """A state q (nq,), v (nv,), or several velocities (k, nv), from which assembly starts.
 
-    Tangent indices of its coordinates that are fixed, (n,) each, and of modes of flexible bodies that are locked, (n,)
-    each, where loops close without them; and parameters of inertias that differ for each of several velocities.
+    ``fixed`` are tangent indices of fixed coordinates, (n,); ``locked`` of modes of flexible bodies that are locked if
+    loops close without them, (n,); ``parameters`` are inertia parameters for each of several velocities.
     """
 
     q: Array
@@ -45,7 +45,7 @@ class InitialEstimate(NamedTuple):
 
 
 class Assembled(NamedTuple):
-    """A consistent state q (nq,), v (nv,), and the tangent indices of its coordinates that were fixed, (n,) each."""
+    """A consistent state q (nq,), v (nv,), and the tangent indices of its fixed coordinates, (n,) each."""
 
     q: Array
     v: Array
@@ -87,10 +87,10 @@ def _initial_estimate(
 
 
 def assemble_from(mech: "Mechanism", at: InitialEstimate, t: float) -> Assembled:
-    """Return the consistent state near an initial estimate; for velocities (k, nv), those of all, (k, nv).
+    """Return the consistent state near an initial estimate; several velocities (k, nv) give several velocities.
 
     Raises:
-        AssemblyError: as `assemble`, if one of them cannot be made consistent.
+        AssemblyError: see `assemble`; if any velocity cannot be made consistent.
     """
     for driver in mech.drivers:
         driver.check(t)
@@ -105,7 +105,10 @@ def assemble_from(mech: "Mechanism", at: InitialEstimate, t: float) -> Assembled
 
 
 class _ClosedPosition(NamedTuple):
-    """Configuration q (nq,) with closed loops, its fixed coordinates, and projections of velocities by fixed ones."""
+    """Configuration q (nq,) with closed loops, its fixed coordinates, and its velocity projections.
+
+    Projections are cached by their fixed velocities.
+    """
 
     q: Array
     fixed: Array
@@ -120,7 +123,7 @@ class _ClosedPosition(NamedTuple):
 
 
 def _closed_position(system: "Index2System", q0: Array, fixed: Array, locked: Array, t: float) -> _ClosedPosition:
-    """Return a configuration with closed loops; variants of a mechanism share the last one, unless it is driven."""
+    """Return a configuration with closed loops; variants of an undriven mechanism share the last configuration."""
     mech = system.mechanism
     key = q0.tobytes(), fixed.tobytes(), locked.tobytes()
     found = None if mech.drivers else mech._positions.get(key)
@@ -139,16 +142,16 @@ def assemble_start(mech: "Mechanism", t: float) -> Assembled:
 
 
 def start_estimate(mech: "Mechanism") -> InitialEstimate:
-    """Return the initial estimate by the start values of a mechanism."""
+    """Return the initial estimate from the start values of a mechanism."""
     values, driven = mech.start_values, {d.joint for d in mech.drivers}
     v = {name: x for name, x in values.v.items() if name not in driven}
     return _initial_estimate(mech, _undriven(mech, values.q), v, {}, values.guess_v)
 
 
 def _undriven(mech: "Mechanism", q: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the start coordinates of joints whose position no driver prescribes; a speed alone leaves it free."""
-    moved = {d.joint for d in mech.drivers if d.speed is None}
-    return {name: x for name, x in q.items() if name not in moved}
+    """Return the start coordinates of joints whose position is not prescribed by a driver; speed drivers do not."""
+    driven = {d.joint for d in mech.drivers if d.speed is None}
+    return {name: x for name, x in q.items() if name not in driven}
 
 
 def start_configuration(mech: "Mechanism") -> Array:
@@ -166,15 +169,16 @@ def start_configuration(mech: "Mechanism") -> Array:
 def _locked_modes(mech: "Mechanism", named: Iterable[str]) -> Array:
     """Return the tangent indices (n,) of modes of flexible bodies that are neither named nor driven.
 
-    Least changes in the mass metric would bend bodies and start vibrations although rigid bodies close the loop.
+    Otherwise the smallest change in the mass metric would bend bodies and excite vibrations although rigid bodies can
+    close the loop.
     """
-    others = {*named, *(joint for driver in mech.drivers for joint in driver.between)}
-    modes = [name for name in mode_joints(mech.model) if name not in others]
+    excluded = {*named, *(joint for driver in mech.drivers for joint in driver.between)}
+    modes = [name for name in mode_joints(mech.model) if name not in excluded]
     return tangent_indices(mech.model, modes)
 
 
 def _with_locked_modes(close: Callable[[Array], Array], fixed: Array, locked: Array) -> tuple[Array, Array]:
-    """Return the result of assembly with fixed coordinates, and these: with modes locked, if loops can be closed so."""
+    """Return the result of assembly and its fixed coordinates; modes are locked if loops can be closed without them."""
     if len(locked):
         both = np.union1d(fixed, locked)
         with suppress(AssemblyError):
@@ -203,7 +207,7 @@ def require_consistent(
     g, Gv = (residual or mech.residual)(q, v, t)
     speed = np.abs(v / mech.coordinate_scales).max()
     for rows, per, size in ((g, "", 1.0), (Gv, "/s", speed)):
-        if np.linalg.norm(rows / mech.row_scales) <= tolerance * size:  # that of each closure is not larger
+        if np.linalg.norm(rows / mech.row_scales) <= tolerance * size:  # the violation of each closure is not larger
             continue
         violation = largest_error(mech, rows, per)
         rate = mech.characteristic_rate if per and violation.relative > tolerance * size else 0.0

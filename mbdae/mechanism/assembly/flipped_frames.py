@@ -1,4 +1,4 @@
-"""Flipped frames: wrong assembly branches on which g vanishes, and additional rows that lead away from them."""
+"""Flipped frames: wrong assembly branches on which g vanishes, and additional rows that exclude them."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Union
@@ -18,9 +18,9 @@ Jacobian = Union[Array, "csr_array"]  # sparse for many rows
 Residuals = Callable[["Index2System", Array, float], tuple[Array, Jacobian]]
 
 
-def divide_rows(G: "csr_array", by: Array) -> None:
-    """Divide the rows of a sparse matrix by numbers (ng,), in place."""
-    G.data /= by.repeat(np.diff(G.indptr))
+def divide_rows(G: "csr_array", divisors: Array) -> None:
+    """Divide the rows of a sparse matrix by divisors (ng,), in place."""
+    G.data /= divisors.repeat(np.diff(G.indptr))
 
 
 def scaled_residuals(system: "Index2System", q: Array, t: float) -> tuple[Array, Jacobian]:
@@ -39,8 +39,8 @@ def scaled_residuals(system: "Index2System", q: Array, t: float) -> tuple[Array,
 def residuals_with_directions(system: "Index2System", q: Array, t: float) -> tuple[Array, Jacobian]:
     """Return g and G with additional rows cos - 1 for axes that should coincide.
 
-    Where all loops are closed, these rows and their gradients vanish. Where a frame is flipped they do not, and the sum
-    of squares has no minimum there.
+    These rows and their gradients vanish if all loops are closed, but not if a frame is flipped, where the sum of
+    squares therefore has no minimum.
     """
     g, G = scaled_residuals(system, q, t)
     values, partials = [g], [G if isinstance(G, np.ndarray) else G.toarray()]

@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 
 
 class _Entry(NamedTuple):
-    """Index of a start value in q or v."""
+    """Component of a start value in q or v."""
 
     is_velocity: bool
-    place: int
+    component: int
 
 
 class InitialPoints:
-    """Initial points of a mechanism for other start values, each with the bits of that of a new variant.
+    """Initial points of a mechanism for other start values, each bitwise equal to the point of a new variant.
 
     Args:
-        mech: the mechanism; its file or variant gives these start values, too.
-        names: of the start values that change, ``v.crank``; joints have one coordinate.
+        mech: the mechanism, which has start values of these names.
+        names: names of the start values that change, ``v.crank``, of joints with one coordinate.
         t: time of the start in s.
     """
 
@@ -37,20 +37,20 @@ class InitialPoints:
         self.mech, self.t, self.states = mech, t, np.array([*mech.states.values(), 0.0])
         found = [_entry(mech, name) for name in names]
         self.entries = [x for x in found if x]
-        simple = len(self.entries) == len(found) and not mech.drivers and mech.start_values.assemble
-        self.estimate: InitialEstimate | None = start_estimate(mech) if simple else None
+        supported = len(self.entries) == len(found) and not mech.drivers and mech.start_values.assemble
+        self.estimate: InitialEstimate | None = start_estimate(mech) if supported else None
         velocities = all(entry.is_velocity for entry in self.entries)
         self.together = self.estimate is not None and velocities and not len(self.estimate.locked_v)
 
     def at(self, columns: Sequence[Sequence[Any]], k: int, parameters: RunParameters) -> Array:
-        """Return the points of k runs, (k, n); nan where a new variant must be made.
+        """Return the points of k runs, (k, n); nan where a new variant is needed.
 
-        A new variant is needed for values that are no numbers, and has the message where no point is consistent.
+        A new variant is needed for values that are not numbers, and to report why a point is not consistent.
 
         Args:
-            columns: values of each of ``names``, k each.
+            columns: k values for each of ``names``.
             k: number of runs.
-            parameters: those of each run that determine inertias of bodies.
+            parameters: parameters of each run that determine inertias of bodies.
         """
         values = np.array([[x if type(x) in (int, float) else nan for x in column] for column in columns], float)
         values = values.reshape(len(columns), k)
@@ -71,15 +71,15 @@ class InitialPoints:
         """Return the points of runs with the same configuration, (k, n), for the values of each entry, (.., k).
 
         Raises:
-            AssemblyError, InputError: if one of them is not consistent, or its mass matrix singular.
+            AssemblyError, InputError: if any point is not consistent, or its mass matrix is singular.
         """
         assert self.estimate is not None
         q, v = self.estimate.q.copy(), np.tile(self.estimate.v, (columns.shape[1], 1))
         for entry, x in zip(self.entries, columns, strict=True):
             if entry.is_velocity:
-                v[:, entry.place] = x
+                v[:, entry.component] = x
             else:
-                q[entry.place] = x[0]
+                q[entry.component] = x[0]
         found = assemble_from(self.mech, self.estimate._replace(q=q, v=v, parameters=parameters), self.t)
         return np.hstack([np.tile(found.q, (len(v), 1)), found.v, np.tile(self.states, (len(v), 1))])
 

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 ITERATIONS = 100
 WIDTHS = (0.1, 0.4, 1.5, 3.0)  # widths of random displacements of the initial estimate
-STARTS = 6  # for each width
+STARTS = 6  # starts for each width
 FRACTIONS = [0.5**k for k in range(12)]  # fractions of a step, in its line search
 NEAR = 0.05  # change of a coordinate: a configuration this close to the estimate is always accepted
 APPROACHES = 10  # steps along the null space towards the estimate
-DAMPING = 0.1  # fraction of |g|, at the start
-SLOW = 0.5  # fraction of |g|: a step shorter than NEAR that leaves more of it is damped too much
-DAMPING_REDUCTION = 0.1  # after such a step
+DAMPING = 0.1  # initial damping, as a fraction of |g|
+SLOW = 0.5  # remaining fraction of |g|, above which a step shorter than NEAR is overdamped
+DAMPING_REDUCTION = 0.1  # factor of the damping after an overdamped step
 STATIONARY = VISIBLE  # fraction of |g|: a smaller predicted decrease means that |g| has a minimum
 MIN_DAMPING = SOLUTION_ROUNDING  # fraction of the largest diagonal entry of G G^T, which dependent rows make singular
 
@@ -36,12 +36,12 @@ MIN_DAMPING = SOLUTION_ROUNDING  # fraction of the largest diagonal entry of G G
 def close_position(system: "Index2System", q: Array, fixed: Array, t: float) -> Array:
     """Return the configuration near q that closes all loops; coordinates with tangent indices ``fixed`` do not change.
 
-    Gauss-Newton steps start from q; if they fail, or end far from q, also from displacements of q, first small and then
-    larger ones, which are the same in each call. The nearest solution is moved towards q along its null space.
+    Gauss-Newton steps start from q; if they fail, or end far from q, also from random displacements of q of increasing
+    size, which are the same in each call. The nearest solution is moved towards q along its null space.
 
     Raises:
         AssemblyError: if no start leads to |g| below 1e-10; names the closure with the largest violation for the start
-            that comes closest.
+            with the smallest |g|.
         InputError: if a frame or axis is flipped in all solutions, or numbers are not finite.
     """
     mech, free = system.mechanism, np.delete(np.arange(system.nv), fixed)
@@ -57,7 +57,7 @@ def close_position(system: "Index2System", q: Array, fixed: Array, t: float) -> 
     g, G = scaled_residuals(system, q, t)
     mu = DAMPING * float(np.abs(g).max())  # independent of the number of loops
     if len(g) > MANY_ROWS:
-        mu *= DAMPING_REDUCTION**3  # as `gauss_newton` does: a damped step in a long chain would be too short
+        mu *= DAMPING_REDUCTION**3  # see `gauss_newton`: a damped step in a long chain would be too short
     search.widen(reach=1.2 * float(np.abs(_damped_step(G, g, free, mu)).max()) + NEAR)
     if not search.closed:
         search.flip_back()
@@ -80,7 +80,7 @@ def _require_finite(system: "Index2System", q: Array, t: float) -> None:
 
 @dataclass
 class _PositionSearch:
-    """Results of Gauss-Newton steps from several starts: all of them, and those in which all loops are closed."""
+    """Results of Gauss-Newton steps from several starts: all results, and those with closed loops."""
 
     system: "Index2System"
     guess: Array
@@ -90,7 +90,7 @@ class _PositionSearch:
     closed: list[Array]
 
     def distance(self, q: Array) -> float:
-        """Return how far a configuration is from the initial estimate."""
+        """Return the distance of a configuration from the initial estimate."""
         mech = self.system.mechanism
         return float(np.linalg.norm(mech.manifold.difference(self.guess, q) / mech.coordinate_scales))
 
@@ -106,7 +106,7 @@ class _PositionSearch:
         self.closed += [x for x in results if is_closed(self.system, x, self.t)]
 
     def widen(self, reach: float) -> None:
-        """Search from larger and larger displacements until a closed configuration is within reach.
+        """Search from increasing displacements until a closed configuration is within reach.
 
         Large displacements are tried only if no closed configuration is known.
         """
@@ -126,7 +126,7 @@ class _PositionSearch:
                 yield mech.manifold.integrate(self.guess, mech.coordinate_scales * x)
 
     def flip_back(self) -> None:
-        """If loops close with a flipped frame, align directions first, and search from there."""
+        """If loops close with a flipped frame, align directions first, and search from the aligned configuration."""
         if not any(_residual_norm(self.system, x, self.t) <= AGREEMENT for x in self.found):
             return
         for start in (self.guess, *self.displaced(*WIDTHS[1:3])):
@@ -154,7 +154,7 @@ class _PositionSearch:
         return q
 
     def failure(self, fixed: Array) -> InputError | AssemblyError:
-        """Return the error that explains the result with the smallest residual."""
+        """Return the error for the result with the smallest residual."""
         best = min(self.found, key=lambda x: _residual_norm(self.system, x, self.t))
         if _residual_norm(self.system, best, self.t) <= AGREEMENT:
             name = flipped_closure(self.system)
@@ -167,9 +167,9 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
     """Return the last configuration of damped Gauss-Newton steps with line search.
 
     Steps are at most one radian or characteristic length long, to stay on the branch. The damping mu of `_damped_step`
-    is |g|/10 at first. With many rows its ratio to |g| is reduced after each short step that does not halve |g|: in
+    is initially |g|/10. With many rows its ratio to |g| is reduced after each short step that does not halve |g|: in
     long chains the smallest singular value of G is far below sqrt(mu). With few rows such steps indicate a singular
-    configuration, and remain short; they end where |G x + g| is almost |g|, in a minimum in which loops remain open.
+    configuration, and remain short; iteration stops where |G x + g| is almost |g|, at a local minimum with open loops.
     """
     m, scales = system.manifold, system.mechanism.coordinate_scales
     g, G = rows(system, q, t)
@@ -197,7 +197,7 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
 
 
 def _damped_step(G: Jacobian, g: Array, free: Array, mu: float) -> Array:
-    """Return the x that minimizes |G x + g|^2 + mu |x|^2: it is short where G is nearly singular."""
+    """Return the x that minimizes |G x + g|^2 + mu |x|^2, which remains bounded where G is nearly singular."""
     x = np.zeros(G.shape[1])
     if len(g) > MANY_ROWS:
         x[free] = -sparse_least_squares(G[:, free], g, mu)
@@ -209,9 +209,9 @@ def _damped_step(G: Jacobian, g: Array, free: Array, mu: float) -> Array:
 
 
 def sparse_least_squares(G: Jacobian, g: Array, mu: float, M: Jacobian | None = None) -> Array:
-    """Return the x that minimizes |G x - g|^2 + mu x^T M x, M = 1 if omitted; rows have few nonzeros.
+    """Return the x that minimizes |G x - g|^2 + mu x^T M x for sparse G, M = 1 if omitted.
 
-    With G x - g = mu y it is [M, G^T; G, -mu] [x; y] = [0; g], solved by a sparse LU.
+    With G x - g = mu y this is [M, G^T; G, -mu] [x; y] = [0; g], solved by a sparse LU.
     """
     from scipy.sparse import block_array, csc_array, eye_array
     from scipy.sparse.linalg import splu
@@ -240,5 +240,5 @@ def assembly_error(mech: "Mechanism", violation: ClosureError, fixed: Array, wha
     driven = "; driven by " + ", ".join(repr(d.name) for d in mech.drivers) if mech.drivers else ""
     text = f"no consistent {what}: {violation.message()} (fixed: {joints}{driven})"
     if violation.relative < THREE_DIGITS:
-        text += "; a violation as small as that: axes that are not quite parallel? give all digits, or keep fewer rows"
+        text += "; so small a violation may come from axes that are not quite parallel: give all digits, or fewer rows"
     return AssemblyError(text, violation.name, violation.size)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class VelocityProjection:
-    """Projection of velocities onto G v + g_t = 0 at q and t, of which some are fixed. Variants may share it."""
+    """Projection of velocities, some of them fixed, onto G v + g_t = 0 at q and t; variants may share it."""
 
     def __init__(self, system: "Index2System", q: Array, fixed: Array, t: float) -> None:
         self.q, self.fixed, self.free = q, fixed, np.delete(np.arange(system.nv), fixed)
@@ -39,7 +39,7 @@ class VelocityProjection:
         Args:
             system: a workspace of the mechanism.
             v: velocities.
-            parameters: parameters of inertias of k runs, in the core: velocities are (k, nv) then.
+            parameters: inertia parameters of k runs, in the core, for velocities (k, nv).
 
         Raises:
             AssemblyError: if the fixed velocities contradict the closures.
@@ -68,7 +68,7 @@ class VelocityProjection:
     def _minimum_norm_correction(self, system: "Index2System", masses: Array | None = None) -> Callable[[Array], Array]:
         """Return r -> M^-1 G^T (G M^-1 G^T)^+ r: the correction (.., nv) of minimum norm for residuals r (.., ng).
 
-        Residuals and G are scaled by rows. Without mass matrices (.., nv, nv), that of the mechanism is used.
+        Residuals and G are scaled by rows. The mass matrices (.., nv, nv) default to that of the mechanism.
         """
         G, many = self.G[:, self.free], system.ng > MANY_ROWS and masses is None
         if many:
@@ -81,15 +81,15 @@ class VelocityProjection:
         if many:
             scaled = G.copy()
             divide_rows(scaled, self.rows)
-            return partial(_sparse_correction, scaled, M, self.free, system.nv)  # which can be pickled
-        # G M^-1/2, as `mass_scaled` but without scipy
+            return partial(_sparse_correction, scaled, M, self.free, system.nv)  # partial, since it can be pickled
+        # G M^-1/2, like `mass_scaled`, but without scipy
         root = np.linalg.solve(U.swapaxes(-2, -1), (G / self.rows[:, None]).T).swapaxes(-2, -1)
         correction = np.zeros((*M.shape[:-2], system.nv, system.ng))
         correction[..., self.free, :] = np.linalg.solve(U, np.linalg.pinv(root, rcond=TRUNCATION))
         return partial(_times, correction)
 
     def _cholesky(self, mech: "Mechanism", M: Array) -> Array:
-        """Return the upper triangular U with U^T U = M; by numpy, since most runs need nothing else of scipy."""
+        """Return the upper triangular U with U^T U = M, by numpy, so that most runs do not import scipy."""
         try:
             return np.linalg.cholesky(M).swapaxes(-2, -1)
         except np.linalg.LinAlgError:
@@ -108,7 +108,7 @@ def _sparse_correction(G: Any, M: Any, free: Array, nv: int, residual: Array) ->
 
 
 def _times(A: Any, x: Array) -> Array:
-    """Return A x for a matrix A (m, n) and vectors x (.., n), (.., m): each has the bits of a single product."""
+    """Return A x for a matrix A (m, n) and vectors x (.., n), (.., m), bitwise equal to single products."""
     if isinstance(A, np.ndarray):
         return np.matmul(A, x[..., None])[..., 0]
     return A @ x if x.ndim == 1 else np.array([A @ column for column in x])

@@ -1,4 +1,4 @@
-"""Closures, drivers, stops and clutches: their descriptions and their rows; `kinds` has a file for each closure."""
+"""Closures, drivers, stops and clutches: descriptions and rows; `kinds` has one file per kind of closure."""
 
 from typing import TYPE_CHECKING, Annotated, Any
 

@@ -43,7 +43,7 @@ def kinds_of(base: type[Any]) -> dict[str, type[Any]]:
 
 
 KINDS = Members({x.kind: x.module for x in KIND_FILES}, lambda module, kind: kinds_of(Closure)[kind])
-"""Every kind of closure that a file or a saved run may have, those of installed packages too."""
+"""Every kind of closure that a file or a saved run may have, including those of installed packages."""
 _CREATORS = {name: x.kind for x in KIND_FILES for name in x.creators}
 
 
@@ -217,7 +217,7 @@ class BetweenJoints(Closure):
     """A closure between joints of one coordinate each.
 
     Attributes:
-        joints: names of joints i, j and, where the kind has them, further ones.
+        joints: names of joints i, j and, for some kinds, further joints.
     """
 
     joints: tuple[str, ...] = Field(min_length=2)

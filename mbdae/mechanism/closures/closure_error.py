@@ -18,7 +18,7 @@ class ClosureError(NamedTuple):
     Attributes:
         name: its name.
         size: norm of its residual.
-        relative: the same with lengths in characteristic lengths of the mechanism: the largest of all closures.
+        relative: the same with lengths in characteristic lengths of the mechanism; the largest of all closures.
         text: residual with units, lengths and angles separately.
         velocity_only: whether the largest residual is that of a velocity row, which slips and has no g.
     """
@@ -51,11 +51,11 @@ def largest_error(mech: "Mechanism", residual: Array, per: str = "") -> ClosureE
 
 
 def shortening_remark(mech: "Mechanism", name: str) -> str:
-    """Return a remark on a closure that the shortening of a beam violates; empty if it does not hold such a beam."""
+    """Return a remark on a closure that the shortening of a beam violates; empty if it does not connect such a beam."""
     frames = {frame for c in mech.closures if c.name == name for frame in c.frames or ()}
     for body in flexible_bodies(mech.model):
         nodes = zip(body.node_frames, body.modal.nodes.values(), strict=True)
         if any(frame in frames and node.Phi2 is not None for frame, node in nodes):
-            cure = "let an end slide, or take stiffening = false, or axial = true with a mode that stretches it"
-            return f"; bending shortens {body.name!r}: {cure}"
+            remedy = "let an end slide, or take stiffening = false, or axial = true with a mode that stretches it"
+            return f"; bending shortens {body.name!r}: {remedy}"
     return ""

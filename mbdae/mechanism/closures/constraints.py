@@ -1,4 +1,4 @@
-"""All rows of a mechanism, those of closures and then of drivers, bound to a workspace.
+"""All rows of a mechanism, of closures and then of drivers, bound to a workspace.
 
     0 = g(t, q) = c(q) - u(t),   G = dc/dq,   g_t = -u',   gamma = Gdot v + g_tt,   g_tt = -u''
 
@@ -78,7 +78,7 @@ class Constraints:
         self._J = data.J.reshape(6, -1)  # with nv = 1 it is a vector
         bound = self.frame_rows.items()
         self._node_rows = [(self.spans[name], *node) for name, (pair, _) in bound for node in pair.nodes]
-        self._no_motion = np.zeros((3, self.ng))
+        self._zero_motion = np.zeros((3, self.ng))
         self._index_special_rows()
         self.nonsmooth_times = sorted({t for _, driver in self.driven for t in driver.nonsmooth_times()})
 
@@ -121,7 +121,7 @@ class Constraints:
 
     @cached_property
     def columns(self) -> "csr_array":
-        """Which velocities a row depends on: those of its joints and their ancestors, (ng, nv)."""
+        """Velocities on which each row depends, those of its joints and their ancestors: a pattern (ng, nv)."""
         from scipy.sparse import csr_array
 
         starts, at = np.cumsum([0, *map(len, self._columns)]), np.concatenate([np.empty(0, int), *self._columns])
@@ -231,7 +231,7 @@ class Constraints:
     def partials(self, v: Array, lam: Array, names: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Return d(G^T lam)/dq (nv, nv) and d(G v)/dq (ng, nv) for v (nv,), lam (ng,), after `jacobian`.
 
-        With names: of the rows between frames of these closures alone, after `update_wrenches`.
+        With names: only for the rows between frames of these closures, after `update_wrenches`.
         """
         K, B = np.zeros((len(v), len(v))), np.zeros((self.ng, len(v)))
         for name in self.frame_rows if names is None else names:
@@ -269,7 +269,7 @@ class Constraints:
             StepError: if a driver is not defined at t, or drives a distance to zero.
         """
         if not self.driven:
-            return self._no_motion
+            return self._zero_motion
         out = np.zeros((3, self.ng))
         for at, driver in self.driven:
             out[:, at] = motion = (nan,) * 3 if t is None else driver.follow(t)

@@ -22,8 +22,8 @@ from ...errors import StepError
 from ...system import Array
 from ...tolerances import PARALLEL, ROUNDING
 from ..tree.frames import Pair, cross
-from .line_rows import LineRows, Lines, at_rest, unit
-from .rows import displaced, inner, rotated
+from .line_rows import LineRows, Lines, unit, with_zero_velocity
+from .rows import axis_rates, inner, point_velocity_column
 
 
 class ContactKinematics(NamedTuple):
@@ -59,14 +59,14 @@ class ConvexBody:
 
     def core_data(self) -> CoreData:
         """Return the core data of the shape."""
-        nil = (0.0, 0.0, 0.0)
+        zero = (0.0, 0.0, 0.0)
         return {
             "rim": self.rim,
             "tyre": self.tyre,
             "curve": self.curve,
             "parallel": PARALLEL,
-            "axle": list(self.axle or nil),
-            "squares": [a * a for a in self.semi_axes or nil],
+            "axle": list(self.axle or zero),
+            "squares": [a * a for a in self.semi_axes or zero],
             "centre": list(self.centre),
             "body": "ellipsoid" if self.semi_axes else "wheel" if self.axle else "sphere",
             "surface": self.surface,
@@ -75,23 +75,23 @@ class ConvexBody:
     def contact_kinematics(self, pair: Pair) -> ContactKinematics:
         """Return the nearest points, and their rates for the velocities of the pair."""
         n, dn = self.normal(pair)
-        pb, vb = pair.pb[:, None], displaced(pair.Vb, pair.pb)
+        pb, vb = pair.pb[:, None], point_velocity_column(pair.Vb, pair.pb)
         if self.semi_axes:
             R, w = pair.Rb, pair.Vb
             D = (R * np.square(self.semi_axes)).dot(R.T)
             c = R.dot(np.array(self.centre)[:, None])
             Dn = D.dot(n)
-            spin = dn - rotated(w, n)
+            spin = dn - axis_rates(w, n)
             size = np.sqrt(inner(n, Dn))
-            dDn = rotated(w, Dn) + D.dot(spin)
+            dDn = axis_rates(w, Dn) + D.dot(spin)
             grad = Dn / size
             return ContactKinematics(
-                n, pb + c - grad, dn, vb + rotated(w, c) - (dDn - grad * inner(grad, spin)) / size
+                n, pb + c - grad, dn, vb + axis_rates(w, c) - (dDn - grad * inner(grad, spin)) / size
             )
         p, dp = pb - self.tyre * n, vb - self.tyre * dn
         if self.rim and self.axle:
             s = self.axis(pair)
-            ds, along = rotated(pair.Vb, s), inner(n, s)
+            ds, along = axis_rates(pair.Vb, s), inner(n, s)
             m = n - along * s
             _require_inclined(m)
             u, du = unit(m, dn - (inner(dn, s) + inner(n, ds)) * s - along * ds)
@@ -101,7 +101,7 @@ class ConvexBody:
     def normal(self, pair: Pair) -> tuple[Array, Array]:
         """Return the surface's normal and its rate."""
         z = pair.Ra[:, 2:]
-        dz = rotated(pair.Va, z)
+        dz = axis_rates(pair.Va, z)
         if self.surface == "plane":
             return z, dz
         d, dd = _offset(pair)
@@ -116,7 +116,7 @@ class ConvexBody:
 
     def height(self, pair: Pair) -> float:
         """Return the gap in m."""
-        contact = self.contact_kinematics(at_rest(pair))
+        contact = self.contact_kinematics(with_zero_velocity(pair))
         height = float(inner(contact.n, contact.p - pair.pa[:, None]))
         return height if self.surface == "plane" else height - self.curve
 
@@ -127,18 +127,18 @@ class ConvexBody:
     def heading(self, pair: Pair, n: Array, dn: Array) -> tuple[Array, Array]:
         """Return a tangent and its rate: forwards for a wheel; else x of a on a plane, or around the z axis of a.
 
-        On a sphere it is x of a, reflected at the plane that maps z of a to -n: it varies continuously along motions
-        that do not meet n = -z, since the direction of a slip is kept in components along the tangents.
+        On a sphere it is x of a, reflected at the plane that maps z of a to -n. It varies continuously, except at
+        n = -z, as required for slip directions, which are stored as components along the tangents.
         """
         if self.axle:
             s = self.axis(pair)
-            ahead, rate = cross_with_rate(s, rotated(pair.Vb, s), n, dn)
-            _require_inclined(ahead)
-            return unit(ahead, rate)
+            forward, rate = cross_with_rate(s, axis_rates(pair.Vb, s), n, dn)
+            _require_inclined(forward)
+            return unit(forward, rate)
         x, z = pair.Ra[:, :1], pair.Ra[:, 2:]
         if self.surface == "plane":
-            return x, rotated(pair.Va, x)
-        dx, dz = rotated(pair.Va, x), rotated(pair.Va, z)
+            return x, axis_rates(pair.Va, x)
+        dx, dz = axis_rates(pair.Va, x), axis_rates(pair.Va, z)
         if self.surface == "cylinder":
             return unit(*cross_with_rate(z, dz, n, dn))
         w = n + z
@@ -183,9 +183,9 @@ class NoSlipRows(LineRows):
     def lines(self, pair: Pair) -> Lines:
         n, p, dn, dp = self.shape.contact_kinematics(pair)
         t, dt = self.shape.heading(pair, n, dn)
-        ahead, left = self.directions[:1], self.directions[1:]
+        forward, left = self.directions[:1], self.directions[1:]
         s, ds = cross_with_rate(n, dn, t, dt)
-        return Lines(t.dot(ahead) + s.dot(left), p, dt.dot(ahead) + ds.dot(left), dp)
+        return Lines(t.dot(forward) + s.dot(left), p, dt.dot(forward) + ds.dot(left), dp)
 
 
 def cross_with_rate(a: Array, da: Array, b: Array, db: Array) -> tuple[Array, Array]:
@@ -196,7 +196,8 @@ def cross_with_rate(a: Array, da: Array, b: Array, db: Array) -> tuple[Array, Ar
 
 def _offset(pair: Pair) -> tuple[Array, Array]:
     """Return p_b - p_a and its rate, (3, 1) each."""
-    return (pair.pb - pair.pa)[:, None], displaced(pair.Vb, pair.pb) - displaced(pair.Va, pair.pa)
+    velocity = point_velocity_column(pair.Vb, pair.pb) - point_velocity_column(pair.Va, pair.pa)
+    return (pair.pb - pair.pa)[:, None], velocity
 
 
 def _require_inclined(x: Array) -> None:

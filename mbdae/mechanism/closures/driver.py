@@ -24,8 +24,8 @@ from .rows import Distance, FrameRows
 
 SAMPLES = 64  # times of a run at which derivatives are compared with difference quotients
 MIN_MISMATCHES = 2  # smallest number of samples: one may coincide with a jump of u''
-GOLDEN = (sqrt(5) - 1) / 2  # its multiples modulo 1 fill (0, 1) evenly and avoid any grid
-SPACING, START_OFFSET = 1e-5, 1e-3  # s: of the quotients, and of their centre from the start
+GOLDEN = (sqrt(5) - 1) / 2  # golden ratio: its multiples modulo 1 are evenly distributed and on no regular grid
+SPACING, START_OFFSET = 1e-5, 1e-3  # s: half width of the quotients, and distance of their centre from the start
 Target = str | tuple[str, str]
 
 
@@ -95,9 +95,9 @@ class Driver(Table):
         if isinstance(m, Steps):
             raise ValueError("a driver cannot follow steps of motion, which needs two derivatives; a speed may step")
         if isinstance(speed, Function) and speed.function and not speed.rate:
-            raise ValueError(f"the speed {speed.name!r} needs a rate: difference quotients lose the order")
+            raise ValueError(f"the speed {speed.name!r} needs a rate: difference quotients reduce the order")
         if isinstance(m, Function) and m.function and not (m.rate and m.acceleration):
-            raise ValueError(f"the motion {m.name!r} needs rate and acceleration: difference quotients lose the order")
+            raise ValueError(f"the motion {m.name!r} needs rate and acceleration: differences reduce the order")
         return self
 
     @property
@@ -130,19 +130,19 @@ class Driver(Table):
         return -inf, inf
 
     def require_continuous(self) -> None:
-        """Require that an input that is set during runs does not let the speed jump.
+        """Reject an input that makes the speed jump when it is set during a run.
 
         Raises:
-            InputError: for a motion, whose speed would jump with its rate; for a speed that jumps: that is an impact.
+            InputError: for a motion, whose speed would jump with its rate, or a speed that jumps: both are impacts.
         """
         u = self._given
         if isinstance(u, Input) and (self.speed is None or u.hold != "first"):
             what = "motion" if self.speed is None else "speed"
             use = "a driver follows an input as its speed, with hold = 'first'"
-            raise InputError(f"driver {self.name!r}: input {u.name!r} lets its {what} jump, an impact: {use}")
+            raise InputError(f"driver {self.name!r}: input {u.name!r} makes its {what} jump, an impact: {use}")
 
     def outside(self, t: float) -> str:
-        """Return a message if u is not defined at time t, up to rounding; otherwise an empty one."""
+        """Return a message if u is not defined at time t, up to rounding; otherwise an empty string."""
         (first, last), tolerance = self.span, COINCIDENT * (self.span[1] - self.span[0])
         if isinf(tolerance) or first - tolerance <= t <= last + tolerance:
             return ""
@@ -150,7 +150,7 @@ class Driver(Table):
         return f"the table of driver {self.name!r} is known from t = {first:g} to {last:g} s only; give beyond: {known}"
 
     def nonsmooth_times(self) -> Sequence[float]:
-        """Return the times at which the last derivative in use jumps: u'', or the rate of a speed."""
+        """Return the times at which the highest derivative in use jumps: u'', or the rate of a speed."""
         return self.path.nonsmooth_times
 
     @property
@@ -169,7 +169,7 @@ class Driver(Table):
             return 0.0, self.path.at(t), self.path.at(t, 1)
         return self.path.at(t), self.path.at(t, 1), self.path.at(t, 2)
 
-    def third(self, t: float) -> float:
+    def third_derivative(self, t: float) -> float:
         """Return the third derivative of u at time t."""
         return float(self.path.derivative(t, 3 if self.speed is None else 2))
 
@@ -199,13 +199,13 @@ class Driver(Table):
 
     def _mismatch(self, t: float) -> str:
         """Return a message if a derivative is inconsistent with its function at t; empty otherwise."""
-        before, here, after = self.follow(t - SPACING), self.follow(t), self.follow(t + SPACING)
+        before, current, after = self.follow(t - SPACING), self.follow(t), self.follow(t + SPACING)
         given = ((0, "rate"), (1, "acceleration")) if self.speed is None else ((1, "rate"),)
         for k, what in given:
             quotient = (after[k] - before[k]) / (2 * SPACING)
-            if abs(quotient - here[k + 1]) > THREE_DIGITS * (1 + abs(quotient)):
+            if abs(quotient - current[k + 1]) > THREE_DIGITS * (1 + abs(quotient)):
                 return (
-                    f"the {what} of driver {self.name!r} is {here[k + 1]:.6g} at t = {t:g} s, "
+                    f"the {what} of driver {self.name!r} is {current[k + 1]:.6g} at t = {t:g} s, "
                     f"but its function's derivative is {quotient:.6g}"
                 )
         return ""

@@ -1,4 +1,4 @@
-"""Closures of bodies that rotate about given axes only, which other closures and joints must enforce."""
+"""Closures of bodies that rotate about given axes only; other closures and joints must enforce these axes."""
 
 from typing import ClassVar
 

@@ -22,7 +22,7 @@ class FrameJoint(BetweenFrames):
     direction: ClassVar[str] = ""
 
     def axes(self) -> tuple[Vector, Vector]:
-        """Return the axis in the first frame, and the one in the second frame."""
+        """Return the axes in the first and in the second frame."""
         return Z, Z
 
     def primitives(self) -> tuple[FrameRows, ...]:

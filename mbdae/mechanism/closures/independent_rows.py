@@ -17,14 +17,14 @@ reverse_cuthill_mckee = lazy_import("scipy.sparse.csgraph", "reverse_cuthill_mck
 WORST_CONDITIONING = 0.1  # fraction of the smallest pivot of the best selection: below, rows in use are replaced
 GROWTH_TOLERANCE = 1e-2  # fraction of the largest pivot: a dependent row whose pivot exceeds it has become independent
 SMALLEST_PIVOT = SUM_ROUNDING  # fraction of the largest, in the system of the rows in use: below, it is singular
-AMBIGUOUS_UNDERWAY = TRUNCATION  # AMBIGUOUS_PIVOT of a run that follows its branch, with loops closed to its square
+AMBIGUOUS_AFTER_START = TRUNCATION  # AMBIGUOUS_PIVOT once a run follows a branch, with loops closed to its square
 MANY_ROWS = 32  # rows: above, sparse and band factorizations are used, and all rows are inspected only when triggered
 RESELECTION_RATIO = 0.01  # fraction of the best pivot ratio since the last selection: below, rows are selected
-# fraction of the largest row: a dependent row with this component along a probe triggers a selection, too
+# fraction of the largest row: a dependent row with a larger component along a probe also triggers a selection
 PROBE_TOLERANCE = 0.1 * GROWTH_TOLERANCE
 CONVERGED = BELOW_ROUNDING**2  # square of the relative residual
 EXTRA_CG_ITERATIONS = 20  # iterations of the core: rounding requires more than exact arithmetic
-FALLEN = 100.0  # multiple of the pivot ratio at the start below which later ones may have fallen
+RANK_LOSS_FACTOR = 100.0  # times `PIVOT_RANK` and the pivot ratio at the start: smaller pivots indicate a rank loss
 
 
 @cache
@@ -78,7 +78,7 @@ def rank_has_grown(diagonal: np.ndarray, r: int) -> bool:
 
 
 def geometric_rank(G: np.ndarray) -> int:
-    """Return the rank of the rows of G (ng, nv) for any masses: in G M^-1/2 light bodies among heavy ones hide rows."""
+    """Return the rank of G (ng, nv) for any masses; in G M^-1/2, heavy bodies can mask the rows of light bodies."""
     size = np.linalg.norm(G, axis=1)
     nonzero = size > PIVOT_RANK * size.max(initial=0.0)
     return rank(pivots((G[nonzero] / size[nonzero, None]).T)[1])
@@ -92,7 +92,7 @@ def initial_rank(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float, a
         G: the Jacobian, (ng, nv).
         diagonal: pivots of B.
         t: time.
-        ambiguous: pivot ratio below which the branch is ambiguous, `AMBIGUOUS_PIVOT` or `AMBIGUOUS_UNDERWAY`.
+        ambiguous: pivot ratio below which the branch is ambiguous, `AMBIGUOUS_PIVOT` or `AMBIGUOUS_AFTER_START`.
 
     Raises:
         StepError: near a singular configuration, where rounding would select the branch of the motion.
@@ -103,11 +103,11 @@ def initial_rank(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float, a
         sizes = pivots(G.T)[1]
         if max(sizes[r - 1] / sizes[0], diagonal[r - 1] / diagonal[0]) < ambiguous:
             raise StepError("rank", f"the run would begin next to a singular configuration, at t = {t:.17g}")
-    return r, float(min(1.0, FALLEN * diagonal[r - 1] / diagonal[0]) * PIVOT_RANK) if r else 0.0
+    return r, float(min(1.0, RANK_LOSS_FACTOR * diagonal[r - 1] / diagonal[0]) * PIVOT_RANK) if r else 0.0
 
 
 def require_rank(diagonal: np.ndarray, r: int, threshold: float, t: float) -> None:
-    """Require the rank r of decreasing pivots.
+    """Check that decreasing pivots have rank r.
 
     Raises:
         StepError: if the rank has changed, at time t.
@@ -159,19 +159,19 @@ def select_rows(
 def pivots_of_many(B: np.ndarray, position: np.ndarray, tie: float) -> tuple[np.ndarray, np.ndarray]:
     """Return columns of B and their pivots, decreasing, as `pivots` does, from Cholesky's elimination of B^T B.
 
-    Pivots are chosen among the first remaining columns in the order of elimination, as many as are coupled with
-    each other: pivoting among all of them would couple all in the end. Of squared pivots that are equal to a relative
-    tolerance ``tie``, the first column is taken: in a symmetric mechanism many are equal, and their rounding, which
-    differs in the compiled core, must not decide. Pivots at or below ``tie`` of the largest entry are omitted.
+    Pivots are chosen within a window of the first remaining columns in elimination order, as wide as the coupling of
+    rows: a choice among all columns would destroy the band structure. Of squared pivots that agree to a relative
+    tolerance ``tie``, the first column is chosen: in a symmetric mechanism many are equal, and rounding, which differs
+    in the compiled core, must not decide. Pivots at or below ``tie`` of the largest entry are omitted.
     """
     S = B.T.dot(B)
     i, j = S.nonzero()
     window = max(MANY_ROWS, 2 * int(np.abs(position[i] - position[j]).max(initial=0)) + 2)
     diagonal, sequence = S.diagonal().copy(), position.argsort()
     found: list[tuple[float, int, int]] = []
-    nothing = tie**2 * diagonal.max()
-    while (left := sequence[diagonal[sequence] > nothing][:window]).size:
-        p = int(left[diagonal[left] > diagonal[left].max() * (1 - tie)].min())
+    negligible = tie**2 * diagonal.max()
+    while (candidates := sequence[diagonal[sequence] > negligible][:window]).size:
+        p = int(candidates[diagonal[candidates] > diagonal[candidates].max() * (1 - tie)].min())
         found.append((-diagonal[p], len(found), p))
         S -= np.outer(S[p] / diagonal[p], S[p])
         diagonal = np.minimum(diagonal, S.diagonal())
@@ -181,7 +181,7 @@ def pivots_of_many(B: np.ndarray, position: np.ndarray, tie: float) -> tuple[np.
 
 
 class SelectionTrigger:
-    """Decides whether all rows are inspected at the start of a step: always if there are few, rarely if many.
+    """Decision whether to inspect all rows at the start of a step: always if there are few, rarely if many.
 
     Triggers are a pivot ratio of the rows in use that is much worse than the best one since the last inspection, and a
     row not in use that is no longer dependent on those in use.
@@ -192,7 +192,7 @@ class SelectionTrigger:
         self.pivot_ratio = np.nan  # smallest to largest, of the last solved system of rows in use
 
     def probe(self, U: np.ndarray, G: np.ndarray, rows: np.ndarray) -> None:
-        """Check at the end of a step whether a random null vector of the rows in use is one of all rows.
+        """Check at the end of a step whether a random null vector of the rows in use is a null vector of all rows.
 
         Args:
             U: the Cholesky factor of M = U^T U, (nv, nv).
@@ -219,8 +219,8 @@ class SelectionTrigger:
 def all_multipliers(U: np.ndarray, G: np.ndarray, rows: np.ndarray, lam: np.ndarray) -> np.ndarray:
     """Return the minimum-norm multipliers of all rows, (ng,), from those of the rows in use.
 
-    The other rows, G_D = C G_R, C = G_D M^-1 G_R^T (G_R M^-1 G_R^T)^-1, yield the null vectors (-C^T n, n) of G^T; the
-    norm is smallest if (1 + C C^T) n = C lam. Near singular configurations `minimum_norm` computes the multipliers.
+    The dependent rows, G_D = C G_R, C = G_D M^-1 G_R^T (G_R M^-1 G_R^T)^-1, yield the null vectors (-C^T n, n) of G^T;
+    the norm is smallest if (1 + C C^T) n = C lam. Near singular configurations `minimum_norm` computes the multipliers.
 
     Args:
         U: the Cholesky factor of M = U^T U, (nv, nv).

@@ -82,10 +82,10 @@ class BoundJointRow:
 
     Attributes:
         at: index of the row.
-        joints: of Pinocchio's model, (k,).
+        joints: joints of Pinocchio's model, (k,).
         columns: velocity indices of the connected joints, (1,) or (2,).
         polynomial: c_0, c_1, ...
-        period: g is known up to multiples of it; 0 if it is unique.
+        period: g is known up to multiples of this; 0 if g is unique.
 
     Raises:
         InputError: for joints of several coordinates.
@@ -110,7 +110,7 @@ class BoundJointRow:
             if j.nv != 1:
                 raise InputError(f"{name!r} needs joints of one coordinate; joint {n!r} has nv = {j.nv}")
         self.columns = [j.idx_v for j in self.joints[:2]]
-        self._live = [data.joints[j.id] for j in self.joints]
+        self._joint_data = [data.joints[j.id] for j in self.joints]
 
     @property
     def unit(self) -> str:
@@ -153,7 +153,7 @@ class BoundCoordinateRow(BoundJointRow):
         self.period = _period([j.nq == 2 for j in self.joints], row.coefficients, name)
 
     def value(self) -> tuple[float, list[float]]:
-        x, *other = (coordinate(j.joint_q) for j in self._live)
+        x, *other = (coordinate(j.joint_q) for j in self._joint_data)
         if not other:
             return x - sum(self.polynomial), [1.0]
         p, first, *_ = _horner(self.polynomial, other[0])
@@ -174,9 +174,9 @@ class BoundCoordinateRow(BoundJointRow):
 
     def _curvature(self) -> tuple[float, float]:
         """Return the second and the third derivative of p at x_j; zero without joint j."""
-        if len(self._live) == 1:
+        if len(self._joint_data) == 1:
             return 0.0, 0.0
-        return _horner(self.polynomial, coordinate(self._live[1].joint_q))[2:]
+        return _horner(self.polynomial, coordinate(self._joint_data[1].joint_q))[2:]
 
 
 class BoundRatioRow(BoundJointRow):
@@ -217,7 +217,7 @@ class BoundRatioRow(BoundJointRow):
 
     def _ratio(self) -> tuple[float, float, float, float]:
         """Return the ratio and its first three derivatives; a constant without joint k."""
-        return _horner(self.polynomial, coordinate(self._live[2].joint_q) if len(self._live) > 2 else 0.0)
+        return _horner(self.polynomial, coordinate(self._joint_data[2].joint_q) if len(self._joint_data) > 2 else 0.0)
 
 
 def coordinate(q: Array) -> float:
@@ -253,7 +253,7 @@ def common_period(periods: Sequence[float], name: str) -> float:
     for period, ratio in zip(periods, ratios, strict=True):
         if abs(float(ratio) * last - period) > SOLUTION_ROUNDING * period:
             raise InputError(
-                f"{name!r}: the ratio {period / last!r} of two unbounded joints is no fraction with a denominator "
+                f"{name!r}: the ratio {period / last!r} of two unbounded joints is not a fraction with a denominator "
                 f"up to {MAX_DENOMINATOR}: the angles do not determine the error of the coupling; bound one joint"
             )
     denominator = lcm(*(r.denominator for r in ratios))

@@ -1,4 +1,4 @@
-"""Kinds of closures, from the text of the files of `mbdae.mechanism.closures.kinds`, imported on first use."""
+"""Kinds of closures, parsed from the files of `mbdae.mechanism.closures.kinds`, which are imported on first use."""
 
 import re
 from typing import NamedTuple

@@ -2,9 +2,9 @@
 
     0 = w . (V_b - V_a) + ...,   w = [e; p x e],   w' = [e'; p' x e + p x e']
 
-with unit vectors e through a point p: a force along e. Each kind computes e, p and their rates for the motions of both
-frames; there is no drift-off, since there is no g. Rates are linear in the motions, which yields the partial
-derivatives of w: w' = Da V_a + Db V_b.
+with unit vectors e through a point p: a force along e. Each kind computes e, p and their rates for the velocities of
+both frames. Velocity rows have no g, and therefore no drift-off. Rates are linear in the velocities, which yields the
+partial derivatives of w: w' = Da V_a + Db V_b.
 
 Source: J. I. Neimark, N. A. Fufaev, Dynamics of Nonholonomic Systems (1972), chapter 3.
 """
@@ -53,13 +53,13 @@ class LineRows(FrameRows):
         return np.zeros(self.m)
 
     def wrenches(self, pair: Pair, w: Array) -> None:
-        self._write(self.lines(at_rest(pair)), w)
+        self._write(self.lines(with_zero_velocity(pair)), w)
 
     def rate(self, pair: Pair) -> Array:
         return self._rate(self.lines(pair))
 
     def wrenches_and_rate(self, pair: Pair, w: Array) -> Array:
-        lines = self.lines(pair)  # once for both
+        lines = self.lines(pair)  # evaluated once for both
         self._write(lines, w)
         return self._rate(lines)
 
@@ -72,14 +72,14 @@ class LineRows(FrameRows):
         return np.concatenate([de, cross(dp, e) + cross(p, de) - self.lead * de])
 
     def partials(self, pair: Pair) -> tuple[Array, Array]:
-        Db, w, moving = np.empty((self.m, 6, 6)), np.zeros((6, self.m)), at_rest(pair)
+        Db, w, moving = np.empty((self.m, 6, 6)), np.zeros((6, self.m)), with_zero_velocity(pair)
         for i, motion in enumerate(np.eye(6)):
             moving.Vb = motion
             Db[:, :, i] = self.wrenches_and_rate(moving, w).T
-        return np.array([wrench_matrix(x) for x in w.T]) - Db, Db  # a common motion carries w along
+        return np.array([wrench_matrix(x) for x in w.T]) - Db, Db  # a common rigid motion of both frames moves w, too
 
 
-def at_rest(pair: Pair) -> Pair:
+def with_zero_velocity(pair: Pair) -> Pair:
     """Return a pair with the same poses and zero velocities."""
     out = Pair.__new__(Pair)  # faster than a copy
     vars(out).update(vars(pair), Va=AT_REST, Vb=AT_REST)

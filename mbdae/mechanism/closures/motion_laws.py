@@ -95,8 +95,8 @@ def law_derivatives(law: LawTable | Harmonic, x: float) -> LawDerivatives:
 def spline(x: Array, y: Array, *, periodic: bool) -> Array:
     """Return the polynomials between points x (n,) of a spline through y (n, m): (n - 1, 8, m), highest power first.
 
-    In the periodic case the last y may differ from the first by the rise per period. Otherwise y'' = y''' = y'''' = 0
-    at the ends.
+    In the periodic case the last y may differ from the first by the increment per period. Otherwise y'' = y''' = y''''
+    = 0 at the ends.
     """
     mean_rate = (y[-1] - y[0]) / (x[-1] - x[0]) if periodic else np.zeros(y.shape[1])
     deviation = y - np.outer(x - x[0], mean_rate)

@@ -1,6 +1,6 @@
 """Preconditions of closures on their frames, which their rows do not enforce: `Closure.violated_precondition`.
 
-They are checked at the start, also for the motions that the other closures allow, and at the nodes of a run.
+They are checked at the start, where also the motions allowed by other closures are tested, and at the nodes of a run.
 """
 
 from collections.abc import Iterator
@@ -43,7 +43,7 @@ def require_preconditions(mech: "Mechanism", q: Array) -> None:
             raise InputError(f"closure {closure.name!r}: {message}")
 
 
-def lost_precondition(system: "Index2System", ts: Array, qs: Array) -> str:
+def precondition_violation(system: "Index2System", ts: Array, qs: Array) -> str:
     """Return which precondition a run violates, and from which time; empty if none.
 
     Args:

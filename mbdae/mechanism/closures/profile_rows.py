@@ -11,13 +11,13 @@ import numpy as np
 from ...data_types import CoreData
 from ...system import Array
 from ..tree.frames import Pair
-from .line_rows import LineRows, Lines, at_rest
+from .line_rows import LineRows, Lines, with_zero_velocity
 from .profiles import PlaneCurve
-from .rows import displaced, inner, rotated
+from .rows import axis_rates, inner, point_velocity_column
 
 
 class Roller(LineRows):
-    """A roller about b's origin with a radius in m touches a profile of a; with radius 0 its origin stays on it."""
+    """Row of a roller, about b's origin with a radius in m, in contact with a profile of a; radius 0 for a pin."""
 
     m, positional = 1, True
 
@@ -34,9 +34,9 @@ class Roller(LineRows):
         return np.array([(x - c.c).dot(n) - self.radius])
 
     def lines(self, pair: Pair) -> Lines:
-        pb, vb, Ra = pair.pb[:, None], displaced(pair.Vb, pair.pb), pair.Ra
+        pb, vb, Ra = pair.pb[:, None], point_velocity_column(pair.Vb, pair.pb), pair.Ra
         x = Ra.T.dot(pair.pb - pair.pa)[:2]
-        rate = Ra.T.dot(vb - displaced(pair.Va, pair.pb))[:2, 0]
+        rate = Ra.T.dot(vb - point_velocity_column(pair.Va, pair.pb))[:2, 0]
         _, c, d, dd = self.path.nearest(x)
         ds = rate.dot(d) / (d.dot(d) - (x - c).dot(dd))
         size = np.sqrt(d.dot(d))
@@ -44,11 +44,11 @@ class Roller(LineRows):
         dt = (dd - t * t.dot(dd)) * (ds / size)
         side = self.path.side
         e = Ra[:, :2].dot(side * np.array([[t[1]], [-t[0]]]))
-        return Lines(e, pb, rotated(pair.Va, e) + Ra[:, :2].dot(side * np.array([[dt[1]], [-dt[0]]])), vb)
+        return Lines(e, pb, axis_rates(pair.Va, e) + Ra[:, :2].dot(side * np.array([[dt[1]], [-dt[0]]])), vb)
 
 
 class FlatFace(LineRows):
-    """A flat face of b through its origin touches a profile of a; its normal (3,) points away from the profile."""
+    """Row of a flat face through b's origin, in contact with a profile of a; its normal (3,) points away from it."""
 
     m, positional = 1, True
 
@@ -59,14 +59,14 @@ class FlatFace(LineRows):
         return [{"kind": "flat_face", "b": self.normal[:, 0].tolist(), "profile": self.path.core_data()}]
 
     def residual(self, pair: Pair) -> Array:
-        e, p = self.lines(at_rest(pair))[:2]
+        e, p = self.lines(with_zero_velocity(pair))[:2]
         return np.array([inner(e, pair.pb[:, None] - p)])
 
     def lines(self, pair: Pair) -> Lines:
         Ra, e = pair.Ra, pair.Rb.dot(self.normal)
-        de = rotated(pair.Vb, e)
-        n, dn = Ra.T.dot(e)[:2, 0], Ra.T.dot(de - rotated(pair.Va, e))[:2, 0]
+        de = axis_rates(pair.Vb, e)
+        n, dn = Ra.T.dot(e)[:2, 0], Ra.T.dot(de - axis_rates(pair.Va, e))[:2, 0]
         _, c, d, dd = self.path.support(n)
         ds = -d.dot(dn) / dd.dot(n)
         p = pair.pa[:, None] + Ra[:, :2].dot(c[:, None])
-        return Lines(e, p, de, displaced(pair.Va, p[:, 0]) + Ra[:, :2].dot(d[:, None] * ds))
+        return Lines(e, p, de, point_velocity_column(pair.Va, p[:, 0]) + Ra[:, :2].dot(d[:, None] * ds))

@@ -25,7 +25,7 @@ from ..key_units import Unit
 from ..tagged_union import TaggedByKind
 from .motion_laws import DEGREE, spline
 
-SAMPLES = 8  # for each polynomial or half a wave of the highest harmonic
+SAMPLES = 8  # per polynomial, or per half period of the highest harmonic
 MIN_SAMPLES = 64
 ITERATIONS = 12  # iterations of Newton's method, each of which doubles the number of correct digits
 CENTRE_TOLERANCE = RANK  # fraction of c'.c': below, the point is close to the centre of curvature
@@ -46,7 +46,7 @@ class PlaneCurve:
 
     Args:
         starts: s_0, s_1, ..., s_n; 0 and 2 pi for harmonics.
-        coefficients: of polynomials, (n, degree + 1, 2), highest power first; of harmonics a_0, a_1, b_1, a_2, ...,
+        coefficients: polynomials (n, degree + 1, 2), highest power first; or harmonics a_0, a_1, b_1, a_2, ...,
             (m, 2).
         closed: whether the curve is closed.
     """
@@ -152,7 +152,7 @@ class PointProfile(Table):
     """A smooth curve through points: a spline of degree 7 over the arclength of their polygon.
 
     Attributes:
-        points: pairs (x, y) in m; a closed curve does not repeat the first one.
+        points: pairs (x, y) in m; a closed curve does not repeat its first point.
         closed: whether the curve returns from the last point to the first; if false, it has natural ends.
     """
 
@@ -182,8 +182,8 @@ class CircleProfile(Table):
     """A circle.
 
     Attributes:
-        radius: in m.
-        centre: in m.
+        radius: radius in m.
+        centre: centre in m.
     """
 
     kind: Literal["circle"] = "circle"
@@ -198,7 +198,7 @@ class CircleProfile(Table):
 
 
 class FourierProfile(Table):
-    """A closed curve x = x_0 + x_1 cos s + x_2 sin s + x_3 cos 2s + x_4 sin 2s + ..., y similarly: ellipses and others.
+    """A closed curve x = x_0 + x_1 cos s + x_2 sin s + x_3 cos 2s + x_4 sin 2s + ..., y similarly (an ellipse, ...).
 
     Attributes:
         x: 3, 5, 7, ... coefficients in m.
@@ -212,7 +212,7 @@ class FourierProfile(Table):
     @model_validator(mode="after")
     def _check_lengths(self) -> "FourierProfile":
         if len(self.x) != len(self.y) or len(self.x) % 2 == 0:
-            raise ValueError("x and y have equally many coefficients, 3, 5, 7, ...")
+            raise ValueError("x and y must have the same number of coefficients, 3, 5, 7, ...")
         return self
 
     @cached_property

@@ -21,7 +21,7 @@ from ..tree.frames import Pair, cross, skew, unit_gap
 from ..tree.wrench_partials import line_wrench_partials, moved_line_partials, skews
 
 Vector = tuple[float, float, float]
-AT_REST = np.zeros(6)  # the motion of bodies where only wrenches are needed, not their rates
+AT_REST = np.zeros(6)  # velocity of bodies where only wrenches are needed, not their rates
 
 
 class FrameRows:
@@ -29,8 +29,8 @@ class FrameRows:
 
     Attributes:
         m: number of rows.
-        unit: of g: ``"m"``, or ``"rad"`` for quantities that approximate a small angle.
-        positional: whether there is a g; velocity rows have none, and their unit is that of G v times s.
+        unit: unit of g: ``"m"``, or ``"rad"`` for quantities that approximate a small angle.
+        positional: whether there is a g; for velocity rows, which have none, the unit is that of G v times s.
     """
 
     m: int
@@ -92,7 +92,7 @@ class DotProduct1(FrameRows):
 
     def rate(self, pair: Pair) -> np.ndarray:
         a, b = pair.Ra.dot(self.a), pair.Rb.dot(self.b)
-        da, db = rotated(pair.Va, a), rotated(pair.Vb, b)
+        da, db = axis_rates(pair.Va, a), axis_rates(pair.Vb, b)
         return np.concatenate([np.zeros_like(da), cross(db, a) + cross(b, da)])
 
     def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
@@ -122,7 +122,7 @@ class DotProduct2(FrameRows):
 
     def rate(self, pair: Pair) -> np.ndarray:
         n = pair.Ra.dot(self.axes)
-        dn, dp = rotated(pair.Va, n), velocity(pair.Vb, pair.pb)
+        dn, dp = axis_rates(pair.Va, n), point_velocity(pair.Vb, pair.pb)
         return np.concatenate([dn, skew(dp).dot(n) + skew(pair.pb).dot(dn)])
 
     def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
@@ -153,8 +153,8 @@ class Distance(FrameRows):
 
     def rate(self, pair: Pair) -> np.ndarray:
         distance, n = unit_gap(pair)
-        dpb = velocity(pair.Vb, pair.pb)
-        dd = dpb - velocity(pair.Va, pair.pa)
+        dpb = point_velocity(pair.Vb, pair.pb)
+        dd = dpb - point_velocity(pair.Va, pair.pa)
         dn = (dd - n * n.dot(dd)) / distance
         return np.concatenate([dn, skew(dpb).dot(n) + skew(pair.pb).dot(dn)])[:, None]
 
@@ -164,23 +164,23 @@ class Distance(FrameRows):
 
 
 def inner(a: np.ndarray, b: np.ndarray) -> float:
-    """Return a . b of two columns (3, 1), real or complex: the sum of their products takes three times as long."""
+    """Return a . b of two columns (3, 1), real or complex; (a * b).sum() takes three times as long."""
     return a.ravel().dot(b.ravel())
 
 
-def rotated(V: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Return the rates omega x n of axes n (3, m) that rotate with the motion V (6,)."""
+def axis_rates(V: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Return the rates omega x n of axes n (3, m) fixed in a body with spatial velocity V (6,)."""
     return np.zeros(n.shape) if V is AT_REST else skew(V[3:]).dot(n)
 
 
-def velocity(V: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Return the velocity (3,) of a point p (3,) that moves with the motion V (6,)."""
-    return V[:3] + rotated(V, p)
+def point_velocity(V: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return the velocity (3,) of a point p (3,) of a body with spatial velocity V (6,)."""
+    return V[:3] + axis_rates(V, p)
 
 
-def displaced(V: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Return the velocity of a point as a column (3, 1), see `velocity`."""
-    return velocity(V, p)[:, None]
+def point_velocity_column(V: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return the velocity of a point as a column (3, 1), see `point_velocity`."""
+    return point_velocity(V, p)[:, None]
 
 
 def unit_axis(axis: Vector) -> np.ndarray:

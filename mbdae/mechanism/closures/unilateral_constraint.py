@@ -15,9 +15,9 @@ class UnilateralOptions(Table):
     """Options of unilateral rows.
 
     Attributes:
-        unilateral: whether the row only pushes (a rope only pulls); it opens and closes.
+        unilateral: whether the row transmits compression only (tension only for a rope), and can open and close.
         restitution: coefficient of restitution of Newton's law of impact, between 0 and 1; 0 when left out.
-        rest: duration in s below which a flight between two impacts ends in rest; 1e-6 when left out.
+        rest: flight time in s between two impacts, below which the contact remains closed; 1e-6 when left out.
     """
 
     unilateral: bool | None = None
@@ -42,12 +42,12 @@ class Stop(JointPair, UnilateralOptions):
         joint: name of a bounded joint of one coordinate; or
         joints: names of joints i and j, with ``coefficients``.
         coefficients: c_0, c_1, ... for ``joints``.
-        lower: in rad or m; no lower stop when left out.
-        upper: in rad or m; no upper stop when left out.
+        lower: lower limit in rad or m; no lower stop when left out.
+        upper: upper limit in rad or m; no upper stop when left out.
         limits: whether to use the limits of the source (URDF ``limit``, MJCF ``range``); without a joint, those of all
             joints that have limits.
         restitution: coefficient of restitution of Newton's law of impact, between 0 and 1; 0 when left out.
-        rest: duration in s below which a flight between two impacts ends in rest; 1e-6 when left out.
+        rest: flight time in s between two impacts, below which the contact remains closed; 1e-6 when left out.
         unilateral: always true.
         name: by default the names of the joints and "stop".
 
@@ -95,7 +95,7 @@ class Stop(JointPair, UnilateralOptions):
 
     @property
     def one_sided_names(self) -> tuple[str, ...]:
-        """The name of each row: that of the stop, with the side if there are two."""
+        """Name of each row: the name of the stop, followed by the side if there are two rows."""
         sides = ("lower", "upper") if self.m > 1 else ()
         return tuple(f"{self.name} {side}" for side in sides) or (self.name,)
 

@@ -40,14 +40,14 @@ class AccelerationSensitivity:
     def friction(self, q: Array, v: Array, lam: Array) -> tuple[Array, Array, Array]:
         """Return the partials of friction that depends on multipliers, and of its power, for lam (ng,) by row.
 
-        By q, (n, nv), by (v, s, w), (n, n), and by the parameters, (k, n), n = nv + ns + 1.
+        They are with respect to q, (n, nv), to (v, s, w), (n, n), and to the parameters, (k, n), n = nv + ns + 1.
         """
         rows = np.array(self.system.in_use, int)
         K, D = friction_partials(self.system, q, v, lam[rows], rows)
         return K, D, np.ascontiguousarray(self.parameters.friction_partials(q, v, lam[rows], rows).T)
 
     def rate(self, t: float, y: Array, multipliers: bool = True) -> TimeDerivativePartials:
-        """Return the partials of y', and of all multipliers if requested, on M v' = f + G^T lam, 0 = G v' + gamma."""
+        """Return the partials of y' in M v' = f + G^T lam, 0 = G v' + gamma, and of all multipliers if requested."""
         s, nv, n = self.system, self.system.nv, self.system.ny - self.system.nv
         F, lam_all = s.derivative(t, y)
         lam_all = lam_all[: s.ng]
@@ -75,12 +75,13 @@ class AccelerationSensitivity:
         rate = np.concatenate([dv, dvdot, force_partials[nv:] + at.L[nv:] @ dlam])
         if not multipliers:
             return TimeDerivativePartials(rate, np.empty((0, rate.shape[1])))
-        return TimeDerivativePartials(rate, self._all(t, q, v, states, lam_all, lam_in_use, rows, dlam))
+        dlam_all = self._all_multiplier_partials(t, q, v, states, lam_all, lam_in_use, rows, dlam)
+        return TimeDerivativePartials(rate, dlam_all)
 
-    def _all(
+    def _all_multiplier_partials(
         self, t: float, q: Array, v: Array, states: Array, lam_all: Array, lam_in_use: Array, rows: Array, dlam: Array
     ) -> Array:
-        """Return the partials of the multipliers of all rows, of least norm, from those in use, (ng, ...).
+        """Return the partials of minimum-norm multipliers of all rows, from those of the rows in use, (ng, ...).
 
         With A = G^T of fixed rank, y = (A^+)^T lam: dlam = A^+ (dF - dA lam) + (1 - A^+ A) d(G y), F = G^T lam.
         """
@@ -93,12 +94,12 @@ class AccelerationSensitivity:
         U, sigma, Vt = U[:, : len(rows)], sigma[: len(rows)], Vt[: len(rows)]
         inverse = (U / sigma) @ Vt  # (G^T)^+
         y = Vt.T @ ((U.T @ lam_all) / sigma)
-        of = slice(self.ny, self.ny + self.k)
+        columns = slice(self.ny, self.ny + self.k)
         force, row_terms = G[rows].T @ dlam, np.zeros_like(out)
         force[:, :nv] += s.constraints.partials(v, lam_in_use - lam_all)[0]
         row_terms[:, :nv] = s.constraints.partials(y, lam_all)[1]
         if self.k:
-            force[:, of] += p.force_partials(t, q, v, states, zeros, lam_in_use)[:nv]
-            force[:, of] -= p.force_partials(t, q, v, states, zeros, lam_all)[:nv]
-            row_terms[:, of] = p.row_partials(t, q, y)[0] - p.row_partials(t, q, zeros)[0]
+            force[:, columns] += p.force_partials(t, q, v, states, zeros, lam_in_use)[:nv]
+            force[:, columns] -= p.force_partials(t, q, v, states, zeros, lam_all)[:nv]
+            row_terms[:, columns] = p.row_partials(t, q, y)[0] - p.row_partials(t, q, zeros)[0]
         return inverse @ force + row_terms - U @ (U.T @ row_terms)

@@ -1,8 +1,8 @@
-"""Parameters whose directions are constant: other values of them are written into what is bound, nothing is made again.
+"""Parameters whose directions are constant: other values are written into existing workspaces and core data.
 
-    theta(p) = theta(p_0) + D (p - p_0),   tau = C u   with D of either C or u alone
+    theta(p) = theta(p_0) + D (p - p_0),   tau = C u   with D of either C or u, not of both
 
-theta: inertial parameters of bodies, gravity, armature, and the numbers of linear laws: entries of C and polynomials u.
+theta: inertial parameters of bodies, gravity, armature, and coefficients of linear laws: entries of C, polynomials u.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
     from .parameter_partials import Parameters
 
-POINTS = ((1.0, 0.618), (-0.732, 0.414))  # in widths of the parameters: signed size, and the ratio of the next one
+POINTS = ((1.0, 0.618), (-0.732, 0.414))  # in widths: signed change of the first parameter, ratio of the next
 
 
 class Components(NamedTuple):
-    """Numbers of a mechanism that parameters may change in this way, (n,); which law each belongs to; and the rest.
+    """Numerical components of a mechanism, (n,), that may be linear in parameters.
 
     Attributes:
-        numbers: the numbers.
-        factors: for each of them, twice the index of its law, plus 1 in u; -1 for those of bodies.
-        rest: all else about the laws.
+        numbers: the components.
+        factors: for each component, twice the index of its law, plus 1 in u; -1 for components of bodies.
+        rest: all other properties of the laws.
     """
 
     numbers: Array
@@ -52,15 +52,15 @@ class ConstantDirections:
             self.at = None
 
     def _differentiate(self, parameters: "Parameters") -> bool:
-        """Find D; return whether the components exist there, and no product of parameters is among them."""
+        """Determine D; return whether all components exist nearby and contain no product of parameters."""
         assert self.at is not None
         self.keeps_states = all(p.keeps_states for p in parameters.all)
-        near = [{k: self._components(m) for k, m in p.perturbed.items()} for p in parameters.all]
-        if any(x is None or x.rest != self.at.rest for values in near for x in values.values()):
+        perturbed = [{k: self._components(m) for k, m in p.perturbed.items()} for p in parameters.all]
+        if any(x is None or x.rest != self.at.rest for values in perturbed for x in values.values()):
             return False
         self.D = np.array([
             p.quotient({k: x.numbers for k, x in values.items() if x is not None})
-            for p, values in zip(parameters.all, near, strict=True)
+            for p, values in zip(parameters.all, perturbed, strict=True)
         ]).T  # fmt: skip
         changed = set(self.at.factors[self.D.any(axis=1)].tolist())
         return not any(i >= 0 and i ^ 1 in changed for i in changed)
@@ -80,24 +80,24 @@ class ConstantDirections:
 
     def agree(self, mech: "Mechanism", values: Mapping[str, float]) -> bool:
         """Return whether a mechanism with other values has the components that the directions predict."""
-        if self.at is None or not self._is_equal_elsewhere(mech):
+        if self.at is None or not self._has_equal_other_parts(mech):
             return False
         found = self._components(mech)
         if found is None or found.rest != self.at.rest:
             return False
         if self.keeps_states and mech.states != self.mech.states:
             return False
-        moved = np.array([*values.values()]) - self.values
-        size = np.abs(self.at.numbers) + np.abs(self.D) @ np.abs(moved)
+        change = np.array([*values.values()]) - self.values
+        size = np.abs(self.at.numbers) + np.abs(self.D) @ np.abs(change)
         for factor in set(self.at.factors.tolist()) - {-1}:  # coefficients of a curve have common rounding errors
             size[self.at.factors == factor] = size[self.at.factors == factor].max(initial=0.0)
-        return bool((np.abs(found.numbers - self.at.numbers - self.D @ moved) <= SOLUTION_ROUNDING * size).all())
+        return bool((np.abs(found.numbers - self.at.numbers - self.D @ change) <= SOLUTION_ROUNDING * size).all())
 
-    def _is_equal_elsewhere(self, mech: "Mechanism") -> bool:
+    def _has_equal_other_parts(self, mech: "Mechanism") -> bool:
         """Return whether rows, placements and other forces are the same."""
         pairs = zip(mech.forces, self.mech.forces, strict=False)
-        same = len(mech.forces) == len(self.mech.forces) and mech.constraints == self.mech.constraints
-        if not same or any(a != b for i, (a, b) in enumerate(pairs) if i not in self.forces):
+        comparable = len(mech.forces) == len(self.mech.forces) and mech.constraints == self.mech.constraints
+        if not comparable or any(a != b for i, (a, b) in enumerate(pairs) if i not in self.forces):
             return False
         return mech.model is self.mech.model or _placements(mech.model) == _placements(self.mech.model)
 
@@ -112,22 +112,23 @@ class ConstantDirections:
             if not isinstance(law, LinearElement):
                 return None
             signals = [_signal(u) for u in law.u]
-            of_u = [x for _, values in signals for x in values]
-            of_C = [x[-1] for x in law.terms] + [x for s in law.springs for x in (s.stiffness, s.stiffness * s.rest)]
-            numbers.append(np.array([*of_C, *of_u], float))
-            factors += [np.full(len(of_C), 2 * i), np.full(len(of_u), 2 * i + 1)]
+            u_values = [x for _, values in signals for x in values]
+            C_values = [x[-1] for x in law.terms]
+            C_values += [x for s in law.springs for x in (s.stiffness, s.stiffness * s.rest)]
+            numbers.append(np.array([*C_values, *u_values], float))
+            factors += [np.full(len(C_values), 2 * i), np.full(len(u_values), 2 * i + 1)]
             rest.append([x[:-1] for x in law.terms] + [s[:2] for s in law.springs] + [fixed for fixed, _ in signals])
         return Components(np.concatenate(numbers), np.concatenate(factors), rest)
 
 
 def _may_be_constant(parameters: "Parameters") -> bool:
-    """Return whether the parameters change nothing but such components, on both sides of their values."""
+    """Return whether the parameters change only these components, and may increase and decrease."""
     other = any(p.specs or p.placements or p.frames or p.modal or p.elastic or p.side for p in parameters.all)
     return bool(parameters.all) and parameters.mech.workspaces.pooled and not other
 
 
 def _signal(u: Any) -> tuple[Any, Sequence[float]]:
-    """Return what is fixed of a function of time, and the numbers of which it is linear."""
+    """Return the properties of a function of time that must not change, and coefficients in which it is linear."""
     data = u.core_data()
     if data["kind"] == "polynomials":
         return (tuple(data["b"]), data["degree"], data["period"]), [*data["a"], data["rise"]]

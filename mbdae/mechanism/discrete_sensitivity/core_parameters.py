@@ -42,18 +42,18 @@ def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "Native
         NotCompiled: for laws or rows that the core does not support.
     """
     system.expand()
-    data = parameters.once("core data", parameters.system.mode, lambda: _core_data(parameters))
+    data = parameters.cached("core data", parameters.system.mode, lambda: _core_data(parameters))
     key = system.core, parameters.system.mode
-    return parameters.once("native", key, lambda: system.core.bind_parameters(len(parameters), *data))
+    return parameters.cached("native", key, lambda: system.core.bind_parameters(len(parameters), *data))
 
 
 def _core_data(parameters: Parameters) -> ParameterData:
     """Return the changed components, the change by each parameter, and perturbed laws and rows."""
     numbers: dict[ModelComponent, int] = {}
     directions: list[CoreData] = []
-    ends = _anchors(parameters.system)
+    anchors = _anchors(parameters.system)
     for i, p in enumerate(parameters.all):
-        for component, x in _changed_components(p, ends):
+        for component, x in _changed_components(p, anchors):
             k = numbers.setdefault(component, len(numbers))
             directions.append({"parameter": i, "component": k, "x": x.tolist()})
     changed: list[CoreData] = []
@@ -61,25 +61,25 @@ def _core_data(parameters: Parameters) -> ParameterData:
     for i, (p, laws, rows) in enumerate(zip(parameters.all, parameters.laws, parameters.rows, strict=True)):
         if laws.perturbed:
             factors = weights(laws.perturbed, p.h)
-            near = [_perturbed(factors[k], ("pairs", "laws"), laws_of(x)) for k, x in laws.perturbed.items()]
-            changed.append({**_element(i), "at": laws.at.tolist(), "laws": near})
+            elements = [_perturbed(factors[k], ("pairs", "laws"), laws_of(x)) for k, x in laws.perturbed.items()]
+            changed.append({**_element(i), "at": laws.at.tolist(), "laws": elements})
         if rows.perturbed:
             factors = weights(p.stencil, p.h)
             keys = "pairs", "rows", "drivers"
-            near = [_perturbed(factors[k], keys, constraints_of(x)) for k, x in rows.perturbed.items()]
-            changed.append({**_element(i), "at": rows.at.tolist(), "rows": near})
+            elements = [_perturbed(factors[k], keys, constraints_of(x)) for k, x in rows.perturbed.items()]
+            changed.append({**_element(i), "at": rows.at.tolist(), "rows": elements})
         if p.modal:
-            near = [bodies[k].with_numbers(rates).core_data(p.mech.model) for k, rates in p.modal.items()]
-            changed.append({**_element(i), "bodies": near})
-    for i, p in enumerate(parameters.all):  # last: they leave velocities of 0, and laws have those of the point
+            rate_bodies = [bodies[k].with_modal(rates).core_data(p.mech.model) for k, rates in p.modal.items()]
+            changed.append({**_element(i), "bodies": rate_bodies})
+    for i, p in enumerate(parameters.all):  # last: these elements set velocities to 0, and laws need them
         if bodies and p.gravity.any():
-            same = [body.core_data(p.mech.model) for body in bodies]
-            changed.append({**_element(i), "bodies": same, "gravity": p.gravity.tolist()})
+            unchanged = [body.core_data(p.mech.model) for body in bodies]
+            changed.append({**_element(i), "bodies": unchanged, "gravity": p.gravity.tolist()})
     return [component._asdict() for component in numbers], directions, changed
 
 
 def _element(parameter: int) -> CoreData:
-    """Return an element that a parameter changes; gravity, if not empty, acts alone, on bodies with their numbers."""
+    """Return an empty change by a parameter; with gravity, the bodies are those of the mechanism, only with weight."""
     return {"parameter": parameter, "at": [], "laws": [], "rows": [], "bodies": [], "gravity": []}
 
 
@@ -89,11 +89,11 @@ def _perturbed(weight: float, keys: tuple[str, ...], elements: tuple[list[Any], 
     return {"weight": weight, **empty, **dict(zip(keys, elements, strict=True))}
 
 
-def _changed_components(p: Parameter, ends: dict[int, list[ModelComponent]]) -> list[tuple[ModelComponent, Any]]:
+def _changed_components(p: Parameter, anchors: dict[int, list[ModelComponent]]) -> list[tuple[ModelComponent, Any]]:
     """Return the components that a parameter changes, and the changes."""
     out: list[tuple[ModelComponent, Any]] = [(ModelComponent("inertia", j), x) for j, x in p.inertias.items()]
     out += [(ModelComponent("placement", j), x) for j, x in p.placements.items()]
-    out += [(component, x) for i, x in p.frames.items() for component in ends.get(i, ())]
+    out += [(component, x) for i, x in p.frames.items() for component in anchors.get(i, ())]
     out += [(ModelComponent(kind), x) for kind, x in (("gravity", p.gravity), ("armature", p.armature)) if x.any()]
     return out
 

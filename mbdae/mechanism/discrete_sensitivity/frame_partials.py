@@ -1,4 +1,4 @@
-"""Partial derivatives of frame origins by configuration and parameters."""
+"""Partial derivatives of frame origins with respect to configuration and parameters."""
 
 from collections.abc import Sequence
 

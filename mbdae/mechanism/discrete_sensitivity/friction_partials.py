@@ -7,10 +7,11 @@ tanh(x/w)/x, c = -mu r, is with psi = phi'/x, at constant lam of the rows in use
 
 Exact friction along one no-slip row has phi s = +-1 instead, and only dS^T of that row, whose partials are exact.
 
-Other partials of S, and those of |F|, with respect to q are sixth-order differences of these terms alone, in the
-coordinates that move the frames of an interface against each other: to move both together turns S, but not the
-friction. |F| depends on q if rows are redundant: it is that of the minimum-norm multipliers, and then all coordinates
-matter. The partials with respect to lam are included in L of `mbdae.mechanism.formulations.equation_partials`.
+Other partials of S, and those of |F|, with respect to q are sixth-order differences of these terms, in the
+coordinates that move the frames of an interface relative to each other: if both move together, S rotates, but the
+friction does not change. If rows are redundant, |F| of the minimum-norm multipliers depends on q, and differences in
+all coordinates are needed. The partials with respect to lam are included in L of
+`mbdae.mechanism.formulations.equation_partials`.
 """
 
 from math import tanh
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
 
 WIDTH = 2e-3  # rad and m, of finite differences
-SMALL = 0.03  # fraction of the width: below, series
+SMALL = 0.03  # fraction of the width, below which series are used
 
 
 def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> tuple[Array, Array]:
@@ -50,18 +51,18 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
             exact.append(interface.closure)
             along_rows[interface.no_slip_rows] = T * direction
     by_q += s.constraints.partials(v, along_rows, exact)[0]
-    into = np.eye(s.nv)[_relevant(s, rows)]
+    basis = np.eye(s.nv)[_differenced_coordinates(s, rows)]
 
     def flat_terms(x: Array) -> Array:
-        changed, normal_forces = _terms(s, s.manifold.integrate(q, x @ into), lam, rows)
+        changed, normal_forces = _terms(s, s.manifold.integrate(q, x @ basis), lam, rows)
         return np.concatenate([*(changed[k].ravel() for k, *_ in regularized), normal_forces])
 
-    if len(into):
-        terms_by_q, end = numerical_jacobian(flat_terms, len(into), WIDTH) @ into, 0
-        for k, by_turn, force in regularized:
+    if len(basis):
+        terms_by_q, end = numerical_jacobian(flat_terms, len(basis), WIDTH) @ basis, 0
+        for k, by_rotation, force in regularized:
             S = jacobians[k]
             dS = terms_by_q[end : (end := end + S.size)].reshape(*S.shape, s.nv)
-            by_q += by_turn @ np.einsum("ijm,j->im", dS, v) + np.einsum("ijm,i->jm", dS, force)
+            by_q += by_rotation @ np.einsum("ijm,j->im", dS, v) + np.einsum("ijm,i->jm", dS, force)
         by_q += by_normal_force @ terms_by_q[end:]
     s.jacobian(q)  # restores the kinematics
     nv, n = s.nv, s.ny - s.nv
@@ -90,7 +91,7 @@ def _terms(s: "Index2System", q: Array, lam: Array, rows: Array) -> tuple[list[A
     return [friction.interfaces[k].sliding_jacobian(W) for k in active], normal_forces[active]
 
 
-def _relevant(s: "Index2System", rows: Array) -> Array:
+def _differenced_coordinates(s: "Index2System", rows: Array) -> Array:
     """Return a mask of the coordinates with respect to which differences are taken, (nv,)."""
     if len(rows) < s.ng - len(s.constraints.inactive):
         return np.ones(s.nv, bool)
@@ -107,22 +108,22 @@ class _ActiveInterface(NamedTuple):
 
     Attributes:
         factor: c = -mu r.
-        width: of the regularization in m/s or rad/s; 0 for exact friction, along one no-slip row.
-        sense: the direction of that slip, (1,).
+        width: of the regularization in m/s or rad/s; 0 for exact friction along one no-slip row.
+        slip_sign: sign of the slip along that row, (1,).
         closure: name of the closure.
-        no_slip_rows: of the closure.
+        no_slip_rows: no-slip rows of the closure.
     """
 
     factor: float
     width: float
-    sense: Array
+    slip_sign: Array
     closure: str
     no_slip_rows: slice
 
     def direction(self, slip: Array) -> tuple[Array, Array]:
         """Return phi s (m,) and its partial derivatives with respect to the slip s, (m, m)."""
         if not self.width:
-            return self.sense, np.zeros((1, 1))
+            return self.slip_sign, np.zeros((1, 1))
         phi, psi = regularization_factors(float(np.linalg.norm(slip)), self.width)
         return phi * slip, psi * np.outer(slip, slip) + phi * np.eye(len(slip))
 

@@ -1,7 +1,7 @@
 """Partial derivatives of guards with respect to y, parameters and time.
 
-A guard is a small function of g, G v + g_t, q, v and lam of a point. These have exact derivatives; the guard itself is
-differentiated along them by sixth-order differences, which are exact for the linear guards of contacts, normal forces
+A guard is a function of g, G v + g_t, q, v and lam at a point. These have exact derivatives; the guard is
+differentiated with respect to them by sixth-order differences, which are exact for linear guards: gaps, normal forces
 and speeds.
 """
 
@@ -26,8 +26,8 @@ class GuardPartials:
     """Derivatives of the guards of a mode at a point.
 
     Args:
-        sensitivity: of the mode, whose workspace is in it.
-        first: first point of the mode, at which guards fix their references (the last tooth, a direction of slip).
+        sensitivity: partial derivatives at points, with a workspace in the mode.
+        first: first point of the mode, at which guards set their references (the last tooth, a direction of slip).
         point: the point.
     """
 
@@ -35,7 +35,7 @@ class GuardPartials:
         self.sensitivity, self.first, self.point = sensitivity, first, point
         parameters, s = sensitivity.parameters, sensitivity.system
         g, rate = row_rate_partials(parameters, point.t, point.q, point.v)
-        self.columns = np.r_[0 : 2 * s.nv, s.ny : s.ny + len(parameters) + 1]  # columns of y without (s, w), p and t
+        self.columns = np.r_[0 : 2 * s.nv, s.ny : s.ny + len(parameters) + 1]  # columns of q, v, p and t
         self.n = s.ny + len(parameters) + 1
         self.g, self.rate = np.zeros((2, s.ng, self.n))
         self.g[:, self.columns], self.rate[:, self.columns] = g, rate
@@ -60,10 +60,10 @@ class GuardPartials:
         if self.derivative_partials:  # guards are linear in all but the multipliers
             change = h * np.abs(self.derivative_partials[1][:, j]).max() / (np.abs(self.point.lam).max() + TINY)
             h /= max(1.0, float(change / WIDTH))
-        return float(numerical_derivative(lambda x: guard(self._moved(j, x)), h))
+        return float(numerical_derivative(lambda x: guard(self._displaced_point(j, x)), h))
 
-    def _moved(self, j: int, x: float, rows: AllRows | None = None) -> ModePoint:
-        """Return the point moved by x along a direction, with its rows and multipliers to first order."""
+    def _displaced_point(self, j: int, x: float, rows: AllRows | None = None) -> ModePoint:
+        """Return the point displaced by x along a direction, with rows and multipliers to first order."""
         point, s, dy = self.point, self.sensitivity.system, np.zeros(self.sensitivity.ny)
         if j < len(dy):
             dy[j] = x
@@ -86,7 +86,7 @@ class GuardPartials:
                 rows = AllRows(parameters.perturbed_systems[i][k]) if guard.kind == "slip" else None
                 other = _smooth(mech.switches[guard.switch].guards(state)[kinds.index(guard.kind)], piece)
                 other(self.first)
-                values[k] = np.array(other(self._moved(0, 0.0, rows)))
+                values[k] = np.array(other(self._displaced_point(0, 0.0, rows)))
             out[i] = p.quotient(values)
         return out
 

@@ -57,12 +57,12 @@ def impact_partials(parameters: Parameters, t: float, q: Array, impacts: Sequenc
     nv = parameters.system.nv
     found = np.eye(nv, 2 * nv + len(parameters) + 1, nv)
     for impact in impacts:
-        found = _through_impact(parameters, t, q, impact, found)
+        found = _after_impact(parameters, t, q, impact, found)
     return found
 
 
-def _through_impact(parameters: Parameters, t: float, q: Array, impact: "RowImpact", dv: Array) -> Array:
-    """Return the partial derivatives of v after an impact, from those before it, both (nv, 2 nv + k + 1)."""
+def _after_impact(parameters: Parameters, t: float, q: Array, impact: "RowImpact", dv: Array) -> Array:
+    """Return the partial derivatives of v after an impact from the derivatives before it, (nv, 2 nv + k + 1) each."""
     s, rows, E = parameters.system, impact.rows, impact.restitution[:, None]
     nv, rest, w, P = s.nv, np.zeros(s.nv), impact.after - impact.before, impact.impulses
     p_columns = slice(2 * nv, -1)
@@ -72,7 +72,7 @@ def _through_impact(parameters: Parameters, t: float, q: Array, impact: "RowImpa
         G = s.jacobian(q)
         K = s.constraints.partials(rest, P)[0]
         states = np.array(list(s.mechanism.states.values()))
-        # partials of r = f + G^T P - M w, and of f alone
+        # partials of r = f + G^T P - M w, and of f
         dr_dp, df_dp = (parameters.force_partials(t, q, rest, states, *x)[:nv] for x in ((w, P), (rest, 0 * P)))
     rhs_momentum, A, C = M @ dv, G[rows], G[rows].copy()
     rhs_momentum[:, :nv] += K - dMw_dq

@@ -1,8 +1,8 @@
-"""A parameter as a direction in the numbers of flexible bodies: inertia of the modes, stiffness and damping.
+"""A parameter as a direction in the coefficients of flexible bodies: inertia of the modes, stiffness and damping.
 
-The forces of inertia are linear in the numbers C, H0, Mq, Hj, I1, I2 and those of second order of a body, so their
-derivative is that of a body with the rates of these numbers. Shapes of modes at nodes, which closures and forces meet,
-must not change.
+The forces of inertia are linear in the coefficients C, H0, Mq, Hj, I1, I2 and in the second-order coefficients of a
+body; their derivative is the force of a body with the rates of these coefficients. Shapes of modes at nodes, on which
+closures and forces depend, must not change.
 """
 
 from dataclasses import replace
@@ -23,7 +23,7 @@ INERTIA = "C", "H0", "Mq", "Hj", "I1", "I2", *SECOND_ORDER
 
 
 def modal_rates(p: "Parameter") -> dict[int, ModalBody]:
-    """Return the bodies, by index, whose inertia of modes a parameter changes, with the rates in place of numbers.
+    """Return the bodies by index whose modal inertia a parameter changes, with rates in place of coefficients.
 
     Raises:
         InputError: if the parameter changes shapes of modes, or the frames of a mechanism with flexible bodies.
@@ -31,11 +31,11 @@ def modal_rates(p: "Parameter") -> dict[int, ModalBody]:
     bodies = flexible_bodies(p.mech.model)
     if bodies and (p.placements or p.frames):
         text = f"parameter {p.name!r} moves frames of a mechanism with the flexible body {bodies[0].name!r}"
-        raise InputError(f"{text}: no derivative; take one of material or section, of inertia, gravity or a force")
+        raise InputError(f"{text}: no derivative; use a parameter of material, section, inertia, gravity or a force")
     out = {}
     for i, body in enumerate(bodies):
-        here = _shapes(body.modal)
-        if any(not np.array_equal(here, _shapes(_modal(m, i))) for m in p.trials):
+        shapes = _shapes(body.modal)
+        if any(not np.array_equal(shapes, _shapes(_modal(m, i))) for m in p.trials):
             text = f"parameter {p.name!r} changes the shapes of modes of {body.name!r}: no derivative"
             raise InputError(f"{text}; those of young, density, damping, and of a section without shear exist")
         rates: dict[str, Any] = {x: p.rate(lambda m, i=i, x=x: _modal(m, i).array(x)) for x in INERTIA}  # type: ignore[misc]
@@ -46,16 +46,16 @@ def modal_rates(p: "Parameter") -> dict[int, ModalBody]:
 
 def changes_elasticity(p: "Parameter") -> bool:
     """Return whether a parameter changes stiffness or damping of a flexible body."""
-    here = [(body.modal.stiffness, body.modal.damping) for body in flexible_bodies(p.mech.model)]
+    nominal = [(body.modal.stiffness, body.modal.damping) for body in flexible_bodies(p.mech.model)]
     return any(
         not np.array_equal(pair, (_modal(m, i).stiffness, _modal(m, i).damping))
-        for i, pair in enumerate(here)
+        for i, pair in enumerate(nominal)
         for m in p.trials
     )
 
 
 def modal_partials(p: "Parameter", system: "Index2System", q: Array, v: Array, vdot: Array) -> Array:
-    """Return the derivative of M v' + nle by numbers of flexible bodies and gravity, (nv,); motions are current."""
+    """Return the derivative of M v' + nle by flexible bodies and gravity, (nv,); motions are current."""
     out, bodies = np.zeros(system.nv), bound_bodies(system.workspace)
     for i, modal in p.modal.items():
         bodies[i].add_force(modal, system.workspace, q, v, vdot, system.model.gravity.linear, out)

@@ -1,4 +1,4 @@
-"""One parameter of a mechanism as a direction in its components, by differences of mechanisms with other values."""
+"""A parameter of a mechanism as a direction in its components, by differences of mechanisms with other values."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
@@ -20,8 +20,8 @@ from .perturbed_mechanisms import TRIAL_POINTS, PerturbedMechanisms, feasible_st
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-WIDTH, SMALL = 1e-2, 1e-3  # fraction of the value; and in its unit, if it is zero
-KNOT_WIDTH = 1e-5  # fraction of the value, if it is a time between polynomials of a curve
+WIDTH, SMALL = 1e-2, 1e-3  # fraction of the value; width in its unit if the value is zero
+KNOT_WIDTH = 1e-5  # fraction of the value of a time between polynomials of a curve
 
 
 def _structure(model: pin.Model) -> tuple[list[str], list[Any]]:
@@ -41,7 +41,7 @@ class Parameter:
     Attributes:
         h: the width for laws and rows.
         perturbed: the mechanisms with the parameter changed by k h.
-        stencil: those k; one-sided if there are no mechanisms on the other side.
+        stencil: the values of k; one-sided if there are no mechanisms on the other side.
     """
 
     def __init__(self, name: str, mech: "Mechanism", make: Callable[[float], "Mechanism"], width: float) -> None:
@@ -67,15 +67,15 @@ class Parameter:
             self._check_times(*(m.constraints[i] for m in (mech, *self.trials)))
 
     def write(self, mech: "Mechanism", make: Callable[[float], "Mechanism"]) -> None:
-        """Use it in a mechanism with other values of the parameters, where its directions are the same."""
-        _ = self.keeps_start, self.keeps_states  # for all values
+        """Use a mechanism with other values of the parameters and the same directions."""
+        _ = self.keeps_start, self.keeps_states  # cached: they hold for all values
         self.mech, self.make = mech, cache(make)
         vars(self).pop("trials", None)
         self.use_width(self.h)
 
     @cached_property
     def trials(self) -> list["Mechanism"]:
-        """Three mechanisms with it changed, at `TRIAL_POINTS`."""
+        """Three mechanisms with the parameter changed, at `TRIAL_POINTS`."""
         return [self.perturbed_mechanisms(self.width)[k] for k in TRIAL_POINTS[self.stencil]]
 
     def _require_same_structure(self) -> None:
@@ -108,7 +108,7 @@ class Parameter:
         self.h, self.perturbed = h, self.perturbed_mechanisms(h)
 
     def perturbed_mechanisms(self, h: float) -> PerturbedMechanisms:
-        """Return the mechanisms with it changed by k h."""
+        """Return the mechanisms with the parameter changed by k h."""
         return PerturbedMechanisms(self.make, h, self.stencil)
 
     @property
@@ -118,19 +118,19 @@ class Parameter:
 
     @property
     def changes_elements(self) -> bool:
-        """Whether it changes closures, drivers or laws, elasticity among them."""
+        """Whether the parameter changes closures, drivers or laws, including elasticity."""
         return bool(self.forces or self.specs or self.elastic)
 
     @cached_property
     def keeps_start(self) -> bool:
-        """Whether the assembled start does not depend on it: it changes gravity, or laws of forces, alone."""
+        """Whether the assembled start does not depend on the parameter: it changes only gravity or force laws."""
         moves = self.inertias or self.modal or self.placements or self.frames or self.specs or self.armature.any()
         mech = self.mech
         return not moves and all((m.start_values, m.states) == (mech.start_values, mech.states) for m in self.trials)
 
     @cached_property
     def keeps_states(self) -> bool:
-        """Whether the start values of states do not depend on it."""
+        """Whether the start values of states do not depend on the parameter."""
         return all(m.states == self.mech.states for m in self.trials)
 
     def _check_times(self, spec: Any, *perturbed: Any) -> None:
@@ -152,12 +152,12 @@ class Parameter:
 
     def rate(self, value: Callable[["Mechanism"], Array]) -> Array:
         """Return the derivative of a component of a mechanism; from three values if these are exact."""
-        (a, b, c), here = (value(m) for m in self.trials), value(self.mech)
-        size = np.abs(here) + np.abs(b) + np.abs(c)
-        if not self.side and (np.abs(2 * c - 9 * b + 8 * here - a) <= SUM_ROUNDING * size).all():
+        (a, b, c), nominal = (value(m) for m in self.trials), value(self.mech)
+        size = np.abs(nominal) + np.abs(b) + np.abs(c)
+        if not self.side and (np.abs(2 * c - 9 * b + 8 * nominal - a) <= SUM_ROUNDING * size).all():
             return np.array((c - a) / (6 * self.h))
-        if self.side and (np.abs(c - 3 * b + 3 * a - here) <= SUM_ROUNDING * size).all():
-            return np.array((4 * a - b - 3 * here) / ((4 if self.side == "above" else -4) * self.h))
+        if self.side and (np.abs(c - 3 * b + 3 * a - nominal) <= SUM_ROUNDING * size).all():
+            return np.array((4 * a - b - 3 * nominal) / ((4 if self.side == "above" else -4) * self.h))
 
         def values(h: float) -> dict[int, Array]:
             return {k: value(m) for k, m in self.perturbed_mechanisms(h).items()}
@@ -181,40 +181,40 @@ class Parameter:
 class LawDifferences:
     """The forces that a parameter changes, with their perturbed values, in one workspace."""
 
-    def __init__(self, p: Parameter, s: Index2System, near: PerturbedMechanisms) -> None:
+    def __init__(self, p: Parameter, s: Index2System, mechanisms: PerturbedMechanisms) -> None:
         self.p, self.nv = p, s.nv
         spans = [at for i, (_, at) in enumerate(s.laws.bound) if i in p.forces]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
-        perturbed = near.items() if p.forces or p.elastic else ()
+        perturbed = mechanisms.items() if p.forces or p.elastic else ()
         self.perturbed = {
             k: bind_forces([m.forces[i] for i in p.forces], s.model, s.workspace, m.model) for k, m in perturbed
         }
 
     def use_affinity(self) -> None:
-        """Use two of the values only, for laws that are affine in the parameter."""
+        """Use only two of the values, for laws that are affine in the parameter."""
         self.perturbed = {k: x for k, x in self.perturbed.items() if k in OF_AFFINE}
 
     def values(self, t: float, q: Array, v: Array, s: Array) -> dict[int, Array]:
         """Return (tau, s', power) with the perturbed values, (nv + ns + 1,)."""
         return {k: np.concatenate(f.torque(t, q, v, s[self.at])) for k, f in self.perturbed.items()}
 
-    def add(self, to: Array, t: float, q: Array, v: Array, s: Array) -> None:
+    def add(self, out: Array, t: float, q: Array, v: Array, s: Array) -> None:
         """Add the partial derivatives of (tau, s', power), (nv + ns + 1,)."""
         if self.perturbed:
             found = self.p.quotient(self.values(t, q, v, s))
-            to[: self.nv] += found[: self.nv]
-            to[self.nv + self.at] += found[self.nv : -1]
-            to[-1] += found[-1]
+            out[: self.nv] += found[: self.nv]
+            out[self.nv + self.at] += found[self.nv : -1]
+            out[-1] += found[-1]
 
 
 class RowDifferences:
     """The closures and drivers that a parameter changes, with their perturbed values, in one workspace."""
 
-    def __init__(self, p: Parameter, s: Index2System, near: PerturbedMechanisms) -> None:
+    def __init__(self, p: Parameter, s: Index2System, mechanisms: PerturbedMechanisms) -> None:
         self.p, self.nv = p, s.nv
         spans = [s.constraints.spans[s.mechanism.constraints[i].name] for i in p.specs]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
-        perturbed = near.items() if p.specs else ()
+        perturbed = mechanisms.items() if p.specs else ()
         self.perturbed = {
             k: Constraints(s.model, s.workspace, [m.constraints[i] for i in p.specs]) for k, m in perturbed
         }
@@ -232,12 +232,12 @@ class RowDifferences:
             out[k] = np.array([G @ v - c.motion(t)[1], value])
         return out
 
-    def add_forces(self, to: Array, t: float, lam: Array) -> None:
+    def add_forces(self, out: Array, t: float, lam: Array) -> None:
         """Add the partial derivatives of G^T lam and of the drivers' power lam . u'; J must be current."""
         if self.perturbed:
             derivative = self.p.quotient(self.forces(t, lam))
-            to[: self.nv] += derivative[:-1]
-            to[-1] += derivative[-1]
+            out[: self.nv] += derivative[:-1]
+            out[-1] += derivative[-1]
 
     def add_rates(self, Q: Array, g: Array, t: float, v: Array) -> None:
         """Add the partial derivatives of G v + g_t and of g; J must be current."""
@@ -246,10 +246,10 @@ class RowDifferences:
             Q[self.at] += rate
             g[self.at] += value
 
-    def add_bias(self, to: Array, t: float, v: Array) -> None:
+    def add_bias(self, out: Array, t: float, v: Array) -> None:
         """Add the partial derivatives of gamma; velocities must be current, with accelerations for v' = 0."""
         if self.perturbed:
-            to[self.at] += self.p.quotient(self.biases(t, v))
+            out[self.at] += self.p.quotient(self.biases(t, v))
 
     def biases(self, t: float, v: Array) -> dict[int, Array]:
         """Return gamma with the perturbed values, (r,)."""

@@ -6,8 +6,8 @@ computed once, from mechanisms with other values. At a point
 
     inertial parameters          d(M v' + nle) = Y dpi with the bodies' regressors Y
     placements and frames        columns of K, B, G and gamma_q of a frozen free joint there, times xi
-    closures, drivers, forces    sixth-order differences of these rows and laws alone: exact for polynomial dependence;
-                                 otherwise with a width for which narrower ones agree along a run
+    closures, drivers, forces    sixth-order differences of these rows and laws: exact for polynomial dependence;
+                                 otherwise of a width at which differences of smaller width agree along a run
 """
 
 import warnings
@@ -41,10 +41,10 @@ from .placement_tree import PlacementTree
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-UNREACHABLE, NEGLIGIBLE = TRUNCATION, SOLUTION_ROUNDING  # fraction of |dg/dp| beyond any motion; absolute, rounding
+UNREACHABLE, NEGLIGIBLE = TRUNCATION, SOLUTION_ROUNDING  # |dg/dp| that no motion corrects: fraction; absolute
 Make = Callable[[Mapping[str, float]], "Mechanism"]
 At = tuple[float, Array, Array, Array, Mode]  # (t, q, v, s, mode)
-KEPT = "workspace", "core data", "native"  # keys of `Parameters.once` that are kept for other values
+REUSED = "workspace", "core data", "native"  # names of `Parameters.cached` that stay valid for other values
 
 
 class Parameters:
@@ -55,34 +55,34 @@ class Parameters:
             `mbdae.mechanism.formats.mechanism_file.template.Template.make`.
         values: names and values of the parameters.
         native: the compiled core, for partials with respect to placements and frames.
-        own: whether the values are the defaults of ``make``.
-        along: points where differences of laws and rows must be accurate, each with the mode of the mechanism.
+        are_defaults: whether the values are the defaults of ``make``.
+        along: points with modes at which differences of laws and rows must be accurate.
         system: a workspace of the mechanism with these values; a new one if omitted.
 
     Attributes:
         mech: the mechanism with these values.
         all: the parameters, k of them.
-        values: their values by name.
+        values: values of the parameters by name.
 
     Raises:
         InputError: for a parameter that changes more than numerical values.
     """
 
     def __init__(
-        self, make: Make, values: Mapping[str, float], native: ModuleType | None = None, *, own: bool = False,
+        self, make: Make, values: Mapping[str, float], native: ModuleType | None = None, *, are_defaults: bool = False,
         along: Sequence[At] = (), system: Index2System | None = None,
     ) -> None:  # fmt: skip
         self.make, self.values = make, dict(values)
-        self.mech = mech = make({} if own else values)
-        rest = {} if own else values
+        self.mech = mech = make({} if are_defaults else values)
+        base = {} if are_defaults else values
         self.system = s = system or Index2System(mech)
         self.all: list[Parameter] = []
         for name, value in values.items():
-            near = partial(perturbed_mechanism, make, rest, name, value)
-            self.all.append(p := Parameter(name, mech, near, WIDTH * abs(value) or SMALL))
+            perturbed = partial(perturbed_mechanism, make, base, name, value)
+            self.all.append(p := Parameter(name, mech, perturbed, WIDTH * abs(value) or SMALL))
             if p.side:
-                end = f"parameter {name!r} = {value:.9g} is at the end of its range"
-                warnings.warn(f"{end}: its derivative is taken from {p.side}", stacklevel=2)
+                text = f"parameter {name!r} = {value:.9g} is at the end of its range"
+                warnings.warn(f"{text}: its derivative is taken from {p.side}", stacklevel=2)
             if along and p.changes_elements:
                 self._choose_width(p, along)
         self.laws = [LawDifferences(p, s, p.perturbed) for p in self.all]
@@ -99,7 +99,7 @@ class Parameters:
 
     @cached_property
     def constant(self) -> ConstantDirections:
-        """Whether the parameters have constant directions."""
+        """Constant directions of the parameters; its ``at`` is None if they are not constant."""
         found = ConstantDirections(self)
         if found.at is not None:
             for laws in self.laws:
@@ -108,7 +108,7 @@ class Parameters:
         return found
 
     def write(self, values: Mapping[str, float]) -> bool:
-        """Write other values in place, where directions are constant; where they are not, return False and keep these.
+        """Write other values in place if the directions are constant; otherwise return False and keep the values.
 
         Raises:
             UnknownNameError, InputError: as ``make``, for invalid values.
@@ -123,13 +123,13 @@ class Parameters:
             p.write(mech, partial(perturbed_mechanism, self.make, values, p.name, values[p.name]))
         for name in ("perturbed_systems", "perturbed_friction"):
             vars(self).pop(name, None)
-        self._found = {name: x for name, x in self._found.items() if name in KEPT}
+        self._found = {name: x for name, x in self._found.items() if name in REUSED}
         if "workspace" in self._found:
             self._found["workspace"][1].bind(mech)
         return True
 
     def _choose_width(self, p: Parameter, along: Sequence[At]) -> None:
-        """Use a width of differences of laws and rows that is accurate along a run: a frequency acts over time.
+        """Use a width at which differences of laws and rows are accurate along a run: effects of frequencies grow.
 
         Raises:
             InputError: if no width is accurate.
@@ -137,18 +137,18 @@ class Parameters:
         s = self.system
 
         def sampled(h: float) -> dict[int, Array]:
-            near, found = p.perturbed_mechanisms(h), []
-            laws, rows = LawDifferences(p, s, near), RowDifferences(p, s, near)
+            mechanisms, found = p.perturbed_mechanisms(h), []
+            laws, rows = LawDifferences(p, s, mechanisms), RowDifferences(p, s, mechanisms)
             for t, q, v, inner, mode in along:
-                kept = np.ones(s.ng)
-                kept[inactive_rows(s.mechanism.switches, mode)] = 0.0
+                mask = np.ones(s.ng)
+                mask[inactive_rows(s.mechanism.switches, mode)] = 0.0
                 update_motions(s.model, s.workspace, q, v, np.zeros(s.nv))
                 update_poses(s.model, s.workspace, q)
-                active, forces = kept[rows.at], rows.forces(t, kept)
+                active, forces = mask[rows.at], rows.forces(t, mask)
                 rates = [{k: x * active for k, x in kind.items()} for kind in (rows.rates(t, v), rows.biases(t, v))]
                 kinds = [x for x in (laws.values(t, q, v, inner), forces, *rates) if x]
-                found.append({k: np.concatenate([x[k].ravel() for x in kinds]) for k in near})
-            return {k: np.array([x[k] for x in found]).T for k in near}
+                found.append({k: np.concatenate([x[k].ravel() for x in kinds]) for k in mechanisms})
+            return {k: np.array([x[k] for x in found]).T for k in mechanisms}
 
         found = converged_difference(sampled, p.h)
         if not found.discrepancy <= INTERPOLATION:
@@ -161,14 +161,14 @@ class Parameters:
             return
         self.system.enter(mode)
         for p, laws in zip(self.all, self.laws, strict=True):
-            for near in laws.perturbed.values():
-                for i, (other, _) in zip(p.forces, near.bound, strict=False):
-                    own = self.system.laws.bound[i][0]
-                    if isinstance(own, KineticFrictionElement) and isinstance(other, KineticFrictionElement):
-                        other.sign[:] = own.sign
+            for perturbed in laws.perturbed.values():
+                for i, (other, _) in zip(p.forces, perturbed.bound, strict=False):
+                    law = self.system.laws.bound[i][0]
+                    if isinstance(law, KineticFrictionElement) and isinstance(other, KineticFrictionElement):
+                        other.sign[:] = law.sign
 
     def workspace(self, formulation: str, native: ModuleType | None) -> Any:
-        """Return a workspace shared by runs; in the core, if it is given and supports the mechanism."""
+        """Return a workspace shared by runs; a compiled one if the core is given and supports the mechanism."""
 
         def find() -> Any:
             with suppress(NotCompiled):
@@ -176,16 +176,16 @@ class Parameters:
                     return self.mech.system(formulation, native=native)
             return self.mech.system(formulation)
 
-        return self.once("workspace", (formulation, native), find)
+        return self.cached("workspace", (formulation, native), find)
 
-    def once(self, name: str, key: object, find: Callable[[], Any]) -> Any:
+    def cached(self, name: str, key: object, find: Callable[[], Any]) -> Any:
         """Return a cached value of this name if its key is the same; otherwise compute it."""
         if name not in self._found or self._found[name][0] != key:
             self._found[name] = key, find()
         return self._found[name][1]
 
     def force_partials(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> Array:
-        """Return d(f + G^T lam - M v', h, power)/dp with all else constant, (nv + ns + 1, k)."""
+        """Return the partials of (f + G^T lam - M v', h, power) with respect to p, (nv + ns + 1, k)."""
         system, nv = self.system, self.system.nv
         out = np.zeros((nv + len(s) + 1, len(self)))
         if not len(self):
@@ -208,15 +208,15 @@ class Parameters:
     def friction_partials(self, q: Array, v: Array, lam: Array, rows: Array) -> Array:
         """Return the partials of friction that depends on multipliers, and of its power, (nv + ns + 1, k).
 
-        They are differences of that friction alone, in perturbed mechanisms; lam (r,) are those of the rows in use.
+        They are differences of friction in perturbed mechanisms; lam (r,) are the multipliers of the rows in use.
         """
         out = np.zeros((self.system.nv + self.system.ns + 1, len(self)))
-        for i, (p, near) in enumerate(zip(self.all, self.perturbed_systems, strict=True)):
+        for i, (p, systems) in enumerate(zip(self.all, self.perturbed_systems, strict=True)):
             if not (p.forces or p.specs or p.placements or p.frames):
-                continue  # neither friction nor its geometry
-            for s in near.values():
+                continue  # changes neither friction nor its geometry
+            for s in systems.values():
                 s.enter(self.system.mode)
-            found = p.quotient({k: friction(s, q, v, lam, rows) for k, s in near.items()})
+            found = p.quotient({k: friction(s, q, v, lam, rows) for k, s in systems.items()})
             out[: self.system.nv, i], out[-1, i] = found[:-1], found[-1]
         return out
 
@@ -230,9 +230,9 @@ class Parameters:
         """Closure friction with perturbed forces and closures, in the same workspace."""
         s, out = self.system, []
         for p in self.all:
-            near = p.perturbed.items() if s.closure_friction.interfaces and (p.forces or p.specs) else ()
-            rows = {k: Constraints(s.model, s.workspace, m.constraints) for k, m in near}
-            out.append({k: ClosureFriction(m.forces, m.closures, rows[k]) for k, m in near})
+            mechanisms = p.perturbed.items() if s.closure_friction.interfaces and (p.forces or p.specs) else ()
+            rows = {k: Constraints(s.model, s.workspace, m.constraints) for k, m in mechanisms}
+            out.append({k: ClosureFriction(m.forces, m.closures, rows[k]) for k, m in mechanisms})
         return out
 
     def row_partials(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
@@ -279,7 +279,7 @@ class Parameters:
             InputError: names the force.
         """
         self.system.inertia(t, q)
-        for laws in (self.system.laws, *(near for p in self.laws for near in p.perturbed.values())):
+        for laws in (self.system.laws, *(x for p in self.laws for x in p.perturbed.values())):
             laws.require_directions()
 
     def require_consistent(self, t: float, q: Array) -> None:

@@ -10,7 +10,7 @@ from ...finite_differences import ABOVE, BELOW, MAX_REDUCTIONS, REDUCTION, STENC
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-# k of the mechanisms k h that must exist; with k = 0 they show whether values are quadratic in the parameter
+# k of changes k h whose mechanisms must exist; with k = 0 they test whether values are quadratic in the parameter
 TRIAL_POINTS = {STENCIL: (-3, 1, 3), ABOVE: (2, 4, 6), BELOW: (-2, -4, -6)}
 
 
@@ -40,7 +40,7 @@ def perturbed_mechanism(
     """Return the mechanism with one parameter changed.
 
     Raises:
-        InputError: if there is none: a parameter at the limit of its valid range.
+        InputError: if the changed value is outside its valid range.
     """
     try:
         return make({**values, name: value + delta})
@@ -50,7 +50,7 @@ def perturbed_mechanism(
 
 
 def feasible_stencil(make: Callable[[float], "Mechanism"], h: float) -> tuple[float, tuple[int, ...]]:
-    """Return a difference width at which mechanisms exist, on both sides or on one (small bodies limit inertias).
+    """Return a difference width at which mechanisms exist, on both sides or on one side (some inertias are limited).
 
     Args:
         make: creates the mechanism with a parameter changed by the given amount.

@@ -1,7 +1,7 @@
-"""Discrete sensitivity of a run between its steps: hidden constraint, projections, jumps, starts, energies.
+"""Discrete sensitivity of a run between steps: hidden constraint, projections, jumps, starts, energies.
 
 Derivatives are those of the computed steps, not of the continuous flow: dy (ny,) in the tangent at y, dp (k,) of k
-parameters. Maps are matrices whose columns belong to (dy, dp). The compiled core differentiates steps
+parameters. Maps are matrices with columns for (dy, dp). The compiled core differentiates steps
 (mbdae/native/sensitivity).
 """
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..._native import Parameters as NativeParameters
     from ..formulations.compiled_systems import CompiledSystem
 
-START_REDUCTIONS = 3  # reductions of the difference width of starts: the assembly tolerance must not dominate
+START_REDUCTIONS = 3  # reductions of the difference width of starts, limited by the assembly tolerance
 JUMP_WIDTH = 1e-3  # width of differences of sampled controllers (user functions), in units of q, v, or of states
 
 
@@ -35,7 +35,7 @@ class PointSensitivity(AccelerationSensitivity):
     Args:
         system: a workspace that freezes the rows in use.
         parameters: the varied parameters, k of them.
-        native: the same, bound to its core.
+        native: the parameters bound to the core.
     """
 
     system: "CompiledSystem"
@@ -67,13 +67,13 @@ class PointSensitivity(AccelerationSensitivity):
 
         They are (ny, ny + k).
         """
-        return self._projected(t, y, True)[1]
+        return self._projected_point(t, y, True)[1]
 
     def row_update(self, t: float, y: Array) -> Array:
         """Return the partials of v projected onto rows newly in use, (ny, ny + k)."""
-        return self._projected(t, y, False)[1]
+        return self._projected_point(t, y, False)[1]
 
-    def _projected(self, t: float, y: Array, positions: bool) -> tuple[Array, Array]:
+    def _projected_point(self, t: float, y: Array, positions: bool) -> tuple[Array, Array]:
         """Return the projected point, with q and v or only v projected, and its partials.
 
         Raises:
@@ -85,14 +85,14 @@ class PointSensitivity(AccelerationSensitivity):
         return found[0], found[1].T
 
     def jump(self, t: float, y: Array, late: float = np.inf) -> Array:
-        """Return the partials of `mbdae.system.System.jump` at y, (ny, ny + k), by differences of controllers alone."""
+        """Return the partials of `mbdae.system.System.jump` at y, (ny, ny + k), by differences of controllers."""
         s, out = self.system, np.eye(self.ny, self.ny + self.k)
         if s.ns:
             widths = JUMP_WIDTH * np.append(s.mechanism.motion_scales, np.ones(s.ns))
-            moved = numerical_jacobian(
+            jumps = numerical_jacobian(
                 lambda x: s.element_states(s.jump(t, s.add(y, np.append(x, 0.0)), late)), self.ny - 1, widths
             )
-            out[2 * s.nv : -1, : self.ny - 1] = moved
+            out[2 * s.nv : -1, : self.ny - 1] = jumps
         for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):
             if laws.perturbed and len(laws.at):
                 (q, v), inner = s.split(y), s.element_states(y)[laws.at]
@@ -101,21 +101,21 @@ class PointSensitivity(AccelerationSensitivity):
         return out
 
     def initial_impact(self, t: float, y: Array) -> tuple[Array, Array]:
-        """Return the point with v projected onto the rows of a mode at a start, and its partials, with impact work."""
+        """Return the start point with v projected onto the rows of a mode, and its partials, including impact work."""
         nq, nv = self.system.nq, self.system.nv
-        at, out = self._projected(t, y, False)
+        at, out = self._projected_point(t, y, False)
         before, after = (self.energy(y[:nq], w[nq : nq + nv])[0] for w in (y, at))
         out[-1] += after @ np.vstack([out, np.eye(self.k, self.ny + self.k, self.ny)]) - before
         return at, out
 
-    def start(self, t: float, given: Array) -> Array:
+    def start(self, t: float, y: Array) -> Array:
         """Return the partials of q and v of the mechanism's start with respect to the parameters, (ny, k).
 
-        Sixth-order differences of assembly; the components that closures determine are then made exact.
+        They are sixth-order differences of assembly; components that closures determine are then corrected exactly.
         """
         s, out, nv = self.system, np.zeros((self.ny, self.k)), self.system.nv
         mech = self.parameters.mech
-        base, (q, v) = mech.point(t=t), s.split(given)
+        base, (q, v) = mech.point(t=t), s.split(y)
         inactive, all_open = s.constraints.inactive, inactive_rows(mech.switches, (0,) * len(mech.switches))
         s.constraints.inactive = all_open  # a start is assembled without unilateral rows
         G, positional = s.jacobian(q), s.constraints.positional
@@ -127,7 +127,7 @@ class PointSensitivity(AccelerationSensitivity):
         determined = assembled and all(_determine_all(A) for A in (G[np.ix_(positional, free_q)], G[:, free_v]))
         for i, p in enumerate(self.parameters.all):
             if p.keeps_start or (determined and all(m.start_values == mech.start_values for m in p.trials)):
-                continue  # or closures and fixed coordinates determine all
+                continue  # or closures and fixed coordinates determine all components
             try:
                 out[:, i] = self._start_quotient(p, t, base)
             except AssemblyError as e:  # the change of the parameter is too large
@@ -177,8 +177,8 @@ class PointSensitivity(AccelerationSensitivity):
         pin.forwardKinematics(s.model, s.workspace, q, rest)
         pin.computeJointJacobians(s.model, s.workspace, q)
         out[1, :nv] = gravity - s.laws.split_torque(0.0, q, rest, np.zeros(s.ns))[0]
-        for i, (p, near) in enumerate(zip(self.parameters.all, self.parameters.perturbed_systems, strict=True)):
-            out[:, self.ny + i] = p.quotient({k: np.array(other.energy(q, v)) for k, other in near.items()})
+        for i, (p, systems) in enumerate(zip(self.parameters.all, self.parameters.perturbed_systems, strict=True)):
+            out[:, self.ny + i] = p.quotient({k: np.array(other.energy(q, v)) for k, other in systems.items()})
         return out
 
 

@@ -35,9 +35,9 @@ def with_slip_friction_partials(
             F = lam[interface.rows]
             relative = F @ dlam[interface.rows] / (F @ F or 1.0)
             out[interface.no_slip_rows] = np.outer(total[interface.no_slip_rows], relative)
-    for i, (p, near) in enumerate(zip(at.parameters.all, at.parameters.perturbed_systems, strict=True), at.ny):
+    for i, (p, systems) in enumerate(zip(at.parameters.all, at.parameters.perturbed_systems, strict=True), at.ny):
         if p.forces:
-            for other in near.values():
+            for other in systems.values():
                 other.enter(s.mode)
-            out[:, i] += p.quotient({j: with_slip_friction(other, q, v, lam) for j, other in near.items()})
+            out[:, i] += p.quotient({j: with_slip_friction(other, q, v, lam) for j, other in systems.items()})
     return total, out

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
 
 def characteristic_rate(mech: "Mechanism") -> float:
-    """Return w > 0 in 1/s: speeds are compared with w, and w l where they are in m/s.
+    """Return w > 0 in 1/s: speeds are compared with w, and with w l where they are in m/s.
 
-    It is the largest of |v| and |v'|^1/2 at the start, in rad and characteristic lengths l, and (|gravity| / l)^1/2; 1
+    w is the largest of |v| and |v'|^1/2 at the start, in rad and characteristic lengths l, and (|gravity| / l)^1/2; 1
     if all are zero.
     """
     scales = mech.coordinate_scales

@@ -83,7 +83,7 @@ class DynamicsTerms:
 
         Raises:
             InputError: for a state that is not consistent, a mechanism with modes, sampled controllers, or an input
-                whose rate acts.
+                whose rate enters the accelerations.
             StepError: if the constraints are singular there.
             UnknownNameError: for another back end.
 
@@ -131,7 +131,7 @@ class DynamicsTerms:
         return np.append(self.coordinate_scales, self.characteristic_rate * self.coordinate_scales)
 
     def make_workspace(self: Self_) -> pin.Data:
-        """Make a workspace for closures and forces; complete where forces of other packages are bound to it."""
+        """Create a workspace for closures and forces; with all of Pinocchio's data if custom forces are bound to it."""
         return make_data(self.model, complete=any(is_custom(f) for f in self.forces))
 
     @property

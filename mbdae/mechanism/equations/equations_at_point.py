@@ -34,10 +34,10 @@ class PointPartials(NamedTuple):
     With r = f + G^T lam - M v' at constant v', lam:
 
     Attributes:
-        r_q, r_v, r_s, r_t: of r, (nv, nv), (nv, nv), (nv, ns), (nv,).
-        h_q, h_v, h_s, h_t: of s' = h, (ns, nv), (ns, nv), (ns, ns), (ns,).
-        Gv_q, Gv_t: of G v + g_t, (ng, nv), (ng,); by v it is G.
-        gamma_q, gamma_v, gamma_t: of gamma, (ng, nv), (ng, nv), (ng,).
+        r_q, r_v, r_s, r_t: derivatives of r, (nv, nv), (nv, nv), (nv, ns), (nv,).
+        h_q, h_v, h_s, h_t: derivatives of s' = h, (ns, nv), (ns, nv), (ns, ns), (ns,).
+        Gv_q, Gv_t: derivatives of G v + g_t, (ng, nv), (ng,); with respect to v it is G.
+        gamma_q, gamma_v, gamma_t: derivatives of gamma, (ng, nv), (ng, nv), (ng,).
     """
 
     r_q: Array
@@ -101,8 +101,8 @@ class EquationsAtPoint:
     def __repr__(self) -> str:
         return f"<equations of {self.mechanism.title} at t = {self.t:.9g} s>"
 
-    def _with(self, evaluate: "Callable[[Index2System], Result]") -> Result:
-        """Return the result of a function of a workspace in this mode, with kinematics at q and slips along v."""
+    def _evaluate(self, evaluate: "Callable[[Index2System], Result]") -> Result:
+        """Evaluate a function of a workspace in this mode, with kinematics at q and slip directions from v."""
         pool = self.mechanism.workspaces
         system = pool.acquire(native=self.native)
         system.enter(self.mode)
@@ -114,7 +114,7 @@ class EquationsAtPoint:
 
     @cached_property
     def y(self) -> Array:
-        """The point as runs use it: (q, v, s, w = 0)."""
+        """The point in the format of runs: (q, v, s, w = 0)."""
         return np.concatenate([self.q, self.v, self.s, [0.0]])
 
     @cached_property
@@ -128,7 +128,7 @@ class EquationsAtPoint:
             system.inertia(self.t, self.q)
             return system.force(self.t, self.q, self.v, self.s)
 
-        return self._with(evaluate)
+        return self._evaluate(evaluate)
 
     @property
     def f(self) -> Array:
@@ -145,7 +145,7 @@ class EquationsAtPoint:
 
     @property
     def power(self) -> float:
-        """Power of the non-conservative forces in W, without that of drivers."""
+        """Power of the non-conservative forces in W, without drivers."""
         return float(self._forces[1][-1])
 
     @cached_property
@@ -154,22 +154,22 @@ class EquationsAtPoint:
             g, G = system.closures(t=self.t)
             return g.copy(), G.copy()
 
-        return self._with(evaluate)
+        return self._evaluate(evaluate)
 
     @property
     def g(self) -> Array:
-        """Constraints at position level, (ng,), in m and rad; 0 for rows that have velocities only."""
+        """Constraints at position level, (ng,), in m and rad; 0 for velocity rows."""
         return self._constraints[0]
 
     @property
     def G(self) -> Array:
-        """Constraint Jacobian of all rows, inactive ones 0, (ng, nv)."""
+        """Constraint Jacobian of all rows, (ng, nv); inactive rows are 0."""
         return self._constraints[1]
 
     @cached_property
     def g_t(self) -> Array:
         """Partial derivative of g in time, (ng,): minus the speeds of drivers."""
-        return self._with(lambda system: system.g_t(self.t))
+        return self._evaluate(lambda system: system.g_t(self.t))
 
     @property
     def Gv(self) -> Array:
@@ -179,11 +179,11 @@ class EquationsAtPoint:
     @cached_property
     def gamma(self) -> Array:
         """Constraint bias at acceleration level, Gdot v + g_tt, (ng,)."""
-        return self._with(lambda system: system.gamma(self.q, self.v, self.t))
+        return self._evaluate(lambda system: system.gamma(self.q, self.v, self.t))
 
     @cached_property
     def _accelerations(self) -> tuple[Array, Array]:
-        return self._with(lambda system: system.derivative(self.t, self.y))
+        return self._evaluate(lambda system: system.derivative(self.t, self.y))
 
     @property
     def vdot(self) -> Array:
@@ -197,19 +197,19 @@ class EquationsAtPoint:
 
     @property
     def lam(self) -> Array:
-        """Multipliers of all rows from the same system, of least norm where rows are dependent, (ng,)."""
+        """Multipliers of all rows from the same system, (ng,), of minimum norm if rows are dependent."""
         return self._accelerations[1]
 
     @cached_property
     def energies(self) -> tuple[float, float]:
         """Kinetic energy, and potential energy of gravity and springs, in J."""
-        return self._with(lambda system: system.energy(self.q, self.v))
+        return self._evaluate(lambda system: system.energy(self.q, self.v))
 
     def partials(self, vdot: Array | None = None, lam: Array | None = None) -> PointPartials:
         """Return the partial derivatives of the equations, at ``vdot`` and ``lam`` or at those of the point.
 
         Raises:
-            InputError: for friction proportional to constraint forces, which is not a term of f; wrong lengths.
+            InputError: for friction proportional to constraint forces, which is not a term of f, or for wrong lengths.
             StepError: if v' and lam are needed and do not exist.
         """
         m, nv = self.mechanism, self.mechanism.nv
@@ -228,13 +228,13 @@ class EquationsAtPoint:
                 at.B, Gv_t, gamma_q, gamma_v, gamma_t,
             )  # fmt: skip
 
-        return self._with(evaluate)
+        return self._evaluate(evaluate)
 
     @cached_property
     def _dependence(self) -> Array:
-        """Derivative with respect to (q, v), (k, 2 nv), of what vanishes where constraints are dependent.
+        """Derivatives (k, 2 nv) with respect to (q, v) of terms that vanish as long as constraints are dependent.
 
-        With w^T G = 0, G N = 0: w^T G(q) N, which keeps the rank of G, and w^T gamma.
+        With w^T G = 0, G N = 0 the terms are w^T G(q) N, zero at constant rank of G, and w^T gamma.
         """
 
         def evaluate(system: "Index2System") -> Array:
@@ -249,7 +249,7 @@ class EquationsAtPoint:
             zero = np.zeros_like(by_v)
             return np.vstack([np.hstack([zero, by_v]), *(np.hstack([block, zero]) for block in by_q)])
 
-        return self._with(evaluate)
+        return self._evaluate(evaluate)
 
     @cached_property
     def _rates(self) -> TimeDerivativePartials:
@@ -258,7 +258,7 @@ class EquationsAtPoint:
             none = Parameters(lambda _: self.mechanism, {}, system=system)
             return AccelerationSensitivity(system, none).rate(self.t, self.y)
 
-        return self._with(evaluate)
+        return self._evaluate(evaluate)
 
     @cached_property
     def _derivative(self) -> Array:
@@ -270,8 +270,8 @@ class EquationsAtPoint:
     def jvp(self, dq: Array, dv: Array, ds: Array | None = None, dt: float = 0.0) -> tuple[Array, Array, Array]:
         """Return the changes of (v', lam, s') along one direction of (q in the tangent, v, s, t).
 
-        Where constraints are dependent, derivatives exist only along directions in which they remain so, as consistent
-        motions: a warning reports others.
+        Where constraints are dependent, derivatives exist only along directions that preserve the dependence, such as
+        consistent motions; a warning is issued for any other direction.
 
         Raises:
             InputError: unless all are finite numbers of the right shapes; for a contact that slides in two directions.

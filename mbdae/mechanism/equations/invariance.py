@@ -1,7 +1,7 @@
-"""Symmetries that a mechanism is found to have, and shifts of joints that its equations do not see.
+"""Detected symmetries of a mechanism, and shifts of joints that leave its equations invariant.
 
-A motion g of all bodies, or a shift of joints, is one if rows and accelerations follow it at points of a motion, in the
-modes there,
+A rigid motion g of all bodies, or a shift of joints, is a symmetry if rows and accelerations are equivariant at points
+of a motion, each in its mode,
 
     g_rows(g q) = g_rows(q),   (G v)(g y) = (G v)(y),   a_i(g y) = Ad(g) a_i(y),   s'(g y) = s'(y)
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 TWO_PI = 2 * np.pi
 AMOUNTS = (0.7, -1.9)  # rad, characteristic lengths
-TILT = 0.3  # fraction of the characteristic speed: velocities of a point at which terms of velocities are compared
+TILT = 0.3  # fraction of the characteristic speed: change of velocity at a further point of comparison
 
 
 class MotionPoint(NamedTuple):
@@ -43,7 +43,7 @@ class MotionPoint(NamedTuple):
 def symmetries_of(mech: "Mechanism", points: Sequence[MotionPoint]) -> tuple[str, ...]:
     """Return the names of the independent symmetries of a mechanism: cyclic joints, then motions of all bodies.
 
-    Joints with the name of a motion come last: if they move all bodies, it is that motion.
+    Joints that share the name of a motion of all bodies come last: if they move all bodies, it is the same symmetry.
     """
     system, joints = mech.system(), cyclic_joints(mech)
     q = system.split(points[0].y)[0]
@@ -58,13 +58,13 @@ def symmetries_of(mech: "Mechanism", points: Sequence[MotionPoint]) -> tuple[str
         if np.linalg.norm(rest) <= VISIBLE * np.linalg.norm(w):
             continue
         unit = mech.coordinate_scales[np.abs(w).argmax()] if not symmetry.moves_bodies else _unit(mech, name)
-        if all(_follows(system, x, symmetry, amount * unit) for x in points for amount in AMOUNTS):
+        if all(_is_equivariant(system, x, symmetry, amount * unit) for x in points for amount in AMOUNTS):
             found, directions = [*found, name], np.column_stack([directions, w])
     return tuple(found)
 
 
 def shift_units(mech: "Mechanism") -> Array:
-    """Return the shift (nv,) in rad or m after which a joint may be where it was: a turn, a pitch; 0 for others."""
+    """Return the shift (nv,) in rad or m that may leave a joint unchanged: a revolution, a pitch; 0 if none."""
     out = np.zeros(mech.nv)
     joints = [j for j in mech.model.joints if (j.nq, j.nv) == (1, 1)]
     revolute = [j for j in joints if j.shortname().removeprefix("JointModel").startswith("R")]
@@ -77,16 +77,18 @@ def shift_units(mech: "Mechanism") -> Array:
 
 
 def is_invariant(mech: "Mechanism", point: MotionPoint, shift: Array, T: float) -> bool:
-    """Return whether equations do not see a shift back of joints (nv,) in rad or m, and of time by T, at a point."""
+    """Return whether equations at a point are invariant if joints are shifted back by (nv,) in rad or m, time by T."""
     system = mech.system()
     q = system.manifold.integrate(system.split(point.y)[0], -shift)
     shifted = point._replace(t=point.t - T, y=np.concatenate([q, point.y[mech.nq :]]))
-    here, there = _point_terms(system, point), _point_terms(system, shifted)
-    return here is not None and there is not None and _equal(system, here, there, here.rates)
+    reference, transformed = _point_terms(system, point), _point_terms(system, shifted)
+    if reference is None or transformed is None:
+        return False
+    return _are_equal(system, reference, transformed, reference.rates)
 
 
 class _Terms(NamedTuple):
-    """Rows and rates of rows, (ng,) each, and y' in the tangent, (ny,), with changes of the states of controllers."""
+    """Rows and rates of rows, (ng,) each, and y' in the tangent, (ny,), with jumps of controller states added."""
 
     g: Array
     speeds: Array
@@ -98,7 +100,7 @@ def _unit(mech: "Mechanism", name: str) -> float:
 
 
 def _with_velocities(system: Index2System, points: Sequence[MotionPoint]) -> list[MotionPoint]:
-    """Return the points, and the first one with other velocities."""
+    """Return the points, and the first point with changed velocities."""
     t, y, mode = points[0]
     mech, tilted, at = system.mechanism, y.copy(), slice(system.nq, system.nq + system.nv)
     tilted[at] += TILT * mech.characteristic_rate * mech.coordinate_scales * np.cos(np.arange(system.nv))
@@ -111,7 +113,7 @@ def _with_velocities(system: Index2System, points: Sequence[MotionPoint]) -> lis
 
 
 def _point_terms(system: Index2System, point: MotionPoint) -> _Terms | None:
-    """Return the terms of a point; None where there are no accelerations."""
+    """Return the terms of a point; None if accelerations do not exist."""
     t, y, mode = point
     system.enter(mode)
     q, v = system.split(y)
@@ -122,40 +124,40 @@ def _point_terms(system: Index2System, point: MotionPoint) -> _Terms | None:
         return None
     s = system.element_states(y)
     for law, at in system.laws.bound:
-        if isinstance(law, SampledElement) and not law.external:  # v' depends on what it samples at instants alone
+        if isinstance(law, SampledElement) and not law.external:  # its samples enter v' only after the next instant
             rates[2 * system.nv :][at] += np.concatenate(law.sampled(t, q, v, s, at)) - s[at]
     return _Terms(np.where(system.constraints.positional, g, 0.0), G @ v + g_t, rates)
 
 
-def _follows(system: Index2System, point: MotionPoint, symmetry: Symmetry, sigma: float) -> bool:
-    """Return whether rows and accelerations follow a symmetry from a point."""
+def _is_equivariant(system: Index2System, point: MotionPoint, symmetry: Symmetry, sigma: float) -> bool:
+    """Return whether rows and accelerations at a point are equivariant under a symmetry."""
     q, v = system.split(point.y)
     moved = symmetry.moved(q, sigma)
     D, y = symmetry.tangent(q, moved, sigma), point.y.copy()
     y[: system.nq], y[system.nq : system.nq + system.nv] = moved, D @ v
-    here, there = _point_terms(system, point), _point_terms(system, point._replace(y=y))
-    if here is None or there is None:
+    reference, transformed = _point_terms(system, point), _point_terms(system, point._replace(y=y))
+    if reference is None or transformed is None:
         return False
-    expected = here.rates.copy()
+    expected = reference.rates.copy()
     if symmetry.moves_bodies:
         nv = system.nv
-        before = _body_accelerations(symmetry, q, v, here.rates[nv : 2 * nv])
-        after = _body_accelerations(symmetry, moved, D @ v, there.rates[nv : 2 * nv])
-        turned = before @ pin.exp6(symmetry.twist(q) * sigma).action.T
-        if not np.abs(after - turned).max(initial=0.0) <= VISIBLE * np.abs(before).max(initial=0.0) + VISIBLE**2:
+        before = _body_accelerations(symmetry, q, v, reference.rates[nv : 2 * nv])
+        after = _body_accelerations(symmetry, moved, D @ v, transformed.rates[nv : 2 * nv])
+        rotated = before @ pin.exp6(symmetry.twist(q) * sigma).action.T
+        if not np.abs(after - rotated).max(initial=0.0) <= VISIBLE * np.abs(before).max(initial=0.0) + VISIBLE**2:
             return False
-        expected[: 2 * nv] = there.rates[: 2 * nv]
-    return _equal(system, here, there, expected)
+        expected[: 2 * nv] = transformed.rates[: 2 * nv]
+    return _are_equal(system, reference, transformed, expected)
 
 
-def _equal(system: Index2System, here: _Terms, there: _Terms, expected: Array) -> bool:
-    """Return whether two points have the same rows, and the second one the expected rates."""
+def _are_equal(system: Index2System, reference: _Terms, transformed: _Terms, expected: Array) -> bool:
+    """Return whether two points have the same rows, and the second point has the expected rates."""
     mech = system.mechanism
-    size = mech.characteristic_rate + np.abs(here.speeds / mech.row_scales).max(initial=0.0)
-    rows = np.abs((there.g - here.g) / mech.row_scales).max(initial=0.0) <= VISIBLE
-    speeds = np.abs((there.speeds - here.speeds) / mech.row_scales).max(initial=0.0) <= VISIBLE * size
-    sizes = np.abs(expected)  # a fast coordinate hides only its rounding in the others
-    rates = np.abs(there.rates - expected) <= VISIBLE * (sizes + VISIBLE) + ZERO_SPEED * sizes.max()
+    size = mech.characteristic_rate + np.abs(reference.speeds / mech.row_scales).max(initial=0.0)
+    rows = np.abs((transformed.g - reference.g) / mech.row_scales).max(initial=0.0) <= VISIBLE
+    speeds = np.abs((transformed.speeds - reference.speeds) / mech.row_scales).max(initial=0.0) <= VISIBLE * size
+    sizes = np.abs(expected)  # the error of any coordinate includes rounding of the fastest
+    rates = np.abs(transformed.rates - expected) <= VISIBLE * (sizes + VISIBLE) + ZERO_SPEED * sizes.max()
     return bool(rows and speeds and rates.all())
 
 

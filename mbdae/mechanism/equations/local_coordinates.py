@@ -1,11 +1,11 @@
 """Local coordinates of the manifold of consistent states of a mechanism.
 
-At q0 with independent rows, G_p of positions and G of positions and velocities, and N, N_v orthonormal null spaces,
-N of G_p, N_v of G (in rad and characteristic lengths):
+Let G_p be the independent position-level rows at q0, G all independent rows (in rad and characteristic lengths), and
+N, N_v orthonormal bases of the null spaces of G_p and G:
 
     q = q0 (+) x,   x = N xi + G_p(q0)^T mu,  g(t, q) = 0,      [G; N_v^T] v = [-g_t; eta]
 
-Every (xi, eta) is a state with g = 0 and G v + g_t = 0, close to q0.
+Every (xi, eta) close to the origin defines a state with g = 0 and G v + g_t = 0.
 
 Source: Potra, Yen (1991), Implicit numerical integration for Euler-Lagrange equations via tangent space
 parametrization, Mech. Struct. Mach. 19; Hairer, Wanner II, VII.2 (2.22) to (2.24).
@@ -23,21 +23,21 @@ from ..formulations.equation_partials import rate_partials
 from ..formulations.index2 import Index2System
 
 ITERATIONS = 10
-HALVINGS = 12  # halvings of the way from the last point, until Newton's iteration converges
+HALVINGS = 12  # halvings of the increment from the last point, until Newton's iteration converges
 LARGEST_STEP = 0.3  # rad or characteristic lengths: larger corrections may lead to other branches
 SMALLEST_COSINE = 0.3  # between the tangent spaces at q0 and at q: beyond, Newton's iteration for mu is ill-conditioned
-LARGEST_ROTATION = 2.0  # rad of a spherical, planar or free joint; J(x) ends at 3, and solvers try points beyond
+LARGEST_ROTATION = 2.0  # rad, of spherical, planar and free joints; J(x) is valid to 3, and solvers overshoot
 
 
 class StatePartials(NamedTuple):
-    """Partial derivatives of a state with respect to (x, t), (..., n + 1), and the displacement from the origin, (nv,).
+    """Partial derivatives of a state with respect to (x, t), (..., n + 1), and its displacement from the origin, (nv,).
 
     Attributes:
         moved: the displacement.
-        dx: of the displacement.
-        dq: of q in its tangent.
-        dv: of v.
-        ds: of the states of forces.
+        dx: derivatives of the displacement.
+        dq: derivatives of q in its tangent.
+        dv: derivatives of v.
+        ds: derivatives of the states of forces.
     """
 
     moved: Array
@@ -84,21 +84,21 @@ class LocalCoordinates:
     def _position(self, t: float, xi: Array) -> tuple[Array, Array]:
         """Return x (nv,) with g(t, q0 (+) x) = 0 and q (nq,) there, on the branch through q0.
 
-        Newton's iteration starts from the last point; where it fails, points between are found first.
+        Newton's iteration starts from the last point; where it fails, intermediate points are computed first.
 
         Raises:
             StepError: beyond the range of the coordinates.
         """
-        start, way = self._last, [(t, xi)]
-        while way:
-            found = self._corrected(*start, *way[-1])
+        start, targets = self._last, [(t, xi)]
+        while targets:
+            found = self._corrected(*start, *targets[-1])
             if found is not None:
-                start = (*way.pop(), found)
-            elif len(way) > HALVINGS:
+                start = (*targets.pop(), found)
+            elif len(targets) > HALVINGS:
                 self._last = self._origin
                 raise StepError("chart", f"t = {t:.17g} is beyond the range of these local coordinates: restart them")
             else:
-                way.append((0.5 * (start[0] + way[-1][0]), 0.5 * (start[1] + way[-1][1])))
+                targets.append((0.5 * (start[0] + targets[-1][0]), 0.5 * (start[1] + targets[-1][1])))
         self._last = start
         x = self._displacement(start[1], start[2])
         return x, self.system.manifold.integrate(self.q0, x)
@@ -107,12 +107,12 @@ class LocalCoordinates:
         return self._scales * (self._N @ xi + self._across @ mu)
 
     def _corrected(self, _t: float, _xi: Array, mu: Array, t: float, xi: Array) -> Array | None:
-        """Return mu at (t, xi) by Gauss-Newton steps to rounding, from a point nearby; None if they diverge."""
-        system, kept, last = self.system, self._positional, np.inf
-        scales, across = self.mechanism.row_scales[kept], self._scales[:, None] * self._across
+        """Return mu at (t, xi) by Gauss-Newton iteration to rounding, from a close point; None if it diverges."""
+        system, rows, last = self.system, self._positional, np.inf
+        scales, across = self.mechanism.row_scales[rows], self._scales[:, None] * self._across
         for _ in range(ITERATIONS):
             x = self._displacement(xi, mu)
-            g, G = (a[kept] for a in system.closures(system.manifold.integrate(self.q0, x), t))
+            g, G = (a[rows] for a in system.closures(system.manifold.integrate(self.q0, x), t))
             size = float(np.abs(g / scales).max(initial=0.0))
             if not EPS < size < last:
                 break
@@ -158,16 +158,18 @@ class LocalCoordinates:
         return y[: m.nq], y[m.nq : m.nq + m.nv], y[m.nq + m.nv : -1]
 
     def margin(self, t: float, x: Array) -> float:
-        """Return how far x is inside the range of the coordinates: 1 at their origin, 0 at the end.
+        """Return the margin of x within the range of the coordinates: 1 at their origin, 0 at the boundary.
 
-        As an event of a solver: terminal, of direction -1; then `restart`. The smaller one of two measures: the cosine
-        of the largest angle between the null spaces of G at q and at q0, and the largest rotation of a joint.
+        It is meant as a terminal event of a solver, with direction -1, followed by `restart`. It is the smaller of two
+        measures: the cosine of the largest angle between the null spaces of G at q and at q0, and the largest rotation
+        of a joint.
         """
         moved, _, G = self._point(t, x)
-        turns = [float(np.linalg.norm(moved[s][angles])) for _, s, _, angles in self.system.manifold.group_joints]
-        there = np.linalg.svd(self._scaled(G))[2][self.mechanism.nv - self._Nv.shape[1] :].T if len(G) else self._Nv
-        cosine = float(np.linalg.svd(there.T @ self._Nv, compute_uv=False).min(initial=1.0))
-        return min((cosine - SMALLEST_COSINE) / (1 - SMALLEST_COSINE), 1 - max(turns, default=0.0) / LARGEST_ROTATION)
+        rotations = [float(np.linalg.norm(moved[s][angles])) for _, s, _, angles in self.system.manifold.group_joints]
+        N = np.linalg.svd(self._scaled(G))[2][self.mechanism.nv - self._Nv.shape[1] :].T if len(G) else self._Nv
+        cosine = float(np.linalg.svd(N.T @ self._Nv, compute_uv=False).min(initial=1.0))
+        rotation = max(rotations, default=0.0)
+        return min((cosine - SMALLEST_COSINE) / (1 - SMALLEST_COSINE), 1 - rotation / LARGEST_ROTATION)
 
     def partials(self, t: float, x: Array) -> StatePartials:
         """Return the exact partial derivatives of the state with respect to (x, t).
@@ -176,13 +178,13 @@ class LocalCoordinates:
             StepError: beyond the range of the coordinates.
         """
         (moved, y, _), s, m, (k, f, ns) = self._point(t, x), self.system, self.mechanism, self.sizes
-        nv, kept, D = m.nv, self._positional, self._scales[:, None]
+        nv, rows, D = m.nv, self._positional, self._scales[:, None]
         q, v = s.split(y)
         G, B = (a.copy() for a in rate_partials(s, t, q, v, np.arange(m.ng)))
-        # x by (xi, t) along the manifold; then q in its tangent, and v
+        # derivatives of x with respect to (xi, t) along the manifold; then of q in its tangent, and of v
         along, across = self._velocities(moved, D * self._N), self._velocities(moved, D * self._across)
-        right = np.column_stack([G[kept] @ along, s.g_t(t)[kept]])
-        dmu = _solve(G[kept] @ across, right, m.row_scales[kept])
+        right = np.column_stack([G[rows] @ along, s.g_t(t)[rows]])
+        dmu = _solve(G[rows] @ across, right, m.row_scales[rows])
         dx = np.column_stack([self._N, np.zeros(nv)]) - self._across @ dmu
         dx = D * np.insert(dx, [k] * (f + ns), 0.0, axis=1)
         dq = self._velocities(moved, dx)
@@ -191,7 +193,7 @@ class LocalCoordinates:
         return StatePartials(moved, dx, dq, self._velocity(G, right), np.eye(ns, self.n + 1, k + f))
 
     def coordinates_of(self, y: Array) -> Array:
-        """Return x (n,) of a consistent point y (q, v, s, w) nearby: xi = N^T (q (-) q0), eta = N_v^T v."""
+        """Return x (n,) of a consistent point y = (q, v, s, w): xi = N^T (q (-) q0), eta = N_v^T v."""
         m = self.mechanism
         moved = self.system.manifold.difference(self.q0, y[: m.nq]) / self._scales
         return np.concatenate(
@@ -201,11 +203,11 @@ class LocalCoordinates:
     def coordinate_tangents(self, y: Array, dy: Array) -> Array:
         """Return the tangents (n, m) of `coordinates_of` at y for tangents dy (ny, m) of the point."""
         m, nv, manifold = self.mechanism, self.mechanism.nv, self.system.manifold
-        moved, turned = manifold.difference(self.q0, y[: m.nq]), np.zeros((nv, dy.shape[1]))
+        moved, rates = manifold.difference(self.q0, y[: m.nq]), np.zeros((nv, dy.shape[1]))
         for k, d in enumerate(dy[:nv].T):
-            turned[:, k] = manifold.tangent(moved, d)
+            rates[:, k] = manifold.tangent(moved, d)
         D = self._scales[:, None]
-        return np.vstack([self._N.T @ (turned / D), self._Nv.T @ (dy[nv : 2 * nv] / D), dy[2 * nv : -1]])
+        return np.vstack([self._N.T @ (rates / D), self._Nv.T @ (dy[nv : 2 * nv] / D), dy[2 * nv : -1]])
 
 
 def _row_and_null_space(G: Array) -> tuple[Array, Array]:
@@ -218,7 +220,7 @@ def _row_and_null_space(G: Array) -> tuple[Array, Array]:
 
 
 def _solve(A: Array, b: Array, scales: Array) -> Array:
-    """Return the solution x (n, ...) of consistent equations A x = b (m, ...), m >= n, in units of ``scales``."""
+    """Return the solution x (n, ...) of consistent equations A x = b (m, ...), m >= n, scaled by ``scales`` (m,)."""
     A, b = A / scales[:, None], (b.T / scales).T
     if A.shape[0] == A.shape[1]:
         return np.linalg.solve(A, b)

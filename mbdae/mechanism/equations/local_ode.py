@@ -5,7 +5,7 @@ In the coordinates xi, eta of `mbdae.mechanism.equations.local_coordinates`, and
     xi' = N^T J(x) v,   eta' = N_v^T v',   s' = h(t, q, v, s, u),   v' from M v' = f + G^T lam, 0 = G v' + gamma
 
 Every x of the ODE belongs to a state with g = 0 and G v + g_t = 0: no solver can drift off the constraints. The
-coordinates are valid near q0; where they end, others begin: `LocalODE.restart`.
+coordinates are valid near q0; beyond, new coordinates are needed: `LocalODE.restart`.
 """
 
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ from .local_coordinates import LocalCoordinates
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-UNIT = 1.0 / WIDTH  # change of an input: differences have a width of 1 in its unit, since laws are linear in inputs
+UNIT = 1.0 / WIDTH  # change of an input: differences have a width of 1 in its unit, as laws are linear in inputs
 
 
 class OdeJacobian(NamedTuple):
@@ -58,11 +58,11 @@ class LocalODE(LocalCoordinates):
         x0: the state in these coordinates, (n,), xi = 0.
         n: degrees of freedom in position and in velocity, and states of forces.
         input_names: names of the inputs u (m,), see `mbdae.Input`.
-        u0: their values at the start, (m,), which act where u is omitted.
+        u0: their values at the start, (m,), used where u is omitted.
 
     Raises:
         InputError: for a state that is not consistent, a mechanism with modes, sampled controllers, or an input whose
-            rate acts (the speed of a driver).
+            rate enters the accelerations (the speed of a driver).
         StepError: if the constraints are singular there.
     """
 
@@ -70,8 +70,8 @@ class LocalODE(LocalCoordinates):
         self, mechanism: "Mechanism", t: float, q: Array, v: Array, s: Array, native: ModuleType | None = None
     ) -> None:
         self.inputs = inputs = Inputs(mechanism)
-        self.native, self.input_names, m = native, tuple(inputs.cells), inputs.mechanism
-        self.u0 = np.array([cell.setting.value for cell in inputs.cells.values()])
+        self.native, self.input_names, m = native, tuple(inputs.user_inputs), inputs.mechanism
+        self.u0 = np.array([x.setting.value for x in inputs.user_inputs.values()])
         if m.switches:
             raise InputError(f"{m.title}: stops, clutches and stiction have modes, an ODE has none")
         super().__init__(_ode_system(inputs, native), t, m.point(q, v, t, s))
@@ -82,9 +82,9 @@ class LocalODE(LocalCoordinates):
     def _set(self, u: Array | None) -> None:
         """Set the inputs."""
         values = self.u0 if u is None else self.mechanism.vector("u", u, len(self.u0))
-        for cell, value in zip(self.inputs.cells.values(), values.tolist(), strict=True):
-            if cell.setting.value != value:
-                cell.set(InputSetting(0.0, value))
+        for x, value in zip(self.inputs.user_inputs.values(), values.tolist(), strict=True):
+            if x.setting.value != value:
+                x.set(InputSetting(0.0, value))
 
     def __call__(self, t: float, x: Array, u: Array | None = None) -> Array:
         """Return x' (n,) for inputs u (m,).
@@ -106,20 +106,21 @@ class LocalODE(LocalCoordinates):
     @cached_property
     def _sensitivity(self) -> AccelerationSensitivity:
         values = dict.fromkeys(self.input_names, UNIT)
-        return AccelerationSensitivity(self.system, Parameters(self._varied, values, own=True, system=self.system))
+        parameters = Parameters(self._perturbed, values, are_defaults=True, system=self.system)
+        return AccelerationSensitivity(self.system, parameters)
 
-    def _varied(self, values: Mapping[str, float]) -> "Mechanism":
-        """Return the mechanism with one input changed."""
+    def _perturbed(self, values: Mapping[str, float]) -> "Mechanism":
+        """Return the mechanism with one input perturbed."""
         if not values:
             return self.mechanism
-        by = {name: values.get(name, UNIT) - UNIT for name in self.input_names}
-        cells, span = self.inputs.cells, AdvanceSpan()
-        return self.inputs.replaced({n: PerturbedInput.of(u, span, by[n], by[n]) for n, u in cells.items()})
+        change = {name: values.get(name, UNIT) - UNIT for name in self.input_names}
+        inputs, span = self.inputs.user_inputs, AdvanceSpan()
+        return self.inputs.replaced({n: PerturbedInput.of(u, span, change[n], change[n]) for n, u in inputs.items()})
 
     def jacobian(self, t: float, x: Array, u: Array | None = None) -> OdeJacobian:
         """Return the exact partial derivatives of x' with respect to x, t and u.
 
-        A directional derivative is ``J.x @ dx + J.u @ du``, an adjoint one ``bar @ J.x, bar @ J.u``.
+        A directional derivative is ``J.x @ dx + J.u @ du``, an adjoint ``bar @ J.x, bar @ J.u``.
 
         Raises:
             InputError, StepError: as a call.
@@ -132,9 +133,9 @@ class LocalODE(LocalCoordinates):
         moved, dx, dq, dv, ds = self.partials(t, x)
         both = rate[:, : 2 * nv + len(ds)] @ np.vstack([dq, dv, ds])
         both[:, -1] += rate[:, -1]
-        turned = np.column_stack([s.manifold.tangent_rate(moved, d, v) for d in dx.T])
-        turned += np.column_stack([s.manifold.tangent(moved, d) for d in dv.T])
-        out = np.vstack([self._N.T @ (turned / D), self._Nv.T @ (both[nv : 2 * nv] / D), both[2 * nv : -1]])
+        tangent_rates = np.column_stack([s.manifold.tangent_rate(moved, d, v) for d in dx.T])
+        tangent_rates += np.column_stack([s.manifold.tangent(moved, d) for d in dv.T])
+        out = np.vstack([self._N.T @ (tangent_rates / D), self._Nv.T @ (both[nv : 2 * nv] / D), both[2 * nv : -1]])
         of_u = rate[:, s.ny : s.ny + len(self.u0)]
         by_u = np.vstack([np.zeros((k, len(self.u0))), self._Nv.T @ (of_u[nv : 2 * nv] / D), of_u[2 * nv : -1]])
         return OdeJacobian(out[:, :-1], out[:, -1], by_u)
@@ -144,11 +145,11 @@ def _ode_system(inputs: Inputs, native: ModuleType | None) -> Index2System:
     """Return a workspace.
 
     Raises:
-        InputError: for an input whose rate acts, or sampled controllers.
+        InputError: for an input whose rate enters the accelerations, or sampled controllers.
     """
     m = inputs.mechanism
-    if inputs.by_rate:
-        name = min(inputs.by_rate)
+    if inputs.rate_dependent:
+        name = min(inputs.rate_dependent)
         raise InputError(f"{m.title}: v' depends on the rate of input {name!r}, F(t, x, u) only on values")
     system = m.system(native=native)
     if samplers_of(system.laws):
@@ -157,10 +158,10 @@ def _ode_system(inputs: Inputs, native: ModuleType | None) -> Index2System:
 
 
 def max_coordinates(mechanism: "Mechanism") -> int:
-    """Return the number of local coordinates at the start; with modes, that of the idle mode, the largest.
+    """Return the number of local coordinates at the start; with modes, of the idle mode, which has the most.
 
     Raises:
-        InputError: for an input whose rate acts, or sampled controllers.
+        InputError: for an input whose rate enters the accelerations, or sampled controllers.
     """
     system = _ode_system(Inputs(mechanism), None)
     m = system.mechanism

@@ -1,9 +1,9 @@
-"""Symmetries of a mechanism: motions that its equations do not see, and by which a periodic motion may advance.
+"""Symmetries of a mechanism: motions that leave its equations invariant, by which a periodic motion may advance.
 
-A group element g(sigma) moves all bodies as one, oM_i -> exp(sigma xi) oM_i, or adds sigma to a cyclic joint. Its
-tangent D acts on dq and v; w = d(q)/d(sigma). The vertical is that of gravity, or z without it. On inclined ground,
-bodies may move down the steepest line or across it, xi = (d, 0), with A w = (d, 0) for all bodies and G w = 0 for the
-rows G of positions.
+A group element g(sigma) moves all bodies rigidly, oM_i -> exp(sigma xi) oM_i, or adds sigma to a cyclic joint. Its
+tangent D acts on dq and v; w = d(q)/d(sigma). The vertical is the direction of gravity, or z without gravity. On
+inclined ground, bodies may move along the line of steepest descent or across it, xi = (d, 0), with A w = (d, 0) for all
+bodies and G w = 0 for position-level rows G.
 """
 
 from collections.abc import Sequence
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 AXES = {"x": 0, "y": 1, "z": 2}  # axes of translations in the world
-MOTIONS = (*AXES, "incline", "level", "turn")  # motions of all bodies: along, across an incline, about the vertical
+MOTIONS = (*AXES, "incline", "level", "turn")  # translations; down and across an incline; rotation about the vertical
 ITERATIONS = 20
 
 
 def cyclic_joints(mech: "Mechanism") -> dict[str, str]:
-    """Return the joints of one coordinate by their names as symmetries: ``"x (joint)"`` where a motion has theirs."""
+    """Return the joints of one coordinate by name of their symmetry: ``"x (joint)"`` if a motion has the same name."""
     names = [n for n in mech.joint_names if mech.model.joints[mech.model.getJointId(n)].nv == 1]
     return {f"{n} (joint)" if n in MOTIONS else n: n for n in names}
 
@@ -62,19 +62,19 @@ class Symmetry:
         if not set(names).isdisjoint(MOTIONS):
             require_rigid(mech.model, "symmetries")
         if len(set(names)) < len(names):
-            raise InputError(f"a symmetry is named once, got {', '.join(names)}")
+            raise InputError(f"each symmetry may be named only once, got {', '.join(names)}")
         return tuple(cls(name, system) for name in names)
 
     @property
     def moves_bodies(self) -> bool:
-        """Whether it is a motion of all bodies, not of a joint."""
+        """Whether it is a rigid motion of all bodies, not a shift of a joint."""
         return self.name in MOTIONS
 
     def twist(self, q: Array) -> Array:
         """Return xi (6,) of a motion of all bodies, in world axes at the origin.
 
         Raises:
-            InputError: if there is no incline that the rows leave free.
+            InputError: if the rows do not allow translations along an incline.
         """
         if self.name in AXES:
             return np.eye(6)[AXES[self.name]]
@@ -97,7 +97,7 @@ class Symmetry:
         return np.concatenate([across / size, np.zeros(3)])
 
     def _free_translations(self, q: Array) -> Array:
-        """Return an orthonormal basis (3, k) of the translations that joints allow and rows of positions do not see."""
+        """Return an orthonormal basis (3, k) of the translations that joints and position-level rows allow."""
         s, A = self.system, self._jacobians(q).reshape(-1, self.system.nv)
         scales = s.mechanism.row_scales[s.constraints.positional]
         G = AllRows(s)(0.0, q)[1][s.constraints.positional] / scales[:, None]
@@ -109,7 +109,7 @@ class Symmetry:
         return U[:, : np.count_nonzero(sizes > VISIBLE)]
 
     def direction(self, q: Array) -> Array:
-        """Return w (nv,), the velocity at which all bodies move by the symmetry.
+        """Return w (nv,), the velocity of the symmetry motion.
 
         Raises:
             InputError: if the joints do not allow the motion.
@@ -130,11 +130,11 @@ class Symmetry:
         if not self.moves_bodies:
             return s.integrate(q, w)
         motion = pin.exp6(self.twist(q) * sigma)
-        targets = [motion * place for place in self._placements(q)]
+        targets = [motion * placement for placement in self._placements(q)]
         target = s.integrate(q, w)
         for _ in range(ITERATIONS):
-            here = self._placements(target)
-            errors = [pin.log6(t * h.inverse()).vector for t, h in zip(targets, here, strict=True)]
+            placements = self._placements(target)
+            errors = [pin.log6(t * p.inverse()).vector for t, p in zip(targets, placements, strict=True)]
             size = np.abs(errors).max(initial=0.0)
             if size <= SUM_ROUNDING:
                 break
@@ -143,16 +143,16 @@ class Symmetry:
         return target
 
     def tangent(self, q: Array, moved: Array, sigma: float) -> Array:
-        """Return D (nv, nv), which maps dq and v at q to those at g(sigma) q."""
+        """Return D (nv, nv), which maps dq and v at q to dq and v at g(sigma) q."""
         if not self.moves_bodies:
             return np.eye(self.system.nv)
         action = pin.exp6(self.twist(q) * sigma).action
         before, after = (self._jacobians(x).reshape(-1, self.system.nv) for x in (q, moved))
-        turned = np.vstack([action @ J for J in before.reshape(-1, 6, self.system.nv)])
-        return np.linalg.lstsq(after, turned, rcond=None)[0]
+        rotated = np.vstack([action @ J for J in before.reshape(-1, 6, self.system.nv)])
+        return np.linalg.lstsq(after, rotated, rcond=None)[0]
 
     def velocity_change(self, q: Array, v: Array) -> Array:
-        """Return d(D v)/d(sigma) at sigma = 0, (nv,): v turns where it is not in the body's axes."""
+        """Return d(D v)/d(sigma) at sigma = 0, (nv,); nonzero for components of v not in body axes."""
         if not self.moves_bodies:
             return np.zeros(self.system.nv)
         twist = pin.Motion(self.twist(q))
@@ -162,7 +162,7 @@ class Symmetry:
         return np.linalg.lstsq(J.reshape(-1, self.system.nv), right, rcond=None)[0]
 
     def _jacobian_rates(self, q: Array) -> Array:
-        """Return the rates of `_jacobians` while the bodies move by the symmetry, (n, 6, nv)."""
+        """Return the rates of `_jacobians` along the symmetry motion, (n, 6, nv)."""
         model, data, world = self.system.model, make_data(self.system.model, complete=True), pin.ReferenceFrame.WORLD
         pin.computeJointJacobiansTimeVariation(model, data, q, self.direction(q))
         return self._stacked([pin.getJointJacobianTimeVariation(model, data, i, world) for i in self.bodies])
@@ -174,7 +174,7 @@ class Symmetry:
 
     @property
     def bodies(self) -> list[int]:
-        """Joints that carry mass, and those at the ends of the tree: others between them need not follow."""
+        """Joints of bodies with mass, and leaves of the tree; massless intermediate bodies need not move rigidly."""
         model = self.system.mechanism.model
         ends = set(range(1, model.njoints)) - set(model.parents)
         return [i for i in range(1, model.njoints) if i in ends or model.inertias[i].mass > 0]
@@ -192,5 +192,5 @@ class Symmetry:
         return self._stacked([pin.getJointJacobian(s.model, s.workspace, i, world) for i in self.bodies])
 
     def _stacked(self, jacobians: list[Array]) -> Array:
-        """Return them as (n, 6, nv): Pinocchio returns (6,) where nv is 1."""
+        """Stack Jacobians to (n, 6, nv): Pinocchio returns (6,) where nv is 1."""
         return np.reshape(jacobians, (-1, 6, self.system.nv))

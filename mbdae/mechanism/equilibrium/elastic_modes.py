@@ -1,9 +1,9 @@
-"""Vibrations of flexible bodies in a mechanism: frequencies with the closures, frames free to move.
+"""Vibrations of flexible bodies in a mechanism: natural frequencies with the closures, at fixed configuration.
 
-    Z^T K Z x = w^2 Z^T M Z x,   G Z = 0,   K of the modes of flexible bodies alone
+    Z^T K Z x = w^2 Z^T M Z x,   G Z = 0,   K: stiffness of the modes of flexible bodies only
 
-With X = Z x, X^T M X = 1, the share of a vibration in a motion is eta = X^T K q / w^2: the coordinates of rigid motions
-have no stiffness.
+With X = Z x, X^T M X = 1, the modal coordinate of a vibration in a motion is eta = X^T K q / w^2: the coordinates of
+rigid-body motions have no stiffness.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -28,7 +28,7 @@ class ElasticModes(NamedTuple):
         ratios: damping ratios, (m,).
         rows: eta = rows q for the coordinates of the modes, (m, k).
         at, iq: velocities and coordinates of the modes, (k,).
-        labels: body and mode with most of the elastic energy, ``"mode 4 of rod"``.
+        labels: body and mode with the largest elastic energy, ``"mode 4 of rod"``.
     """
 
     frequencies: Array
@@ -61,6 +61,6 @@ def elastic_modes(system: "Index2System", t: float, q: Array) -> ElasticModes:
     elastic = squares > SUM_ROUNDING * squares[-1:].max(initial=0.0)
     X, w2 = Z @ x[:, elastic], squares[elastic]
     w = np.sqrt(w2)
-    most = (k[:, None] * X * X).argmax(axis=0)
+    dominant = (k[:, None] * X * X).argmax(axis=0)
     ratios = np.einsum("im,i,im->m", X, d, X) / (2 * w)
-    return ElasticModes(w, ratios, (k[:, None] * X / w2).T, at, iq, tuple(names[i] for i in most))
+    return ElasticModes(w, ratios, (k[:, None] * X / w2).T, at, iq, tuple(names[i] for i in dominant))

@@ -6,8 +6,8 @@ In coordinates y of the null space, q (+) Z y, with minimum-norm multipliers,
 
     rho = Z^T f,   H = -Z^T K Z,   K = d(f + G^T lam)/dq - S h_s^+ h_q
 
-States that h determines (currents) are functions of the configuration. An integrator, for which h_s is singular, adds a
-condition on the configuration, 0 = h, like the row of a closure; its state is the multiplier.
+States that h determines (currents) are functions of the configuration. An integrator, for which h_s is singular, adds
+a condition on the configuration, 0 = h, like a row of a closure; its state acts as the multiplier.
 """
 
 import warnings
@@ -42,15 +42,15 @@ class ForceBalance(NamedTuple):
     Attributes:
         q: configuration, (nq,).
         s: states, (ns,).
-        f: forces, (nv,).
-        load: scaled forces, (nv,).
+        f: all forces, (nv,).
+        load: the forces scaled by the load factor, (nv,).
         rho: Z^T f, (k,).
         H: -d rho/dy, (k, k).
         lam: multipliers of closures and drivers, (ng,).
         holding: holding forces or torques of the locked coordinates, N m or N, (m,).
         free: null space of the rows.
         size: |M^-1/2 f| without reactions: the reference for rho.
-        terms: sizes of the summed terms of K, (nv, nv), see `mbdae.mechanism.equilibrium.term_sizes`.
+        terms: magnitudes of the terms of K, (nv, nv), see `mbdae.mechanism.equilibrium.term_sizes`.
     """
 
     q: Array
@@ -67,7 +67,7 @@ class ForceBalance(NamedTuple):
 
     @property
     def indeterminate(self) -> Array:
-        """Whether a holding force is statically indeterminate, (m,): its row depends on others."""
+        """Whether each holding force is statically indeterminate, (m,), since its row depends on other rows."""
         first = len(self.lam)
         return (np.abs(self.free.dependent[first : first + len(self.holding)]) > VISIBLE).any(axis=1)
 
@@ -86,7 +86,7 @@ class Statics:
         t: time in s.
         v: constant velocities of locked coordinates, (nv,).
         locked: velocity indices of the locked coordinates.
-        loads: names of scaled forces, or ``"gravity"``.
+        loads: names of the forces to be scaled, or ``"gravity"``.
         mode: the mode, whose closed contacts are active. Clutches and stiction are ignored, with a warning.
 
     Raises:
@@ -138,7 +138,7 @@ class Statics:
         return ForceBalance(q, s, f, load, rho, H, lam[: system.ng], lam[system.ng : m], free, size, terms)
 
     def residual_forces(self, q: Array, s: Array) -> tuple[Array, NullSpace]:
-        """Return rho = Z^T f (k,) at a configuration, states near s, and the null space; no derivatives."""
+        """Return rho = Z^T f (k,) at a configuration, with states near s, and the null space, without derivatives."""
         _, _, f, _, free, *_ = self._loaded(q, s)
         return free.Z.T @ f, free
 
@@ -156,14 +156,14 @@ class Statics:
         units = np.append(self.units, np.where(size > 0, size, 1.0))
         return constraint_null_space(U, np.vstack([G, self.rows, R]), units, self.sizes.l), G, R
 
-    def term_sizes(self, here: ForceBalance) -> Array:
-        """Return the sizes of the terms of rho and of its changes by 1 rad or characteristic length, (k,)."""
-        return np.abs(here.free.Z.T) @ (here.terms @ self.sizes.l)
+    def term_sizes(self, balance: ForceBalance) -> Array:
+        """Return the magnitudes of the terms of rho, and of its changes over 1 rad or characteristic length, (k,)."""
+        return np.abs(balance.free.Z.T) @ (balance.terms @ self.sizes.l)
 
-    def residual(self, here: ForceBalance) -> float:
-        """Return the largest ratio of rho to the size of its terms, see `term_sizes`."""
-        rho = np.abs(here.rho)
-        return float(np.divide(rho, self.term_sizes(here), out=np.zeros_like(rho), where=rho > 0).max(initial=0.0))
+    def residual(self, balance: ForceBalance) -> float:
+        """Return the largest ratio of rho to the magnitude of its terms, see `term_sizes`."""
+        rho = np.abs(balance.rho)
+        return float(np.divide(rho, self.term_sizes(balance), out=np.zeros_like(rho), where=rho > 0).max(initial=0.0))
 
     def project(self, q: Array, s: Array) -> Array:
         """Project a configuration onto 0 = g and the conditions of integrators; locked coordinates keep their values.
@@ -194,7 +194,7 @@ class Statics:
     ) -> tuple[Array, Array, Array, Array]:
         """Return K = d(f + G^T lam)/dq (nv, nv), S = df/ds (nv, ns), h_q (ns, nv), h_s (ns, ns).
 
-        Those of the laws are appended to ``each``, see `ForceElements.partials`.
+        Partial derivatives of the laws are appended to ``each``, see `ForceElements.partials`.
         """
         system, nv = self.system, self.system.nv
         u, rows = np.concatenate([self.v, s, [0.0]]), np.arange(system.ng)
@@ -208,7 +208,7 @@ class Statics:
         return K, partials.D[:nv, nv:-1], partials.K[nv:-1], partials.D[nv:-1, nv:-1]
 
     def states(self, q: Array, s: Array) -> Array:
-        """Return the states (ns,) with h = 0; those that h does not determine remain as they are."""
+        """Return the states (ns,) with h = 0; states that h does not determine remain unchanged."""
         if not len(s):
             return s
         for _ in range(STATE_ITERATIONS):
@@ -237,8 +237,8 @@ class Statics:
 
 
 def partial_inverse(A: Array, e: Array) -> Array:
-    """Return X (n, n) with A X A = A, A (n, n) known to e (n, n): A^-1 on pivot rows and columns, 0 elsewhere."""
+    """Return X (n, n) with A X A = A, for A (n, n) with errors e (n, n): A^-1 on pivot rows and columns, else 0."""
     null, out = null_space(A, e), np.zeros_like(A)
-    rows, columns = null.rows[: len(null.others)], null.others
+    rows, columns = null.rows[: len(null.pivots)], null.pivots
     out[np.ix_(columns, rows)] = np.linalg.inv(A[np.ix_(rows, columns)])
     return out

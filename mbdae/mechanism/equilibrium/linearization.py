@@ -6,7 +6,7 @@ At a point with v constant along the motion, with position rows G_p and all rows
     y' = Z_p^T M ((W - ad Z_p) y + Z u),    dq' = dv - ad_v dq on quaternion and planar joints
     u' = Z^T ((K Z_p + D W) y + D Z u + S ds),    ds' = (h_q Z_p + h_v W) y + h_v Z u + h_s ds
 
-If all rows are positional, u is as long as y; with velocity rows (rolling) y is longer than u. K contains
+If all rows are positional, y and u have the same length; with velocity rows (rolling) y is longer than u. K contains
 d(G^T lam)/dq with the multipliers of the motion.
 """
 
@@ -29,7 +29,7 @@ class LinearMotion(NamedTuple):
 
     Attributes:
         q, v, s: the point, (nq,), (nv,), (ns,).
-        A: (n, n).
+        A: system matrix, (n, n).
         positions: Z_p, (nv, k).
         speeds: Z, (nv, m).
         velocity_map: W, (nv, k).
@@ -68,7 +68,7 @@ class LinearMotion(NamedTuple):
         return out
 
 
-def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
+def linearize_at(statics: "Statics", balance: "ForceBalance") -> LinearMotion:
     """Linearize at an equilibrium or a steady motion.
 
     Raises:
@@ -76,19 +76,19 @@ def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
     """
     system, v, nv = statics.system, statics.v, statics.system.nv
     system.closure_friction.reject("a linearization")
-    lam = here.lam
-    u = np.concatenate([v, here.s, [0.0]])
+    lam = balance.lam
+    u = np.concatenate([v, balance.s, [0.0]])
     each: list[Array] = []
-    partials = equation_partials(system, statics.t, here.q, u, np.zeros(nv), lam, np.arange(system.ng), each)
+    partials = equation_partials(system, statics.t, balance.q, u, np.zeros(nv), lam, np.arange(system.ng), each)
     M, K, D = partials.E[:nv, :nv], partials.K[:nv], partials.D[:nv, :nv]
     S, hq = partials.D[:nv, nv:-1], partials.K[nv:-1]
     hv, hs = partials.D[nv:-1, :nv], partials.D[nv:-1, nv:-1]
     G, units = np.vstack([partials.G, statics.rows]), statics.units
     positional = np.concatenate([system.constraints.positional, np.ones(len(statics.rows), bool)])
-    free = constraint_null_space(here.free.U, G, units, statics.sizes.l)
+    free = constraint_null_space(balance.free.U, G, units, statics.sizes.l)
     Z = Zp = free.Z
     if not positional.all():
-        Zp = constraint_null_space(here.free.U, G[positional], units[positional], statics.sizes.l).Z
+        Zp = constraint_null_space(balance.free.U, G[positional], units[positional], statics.sizes.l).Z
     B = np.vstack([partials.B, np.zeros((len(statics.rows), nv))])
     W = -free.minimum_norm_solution(B @ Zp) if len(G) else np.zeros((nv, Zp.shape[1]))
     ad = np.zeros((nv, nv))
@@ -96,55 +96,56 @@ def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
         ad[at, at] = ad_of(v[at])
     stiffness, damping = Z.T @ (K @ Zp + D @ W), Z.T @ D @ Z
     A = np.block([
-        [Zp.T @ M @ (W - ad @ Zp), Zp.T @ M @ Z, np.zeros((Zp.shape[1], len(here.s)))],
+        [Zp.T @ M @ (W - ad @ Zp), Zp.T @ M @ Z, np.zeros((Zp.shape[1], len(balance.s)))],
         [stiffness, damping, Z.T @ S],
         [hq @ Zp + hv @ W, hv @ Z, hs],
     ])  # fmt: skip
     sizes = statics.sizes
     sizes_D = np.abs(D) + sizes.partials(each)[1]
-    size_D = sizes.damping(np.linalg.norm(here.free.U, axis=0), sizes_D)
+    size_D = sizes.damping(np.linalg.norm(balance.free.U, axis=0), sizes_D)
     z, zp, m = np.abs(Z), np.abs(Zp), np.abs(M)
     w = np.maximum(np.abs(W), sizes.speed * zp)  # W comes from a pseudoinverse
     noise = EPS * np.block([
-        [zp.T @ m @ (w + np.abs(ad) @ zp), zp.T @ m @ z, np.zeros((zp.shape[1], len(here.s)))],
-        [z.T @ (here.terms @ zp + size_D @ w), z.T @ size_D @ z, z.T @ np.abs(S)],
+        [zp.T @ m @ (w + np.abs(ad) @ zp), zp.T @ m @ z, np.zeros((zp.shape[1], len(balance.s)))],
+        [z.T @ (balance.terms @ zp + size_D @ w), z.T @ size_D @ z, z.T @ np.abs(S)],
         [sizes.states(hq) @ zp + sizes.states(hv) @ w, sizes.states(hv) @ z, sizes.states(hs)],
     ])  # fmt: skip
-    return LinearMotion(here.q, v, here.s, A, Zp, Z, W, free, -damping, -stiffness, noise)
+    return LinearMotion(balance.q, v, balance.s, A, Zp, Z, W, free, -damping, -stiffness, noise)
 
 
-def require_steady(statics: "Statics", here: "ForceBalance") -> None:
-    """Require an equilibrium or a steady motion.
+def require_steady(statics: "Statics", balance: "ForceBalance") -> None:
+    """Check for an equilibrium or a steady motion.
 
-    The residuals of forces, velocities and rates are compared with the sizes of their terms, and with the changes of
-    these terms by 1 rad or characteristic length of the coordinates.
+    The residuals of forces, velocities and rates are compared with the magnitudes of their terms, and with the changes
+    of these terms over 1 rad or characteristic length of the coordinates.
 
     Raises:
         InputError: names the joint that accelerates.
     """
     system, v, sizes = statics.system, statics.v, statics.sizes
-    G = system.jacobian(here.q)
-    free = constraint_null_space(here.free.U, np.vstack([G, statics.rows]), statics.units, sizes.l)
-    z, residual = np.abs(free.Z), free.Z @ (free.Z.T @ statics.force(here.q, here.s))
+    G = system.jacobian(balance.q)
+    free = constraint_null_space(balance.free.U, np.vstack([G, statics.rows]), statics.units, sizes.l)
+    z, residual = np.abs(free.Z), free.Z @ (free.Z.T @ statics.force(balance.q, balance.s))
     if v.any():
         g_t, units = system.g_t(statics.t), statics.units[: len(G)]
         if (np.abs(G @ v + g_t) > VISIBLE * (np.abs(G) @ np.abs(v) + np.abs(g_t) + units * sizes.speed)).any():
             raise InputError("these velocities do not satisfy the closures: give those of a steady motion")
-        loops = constraint_null_space(here.free.U, G, units, sizes.l)
-        residual = residual - loops.minimum_norm_solution(system.gamma(here.q, v, statics.t))
-    terms = z @ (z.T @ (here.terms @ sizes.l)) + sizes.l * sizes.speed**2
+        loops = constraint_null_space(balance.free.U, G, units, sizes.l)
+        residual = residual - loops.minimum_norm_solution(system.gamma(balance.q, v, statics.t))
+    terms = z @ (z.T @ (balance.terms @ sizes.l)) + sizes.l * sizes.speed**2
     if (np.abs(residual) > VISIBLE * terms).any():
         worst = int((np.abs(residual) / sizes.l).argmax())
         name, size = system.mechanism.coordinate_joint(worst), abs(residual[worst])
-        raise InputError(f"this is no equilibrium and no steady motion: joint {name!r} accelerates by {size:.3g}")
-    K, _, hq, hs = statics.partials(here.q, here.s, here.lam)
+        moves = f"joint {name!r} accelerates by {size:.3g}"
+        raise InputError(f"this is neither an equilibrium nor a steady motion: {moves}")
+    K, _, hq, hs = statics.partials(balance.q, balance.s, balance.lam)
     resting = v[statics.locked] == 0  # coordinates that move steadily need a constant torque
     fixed, at = np.vstack([G, statics.rows[resting]]), np.append(np.ones(len(G), bool), resting)
-    moving = constraint_null_space(here.free.U, fixed, statics.units[at], sizes.l).Z
-    change, scale = moving.T @ K @ v, VISIBLE * sizes.speed * (np.abs(moving.T) @ (here.terms @ sizes.l))
+    moving = constraint_null_space(balance.free.U, fixed, statics.units[at], sizes.l).Z
+    change, scale = moving.T @ K @ v, VISIBLE * sizes.speed * (np.abs(moving.T) @ (balance.terms @ sizes.l))
     if (np.abs(change) > scale).any() or (np.abs(hq @ v) > VISIBLE * sizes.speed * (np.abs(hq) @ sizes.l)).any():
         name = system.mechanism.coordinate_joint(int((np.abs(moving @ change) / sizes.l).argmax()))
         raise InputError(f"these velocities are not steady: the forces change along the motion, most at joint {name!r}")
-    rate = np.abs(hq) @ sizes.l + np.abs(hs) @ np.abs(here.s)
-    if (np.abs(statics.rates(here.q, here.s)[0]) > VISIBLE * rate).any():
-        raise InputError("this is no equilibrium: states of controllers or motors change")
+    rate = np.abs(hq) @ sizes.l + np.abs(hs) @ np.abs(balance.s)
+    if (np.abs(statics.rates(balance.q, balance.s)[0]) > VISIBLE * rate).any():
+        raise InputError("this is not an equilibrium: states of controllers or motors change")

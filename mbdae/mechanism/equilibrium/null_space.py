@@ -3,8 +3,8 @@
     M = U^T U,   R^-1 G U^-1 = P S V^T,   rank r,   Z = U^-1 V_2:   G Z = 0,  Z^T M Z = 1
 
 R = diag(row scales) makes the rank independent of units. Statics and modes move along Z and then close the loops by
-Gauss-Newton steps of smallest norm in the coordinates: in the mass metric a light body would take the whole correction,
-even if it cannot close the loop.
+Gauss-Newton steps of minimum norm in the coordinates: in the mass metric a light body would receive the entire
+correction, even if it cannot close the loop.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
 
 ITERATIONS = 20
-MAX_REMAINING = 0.5  # fraction of a residual after a full correction: a larger one is rounding, or the step overshoots
+MAX_REMAINING = 0.5  # largest fraction of a residual after a full correction; more is rounding or an overshoot
 STEP_FACTORS = (1.0, 0.5, 0.25, 0.125)  # factors of corrections
 NO_INDICES = np.empty(0, int)
 ResidualFunction = Callable[[Array], tuple[Array, Array]]
@@ -35,9 +35,9 @@ class NullSpace(NamedTuple):
 
     Attributes:
         U: Cholesky factor of M = U^T U, (nv, nv).
-        P, S, V: of R^-1 G U^-1 = P diag(S) V^T, truncated to the rank, (m, r), (r,), (nv, r).
+        P, S, V: factors of R^-1 G U^-1 = P diag(S) V^T, truncated to the rank, (m, r), (r,), (nv, r).
         Z: basis of the null space, (nv, k), G Z = 0, Z^T M Z = 1.
-        dependent: orthonormal multipliers without a force, G^T lam = 0, (m, m - r).
+        dependent: orthonormal basis of multipliers without force, G^T lam = 0, (m, m - r).
         scale: unit scales of the rows, (m,).
     """
 
@@ -51,7 +51,7 @@ class NullSpace(NamedTuple):
 
     @property
     def smallest(self) -> float:
-        """Smallest of the singular values that are not zero, whose number is the rank; 1 without rows."""
+        """Smallest nonzero singular value; 1 without rows."""
         return float(self.S[-1]) if len(self.S) else 1.0
 
     def multipliers(self, f: Array) -> Array:
@@ -89,11 +89,11 @@ def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) 
 def project_configuration(
     system: "Index2System", t: float, q: Array, more: ResidualFunction | None = None, *, locked: Array = NO_INDICES
 ) -> Array:
-    """Project a configuration onto 0 = g and further rows, to rounding; return it, (nq,).
+    """Project a configuration (nq,) onto 0 = g and further rows, to rounding.
 
-    Gauss-Newton steps have the smallest norm in rad and characteristic lengths; a step shortened by a factor is taken
-    if it reduces the residual by at least half of that factor. Coordinates with the velocity indices ``locked`` keep
-    their values.
+    Gauss-Newton steps have minimum norm in rad and characteristic lengths; a step reduced by a factor is accepted if it
+    reduces the residual by at least half of that factor. Coordinates with the velocity indices ``locked`` keep their
+    values.
 
     Raises:
         StepError: if rows remain violated.

@@ -1,22 +1,23 @@
 """Eigenvalues of a matrix whose entries are known up to rounding.
 
-The error bound e of a matrix A, |dA| <= e in each entry, is eps times the sizes of the summed terms. The linearized
-motion [0 1; -M^-1 K  -M^-1 D] contains ones and squares of frequencies, so no norm decides which of its entries are
-zero. Here an entry is zero if none of its digits is significant, |a| <= 100 e, whatever units and other motions are.
+The error bound e of a matrix A, |dA| <= e in each entry, is eps times the magnitudes of the summed terms. The
+linearized motion [0 1; -M^-1 K  -M^-1 D] contains ones and squares of frequencies, so that no norm decides which of its
+entries are zero. An entry is treated as zero if none of its digits is significant, |a| <= 100 e, independently of units
+and of other motions.
 
 The rank comes from elimination in the order of certainty, |a|/e, which is invariant under scaling of rows and columns,
-with a running error bound. Null vectors X = [1 in the free columns f; B in the others o] are deflated along unit
+with a running error bound. Null vectors X = [1 in the free columns f; B in the pivot columns o] are deflated along unit
 vectors,
 
     A <- A_oo - B A_fo,   e <- e_oo + |B| e_fo + eps |B| |A_fo|,
 
 repeatedly, since zeros form Jordan chains (rigid motions and their velocities). An orthonormal complement would mix the
-largest frequencies into the smallest ones. Source of the bound: Wilkinson, Rounding Errors in Algebraic Processes
-(1963); of the eigenvalues' errors: Stewart, Sun, Matrix Perturbation Theory (1990), theorem IV.2.3.
+largest frequencies into the smallest. Source of the bound: Wilkinson, Rounding Errors in Algebraic Processes (1963);
+of the errors of eigenvalues: Stewart, Sun, Matrix Perturbation Theory (1990), theorem IV.2.3.
 
 With left and right vectors y and x, the real part of an eigenvalue is known to sum |Re(conj(y_i) x_j / y^H x)| e_ij,
-and the imaginary part to the same sum with Im. Without damping, errors of the stiffness change frequencies alone, so a
-damping ratio of 1e-12 is known next to a stiffness that is known to 1e-10. Parts that are rounding are exactly 0.
+and the imaginary part to the same sum with Im. Without damping, errors of the stiffness change only frequencies, so
+that a damping ratio of 1e-12 is significant although the stiffness is known to 1e-10. Insignificant parts are set to 0.
 """
 
 from typing import NamedTuple
@@ -33,30 +34,30 @@ solve_triangular = lazy_import("scipy.linalg", "solve_triangular")
 CERTAIN = 100.0  # multiple of its rounding error above which a number is known to be nonzero
 
 
-class Null(NamedTuple):
-    """Null space of a matrix, x_o = B x_f.
+class MatrixNullSpace(NamedTuple):
+    """MatrixNullSpace space of a matrix, x_o = B x_f.
 
     Attributes:
-        rows: in the order of their pivots, rows without pivot last.
-        others: columns o with a pivot, (r,).
+        rows: rows in the order of their pivots, rows without pivot last.
+        pivots: columns o with a pivot, (r,).
         free: columns f without a pivot, (n - r,).
-        B: (r, n - r).
+        B: null vectors in the pivot columns, (r, n - r).
     """
 
     rows: Array
-    others: Array
+    pivots: Array
     free: Array
     B: Array
 
     @property
     def vectors(self) -> Array:
-        """Null vectors, (n, n - r)."""
-        out = np.zeros((len(self.others) + len(self.free), len(self.free)))
-        out[self.free], out[self.others] = np.eye(len(self.free)), self.B
+        """MatrixNullSpace vectors, (n, n - r)."""
+        out = np.zeros((len(self.pivots) + len(self.free), len(self.free)))
+        out[self.free], out[self.pivots] = np.eye(len(self.free)), self.B
         return out
 
 
-def null_space(A: Array, e: Array) -> Null:
+def null_space(A: Array, e: Array) -> MatrixNullSpace:
     """Return the null space of A (m, n), whose entries are known to e (m, n)."""
     a, (m, n) = A.astype(float), A.shape
     e = np.maximum(e, EPS * np.abs(a))
@@ -79,14 +80,14 @@ def null_space(A: Array, e: Array) -> Null:
         a[r + 1 :, r] = 0.0
         r += 1
     B = -solve_triangular(a[:r, :r], a[:r, r:]) if r else np.empty((0, n))
-    return Null(rows, columns[:r], columns[r:], B)
+    return MatrixNullSpace(rows, columns[:r], columns[r:], B)
 
 
 class Spectrum(NamedTuple):
     """Eigenvalues of A (n, n), exact zeros first.
 
     Attributes:
-        values: (n,), complex; parts that are rounding are exactly 0.
+        values: eigenvalues (n,), complex; insignificant real and imaginary parts are 0.
         vectors: right eigenvectors as columns, (n, n), complex; 0 for zeros of a chain without an eigenvector.
         known: whether each value is larger than 100 times its rounding error, (n,); true for exact zeros.
     """
@@ -101,7 +102,7 @@ class Spectrum(NamedTuple):
         return self.known & (self.values.real > 0)
 
     def sorted(self, order: Array) -> "Spectrum":
-        """The same spectrum in another order."""
+        """Return the spectrum in another order."""
         return Spectrum(self.values[order], self.vectors[:, order], self.known[order])
 
 
@@ -109,10 +110,10 @@ def spectrum(A: Array, e: Array) -> Spectrum:
     """Return eigenvalues and eigenvectors of A (n, n), whose entries are known to e (n, n)."""
     n = len(A)
     rest, bound, at = A, np.maximum(e, EPS * np.abs(A)), np.arange(n)
-    deflated: list[tuple[Array, Null, Array]] = []  # indices, null space, A_fo
+    deflated: list[tuple[Array, MatrixNullSpace, Array]] = []  # indices, null space, A_fo
     while len(rest):
         null = null_space(rest, bound)
-        o, f = null.others, null.free
+        o, f = null.pivots, null.free
         if not len(f):
             break
         deflated.append((at, null, rest[np.ix_(f, o)]))
@@ -132,20 +133,20 @@ def spectrum(A: Array, e: Array) -> Spectrum:
     return Spectrum(values, vectors, known)
 
 
-def _lift(vectors: Array, values: Array, indices: Array, null: Null, A_fo: Array) -> None:
+def _lift(vectors: Array, values: Array, indices: Array, null: MatrixNullSpace, A_fo: Array) -> None:
     """Lift eigenvectors of the deflated matrix by null vectors X: x + X c with c = A_fo x / lambda."""
-    x = vectors[indices[null.others]]
+    x = vectors[indices[null.pivots]]
     c = A_fo @ x / values
     vectors[indices[null.free]] = c
-    vectors[indices[null.others]] = x + null.B @ c
+    vectors[indices[null.pivots]] = x + null.B @ c
 
 
 def _eigenvalues(A: Array, e: Array) -> tuple[Array, Array, Array]:
     """Return eigenvalues (n,), right vectors (n, n) and which eigenvalues are known (n,) of a regular A (n, n).
 
-    Rayleigh quotients y^H A x / y^H x remove contributions of the largest values to the smallest. Where y^H x is
-    rounding, as for critical damping, values remain as found, with the error sqrt(d g) of double roots,
-    (lambda - mean)^2 = (g/2)^2 + d g: g is the distance to the nearest value, d the error of first order.
+    Rayleigh quotients y^H A x / y^H x remove contributions of the largest values to the smallest. Where y^H x is zero
+    within rounding, as for critical damping, the computed values are kept, with the error sqrt(d g) of double roots,
+    (lambda - mean)^2 = (g/2)^2 + d g: g is the distance to the nearest value, d the first-order error.
     """
     found, left, right = eig(A, left=True, right=True)
     found, left, right = found.astype(complex), left.astype(complex), right.astype(complex)
@@ -161,7 +162,7 @@ def _eigenvalues(A: Array, e: Array) -> tuple[Array, Array, Array]:
     known = CERTAIN * error < size
     errors = np.where(known, error, 0.0) * (1 + 1j)
     for k in np.flatnonzero(single):
-        partials = np.outer(left[:, k].conj() / angles[k], right[:, k])  # of the value by A
+        partials = np.outer(left[:, k].conj() / angles[k], right[:, k])  # of the value with respect to A
         errors[k] = complex((np.abs(partials.real) * e).sum(), (np.abs(partials.imag) * e).sum())
     values.real[np.abs(values.real) <= CERTAIN * np.maximum(errors.real, EPS * size)] = 0.0
     values.imag[np.abs(values.imag) <= CERTAIN * np.maximum(errors.imag, EPS * size)] = 0.0
@@ -195,7 +196,7 @@ class Curvature(NamedTuple):
 
 
 def scale_of(e: Array) -> Array:
-    """Return d (k,), where d_i^2 is the size of the terms of entry (i, i) of a matrix known to e (k, k); 1 if 0."""
+    """Return d (k,): d_i^2 is the magnitude of the terms of entry (i, i) of a matrix known to e (k, k); 1 if 0."""
     size = np.sqrt(e.diagonal() / EPS)
     return np.where(size > 0, size, 1.0)
 

@@ -1,4 +1,4 @@
-"""Sizes of the terms that are summed in derivatives of forces; eps times the size is the rounding error of a sum.
+"""Magnitudes of the terms summed in derivatives of forces: eps times a magnitude is the rounding error of the sum.
 
 With mu_i = sqrt(M_ii), coordinates in units of l_i (1 rad, or the mechanism's characteristic length), the stiffness of
 coordinate i is known to eps mu_i^2 rho_i, where rho_i in 1/s^2 is the largest of
@@ -19,11 +19,11 @@ from ...system import Array
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
 
-DIFFERENCE_ERROR = 2e5  # error of finite differences of Python functions, in roundings
+DIFFERENCE_ERROR = 2e5  # error of finite differences of Python functions, in units of rounding
 
 
 class TermSizes:
-    """Sizes of the terms of a mechanism at constant velocities.
+    """Magnitudes of the terms of a mechanism at constant velocities.
 
     Args:
         system: a workspace.
@@ -42,10 +42,10 @@ class TermSizes:
         self.joint = np.repeat(np.arange(len(self.starts)), list(model.nvs)[1:])
         masses = [sum(model.inertias[i].mass for i in tree) for tree in list(model.subtrees)[1:]]
         self.weight = (float(np.linalg.norm(model.gravity.linear)) * np.sqrt(masses))[self.joint]
-        self.errors = [DIFFERENCE_ERROR if law.differenced else 1.0 for law, _ in system.laws.acting]
+        self.errors = [DIFFERENCE_ERROR if law.finite_differences else 1.0 for law, _ in system.laws.acting]
 
     def forces(self, t: float, q: Array, s: Array) -> Array:
-        """Return the sum of the sizes of all laws, (nv,); kinematics must be current at q and v."""
+        """Return the sum of the magnitudes of all laws, (nv,); kinematics must be current at q and v."""
         out = np.zeros(len(self.v))
         for (law, at), error in zip(self.system.laws.acting, self.errors, strict=True):
             conservative, other, _ = law.evaluate(t, q, self.v, s[at])
@@ -53,7 +53,7 @@ class TermSizes:
         return out
 
     def partials(self, each: list[Array]) -> tuple[Array, Array]:
-        """Return sums of sizes of the partials of ``each`` law with respect to q and v, (nv, nv) each."""
+        """Return the summed magnitudes of the partials of ``each`` law with respect to q and v, (nv, nv) each."""
         nv = len(self.v)
         out = np.zeros((nv, 2 * nv))
         for D, error in zip(each, self.errors, strict=True):
@@ -61,32 +61,32 @@ class TermSizes:
         return out[:, :nv], out[:, nv:]
 
     def states(self, X: Array) -> Array:
-        """Return the sizes of the terms of partial derivatives X (ns, ...) of the state rates."""
+        """Return the magnitudes of the terms of partial derivatives X (ns, ...) of the state rates."""
         out = np.abs(X)
         for (law, at), error in zip(self.system.laws.acting, self.errors, strict=True):
-            if law.differenced:
+            if law.finite_differences:
                 out[at] = error * out[at].max(1, keepdims=True, initial=0.0)
         return out
 
     def stiffness(self, mu: Array, forces: Array, K: Array) -> Array:
-        """Return the sizes of the terms of K, (nv, nv).
+        """Return the magnitudes of the terms of K, (nv, nv).
 
         Args:
             mu: square roots of the diagonal of M, (nv,).
-            forces: sizes of the forces on each coordinate, (nv,).
-            K: sizes of the partial derivatives, (nv, nv).
+            forces: magnitudes of the forces on each coordinate, (nv,).
+            K: magnitudes of the partial derivatives, (nv, nv).
         """
         moments = np.maximum.reduceat(forces * self.l, self.starts)[self.joint]
         floor = np.maximum(moments / (mu * self.l), self.weight) / (mu * self.l)
-        return at_least_implied(mu, K, np.maximum(floor, self.speed**2))
+        return increased_to_implied(mu, K, np.maximum(floor, self.speed**2))
 
     def damping(self, mu: Array, D: Array) -> Array:
-        """Return the sizes of the terms of D, (nv, nv), from the sizes of the partial derivatives."""
-        return at_least_implied(mu, D, np.full(len(mu), self.speed))
+        """Return the magnitudes of the terms of D, (nv, nv), from those of the partial derivatives."""
+        return increased_to_implied(mu, D, np.full(len(mu), self.speed))
 
 
-def at_least_implied(mu: Array, X: Array, floor: Array) -> Array:
-    """Return sizes X (nv, nv), increased to the smallest size that row and column imply (see the module)."""
+def increased_to_implied(mu: Array, X: Array, floor: Array) -> Array:
+    """Return magnitudes X (nv, nv), increased to the bounds implied by their rows and columns (see the module)."""
     scaled = X / np.outer(mu, mu)
     rates = np.maximum(floor, np.maximum(scaled.max(0, initial=0.0), scaled.max(1, initial=0.0)))
     root = mu * np.sqrt(rates)

@@ -1,12 +1,12 @@
-"""Straight beams: elements of Hermite with shear, consistent mass at Gauss points, modes of the free pencil.
+"""Straight beams: Hermite elements with shear, consistent mass at Gauss points, and modes for end conditions.
 
     EI theta'' + k (v' - theta) = rho I theta_tt,   k (v'' - theta') = rho A v_tt,   EA u'' = rho A u_tt
 
-along x of the body's frame, from its origin to (length, 0, 0), in both planes; k is the stiffness against shear.
-Without shear (Euler and Bernoulli) theta = v', and rotary inertia of cross-sections counts about x alone.
+along x of the body's frame, from its origin to (length, 0, 0), in both planes; k is the shear stiffness.
+Without shear (Euler-Bernoulli beams) theta = v', and cross-sections have rotary inertia only about x.
 
-Modes of each direction are computed for EI = rho A = 1: they do not depend on modulus and density, nor on the section
-without shear. Their modal mass is the mass of the beam, so a modal coordinate is a mean deflection in m.
+Modes of each direction are computed for EI = rho A = 1: they do not depend on modulus and density, and without shear
+not on the section. Their modal mass is the mass of the beam, so a modal coordinate is a mean deflection in m.
 
 Source of the elements: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), chapter 11.
 """
@@ -19,7 +19,7 @@ import numpy as np
 
 from ...errors import InputError, UnknownNameError
 from ...system import Array
-from .beam_modes import ENDS, TURNS, Direction, Elements, Shapes
+from .beam_modes import ENDS, ROTATION_AXES, Direction, Elements, Shapes
 from .checked_numbers import array, integer, real, require_loads
 from .modal_body import ModalBody, Node
 from .points import OutlinePoints
@@ -49,37 +49,37 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
     loads: Sequence[str] = (),
     nodes: Mapping[str, float] | None = None,
 ) -> ModalBody:
-    """Return a straight beam as a modal body with its lowest modes, which rise next to the left end.
+    """Return a straight beam as a modal body with its lowest modes, which are positive near the left end.
 
     Args:
-        length: m, along x from the origin of the frame.
-        young: modulus in N/m^2.
-        density: kg/m^3.
-        area: of the cross-section, in m^2.
-        second_moment: of area for bending along y, and along z if it differs, in m^4.
-        modes: number of normal modes; `loads` are further ones.
+        length: length in m, along x from the origin of the frame.
+        young: Young's modulus in N/m^2.
+        density: density in kg/m^3.
+        area: area of the cross-section in m^2.
+        second_moment: second moment of area for bending along y, and along z if it differs, in m^4.
+        modes: number of normal modes; each of the `loads` adds a mode.
         elements: number of elements of equal length.
         ends: displacements that the frame prevents at the left and at the right end: ``"clamped"`` (a cantilever),
             ``"pinned"`` (the frame is the chord between both), ``"clamped-clamped"`` or ``"clamped-pinned"``.
         plane: bending along ``"y"``, along ``"z"``, or both, ``"space"``.
         axial: whether the beam also stretches.
-        damping: ratio of each mode, those of loads too, by frequency; or one for all.
+        damping: damping ratio of each mode by frequency, including modes of loads; or one ratio for all modes.
         polar_moment: second moment of area about x in m^4; without it, or shear, a beam has no inertia about its axis.
-        shear_stiffness: shear coefficient x shear modulus x area in N, of a beam of Timoshenko with rotary inertia;
-            0 for a beam of Euler and Bernoulli, which is rigid against shear.
-        fibre: position (y, z) in the cross-section in m whose strain and stress nodes report; without it those by
-            stretching alone, of axial beams.
-        stiffening: whether bending shortens the beam along x, by the integral of v'^2 / 2: tension then stiffens it,
-            and compression makes it buckle.
-        loads: deflections that modes represent exactly, in addition to normal modes: by the weight, ``"gravity y"``,
-            or by a force or a moment on a node, ``"force y B"``, ``"moment z B"``.
-        nodes: names of nodes and their positions along x in m, at ends of elements; A and B at both
-            ends if omitted.
+        shear_stiffness: shear coefficient x shear modulus x area in N, of a Timoshenko beam with rotary inertia;
+            0 for an Euler-Bernoulli beam, which is rigid in shear.
+        fibre: position (y, z) in the cross-section in m at which nodes report strain and stress; if omitted, nodes of
+            axial beams report those of stretching.
+        stiffening: whether bending shortens the beam along x, by the integral of v'^2 / 2: tension then increases its
+            bending stiffness, and compression can cause buckling.
+        loads: loads whose deflections modes represent exactly, in addition to normal modes: the weight,
+            ``"gravity y"``, or a force or a moment on a node, ``"force y B"``, ``"moment z B"``.
+        nodes: names of nodes and their positions along x in m, at ends of elements; if omitted, A at the left end and
+            B at the right end.
 
     Raises:
         InputError: for values that are not positive, more modes than the elements have, negative damping, or a node
-            between elements.
-        UnknownNameError: for other ends, another plane or load.
+            inside an element.
+        UnknownNameError: for unknown ends, an unknown plane or load.
     """
     moments = _moments(second_moment)
     _require_numbers({"length": length, "young": young, "density": density, "area": area}, positive=True)
@@ -136,7 +136,7 @@ def _moments(second_moment: float | Sequence[float]) -> dict[str, float]:
 def _lowest_shapes(
     directions: Sequence[Direction], modes: int, loads: Sequence[str], elements_at: Mapping[str, tuple[int, float]]
 ) -> Shapes:
-    """Return the lowest modes of all directions, and deflections under loads, by frequency."""
+    """Return the lowest modes of all directions and modes of deflections under loads, by frequency."""
     number = sum(d.free for d in directions)
     if modes > number:
         elements = directions[0].grid.elements
@@ -145,10 +145,10 @@ def _lowest_shapes(
     require_loads(loads, [load for table in known for load in table])
     normal = [d.normal_modes(min(modes, d.free)) for d in directions]
     lowest = np.argsort(np.concatenate([squares for squares, _ in normal]), kind="stable")[:modes]
-    of_mode = np.repeat(np.arange(len(directions)), [len(squares) for squares, _ in normal])[lowest]
+    direction_of_mode = np.repeat(np.arange(len(directions)), [len(squares) for squares, _ in normal])[lowest]
     columns = []
     for i, (d, (squares, U)) in enumerate(zip(directions, normal, strict=True)):
-        k = int(np.count_nonzero(of_mode == i))
+        k = int(np.count_nonzero(direction_of_mode == i))
         found = squares[:k], U[:, :k]
         given = {load: known[i][load] for load in loads if load in known[i]}
         columns.append(d.with_loads(*found, given) if given else found)
@@ -161,15 +161,15 @@ def _loads(d: Direction, elements_at: Mapping[str, tuple[int, float]]) -> dict[s
     for name, (e, s) in elements_at.items():
         v, theta, _, _ = d.rows(e, s)
         out[f"force {d.axis} {name}"] = v
-        if d.axis in TURNS:
-            out[f"moment {TURNS[d.axis]} {name}"] = theta
+        if d.axis in ROTATION_AXES:
+            out[f"moment {ROTATION_AXES[d.axis]} {name}"] = theta
     return out
 
 
 def _node(
     shapes: Shapes, at: tuple[int, float, float], stiffening: bool, young: float, fibre: Sequence[float] | None
 ) -> Node:
-    """Return the node at an end of an element; its strain is the mean of both elements there, none without a fibre."""
+    """Return the node at an end of an element; its strain, if any, is the mean of the adjacent elements."""
     e, s, x = at
     displacement, rotation, strains = shapes.at(e, s)
     if s == 0 and e > 0:

@@ -21,7 +21,7 @@ from ...tolerances import RANK
 
 eigh = lazy_import("scipy.linalg", "eigh")
 
-GAUSS_POINTS = 4  # an element: products of cubic polynomials have degree 6
+GAUSS_POINTS = 4  # per element: products of cubic polynomials have degree 6
 DIRECTIONS = "xyz"
 ENDS = {  # displacements u, v, w and rotations about y, z that vanish at the left and at the right end
     "clamped": ("uvwyz", ""),
@@ -29,8 +29,8 @@ ENDS = {  # displacements u, v, w and rotations about y, z that vanish at the le
     "clamped-clamped": ("uvwyz", "uvwyz"),
     "clamped-pinned": ("uvwyz", "vw"),
 }
-TURNS = {"y": "z", "z": "y"}  # axis of the rotations of bending, by direction
-COORDINATES = {"x": "u", "y": "vz", "z": "wy"}  # coordinates of a node, by direction: displacement, rotation
+ROTATION_AXES = {"y": "z", "z": "y"}  # rotation axis of bending in each direction
+COORDINATES = {"x": "u", "y": "vz", "z": "wy"}  # displacement and rotation of a node, by direction
 
 
 class Elements:
@@ -50,12 +50,12 @@ class Elements:
         """Return the element and the position in it of an end of an element.
 
         Raises:
-            InputError: for a position between the ends of elements.
+            InputError: for a position inside an element.
         """
         i = int(np.abs(self.x - x).argmin())
         if not np.isclose(self.x[i], x, atol=0.0 if i else self.size * np.finfo(float).eps):
             ends = ", ".join(f"{a:.6g}" for a in self.x)
-            raise InputError(f"beam: node {name!r} at {x} m is no end of an element: {ends}")
+            raise InputError(f"beam: node {name!r} at {x} m is not at an end of an element: {ends}")
         return (i, 0.0) if i < self.elements else (i - 1, 1.0)
 
 
@@ -79,11 +79,11 @@ class Direction:
         self.width = len(names)
         fixed = dict(zip((0, grid.elements), ENDS[ends], strict=True))
         n = np.arange(self.width * (grid.elements + 1))
-        kept = [names[i % self.width] not in fixed.get(i // self.width, "") for i in n.tolist()]
-        self.at, self.free = n[kept], int(sum(kept))
+        is_free = [names[i % self.width] not in fixed.get(i // self.width, "") for i in n.tolist()]
+        self.free_coordinates, self.free = n[is_free], int(sum(is_free))
 
     def rows(self, e: int, s: float) -> Array:
-        """Return v, theta, v' and theta' at s in (0, 1) of an element by the coordinates, (4, n); u, 0, u', 0."""
+        """Return v, theta, v', theta' (stretching: u, 0, u', 0) at s in (0, 1) of an element as rows, (4, n)."""
         out, h = np.zeros((4, self.width * (self.grid.elements + 1))), self.grid.size
         if self.axis == "x":
             out[[0, 2], e], out[[0, 2], e + 1] = (1 - s, -1 / h), (s, 1 / h)
@@ -105,7 +105,7 @@ class Direction:
         return out
 
     def _pencil(self) -> tuple[Array, Array]:
-        """Return stiffness and mass of the coordinates that do not vanish."""
+        """Return stiffness and mass matrices of the free coordinates."""
         n = self.width * (self.grid.elements + 1)
         K, M = np.zeros((2, n, n))
         for e, s, w in self.grid.gauss():
@@ -115,7 +115,7 @@ class Direction:
             if self.shear:
                 K += w / self.shear * np.outer(dv - theta, dv - theta)
             M += w * (np.outer(v, v) + self.gyration * np.outer(theta, theta))
-        at = np.ix_(self.at, self.at)
+        at = np.ix_(self.free_coordinates, self.free_coordinates)
         return K[at], M[at]
 
     def weight(self) -> Array:
@@ -125,34 +125,34 @@ class Direction:
     def normal_modes(self, k: int) -> tuple[Array, Array]:
         """Return squares of frequencies (k,) in rad^2/s^2, ascending, and modes (n, k) of mean square 1."""
         K, M = self._pencil()
-        last = len(K) - k, len(K) - 1  # the largest eigenvalues of the inverse pencil are the most accurate
+        last = len(K) - k, len(K) - 1  # the largest eigenvalues of the inverse problem are the most accurate
         inverse, shapes = eigh(M, K, subset_by_index=last)
         return self._scaled(inverse, shapes)
 
     def with_loads(self, squares: Array, U: Array, loads: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Return modes of the span of k modes and of the deflections by l loads (n,), (k + l,) and (n, k + l).
+        """Return squares (k + l,) and modes (n, k + l) of the span of k modes and of deflections under l loads (n,).
 
         Raises:
             InputError: for a load whose deflection is in the span of modes and other loads, or zero.
         """
         K, M = self._pencil()
-        basis = U[self.at]
+        basis = U[self.free_coordinates]
         for load, f in loads.items():
-            static = np.linalg.solve(K, f[self.at])
+            static = np.linalg.solve(K, f[self.free_coordinates])
             size = np.sqrt(static @ M @ static)
-            for _ in range(2):  # twice: to rounding
+            for _ in range(2):  # the second pass removes rounding errors
                 static -= basis @ (basis.T @ (M @ static)) / self.grid.length
-            rest = np.sqrt(static @ M @ static)
-            if not rest > RANK * size:
+            remainder = np.sqrt(static @ M @ static)
+            if not remainder > RANK * size:
                 raise InputError(f"beam: the modes and other loads already represent {load!r}: leave it out")
-            basis = np.column_stack([basis, static * np.sqrt(self.grid.length) / rest])
+            basis = np.column_stack([basis, static * np.sqrt(self.grid.length) / remainder])
         inverse, x = eigh(basis.T @ M @ basis, basis.T @ K @ basis)
         return self._scaled(inverse, basis @ x)
 
     def _scaled(self, inverse: Array, shapes: Array) -> tuple[Array, Array]:
         U = np.zeros((self.width * (self.grid.elements + 1), len(inverse)))
-        U[self.at] = shapes[:, ::-1] * np.sqrt(self.grid.length / inverse[::-1])
-        rise = self.rows(0, self.grid.s[0])[0] @ U  # before the first zero of each mode
+        U[self.free_coordinates] = shapes[:, ::-1] * np.sqrt(self.grid.length / inverse[::-1])
+        rise = self.rows(0, self.grid.s[0])[0] @ U  # left of the first zero of each mode
         return self.scale / inverse[::-1], U * np.where(rise < 0, -1.0, 1.0)
 
 
@@ -163,7 +163,7 @@ class Shapes:
     Attributes:
         grid: the elements.
         squares: of the frequencies in rad^2/s^2, ascending, (k,).
-        parts: the directions, and their modes (n, k): zero in the columns of other directions.
+        parts: directions and their modes (n, k), with zeros in the columns of other directions.
     """
 
     grid: Elements
@@ -172,56 +172,56 @@ class Shapes:
 
     @classmethod
     def of(cls, directions: Sequence[Direction], columns: Sequence[tuple[Array, Array]]) -> "Shapes":
-        """Return the modes of some directions, squares and modes of each, by frequency."""
+        """Return the modes of directions by frequency, from squares and modes of each direction."""
         squares = np.concatenate([x for x, _ in columns])
         order, first, parts = np.argsort(squares, kind="stable"), 0, []
         for d, (x, U) in zip(directions, columns, strict=True):
-            wide = np.zeros((len(U), len(squares)))
-            wide[:, first : first + len(x)] = U
-            parts.append((d, wide[:, order]))
+            padded = np.zeros((len(U), len(squares)))
+            padded[:, first : first + len(x)] = U
+            parts.append((d, padded[:, order]))
             first += len(x)
         return cls(directions[0].grid, squares[order], tuple(parts))
 
     def at(self, e: int, s: float) -> tuple[Array, Array, Array]:
         """Return displacements and rotations of the cross-section, and u', theta' along y and z, (3, k) each."""
-        moved, turned, strains = np.zeros((3, 3, len(self.squares)))
+        displacements, rotations, strains = np.zeros((3, 3, len(self.squares)))
         for d, U in self.parts:
             v, theta, dv, dtheta = d.rows(e, s) @ U
             i = DIRECTIONS.index(d.axis)
-            moved[i], strains[i] = v, dv if d.axis == "x" else dtheta
+            displacements[i], strains[i] = v, dv if d.axis == "x" else dtheta
             if d.axis != "x":
-                turned[3 - i] = theta if d.axis == "y" else -theta
-        return moved, turned, strains
+                rotations[3 - i] = theta if d.axis == "y" else -theta
+        return displacements, rotations, strains
 
     def points(self, per_length: float, gyration: Mapping[str, float]) -> tuple[Array, Array, Array]:
         """Return points (n, 3), their masses (n,) and displacements (n, 3, k).
 
-        Each Gauss point is one point; with rotary inertia, pairs of them at the radius of gyration in each plane.
+        The points are the Gauss points, or with rotary inertia pairs at the radius of gyration in each plane.
         """
         offsets = [sign * np.sqrt(x * len(gyration)) * np.eye(3)[DIRECTIONS.index(axis)]
                    for axis, x in gyration.items() for sign in (1, -1)] or [np.zeros(3)]  # fmt: skip
         r, m, Phi = [], [], []
         for e, s, w in self.grid.gauss():
-            moved, turned, _ = self.at(e, s)
+            displacements, rotations, _ = self.at(e, s)
             for offset in offsets:
                 r.append(np.array([self.grid.x[e] + s * self.grid.size, 0.0, 0.0]) + offset)
                 m.append(w * per_length / len(offsets))
-                Phi.append(moved + np.cross(turned.T, offset).T)
+                Phi.append(displacements + np.cross(rotations.T, offset).T)
         return np.array(r), np.array(m), np.array(Phi)
 
     def shortening_at_points(self, n: int) -> Array:
-        """Return minus the integrals of v_i' v_j' up to the Gauss points, along x, (n, 3, k, k)."""
+        """Return the negative integrals of v_i' v_j' up to the Gauss points, along x, (n, 3, k, k)."""
         found = [self.shortening(e, s) for e, s, _ in self.grid.gauss()]
         return np.repeat(np.array(found), n // len(found), axis=0)
 
     def shortening(self, e: int, s: float) -> Array:
-        """Return minus the integrals of v_i' v_j' from the left end to s in an element, along x, (3, k, k)."""
-        out = np.zeros((3, *self._before[0].shape))
-        out[0] = -self._before[e] - self._integral(e, s)
+        """Return the negative integrals of v_i' v_j' from the left end to s in an element, along x, (3, k, k)."""
+        out = np.zeros((3, *self._shortening_before[0].shape))
+        out[0] = -self._shortening_before[e] - self._integral(e, s)
         return out
 
     @cached_property
-    def _before(self) -> Array:
+    def _shortening_before(self) -> Array:
         """Integrals from the left end to each element, (elements + 1, k, k)."""
         whole = np.array([self._integral(e, 1.0) for e in range(self.grid.elements)])
         return np.concatenate([np.zeros((1, *whole.shape[1:])), np.cumsum(whole, axis=0)])

@@ -1,8 +1,8 @@
-"""Input files of CalculiX: nodes and node sets of ``job.inp`` and its included files; stored matrices beside it.
+"""Input files of CalculiX: nodes and node sets of ``job.inp`` and its included files, and stored matrices.
 
-Keyword lines start with ``*`` and do not go on after a comma at their end, as they do in Abaqus; ``*NSET, ELSET=``
-gives the nodes of elements, as in Abaqus, where CalculiX 2.20 warns. ``*INCLUDE, INPUT=mesh.inp`` is relative to the
-folder of the job.
+Keyword lines start with ``*`` and do not continue after a trailing comma, unlike in Abaqus; ``*NSET, ELSET=`` selects
+the nodes of elements, as in Abaqus, while CalculiX 2.20 prints a warning. ``*INCLUDE, INPUT=mesh.inp`` is relative to
+the folder of the job.
 
 Source: G. Dhondt, CalculiX CrunchiX user's manual: input deck format, *NSET, *ELSET, *FREQUENCY.
 """
@@ -30,26 +30,26 @@ def calculix(path: Path) -> tuple[Array, csr_array, csr_array, Sets]:
         InputError: for a missing, incomplete or inconsistent file.
     """
     position, sets = _mesh(path)
-    place, at = _rows_of_nodes(path, position)
-    M, K = (_upper(path.with_suffix(suffix), np.array(place, int)) for suffix in (".mas", ".sti"))
-    named = {name: [at[i] for i in dict.fromkeys(ids) if i in at] for name, ids in sets.items() if name}
-    return np.array([position[number] for number in at]), M, K, named
+    columns, at = _columns_of_rows(path, position)
+    M, K = (_symmetric(path.with_suffix(suffix), np.array(columns, int)) for suffix in (".mas", ".sti"))
+    found = {name: [at[i] for i in dict.fromkeys(ids) if i in at] for name, ids in sets.items() if name}
+    return np.array([position[number] for number in at]), M, K, found
 
 
-def _rows_of_nodes(path: Path, position: Mapping[int, object]) -> tuple[list[int], dict[int, int]]:
-    """Return the displacement of each row of the matrices, and the indices of nodes by number."""
+def _columns_of_rows(path: Path, position: Mapping[int, object]) -> tuple[list[int], dict[int, int]]:
+    """Return the displacement index of each row of the matrix files, and the indices of nodes by number."""
     rows = [_numbers(line.split("."), path.with_suffix(".dof")) for line in _text(path.with_suffix(".dof")).split()]
     at = {number: i for i, number in enumerate(sorted({row[0] for row in rows}))}
-    place = [3 * at[row[0]] + row[-1] - 1 for row in rows]
-    if not place:
+    columns = [3 * at[row[0]] + row[-1] - 1 for row in rows]
+    if not columns:
         raise InputError(f"finite elements: {path.stem}.dof is empty")
-    if len(set(place)) < len(place) or not position.keys() >= at.keys():
-        text = f"{path.stem}.dof has displacements of nodes that {path.name} has not"
-        raise InputError(f"finite elements: {text}: CalculiX expands beams and shells; take solids")
-    if len(place) != 3 * len(at):
-        missing = 3 * len(at) - len(place)
-        raise InputError(f"finite elements: {path.stem}.dof: {missing} displacements are held; store a free body")
-    return place, at
+    if len(set(columns)) < len(columns) or not position.keys() >= at.keys():
+        text = f"{path.stem}.dof has displacements of nodes that {path.name} does not have"
+        raise InputError(f"finite elements: {text}: CalculiX expands beams and shells; use solids")
+    if len(columns) != 3 * len(at):
+        missing = 3 * len(at) - len(columns)
+        raise InputError(f"finite elements: {path.stem}.dof: {missing} displacements are fixed; store a free body")
+    return columns, at
 
 
 def _mesh(path: Path) -> tuple[dict[int, list[float]], Sets]:
@@ -77,15 +77,15 @@ def _mesh(path: Path) -> tuple[dict[int, list[float]], Sets]:
     return position, nodes
 
 
-def _lines(path: Path, folder: Path, above: tuple[Path, ...]) -> Iterator[str]:
-    """Yield lines of a file and of those that it includes, without comments."""
-    if path.resolve() in above:
+def _lines(path: Path, folder: Path, including: tuple[Path, ...]) -> Iterator[str]:
+    """Yield lines of a file and of included files, without comments."""
+    if path.resolve() in including:
         raise InputError(f"finite elements: {path.name} includes itself")
     for line in _text(path).splitlines():
         text = line.strip()
         if re.match(r"\*\s*INCLUDE\b", text, re.IGNORECASE):
             name = text.partition("=")[2].strip().strip("\"'")
-            yield from _lines(folder / name, folder, (*above, path.resolve()))
+            yield from _lines(folder / name, folder, (*including, path.resolve()))
         elif text and not text.startswith("**"):
             yield text.upper()
 
@@ -104,7 +104,7 @@ def _cards(lines: Sequence[str]) -> Iterator[Card]:
 
 
 def _numbers(words: Sequence[str], where: object) -> list[int]:
-    """Return whole numbers from 1."""
+    """Return positive integers."""
     numbers = [int(x) if x.isascii() and x.isdigit() else 0 for x in words]
     if not words or not all(numbers):
         where = f"finite elements: {where.name}:" if isinstance(where, Path) else where
@@ -123,7 +123,7 @@ def _position(row: Sequence[str], card: str) -> list[float]:
 
 
 def _elements(rows: Sequence[Sequence[str]], kind: str, card: str) -> Iterator[list[int]]:
-    """Yield number and nodes of each element; those of solids may take several rows."""
+    """Yield number and nodes of each element; nodes of solids may use several rows."""
     solid = re.match(r"C3D(\d+)", kind)
     number, entries = int(solid[1]) if solid else 0, list[int]()
     for row in rows:
@@ -151,21 +151,21 @@ def _nodes_of(name: str, elements: Sets, corners: dict[int, list[int]]) -> list[
     return [node for i in elements[name] for node in corners.get(i, [])]
 
 
-def _upper(path: Path, place: Array) -> csr_array:
+def _symmetric(path: Path, at: Array) -> csr_array:
     """Return a symmetric matrix from rows (i, j, value) of its upper triangle, i and j from 1."""
-    n, text = len(place), _text(path)
+    n, text = len(at), _text(path)
     try:
         data = np.loadtxt(StringIO(text), ndmin=2) if text.strip() else np.empty((0, 3))
     except ValueError as e:
         raise InputError(f"finite elements: {path.name}: {printable(f'{e!s:.120}')}") from None
     if data.shape[1] != 3 or not np.isfinite(data).all():
         raise InputError(f"finite elements: {path.name} needs rows of three finite numbers: row, column, value")
-    at = data[:, :2]
-    if not ((at >= 1) & (at <= n) & (at == np.floor(at))).all():
+    entries = data[:, :2]
+    if not ((entries >= 1) & (entries <= n) & (entries == np.floor(entries))).all():
         raise InputError(f"finite elements: {path.name} has rows and columns other than 1 to {n}, as {path.stem}.dof")
-    (i, j), x = at.T.astype(int) - 1, data[:, 2]
-    off = i != j
-    if missing := n - len(set(i[~off].tolist())):
+    (i, j), x = entries.T.astype(int) - 1, data[:, 2]
+    off_diagonal = i != j
+    if missing := n - len(set(i[~off_diagonal].tolist())):
         raise InputError(f"finite elements: {path.name} is incomplete: {missing} of {n} diagonal entries are missing")
-    rows, columns = np.concatenate([i, j[off]]), np.concatenate([j, i[off]])
-    return csr_array((np.concatenate([x, x[off]]), (place[rows], place[columns])), (n, n))
+    rows, columns = np.concatenate([i, j[off_diagonal]]), np.concatenate([j, i[off_diagonal]])
+    return csr_array((np.concatenate([x, x[off_diagonal]]), (at[rows], at[columns])), (n, n))

@@ -1,4 +1,4 @@
-"""Checks of the numbers of flexible bodies: one line that names the number, what is valid, and what came."""
+"""Checks of numbers of flexible bodies; messages of one line name the number, valid values and the given value."""
 
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ from ...tolerances import SOLUTION_ROUNDING
 if TYPE_CHECKING:
     from .modal_body import Node
 
-OF_NODES = {"r": "3", "Phi": "3k", "Psi": "3k", "Phi2": "3kk", "strain": "k"}
+NODE_SHAPES = {"r": "3", "Phi": "3k", "Psi": "3k", "Phi2": "3kk", "strain": "k"}
 SYMMETRIC = {  # pairs of axes
     "I0": ((0, 1),), "Mq": ((0, 1),), "I1": ((1, 2),), "I2": ((0, 1), (2, 3)), "C2": ((1, 2),), "H2": ((2, 3),),
     "Mq1": ((0, 1),), "Mq2": ((0, 1), (2, 3)),
@@ -24,7 +24,7 @@ def real(value: Any, what: str, positive: bool = False) -> float:
     """Return a finite number that is not negative, or positive.
 
     Raises:
-        InputError: for another one.
+        InputError: for other values.
     """
     a = as_array(value)
     if a.ndim or not (a > 0 if positive else a >= 0):
@@ -33,37 +33,37 @@ def real(value: Any, what: str, positive: bool = False) -> float:
     return float(a)
 
 
-def integer(value: Any, what: str, least: int) -> int:
-    """Return a whole number, at least ``least``.
+def integer(value: Any, what: str, minimum: int) -> int:
+    """Return an integer of at least ``minimum``.
 
     Raises:
-        InputError: for another one.
+        InputError: for other values.
     """
-    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < least:
-        raise InputError(f"{what}: expected a whole number from {least}, got {value!r:.60}")
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < minimum:
+        raise InputError(f"{what}: expected a whole number from {minimum}, got {value!r:.60}")
     return int(value)
 
 
 def as_array(value: Any) -> Array:
-    """Return an array of finite numbers; nan (scalar) for anything else."""
+    """Return an array of finite numbers; a scalar nan for other values."""
     a = as_numbers(value)
     return a if np.isfinite(a).all() else np.array(np.nan)
 
 
 def array(value: Any, what: str, shape: tuple[int, ...]) -> Array:
-    """Return an array of finite numbers of a shape.
+    """Return an array of finite numbers with the given shape.
 
     Raises:
         InputError: for another shape, or other values.
     """
     a = as_array(value)
     if a.shape != shape or not np.isfinite(a).all():
-        raise InputError(f"{what}: expected finite numbers of shape {shape}, got {described(value)}")
+        raise InputError(f"{what}: expected finite numbers of shape {shape}, got {describe(value)}")
     return a
 
 
-def described(value: Any) -> str:
-    """Return the shape of an array of numbers, and whether they are finite; anything else itself."""
+def describe(value: Any) -> str:
+    """Return a description of a value for messages: shape of an array and whether it is finite, or the value."""
     try:
         a = np.asarray(value, float)
     except (TypeError, ValueError):
@@ -72,10 +72,10 @@ def described(value: Any) -> str:
 
 
 def damping_constants(ratios: Any, stiffness: Array, Mq: Array, what: str = "flexible body") -> Array:
-    """Return 2 zeta_i sqrt(k_i m_i), (k,), in N s/m, from damping ratios zeta of each mode, or one of all.
+    """Return 2 zeta_i sqrt(k_i m_i), (k,), in N s/m, from damping ratios zeta of each mode, or one for all modes.
 
     Raises:
-        InputError: for negative ratios, or another number of them.
+        InputError: for negative ratios, or a wrong number of ratios.
     """
     k, zeta = len(stiffness), as_array(ratios)
     if zeta.shape not in ((), (k,)) or not (zeta >= 0).all():
@@ -86,14 +86,14 @@ def damping_constants(ratios: Any, stiffness: Array, Mq: Array, what: str = "fle
 
 
 def require_loads(loads: Any, known: Collection[str]) -> None:
-    """Require a list of different known loads.
+    """Reject unknown or repeated loads.
 
     Raises:
-        InputError: for a text, or a load that is given twice.
+        InputError: for a text instead of a list, or a repeated load.
         UnknownNameError: for an unknown load.
     """
     if isinstance(loads, str):
-        raise InputError(f"loads are a list, loads = [{loads!r}]")
+        raise InputError(f"loads must be a list, loads = [{loads!r}]")
     for i, load in enumerate(loads):
         if load not in known:
             raise UnknownNameError("load", load, known)
@@ -102,21 +102,21 @@ def require_loads(loads: Any, known: Collection[str]) -> None:
 
 
 def require_symmetric(a: Array, what: str, *axes: tuple[int, int]) -> None:
-    """Require an array that is symmetric in pairs of axes.
+    """Reject an array that is not symmetric in the pairs of axes.
 
     Raises:
-        InputError: for another one.
+        InputError: for other values.
     """
     size = SOLUTION_ROUNDING * np.abs(a).max(initial=0.0)
     if any(np.abs(a - a.swapaxes(*pair)).max(initial=0.0) > size for pair in axes):
-        raise InputError(f"{what} is symmetric" + ("" if a.ndim == 2 else " in its modes and its directions"))
+        raise InputError(f"{what} must be symmetric" + ("" if a.ndim == 2 else " in its modes and directions"))
 
 
 def require_positive(M: Array, what: str) -> None:
-    """Require a symmetric matrix without negative eigenvalues.
+    """Reject a symmetric matrix with negative eigenvalues.
 
     Raises:
-        InputError: for another one.
+        InputError: for other values.
     """
     sizes = np.sqrt(np.abs(np.diagonal(M)))
     sizes[sizes == 0] = max(sizes.max(initial=0.0), 1.0)
@@ -125,10 +125,10 @@ def require_positive(M: Array, what: str) -> None:
 
 
 def require_names(names: Any, what: str) -> None:
-    """Require a list of different names.
+    """Reject names that are not a list of different texts.
 
     Raises:
-        InputError: for another type, an empty name, or one that is given twice.
+        InputError: for another type, an empty or a repeated name.
     """
     if not isinstance(names, Sequence) or isinstance(names, str) or not all(isinstance(x, str) and x for x in names):
         raise InputError(f"{what}: nodes need names, got {names!r:.60}")
@@ -137,42 +137,42 @@ def require_names(names: Any, what: str) -> None:
 
 
 def require_nodes(nodes: "Mapping[str, Node]", k: int, what: str) -> None:
-    """Require nodes of k modes.
+    """Reject nodes that do not fit k modes.
 
     Raises:
-        InputError: for other values or shapes, an empty name, or a negative modulus.
+        InputError: for invalid values or shapes, an empty name, or a negative modulus.
     """
     if not isinstance(nodes, Mapping) or not all(hasattr(node, "Psi") for node in nodes.values()):
         raise InputError(f"{what}: nodes are Node objects by name, got {nodes!r:.60}")
     require_names(list(nodes), what)
     for name, node in nodes.items():
-        here = f"{what}: node {name!r}: "
-        for x, letters in OF_NODES.items():
+        prefix = f"{what}: node {name!r}: "
+        for x, letters in NODE_SHAPES.items():
             if (value := getattr(node, x)) is not None:
-                array(value, here + x, tuple(k if c == "k" else 3 for c in letters))
+                array(value, prefix + x, tuple(k if c == "k" else 3 for c in letters))
         if node.Phi2 is not None:
-            require_symmetric(np.asarray(node.Phi2), here + "Phi2", (1, 2))
-        real(node.modulus, here + "modulus")
+            require_symmetric(np.asarray(node.Phi2), prefix + "Phi2", (1, 2))
+        real(node.modulus, prefix + "modulus")
 
 
 def checked_points(r: Array, masses: Any, Phi: Array, stiffness: Array) -> tuple[Array, Any, Array, Array]:
-    """Return points, masses, displacements and stiffness of `ModalBody.of_points`.
+    """Return checked points, masses, displacements and stiffness for `ModalBody.of_points`.
 
     Raises:
-        InputError: for other shapes, masses that no body has, or stiffness that is not positive.
+        InputError: for wrong shapes, masses that no body has, or stiffness that is not positive.
     """
     m = masses if hasattr(masses, "tocsr") else as_array(masses)  # sparse
     n, k = m.shape[0] if m.ndim else 0, np.size(stiffness)
     if m.shape not in ((n,), (n, n)):
-        raise InputError(f"flexible body: masses: expected finite numbers (n,) or (n, n), got {described(masses)}")
+        raise InputError(f"flexible body: masses: expected finite numbers (n,) or (n, n), got {describe(masses)}")
     arrays = {"points": (r, (n, 3)), "modes": (Phi, (n, 3, k)), "stiffness": (stiffness, (k,))}
     r, P, K = (array(x, f"flexible body: {name}", shape) for name, (x, shape) in arrays.items())
-    own = m if m.ndim == 1 else m.diagonal()
-    if not (own >= 0).all() or not m.sum() > 0:
-        raise InputError(f"flexible body: masses are not negative and not all zero, got {own.min():g} kg")
+    diagonal = m if m.ndim == 1 else m.diagonal()
+    if not (diagonal >= 0).all() or not m.sum() > 0:
+        raise InputError(f"flexible body: masses must not be negative, and not all zero, got {diagonal.min():g} kg")
     if m.ndim == 2:
         if abs(m - m.T).max() > SOLUTION_ROUNDING * abs(m).max():
-            raise InputError("flexible body: the mass matrix is symmetric")
+            raise InputError("flexible body: the mass matrix must be symmetric")
         x = np.column_stack([np.ones(n), r, P.reshape(n, -1)])  # all motions are linear in these columns
         require_positive(x.T @ (m @ x), "flexible body")
     if not (K > 0).all():

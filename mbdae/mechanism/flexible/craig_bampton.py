@@ -43,25 +43,26 @@ def modal_body(
 
     Args:
         points: positions of n points in the frame of the body, (n, 3), in m.
-        masses: of the points, (n,), in kg; or a mass matrix, (n, n), or (3n, 3n) of the displacements, dense or sparse,
-            whose elements interpolate the three displacements by the same functions.
+        masses: masses of the points, (n,), in kg; or a mass matrix, (n, n), or (3n, 3n) of the displacements, dense or
+            sparse, whose elements interpolate the three displacements by the same functions.
         K: stiffness by displacements x, y, z of the points in turn, (3n, 3n), dense or sparse, in N/m.
-        interface: nodes by name, each rigid and made of some points (by index), at their centroid; a node of a single
-            point does not turn with the modes. Together they hold all rigid motions: their points are not on a line.
+        interface: nodes by name, each a rigid set of points (indices) with its origin at their centroid; a node of a
+            single point does not rotate with the modes. Together their points must prevent all rigid motions: they
+            must not be on a line.
         modes: number of normal modes with fixed interfaces, in addition to the static modes of the interfaces.
-        clamped: the interface that the frame of the body follows; without it the frame floats with the free body.
-        damping: ratio of each mode, static modes and loads too, by frequency; or one for all.
-        loads: ``"gravity x"``, ``"gravity y"``, ..: deflections by the weight that modes represent exactly.
+        clamped: interface to which the frame of the body is fixed; if omitted, the frame floats with the free body.
+        damping: damping ratio of each mode by frequency, including static modes and loads; or one ratio for all.
+        loads: ``"gravity x"``, ``"gravity y"``, ..: loads by the weight whose deflections modes represent exactly.
 
     Raises:
-        InputError: for wrong shapes, a K that is not symmetric or has other than six motions without force, masses
-            that are not positive, a mass matrix that couples directions, interfaces on a line, more normal modes than
-            there are, a load that is given twice, or negative damping.
+        InputError: for wrong shapes, a K that is not symmetric or does not have exactly six motions without force,
+            masses that are not positive, a mass matrix that couples directions, interfaces on a line, too many normal
+            modes, a repeated load, or negative damping.
         UnknownNameError: for an unknown clamped interface or load.
     """
     r = array(points, "modal_body: points", (len(points) if np.ndim(points) else 1, 3))
     m = _masses(masses, len(r))
-    stiffness = _checked(r, m, K, interface)
+    stiffness = _checked_stiffness(r, m, K, interface)
     if clamped and clamped not in interface:
         raise UnknownNameError("interface", clamped, interface)
     _require_rotations(r, interface, clamped)
@@ -72,8 +73,8 @@ def modal_body(
     if modes + len(loads) >= max(len(inner), 1) and modes:
         got = f"modes = {modes}" + (f" and {len(loads)} loads" if loads else "")
         raise InputError(f"modal_body: {len(inner)} displacements between the interfaces, got {got}")
-    of_points = m.sum(axis=1)
-    weights = T.T @ np.array([np.outer(of_points, WEIGHTS[load]).ravel() for load in loads]).reshape(-1, r.size).T
+    point_masses = m.sum(axis=1)
+    weights = T.T @ np.array([np.outer(point_masses, WEIGHTS[load]).ravel() for load in loads]).reshape(-1, r.size).T
     basis = _basis(Kr, Mr, boundary, inner, modes, weights)
     squares, shapes = eigh(basis.T @ (Kr @ basis), basis.T @ (Mr @ basis))
     elastic = squares > HALF_DIGITS * squares[-1]
@@ -102,14 +103,15 @@ def _masses(masses: Any, n: int) -> csr_array:
     return m
 
 
-def _checked(r: Array, m: csr_array, K: Any, interface: Mapping[str, Sequence[int]]) -> csr_array:
+def _checked_stiffness(r: Array, m: csr_array, K: Any, interface: Mapping[str, Sequence[int]]) -> csr_array:
     n, K = len(r), csr_array(K) if issparse(K) else as_array(K)
     if m.shape != (n, n) or K.shape != (3 * n, 3 * n):
         needed = f"shapes ({n}, 3), masses ({n},), ({n}, {n}) or ({3 * n}, {3 * n}), and K ({3 * n}, {3 * n})"
         raise InputError(f"modal_body: {n} points need {needed}; got {r.shape}, mass matrix {m.shape}, K {K.shape}")
-    own = m.diagonal()
-    if not (own > 0).all():
-        raise InputError(f"modal_body: masses are positive, got {own.min():g} kg of point {int(own.argmin())}")
+    diagonal = m.diagonal()
+    if not (diagonal > 0).all():
+        i = int(diagonal.argmin())
+        raise InputError(f"modal_body: masses must be positive, got {diagonal[i]:g} kg of point {i}")
     out = csr_array(K)
     size = abs(out).max()
     if not np.isfinite(size) or abs(out - out.T).max() > SOLUTION_ROUNDING * size:
@@ -119,28 +121,28 @@ def _checked(r: Array, m: csr_array, K: Any, interface: Mapping[str, Sequence[in
 
 
 def _require_points(interface: Mapping[str, Sequence[int]], n: int) -> None:
-    """Require different points of n in each interface."""
+    """Reject interfaces that are not different points out of n."""
     if not isinstance(interface, Mapping):
-        raise InputError(f"modal_body: interfaces are lists of points by name, got {interface!r:.60}")
+        raise InputError(f"modal_body: interfaces must be lists of points by name, got {interface!r:.60}")
     require_names(list(interface), "modal_body: interface")
     used = [i for at in interface.values() for i in (at if np.ndim(at) else [at])]
     if not all(isinstance(i, int | np.integer) and 0 <= i < n for i in used) or len(set(used)) < len(used):
-        raise InputError(f"modal_body: interfaces are different points 0 to {n - 1}, got {used!r:.60}")
+        raise InputError(f"modal_body: interfaces must be different points 0 to {n - 1}, got {used!r:.60}")
     if not all(np.size(at) for at in interface.values()):
-        raise InputError("modal_body: an interface has one point or more")
+        raise InputError("modal_body: an interface needs at least one point")
 
 
 def _require_rotations(r: Array, interface: Mapping[str, Sequence[int]], clamped: str) -> None:
-    """Require points that determine the rotation of each rigid interface, and of a clamped one."""
+    """Reject interfaces whose points do not determine a rotation, and points that do not prevent rigid motions."""
     for name, at in interface.items():
         if len(at) == 1 and name != clamped:
             continue
         if len(at) < 3 or _are_on_a_line(r[list(at)]):
-            text = f"modal_body: the modes cannot turn interface {name!r}, whose {len(at)} points are on a line"
-            raise InputError(f"{text}; it needs three others, or a single one that is not clamped")
+            text = f"modal_body: the modes cannot rotate interface {name!r}, whose {len(at)} points are on a line"
+            raise InputError(f"{text}; use three points that are not, or a single point that is not clamped")
     used = r[[i for at in interface.values() for i in at]]
     if len(used) < 3 or _are_on_a_line(used):
-        text = f"the {len(used)} points of all interfaces do not hold the body"
+        text = f"the {len(used)} points of all interfaces do not constrain the body"
         raise InputError(f"modal_body: {text}: add a node of a point that is not on a line with them")
 
 
@@ -150,7 +152,7 @@ def _are_on_a_line(points: Array) -> bool:
 
 
 def _coordinates(r: Array, interface: Mapping[str, Sequence[int]], clamped: str) -> tuple[csr_array, Array, Array]:
-    """Return displacements (3n, c) by coordinates: of rigid interfaces first, then of points; and their indices."""
+    """Return displacements (3n, c) per coordinate, of rigid interfaces first, then of points, and their indices."""
     columns: list[Array] = []
     free = np.ones(len(r), bool)
     for name, at in interface.items():
@@ -163,16 +165,16 @@ def _coordinates(r: Array, interface: Mapping[str, Sequence[int]], clamped: str)
             motion = np.hstack([np.eye(3), -pin.skew(r[i] - centre)])
             block[3 * i : 3 * i + 3] = motion[:, : block.shape[1]]
         columns.append(block)
-    rest, number = np.flatnonzero(np.repeat(free, 3)), sum(block.shape[1] for block in columns)
-    points = csr_array((np.ones(len(rest)), (rest, np.arange(len(rest)))), (3 * len(r), len(rest)))
-    whole = csr_array(hstack([*(csr_array(block) for block in columns), points]))
-    return whole, np.arange(number), np.arange(number, number + len(rest))
+    inner, number = np.flatnonzero(np.repeat(free, 3)), sum(block.shape[1] for block in columns)
+    points = csr_array((np.ones(len(inner)), (inner, np.arange(len(inner)))), (3 * len(r), len(inner)))
+    displacements = csr_array(hstack([*(csr_array(block) for block in columns), points]))
+    return displacements, np.arange(number), np.arange(number, number + len(inner))
 
 
 def _basis(K: csc_array, M: csc_array, boundary: Array, inner: Array, modes: int, weights: Array) -> Array:
-    """Return static modes of the interfaces, deflections by weights (c, l), and normal modes, (c, b + l + modes).
+    """Return static modes of the interfaces, deflections under weights (c, l), and normal modes, (c, b + l + modes).
 
-    The latter two have fixed interfaces.
+    Deflections and normal modes have fixed interfaces.
     """
     Kii, Mii = csc_array(K[inner][:, inner]), csc_array(M[inner][:, inner])
     loads = weights.shape[1] if len(inner) else 0
@@ -183,21 +185,21 @@ def _basis(K: csc_array, M: csc_array, boundary: Array, inner: Array, modes: int
         solve = splu(Kii).solve
         if len(boundary):
             out[inner, : len(boundary)] = -solve(K[inner][:, boundary].toarray())
-        found = normal
+        basis = normal
         for f in weights[inner].T:
             static = solve(f)
             size = np.sqrt(static @ (Mii @ static))
-            for _ in range(2):  # twice: to rounding
-                static -= found @ (found.T @ (Mii @ static))
+            for _ in range(2):  # the second pass removes rounding errors
+                static -= basis @ (basis.T @ (Mii @ static))
             if not np.sqrt(static @ (Mii @ static)) > RANK * size:
                 raise InputError("modal_body: a load deflects the body as modes or other loads do: leave it out")
-            found = np.column_stack([found, static / np.sqrt(static @ (Mii @ static))])
-        out[inner[:, None], np.arange(len(boundary), out.shape[1])] = found
+            basis = np.column_stack([basis, static / np.sqrt(static @ (Mii @ static))])
+        out[inner[:, None], np.arange(len(boundary), out.shape[1])] = basis
     return out
 
 
 def _node(r: Array, Phi: Array, at: Array) -> Node:
-    """Return the node of a rigid interface: displacement of its centroid, and its rotation."""
+    """Return the node of a rigid interface at its centroid."""
     centre = r[at].mean(axis=0)
     A = np.concatenate([np.hstack([np.eye(3), -pin.skew(r[i] - centre)]) for i in at])
     if len(at) == 1:

@@ -1,8 +1,8 @@
-"""Bodies of finite-element programs: points, mass and stiffness matrices from the files of Exudyn and of CalculiX.
+"""Bodies of finite-element programs: points, mass and stiffness matrices from files of Exudyn and CalculiX.
 
-CalculiX writes ``job.sti``, ``job.mas`` and ``job.dof`` beside ``job.inp`` in a step ``*FREQUENCY,
-SOLVER=MATRIXSTORAGE`` without boundary conditions: the upper triangles of both matrices, by rows that job.dof names as
-node.direction. Solid elements alone: nodes of beams and shells are expanded to others.
+CalculiX writes ``job.sti``, ``job.mas`` and ``job.dof`` next to ``job.inp`` in a step ``*FREQUENCY,
+SOLVER=MATRIXSTORAGE`` without boundary conditions: the upper triangles of both matrices, whose rows job.dof lists as
+node.direction. Only solid elements are supported: CalculiX replaces the nodes of beams and shells.
 Exudyn's ``FEMinterface.SaveToFile`` writes ``.npz`` files.
 
 Source: G. Dhondt, CalculiX CrunchiX user's manual, *FREQUENCY; J. Gerstmayr, Exudyn user documentation, FEMinterface.
@@ -28,8 +28,8 @@ class FiniteElements:
     """A body of finite elements, for `modal_body`.
 
     Attributes:
-        points: (n, 3), positions of the nodes.
-        M, K: mass and stiffness by displacements x, y, z of the nodes in turn, (3n, 3n), sparse.
+        points: positions of the nodes, (n, 3).
+        M, K: sparse mass and stiffness matrices, (3n, 3n), of displacements x, y, z of each node.
         sets: indices of the nodes of each set by name.
     """
 
@@ -43,7 +43,7 @@ def read_finite_elements(path: str | Path) -> FiniteElements:
     """Return the body of a file: ``.npz`` of Exudyn's FEMinterface, or ``.inp`` of CalculiX with its stored matrices.
 
     Raises:
-        InputError: for another suffix, a missing, an incomplete or an inconsistent file.
+        InputError: for an unknown suffix, or a missing, incomplete or inconsistent file.
     """
     require(path, str | Path, "finite elements: the path of a file")
     path = Path(path)
@@ -76,17 +76,17 @@ def _calculix(path: Path) -> FiniteElements:
     return FiniteElements(*calculix(path))
 
 
-class _Numbers(pickle.Unpickler):
-    """Reads arrays and sparse matrices, and calls nothing else."""
+class _NumbersUnpickler(pickle.Unpickler):
+    """Unpickler of arrays and sparse matrices that calls no other code."""
 
     def find_class(self, module: str, name: str) -> Any:
-        """Return a class of numpy or scipy that holds numbers."""
-        if module.split(".")[0] in ("numpy", "scipy") and name in PICKLED:
+        """Return an allowed class of numpy or scipy."""
+        if module.split(".")[0] in ("numpy", "scipy") and name in ALLOWED_CLASSES:
             return super().find_class(module, name)
-        raise pickle.UnpicklingError(f"{module}.{name} holds no numbers")
+        raise pickle.UnpicklingError(f"{module}.{name} does not hold numbers")
 
 
-PICKLED = {"_reconstruct", "scalar", "ndarray", "dtype", "csr_matrix", "csr_array", "_frombuffer"}
+ALLOWED_CLASSES = {"_reconstruct", "scalar", "ndarray", "dtype", "csr_matrix", "csr_array", "_frombuffer"}
 
 
 def _exudyn(path: Path) -> FiniteElements:
@@ -97,30 +97,30 @@ def _exudyn(path: Path) -> FiniteElements:
                 version = np.lib.format.read_magic(stream)  # type: ignore[arg-type]
                 read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
                 read(stream)  # type: ignore[arg-type]
-                return _Numbers(stream).load()
+                return _NumbersUnpickler(stream).load()
 
         nodes, sets = value("nodes").item(), value("nodeSets").tolist()
         stored = {name: value(name).item() for name in ("massMatrix", "stiffnessMatrix")}
     if dense := [name for name, x in stored.items() if not issparse(x)]:
-        raise InputError(f"finite elements: {path.name}: {dense[0]} is no sparse matrix")
+        raise InputError(f"finite elements: {path.name}: {dense[0]} is not a sparse matrix")
     M, K = map(csr_array, stored.values())
     if "Position" not in nodes:
         raise InputError(f"finite elements: {path.name}: nodes need 'Position', got {', '.join(map(repr, nodes))}")
-    named = {x["Name"]: np.asarray(x["NodeNumbers"], int).tolist() for x in sets}
-    return FiniteElements(np.asarray(nodes["Position"], float), M, K, named)
+    found = {x["Name"]: np.asarray(x["NodeNumbers"], int).tolist() for x in sets}
+    return FiniteElements(np.asarray(nodes["Position"], float), M, K, found)
 
 
 def _require_consistent(found: FiniteElements, path: Path) -> None:
-    """Require points, matrices and sets of the same nodes."""
-    n, here = len(found.points), f"finite elements: {path.name}"
+    """Reject points, matrices and sets of different nodes."""
+    n, prefix = len(found.points), f"finite elements: {path.name}"
     shapes = found.points.shape, found.M.shape, found.K.shape
     if not n or shapes != ((n, 3), (3 * n, 3 * n), (3 * n, 3 * n)):
         raise InputError(
-            f"{here}: points (n, 3), M and K (3n, 3n) have the shapes {shapes[0]}, {shapes[1]}, {shapes[2]}"
+            f"{prefix}: points (n, 3), M and K (3n, 3n) have the shapes {shapes[0]}, {shapes[1]}, {shapes[2]}"
         )
     for name, at in found.sets.items():
         if not all(0 <= i < n for i in at):
-            raise InputError(f"{here}: the set {name!r} has other points than 0 to {n - 1}")
+            raise InputError(f"{prefix}: the set {name!r} has points other than 0 to {n - 1}")
 
 
 READERS: dict[str, Callable[[Path], FiniteElements]] = {".inp": _calculix, ".npz": _exudyn}

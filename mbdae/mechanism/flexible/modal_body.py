@@ -10,14 +10,14 @@ Sums over points of mass m (nodes of a lumped model, or Gauss points of consiste
 
 A displacement of second order (sum q_i q_j Phi2_ij)/2, such as the shortening of a beam by bending, makes C linear,
 C + sum q_j C2_j with C2_ij = sum m Phi2_ij, and S = s0 + C q + (sum q_i q_j C2_ij)/2. It adds sum m [r]x Phi2_j to Hj
-and sum m (2 r.Phi2_ij 1 - r Phi2_ij^T - Phi2_ij r^T) to I2_ij. Tension does work in it, and stiffens bending. All
-blocks are of second order in q, else M loses inertia where modes span nearly a rotation of the frame:
+and sum m (2 r.Phi2_ij 1 - r Phi2_ij^T - Phi2_ij r^T) to I2_ij. Tension does work along it and so stiffens bending. All
+blocks are of second order in q, because M would otherwise lose inertia where modes nearly span a rotation of the frame:
 
     H += (sum q_j q_l H2_jl)/2,   H2_i,jl = sum m (Phi2_jl x Phi_i + Phi_j x Phi2_il + Phi_l x Phi2_ij)
     Mq += sum q_l Mq1_l + (sum q_l q_n Mq2_ln)/2,   Mq1_ij,l = sum m (Phi_i.Phi2_jl + Phi_j.Phi2_il)
                                                     Mq2_ij,ln = sum m (Phi2_il.Phi2_jn + Phi2_in.Phi2_jl)
 
-for nu = (v, w, q') of the frame in its axes. `delta` is M without the rigid body (m, s0, I0), which Pinocchio has.
+for nu = (v, w, q') of the frame in its axes. `delta` is M without the rigid body (m, s0, I0), which Pinocchio includes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -62,13 +62,13 @@ class ModalBody:
 
     Attributes:
         mass: m in kg.
-        s0, I0: first moment (3,) in kg m and inertia (3, 3) in kg m^2 of the straight body about its frame's origin.
+        s0, I0: first moment (3,) in kg m and inertia (3, 3) in kg m^2 of the undeformed body about its frame's origin.
         C, H0, Mq: (3, k), (3, k), (k, k).
         Hj, I1, I2: (k, 3, k), (k, 3, 3), (k, k, 3, 3).
         C2, H2, Mq1, Mq2: (3, k, k), (3, k, k, k), (k, k, k), (k, k, k, k), zero if omitted.
         stiffness, damping: of each mode, (k,): forces -stiffness q - damping q'.
         nodes: the nodes by name.
-        outline: further points.
+        outline: further points that determine size and deflection.
     """
 
     mass: float
@@ -101,18 +101,18 @@ class ModalBody:
 
     @property
     def size(self) -> float:
-        """Largest distance of two nodes in m, of points of the outline and of the frame's origin, too."""
+        """Largest distance in m between nodes, points of the outline and the frame's origin."""
         outline = () if self.outline is None else self.outline.r
         r = np.array([np.zeros(3), *(node.r for node in self.nodes.values()), *outline])
         return float(np.linalg.norm(r[:, None] - r, axis=2).max())
 
     def largest_motion(self, q: Array) -> tuple[float, float]:
-        """Return the largest deflection in m and rotation in rad of nodes and outline, of first order, at q (m, k)."""
-        moved, turned = [x.Phi for x in self.nodes.values()], [x.Psi for x in self.nodes.values()]
+        """Return the largest first-order deflection in m and rotation in rad of nodes and outline, at q (m, k)."""
+        displacements, rotations = [x.Phi for x in self.nodes.values()], [x.Psi for x in self.nodes.values()]
         if self.outline is not None:
-            moved.extend(self.outline.Phi)
-            turned.extend(() if self.outline.Psi is None else self.outline.Psi)
-        return _largest(q, moved), _largest(q, turned)
+            displacements.extend(self.outline.Phi)
+            rotations.extend(() if self.outline.Psi is None else self.outline.Psi)
+        return _largest(q, displacements), _largest(q, rotations)
 
     def array(self, name: str) -> Array:
         """Return an array; zeros if it is omitted."""
@@ -138,7 +138,7 @@ class ModalBody:
         return (self.C + self.deformed(q).C) @ q / 2
 
     def delta(self, q: Array) -> Array:
-        """Return M(q) minus that of the rigid body, (6 + k, 6 + k)."""
+        """Return M(q) minus M of the rigid body, (6 + k, 6 + k)."""
         return self._delta(q, self.deformed(q))
 
     def _delta(self, q: Array, at: Deformation) -> Array:
@@ -167,9 +167,9 @@ class ModalBody:
         return D @ rate + np.concatenate([linear, angular, dH.T @ w + u @ Mq_u - Mq_u @ u / 2 - by_q])
 
     def core_data(self) -> CoreData:
-        """Return the numbers of the body and of its nodes for the core, `native/mechanism/modal_body.hpp`."""
-        none, k = np.zeros((3, self.modes, self.modes)), self.modes
-        second = {name: none if x.Phi2 is None else x.Phi2 for name, x in self.nodes.items()}
+        """Return the coefficients of the body and of its nodes for the core, `native/mechanism/modal_body.hpp`."""
+        zero, k = np.zeros((3, self.modes, self.modes)), self.modes
+        second = {name: zero if x.Phi2 is None else x.Phi2 for name, x in self.nodes.items()}
         arrays = {"C": self.C.T, "H0": self.H0.T, "Mq": self.Mq, "Hj": self.Hj.transpose(0, 2, 1)}
         arrays |= {"C2": self.array("C2").transpose(1, 2, 0)}
         arrays |= {"H2": self.array("H2").transpose(2, 3, 1, 0)}
@@ -177,11 +177,11 @@ class ModalBody:
         if all(getattr(self, name) is None for name in SECOND_ORDER):
             arrays |= dict.fromkeys(("H2", "Mq1", "Mq2"), np.empty(0))
         arrays |= {"I1": self.I1[:, *_PACKED], "I2": self.I2[:, :, *_PACKED]}
-        of_nodes = [
+        node_arrays = [
             {"r": x.r, "Phi": x.Phi.T, "Psi": x.Psi.T, "Phi2": second[name].transpose(1, 2, 0)}
             for name, x in self.nodes.items()
         ]
-        nodes = [{name: x.ravel().tolist() for name, x in node.items()} for node in of_nodes]
+        nodes = [{name: x.ravel().tolist() for name, x in node.items()} for node in node_arrays]
         return {"modes": k, "nodes": nodes, **{name: x.ravel().tolist() for name, x in arrays.items()}}
 
     @classmethod
@@ -195,15 +195,15 @@ class ModalBody:
         nodes: Mapping[str, Node] | None = None,
         Phi2: Array | None = None,
     ) -> "ModalBody":
-        """Return the body of points with masses: sums of m x y over the points, or of m_ij x_i y_j.
+        """Return the body of points with masses, from sums of m x y over the points, or of m_ij x_i y_j.
 
         Args:
             r: points (n, 3) in m.
             masses: (n,) in kg, or a symmetric matrix (n, n), dense or sparse: of consistent finite elements, which
                 interpolate the three displacements by the same functions.
             Phi: displacements of the points in each mode, (n, 3, k).
-            stiffness: of each mode, (k,).
-            damping_ratios: of each mode, (k,), or one for all.
+            stiffness: stiffness of each mode, (k,).
+            damping_ratios: damping ratio of each mode, (k,), or one for all modes.
             nodes: nodes by name.
             Phi2: displacements of second order of the points, (n, 3, k, k), zero if omitted.
 

@@ -1,8 +1,8 @@
 """Exact derivatives of the forces of inertia of flexible bodies, M v' + nle, with respect to q in the tangent and to v.
 
 With F(q, nu, A) the force on frame and modes in the axes of the frame (`modal_body`), J_k the columns that move the
-frame, V its velocity, V_m that behind joint m, V_< and A_< velocity and acceleration, minus gravity, of the parent of
-m, all at the world's origin,
+frame, V its velocity, V_m the velocity after joint m, V_< and A_< velocity and acceleration, minus gravity, of the
+parent of m, all at the world's origin,
 
     d(J_k . F)/dq_m = J_k . F'(psi, A_< x J_m + V_< x psi + psi x V) + J_k . (J_m x* F)  if k < m,   psi = V_< x J_m
     d(J_k . F)/dv_m = J_k . F'(J_m, psi + V_m x J_m + J_m x V)
@@ -20,7 +20,7 @@ from .workspace import BoundBody
 
 
 def inertial_partials(
-    body: BoundBody, data: pin.Data, parts: Array, q: Array, v: Array, vdot: Array, base_acceleration: Array
+    body: BoundBody, data: pin.Data, joints: Array, q: Array, v: Array, vdot: Array, base_acceleration: Array
 ) -> tuple[Array, Array]:
     """Return the derivatives of the terms of a body with respect to q and v, (nv, nv) each.
 
@@ -29,7 +29,7 @@ def inertial_partials(
     Args:
         body: the body, bound to the workspace ``data``.
         data: a workspace.
-        parts: joint of each velocity in the expanded tree, (nv,).
+        joints: joint of each velocity in the expanded tree, (nv,).
         q: configuration.
         v: velocities.
         vdot: accelerations.
@@ -38,8 +38,8 @@ def inertial_partials(
     J, base, modal = data.J.reshape(6, -1), body.base.tolist(), body.modal
     X = body.pose(data).actionInverse
     V, A, columns = np.zeros(6), base_acceleration.copy(), []
-    for part in dict.fromkeys(parts[base]):
-        group = [k for k in base if parts[k] == part]
+    for joint in dict.fromkeys(joints[base]):
+        group = [k for k in base if joints[k] == joint]
         V_before, A_before = V.copy(), A.copy()
         V = V + J[:, group] @ v[group]
         for k in group:
@@ -54,22 +54,22 @@ def inertial_partials(
     by_q, by_v = np.zeros((2, len(v), len(v)))
     zero = np.zeros(6 + k)
 
-    def along(dx: Array, dnu: Array, dA: Array) -> Array:
+    def derivative_along(dx: Array, dnu: Array, dA: Array) -> Array:
         step = 1j * COMPLEX_STEP
         force = modal.inertial_force(x + step * dx, nu + step * dnu, rates + step * dA)
         return B.T @ (force.imag / COMPLEX_STEP)
 
-    def of_frame(motion: Array) -> Array:
+    def frame_rates(motion: Array) -> Array:
         return np.concatenate([X @ motion, zero[6:]])
 
     for m, psi, psi2, rate in columns:
-        by_q[:, m] = along(zero[6:], of_frame(psi), of_frame(psi2 + motion_cross(psi, V)))
-        by_v[:, m] = along(zero[6:], B[:, m], of_frame(rate + motion_cross(J[:, m], V)))
-        turned = wrench_matrix(force) @ J[:, m]
-        before = [c for c in base if parts[c] != parts[m] and c < m]
-        by_q[before, m] += turned @ J[:, before]
+        by_q[:, m] = derivative_along(zero[6:], frame_rates(psi), frame_rates(psi2 + motion_cross(psi, V)))
+        by_v[:, m] = derivative_along(zero[6:], B[:, m], frame_rates(rate + motion_cross(J[:, m], V)))
+        rotated = wrench_matrix(force) @ J[:, m]
+        before = [c for c in base if joints[c] != joints[m] and c < m]
+        by_q[before, m] += rotated @ J[:, before]
     for i in range(k):
         unit = np.eye(k)[i]
-        by_q[:, at.start + i] = along(unit, zero, zero)
-        by_v[:, at.start + i] = along(zero[6:], np.concatenate([zero[:6], unit]), zero)
+        by_q[:, at.start + i] = derivative_along(unit, zero, zero)
+        by_v[:, at.start + i] = derivative_along(zero[6:], np.concatenate([zero[:6], unit]), zero)
     return by_q, by_v

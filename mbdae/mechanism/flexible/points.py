@@ -1,4 +1,4 @@
-"""Points of a modal body that move with its modes: nodes, and an outline beside them."""
+"""Points of a modal body that move with its modes: nodes and outline points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,11 +31,11 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class OutlinePoints:
-    """p points of a body that show its size and its deflection, with displacements as those of nodes.
+    """p points of a body that determine its size and its deflection, with displacements like those of nodes.
 
     Attributes:
         r, Phi: (p, 3), (p, 3, k).
-        Psi: rotations (p, 3, k) of cross-sections, in order along a beam; None for points of another body.
+        Psi: rotations (p, 3, k) of cross-sections, in order along a beam; None for other bodies.
         Phi2: (p, 3, k, k), zero if omitted.
     """
 
@@ -46,26 +46,26 @@ class OutlinePoints:
 
     @classmethod
     def along(cls, nodes: Sequence[Node]) -> "OutlinePoints":
-        """Return the outline of a beam by nodes along it."""
+        """Return the outline of a beam from nodes along it."""
         second = [x.Phi2 for x in nodes if x.Phi2 is not None]
         r, Phi, Psi = (np.array([getattr(x, name) for x in nodes]) for name in ("r", "Phi", "Psi"))
         return cls(r, Phi, Psi, np.array(second) if second else None)
 
     @classmethod
     def of_extremes(cls, r: Array, Phi: Array) -> "OutlinePoints":
-        """Return the farthest points along each axis, and those that each mode displaces the most.
+        """Return the extreme points along each axis, and the points that each mode displaces the most.
 
         Args:
             r: points, (n, 3).
             Phi: their displacements, (n, 3, k).
         """
-        far = np.concatenate([r.argmin(axis=0), r.argmax(axis=0), np.linalg.norm(Phi, axis=1).argmax(axis=0)])
-        at = np.unique(far)
+        extremes = np.concatenate([r.argmin(axis=0), r.argmax(axis=0), np.linalg.norm(Phi, axis=1).argmax(axis=0)])
+        at = np.unique(extremes)
         return cls(r[at], Phi[at])
 
     @property
     def sections(self) -> list[Node]:
-        """Cross-sections along a beam as nodes; none for points of another body."""
+        """Cross-sections along a beam as nodes; empty for other bodies."""
         if self.Psi is None:
             return []
         second = [None] * len(self.r) if self.Phi2 is None else list(self.Phi2)

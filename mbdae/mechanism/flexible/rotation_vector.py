@@ -5,8 +5,8 @@ With x = |theta| and four entire functions of x^2,
     a = (1 - cos x)/x^2,   b = (x - sin x)/x^3,   a1 = a'(x)/x,   b1 = b'(x)/x
     E = 1 + (1 - b x^2) [theta]x + a [theta]x^2,   Jr = 1 - a [theta]x + b [theta]x^2,   E' = E [Jr theta']x
 
-Closed forms lose digits below x = 1 (b1: 1e-2 at 1e-3 rad); the series have none to lose, and more rotation than they
-resolve is far beyond a linear deformation.
+Closed forms lose digits below x = 1 (b1: 1e-2 at 1e-3 rad), the series do not; rotations for which the series need more
+terms are far beyond linear deformations.
 """
 
 from typing import NamedTuple
@@ -16,7 +16,7 @@ import numpy as np
 from ...system import Array
 from ..tree.frames import cross, skew
 
-TERMS = 20  # terms of each series at most; to rounding up to 5 rad
+TERMS = 20  # maximum number of terms of each series: accurate to rounding up to 5 rad
 _ONE = np.eye(3)
 
 
@@ -50,9 +50,9 @@ def even_functions(x2: float) -> tuple[float, float, float, float]:
     a = b = a1 = b1 = 0.0
     p, before, u = 1.0, 0.0, 0.5  # x2^n, x2^(n-1) and 1/(2n + 2)!, with signs
     for n in range(TERMS):
-        w, shorter = u / (2 * n + 3), (a, b, a1, b1)
+        w, previous = u / (2 * n + 3), (a, b, a1, b1)
         a, b, a1, b1 = a + u * p, b + w * p, a1 + 2 * n * u * before, b1 + 2 * n * w * before
-        if shorter == (a, b, a1, b1):
+        if previous == (a, b, a1, b1):
             break
         p, before, u = p * x2, p, -w / (2 * n + 4)
     return a, b, a1, b1

@@ -25,31 +25,31 @@ class BoundNode:
     Attributes:
         index: its entry in ``data.oMi``.
         node: the node.
-        columns: of J at the world's origin for the modes, (6, k); live.
-        turn: rotation of the node relative to the frame, at the current poses.
+        columns: columns of J at the world's origin for the modes, (6, k); updated in place.
+        rotation: rotation of the node relative to the frame, at the current poses.
     """
 
     def __init__(self, index: int, node: Node) -> None:
         self.index, self.node, self.columns = index, node, np.zeros((6, node.Phi.shape[1]))
-        self.turn = rotation_vector(np.zeros(3))
+        self.rotation = rotation_vector(np.zeros(3))
 
     def split_columns(self, data: pin.Data) -> tuple[Array, Array]:
-        """Return the columns as those of translations T along fixed axes and of rotations W, (6, k) each."""
+        """Return the columns as a sum of translations T along fixed axes and rotations W, (6, k) each."""
         W = self.columns.copy()
         W[:3] = pin.skew(data.oMi[self.index].translation) @ W[3:]
         return self.columns - W, W
 
     def translation_change(self, frame: pin.SE3, z: Array) -> Array:
-        """Return the change by q_m of the translations T z, as motions (6, k); z (k,)."""
+        """Return the derivatives of the translations T z with respect to q_m, as motions (6, k); z (k,)."""
         out = np.zeros_like(self.columns)
         if self.node.Phi2 is not None:
             out[:3] = frame.rotation @ (self.node.Phi2 @ z)
         return out
 
     def rotation_change(self, data: pin.Data, z: Array) -> Array:
-        """Return the change by q_m of the rotation Jr z, beyond that of the axes of the node, as motions (6, k)."""
+        """Return the derivatives of the rotation Jr z with respect to q_m in axes of the node, as motions (6, k)."""
         pose = data.oMi[self.index]
-        change = pose.rotation @ self.turn.jacobian_partials(z) @ self.node.Psi
+        change = pose.rotation @ self.rotation.jacobian_partials(z) @ self.node.Psi
         return np.concatenate([pin.skew(pose.translation) @ change, change])
 
 
@@ -58,7 +58,7 @@ class BoundBody:
 
     Attributes:
         joint, placement: the joint that carries the frame, and the placement of the frame in it.
-        at: the velocities of the modes.
+        at: slice of the velocities of the modes.
         nodes: the nodes.
     """
 
@@ -78,42 +78,42 @@ class BoundBody:
             data.a.append(pin.Motion.Zero())
 
     def write(self, modal: ModalBody, placement: pin.SE3) -> None:
-        """Replace the body by one with as many modes and nodes, and the placement of its frame."""
+        """Replace the body by another with the same numbers of modes and nodes, and the placement of its frame."""
         self.modal, self.placement = modal, placement
         for n, node in zip(self.nodes, modal.nodes.values(), strict=True):
             n.node = node
 
     def pose(self, data: pin.Data) -> pin.SE3:
-        """Return the pose of the frame in the world; that of the joint is current."""
+        """Return the pose of the frame in the world; the pose of the joint must be current."""
         return data.oMi[self.joint] * self.placement
 
     def update_poses(self, data: pin.Data, q: Array) -> None:
-        """Update poses and columns of the nodes; the pose of the frame is current."""
+        """Update poses and columns of the nodes; the pose of the frame must be current."""
         x, pose = q[self.iq], self.pose(data)
         R, p = pose.rotation, pose.translation
         for n in self.nodes:
-            turn = n.turn = rotation_vector(n.node.Psi @ x)
+            rotation = n.rotation = rotation_vector(n.node.Psi @ x)
             d, Phi = n.node.displaced(x)
-            at, E = R @ d + p, R @ turn.E
+            at, E = R @ d + p, R @ rotation.E
             data.oMi[n.index] = pin.SE3(E, at)
-            n.columns[3:] = E @ turn.Jr @ n.node.Psi
+            n.columns[3:] = E @ rotation.Jr @ n.node.Psi
             n.columns[:3] = R @ Phi + pin.skew(at) @ n.columns[3:]
 
     def update_motions(self, data: pin.Data, q: Array, v: Array, a: Array) -> None:
-        """Update velocities and accelerations of the nodes, for v' = a; poses and those of the frame are current."""
+        """Update velocities and accelerations of the nodes, for v' = a; poses and motions of the frame are current."""
         x, u, du = q[self.iq], v[self.at], a[self.at]
         V, A = (self.placement.actInv(x[self.joint]) for x in (data.v, data.a))
         w = V.angular
         for n in self.nodes:
-            node, turn = n.node, n.turn
+            node, rotation = n.node, n.rotation
             d, Phi = node.displaced(x)
             relative, s = Phi @ u, node.Psi @ u
             rate = Phi @ du if node.Phi2 is None else Phi @ du + node.Phi2 @ u @ u
-            ET, wr = turn.E.T, turn.Jr @ s
+            ET, wr = rotation.E.T, rotation.Jr @ s
             at, Ew = ET @ (V.linear + cross(w, d) + relative), ET @ w
             data.v[n.index] = pin.Motion(at, Ew + wr)
             linear = ET @ (A.linear + cross(A.angular, d) + rate + cross(w, relative)) + cross(at, wr)
-            angular = ET @ A.angular + turn.Jr @ (node.Psi @ du) + cross(Ew, wr) + turn.jacobian_partials(s) @ s
+            angular = ET @ A.angular + rotation.Jr @ (node.Psi @ du) + cross(Ew, wr) + rotation.jacobian_partials(s) @ s
             data.a[n.index] = pin.Motion(linear, angular)
 
     def add_inertia(self, data: pin.Data, q: Array, M: Array) -> None:
@@ -133,18 +133,18 @@ class BoundBody:
     def add_force(
         self, modal: ModalBody, data: pin.Data, q: Array, v: Array, a: Array, gravity: Array, out: Array
     ) -> None:
-        """Add the part of M v' + nle of a body with these numbers to out (nv,); motions for v' = a are current."""
-        F = self._force(modal, data, q, v, self._falling(data, gravity), a[self.at])
+        """Add the terms of M v' + nle of a modal body to out (nv,); motions for v' = a are current."""
+        F = self._force(modal, data, q, v, self._acceleration_without_gravity(data, gravity), a[self.at])
         out[self.base] += F[:6] @ self._base_columns(data)
         out[self.at] += F[6:]
 
     def add_weight(self, data: pin.Data, q: Array, gravity: Array, out: Array) -> None:
-        """Add the part of nle of the modes by gravity alone, m/s^2, to out (nv,); J and poses are current."""
+        """Add the weight terms of the modes to out (nv,), gravity in m/s^2; J and poses are current."""
         F = self.modal.delta(q[self.iq])[:, :3] @ (self.pose(data).rotation.T @ -gravity)
         out[self.base] += F[:6] @ self._base_columns(data)
         out[self.at] += F[6:]
 
-    def _falling(self, data: pin.Data, gravity: Array) -> pin.Motion:
+    def _acceleration_without_gravity(self, data: pin.Data, gravity: Array) -> pin.Motion:
         """Return the acceleration of the frame minus gravity, in its axes."""
         weight = pin.Motion(data.oMi[self.joint].rotation.T @ gravity, np.zeros(3))
         return self.placement.actInv(data.a[self.joint] - weight)
@@ -165,7 +165,7 @@ class BoundBody:
 
         Motions in ``data`` are those of v and v' = a; gravity in m/s^2, none if omitted.
         """
-        acceleration = self._falling(data, np.zeros(3) if gravity is None else gravity)
+        acceleration = self._acceleration_without_gravity(data, np.zeros(3) if gravity is None else gravity)
         force = self._force(self.modal, data, q, v, acceleration, a[self.at])
         return self.pose(data).act(pin.Force(force[:6])).vector
 

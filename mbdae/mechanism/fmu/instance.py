@@ -15,7 +15,7 @@ from ...errors import StepError
 from .interface import INTEGERS, FmuInterface, FmuVariable, fmpy_module
 
 T = TypeVar("T")
-ONLY = set[str]()  # tokens of FMUs with one instance per process, which they have
+USED_ONCE = set[str]()  # tokens of FMUs that allow one instance per process and have one
 LOADING = Lock()  # FMPy changes the working directory while it loads a library
 Parameter = float | bool | str
 
@@ -24,47 +24,47 @@ class FmuInstance:
     """An instance, freed with the last reference to it.
 
     Args:
-        name: for messages.
-        path: the FMU.
-        description: of the FMU.
+        name: name for messages.
+        path: file of the FMU.
+        description: description of the FMU.
 
     Raises:
-        StepError: if it cannot be made; all methods raise it with the messages of the FMU.
+        StepError: if it cannot be created; all methods raise it with the messages of the FMU.
     """
 
     def __init__(self, name: str, path: Path, description: FmuInterface) -> None:
-        self.name, self.description, self._said = name, description, list[str]()
+        self.name, self.description, self._messages = name, description, list[str]()
         state = path.stat()
         folder = _folder(path.resolve(), state.st_mtime_ns, state.st_size)
-        if description.once and description.token in ONLY:
+        if description.once and description.token in USED_ONCE:
             reason = "it allows one instance per process, which another run or simulator has"
-            raise StepError("force", f"FMU {name!r} cannot make an instance: {reason}")
-        self._fmu: Any = self._try("make an instance", lambda: self._made(folder))
+            raise StepError("force", f"FMU {name!r} cannot be instantiated: {reason}")
+        self._fmu: Any = self._try("be instantiated", lambda: self._instantiated(folder))
         if description.once:
-            ONLY.add(description.token)
-        self._end = weakref.finalize(self, _free, self._fmu, description.token)
+            USED_ONCE.add(description.token)
+        self._finalizer = weakref.finalize(self, _free, self._fmu, description.token)
 
-    def _made(self, folder: str) -> Any:
+    def _instantiated(self, folder: str) -> Any:
         fmpy_module()
         import fmpy.fmi2 as fmi2
         import fmpy.fmi3 as fmi3
 
         d = self.description
         given = {"guid": d.token, "modelIdentifier": d.identifier, "unzipDirectory": folder, "instanceName": self.name}
-        say = partial(_record, self._said)
+        log = partial(_record, self._messages)
         with LOADING:
-            here = Path.cwd()
+            working_directory = Path.cwd()
             try:
                 if d.version == "3.0":
                     fmu: Any = fmi3.FMU3Slave(**given)
-                    fmu.instantiate(logMessage=lambda of, status, category, text: say(status, text))
+                    fmu.instantiate(logMessage=lambda of, status, category, text: log(status, text))
                     return fmu
                 fmu = fmi2.FMU2Slave(**given)
                 callbacks = fmi2.fmi2CallbackFunctions.from_buffer_copy(fmi2.defaultCallbacks)
-                callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda of, name, status, kind, text: say(status, text))
+                callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda of, name, status, kind, text: log(status, text))
                 fmu.instantiate(callbacks=callbacks)
             finally:
-                os.chdir(here)
+                os.chdir(working_directory)
         return fmu
 
     def start(self, t: float, parameters: Mapping[str, Parameter], inputs: Mapping[str, float]) -> None:
@@ -106,20 +106,20 @@ class FmuInstance:
 
         return self._try("compute outputs", exchange)
 
-    def saved(self) -> bytes:
-        """Return the state."""
+    def save(self) -> bytes:
+        """Return the state as bytes."""
 
-        def save() -> bytes:
+        def serialize() -> bytes:
             state = self._fmu.getFMUState()
             try:
                 return bytes(self._fmu.serializeFMUState(state))
             finally:
                 self._fmu.freeFMUState(state)
 
-        return self._try("save its state", save)
+        return self._try("save its state", serialize)
 
     def restore(self, data: bytes) -> None:
-        """Continue from a state."""
+        """Restore a saved state."""
 
         def restore() -> None:
             state = self._fmu.deserializeFMUState(data)
@@ -147,28 +147,28 @@ class FmuInstance:
         try:
             return action()
         except Exception as e:  # of FMPy, ctypes and the FMU
-            said = "; ".join(dict.fromkeys(self._said)) or (str(e).splitlines() or [type(e).__name__])[0]
-            raise StepError("force", f"FMU {self.name!r} cannot {what}: {said}") from None
+            messages = "; ".join(dict.fromkeys(self._messages)) or (str(e).splitlines() or [type(e).__name__])[0]
+            raise StepError("force", f"FMU {self.name!r} cannot {what}: {messages}") from None
         finally:
-            self._said.clear()
+            self._messages.clear()
 
     def free(self) -> None:
         """Free the instance now."""
-        self._end()
+        self._finalizer()
 
 
-def _record(said: list[str], status: int, text: bytes) -> None:
-    """Record a message of an error."""
+def _record(messages: list[str], status: int, text: bytes) -> None:
+    """Record an error message."""
     if status > 1:
-        said.append(text.decode("utf-8", "replace").strip())
+        messages.append(text.decode("utf-8", "replace").strip())
 
 
 def _free(fmu: Any, token: str) -> None:
-    with suppress(Exception):  # after an error an FMU may refuse it
+    with suppress(Exception):  # an FMU may reject this after an error
         fmu.terminate()
     with suppress(Exception):
         fmu.freeInstance()
-    ONLY.discard(token)
+    USED_ONCE.discard(token)
 
 
 @lru_cache(maxsize=32)

@@ -1,4 +1,4 @@
-"""Variables, units and abilities of an FMU, from its modelDescription.xml."""
+"""Variables, units and capabilities of an FMU, from its modelDescription.xml."""
 
 import zipfile
 from collections.abc import Mapping
@@ -12,20 +12,20 @@ import numpy as np
 from ...errors import InputError, UnknownNameError, is_number
 
 REALS = {"2.0": "Real", "3.0": "Float64"}  # type of inputs and outputs by version of FMI
-TYPES: dict[str, tuple[type, ...]] = {"Boolean": (bool,), "String": (str,)}  # types of values; all others are numbers
+TYPES: dict[str, tuple[type, ...]] = {"Boolean": (bool,), "String": (str,)}  # types of values; other types are numbers
 SIZES = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 INTEGERS = {"Integer": np.iinfo("int32"), "Enumeration": np.iinfo("int32")} | {x: np.iinfo(x.lower()) for x in SIZES}
-SETTABLE = ("parameter", "structuralParameter", "local", "input")  # with initial = "exact": values before a start
+SETTABLE = ("parameter", "structuralParameter", "local", "input")  # settable before a start, with initial = "exact"
 
 
 class FmuVariable(NamedTuple):
     """A scalar variable of an FMU: SI value = factor x + offset.
 
     Attributes:
-        reference: its value reference.
-        type: of FMI, ``"Real"``, ``"Float64"``, ``"Integer"`` ...
-        factor: SI units in its unit.
-        offset: in SI units.
+        reference: value reference.
+        type: type in FMI, ``"Real"``, ``"Float64"``, ``"Integer"`` ...
+        factor: unit of the variable in SI units.
+        offset: offset in SI units.
     """
 
     reference: int
@@ -34,7 +34,7 @@ class FmuVariable(NamedTuple):
     offset: float = 0.0
 
     def accepts(self, value: object) -> bool:
-        """Return whether a value is of its type."""
+        """Return whether a value has the type of the variable."""
         if self.type in TYPES:
             return isinstance(value, TYPES[self.type])
         if not is_number(value) or self.type not in INTEGERS:
@@ -54,14 +54,14 @@ class FmuInterface(NamedTuple):
     """An FMU for co-simulation.
 
     Attributes:
-        version: of FMI, ``"2.0"`` or ``"3.0"``.
-        token: its instantiation token.
-        identifier: name of its library.
-        once: whether a process may have one instance only.
+        version: version of FMI, ``"2.0"`` or ``"3.0"``.
+        token: instantiation token.
+        identifier: name of the library.
+        once: whether a process may have only one instance.
         can_save: whether states can be saved as bytes.
-        inputs: by name.
-        outputs: by name.
-        parameters: by name.
+        inputs: inputs by name.
+        outputs: outputs by name.
+        parameters: parameters by name.
     """
 
     version: str
@@ -74,10 +74,10 @@ class FmuInterface(NamedTuple):
     parameters: Mapping[str, FmuVariable]
 
     def find(self, what: str, name: str) -> FmuVariable:
-        """Return an ``"input"``, ``"output"`` or ``"parameter"``.
+        """Return the variable of this name that is an ``"input"``, ``"output"`` or ``"parameter"``.
 
         Raises:
-            UnknownNameError: lists those of the FMU.
+            UnknownNameError: lists the names of the FMU.
         """
         known: Mapping[str, FmuVariable] = getattr(self, f"{what}s")
         if name not in known:
@@ -102,7 +102,7 @@ def fmu_interface(path: Path) -> FmuInterface:
     """Return the description of an FMU for co-simulation on this platform.
 
     Raises:
-        InputError: for a missing file, a file that is no such FMU, or missing FMPy.
+        InputError: for a missing file, a file that is not such an FMU, or missing FMPy.
     """
     if not path.is_file():
         raise InputError(f"no such file: {path}")
@@ -124,11 +124,11 @@ def _interface_of(path: Path, *version: int) -> FmuInterface:
         raise InputError(f"{path} is of FMI {found.fmiVersion}; known: {', '.join(REALS)}")
     if found.coSimulation is None:
         kind = "scheduled execution" if found.modelExchange is None else "model exchange"
-        raise InputError(f"{path} is an FMU for {kind}; only those for co-simulation can drive a mechanism")
-    cs, here = found.coSimulation, fmpy.platform_tuple if fmi == "3.0" else fmpy.platform
-    if [here, cs.modelIdentifier + fmpy.sharedLibraryExtension] not in libraries:
+        raise InputError(f"{path} is an FMU for {kind}; only FMUs for co-simulation can drive a mechanism")
+    cs, platform = found.coSimulation, fmpy.platform_tuple if fmi == "3.0" else fmpy.platform
+    if [platform, cs.modelIdentifier + fmpy.sharedLibraryExtension] not in libraries:
         others = ", ".join(sorted({name[0] for name in libraries if name[1:] != [""]})) or "no platform"
-        raise InputError(f"{path} has no library for {here}, only for {others}")
+        raise InputError(f"{path} has no library for {platform}, only for {others}")
     return FmuInterface(
         fmi, found.guid, cs.modelIdentifier, cs.canBeInstantiatedOnlyOncePerProcess,
         cs.canGetAndSetFMUstate and cs.canSerializeFMUstate, *_variables(found, REALS[fmi]),

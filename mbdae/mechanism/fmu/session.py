@@ -1,9 +1,9 @@
-"""An FMU as a function of the number of its state: the same history gives the same number, and the same outputs.
+"""An FMU as a function of the number of its state: equal histories give equal numbers and outputs.
 
-The state of an FMU is opaque, and a run may come back to an instant: the core leaves a jump to Python, a run continues
-from the end of another, a simulator is reset. A number in s tells which state belongs to a point: it counts the
-instants, and its fraction is a digest of the inputs at all of them; 0 is the state before the start. Saved states are
-found by it.
+The state of an FMU is opaque, and a run may return to an earlier instant: the core delegates a jump to Python, a run
+continues from the end of another run, or a simulator is reset. A number in s identifies the state at a point: it counts
+the instants, and its fraction is a digest of the inputs at all instants; 0 is the state before the start. Saved states
+are looked up by this number.
 """
 
 import hashlib
@@ -20,7 +20,7 @@ from .instance import FmuInstance, Parameter
 from .interface import FmuInterface
 
 DIGITS = 32  # bits of the fraction of the number of a state, below 1/2
-MAX_SAVED = 256  # saved states that a process keeps for runs that continue from others
+MAX_SAVED = 256  # saved states that a process keeps for runs that continue from other runs
 HEADER = struct.Struct("<dd")  # number of a state, and its time
 Values = tuple[float, ...]
 
@@ -33,16 +33,16 @@ class FmuSample(NamedTuple):
 
 
 class SavedStates:
-    """Saved states of all FMUs of the process by their numbers, the latest ones."""
+    """The latest saved states of all FMUs of the process, by number."""
 
     def __init__(self) -> None:
         self._states, self._lock = OrderedDict[float, bytes](), Lock()
 
     def store(self, states: Mapping[str, bytes]) -> None:
-        """Keep saved states.
+        """Store saved states.
 
         Raises:
-            ValueError: for one that is too short.
+            ValueError: for a state that is too short.
         """
         if any(len(state) <= HEADER.size for state in states.values()):
             raise ValueError("the state of an FMU is damaged")
@@ -63,16 +63,16 @@ saved_states = SavedStates()
 
 
 class FmuSession:
-    """An FMU that is sampled: it steps with constant inputs from one instant to the next.
+    """A sampled FMU: it steps with constant inputs from one instant to the next.
 
     Args:
-        name: for messages.
-        path: the FMU.
-        description: of the FMU.
-        step: from one instant to the next in s.
-        parameters: their values before the start.
-        inputs: names of its inputs.
-        outputs: names of its outputs.
+        name: name for messages.
+        path: file of the FMU.
+        description: description of the FMU.
+        step: time in s from one instant to the next.
+        parameters: values of parameters before the start.
+        inputs: names of the inputs.
+        outputs: names of the outputs.
     """
 
     def __init__(
@@ -94,18 +94,18 @@ class FmuSession:
         self._origin = hashlib.sha256(repr(origin).encode()).digest()
 
     def sample(self, number: float, t: float, inputs: Values) -> FmuSample:
-        """Return the outputs at an instant, with the inputs from then on.
+        """Return the outputs at an instant, from which the inputs apply.
 
         Args:
-            number: of the state before; 0 starts the FMU.
+            number: number of the previous state; 0 starts the FMU.
             t: the instant in s.
-            inputs: in SI units.
+            inputs: inputs in SI units.
 
         Raises:
-            StepError: if the FMU fails, or if its state before is not known.
+            StepError: if the FMU fails, or if its previous state is not available.
         """
         key = number, t, inputs
-        if not (self._last and self._last[0] == key):  # Python repeats what the core has left to it
+        if not (self._last and self._last[0] == key):  # Python repeats calls that the core delegates
             if number not in (0.0, self._number):
                 self._restore(number)
             self._last = key, self._sample(key)
@@ -157,10 +157,10 @@ class FmuSession:
         self._number, self._t = HEADER.unpack_from(state)
 
     def save(self, number: float) -> bytes | None:
-        """Return the state of a number, and keep it; None if it is not that of the instance, or cannot be saved."""
+        """Return the state of a number and store it; None if it is not the current state, or cannot be saved."""
         if number != self._number or not self._instance or not self.description.can_save:
             return saved_states.find(number)
-        state = HEADER.pack(number, self._t) + self._instance.saved()
+        state = HEADER.pack(number, self._t) + self._instance.save()
         saved_states.store({self.name: state})
         return state
 

@@ -51,7 +51,7 @@ def named_force(force: object, i: int) -> MechanismForce:
     """Return the i-th force of a mechanism; one without a name gets its kind and number as name.
 
     Raises:
-        InputError: for anything else than a force.
+        InputError: for anything other than a force.
     """
     if callable(force) or isinstance(force, PYTHON_FORCES):
         return force
@@ -62,19 +62,19 @@ def named_force(force: object, i: int) -> MechanismForce:
 
 
 def named_forces(forces: Sequence[object], drivers: "Sequence[Driver]") -> tuple[MechanismForce, ...]:
-    """Return the forces of a mechanism with their names; FMUs know the inputs that they may set.
+    """Return the forces of a mechanism with their names; FMUs receive the inputs that they may set.
 
     Raises:
-        InputError: for anything else than a force, or inputs that outputs of FMUs cannot set.
+        InputError: for anything other than a force, or inputs that outputs of FMUs cannot set.
     """
     found = tuple(named_force(f, i) for i, f in enumerate(forces))
     if not any(isinstance(f, FMU) for f in found):
         return found
     inputs = {name: as_input(x) for name, x in inputs_in([*found, *drivers]).items()}
     found = tuple(f.with_inputs(inputs) if isinstance(f, FMU) else f for f in found)
-    held = fmu_by_input(found)
+    set_by_fmus = fmu_by_input(found)
     for driver in drivers:
-        if getattr(driver.path, "name", "") in held:
+        if getattr(driver.path, "name", "") in set_by_fmus:
             driver.require_continuous()
     return found
 
@@ -83,16 +83,16 @@ def stiction_joints(model: pin.Model, forces: Sequence[object]) -> tuple[Stictio
     """Return the joints with exact Coulomb friction.
 
     Raises:
-        UnknownNameError, InputError: for unknown or unsuitable joints, or joints with two frictions.
+        UnknownNameError, InputError: for unknown or unsuitable joints, or joints with two exact friction forces.
     """
     found = tuple(h for f in forces if isinstance(f, JointFriction) for h in f.stiction_joints(model))
     for name in {b.joint for b in found if [x.joint for x in found].count(b.joint) > 1}:
-        raise InputError(f"joint {name!r} has two frictions that stick")
+        raise InputError(f"joint {name!r} has two exact friction forces")
     return found
 
 
 def require_signals(mech: "Mechanism") -> None:
-    """Require the signals that forces name.
+    """Check that the signals named by forces exist.
 
     Raises:
         UnknownNameError, InputError: for unknown or unsuitable signals.
@@ -103,7 +103,7 @@ def require_signals(mech: "Mechanism") -> None:
 
 
 def is_custom(force: object) -> bool:
-    """Return whether a force is bound by code outside mbdae, which may call any algorithm on the workspace."""
+    """Return whether a force is bound by code outside mbdae, which may call any Pinocchio algorithm."""
     return hasattr(force, "bind") and type(force).__module__.partition(".")[0] != "mbdae"
 
 

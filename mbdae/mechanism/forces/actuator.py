@@ -61,7 +61,7 @@ class ActuatorElement(ForceElement):
     def __init__(self, spec: Actuator, model: pin.Model) -> None:
         super().__init__(spec.name, states=spec.start)
         self.spec, self.model = spec, model
-        self.differenced = spec.partials is None
+        self.finite_differences = spec.partials is None
 
     def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[float, Array, Array]:
         what = [f"{part} of actuator {self.name!r}" for part in ("torque", "rate")]

@@ -23,8 +23,8 @@ class CoulombFriction(Force):
         closure: name of the closure.
         coefficient: mu, dimensionless.
         radius: r of the bearing in m, for a closure that rotates.
-        velocity: at which regularized friction reaches three quarters of its value, in rad/s or m/s; 0.01 if omitted,
-            as in `JointFriction`.
+        velocity: speed at which regularized friction reaches 76 % of its value, in rad/s or m/s; 0.01 if omitted, as
+            in `JointFriction`.
         static: mu while sticking, at least ``coefficient``, which is the default.
         exact: whether a rolling body sticks, with all no-slip rows, while its friction is at most mu_s N, and slides
             otherwise; true if ``static`` is given. For closures of kind rolling, which otherwise never slide.
@@ -59,7 +59,7 @@ class CoulombFriction(Force):
 
     @property
     def width(self) -> float:
-        """Speed at which regularized friction reaches three quarters of its value."""
+        """Speed at which regularized friction reaches 76 % of its value."""
         return self.velocity or DEFAULT_VELOCITY
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
@@ -67,6 +67,6 @@ class CoulombFriction(Force):
 
 
 class CoulombElement(LinearElement):
-    """A law without force: `mbdae.mechanism.formulations.closure_friction` computes friction from multipliers."""
+    """A law with zero force: `mbdae.mechanism.formulations.closure_friction` computes friction from multipliers."""
 
-    by_state = False
+    depends_on_state_only = False

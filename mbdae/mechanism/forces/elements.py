@@ -19,7 +19,7 @@ BoundLaw = tuple[ForceElement, slice]
 
 
 def coincident(name: str) -> InputError:
-    """Return the error of derivatives of a force whose points coincide."""
+    """Return the error for derivatives of a force whose points coincide."""
     return InputError(f"force {name!r} has no direction where its points coincide: no derivative")
 
 
@@ -29,9 +29,9 @@ class ForceElements:
     Attributes:
         names: names of the laws.
         bound: the laws.
-        acting: the laws, all linear ones combined into one.
+        acting: the laws, with all linear laws combined into one.
         ns: number of states.
-        over_time: the laws that depend on time, sampled ones among them.
+        time_dependent: the laws that depend on time, including sampled laws.
     """
 
     def __init__(self, laws: Sequence[ForceElement], model: pin.Model) -> None:
@@ -46,11 +46,11 @@ class ForceElements:
             self.acting.insert(0, (Linear(linear, model, self.ns), slice(0, self.ns)))
         self._external = [(law, at) for law, at in self.bound if law.external]
         jumps = ForceElement.breakpoint
-        self.over_time = [law for law, _ in self.bound if law.signals or type(law).breakpoint is not jumps]
+        self.time_dependent = [law for law, _ in self.bound if law.signals or type(law).breakpoint is not jumps]
         self._without_potential = [type(law).potential is ForceElement.potential for law, _ in self.acting]
 
     def attached(self, system: "Index2System") -> Self:
-        """Return the laws, which take note of their workspace."""
+        """Attach all laws to their workspace, and return them."""
         for law, _ in self.bound:
             law.attach(system)
         return self
@@ -135,34 +135,34 @@ class ForceElements:
 
     def nonsmooth_times(self) -> list[float]:
         """Return the times at which functions of time in the laws are not smooth."""
-        return sorted({x for law in self.over_time for signal in law.signals for x in signal.nonsmooth_times})
+        return sorted({x for law in self.time_dependent for signal in law.signals for x in signal.nonsmooth_times})
 
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, at which a law may jump; sign * inf if none."""
-        return sign * min((sign * law.breakpoint(t, sign) for law in self.over_time), default=inf)
+        return sign * min((sign * law.breakpoint(t, sign) for law in self.time_dependent), default=inf)
 
     def external_states(self, s: Array) -> dict[str, bytes | None]:
-        """Return the states of laws that another program computes, by their names; None if it cannot save them."""
+        """Return the states of external programs by name of the law; None if a program cannot save its state."""
         return {law.name: law.save(s[at]) for law, at in self._external}
 
     def set_inputs(self, s: Array, notify: bool = True) -> None:
-        """Set inputs that laws set from their states; see `Input.set`."""
+        """Set the inputs that laws derive from their states; see `Input.set`."""
         for law, at in self._external:
             law.set_inputs(s[at], notify)
 
     def detach_programs(self) -> list[object]:
-        """Return the external programs of all laws, which they do not use any more; None for laws without one."""
+        """Detach the external programs of all laws, and return them; None for laws without one."""
         return [law.detach_program() for law, _ in self.bound]
 
     def attach_programs(self, programs: Sequence[object]) -> None:
-        """Use the external programs that the laws of another workspace have detached."""
+        """Attach the external programs that the laws of another workspace have detached."""
         for (law, _), program in zip(self.bound, programs, strict=True):
             law.attach_program(program)
 
     def jump(self, t: float, q: Array, v: Array, s: Array, late: float = inf) -> Array:
         """Return s after a jump at time t, (ns,), and set inputs; each law receives the states before the jump.
 
-        Laws that have jumped more than ``late`` roundings before t keep their states.
+        Laws that have jumped more than ``late`` units of rounding before t keep their states.
         """
         out = s.copy()
         for law, at in self.bound:

@@ -38,8 +38,8 @@ class FMU(Force):
 
     At each instant t_k = offset + k step the FMU steps from t_k-1 to t_k with its inputs held, takes the signals of
     the mechanism, and its outputs act on the joints until the next instant. It starts at the first instant of a run;
-    before, its outputs are zero, and inputs have their start values. Its units are converted from and to SI units. Runs
-    go forwards only, and are not differentiable; a run continues from another one if the FMU can save its state.
+    before that, its outputs are zero and inputs have their start values. Its units are converted to and from SI units.
+    Runs go forwards only and are not differentiable; a run can continue another one if the FMU can save its state.
 
     An output that sets an input u (`mbdae.Input`) holds it: u(t) = u_k. With ``hold = "first"`` it is the value at the
     next instant: u is continuous, with u' = (u_k - u(t_k)) / step, so that it may be the speed of a driver.
@@ -53,12 +53,12 @@ class FMU(Force):
             in N m or N, or setting an input of the mechanism, in its unit.
         parameters: its parameters and other values before the start, in its own units.
         offset: an instant in s.
-        recorded: whether it belongs to a saved run, which has the outputs of the FMU, but does not run it again.
+        recorded: whether it belongs to a saved run, which contains the outputs of the FMU but does not run it.
         name: for parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value; when a mechanism is created, for a missing file, a file that
-            is no FMU for co-simulation on this platform, or missing FMPy.
+            is not an FMU for co-simulation on this platform, or missing FMPy.
         UnknownNameError: when a mechanism is created, for an unknown joint, input, signal or variable of the FMU.
     """
 
@@ -73,7 +73,7 @@ class FMU(Force):
     _inputs: Mapping[str, Input] = PrivateAttr(default_factory=dict)  # inputs of the mechanism
 
     def with_inputs(self, inputs: Mapping[str, Input]) -> "FMU":
-        """Return it with the inputs of its mechanism, which its outputs may set."""
+        """Return a copy with the inputs of its mechanism, which its outputs may set."""
         out = self.model_copy()
         out._inputs = inputs
         return out
@@ -102,7 +102,7 @@ class FMU(Force):
         return FmuElement(self, torques, self.set_inputs)
 
     def _require_variables(self, found: FmuInterface) -> None:
-        """Require that the FMU has the variables, and parameters of their types."""
+        """Check that the FMU has the named variables, and that the parameters match their types."""
         for what, names in (("input", self.inputs), ("output", self.outputs), ("parameter", self.parameters)):
             for name in names:
                 found.find(what, name)
@@ -112,10 +112,10 @@ class FMU(Force):
                 raise InputError(f"parameter {name!r} of {self.name!r} is of type {kind}, got {x!r:.80}")
 
     def require_signals(self, mech: "Mechanism") -> None:
-        """Require that its inputs are signals with values at a point.
+        """Check that its inputs are signals with values at a point.
 
         Raises:
-            UnknownNameError, InputError: for others.
+            UnknownNameError, InputError: for any other input.
         """
         for name, signal in self.inputs.items():
             if signal == "work":
@@ -155,10 +155,10 @@ def fmu_by_input(forces: Iterable[object]) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for fmu in (x for x in forces if isinstance(x, FMU)):
-        for cell in fmu.set_inputs.values():
-            if cell.name in found:
-                raise InputError(f"input {cell.name!r} is set by an output of {found[cell.name]!r} and of {fmu.name!r}")
-            found[cell.name] = fmu.name
+        for u in fmu.set_inputs.values():
+            if u.name in found:
+                raise InputError(f"input {u.name!r} is set by an output of {found[u.name]!r} and of {fmu.name!r}")
+            found[u.name] = fmu.name
     return found
 
 
@@ -166,7 +166,7 @@ def with_fmu_paths(forces: Sequence[Any], path: Path) -> tuple[Any, ...]:
     """Return the forces of a mechanism file with the paths of their FMUs, which are in its folder.
 
     Raises:
-        InputError: for a missing file, or one elsewhere.
+        InputError: for a missing file, or a file outside the folder.
     """
     if not any(isinstance(x, FMU) for x in forces):
         return tuple(forces)
@@ -186,8 +186,8 @@ def with_fmu_paths(forces: Sequence[Any], path: Path) -> tuple[Any, ...]:
 class FmuElement(SampledElement):
     """The law of `FMU`: s = (torques (m,), inputs that it sets, the last instant, the number of its state).
 
-    The instant, and rates after the values, belong to inputs of first order alone. See `mbdae.mechanism.fmu.session`
-    for the number.
+    The instant, and a rate after each value, are states only for inputs with a first-order hold. See
+    `mbdae.mechanism.fmu.session` for the number.
 
     Args:
         spec: the FMU.
@@ -208,8 +208,8 @@ class FmuElement(SampledElement):
         super().__init__(spec.name, self._unused_sample, 1 / spec.step, spec.offset, torques, {**memory, "state": 0.0})
         self._outputs = [name for name in spec.outputs if name not in inputs] + [*inputs]
         self.spec, self._session = spec, None
-        self._system: Index2System | None = None  # that runs
-        self._signal_system: Index2System | None = None  # for values of signals
+        self._system: Index2System | None = None  # workspace of the run
+        self._signal_system: Index2System | None = None  # workspace to evaluate signals
 
     _session: FmuSession | None
 
@@ -221,7 +221,7 @@ class FmuElement(SampledElement):
         vars(self).pop("_signals", None)
 
     def sampled(self, t: float, q: Array, v: Array, s: Array, at: slice) -> tuple[Array, Array]:
-        """Return the torques, and the memory: inputs that it sets and the number of the state of the FMU."""
+        """Return the torques, and the memory: inputs that it sets, and the number of the FMU's state."""
         assert self._system
         t = self.offset + round((t - self.offset) * self.rate) * self.spec.step
         self._system.laws.set_inputs(s, notify=False)  # the core cannot be called while it calls Python
@@ -236,14 +236,14 @@ class FmuElement(SampledElement):
 
     def input_settings(self, s: Array) -> dict[str, InputSetting]:
         """Return the settings of the inputs that it sets, by name, from its states."""
-        return {x.cell.name: x.setting(s) for x in self.held}
+        return {x.input.name: x.setting(s) for x in self.held}
 
     def set_inputs(self, s: Array, notify: bool = True) -> None:
         for x in self.held:
-            x.cell.set(x.setting(s), notify)
+            x.input.set(x.setting(s), notify)
 
     def sampler(self, at: slice) -> CoreData:
-        return super().sampler(at) | {"inputs": [x.core_data(at) for x in self.held if x.cell.number >= 0]}
+        return super().sampler(at) | {"inputs": [x.core_data(at) for x in self.held if x.input.number >= 0]}
 
     def _inputs(self, t: float, y: Array) -> tuple[float, ...]:
         return tuple(x if isinstance(x, float) else self._evaluate(x, t, y) for x in self._signals)
@@ -264,7 +264,7 @@ class FmuElement(SampledElement):
         return import_module(SIGNALS).value  # in a higher layer: imported lazily to avoid a cycle
 
     def _workspace(self) -> "Index2System":
-        """Return a workspace of Python in the mode of the run: the core cannot be called while it calls Python."""
+        """Return a Python workspace in the mode of the run: the core cannot be called while it calls Python."""
         assert self._system
         if self._signal_system is None:
             self._signal_system = self._system.mechanism.system("index2")

@@ -1,4 +1,4 @@
-"""Base classes of forces: a description, possibly from a file, which is bound to a workspace as a force law.
+"""Base classes of forces: a description, possibly from a file, and the force law bound to a workspace.
 
 The generalized force tau (nv,) of a law has two parts: one derived from its potential, and one whose work is
 integrated along the motion. A law may have internal states s, s' = h(t, q, v, s), which may jump at certain times.
@@ -33,7 +33,7 @@ def distinct_joints(names: str | tuple[str, ...], *, context: str = "") -> str |
     """Return names of joints, unchanged; messages begin with ``context``.
 
     Raises:
-        InputError: for no name, or one that is given twice: its law would act twice, or once, on one coordinate.
+        InputError: for no name, or for a repeated name: the law would act twice on one coordinate.
     """
     if not names:
         raise InputError(f"{context}at least one joint is needed")
@@ -94,11 +94,11 @@ class ForceElement:
         return False
 
     tension = False  # the force acts along the line between two points
-    flipping: Pair | None = None  # of frames: the force reverses its direction where their origins pass
-    differenced = False  # the partial derivatives are finite differences
-    by_state = True  # the force depends on (t, q, v, s) only, not on multipliers and modes
-    differentiated: Sequence[TimeFunction] = ()  # those on whose rates it depends
-    deflections: Sequence[tuple[int, str]] = ()  # deflections of springs: velocity of the joint, or -1; axis or ""
+    reversing_pair: Pair | None = None  # frames: the force reverses its direction where their origins pass each other
+    finite_differences = False  # whether the partial derivatives are finite differences
+    depends_on_state_only = True  # on (t, q, v, s), not on multipliers and modes
+    differentiated: Sequence[TimeFunction] = ()  # functions of time whose rates enter the force
+    deflections: Sequence[tuple[int, str]] = ()  # of springs: velocity index of the joint or -1, and axis or ""
 
     def acting_components(self, nv: int) -> list[int]:
         """Return the indices of the velocity components that the force may act on; all if unknown."""
@@ -113,35 +113,35 @@ class ForceElement:
         return sign * min((sign * s.breakpoint(t, sign) for s in self.signals), default=inf)
 
     def jump(self, t: float, q: Array, v: Array, s: Array, at: slice) -> Array:
-        """Return its states s[at] after a jump at time t; s has those of all laws; kinematics need not be current."""
+        """Return its states s[at] after a jump at time t, for the s of all laws; kinematics need not be current."""
         return s[at]
 
     def has_jumped(self, t: float, late: float) -> bool:
-        """Return whether the time of the jump that counts as t lies more than ``late`` roundings before it."""
+        """Return whether the jump that counts as one at t is more than ``late`` units of rounding before t."""
         return False
 
-    external = False  # it has a state besides s, which another program computes
+    external = False  # an external program computes a state of the law besides s
 
     def input_settings(self, s: Array) -> Mapping[str, InputSetting]:
-        """Return the settings of inputs of the mechanism that it sets, by name, from its states."""
+        """Return the settings of the inputs that the law sets, by name, from its states."""
         return {}
 
     def set_inputs(self, s: Array, notify: bool = True) -> None:
-        """Set inputs of the mechanism from its states; see `Input.set`."""
+        """Set the inputs of the mechanism that depend on its states; see `Input.set`."""
 
     def attach(self, system: "Index2System") -> None:
-        """Keep the workspace to which it is bound, if it needs it."""
+        """Store the workspace to which the law is bound, if the law uses it."""
 
     def save(self, s: Array) -> bytes | None:
         """Return the external state that belongs to its states s; None if it cannot be saved; empty before a start."""
         return None
 
     def detach_program(self) -> object:
-        """Return the external program, which this law does not use any more; None if it has none."""
+        """Detach the external program, and return it; None if there is none."""
         return None
 
     def attach_program(self, program: object) -> None:
-        """Use an external program that another workspace has detached, in its state; None for none."""
+        """Attach an external program, in its current state, that another workspace has detached; or None."""
 
     def core_data(self) -> CoreData:
         """Return the core data: ``kind``, the name of a file in native/mechanism/laws, and its data.
@@ -218,7 +218,7 @@ class Force(Table):
         raise NotImplementedError
 
     def require_signals(self, mech: "Mechanism") -> None:
-        """Require the signals that it names; it is called when the mechanism is made.
+        """Check that the signals it names exist; called when the mechanism is created.
 
         Raises:
             UnknownNameError, InputError: for unknown or unsuitable signals.

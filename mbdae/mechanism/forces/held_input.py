@@ -7,15 +7,15 @@ from .force import Array, CoreData
 
 
 class HeldInput(NamedTuple):
-    """An input that an output of an FMU sets; its setting is in the states s of the law, with t_k in the last but one.
+    """An input that an output of an FMU sets; the states s of the law contain its setting, t_k as the last but one.
 
     Attributes:
-        cell: the input.
+        input: the input.
         value: index of its value.
-        rate: index of its rate; None for a constant one.
+        rate: index of its rate; None for a zero-order hold.
     """
 
-    cell: Input
+    input: Input
     value: int
     rate: int | None
 
@@ -26,7 +26,7 @@ class HeldInput(NamedTuple):
         return InputSetting(float(s[-2]), float(s[self.value]), float(s[self.rate]))
 
     def set_output(self, output: float, t: float, step: float, before: Array, after: Array) -> None:
-        """Set it to an output: at once, or at the end of a step that begins at t in s."""
+        """Set the input to an output: at once, or linearly by the end of a step that begins at t in s."""
         if self.rate is None:
             after[self.value] = output
         else:
@@ -37,4 +37,4 @@ class HeldInput(NamedTuple):
         """Return the core data; the states of the law are s[at]."""
         first = self.rate is not None
         rate, instant = (at.start + self.value + 1, at.stop - 2) if first else (-1, -1)
-        return {"input": self.cell.number, "value": at.start + self.value, "rate": rate, "instant": instant}
+        return {"input": self.input.number, "value": at.start + self.value, "rate": rate, "instant": instant}

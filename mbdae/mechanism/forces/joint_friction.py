@@ -46,8 +46,8 @@ class JointFriction(Force):
         joint: one joint or several; all joints but modes of flexible bodies if omitted.
         friction: N m or N; if omitted, the values of the imported model for each coordinate, URDF
             ``<dynamics friction>`` and MJCF ``frictionloss``.
-        velocity: at which regularized friction reaches three quarters of its value, in rad/s or m/s; not too small: the
-            time constant of the problem is inertia * velocity / friction. 0.01 if omitted.
+        velocity: speed at which regularized friction reaches 76 % of its value, in rad/s or m/s; 0.01 if omitted. The
+            time constant of the problem, inertia * velocity / friction, decreases with it.
         static: largest friction of a sticking joint, in N m or N, at least ``friction``, which is the default.
         exact: whether the joint can stick; true if ``static`` is given.
         name: for parameters, signals and messages; the kind and a number if omitted.
@@ -78,10 +78,10 @@ class JointFriction(Force):
         return self.exact or self.static is not None
 
     def stiction_joints(self, model: pin.Model) -> Iterator[StictionJoint]:
-        """Yield the joints that can stick; none for regularized friction.
+        """Yield the joints with stiction; none for regularized friction.
 
         Raises:
-            InputError: for a joint of several coordinates, or static friction below the kinetic one of the model.
+            InputError: for a joint of several coordinates, or static friction below the kinetic friction of the model.
         """
         if not self.is_exact:
             return
@@ -143,7 +143,7 @@ class FrictionElement(JointElement):
 class KineticFrictionElement(JointElement):
     """tau = -d * sign with d (nv,); sign (nv,) is the direction of slip in a mode, 0 for sticking joints."""
 
-    by_state = False
+    depends_on_state_only = False
 
     def __init__(self, name: str, d: Array) -> None:
         super().__init__(name, range(len(d)))

@@ -12,7 +12,7 @@ Effort = tuple[Array | float, Array | float]
 
 
 class JointElement(ForceElement):
-    """A law tau_i = F(q_i, v_i) of single coordinates, without states.
+    """A law tau_i = F(q_i, v_i) that acts on single coordinates, without states.
 
     Args:
         name: for messages.
@@ -27,7 +27,7 @@ class JointElement(ForceElement):
     def effort(self, q: Array, v: Array) -> Effort:
         """Return both parts of tau_i at (q_i, v_i), (k,) each, real or complex; q is 0 for a law of v alone.
 
-        The formula must be analytic: |v| is `magnitude` (v), not abs (v).
+        The formula must be analytic: use `magnitude`, not abs, for |v|.
         """
         raise NotImplementedError
 

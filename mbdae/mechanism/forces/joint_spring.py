@@ -27,7 +27,7 @@ class JointSpring(Force):
     """A spring and damper on joints of one coordinate: tau = -c(q - rest) - damping * v.
 
     Attributes:
-        joint: one joint or several; not of type continuous, whose angle is known up to full turns only.
+        joint: one joint or several; not a continuous joint, whose angle is known only up to full turns.
         stiffness: c(x) = stiffness * x, in N m/rad or N/m.
         table: points (deflection, restoring torque) of a nonlinear c instead, deflections increasing; linear
             extrapolation beyond its ends. The potential is the exact integral.

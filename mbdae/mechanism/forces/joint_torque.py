@@ -21,7 +21,7 @@ class JointTorque(Force):
     Attributes:
         joint: one joint.
         torque: one constant or function of time, or nv of them.
-        gear: a factor of all of them.
+        gear: common factor of the torques.
         bias: b_0, b_1, b_2 of a joint of one coordinate, in N m or N; per rad or m; per rad/s or m/s.
         name: for parameters, signals and messages; the kind and a number if omitted.
 

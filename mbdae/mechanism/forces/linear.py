@@ -1,7 +1,7 @@
 """Linear elements: [tau; s'] = C [q; v; s; u(t); u'(t); 1], and springs, which have a potential.
 
-Dampers, springs, torques, controllers, motors and sampled torques are linear elements. All those of a workspace are
-evaluated together, from the entries of one sparse C, in Python and in the core.
+Dampers, springs, torques, controllers, motors and sampled torques are linear elements. All linear elements of a
+workspace are evaluated together, from the entries of one sparse matrix C, in Python and in the core.
 """
 
 from collections.abc import Mapping, Sequence
@@ -79,7 +79,7 @@ class Linear(ForceElement):
         self.nq, self.nv, self.ns = model.nq, model.nv, ns
         self.tangent = dict(zip(model.idx_qs, model.idx_vs, strict=True))
         self.springs = [spring for law, _ in laws for spring in law.springs]
-        self.u: list[tuple[TimeFunction, int]] = []  # each with the order of its derivative
+        self.u: list[tuple[TimeFunction, int]] = []  # functions and orders of their derivatives
         self._input_columns: dict[tuple[int, int], int] = {}
         one = self.nq + self.nv + ns
         entries = [(iv, iq, -k) for iq, iv, k, _ in self.springs]

@@ -1,4 +1,4 @@
-"""Force laws in Python for the core; their partial derivatives: functions of the user, or central differences."""
+"""Force laws in Python for the core, with partial derivatives from user functions or central differences."""
 
 from collections.abc import Callable
 from typing import Any
@@ -43,7 +43,7 @@ def law_partials(
 
     Args:
         law: (q, v, s) -> (tau, s'), (nv + ns,).
-        user_partials: the user's function of (t, q, v) and, if there are states, s, for d(tau, s'); or None.
+        user_partials: user function of (t, q, v), and of s if there are states, that returns d(tau, s'); or None.
         what: the law in messages.
         model: Pinocchio model, whose `integrate` displaces q.
         t: time.

@@ -58,12 +58,12 @@ class SpringDamperElement(PairElement):
         super().__init__(spec.name, [spec.force])
         self.spec, self.pair = spec, pair
         if spec.stiffness * spec.length or spec.force != Constant(value=0.0):
-            self.flipping = pair
+            self.reversing_pair = pair
 
     def direction_undefined(self) -> bool:
         self.pair.locate()
         a, b = self.pair.pa, self.pair.pb
-        directed = self.spec.damping or self.flipping
+        directed = self.spec.damping or self.reversing_pair
         return bool(directed and np.abs(b - a).max() <= EVALUATION_ROUNDING * (1 + np.abs(a).max()))
 
     def spring_force(self, n: Array) -> Array:

@@ -21,7 +21,7 @@ class TorqueElement(ForceElement):
     def __init__(self, function: TorqueFunction, model: pin.Model) -> None:
         super().__init__(function_name(function))
         self.function, self.model = function, model
-        self.differenced = getattr(function, "partials", None) is None
+        self.finite_differences = getattr(function, "partials", None) is None
         self.what = f"force {self.name!r}"
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:

@@ -43,8 +43,8 @@ class Body(Frame):
         joint: kind of the joint; a continuous joint is unbounded, a translation has the coordinates x, y and z, a
             universal joint the angles about x of the frame and about y of the body. Velocities of free and planar
             joints are along the axes of the moving body.
-        axis: axis of a revolute, continuous or prismatic joint, or normal of the plane of a planar joint: x and y in
-            the plane are those of the frame, rotated as z is onto the normal, x and -z for [0, 1, 0].
+        axis: axis of a revolute, continuous or prismatic joint, or normal of the plane of a planar joint, whose x and y
+            result from the shortest rotation of the frame that maps z to the normal: x and -z for [0, 1, 0].
         mass: mass in kg.
         com: centre of mass in the body's frame, in m.
         inertia: ixx, iyy, izz, ixy, ixz, iyz about the centre of mass, in kg m^2.
@@ -70,28 +70,28 @@ class Flexible(Frame):
         name: name of the body and of the joint of its frame; ``"name.mode 1"``, ... are the joints of its modes.
         joint: kind of the joint between the parent and its frame; "fixed" clamps the frame to the parent.
         axis: axis of a revolute or prismatic joint.
-        file: numbers of a modal body, ``"rod.npz"`` of `mbdae.save_modal_body`, in place of those of a beam.
-        data: the same numbers as a table, as archives have them.
-        length: m.
+        file: data of a modal body, ``"rod.npz"`` of `mbdae.save_modal_body`, instead of a beam.
+        data: the same data as a table, as stored in archives.
+        length: length in m.
         young: Young's modulus in N/m^2.
-        density: kg/m^3.
+        density: density in kg/m^3.
         area: area of the cross-section in m^2.
         second_moment: second moment of area for bending along y, and along z if it differs, in m^4.
         polar_moment: second moment of area about x in m^4, for inertia about the axis; without it Iy + Iz if rotations
             of the joint have a component about x, or with shear, else 0.
         shear_stiffness: shear coefficient x shear modulus x area in N; 0 is rigid against shear.
-        fibre: position (y, z) in the cross-section in m whose strain and stress nodes report; without it those by
-            stretching alone, of axial beams.
-        modes: number of normal modes, 4 of a beam if omitted; of a body from a file, of its first modes.
+        fibre: position (y, z) in the cross-section in m of the strain and stress at nodes; if omitted, axial beams have
+            strain and stress by stretching only.
+        modes: number of normal modes; if omitted, 4 for a beam, all for a body from a file.
         elements: number of elements.
-        ends: displacements that the frame holds at the left and at the right end.
+        ends: displacements fixed to the frame at the left and at the right end.
         plane: direction of bending, or both.
         axial: whether the beam stretches, too.
-        damping: damping ratio of all modes, or of each, those of loads too, by frequency; if omitted, 0, or as in
-            the file.
+        damping: damping ratio of all modes, or of each mode, also of loads, by frequency; if omitted, 0, or as in the
+            file.
         stiffening: whether bending shortens the beam, so that tension stiffens it and compression makes it buckle.
-        loads: deflections in the frame that further modes represent exactly: by the weight, "gravity y", or by a
-            force or a moment on a node, "force y B", "moment z B".
+        loads: static deflections in the frame that additional modes represent exactly: by the weight, "gravity y", or
+            by a force or a moment on a node, "force y B", "moment z B".
         nodes: nodes and their positions along x in m, ends of elements; A and B at both ends if omitted.
     """
 

@@ -1,4 +1,4 @@
-"""Parameters that are written in place: they change numbers of the core, not the geometry; runs share a workspace."""
+"""Parameters written in place: they change values in the core, not the geometry, so that runs share a workspace."""
 
 from abc import ABC, abstractmethod
 from collections import defaultdict
@@ -20,7 +20,7 @@ from ..forces.elements import ForceElements
 from ..formulations.core_description import laws_of, samplers_of
 from ..formulations.workspace_pool import WorkspacePool
 from ..mechanism import Mechanism
-from ..tree.tree_terms import copied, flexible_bodies
+from ..tree.tree_terms import copy_model, flexible_bodies
 from ..variant import SWITCHED, variant
 from .body_tables import Body
 from .mechanism_file.build import body_inertia
@@ -31,17 +31,17 @@ from .mechanism_file.template import Template
 INERTIAL = ("mass", "com", "inertia")  # keys of bodies
 UNSYMMETRIC = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (3.0, 4.0, 5.0, 0.1, 0.2, 0.3)}
 UPPER = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # entries of an inertia in the core
-NUMBERS = ("a", "offset")  # keys of the numbers of a law in the core
+VALUE_KEYS = ("a", "offset")  # keys of the values of a law in the core
 Values = Mapping[str, Any]
 
 
 class _ParametrizedElement(ABC):
-    """Gravity, a body or the forces of a mechanism: numbers of the core that parameters determine.
+    """Gravity, a body or the forces of a mechanism: values in the core that parameters determine.
 
     Attributes:
         paths: paths within its table, by parameter.
-        locations: where the numbers are in the core, see `native/run/in_place_parameters.hpp`.
-        entries: indices of the numbers that are entries of the table themselves, by path.
+        locations: locations of the values in the core, see `native/run/in_place_parameters.hpp`.
+        entries: indices of the values that are entries of the table, by path.
     """
 
     entries: Mapping[str, int] = {}
@@ -51,14 +51,14 @@ class _ParametrizedElement(ABC):
 
     @abstractmethod
     def evaluate(self, values: Values) -> list[float] | None:
-        """Return the numbers for values of parameters; None where they do not suffice.
+        """Return the core values for values of parameters; None if the core data also change otherwise.
 
         Raises:
             MbdaeError: for invalid values.
         """
 
     def rows(self, columns: Columns, valid: Values) -> Array:
-        """Return the numbers (k, n) for values of k runs; nan where they do not suffice. ``valid`` values do."""
+        """Return the core values (k, n) of k runs; nan where `evaluate` fails; it must succeed for ``valid`` values."""
         if set(self.paths.values()) <= self.entries.keys():
             found = {self.entries[path]: [*map(_number, columns[name])] for name, path in self.paths.items()}
             out = np.tile(self._row(valid), (len(next(iter(found.values()))), 1))
@@ -86,7 +86,7 @@ def _location(kind: str, owner: int, i: int) -> CoreData:
 
 
 def _number(x: object) -> float:
-    """Return a number of a table; nan for an invalid one."""
+    """Return a number of a table; nan if it is invalid."""
     return x if type(x) in (int, float) and abs(x) <= HUGE else nan  # type: ignore[arg-type, return-value]
 
 
@@ -114,13 +114,13 @@ class _BodyInertia(_ParametrizedElement):
 
 
 class _Forces(_ParametrizedElement):
-    """All numbers of all laws, since linear ones are combined; ``paths`` begin with the index of a force."""
+    """All values of all laws, since linear laws are combined; ``paths`` begin with the index of a force."""
 
     def __init__(self, mech: Mechanism) -> None:
         self.mech, self.data = mech, mech.make_workspace()
         bound = bind_forces(mech.forces, mech.model, self.data)
         self.laws, self.states = [law for law, _ in bound.bound], bound.states()
-        self.structure, laws = _without_numbers(bound)
+        self.structure, laws = _structure_and_values(bound)
         super().__init__([_location("law", k, i) for k, law in enumerate(laws) for i in range(len(law))])
 
     def evaluate(self, values: Values) -> list[float] | None:
@@ -132,25 +132,25 @@ class _Forces(_ParametrizedElement):
             force: Any = named_force(with_entries(self.mech.forces[i], entries), i)
             laws[i] = force.bind(self.mech.model, self.data)
         bound = ForceElements(laws, self.mech.model)
-        structure, found = _without_numbers(bound)
+        structure, found = _structure_and_values(bound)
         same = structure == self.structure and bound.states() == self.states
         return [x for law in found for x in law] if same else None
 
 
-def _without_numbers(laws: ForceElements) -> tuple[Any, list[list[float]]]:
-    """Return core data of laws and sampled controllers without the numbers of laws, and the numbers of each law."""
+def _structure_and_values(laws: ForceElements) -> tuple[Any, list[list[float]]]:
+    """Return the structure, core data without values of laws, and the values of each law."""
     pairs, found = laws_of(laws)
     numbers = [[*map(float, law.get("a", ())), float(law.get("offset", 0.0))] for law in found]
-    others = [{key: x for key, x in law.items() if key not in NUMBERS} for law in found]
-    return (pairs, others, samplers_of(laws)), numbers
+    structure = [{key: x for key, x in law.items() if key not in VALUE_KEYS} for law in found]
+    return (pairs, structure, samplers_of(laws)), numbers
 
 
 class InPlaceParameters:
     """Parameters of a mechanism that are written in place: they determine gravity, inertias of bodies, or forces.
 
     Attributes:
-        mech: a copy of the mechanism, in whose core they are written: it belongs to one thread.
-        locations: where the numbers are in the core.
+        mech: a copy of the mechanism, into whose core they are written: it belongs to one thread.
+        locations: locations of the values in the core.
         bodies: elements with inertias.
     """
 
@@ -161,15 +161,15 @@ class InPlaceParameters:
         self.largest = max(linkage_lengths(mech), default=0.0) / COINCIDENT
 
     def rows(self, columns: Columns) -> Array:
-        """Return the numbers (k, n) for values of the parameters in k runs; nan where a mechanism must be made.
+        """Return the core values (k, n) for the parameters in k runs; nan where a new mechanism must be created.
 
-        That is so for invalid values, whose message it has, and for those that change more than numbers.
+        A new mechanism reports errors of invalid values, and is needed for values that change the structure.
         """
         found = [element.rows(columns, self.values) for element in self.elements]
         valid = np.ones(len(found[0]), bool)
         for element, x in zip(self.elements, found, strict=True):
             valid &= np.isfinite(x).all(axis=1)
-            if isinstance(element, _BodyInertia):  # whose size may not determine the characteristic length
+            if isinstance(element, _BodyInertia):  # its size must not determine the characteristic length
                 with np.errstate(all="ignore"):
                     radii = np.sqrt(np.abs(x[:, 4:]).max(axis=1) / x[:, 0])
                 size = np.maximum(np.linalg.norm(x[:, 1:4], axis=1), radii)
@@ -178,12 +178,12 @@ class InPlaceParameters:
 
 
 def in_place_parameters(template: Template, names: Sequence[str], values: Values) -> InPlaceParameters | None:
-    """Return parameters that can be written in place; None where one of them also changes something else.
+    """Return parameters that can be written in place; None if a parameter also changes other data.
 
     Args:
         template: a mechanism and its parameters.
-        names: those that vary, without start values.
-        values: of all parameters, with which the mechanism can be made.
+        names: names of the parameters that vary, without start values.
+        values: values of all parameters, for which the mechanism can be created.
 
     Raises:
         UnknownNameError, InputError: as `Template.make`.
@@ -191,8 +191,8 @@ def in_place_parameters(template: Template, names: Sequence[str], values: Values
     if any(a != b and a.startswith(f"{b}.") for a in values for b in values):
         return None
     made = template.make(values)
-    mech = variant(made, model=copied(made.model))
-    mech.workspaces = WorkspacePool(mech)  # variants share theirs: each thread would bind them in turn
+    mech = variant(made, model=copy_model(made.model))
+    mech.workspaces = WorkspacePool(mech)  # not shared with variants, which other threads would bind
     elements = _elements(template, mech, names, values)
     if not elements:
         return None
@@ -200,13 +200,13 @@ def in_place_parameters(template: Template, names: Sequence[str], values: Values
     if out.bodies and not _has_mass_matrices_in_core(made):
         return None
     first = out.rows({name: [values[name]] for name in names})
-    return out if np.isfinite(first).all() and _bodies_are_alone(template, out, values) else None
+    return out if np.isfinite(first).all() and _are_single_bodies(template, out, values) else None
 
 
 def _elements(
     template: Template, mech: Mechanism, names: Sequence[str], values: Values
 ) -> list[_ParametrizedElement] | None:
-    """Return the elements that parameters determine; None where one of them also changes something else."""
+    """Return the elements that parameters determine; None if a parameter also changes other data."""
     bodies = _bodies(template, mech, values)
     found: dict[str, _ParametrizedElement] = {}
     for name in names:
@@ -223,22 +223,22 @@ def _elements(
 
 
 def _path_of_force(mech: Mechanism, name: str) -> str:
-    """Return the index of a force and the path within it; "" for one with modes or functions of a user."""
+    """Return the index of a force and the path within it; "" for a force with modes or user functions."""
     i, path = first_key(mech.forces, name.partition(".")[2], name)
     unsupported = callable(mech.forces[int(i)]) or isinstance(mech.forces[int(i)], (*SWITCHED, FMU))
     return "" if unsupported else f"{i}.{path}"
 
 
 def _bodies(template: Template, mech: Mechanism, values: Values) -> dict[str, _BodyInertia]:
-    """Return the bodies with parameters of their inertia, by the beginning of the names."""
-    out, recipe = dict[str, _BodyInertia](), template.recipe(values)
+    """Return the bodies with inertia parameters, by the prefix of the names of their parameters."""
+    out, spec = dict[str, _BodyInertia](), template.spec(values)
     for name in values:
         table, _, path = name.partition(".")
         if table == "joint":
-            body, rest = joint_entry(recipe, path)
+            body, rest = joint_entry(spec, path)
         elif table == "body":
-            i, rest = first_key(recipe.file.body, path, name)
-            body = recipe.file.body[int(i)]
+            i, rest = first_key(spec.file.body, path, name)
+            body = spec.file.body[int(i)]
         else:
             continue
         joint, owner = path.removesuffix(f".{rest}"), name.removesuffix(f".{rest}")
@@ -253,10 +253,11 @@ def _has_mass_matrices_in_core(mech: Mechanism) -> bool:
     return native is not None and not flexible_bodies(mech.model) and mech.workspaces.supported_by(native)
 
 
-def _bodies_are_alone(template: Template, found: InPlaceParameters, values: Values) -> bool:
-    """Return whether joints carry only the bodies whose inertia parameters change, in their frames.
+def _are_single_bodies(template: Template, found: InPlaceParameters, values: Values) -> bool:
+    """Return whether the joints carry only the bodies whose inertia parameters change, in their frames.
 
-    Inertias of a joint are a sum of moved ones: of one body alone if that holds for a body without symmetries.
+    The inertia of a joint is a sum of transformed inertias; this checks that it equals that of a single test body
+    without symmetries.
     """
     owners = [element.owner for element in found.bodies]
     if not owners:

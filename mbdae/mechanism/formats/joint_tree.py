@@ -1,4 +1,4 @@
-"""Copies of joint trees: in depth-first order, with locked or replaced joints, or of several trees."""
+"""Copies of joint trees: in depth-first order, with locked or replaced joints, or merged from several trees."""
 
 from collections.abc import Callable, Mapping
 
@@ -46,8 +46,8 @@ class Tree:
         """Append a copy of a model, with joints in depth-first order, and return the tree.
 
         Args:
-            model: remains unchanged.
-            visuals: remain unchanged.
+            model: the model, which remains unchanged.
+            visuals: its visuals, which remain unchanged.
             parent: frame of this tree to which the copy is attached; the world if omitted.
             placement: placement of the world of the copy in the parent frame.
             prefix: added to the name of every joint, frame and visual.
@@ -64,7 +64,7 @@ class Tree:
             find_joint(model, name)
         base = (parent.placement if parent else pin.SE3.Identity()) * (placement or pin.SE3.Identity())
         new_index = {0: parent.parentJoint if parent else 0}  # new index of each old joint
-        placements = {0: base}  # placement of each old joint in the new one
+        placements = {0: base}  # placement of each old joint frame in the new joint frame
         append_body(self.model, new_index[0], model.inertias[0], base)
         for j in _depth_first_order(model, 0):
             old, name = model.joints[j], model.names[j]
@@ -99,11 +99,11 @@ class Tree:
     ) -> dict[int, int]:
         """Copy the frames, and return their new indices."""
         frames = {0: self.model.getFrameId(parent.name, parent.type) if parent else 0}
-        taken = {(f.name, f.type) for f in self.model.frames}
+        existing = {(f.name, f.type) for f in self.model.frames}
         for i, f in enumerate(list(model.frames)[1:], 1):
             name, j = prefix + f.name, int(f.parentJoint)
             kind = pin.FrameType.FIXED_JOINT if f.type == pin.FrameType.JOINT and f.name in locked else f.type
-            if (name, kind) in taken:
+            if (name, kind) in existing:
                 raise InputError(f"two frames are called {name!r}: give one source a prefix")
             parent_frame, placement = frames.get(int(f.parentFrame), 0), placements[j] * f.placement
             copy = pin.Frame(name, new_index[j], parent_frame, placement, kind, f.inertia)
@@ -125,7 +125,7 @@ class Tree:
 
 
 def append_body(model: pin.Model, joint: int, inertia: pin.Inertia, placement: pin.SE3) -> None:
-    """Add a body to what a joint carries; the first one in the joint's frame without rounding."""
+    """Add a body to a joint; the first body in the joint's frame is added without rounding."""
     if not (inertia.mass or inertia.inertia.any()):
         return
     if model.inertias[joint] == pin.Inertia.Zero() and placement == pin.SE3.Identity():
@@ -147,8 +147,8 @@ def resolve_joints(
     joint with an axis, is rotated accordingly.
 
     Args:
-        model: remains unchanged.
-        visuals: remain unchanged.
+        model: the model, which remains unchanged.
+        visuals: its visuals, which remain unchanged.
         kinds: new kinds of joints by name.
         lock: values of locked joints by name.
         normals: normals of the planes of planar joints, in the joint frames, by name.
@@ -177,7 +177,7 @@ def resolve_joints(
 def depth_first(
     model: pin.Model, visuals: pin.GeometryModel | None = None
 ) -> tuple[pin.Model, pin.GeometryModel | None]:
-    """Return the model with its joints in depth-first order; the same model if they are already."""
+    """Return the model with its joints in depth-first order; the same object if they already are."""
     if is_depth_first(model):
         return model, visuals
     tree = Tree(model.name).graft(model, visuals)
@@ -188,11 +188,11 @@ def depth_first(
 def replacement_joint(old: pin.JointModel, name: str, kind: str) -> pin.JointModel:
     """Return a joint of another kind as a replacement.
 
-    A revolute one keeps its axis; a universal joint rotates about axes of the joint frame, x then y unless its name
+    A revolute joint keeps the axis; a universal joint rotates about axes of the joint frame, x then y unless its name
     specifies otherwise.
 
     Raises:
-        InputError: for a revolute joint that replaces one without an axis of rotation.
+        InputError: for a revolute joint that replaces a joint without an axis of rotation.
     """
     if kind in JOINT_MODELS:
         return JOINT_MODELS[kind]()

@@ -1,4 +1,4 @@
-"""Locations of model files: models that come with mbdae, and robots of other packages."""
+"""Locations of model files: models of mbdae, and robots of other packages."""
 
 from importlib import import_module
 from importlib.util import find_spec
@@ -17,7 +17,7 @@ def find(name: str) -> Path:
     """Return the file for the name of a model or a path.
 
     Raises:
-        UnknownNameError: for neither of them.
+        UnknownNameError: if it is neither.
         InputError: for an unsupported kind of file.
     """
     if name.startswith(ROBOTS):
@@ -43,7 +43,7 @@ def _described(name: str) -> Path | None:
     """Return the URDF or MJCF file of robot_descriptions, ``"panda_description"``, if that is installed.
 
     Raises:
-        InputError: for an unavailable description: the package downloads it when it is first used.
+        InputError: for an unavailable description, which the package downloads on first use.
     """
     if not name.isidentifier() or not name.endswith("_description") or find_spec(DESCRIPTIONS) is None:
         return None
@@ -61,10 +61,10 @@ def _described(name: str) -> Path | None:
 
 
 def require_supported_suffix(path: Path) -> None:
-    """Require a supported kind of file.
+    """Reject unsupported kinds of files.
 
     Raises:
-        InputError: for another kind; lists the supported ones.
+        InputError: for an unsupported kind; lists the supported kinds.
     """
     if path.suffix not in (MECHANISM, PARAMETRIC, *SOURCES, *CONVERTERS):
         raise InputError(f"cannot read {path.name}: expected a {SUFFIXES} file")

@@ -14,7 +14,7 @@ KEY = {"key": "belongs to an MJCF source, not to {}"}
 
 @dataclass(frozen=True)
 class Reader:
-    """Reads the sources of one format.
+    """Reader of the sources of one format.
 
     Attributes:
         name: name of the format, which is also the key of its records for ``restore``.
@@ -22,9 +22,9 @@ class Reader:
         read: imports the model of a file; arguments are the file, the allowed paths of further files, and the options
             of its source.
         root: root element of its XML files, if it shares suffixes with another format.
-        rejected: options of a source that the format does not have, with the message; ``{}`` is the name of the file.
+        rejected: options of a source that the format does not support, with the message; ``{}`` is the file name.
         restore: reconstructs a model from the record of `ImportedModel` and the folders from which a saved run may read
-            meshes, see `mbdae.mechanism.formats.sources.restored`; None if the record is the tree itself.
+            meshes, see `mbdae.mechanism.formats.sources.restored`; None if the record contains the tree.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""All file formats: those of this folder, and those of installed packages."""
+"""All file formats: of this folder, and of installed packages."""
 
 import re
 from collections.abc import Callable
@@ -31,10 +31,10 @@ CONVERTERS: dict[str, Callable[[Path], str]] = {
 
 
 def reader_of(path: Path) -> Reader:
-    """Return the reader of a source file, which its root element decides if several have the suffix."""
-    *others, last = sorted((r for r in READERS if path.suffix in r.suffixes), key=lambda r: not r.root)
-    first = first_element(path) if others else ""
-    return next((r for r in others if r.root == first), last)
+    """Return the reader of a source file; the root element decides if several readers have its suffix."""
+    *specific, default = sorted((r for r in READERS if path.suffix in r.suffixes), key=lambda r: not r.root)
+    first = first_element(path) if specific else ""
+    return next((r for r in specific if r.root == first), default)
 
 
 def first_element(path: Path) -> str:
@@ -51,7 +51,7 @@ def converted(path: Path) -> str:
     """
     try:
         text = CONVERTERS[path.suffix](path)
-    except Exception as e:  # of another package
+    except Exception as e:  # raised by another package
         raise InputError(f"the reader of {path.suffix} files fails on {path}: {type(e).__name__}: {e}") from e
     require(text, str, f"the reader of {path.suffix} files returns the text of a mechanism file")
     return text

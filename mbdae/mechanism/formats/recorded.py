@@ -1,8 +1,8 @@
-"""XML elements that record which of their contents were read, to report the others.
+"""XML elements that record which of their contents were read, to report the remaining contents.
 
 A reader queries a `Recorded` element for children, attributes and text; contents that it does not query are not part of
-the mechanism. If another program reads the file (Pinocchio a URDF, MuJoCo an MJCF), `Recorded.mark` takes a table of
-the contents that are carried over.
+the mechanism. If another program reads the file (Pinocchio a URDF, MuJoCo an MJCF), `Recorded.mark` marks the contents
+that are carried over, from a table.
 """
 
 import xml.etree.ElementTree as ET
@@ -24,8 +24,8 @@ class Recorded:
 
     def __init__(self, element: ET.Element, parent: "Recorded | None" = None) -> None:
         self.tag, self._element, self._parent = element.tag, element, parent
-        own = [element.get(NAME, "")] if parent else []
-        self.names: str = "/".join(filter(None, [parent.names if parent else "", *own]))
+        local = [element.get(NAME, "")] if parent else []
+        self.names: str = "/".join(filter(None, [parent.names if parent else "", *local]))
         self._children: list[Recorded] | None = None
         self._attributes, self._text, self._visited = {NAME}, False, parent is None
 
@@ -43,7 +43,7 @@ class Recorded:
 
     @property
     def children(self) -> "list[Recorded]":
-        """All children; this does not mark them as read."""
+        """All children, without marking them as read."""
         if self._children is None:
             self._children = [Recorded(e, self) for e in self._element]
         return self._children
@@ -59,14 +59,14 @@ class Recorded:
             self._attributes.add(key)
 
     def all(self, tag: str) -> "list[Recorded]":
-        """Read all children of one tag."""
+        """Read all children with a tag."""
         found = [e for e in self.children if e.tag == tag]
         for e in found:
             e._visited = True
         return found
 
     def first(self, path: str) -> "Recorded | None":
-        """Read the first child of a tag, or the first one along a path of tags."""
+        """Read the first child with a tag, or the first element along a path of tags."""
         element: Recorded | None = self
         for tag in path.split("/"):
             element = next((e for e in element.children if e.tag == tag), None) if element else None
@@ -75,7 +75,7 @@ class Recorded:
         return element
 
     def text(self, path: str = "") -> str | None:
-        """Read the text of the element, or of the first one along a path; None if it does not exist."""
+        """Read the text of the element, or of the first element along a path; None if it does not exist."""
         e = self.first(path) if path else self
         if e is None:
             return None
@@ -86,8 +86,8 @@ class Recorded:
         """Mark contents of the element and its descendants as read.
 
         Args:
-            table: for each ``"tag"``, or ``"parent/tag"`` if this differs, the attributes that are read, separated by
-                spaces: ``"*"`` means all of them, ``"**"`` also all descendants. A tag followed by ``!`` is read once.
+            table: attributes that are read, separated by spaces, by ``"tag"``, or by ``"parent/tag"`` if this differs:
+                ``"*"`` means all attributes, ``"**"`` also all descendants. A tag followed by ``!`` is read once.
         """
         waiting = [self]
         while waiting:

@@ -2,9 +2,9 @@
 
 ==============================  ========================================================================
 closed_loop: [[frame, frame]]   pairs of frames that coincide
-type: [6d]                      of each pair: whole frames (6d, the default) or origins only (3d)
-name_mot: [joint]               motors, of joints of one coordinate; one text selects all whose names contain it
-joint_name: [joint]             joints of another kind than in the URDF,
+type: [6d]                      type of each pair: entire frames (6d, the default) or origins only (3d)
+name_mot: [joint]               motors, of joints of one coordinate; a text selects all joints whose names contain it
+joint_name: [joint]             joints that replace those of the URDF,
 joint_type: [SPHERICAL]         and their kinds: SPHERICAL, UJOINT_XY (also CARDAN), UJOINT_XZ, ..., FIXED
 ==============================  ========================================================================
 
@@ -78,9 +78,9 @@ def read_robot_yaml(path: Path, allowed: AllowedPaths, source: Source) -> Import
         kinds={n: KINDS[t] for n, t in kinds.items() if t != FIXED},
         lock={n: 0.0 for n, t in kinds.items() if t == FIXED},
     )
-    motors, others = _actuated_joints(model_of_urdf.model, tables.name_mot, path.name)
+    motors, unsupported = _actuated_joints(model_of_urdf.model, tables.name_mot, path.name)
     extra = sorted(tables.model_extra or ())
-    unread = {f"keys of {path.name}": extra, "motors of joints of several coordinates": others}
+    unread = {f"keys of {path.name}": extra, "motors of joints of several coordinates": unsupported}
     return replace(
         model_of_urdf,
         closures=tuple(
@@ -93,7 +93,7 @@ def read_robot_yaml(path: Path, allowed: AllowedPaths, source: Source) -> Import
 
 
 def _actuated_joints(model: pin.Model, motors: Sequence[str] | str, file: str) -> tuple[list[str], list[str]]:
-    """Return the joints with motors, of one and of several coordinates: listed, or with a string in their names."""
+    """Return the actuated joints with one, and with several, coordinates: listed, or matched by part of the name."""
     joints = joint_names(model)
     found = [n for n in joints if motors in n] if isinstance(motors, str) else motors
     if motors and not found:

@@ -18,7 +18,7 @@ def read_source(source: Source, base: Path) -> ImportedModel:
     """Read a source file, relative to ``base``.
 
     Raises:
-        InputError: for a missing or invalid file, or one of an unsupported kind.
+        InputError: for a missing or invalid file, or a file of an unsupported kind.
     """
     path = resolve(source.file, base)
     if path.suffix not in SOURCES:

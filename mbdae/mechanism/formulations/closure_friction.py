@@ -1,7 +1,7 @@
 """Friction proportional to constraint forces: T_k = -mu_k r_k |F_k(lam)| d_k along e_k, for each friction interface k.
 
-e_k (nv,) is the generalized direction of the slip, e_k . v its speed, d_k its regularized sign, between -1 and 1. A
-stage, or a point of the hidden constraint, solves
+e_k (nv,) is the generalized direction of the slip, e_k . v its speed, d_k its regularized sign, between -1 and 1. Each
+stage, and each evaluation of the hidden constraint, solves
 
     M v' = f + G^T lam + sum_k e_k T_k,   Ghat v' = rhs,   T_k = -mu_k r_k |F_k(lam)| d_k
 
@@ -43,7 +43,7 @@ class ClosureFriction:
         constraints: rows of the mechanism in the workspace.
 
     Attributes:
-        min_slip_speed: speed in m/s below which a slip has no direction.
+        min_slip_speed: speed in m/s below which the slip direction is undefined.
         active: 1 for interfaces that slide, (k,), shared with the core.
         slip_directions: slip directions along no-slip rows, (k, 2), shared with the core; ``directions`` are views of
             the components in use.
@@ -73,7 +73,7 @@ class ClosureFriction:
         self.directions = [x[:n] for x, n in zip(self.slip_directions, sizes, strict=True)]
 
     def reset(self) -> None:
-        """Forget the directions of slips."""
+        """Reset the slip directions."""
         if self.interfaces:
             self.slip_directions[:] = [1.0, 0.0]
 
@@ -104,7 +104,7 @@ class ClosureFriction:
         return e, speed, -self.coefficient * d
 
     def minimum_norm_map(self, rows: Array) -> Array:
-        """Return the map (ng, r) from the multipliers in use to those of all rows. Kinematics must be current."""
+        """Return the map (ng, r) from multipliers in use to those of all rows; kinematics must be current."""
         ng, r = self.constraints.ng, len(rows)
         if r == ng - len(self.constraints.inactive):
             return np.eye(ng)[:, rows]
@@ -112,7 +112,7 @@ class ClosureFriction:
         return minimum_norm(G, r, G[rows]).T
 
     def regularized_interfaces(self, name: str) -> list[int]:
-        """Return the indices of a closure's interfaces with regularized friction, which is not a multiplier."""
+        """Return the indices of a closure's interfaces with regularized friction, which has no multiplier."""
         return [k for k, p in enumerate(self.interfaces) if p.closure.name == name and not p.force.is_exact]
 
     def wrench(self, name: str, v: Array, lam: Array) -> Array:
@@ -145,7 +145,7 @@ class ClosureFriction:
             raise InputError(f"closure {name!r} slides in two directions: no derivative of {what}")
 
     def begin_step(self, v: Array) -> None:
-        """Set directions to those of clear slips at the start of a step where they differ: rejected steps turned them.
+        """Restore slip directions, which rejected steps may have reversed, to the slips at the start of a step.
 
         Kinematics must be current.
         """
@@ -167,7 +167,7 @@ class ClosureFriction:
         return moving
 
     def is_clear(self, speed: float) -> bool:
-        """Return whether the speed of a slip is no error of rounding or of the run."""
+        """Return whether the speed of a slip exceeds rounding and the errors of the run."""
         return speed > CLEAR_SLIP * self.min_slip_speed
 
     def with_sliding_friction(self, v: Array, lam: Array) -> Array:
@@ -250,12 +250,12 @@ def solve_with_friction(
         s: the system.
         t: time.
         U: Cholesky factor of M at the stage.
-        G: all rows there, (ng, nv).
+        G: all rows at the stage, (ng, nv).
         rows: rows in use, (r,).
         Ghat: rows in use where the stage satisfies the constraint, (r, nv).
         f: other forces, (nv,).
         rhs: Ghat v', (r,).
-        slips: result of `ClosureFriction.slips` at the stage.
+        slips: result of `ClosureFriction.slip_terms` at the stage.
     """
     e, speed, factor = slips
     vdot, lam = s.solve_saddle_point(t, U, G[rows], Ghat, np.vstack([f, e]), rhs)
@@ -277,7 +277,7 @@ def _require_supported(force: CoulombFriction, closure: Closure) -> None:
 
 
 def _require_valid_grip(force: CoulombFriction, closure: Closure, grips: Sequence[object]) -> None:
-    """Require a friction law that applies to the no-slip rows of a closure."""
+    """Check that the friction law applies to the no-slip rows of a closure."""
     if grips and not force.is_exact:
         how = "exact = true, or grip = 'none'"
         raise InputError(f"coulomb_friction {force.name!r}: the grip of {closure.name!r} needs {how}")

@@ -46,7 +46,7 @@ class CompiledSystem(CoreStart):
         super().__init__(mechanism)
 
     def bind(self, mechanism: "Mechanism") -> None:
-        """See `Index2System.bind`; the core's numbers are written in place where its structure stays."""
+        """See `Index2System.bind`; parameters are written in place if the structure is the same."""
         super().bind(mechanism)
         data = self.model, core_tolerances(self.native, mechanism), describe(self)
         try:
@@ -62,10 +62,10 @@ class CompiledSystem(CoreStart):
         self.set_min_slip_speed(friction.min_slip_speed)
         self.inputs = inputs_of(self)
 
-    def set_input(self, cell: Input, number: int) -> None:
+    def set_input(self, source: Input, number: int) -> None:
         """See `mbdae.mechanism.time_functions.input_functions.InputListener`."""
-        if any(u is cell for u in self.inputs):
-            self.core.set_input(number, *cell.setting)
+        if any(u is source for u in self.inputs):
+            self.core.set_input(number, *source.setting)
 
     def reset(self) -> None:
         """See `Index2System.reset`."""
@@ -73,7 +73,7 @@ class CompiledSystem(CoreStart):
         self._rank_known = False
         if hasattr(self, "core"):
             self.core.reset()
-            self._mode_to_core()  # a run that was interrupted may have left it in another one
+            self._mode_to_core()  # an interrupted run may have left the core in another mode
 
     def method(self, method: Any) -> Any:
         """Return the core's version of a method; an implicit method also needs the expanded tree."""
@@ -85,7 +85,7 @@ class CompiledSystem(CoreStart):
 
     @property
     def accuracy(self) -> float:  # type: ignore[override]
-        """See `mbdae.system.System`; the core's."""
+        """See `mbdae.system.System`; stored in the core."""
         return self.core.accuracy if hasattr(self, "core") else 0.0
 
     @accuracy.setter
@@ -132,7 +132,7 @@ class CompiledSystem(CoreStart):
         return Step(State(y, carry, compensation), z, errors)
 
     def core_carry(self, state: State) -> Any:
-        """Return the carry of the core; None if the state has one of Python."""
+        """Return the carry of the core; None if the carry was computed in Python."""
         known = state.carry is not None and isinstance(state.carry, np.ndarray | self.native.StageMemory)
         return state.carry if known else None
 
@@ -145,7 +145,7 @@ class CompiledSystem(CoreStart):
             self.adopt_rows(run)
 
     def adopt_rows(self, run: "Run") -> None:
-        """Take over the rows in use after the last steps of a run."""
+        """Copy the rows in use from the core after the last steps of a run."""
         if run.row_changes:
             self.rows = np.array(self.core.rows, int)
 
@@ -166,7 +166,7 @@ class CompiledSystem(CoreStart):
         return g, rates, energies
 
     def closure_residual(self, q: Array, v: Array, t: float) -> tuple[Array, Array]:
-        """Return g(t, q) and G v + g_t over all rows, (ng,) each; kinematics of Python are not updated."""
+        """Return g(t, q) and G v + g_t over all rows, (ng,) each; kinematics in Python are not updated."""
         y = np.concatenate([q, v, np.zeros(self.ns + 1)])
         g, rates, _, unknown = self.core.residuals(np.array([t], float), y[None])
         return self.residual(t, q, v) if unknown else (g[0], rates[0])
@@ -174,7 +174,7 @@ class CompiledSystem(CoreStart):
     def partials(
         self, t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array, each: list[Array] | None = None
     ) -> EquationPartials:
-        """See `Index2System.partials`; the core has no partials of ``each`` law."""
+        """See `Index2System.partials`; the core does not provide the partials of ``each`` law."""
         self.expand()
         if each is not None or self.closure_friction or not np.array_equal(rows, self.core.rows):
             return super().partials(t, q, u, vdot, lam, rows, each)
@@ -214,13 +214,13 @@ class CompiledSystem(CoreStart):
         self.largest_speed = max(self.largest_speed, speed)
 
     def rows_from_core(self) -> None:
-        """Use the core's rows in use in Python."""
+        """Copy the rows in use from the core."""
         if self._rank_known and not self.rows_frozen:
             self.rows = np.array(self.core.rows, int)
         self._last_q = None
 
     def rows_to_core(self) -> None:
-        """Use Python's rows in use in the core."""
+        """Copy the rows in use to the core."""
         rows = [] if self.rows is None else self.rows.tolist()
         self.core.use_rows(rows, len(rows), self.rank_threshold, self.rows_frozen)
         self._rank_known = True
@@ -281,7 +281,7 @@ class CompiledIndex1(Index1System, CompiledSystem):
     """`Index1System` in the compiled core."""
 
     def rate(self, t: float, y: Array) -> tuple[Array, Array]:
-        """See `Index1System.rate`; `update_independent_rows` takes over its counters after the step."""
+        """See `Index1System.rate`; `update_independent_rows` adds its counters after the step."""
         found = self.core.raw_derivative(t, y) if self._rank_known else None
         return super().rate(t, y) if found is None else found
 

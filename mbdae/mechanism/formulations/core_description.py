@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from .index2 import Index2System
 
 FramePair = tuple[CoreData, CoreData]
-STAGE_ITERATIONS = 20  # iterations of stages that a derivative of a run computes again
+STAGE_ITERATIONS = 20  # iterations of stages that are recomputed for the derivatives of a run
 
 
 def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
-    """Return all thresholds of points and steps; those of step-size control belong to the run."""
+    """Return all thresholds of points and steps, without those of step-size control, which belong to the run."""
     tolerances: Tolerances = native.Tolerances(
         eps=tol.EPS,
         tiny=tol.TINY,
@@ -132,7 +132,7 @@ def _frame(a: Anchor) -> CoreData:
 
 
 def inputs_of(system: "CompiledSystem") -> list[Input]:
-    """Return the inputs that forces and drivers follow; their further settings are those of the workspace."""
+    """Return the inputs of forces and drivers, and notify the workspace of their further settings."""
     loads = [u for law, _ in system.laws.bound for u in law.signals]
     sampled = [u for law, _ in system.laws.bound if isinstance(law, SampledElement) for u in law.references]
     motions = [d.path for d in system.mechanism.drivers]

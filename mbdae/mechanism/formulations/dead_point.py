@@ -1,4 +1,4 @@
-"""Dead points of driven mechanisms: configurations beyond which closures admit no motion of a driver."""
+"""Dead points of driven mechanisms: configurations beyond which closures do not admit the motion of a driver."""
 
 from typing import TYPE_CHECKING
 
@@ -13,11 +13,11 @@ from ..closures.independent_rows import mass_scaled
 if TYPE_CHECKING:
     from .index2 import Index2System
 
-REMAINING = 0.5  # fraction of the smallest singular value: it is zero at a dead point, to first order of the motion
+REMAINING = 0.5  # largest fraction of the smallest singular value at an extrapolated dead point, where it is zero
 
 
 def require_no_dead_point(system: "Index2System", t: float, y: Array, sign: float, step: float) -> None:
-    """Require that drivers prescribe no motion beyond a dead point in the next step, or within `THREE_DIGITS` of y.
+    """Reject a motion of drivers beyond a dead point in the next step, or within `THREE_DIGITS` of y.
 
     Where the rows of closures and drivers lose rank, with w^T G = 0 and w^T g_t != 0, no velocity satisfies
     G v + g_t = 0. With the singular value decomposition of the rows in use, G M^-1/2 = sum sigma w n^T, the component
@@ -42,23 +42,23 @@ def require_no_dead_point(system: "Index2System", t: float, y: Array, sign: floa
     scales, g_t, gamma = mech.row_scales[rows], system.g_t(t)[rows], system.gamma(q, v, t)[rows]
     U, W, sigma, N = _decomposition(system, t, q, rows)
     rates = g_t / scales
-    shares = W[-1] * rates
-    driven = np.flatnonzero(np.abs(shares) > NEGLIGIBLE * np.abs(shares).max())
-    if not abs(shares.sum()) > NEGLIGIBLE * np.abs(rates[driven]).max(initial=0.0):  # closures alone lose rank
+    terms = W[-1] * rates
+    driven = np.flatnonzero(np.abs(terms) > NEGLIGIBLE * np.abs(terms).max())
+    if not abs(terms.sum()) > NEGLIGIBLE * np.abs(rates[driven]).max(initial=0.0):  # only closures lose rank
         return
-    x, a = -shares.sum() / sigma[-1], -(W[-1] @ (gamma / scales)) / sigma[-1]
+    x, a = -terms.sum() / sigma[-1], -(W[-1] @ (gamma / scales)) / sigma[-1]
     if not sign * x * a > 0:  # speeds do not grow
         return
-    ahead, motion = x / (2 * a), lapack().dgesv(U, N[:, -1])[2] * x**2 / a
+    remaining, motion = x / (2 * a), lapack().dgesv(U, N[:, -1])[2] * x**2 / a
     size = float(np.abs(motion / mech.coordinate_scales).max())
-    if abs(ahead) > step and not size <= THREE_DIGITS:
+    if abs(remaining) > step and not size <= THREE_DIGITS:
         return
-    there = _decomposition(system, t, system.manifold.integrate(q, motion), rows)[2][-1]
-    if there > max(REMAINING * sigma[-1], AMBIGUOUS_PIVOT * sigma[0]):  # the motion of a driver itself is unbounded
+    smallest = _decomposition(system, t, system.manifold.integrate(q, motion), rows)[2][-1]
+    if smallest > max(REMAINING * sigma[-1], AMBIGUOUS_PIVOT * sigma[0]):  # the motion of a driver itself is unbounded
         return
     names = " and ".join(dict.fromkeys(repr(mech.row_names[rows[i]]) for i in driven))
-    exact = size * abs(ahead) <= INPUT_DIGITS * abs(t + ahead)
-    when = f"at t = {t + ahead:.6g}" if exact else f"in the step after t = {t:.6g}"
+    exact = size * abs(remaining) <= INPUT_DIGITS * abs(t + remaining)
+    when = f"at t = {t + remaining:.6g}" if exact else f"in the step after t = {t:.6g}"
     raise StepError("driver", f"{names} cannot be followed beyond a dead point {when}, where velocities are infinite")
 
 

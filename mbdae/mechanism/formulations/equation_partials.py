@@ -1,8 +1,8 @@
 """Exact first derivatives of a mechanism's equations with respect to q (in the tangent), v, s and t.
 
-Those of M v' + nle come from Pinocchio on the expanded tree; rows and laws provide theirs: see
-`mbdae.mechanism.tree.expanded_tree`, `mbdae.mechanism.tree.wrench_partials` and the modules of closures and forces. A
-Python function of the user without partial derivatives is differentiated alone, by central differences.
+Derivatives of M v' + nle come from Pinocchio on the expanded tree, those of rows and laws from their classes: see
+`mbdae.mechanism.tree.expanded_tree`, `mbdae.mechanism.tree.wrench_partials` and the modules of closures and forces.
+Only Python functions of the user without partial derivatives are differentiated by central differences.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -46,7 +46,7 @@ def equation_partials(
 ) -> EquationPartials:
     """Return the partial derivatives at (t, q, u, v', lam), u = (v, s, w), lam (r,) for the rows in use (r,).
 
-    Those of the laws are appended to ``each``, see `ForceElements.partials`.
+    Partial derivatives of the laws are appended to ``each``, see `ForceElements.partials`.
     """
     nv, n, v = s.nv, len(u), u[: s.nv]
     s.counts.M += 1
@@ -61,7 +61,7 @@ def equation_partials(
     E[:nv, :nv], D[:, :-1] = M, laws[:, nv:]
     K[:nv] += rows_by_q - by_q
     D[:nv, :nv] -= by_v
-    if s.closure_friction:  # its partials with respect to q and v are neglected: Newton's iteration corrects
+    if s.closure_friction:  # its partials with respect to q and v are neglected, which only slows Newton's iteration
         e, speed, factor = s.closure_friction.slip_terms(v)
         to_all = s.closure_friction.minimum_norm_map(rows)
         of_lam = factor[:, None] * (s.closure_friction.normal_forces(to_all @ lam)[1] @ to_all)
@@ -80,7 +80,7 @@ def rate_partials(s: "Index2System", t: float, q: Array, v: Array, rows: Array) 
 def gamma_partials(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]:
     """Return the partial derivatives of gamma with respect to q and v, over all rows, (ng, nv) each.
 
-    With flexible bodies, differences of gamma: of order six in q, to 1e-12; exact in v, of which gamma is quadratic.
+    With flexible bodies they are differences of gamma: sixth-order in q, to 1e-12; exact in v, as gamma is quadratic.
     """
     if bound_bodies(s.workspace):
         return _differences_of_gamma(s, q, v)
@@ -110,5 +110,5 @@ def time_partials(s: "Index2System", t: float, q: Array, v: Array, states: Array
     out[-1] += lam @ second
     third = np.zeros(s.ng)
     for at, driver in s.constraints.driven:
-        third[at] = driver.third(t)
+        third[at] = driver.third_derivative(t)
     return out, -second, -third

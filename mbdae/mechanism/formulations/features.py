@@ -16,7 +16,7 @@ def features(system: "Index2System") -> dict[str, str]:
     mech = system.mechanism
     found: dict[str, list[str]] = {
         "switches": [switch.name for switch in mech.switches],
-        "velocity rows": [name for name, kept in zip(mech.row_names, mech.positional, strict=True) if not kept],
+        "velocity rows": [mech.row_names[i] for i, positional in enumerate(mech.positional) if not positional],
         "events": [reset.name for reset in mech.resets],
         "states": list(mech.states),
         "closure friction": [interface.force.name for interface in system.closure_friction.interfaces],

@@ -1,4 +1,4 @@
-"""One friction interface: direction and speed of slip."""
+"""Friction interface of a closure: direction and speed of slip."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -9,7 +9,7 @@ from ...system import Array
 from ...tolerances import TINY, ZERO_SPEED
 from ..closures.closure import Closure, Z
 from ..closures.contact import ContactHeightRow
-from ..closures.line_rows import at_rest
+from ..closures.line_rows import with_zero_velocity
 from ..closures.rows import unit_axis
 from ..forces.coulomb_friction import CoulombFriction
 from ..tree.frames import Pair, cross
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 ROTATIONAL = ("revolute", "spherical")  # friction torques, in a bearing with a radius
-CLEAR_SLIP = 10.0  # times the speed below which a slip has no direction: above, it is no rounding error
-SLIP_ERROR = 3.0  # times rtol and the characteristic speed: errors of a run rotate slower slips
-MIN_COSINE = 0.7  # cosine of the rotation of a slip within one step: below, its direction is not reliable
+CLEAR_SLIP = 10.0  # multiple of the smallest slip speed, above which the slip direction is not due to rounding
+SLIP_ERROR = 3.0  # multiple of rtol times the characteristic speed: errors of a run rotate slower slips
+MIN_COSINE = 0.7  # cosine of the rotation of a slip direction within one step: below, it is not reliable
 
 
 def smallest_slip(mechanism: "Mechanism", rtol: float) -> float:
-    """Return the speed in m/s below which a slip has no direction in a run with this tolerance, 0 for rounding alone.
+    """Return the speed in m/s below which the slip direction is undefined in a run with this tolerance, 0 if exact.
 
-    A slip in two directions comes to rest along the other forces, to which it rotates at the rate F / (m |v|): error
+    A slip in two directions rotates towards the other forces at the rate F / (m |v|) before it comes to rest. Error
     control does not resolve this rotation where |v| is as small as the errors.
     """
     return max(ZERO_SPEED, SLIP_ERROR * rtol) * mechanism.characteristic_speed
@@ -52,8 +52,8 @@ class FrictionInterface(NamedTuple):
     def slip_direction(self, v: Array, W: Array, last: Array, min_speed: float, within_step: bool) -> Array:
         """Return the slip direction (m,) along inactive no-slip rows.
 
-        Within a step, if the slip passes zero the direction is continued, as the mode ends there, and the last
-        direction is updated. At other points it is that of a slip that is no rounding error.
+        Within a step, the last direction is updated, and continued if the slip passes zero, where the mode ends. At
+        other points the direction is that of the slip, if it exceeds rounding.
         """
         slip, size = self.no_slip_velocity(v, W)
         if size <= min_speed:
@@ -122,7 +122,9 @@ class FrictionInterface(NamedTuple):
     def contact_point(self) -> Array:
         """Return the contact point of the bodies, (3,)."""
         first = self.closure.primitives()[0]
-        return first.lines(at_rest(self.pair)).p[:, 0] if isinstance(first, ContactHeightRow) else self.pair.pb
+        if isinstance(first, ContactHeightRow):
+            return first.lines(with_zero_velocity(self.pair)).p[:, 0]
+        return self.pair.pb
 
 
 def unit_direction(x: Array) -> Array:

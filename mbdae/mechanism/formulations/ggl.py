@@ -2,8 +2,9 @@
 
     q' = v + M^-1 G_p^T mu,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = g(t, q),   0 = G(q) v + g_t(t)
 
-G_p are the rows that have a g: velocity rows have no mu. On the exact solution mu = 0. Source: Gear, Gupta, Leimkuhler,
-J. Comput. Appl. Math. 12 (1985); Hairer, Wanner II, (VII.1.51).
+G_p are the position rows, which have a g; velocity rows have no mu. On the exact solution mu = 0.
+
+Source: Gear, Gupta, Leimkuhler, J. Comput. Appl. Math. 12 (1985); Hairer, Wanner II, (VII.1.51).
 """
 
 from types import ModuleType
@@ -31,8 +32,8 @@ ITERATIONS = 12
 class GGLSystem(Index2System):
     """`mbdae.system.System` of a mechanism with both levels enforced: z = (lam, mu), (2 ng,), mu = 0 for velocity rows.
 
-    mu belongs to the rows in use or, if there are velocity rows, to independent rows among those that have a g. While
-    the rank is constant, 0 = g on these rows describes the same configurations as on all rows; the others are checked.
+    mu belongs to the rows in use or, if there are velocity rows, to independent position rows. While the rank is
+    constant, 0 = g on these rows describes the same configurations as on all rows; the other rows are checked.
     """
 
     formulation = "ggl"
@@ -42,7 +43,7 @@ class GGLSystem(Index2System):
         self.nz = 2 * self.ng
         self.velocity_correction = np.zeros(self.nv)  # M^-1 G^T mu at the last stage
         self.positional_rows = np.flatnonzero(mechanism.positional)
-        self.position_rank: int | None = None  # rank of the rows that have a g
+        self.position_rank: int | None = None  # rank of the position rows
 
     @property
     def features(self) -> dict[str, str]:
@@ -54,7 +55,7 @@ class GGLSystem(Index2System):
         return GGLChart(self, t, y, rows, self.independent_position_rows(t, y, rows))
 
     def independent_position_rows(self, t: float, y: Array, rows: Array) -> Array:
-        """Return independent rows among those that have a g, (k,): the rows in use if all have one."""
+        """Return independent position rows, (k,): the rows in use if all rows are position rows."""
         if len(self.positional_rows) == self.ng:
             return rows
         U, G = self.point(t, self.split(y)[0])
@@ -64,7 +65,7 @@ class GGLSystem(Index2System):
         return np.sort(self.positional_rows[order[: self.position_rank]])
 
     def all_position_multipliers(self, U: Array, G: Array, rows: Array, mu: Array) -> Array:
-        """Return mu of all rows, (ng,), from those of the independent ones, (k,)."""
+        """Return mu of all rows, (ng,), from mu of the independent position rows, (k,)."""
         out = np.zeros(self.ng)
         if len(rows) == len(self.positional_rows):
             out[rows] = mu
@@ -111,7 +112,7 @@ class GGLChart(Index2Chart):
         return (*super().unknowns, *self.position_rows.tolist())
 
     def first(self, carry: Array) -> tuple[Array, Array]:
-        """Return the first stage of a method that carries it: x' = v + (G^T mu) and v', from `carry` (nv + nv,)."""
+        """Return the first stage from `carry` (nv + nv,): x' = v + M^-1 G^T mu, and v'."""
         nv = self.system.nv
         return np.concatenate([self.v + carry[:nv], carry[nv:]]), np.empty(0)
 

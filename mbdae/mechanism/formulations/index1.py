@@ -2,9 +2,9 @@
 
     q' = v,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = G v' + gamma + 2 alpha (G v + g_t) + beta^2 g
 
-Explicit methods advance it in the coordinates of a step, scipy's in the raw coordinates q: dq/dt = T(q) v with the
-tangent map T, the derivative of q (+) x at x = 0, (nq, nv). Neither g nor G v + g_t is enforced: alpha and beta in 1/s
-damp their drift (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972)).
+Explicit methods advance it in the coordinates of a step, scipy's solvers in the raw coordinates q: dq/dt = T(q) v with
+the tangent map T, the derivative of q (+) x at x = 0, (nq, nv). Neither g nor G v + g_t is enforced: alpha and beta in
+1/s damp their drift (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972)).
 """
 
 from types import ModuleType
@@ -58,7 +58,7 @@ class Index1System(Index2System):
         return Index1Chart(self, t, y, super().chart(t, y).rows)
 
     def update_independent_rows(self, t: float, state: State) -> State:
-        """Select the rows in use; v is not projected: its drift violates all rows."""
+        """Select the rows in use; v is not projected, since its drift affects all rows."""
         super().update_independent_rows(t, state)
         return state
 

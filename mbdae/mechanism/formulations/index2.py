@@ -1,4 +1,4 @@
-"""Index-2 descriptor form of a mechanism, bound to the workspace of one solve.
+"""Index-2 descriptor form of a mechanism, bound to a workspace.
 
 q' = v,   M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = G(q) v + g_t(t),   s' = h(t, q, v, s),   w' = power of the
 non-conservative forces and, -lam . g_t, of the drivers; s are the states of actuators and controllers
@@ -46,7 +46,7 @@ class Index2System(PinocchioData, RunVariables, System):
         self.bind(mechanism)
 
     def bind(self, mechanism: "Mechanism") -> None:
-        """Bind the workspace to a mechanism, or to a variant of it: its parameters replace those before."""
+        """Bind the workspace to a mechanism, or to a variant of it, whose parameters replace the previous ones."""
         before, self.mechanism = getattr(self, "mechanism", None), mechanism
         self.model, self.manifold = mechanism.model, mechanism.manifold
         self.laws = mechanism.bind_forces(self.workspace).attached(self)
@@ -58,7 +58,7 @@ class Index2System(PinocchioData, RunVariables, System):
             self.elimination_order = independent_rows.elimination_order(self.constraints)
         self.closure_friction = ClosureFriction(mechanism.forces, mechanism.closures, self.constraints)
         self.ns, self.ny = self.laws.ns, 2 * self.nv + self.laws.ns + 1
-        self.measured = slice(0, self.ny - (not self.driven))  # with drivers, the work, too
+        self.measured = slice(0, self.ny - (not self.driven))  # the work is included only with drivers
         self.reset()
 
     def closures(self, q: Array | None = None, t: float | None = None) -> tuple[Array, Array]:
@@ -75,7 +75,7 @@ class Index2System(PinocchioData, RunVariables, System):
         return self.constraints.jacobian()
 
     def update_rows(self, q: Array | None) -> None:
-        """Make kinematics of rows current at q."""
+        """Update the kinematics of rows at q."""
         self.counts.G += self.ng > 0
         if q is not None and self.ng:
             tree.update_poses(self.model, self.workspace, q)
@@ -132,7 +132,7 @@ class Index2System(PinocchioData, RunVariables, System):
         self.rows, self.rank, self.rows_frozen = np.array(rows, int), len(rows), frozen
 
     def point(self, t: float, q: Array) -> tuple[Array, Array]:
-        """Return U and G at q, and make kinematics current; reuses those of the last stage at the same q."""
+        """Return U and G at q, and update kinematics; U and G of the last stage are reused at the same q."""
         if self._last_q is not None and self.manifold.is_same_point(q, self._last_q, self.mechanism.q_scales):
             tree.update_poses(self.model, self.workspace, q)
             return self._last
@@ -157,7 +157,7 @@ class Index2System(PinocchioData, RunVariables, System):
         return None
 
     def enter(self, mode: Mode) -> None:
-        """Enter another mode; the rank and the rows in use are determined again."""
+        """Enter another mode, and reset the rank and the rows in use."""
         if mode == self.mode:
             return
         self.mode, switches = mode, self.mechanism.switches

@@ -10,10 +10,10 @@ from ..flexible.partials import inertial_partials
 from ..tree.expanded_tree import expand
 from ..tree.frames import motion_cross, wrench_matrix
 from ..tree.pinocchio_data import make_data
-from ..tree.tree_terms import copied, flexible_bodies, symmetric, update_inertia
+from ..tree.tree_terms import copy_model, flexible_bodies, symmetric, update_inertia
 
 MAX_PINOCCHIO_NV = 100
-"""Degrees of freedom up to which Pinocchio's derivatives are used: their workspace has nv^3 numbers, up to 40 MB."""
+"""Largest nv for Pinocchio's derivatives, whose workspace has several nv^3 numbers, up to 40 MB."""
 
 
 class InertialForces:
@@ -33,9 +33,9 @@ class InertialForces:
         return self.model.createData() if self.model.nv <= MAX_PINOCCHIO_NV else make_data(self.model)
 
     def partials(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
-        """Return M and the derivatives of M v' + nle with respect to q and v, (nv, nv) each; live views."""
+        """Return M and the derivatives of M v' + nle with respect to q and v, (nv, nv) each; views of the workspace."""
         if self.model.nv > MAX_PINOCCHIO_NV:
-            M, by_q, by_v = self._by_composites(q, v, vdot)
+            M, by_q, by_v = self._composite_body_partials(q, v, vdot)
         else:
             pin.computeRNEADerivatives(self.model, self.data, q, v, vdot)
             M, by_q, by_v = self.data.M, self.data.dtau_dq, self.data.dtau_dv
@@ -43,28 +43,28 @@ class InertialForces:
             return M, by_q, by_v
         data, base = self._flexible, -self.compact.gravity.vector
         M = symmetric(update_inertia(self.compact, data, q))
-        parts = np.repeat(np.arange(self.model.njoints), self.model.nvs)
-        more = [inertial_partials(body, data, parts, q, v, vdot, base) for body in data.flexible]
+        joint = np.repeat(np.arange(self.model.njoints), self.model.nvs)
+        more = [inertial_partials(body, data, joint, q, v, vdot, base) for body in data.flexible]
         return M, by_q + sum(x for x, _ in more), by_v + sum(x for _, x in more)
 
     @cached_property
     def _flexible(self) -> pin.Data | None:
-        """Workspace of the model itself, with its flexible bodies; None without them."""
+        """Workspace of the model with its flexible bodies; None if there are none."""
         return make_data(self.compact) if flexible_bodies(self.compact) else None
 
     @cached_property
-    def weightless(self) -> "InertialForces":
-        """The same without gravity."""
-        model = copied(self.compact)
+    def without_gravity(self) -> "InertialForces":
+        """Inertial forces of the model without gravity."""
+        model = copy_model(self.compact)
         model.gravity = pin.Motion.Zero()
         return InertialForces(model)
 
     def momentum_partials(self, q: Array, w: Array) -> tuple[Array, Array]:
-        """Return M and d(M w)/dq for constant w, (nv, nv) each; live views."""
-        return self.weightless.partials(q, np.zeros_like(w), w)[:2]
+        """Return M and d(M w)/dq for constant w, (nv, nv) each; views of the workspace."""
+        return self.without_gravity.partials(q, np.zeros_like(w), w)[:2]
 
-    def _by_composites(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
-        """Return the same with O(nv^2) memory, from composite bodies, by Pinocchio's formulas.
+    def _composite_body_partials(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
+        """Return the values of `partials` with O(nv^2) memory, from composite bodies, by Pinocchio's formulas.
 
         Source: Carpentier, Mansard, Robotics: Science and Systems (2018).
         """
@@ -105,7 +105,7 @@ class InertialForces:
 
     @cached_property
     def order(self) -> Array:
-        """True where the joint of row m is that of column k or an ancestor of it, (nv, nv)."""
+        """True where the joint of row m is the joint of column k or an ancestor of it, (nv, nv)."""
         joint = np.repeat(np.arange(self.model.njoints), self.model.nvs)
         out = np.zeros((self.model.njoints, self.model.njoints), bool)
         for j in range(1, self.model.njoints):

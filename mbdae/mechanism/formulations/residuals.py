@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 
 def sparse_closures(system: "Index2System", q: Array, t: float) -> tuple[Array, "csr_array"]:
-    """Return g(t, q) (ng,) and G (ng, nv) without its zeros, over all rows."""
+    """Return g(t, q) (ng,) and sparse G (ng, nv) over all rows."""
     system.update_rows(q)
     G = system.constraints.sparse_jacobian()
     return system.constraints.residual(t), G
 
 
 def closures_dense_or_sparse(system: "Index2System", q: Array, t: float) -> "tuple[Array, Array | csr_array]":
-    """Return g(t, q) (ng,) and G (ng, nv) over all rows, of many rows without its zeros."""
+    """Return g(t, q) (ng,) and G (ng, nv) over all rows, sparse if there are many."""
     return system.sparse_closures(q, t) if system.ng > MANY_ROWS else system.closures(q, t)
 
 

@@ -1,4 +1,4 @@
-"""Friction of slipping joints and sliding no-slip rows, which are inactive in the mode, as their multipliers.
+"""Friction of slipping joints and sliding contacts, as multipliers of their inactive rows.
 
 A slipping joint has lam = -kinetic sign(v), a sliding contact lam = -mu |F| d along its no-slip rows.
 """

@@ -1,4 +1,4 @@
-"""Pool of workspaces: a run reuses those that earlier runs of the mechanism have released."""
+"""Pool of workspaces, which runs reuse after earlier runs of the mechanism have released them."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -34,9 +34,9 @@ class RunVariables:
         self.counts = Counts()
         self.rank: int | None = None
         self.ambiguous_pivot = AMBIGUOUS_PIVOT  # pivot ratio below which the branch of a motion is ambiguous
-        self.rank_threshold = 0.0  # pivot ratio below which the rank has fallen
+        self.rank_threshold = 0.0  # pivot ratio below which the rank has dropped
         self.rows: Array | None = None
-        self.rows_frozen = False  # freezes the rows in use, except in `update_independent_rows`
+        self.rows_frozen = False  # whether only `update_independent_rows` may change the rows in use
         self.selection_trigger = independent_rows.SelectionTrigger(self.ng)
         self.least_pivot_ratio = 1.0  # smallest pivot ratio of G M^-1 G^T in all solves
         # |g| and |G v + g_t| over all rows, and |v|, at ends of steps; lengths in characteristic lengths
@@ -49,7 +49,7 @@ class RunVariables:
         raise NotImplementedError
 
     def set_min_slip_speed(self, speed: float) -> None:
-        """Set the speed in m/s below which a slip has no direction, in the core, too."""
+        """Set the speed in m/s below which the slip direction is undefined, also in the core."""
         self.closure_friction.min_slip_speed = speed
         if core := getattr(self, "core", None):
             core.set_smallest_slip(speed)
@@ -58,7 +58,7 @@ class RunVariables:
 class WorkspacePool:
     """Idle workspaces of a mechanism; threads may acquire and release them concurrently.
 
-    Variants of a mechanism with other parameters share idle workspaces, and bind them in place. Workspaces with
+    Variants of a mechanism with different parameters share idle workspaces, and bind them in place. Workspaces with
     Baumgarte stabilization or third-party forces are not pooled, because they cannot be reset.
 
     Args:
@@ -85,7 +85,7 @@ class WorkspacePool:
         baumgarte: tuple[float, float] | None = None,
         native: ModuleType | None = None,
     ) -> "Index2System":
-        """Return an idle workspace or a new one; arguments and errors are those of `Mechanism.system`."""
+        """Return an idle or a new workspace; for arguments and errors see `Mechanism.system`."""
         if baumgarte is None:
             try:
                 system: Index2System = self.idle[formulation, native is not None].pop()
@@ -107,7 +107,7 @@ class WorkspacePool:
 
     @contextmanager
     def borrowed(self, native: ModuleType | None = None) -> "Iterator[Index2System]":
-        """A workspace for one evaluation, of Python if omitted: to bind one takes longer than most evaluations."""
+        """Lend a workspace for one evaluation, in Python by default: binding takes longer than most evaluations."""
         system = self.acquire(native=native)
         yield system
         self.release(system)
@@ -120,5 +120,5 @@ class WorkspacePool:
 
 
 def _shares_all_but_start(a: "Mechanism", b: "Mechanism") -> bool:
-    """Return whether variants of a mechanism share all that is bound to a workspace."""
+    """Return whether variants of a mechanism share everything that is bound to a workspace."""
     return a.model is b.model and a.constraints is b.constraints and a.forces is b.forces

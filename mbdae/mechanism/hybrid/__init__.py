@@ -2,14 +2,14 @@
 
 A mechanism has *switches* (`switch.Switch`), each in one of a few states; the tuple of all states, integers, is a
 *mode*. `Index2System.enter(mode)` deactivates the rows that no switch requires, in Python and in the core: their g, G
-and Gdot v are 0, so they are never selected and their multipliers of minimum norm are 0; shapes never change. State 0
-is idle: no row, no force; analyses other than runs use the idle mode.
+and Gdot v are 0, so they are never selected and their minimum-norm multipliers are 0; array shapes never change. State
+0 is idle: no row, no force; analyses other than runs use the idle mode.
 
-Each kind of switch is a class in a file of this folder, which is discovered. It defines
+Each kind of switch is a class in a file of `kinds`, found by discovery. It defines
 
 * ``from_mechanism(mechanism)``: the switches of a mechanism, each with its rows;
 * ``active_rows(state)``: the active rows;
-* ``guards(state)``: guard functions, positive as long as the state lasts; their zeros are located by shorter steps;
+* ``guards(state)``: guard functions, positive during the state; their zeros are located by shorter steps;
 * ``impact_rows(point, state, tolerance)``: the rows that take part in an impact, and their law (`impact_law`);
 * ``candidate_rows(point, state, tolerance)``: the rows that may become active after an event, and bounds of their
   multipliers (`box_lcp`, Gauss's principle);

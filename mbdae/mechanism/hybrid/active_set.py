@@ -1,9 +1,9 @@
 """Mode after an event: the active set of the complementarity problem of accelerations and multipliers.
 
-Velocities are continuous here. Candidates are rows in contact and at rest: the multiplier of a row is either within its
-bounds and the row does not accelerate, or at a bound (separating, slipping), and it accelerates as the bound allows.
-Rows are released until the set is consistent; `undecided_rows` decides unilateral rows that are neither active nor
-separate.
+Velocities are continuous at this point. Candidates are rows in contact and at rest: either the multiplier of a row is
+within its bounds and the row does not accelerate, or it is at a bound (separating, slipping) and the row accelerates in
+the direction that the bound allows. Rows are released until the set is consistent; `undecided_rows` handles unilateral
+rows that neither carry a force nor separate.
 """
 
 from typing import TYPE_CHECKING
@@ -31,13 +31,13 @@ Candidates = dict[int, tuple[CandidateRow, ...]]  # by index of the switch
 def select_mode(
     point: "ModePoint", unswitched: Array, separated: set[int], multipliers_after_step: MultipliersAfterStep
 ) -> "Mode":
-    """Return the mode after an event, at a point where velocities no longer jump.
+    """Return the mode after an event, at a point where velocities are continuous.
 
     Args:
         point: the point, in the mode before.
         unswitched: indices of the rows without a switch.
         separated: indices of the switches whose contacts separate in the event.
-        multipliers_after_step: the multipliers after a short step, for rows that are neither active nor separate.
+        multipliers_after_step: the multipliers after a short step, for undecided rows.
 
     Raises:
         StepError: if friction has no solution, or several (Painleve paradox), or if no force can keep a row closed.
@@ -51,14 +51,14 @@ def select_mode(
 
 
 class _ActiveSet:
-    """Candidates of a point, and the states of the other switches.
+    """Candidate rows at a point, and the states of all switches without candidates.
 
     Attributes:
         mode: states of all switches.
         remaining: candidates that are not released.
-        separating: those of them that separate, unless their gaps would close.
-        lam, rates, scale: multipliers, accelerations G v' + gamma and their sizes, (ng,) each, of the candidates that
-            do not separate.
+        separating: switches in ``remaining`` whose contacts separate, unless their gaps would close.
+        lam, rates, scale: multipliers, accelerations G v' + gamma and their magnitudes, (ng,) each, for the candidates
+            that do not separate.
     """
 
     def __init__(self, point: "ModePoint", unswitched: Array, separated: set[int]) -> None:
@@ -74,7 +74,7 @@ class _ActiveSet:
         self.separating, self.largest = {i for i in separated if i in self.remaining}, 0.0
 
     def release(self) -> None:
-        """Release rows outside of their bounds until there are none."""
+        """Release rows outside their bounds until none is left."""
         changed = True
         while changed:
             self.active = {i: c for i, c in self.remaining.items() if i not in self.separating}
@@ -83,25 +83,25 @@ class _ActiveSet:
             changed = self._retain_approaching() or self._release_inactive()
 
     def _retain_approaching(self) -> bool:
-        """Keep a row that cannot separate, as its gap would close; False if there is none."""
+        """Retain one row that cannot separate because its gap would close; return False if there is none."""
         approaching = [i for i in self.separating if self._approaches(self.remaining[i][0])]
         self.separating -= set(approaching[:1])
         return bool(approaching)
 
     def _release_inactive(self) -> bool:
-        """Release rows outside of their bounds that change the multipliers of others; False if there are none."""
+        """Release rows outside their bounds if this changes other multipliers; return False if there are none."""
         self.is_active = {i: self._is_active(c[0]) for i, c in self.active.items()}
         released = [i for i, active in self.is_active.items() if not active and _releases(self.active[i])]
-        for i in released:  # less friction while slipping changes the multipliers of the others
+        for i in released:  # the smaller friction while slipping changes the other multipliers
             del self.remaining[i]
             self._next_state(i, self.active[i] if self.active[i][0].is_bounded else (), False)
         return bool(released)
 
     def require_solution(self) -> None:
-        """Require that rows with zero multipliers do not close: one that depends on closures cannot stop their motion.
+        """Check that rows with zero multipliers do not close: a row that depends on closures cannot stop their motion.
 
         Raises:
-            StepError: with their names.
+            StepError: with the names of such rows.
         """
         idle = [(i, c[0]) for i, c in self.active.items() if c[0].is_unilateral and not self.is_active[i]]
         if blocked := [i for i, c in idle if self._approaches(c)]:
@@ -109,19 +109,19 @@ class _ActiveSet:
             raise error_with_names(StepError("impact", reason), self.switches, self.point.t, blocked)
 
     def enter_states(self) -> None:
-        """Set the states of the candidates that remain."""
+        """Set the states of the remaining candidates."""
         for i, c in self.active.items():
             self._next_state(i, c, self.is_active[i])
         for i in self.separating:
             self._next_state(i, (), False)
 
     def decide_undecided(self, multipliers_after_step: MultipliersAfterStep) -> None:
-        """Decide unilateral rows that are neither active nor separate by their multipliers after a short step."""
-        alone = {i: c[0] for i, c in self.active.items() if len(c) == 1 and c[0].is_unilateral}
-        undecided = {i: x for i, x in alone.items() if self._is_undecided(x)}
+        """Set the states of undecided unilateral rows by their multipliers after a short step."""
+        unilateral = {i: c[0] for i, c in self.active.items() if len(c) == 1 and c[0].is_unilateral}
+        undecided = {i: x for i, x in unilateral.items() if self._is_undecided(x)}
         if undecided:
-            others = tuple(0 if i in undecided else k for i, k in enumerate(self.mode))
-            active = rows_that_stay_active(others, undecided, multipliers_after_step)
+            base = tuple(0 if i in undecided else k for i, k in enumerate(self.mode))
+            active = rows_that_stay_active(base, undecided, multipliers_after_step)
             for i, x in undecided.items():
                 self._next_state(i, (x,), i in active)
 
@@ -130,7 +130,7 @@ class _ActiveSet:
         self.mode[i] = self.switches[i].next_state(self.point, lam, rates, active)
 
     def _is_undecided(self, c: CandidateRow) -> bool:
-        """Return whether a row is neither active nor separates, to the rounding of the forces at the point."""
+        """Return whether multiplier and acceleration of a row are both zero, to the rounding of the forces."""
         point, row = self.point, self.point.G[c.row]
         direction = mass_scaled(point.system.inertia(point.t, point.q), row[None])[:, 0]
         error = point.rounding / (float(np.abs(row).max()) or 1.0) * float(direction @ direction)  # of accelerations
@@ -190,12 +190,12 @@ class _ActiveSet:
         point = self.point
         B = mass_scaled(point.system.inertia(point.t, point.q), point.G)
         switched = {row for s, state in zip(self.switches, base, strict=True) for row in s.active_rows(state)}
-        kept = np.array([*self.unswitched, *sorted(switched)], int)
-        return B, range_and_inverse(B[:, kept])[0]
+        active = np.array([*self.unswitched, *sorted(switched)], int)
+        return B, range_and_inverse(B[:, active])[0]
 
 
 def _releases(candidates: tuple[CandidateRow, ...]) -> bool:
-    """Return whether the release of rows outside of their bounds changes the multipliers of others."""
+    """Return whether releasing rows outside their bounds changes other multipliers."""
     return len(candidates) > 1 or candidates[0].is_bounded
 
 

@@ -4,8 +4,8 @@
 
 S are the rows that may become active, a the accelerations without them, A = M^-1 projected onto the null space of the
 active rows. Rows with a multiplier between its bounds do not accelerate; rows at a bound accelerate with the sign that
-the bound allows. c = S A^1/2 d, unless rows depend on each other that cannot all be active, such as those of a valve
-between its seat and a cam that lifts it.
+the bound allows. c = S A^1/2 d, unless dependent rows contradict each other, such as the contacts of a valve with its
+seat and with the cam that lifts it.
 
 Source: Moreau (1966), Quadratic programming in mechanics, SIAM J. Control 4.
 """
@@ -18,7 +18,7 @@ from ...tolerances import MODE_ROUNDING, ROUNDING, TRUNCATION
 
 lsq_linear = lazy_import("scipy.optimize", "lsq_linear")
 MAX_SETS = 100  # active sets per row
-WELL_CONDITIONED = 0.1  # least squared sine of the angle of two rows for a solution by normal equations
+WELL_CONDITIONED = 0.1  # smallest squared sine of the angle between two rows for a solution by normal equations
 
 
 def solve_box_lcp(C: Array, c: Array, lower: Array, upper: Array) -> Array:
@@ -37,17 +37,17 @@ def solve_box_lcp(C: Array, c: Array, lower: Array, upper: Array) -> Array:
     bounds = lower * sizes / scale, upper * sizes / scale
     A, b, c = C / sizes, -d / scale, c / (sizes * scale)
     if np.abs(A.T @ b + c).max(initial=0.0) > MODE_ROUNDING * np.abs(c).max(initial=0.0):
-        x = _of_contradicting_rows(A, c, *bounds)
+        x = _solve_contradicting_rows(A, c, *bounds)
     elif len(c) == 1:
         x = np.clip(A[:, 0] @ b, *bounds)
     elif len(c) == 2 and 1 - (A[:, 0] @ A[:, 1]) ** 2 > WELL_CONDITIONED:
-        x = _of_two(float(A[:, 0] @ A[:, 1]), (A.T @ b).tolist(), *(x.tolist() for x in bounds))
+        x = _solve_two_rows(float(A[:, 0] @ A[:, 1]), (A.T @ b).tolist(), *(x.tolist() for x in bounds))
     else:
         x = lsq_linear(A, b, bounds, method="bvls", tol=ROUNDING, max_iter=MAX_SETS * len(c)).x
     return x * scale / sizes
 
 
-def _of_two(w: float, b: list[float], lower: list[float], upper: list[float]) -> Array:
+def _solve_two_rows(w: float, b: list[float], lower: list[float], upper: list[float]) -> Array:
     """Minimize (x^2 + 2 w x y + y^2)/2 - b_x x - b_y y over a box: inside, or on one of its sides."""
     inside = [(b[i] - w * b[1 - i]) / (1 - w * w) for i in (0, 1)]
     if all(lo <= x <= hi for lo, x, hi in zip(lower, inside, upper, strict=True)):
@@ -60,8 +60,8 @@ def _of_two(w: float, b: list[float], lower: list[float], upper: list[float]) ->
     return np.array(min(sides)[1])
 
 
-def _of_contradicting_rows(A: Array, c: Array, lower: Array, upper: Array) -> Array:
-    """Minimize |A x|^2/2 + c x over a box, where c has a part along null directions of A, by active sets.
+def _solve_contradicting_rows(A: Array, c: Array, lower: Array, upper: Array) -> Array:
+    """Minimize |A x|^2/2 + c x over a box by active sets, where c has a component in the null space of A.
 
     Source: J. Nocedal, S. J. Wright, Numerical Optimization (2006), algorithm 16.3.
     """
@@ -73,14 +73,14 @@ def _of_contradicting_rows(A: Array, c: Array, lower: Array, upper: Array) -> Ar
         if free.any():
             d = np.linalg.lstsq(A[:, free].T, gradient[free], rcond=TRUNCATION)[0]
             along = gradient[free] - A[:, free].T @ d
-            falls = np.abs(along).max() > zero  # without end
-            full = np.inf if falls else 1.0
-            step[free] = -along if falls else np.linalg.lstsq(A[:, free], -d, rcond=TRUNCATION)[0]
-        room = np.where(step > 0, upper, lower) - x
-        reach = np.divide(room, step, out=np.full(len(c), np.inf), where=step != 0)
-        blocking = int(reach.argmin())
-        if reach[blocking] < full:
-            x = x + reach[blocking] * step
+            unbounded = np.abs(along).max() > zero  # the objective decreases along it up to a bound
+            full = np.inf if unbounded else 1.0
+            step[free] = -along if unbounded else np.linalg.lstsq(A[:, free], -d, rcond=TRUNCATION)[0]
+        distance = np.where(step > 0, upper, lower) - x
+        fraction = np.divide(distance, step, out=np.full(len(c), np.inf), where=step != 0)
+        blocking = int(fraction.argmin())
+        if fraction[blocking] < full:
+            x = x + fraction[blocking] * step
             x[blocking], free[blocking] = upper[blocking] if step[blocking] > 0 else lower[blocking], False
             continue
         x = x + step if np.isfinite(full) else x

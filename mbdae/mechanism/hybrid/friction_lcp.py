@@ -1,4 +1,4 @@
-"""Multipliers with Coulomb friction: tangential ones are bounded by the normal one of the same contact.
+"""Multipliers with Coulomb friction: tangential multipliers are bounded by the normal multiplier of the contact.
 
     minimize  |C x|^2/2 + c x,   lower <= x <= upper,   |x_t| <= mu |x_n|,   or x_t = d |x_n| for sliding contacts
 
@@ -20,8 +20,8 @@ from ...tolerances import ROUNDING, SOLUTION_ROUNDING
 from .box_lcp import solve_box_lcp
 
 RELAXATION = (1.0, 0.5, 0.2, 0.05)  # factors of the updates of the bounds, tried in order
-MAX_ITERATIONS = 60  # iterations with each factor; one reduces the error by a factor of about mu |W_tn|/W_nn
-MAX_NEWTON = 8  # iterations; within one linear piece of the problem one is enough
+MAX_ITERATIONS = 60  # iterations with each factor; each reduces the error by a factor of about mu |W_tn|/W_nn
+MAX_NEWTON = 8  # Newton iterations; one is enough within a linear piece of the problem
 WIDTH = 1e-3  # fraction of a bound: finite-difference width
 
 
@@ -40,7 +40,7 @@ class FrictionBound(NamedTuple):
 
 
 def solve_friction_lcp(C: Array, c: Array, lower: Array, upper: Array, limits: dict[int, FrictionBound]) -> Array:
-    """Return the multipliers (k,) with friction bounds; see the module and `box_lcp.solve_box_lcp`.
+    """Return the multipliers (k,) with friction bounds; see `box_lcp.solve_box_lcp`.
 
     Args:
         C: M^1/2 A S^T, (nv, k).
@@ -92,7 +92,7 @@ class _BoundIteration:
         return x
 
     def bounds(self, x: Array) -> Array:
-        """Return the friction bounds that multipliers imply, (m,)."""
+        """Return the friction bounds that follow from the multipliers, (m,)."""
         return np.where(self.slides, 1.0, self.friction) * np.abs(x[self.normal])
 
     def newton(self, bound: Array) -> Array | None:

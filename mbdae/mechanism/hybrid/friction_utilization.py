@@ -1,7 +1,7 @@
 """Utilization of the stiction limit of a sticking row, also for redundant rows.
 
-The crank and the slider of one loop may both stick: only a combination of their torques is determined, not each, and
-multipliers of minimum norm are not meaningful. They stick as long as multipliers within all limits exist: the smallest
+The crank and the slider of one loop may both stick: only a combination of their multipliers is determined, and the
+minimum-norm solution is not meaningful. They stick as long as multipliers within all limits exist: the smallest
 kappa with |lam_i| <= kappa F_i and G^T lam = const is the solution of a linear programme,
 
     min kappa,   -kappa F <= lam + N z <= kappa F,   N a basis of G^T N = 0,
@@ -64,7 +64,7 @@ def least_utilization(ratios: Array, N: Array) -> float:
     size = float(np.abs(ratios).max(initial=0.0))
     if size == 0 or not isfinite(size):
         return size
-    relative = ratios / size  # tolerances of linprog are absolute, and from 1e20 on its numbers are infinite
+    relative = ratios / size  # tolerances of linprog are absolute, and it treats numbers above 1e20 as infinite
     A, b = np.block([[basis, -ones], [-basis, -ones]]), np.concatenate([-relative, relative])
     found = linprog(np.append(np.zeros(k), 1.0), A, b, bounds=(None, None), method="highs")
     if not found.success:

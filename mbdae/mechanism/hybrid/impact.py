@@ -22,9 +22,9 @@ class Impact(NamedTuple):
 
     Attributes:
         t: time in s.
-        where: names of the stops and closures that take part.
+        where: names of the stops and closures involved.
         impulse: their impulses in N s, or N m s for rotations.
-        rows: impulses of all rows, (ng,), including those transmitted by loops.
+        rows: impulses of all rows, (ng,), including reactions in loops.
         loss: energy loss in J.
     """
 
@@ -36,16 +36,16 @@ class Impact(NamedTuple):
 
 
 class RowImpact(NamedTuple):
-    """One of the successive impacts at an instant, by rows of the mechanism.
+    """One of the successive impacts at an instant, in terms of rows of the mechanism.
 
-    M (v+ - v-) = A^T P,  A v+ + c = -E (A v- + c), with the impulses of sliding rows in proportion to normal ones.
+    M (v+ - v-) = A^T P,  A v+ + c = -E (A v- + c); impulses of sliding rows are proportional to normal impulses.
 
     Attributes:
         before: v-, (nv,).
         after: v+, (nv,).
         impulses: P of all rows, (ng,), in their units.
         rows: indices of the rows A that satisfy the law, (n,): bilateral, contact and sticking rows.
-        restitution: their E, (n,).
+        restitution: coefficients of restitution E of these rows, (n,).
         switches: indices of the switches of approaching contacts, (n,); -1 for other rows.
         sliding: tangential rows whose friction is at its limit: (row, normal row, switch).
     """
@@ -67,9 +67,9 @@ def resolve_impact(
     Args:
         point: the point.
         unswitched: indices of the rows without a switch.
-        recent: indices of the switches with a recent impact. If only these approach, all active contacts come to rest
-            together, so that none reopens another; otherwise e = 0 for them.
-        resting: indices of the switches of contacts that come to rest although they open.
+        recent: indices of the switches with a recent impact. If only these contacts approach, all active contacts come
+            to rest together, so that none reopens another; otherwise e = 0 for them.
+        resting: indices of the switches of contacts that are brought to rest although they open.
 
     Raises:
         StepError: if the impact has no solution.
@@ -93,7 +93,7 @@ def row_impacts(point: "ModePoint", unswitched: Array, recent: set[int]) -> list
 
 
 class _ImpactProblem:
-    """Rows of all switches in contact, by their role in the impact; rates and rows in characteristic lengths.
+    """Rows of all switches in contact, by their role in the impact; rates and rows scaled by characteristic lengths.
 
     Attributes:
         not_separating: contact rows that approach, rest, or are active: (index of the switch, row).
@@ -101,7 +101,7 @@ class _ImpactProblem:
         frictional: tangential rows.
         approaching: switches whose contacts approach.
         bilateral: indices of the bilateral rows.
-        following: bilateral rows that act once their contact, which separates, approaches: (switch, row).
+        conditional: bilateral rows of separating contacts, active only if the contact approaches: (switch, row).
         violated: bilateral rows whose rate is not zero before the impact.
     """
 
@@ -109,8 +109,8 @@ class _ImpactProblem:
         self.point, self.switches = point, point.system.mechanism.switches
         self.scales, mode = point.system.mechanism.row_scales, point.system.mode
         self.rate, self.rest_speed = point.rate / self.scales, MODE_ROUNDING * point.speed
-        near = {s.index: s.impact_rows(point, mode[s.index], SOLUTION_ROUNDING) for s in self.switches}
-        self.rows_near_contact = {i: rows for i, rows in near.items() if rows}
+        found = {s.index: s.impact_rows(point, mode[s.index], SOLUTION_ROUNDING) for s in self.switches}
+        self.rows_near_contact = {i: rows for i, rows in found.items() if rows}
         active = self._active_switches()
         self.not_separating = self._contacts(active)
         self.separating = self._contacts(i for i in self.rows_near_contact if i not in active)
@@ -133,7 +133,7 @@ class _ImpactProblem:
         zero = EVALUATION_ROUNDING * self.point.speed
         self.violated = [k for k in (*unswitched, *switched) if abs(self.rate[k]) > zero]
         self.bilateral = [*unswitched, *(s.row for _, s in self._other_rows(active))]
-        self.following = self._other_rows(i for i, _ in self.separating)
+        self.conditional = self._other_rows(i for i, _ in self.separating)
 
     def _other_rows(self, which: Iterable[int]) -> list[tuple[int, ImpactRow]]:
         return [(i, s) for i, s in self._rows(which) if not s.sign and np.isnan(s.friction)]
@@ -146,11 +146,11 @@ class _ImpactProblem:
         self.not_separating = [x for x in self.not_separating if x not in resting]
 
     def close_slowly_opening(self, resting: Collection[int]) -> None:
-        """Bring contacts to rest that open so slowly that their flights are lower than the rounding of their gaps."""
-        rows = [s.row for i, s in (*self.separating, *self.following) if i in resting]
+        """Bring to rest the contacts that open so slowly that their gaps would remain below rounding."""
+        rows = [s.row for i, s in (*self.separating, *self.conditional) if i in resting]
         self.bilateral, self.violated = [*self.bilateral, *rows], [*self.violated, *rows]
         self.separating = [x for x in self.separating if x[0] not in resting]
-        self.following = [x for x in self.following if x[0] not in resting]
+        self.conditional = [x for x in self.conditional if x[0] not in resting]
         self.frictional = [x for x in self.frictional if self.rows_near_contact[x[0]][0].row not in rows]
 
     @property
@@ -172,19 +172,19 @@ class _ImpactProblem:
         G, g_t = point.values[1] / self.scales[:, None], point.values[2] / self.scales
         first = {i: k for k, (i, _) in reversed(list(enumerate(contacts)))}
         friction = [FrictionRow(first[i], G[s.row], float(g_t[s.row]), s.friction) for i, s in self.frictional]
-        followed = [first[i] for i, _ in self.following]
+        conditions = [first[i] for i, _ in self.conditional]
         U, gap_rates = point.system.inertia(point.t, point.q), (signs[:, None] * G[rows], signs * g_t[rows])
         try:
             bilateral_rows = G[bilateral], g_t[bilateral]
-            return solve_impact(U, *bilateral_rows, *gap_rates, e, point.v, friction, point.speed, followed)
+            return solve_impact(U, *bilateral_rows, *gap_rates, e, point.v, friction, point.speed, conditions)
         except StepError as reason:
             raise error_with_names(reason, self.switches, point.t, (i for i, _ in contacts)) from None
 
     def _bilateral_rows(self) -> Array:
-        return np.array([*self.bilateral, *(s.row for _, s in self.following)], int)
+        return np.array([*self.bilateral, *(s.row for _, s in self.conditional)], int)
 
     def record(self, impact: ImpactSolution) -> Impact | None:
-        """Return the impulses by name; None for small velocity projections onto the rows of a mode."""
+        """Return the impulses by name; None for small projections of the velocity onto the rows of a mode."""
         engaged = [k for k in dict.fromkeys(self.violated) if abs(self.rate[k]) > VISIBLE * self.point.speed]
         if not self.approaching and not engaged:
             return None
@@ -195,17 +195,18 @@ class _ImpactProblem:
         return Impact(self.point.t, tuple(where), tuple(impulse), tuple(impulses.tolist()), -impact.work)
 
     def _contact_impulses(self, impulses: Array) -> list[tuple[str, float]]:
-        """Return the names and the impulses of contacts, without those by rounding."""
+        """Return the names and impulses of contacts, without impulses due to rounding."""
         first = [(self.switches[i].name, rows[0]) for i, rows in self.rows_near_contact.items() if rows[0].sign]
         rows, signs = np.array([s.row for _, s in first], int), np.array([s.sign for _, s in first])
         p = signs * impulses[rows]
         significant = self._are_significant(rows, p * self.scales[rows]).tolist()
-        return [(name, x) for (name, _), x, counts in zip(first, p.tolist(), significant, strict=True) if counts]
+        found = zip(first, p.tolist(), significant, strict=True)
+        return [(name, x) for (name, _), x, is_significant in found if is_significant]
 
     def _are_significant(self, rows: Array, p: Array) -> Array:
-        """Return which contact impulses (n,), by characteristic lengths, are positive, not only by rounding.
+        """Return which contact impulses (n,), scaled by characteristic lengths, are positive beyond rounding.
 
-        An impulse is rounding relative to the largest one, or if it alone changes its rate by rounding of the speeds.
+        An impulse is negligible relative to the largest impulse, or if it changes the rate of its row by rounding only.
         """
         system, G = self.point.system, self.point.values[1][rows] / self.scales[rows, None]
         B = mass_scaled(system.inertia(self.point.t, self.point.q), G)
@@ -213,7 +214,7 @@ class _ImpactProblem:
         return (changes > EVALUATION_ROUNDING * self.point.speed) & (p > MODE_ROUNDING * p.max(initial=0.0))
 
     def _velocities_jump(self, recent: set[int]) -> bool:
-        """Return whether a velocity jumps; if only recent contacts approach, all active ones come to rest."""
+        """Return whether a velocity jumps; if only recent contacts approach, bring all active contacts to rest."""
         if self.approaching and all(i in recent for i in self.approaching):
             self.make_active_bilateral(recent)
         return bool(self.approaching or self.violated)
@@ -228,7 +229,7 @@ class _ImpactProblem:
         slip_speeds = np.abs(speeds[1]) / self.scales
         sliding = tuple(x for x in tangential if slip_speeds[x[0]] > self.rest_speed)
         sticking = [row for row, *_ in set(tangential) - set(sliding)]
-        bilateral = dict.fromkeys([*self._bilateral_rows()[stage.acts].tolist(), *sorted(sticking)])
+        bilateral = dict.fromkeys([*self._bilateral_rows()[stage.active].tolist(), *sorted(sticking)])
         laws = [(s.row, e, i if s.sign * speeds[0][s.row] < 0 else -1) for i, s, e in contacts]
         rows, restitution, switches = np.array([*laws, *((row, 0.0, -1) for row in bilateral)]).reshape(-1, 3).T
         impulses, at = self._impulses(stage), rows.astype(int)
@@ -238,7 +239,7 @@ class _ImpactProblem:
         """Return the contacts with an impulse: switch, row and coefficient of restitution."""
         significant = self._are_significant(np.array([s.row for _, s in self.contacts], int), stage.p)
         found = zip(self.contacts, stage.restitution.tolist(), significant.tolist(), strict=True)
-        return [(i, s, e) for (i, s), e, counts in found if counts]
+        return [(i, s, e) for (i, s), e, is_significant in found if is_significant]
 
     def _impulses(self, impact: ImpactSolution | ImpactStage) -> Array:
         """Return the impulses of all rows, (ng,), in their units."""

@@ -4,9 +4,9 @@
 
 Newton's impact law for the approaching contact rows U and the bilateral rows G. v+ is the point closest to v- in the
 mass metric with G v+ + b = 0 and U v+ >= -e U v-: least-distance programming, solved by non-negative least squares. v+
-is unique; of several p without friction the shortest is taken, as for multipliers. Rows that already separate are
-excluded, because energy could increase otherwise; if they approach afterwards, they impact next, and the no-slip rows
-that follow them act with them.
+is unique; if p without friction is not, the minimum-norm p is taken, as for multipliers. Rows that already separate are
+excluded, because energy could increase otherwise; if they approach afterwards, they impact next, together with the
+no-slip rows of the same contact.
 
 With friction, the tangential impulse is p_t, |p_t| <= mu p, opposing the slip after the impact, or zero slip
 (`friction_lcp`). Newton's law can then increase the energy for e > 0 (Kane); in that case the run ends.
@@ -28,7 +28,7 @@ from ..closures.independent_rows import mass_scaled
 from .friction_lcp import FrictionBound, solve_friction_lcp
 
 nnls = lazy_import("scipy.optimize", "nnls")
-MAX_IMPACTS = 200  # successive impacts at one instant; the last one with e = 0
+MAX_IMPACTS = 200  # successive impacts at one instant; the last impact has e = 0
 
 
 class FrictionRow(NamedTuple):
@@ -51,20 +51,20 @@ class ImpactStage(NamedTuple):
     """One of the successive impacts at an instant.
 
     Attributes:
-        before: velocities before it, (nv,).
-        after: velocities after it, (nv,).
+        before: velocities before the impact, (nv,).
+        after: velocities after the impact, (nv,).
         p: impulses of the contact rows, (m,).
         P: impulses of the bilateral rows, (k,).
-        acts: which of the bilateral rows act, (k,).
+        active: which bilateral rows take part, (k,).
         friction: impulses of the friction rows, (n,).
-        restitution: coefficients that act, (m,): 0 for rows that do not approach, and after `MAX_IMPACTS`.
+        restitution: effective coefficients, (m,): 0 for rows that do not approach, and after `MAX_IMPACTS`.
     """
 
     before: Array
     after: Array
     p: Array
     P: Array
-    acts: Array
+    active: Array
     friction: Array
     restitution: Array
 
@@ -78,7 +78,7 @@ class ImpactSolution(NamedTuple):
         P: impulses of the bilateral rows, (k,).
         work: work of all impulses in J: the change of kinetic energy.
         friction: impulses of the friction rows, (n,).
-        stages: the successive impacts; their impulses add up to those above.
+        stages: the successive impacts, whose impulses add up to p, P and friction.
     """
 
     v: Array
@@ -99,27 +99,27 @@ def solve_impact(
     v: Array,
     frictional: Sequence[FrictionRow] = (),
     speed: float = 1.0,
-    followed: Sequence[int] = (),
+    conditions: Sequence[int] = (),
 ) -> ImpactSolution:
     """Solve the impact problem: Newton restitution, contact rows and bilateral rows, Coulomb friction.
 
     Args:
         U: the Cholesky factor of M = U^T U, (nv, nv).
         bilateral: bilateral rows G, (k, nv), possibly redundant.
-        b: their g_t, (k,).
+        b: g_t of the bilateral rows, (k,).
         rows: contact rows, (m, nv), in their opening direction.
-        c: their g_t in that direction, (m,).
+        c: g_t of the contact rows in that direction, (m,).
         e: coefficients of restitution, (m,).
         v: velocities before the impact, (nv,).
         frictional: friction rows.
         speed: largest speed of the rows; `MODE_ROUNDING` and `VISIBLE` are fractions of it.
-        followed: contact rows that the last of the bilateral rows follow: these act when the contact does.
+        conditions: contact rows of the last bilateral rows, which take part only if their contact row does.
 
     Raises:
         StepError: if bilateral rows and contact rows contradict each other, or friction has no solution or increases
             the energy.
     """
-    problem = _Impact(U, bilateral, b, rows, v, frictional, speed, followed)
+    problem = _Impact(U, bilateral, b, rows, v, frictional, speed, conditions)
     x, work, rest_speed, stages = U @ v, 0.0, problem.rest_speed, list[ImpactStage]()  # x = M^1/2 v
     for k in range(MAX_IMPACTS + 1):
         rates = problem.BU.T @ x + c
@@ -127,20 +127,20 @@ def solve_impact(
             break
         last = k == MAX_IMPACTS
         which = np.arange(len(rows)) if last else np.flatnonzero(rates <= rest_speed)
-        acting = np.zeros(len(rows))
-        acting[which] = np.where(rates[which] < 0, 0.0 if last else e[which], 0.0)
-        target = -acting[which] * rates[which] - c[which]
+        effective = np.zeros(len(rows))
+        effective[which] = np.where(rates[which] < 0, 0.0 if last else e[which], 0.0)
+        target = -effective[which] * rates[which] - c[which]
         problem.select_bilateral(which)
         new, p, q = problem.impact(x, which, target)
         impulse = problem.pinv @ (new - x - problem.BU[:, which] @ p - problem.BT @ q)
         work += problem.work(x + new, which, p, q, impulse)
         total = np.zeros(len(rows))
         total[which] = p
-        stages.append(ImpactStage(v, v := np.linalg.solve(U, new), total, impulse, problem.acts, q, acting))
+        stages.append(ImpactStage(v, v := np.linalg.solve(U, new), total, impulse, problem.active, q, effective))
         x = new
     start = U @ stages[0].before
     if frictional and work > MODE_ROUNDING * float(start @ start) and not (b.any() or c.any()):
-        raise StepError("impact", "Newton's law with friction increases the energy here, for a restitution above 0")
+        raise StepError("impact", "Newton's law with friction increases the energy, for a restitution above 0")
     total, P, friction = (np.sum(x, axis=0) for x in zip(*((s.p, s.P, s.friction) for s in stages), strict=True))
     return ImpactSolution(v, total, P, work, friction, tuple(stages))
 
@@ -157,25 +157,25 @@ class _Impact:
         v: Array,
         friction: Sequence[FrictionRow],
         speed: float,
-        followed: Sequence[int],
+        conditions: Sequence[int],
     ) -> None:
         tangents = np.array([x.row for x in friction])
         self.BG, self.BU, self.BT = (mass_scaled(U, X.reshape(-1, len(v))) for X in (bilateral, rows, tangents))
-        self.b, self.frictional, self.followed = b, friction, np.array(followed, int)
+        self.b, self.frictional, self.conditions = b, friction, np.array(conditions, int)
         self.rest_speed, self.speed = MODE_ROUNDING * speed, speed
         self.size = float(np.linalg.norm(U @ v))
-        self.acts, self.pinv, self.Q = np.zeros(len(b), bool), np.zeros(self.BG.T.shape), np.zeros((len(v), 0))
+        self.active, self.pinv, self.Q = np.zeros(len(b), bool), np.zeros(self.BG.T.shape), np.zeros((len(v), 0))
 
     def select_bilateral(self, which: Array) -> None:
-        """Select the bilateral rows that act with contact rows ``which``."""
-        acts = np.ones(len(self.b), bool)
-        acts[len(self.b) - len(self.followed) :] = np.isin(self.followed, which)
-        if not np.array_equal(acts, self.acts):
-            self.acts, self.pinv = acts, np.zeros(self.BG.T.shape)
-            self.Q, self.pinv[acts] = range_and_inverse(self.BG[:, acts])
+        """Select the bilateral rows that take part in an impact of contact rows ``which``."""
+        active = np.ones(len(self.b), bool)
+        active[len(self.b) - len(self.conditions) :] = np.isin(self.conditions, which)
+        if not np.array_equal(active, self.active):
+            self.active, self.pinv = active, np.zeros(self.BG.T.shape)
+            self.Q, self.pinv[active] = range_and_inverse(self.BG[:, active])
 
     def impact(self, x: Array, which: Array, target: Array) -> tuple[Array, Array, Array]:
-        """Return x after contact rows ``which`` reach speeds ``target``, their impulses p and those of friction rows.
+        """Return x after contact rows ``which`` reach speeds ``target``, and impulses of contact and friction rows.
 
         Raises:
             StepError: if bilateral rows and contact rows contradict each other, or friction has no solution.
@@ -210,7 +210,7 @@ class _Impact:
         return closed + A @ both[:m] + T @ q[on], both[:m], q
 
     def work(self, x_sum: Array, which: Array, p: Array, q: Array, P: Array) -> float:
-        """Return the work of impulses, each times the mean of its speeds before and after, x_sum the sum of both x."""
+        """Return the work of impulses, each times the mean of its speeds before and after; x_sum = x- + x+."""
         work = p @ (self.BU[:, which].T @ x_sum) + q @ (self.BT.T @ x_sum) + P @ (self.BG.T @ x_sum)
         return float(work) / 2
 
@@ -248,24 +248,24 @@ def _least_distance(A: Array, f: Array, size: float) -> Array:
             return np.zeros(len(f))
         raise StepError("impact", "no impulses separate all contacts of this impact")
     positive = u > 0
-    x = np.linalg.lstsq(An[:, positive].T, fn[positive], rcond=TRUNCATION)[0]  # to rounding, for this active set
+    x = np.linalg.lstsq(An[:, positive].T, fn[positive], rcond=TRUNCATION)[0]  # accurate to rounding
     active = An.T @ x <= fn + SOLUTION_ROUNDING * scale  # only rows that do not open faster can have an impulse
     p = np.zeros(len(f))
     p[active], misfit = nnls(An[:, active], x)
     if misfit > SOLUTION_ROUNDING * size or (An.T @ x < fn - SOLUTION_ROUNDING * scale).any():
         p = u / residual * scale
-    if p.max() * VISIBLE > scale:  # rounding made dependent columns independent: the shortest of such impulses
+    if p.max() * VISIBLE > scale:  # rounding made dependent columns independent: minimum-norm impulses
         n, p = int(active.sum()), np.zeros(len(f))
         p[active] = nnls(np.vstack([An[:, active], HALF_DIGITS * np.eye(n)]), np.append(x, np.zeros(n)))[0]
     p /= sizes
-    p[active] = _shortest(A[:, active], p[active])
+    p[active] = _minimum_norm(A[:, active], p[active])
     return p
 
 
-def _shortest(A: Array, p: Array) -> Array:
-    """Return the shortest impulses (m,) >= 0 with the same A p: a contact at many points acts at all of them.
+def _minimum_norm(A: Array, p: Array) -> Array:
+    """Return the minimum-norm impulses (m,) >= 0 with the same A p: a contact at many points acts at all of them.
 
-    They are p_0 + N z, p_0 the shortest ones of any sign, N z the shortest such that none is negative.
+    They are p_0 + N z, p_0 the minimum-norm solution of any sign, N z the shortest such that none is negative.
     """
     _, values, right = np.linalg.svd(A)
     r = int(np.count_nonzero(values > TRUNCATION * values[:1]))
@@ -276,5 +276,5 @@ def _shortest(A: Array, p: Array) -> Array:
     u, _ = nnls(np.vstack([N.T, -p0]), np.append(np.zeros(N.shape[1]), 1.0))
     positive = p0 + N @ (N.T @ u) / (1.0 + float(p0 @ u)) > MODE_ROUNDING
     out = np.zeros(len(p))
-    out[positive] = np.linalg.lstsq(A[:, positive], A @ p, rcond=TRUNCATION)[0]  # to rounding, for these points
+    out[positive] = np.linalg.lstsq(A[:, positive], A @ p, rcond=TRUNCATION)[0]  # accurate to rounding
     return out

@@ -111,7 +111,7 @@ class ModePoint:
 
     @cached_property
     def rounding(self) -> float:
-        """Rounding error of multipliers, an upper bound of a computed one that is exactly 0."""
+        """Rounding error of multipliers: bound on a computed multiplier whose exact value is 0."""
         U = self.system.inertia(self.t, self.q)
         largest = np.abs(U.T @ (U @ self.vdot)).max() + np.abs(self.G.T @ self.lam).max(initial=0.0)
         return SOLUTION_ROUNDING * float(largest)

@@ -1,12 +1,12 @@
-"""Resets, user-defined events at which the state jumps: exchanged legs of a walker, velocities after an impact.
+"""Resets, user-defined events at which the state jumps: leg exchange of a walker, velocities after an impact.
 
-At the event the state becomes R(t, y): first coordinates are assigned by a table or a function; then, with closures and
-drivers, the positions that the table does not have satisfy them, and velocities by the impact law
+At the event the state becomes R(t, y): coordinates are assigned by a table or a function; then the other positions are
+solved for closures and drivers, and velocities satisfy them by the impact law
 
     M (v+ - v) = G^T P,   G v+ + g_t = 0
 
-With switches the assigned state is that of a start: contacts that the event opens are inactive, closed ones impact by
-their law (`impact`), and an active-set selection follows. The change of energy counts as work.
+With switches the assigned state is treated as a start: contacts that the event opens are inactive, closed contacts
+follow their impact law (`impact`), and an active-set selection follows. The change of energy counts as work.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,12 +39,12 @@ class Reset(Table):
     """An event at which the state jumps.
 
     Attributes:
-        name: of the event.
+        name: name of the event.
         signal: signal and level whose crossing is the event, as for `mbdae.Event`: ``"position.foot.z < 0"`` falling,
-            ``"="`` both ways. Unlike there, the level is always named.
-        when: signal and level as a condition, ``"q.swing > 0.1"``: crossings elsewhere do not count.
-        state: new values of coordinates and states, as numbers or expressions of the old ones:
-            ``{ "q.left" = "q.right", "v.left" = "-v.left" }``; others remain, or close the loops.
+            ``"="`` both ways. Unlike for `mbdae.Event`, the level is required.
+        when: signal and level as a condition, ``"q.swing > 0.1"``: other crossings do not count.
+        state: new values of coordinates and states, as numbers or expressions of the old values:
+            ``{ "q.left" = "q.right", "v.left" = "-v.left" }``; other values remain, or are solved to close the loops.
         function: name of a Python function that returns (q, v) after the event, see `of_function`; not in a file.
 
     Raises:
@@ -76,14 +76,14 @@ class Reset(Table):
         partials: Callable[[float, Array, Array], Array] | None = None,
         name: str = "",
     ) -> "Reset":
-        """Return an event whose state after it is a Python function (q, v) = function(t, q, v).
+        """Return an event with a Python function (q, v) = function(t, q, v) for the state after it.
 
         Args:
             function: returns q (nq,) and v (nv,); closures are satisfied afterwards, by the impact law.
             signal: signal and level whose crossing is the event.
             when: signal and level as a condition.
-            partials: of (q, v) after the event with respect to (q, v) before it, (2 nv, 2 nv), q in the tangents at
-                both; differences when left out, as for t always.
+            partials: derivatives of (q, v) after the event with respect to (q, v) before it, (2 nv, 2 nv), q in the
+                tangents at both; finite differences when left out. Those with respect to t are always differences.
             name: the function's name when left out.
 
         Raises:
@@ -127,13 +127,13 @@ class ResetMap:
         return self.with_work(y, self.system.project_state(t, out) if self.system.ng else out)
 
     def with_work(self, before: Array, after: Array) -> Array:
-        """Return y after the event (n,), whose work is that before it and the change of energy."""
+        """Return y after the event (n,), with work that includes the change of energy."""
         out = after.copy()
         out[-1] = before[-1] + sum(self._energy(after)) - sum(self._energy(before))
         return out
 
     def assembled(self, t: float, y: Array) -> Array:
-        """Return y (n,) with the values of the table, and positions that satisfy closures; velocities may not.
+        """Return y (n,) with the values of the table, and positions that satisfy closures; velocities may violate them.
 
         Raises:
             StepError: if a value cannot be computed, or the values contradict a closure or a driver.
@@ -160,7 +160,7 @@ class ResetMap:
         return WIDTH / self.system.mechanism.characteristic_rate
 
     def with_work_partials(self, sensitivity: "PointSensitivity", before: Array, after: Array, out: Array) -> Array:
-        """Return partials (ny, ny + k + 1) of y after an event with those of the work; see `with_work`."""
+        """Return partials (ny, ny + k + 1) of y after an event, including its work; see `with_work`."""
         ny, k = sensitivity.ny, sensitivity.k
         energy = [sensitivity.energy(*self.system.split(x)).sum(axis=0) for x in (before, after)]
         found = np.vstack([out, np.eye(k, ny + k + 1, ny)])
@@ -177,9 +177,10 @@ class ResetMap:
         closed = self._assembled(t, assigned)
         out = np.zeros((ny, ny + k + 1))
         out[:, np.r_[0:ny, -1]] = self._assigned_partials(t, y, assigned)
-        for i, (p, others) in enumerate(zip(sensitivity.parameters.all, self.of_parameters(sensitivity), strict=True)):
-            if any(other != self.reset for other in others.values()):
-                maps = {j: ResetMap(s, other) for j, other in others.items()}
+        perturbed = zip(sensitivity.parameters.all, self.perturbed_resets(sensitivity), strict=True)
+        for i, (p, resets) in enumerate(perturbed):
+            if any(reset != self.reset for reset in resets.values()):
+                maps = {j: ResetMap(s, reset) for j, reset in resets.items()}
                 out[:, ny + i] = p.quotient({j: s.difference(assigned, m._assigned(t, y)) for j, m in maps.items()})
         q, rows = s.split(closed)[0], self._position_rows
         if not len(rows) or self.reset.function:
@@ -193,12 +194,12 @@ class ResetMap:
 
     @property
     def _position_rows(self) -> Array:
-        """Indices of the rows that positions satisfy, closures and drivers without a switch."""
+        """Indices of the rows that positions must satisfy: closures and drivers without a switch."""
         positional = np.flatnonzero(self.system.constraints.positional)
         return np.setdiff1d(positional, [row for switch in self.system.mechanism.switches for row in switch.rows])
 
-    def of_parameters(self, sensitivity: "PointSensitivity") -> list[dict[int, Reset]]:
-        """Return this event of the mechanisms with perturbed parameters, by their numbers."""
+    def perturbed_resets(self, sensitivity: "PointSensitivity") -> list[dict[int, Reset]]:
+        """Return this event in the mechanisms with perturbed parameters, by index of the perturbation."""
         i = [reset.name for reset in self.system.mechanism.resets].index(self.reset.name)
         return [{j: mech.resets[i] for j, mech in p.perturbed.items()} for p in sensitivity.parameters.all]
 
@@ -232,7 +233,7 @@ class ResetMap:
         return out
 
     def _function_partials(self, t: float, y: Array, after: Array) -> Array:
-        """Return the partials of (q, v) after the event: given, or finite differences, (2 nv, 2 nv)."""
+        """Return the partials of (q, v) after the event, (2 nv, 2 nv): as given, or finite differences."""
         s, n = self.system, 2 * self.system.nv
         if self.reset._partials is not None:
             what = f"partials of event {self.reset.name!r}"
@@ -244,7 +245,7 @@ class ResetMap:
         return numerical_jacobian(moved, n, WIDTH * s.mechanism.motion_scales)
 
     def _assembled(self, t: float, y: Array) -> Array:
-        """Return y with closures satisfied by the positions that the table does not have, see `assembled`."""
+        """Return y with the positions not in the table solved for closures, see `assembled`."""
         s, q = self.system, y[: self.system.nq]
         rows, scales = self._position_rows, s.mechanism.row_scales
         if not len(rows) or self.reset.function:

@@ -1,8 +1,8 @@
 """Values of coordinates as expressions of the state, in files: ``"cos(2*q.stance) * v.stance"``.
 
-Numbers, + - * / **, brackets, pi, t, functions of one argument, and coordinates of joints with as many of them in q as
-in v: q.<joint>, v.<joint>, of several ones q.<joint>.x; states s.<state>. Derivatives are complex steps, exact to
-rounding: f_x = Im f(x + i h)/h.
+Allowed are numbers, + - * / **, brackets, pi, t, functions of one argument, states s.<state>, and coordinates
+q.<joint>, v.<joint> (q.<joint>.x for joints of several coordinates) of joints with nq = nv. Derivatives are complex
+steps, exact to rounding: f_x = Im f(x + i h)/h.
 """
 
 import ast
@@ -56,7 +56,7 @@ class Expression:
         columns: indices in y and in its tangent of the coordinates, by name.
 
     Attributes:
-        names: of the coordinates in it.
+        names: names of the coordinates in it.
 
     Raises:
         InputError: for invalid syntax.
@@ -134,7 +134,7 @@ class Expression:
 
 @lru_cache(256)
 def _parsed(text: str) -> ast.expr:
-    """Return the syntax tree of an expression, of which variants of a mechanism have the same."""
+    """Return the syntax tree of an expression; cached, since variants of a mechanism share expressions."""
     return ast.parse(text, mode="eval").body
 
 

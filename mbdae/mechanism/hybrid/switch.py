@@ -16,11 +16,11 @@ PointFunction = Callable[["ModePoint"], float]
 PiecesFunction = Callable[["ModePoint"], Sequence[float]]
 MultiplierFunction = Callable[["ModePoint"], "float | Array"]
 COMMANDS = ("command", "speed step")  # kinds of guards that jump, at known times
-ACTIVE_STATE = 1  # state in which closed, locked, engaged or stuck rows are active
+ACTIVE_STATE = 1  # state in which closed, locked, engaged or sticking rows are active
 
 
 class Guard(NamedTuple):
-    """A guard: a function of the point that is positive as long as a state lasts.
+    """A guard: a function of the point that is positive during a state.
 
     Attributes:
         kind: ``"contact"``, ``"separation"``, ``"slip"``, ``"zero velocity"``, ``"range boundary"``, ``"command"`` or
@@ -35,9 +35,9 @@ class Guard(NamedTuple):
             that the row slips where the norm exceeds 1, (m,) for m no-slip rows; for ``"separation"``, the multiplier
             itself, positive while the row is active. None: the guard does not depend on the multiplier of its row.
         max_step: the longest step in s in which the guard cannot cross zero twice.
-        pieces: of a guard with kinks, the smooth functions one of which it is at each point.
-        ends: whether the state ends at the start of a step, where errors hide the zero of the function, given the fixed
-            size of steps in s, 0 with step-size control; None: nowhere.
+        pieces: smooth functions that make up a guard with kinks.
+        ends: function of the point and the fixed step size in s, 0 with step-size control: whether the state ends at
+            the start of a step although errors hide the zero of the guard; None: never.
     """
 
     kind: str
@@ -60,7 +60,7 @@ class ImpactRow(NamedTuple):
         row: its index.
         sign: 1 or -1: sign * (G v + g_t) is the opening speed; 0 for a bilateral row.
         restitution: coefficient of restitution.
-        friction: mu of a tangential row, bounded by the impulse of the first row of its switch; nan for others.
+        friction: mu of a tangential row, bounded by the impulse of the first row of its switch; nan for other rows.
     """
 
     row: int
@@ -77,7 +77,7 @@ class CandidateRow(NamedTuple):
         lower: lower bound of the multiplier.
         upper: upper bound of the multiplier.
         friction: mu of a tangential row, bounded by the first row of its switch (`friction_lcp.FrictionBound`); nan
-            for others.
+            for other rows.
         sliding_ratio: friction coefficient of a sliding row, with sign.
     """
 
@@ -104,12 +104,12 @@ class CandidateRow(NamedTuple):
 
 
 class SampledMotion(NamedTuple):
-    """A motion over x, time or arclength, that switches check without acting on it.
+    """A given motion over time or arclength x, which switches check against their limits.
 
     Attributes:
-        x: ascending, (n,).
+        x: time or arclength, ascending, (n,).
         q: configurations, (n, nq).
-        g: of all rows in any mode, (n, ng).
+        g: g of all rows in any mode, (n, ng).
         rate: G dq/dx, (n, ng).
     """
 
@@ -126,10 +126,10 @@ class Switch:
         name: name of the stop, closure or joint.
         index: position among the switches of the mechanism.
         states: names of the states.
-        rest: duration in s below which a flight ends in rest.
+        rest: flight time in s below which the contact remains closed.
         restitution: coefficient of restitution.
         row: index of the first row.
-        takes_impulse: whether impulses act through that row, and only that row.
+        takes_impulse: whether impulses act through the first row, and only through it.
     """
 
     row: int
@@ -148,7 +148,7 @@ class Switch:
 
     @property
     def rows(self) -> tuple[int, ...]:
-        """Indices of all rows; `row` alone by default."""
+        """Indices of all rows; only `row` by default."""
         return (self.row,)
 
     def active_rows(self, state: int) -> tuple[int, ...]:
@@ -168,7 +168,7 @@ class Switch:
         return point.is_at_rest(row)
 
     def candidate_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[CandidateRow, ...]:
-        """Return the rows that may become active after an event; the first one decides for the others."""
+        """Return the rows that may become active after an event; the first one determines the state."""
         return ()
 
     def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool) -> int:
@@ -204,7 +204,7 @@ class Switch:
         return 0.0
 
     def core_data(self, system: "Index2System") -> "CoreData | None":
-        """Return the core data of the switch in a workspace; None if only Python has it."""
+        """Return the core data of the switch in a workspace; None if the core does not support it."""
         return None
 
     def enter(self, system: "Index2System", state: int) -> None:
@@ -212,11 +212,11 @@ class Switch:
 
 
 def core_switch(switch: Switch, kind: str, **data: object) -> "CoreData":
-    """Return core data of a switch, with what its kind does not have: see native/run/switches.hpp."""
+    """Return core data of a switch, with defaults for data that its kind does not use: see native/run/switches.hpp."""
     common = {"kind": kind, "rows": list(switch.rows), "restitution": switch.restitution, "rest": switch.rest}
-    without = {"sign": 1.0, "friction": 0.0, "limit": 0.0, "interface": -1, "law": -1, "column": -1}
-    of_positions = {"positions": [], "factors": [], "pitch": 1.0, "tooth": 0.0}
-    return {**common, **without, **of_positions, "windows": [], "period": 0.0, "shortest": 0.0, **data}
+    unused = {"sign": 1.0, "friction": 0.0, "limit": 0.0, "interface": -1, "law": -1, "column": -1}
+    positions = {"positions": [], "factors": [], "pitch": 1.0, "tooth": 0.0}
+    return {**common, **unused, **positions, "windows": [], "period": 0.0, "shortest": 0.0, **data}
 
 
 class UnilateralRow(Switch):
@@ -245,6 +245,6 @@ class UnilateralRow(Switch):
         return self.sign * float(point.lam[self.row])
 
     def separation_guard(self) -> Guard:
-        """Return the guard of the active row, which separates where the multiplier falls below zero."""
+        """Return the guard of the active row, which separates when the multiplier becomes negative."""
         lam = self.multiplier
         return Guard("separation", self.name, self.index, lam, needs_multipliers=True, monitored_multiplier=lam)

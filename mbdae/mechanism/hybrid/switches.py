@@ -34,8 +34,8 @@ def _kinds() -> tuple[type[Switch], ...]:
 def inactive_rows(switches: Sequence[Switch], mode: Mode) -> Array:
     """Return the indices of the inactive rows of a mode."""
     all_rows = {row for s in switches for row in s.rows}
-    kept = {row for s, state in zip(switches, mode, strict=True) for row in s.active_rows(state)}
-    return np.array(sorted(all_rows - kept), int)
+    active = {row for s, state in zip(switches, mode, strict=True) for row in s.active_rows(state)}
+    return np.array(sorted(all_rows - active), int)
 
 
 def unswitched_rows(switches: Sequence[Switch], ng: int) -> Array:

@@ -23,18 +23,18 @@ if TYPE_CHECKING:
     from .switch import CandidateRow
     from .switches import Mode
 
-STEP_FRACTIONS = 10.0 ** np.arange(-9, -2)  # fractions of the time to the next jump, beyond which no step may reach
-SIGNIFICANT = 1e3  # times the rounding error of multipliers: smallest significant one
+STEP_FRACTIONS = 10.0 ** np.arange(-9, -2)  # fractions of the time to the next jump, which steps must not cross
+SIGNIFICANT = 1e3  # smallest significant multiplier, in rounding errors of multipliers
 
 MultipliersAfterStep = Callable[["Mode", float], tuple[Array, float]]
-"""lam (ng,) and its rounding error after a step in a mode, of a fraction of the time to the next jump."""
+"""Function of a mode and a step, as a fraction of the time to the next jump: lam (ng,) and its rounding error."""
 
 
 def rows_that_stay_active(mode: "Mode", undecided: dict[int, "CandidateRow"], step: MultipliersAfterStep) -> set[int]:
     """Return the undecided switches that remain active.
 
     Args:
-        mode: states of all switches, in which the undecided ones are open.
+        mode: states of all switches, with undecided switches open.
         undecided: rows of the undecided switches, by their indices.
         step: the multipliers after a step.
     """

@@ -1,1 +1,1 @@
-"""Scenes: the shapes of a mechanism and the bodies that carry them."""
+"""Scenes: the shapes of a mechanism, and the bodies to which they are fixed."""

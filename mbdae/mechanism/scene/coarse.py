@@ -1,32 +1,32 @@
-"""Coarser triangles, for browsers that draw without a graphics card."""
+"""Mesh simplification, for browsers that render without a graphics card."""
 
 import numpy as np
 
 from .drawables import Drawable, Solid
 from .surfaces import Surface
 
-CELLS = (64, 48, 32, 24, 16, 12, 8, 6, 4)  # along the longest side of a surface
+CELLS = (64, 48, 32, 24, 16, 12, 8, 6, 4)  # numbers of grid cells along the longest side of a surface
 
 
 def coarse(parts: list[Drawable], limit: int) -> list[Drawable]:
-    """Return parts with about ``limit`` triangles in all, in the proportions of theirs.
+    """Return parts with about ``limit`` triangles in total, distributed in proportion to their triangles.
 
-    Points within the cells of a grid are merged into their mean. Textured and stretching surfaces keep their triangles.
+    Points within a cell of a grid are merged into their mean. Textured and stretching surfaces are not simplified.
     Source: Rossignac, Borrel (1993), Multi-resolution 3D approximations for rendering complex scenes.
     """
     count = sum(len(surface.faces) for part in parts for surface in part.solid.surfaces)
-    share = limit / max(count, limit)
-    return [part._replace(solid=_coarse_solid(part.solid, share)) for part in parts]
+    ratio = limit / max(count, limit)
+    return [part._replace(solid=_coarse_solid(part.solid, ratio)) for part in parts]
 
 
-def _coarse_solid(solid: Solid, share: float) -> Solid:
-    if share == 1 or solid.stretch is not None:
+def _coarse_solid(solid: Solid, ratio: float) -> Solid:
+    if ratio == 1 or solid.stretch is not None:
         return solid
-    return Solid(tuple(coarse_surface(surface, share * len(surface.faces)) for surface in solid.surfaces))
+    return Solid(tuple(coarse_surface(surface, ratio * len(surface.faces)) for surface in solid.surfaces))
 
 
 def coarse_surface(surface: Surface, limit: float) -> Surface:
-    """Return a surface with up to ``limit`` triangles, or those of the coarsest grid."""
+    """Return a surface with up to ``limit`` triangles, or the surface on the coarsest grid."""
     low, size = surface.points.min(axis=0), np.ptp(surface.points, axis=0).max()
     for cells in CELLS if surface.uv is None and len(surface.faces) > limit else ():
         cell = np.floor((surface.points - low) / size * cells)

@@ -1,4 +1,4 @@
-"""Triangles that pages, .glb files, pictures and live views draw: solids, colours, and motions."""
+"""Triangles to be drawn by pages, .glb files, figures and live views: solids, colours, and motions."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ Style = Literal["body", "ghost", "closure", "mark"]
 
 
 class Vertices(NamedTuple):
-    """Points where triangles of one surface meet with one normal.
+    """Vertices of the triangles of one surface, one for each point and normal.
 
     Attributes:
         points: (n, 3).
@@ -40,11 +40,11 @@ class Vertices(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """Triangles that parts share.
+    """Triangles that several parts may share.
 
     Attributes:
         surfaces: one for each colour or texture.
-        stretch: displacements of the points of a single surface at twice its length, (n, 3); None for a rigid one.
+        stretch: displacements of the points of a single surface at twice its length, (n, 3); None if it is rigid.
     """
 
     surfaces: tuple[Surface, ...]
@@ -52,7 +52,7 @@ class Solid:
 
     @cached_property
     def vertices(self) -> list[Vertices]:
-        """The vertices of each surface; where an edge is sharp, its points are duplicated."""
+        """Vertices of each surface; points of sharp edges are duplicated."""
         return [self._vertices(surface) for surface in self.surfaces]
 
     def _vertices(self, surface: Surface) -> Vertices:
@@ -63,7 +63,7 @@ class Solid:
         table = np.hstack(columns).astype("<f4") + np.float32(0)
         rows, index = np.unique(table.view(f"V{table.itemsize * table.shape[1]}"), return_inverse=True)
         rows = rows.view("<f4").reshape(-1, table.shape[1])
-        order = np.full(len(rows), len(index))  # vertices in the order of use are smaller when compressed
+        order = np.full(len(rows), len(index))  # vertices in the order of use compress better
         np.minimum.at(order, index.ravel(), np.arange(len(index)))
         order = order.argsort()
         rank = np.empty_like(order)
@@ -83,8 +83,7 @@ class Drawable(NamedTuple):
         solid: its triangles.
         scale: factors to metres, (3,).
         rgba: colour in [0, 1]; None for the colours of the surfaces.
-        style: ``"body"``; ``"ghost"``, translucent; ``"closure"`` and ``"mark"``, over everything else, a mark without
-            shading.
+        style: ``"body"``; ``"ghost"``, translucent; ``"closure"`` and ``"mark"``, drawn on top, a mark without shading.
     """
 
     name: str
@@ -95,14 +94,14 @@ class Drawable(NamedTuple):
 
 
 class Track(NamedTuple):
-    """Values (m, k) over time: of the frames of a motion, or at times (m,) in s from its start.
+    """Values (m, k) over time: for each frame of a motion, or at times (m,) in s from its start.
 
-    Between times they are interpolated linearly, rotations along great circles, or constant if ``sudden``.
+    Values are interpolated linearly, rotations along great circles, or piecewise constant if ``stepped``.
     """
 
     values: Array
     times: Array | None = None
-    sudden: bool = False
+    stepped: bool = False
 
     @property
     def moves(self) -> bool:
@@ -114,7 +113,7 @@ Motion = dict[str, Track]  # position (3) in m, rotation (4, quaternion x, y, z,
 
 
 def drawables(scene: Scene) -> list[Drawable]:
-    """Return the parts of a scene: its shapes, and coils and tubes of springs, whose lengths are known."""
+    """Return the parts of a scene: its shapes, and coils and tubes of springs, which must have known lengths."""
     return [*map(_part, scene.shapes), *(part for s in scene.springs for part in _spring_parts(s, scene.width))]
 
 
@@ -152,7 +151,7 @@ def _solid_of(mesh: Mesh) -> Solid:
 
 
 def primitive(kind: str, size: tuple[float, ...]) -> Solid:
-    """Return a primitive shape, the same one for the same sizes."""
+    """Return a primitive shape; equal sizes share one object."""
     return _PRIMITIVES.setdefault((kind, size), Solid((solid(kind, size),)))
 
 
@@ -203,7 +202,7 @@ def aligned_quaternions(directions: Array) -> Array:
 
 
 def continuous(quaternions: Array) -> Array:
-    """Return unit quaternions (m, 4) with signs such that successive ones are close."""
+    """Return unit quaternions (m, 4) with signs such that successive quaternions are close."""
     dots = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1])
     signs = np.cumprod(np.concatenate([[1.0], np.where(dots < 0, -1.0, 1.0)]))
     return quaternions * signs[:, None]

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..tree.tree_terms import flexible_bodies, mode_joints
-from .bent_models import rod_nodes
+from .flexible_models import rod_nodes
 from .scene import Rod
 
 
@@ -30,5 +30,5 @@ def hidden_joints(model: pin.Model) -> set[int]:
 
 
 def flexible_joints(model: pin.Model) -> set[int]:
-    """Return the joints whose bodies are flexible: these are drawn as rods."""
+    """Return the joints whose bodies are flexible, which are drawn as rods."""
     return {body.base(model)[0] for body in flexible_bodies(model) if model.existJointName(body.name)}

@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from . import stick_figure
-from .bent_models import with_rods
 from .flexible_links import flexible_joints, flexible_links, hidden_joints
+from .flexible_models import with_rods
 from .meshes import FILE_FORMATS, Mesh, read_mesh, triangles
 from .profile_outlines import Outline, draw_outlines
 from .rolling_bodies import RollingBody, draw
@@ -48,16 +48,16 @@ def make_scene(
     visuals, ground = _visuals_and_ground(visual_model)
     shapes = [_shape("visual", g, meshes) for g in visuals]
     corners = _corners(visuals, shapes)
-    seen = {joint for joint, _ in corners}
-    rolling_shown = [body for body in rolling if body.joint not in seen]
+    with_visuals = {joint for joint, _ in corners}
+    rolling_shown = [body for body in rolling if body.joint not in with_visuals]
     points = _points(model, closures)
     size = stick_figure.proportions(model, points, _lengths(closures, rolling_shown), corners)
     drawn = {body.joint for body in rolling_shown} | flexible_joints(model)
     parts = [
-        *stick_figure.generate(model, points, size, seen, drawn, hidden_joints(model)),
+        *stick_figure.generate(model, points, size, with_visuals, drawn, hidden_joints(model)),
         *draw(rolling_shown),
-        *draw_outlines((curve for curve in outlines if curve.joint not in seen), 1.5 * size.width),
-        *_marked(closures, seen, size.width),
+        *draw_outlines((curve for curve in outlines if curve.joint not in with_visuals), 1.5 * size.width),
+        *_marked(closures, with_visuals, size.width),
     ]
     rods = [Rod(c.name, c.first, c.second, c.rod) for c in closures if c.rod > 0] + list(flexible_links(model))
     shapes += [_shape(role, g, meshes) for role, g in parts]
@@ -100,16 +100,16 @@ def _lengths(closures: Iterable[Mark], rolling_shown: Iterable[RollingBody]) -> 
     return [mark.rod for mark in closures if mark.rod > 0] + diameters
 
 
-def _marked(closures: Iterable[Mark], seen: set[int], width: float) -> Iterator[stick_figure.ShapeWithRole]:
+def _marked(closures: Iterable[Mark], with_visuals: set[int], width: float) -> Iterator[stick_figure.ShapeWithRole]:
     """Yield the anchors of closures, and pins between bodies without visuals."""
     for mark in closures:
-        if seen.isdisjoint((mark.first[0], mark.second[0])) and mark.coincide and not mark.rod:
+        if with_visuals.isdisjoint((mark.first[0], mark.second[0])) and mark.coincide and not mark.rod:
             yield from stick_figure.pin_shapes(mark.name, *mark.first, mark.axis, width)
         yield from stick_figure.closure_balls(mark.name, (mark.first, mark.second), width)
 
 
 def _rails(model: pin.Model, shapes: Iterable[Shape]) -> dict[int, int]:
-    """Return the joint on each rail, by the index of its shape."""
+    """Return the joint of each rail, by the index of the rail among the shapes."""
     return {k: model.getJointId(x.name.removesuffix(" rail")) for k, x in enumerate(shapes) if x.role == "rail"}
 
 
@@ -139,12 +139,12 @@ def _shape(role: str, g: pin.GeometryObject, meshes: dict[Path, Mesh]) -> Shape:
     path = Path(g.meshPath)
     if path.suffix[1:].lower() in FILE_FORMATS:
         if path not in meshes:
-            root = Path(g.meshTexturePath)  # set by readers of files; otherwise empty, or an image
+            root = Path(g.meshTexturePath)  # folder set by file readers; otherwise empty, or an image
             meshes[path] = read_mesh(g.name, path, root if g.meshTexturePath and root.is_dir() else None)
         mesh = meshes[path]
-        own_colours = (mesh.format == "dae" or any(mesh.companions.values())) and not g.overrideMaterial
+        file_colours = (mesh.format == "dae" or any(mesh.companions.values())) and not g.overrideMaterial
         scale = tuple(float(s) for s in g.meshScale)
-        return Shape(g.name, role, "mesh", (), None if own_colours else rgba, bounds, mesh, scale)
+        return Shape(g.name, role, "mesh", (), None if file_colours else rgba, bounds, mesh, scale)
     return Shape(g.name, role, "mesh", (), rgba, bounds, triangles(g.name, geometry))
 
 

@@ -23,7 +23,7 @@ def points_of(path: Path) -> np.ndarray:
     """Return the points of a .stl, .obj or .dae file, (n, 3), in the unit and axes of the file.
 
     Raises:
-        InputError: for a file without points, or with some that are not finite.
+        InputError: for a file without points, or with points that are not finite.
     """
     data = path.read_bytes()
     try:
@@ -37,7 +37,7 @@ def points_of(path: Path) -> np.ndarray:
     except (ValueError, LookupError, ET.ParseError, RecursionError) as e:
         raise InputError(f"mesh {path.name!r} is damaged: {' '.join(str(e).split())[:100]}") from None
     if not points.size or not (np.abs(points) <= HUGE).all():
-        raise InputError(f"mesh {path.name!r} has no points, or some that are not finite, or beyond {HUGE:g}")
+        raise InputError(f"mesh {path.name!r} has no points, or points that are not finite, or beyond {HUGE:g}")
     return points
 
 
@@ -60,7 +60,7 @@ class Collada:
         for element in root.iter():
             element.tag = element.tag.rpartition("}")[2]  # the namespace is the version
         self.root, self.count = root, 0
-        self.named = {element.get("id", ""): element for element in root.iter() if element.get("id")}
+        self.by_id = {element.get("id", ""): element for element in root.iter() if element.get("id")}
 
     def points(self) -> np.ndarray:
         """Return all points, at their placements in the scene, (n, 3)."""
@@ -103,7 +103,7 @@ class Collada:
         return values[: len(values) // stride * stride].reshape(-1, stride)[:, :3] if stride >= 3 else np.empty((0, 3))
 
     def _target(self, element: ET.Element, key: str = "url") -> ET.Element:
-        return self.named[element.get(key, "").removeprefix("#")]
+        return self.by_id[element.get(key, "").removeprefix("#")]
 
 
 def _numbers(x: ET.Element) -> np.ndarray:
@@ -114,7 +114,7 @@ def _numbers(x: ET.Element) -> np.ndarray:
 
 
 def _transform(x: ET.Element) -> np.ndarray:
-    """Return the (4, 4) matrix of an element of a node; the identity for one without a placement."""
+    """Return the (4, 4) matrix of an element of a node; the identity for an element without a placement."""
     out = np.eye(4)
     if x.tag not in ("matrix", "translate", "rotate", "scale"):
         return out

@@ -1,4 +1,4 @@
-"""Meshes: the bytes of their files, which preserve colours and textures, or their triangles."""
+"""Meshes: file contents, which preserve colours and textures, or triangles."""
 
 import re
 import warnings
@@ -19,7 +19,7 @@ FILE_FORMATS = ("dae", "obj", "stl")
 LIBRARY = rb"^[ \t]*mtllib[ \t]+(.+?)\s*$"
 KEYWORDS = rb"newmtl|K[adse]|N[si]|d|T[rf]|illum|sharpness|P[rmsc]|Pcr|aniso\w*|map_\w+|bump|disp|decal|norm|refl"
 MATERIAL = re.compile(rb"^[ \t]*(?:" + KEYWORDS + rb")[ \t].*$", re.MULTILINE)
-PICTURES = (b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\0", b"MM\0*")  # first bytes of images
+IMAGES = (b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\0", b"MM\0*")  # first bytes of images
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,7 @@ class Mesh:
     Attributes:
         format: ``"dae"``, ``"obj"`` or ``"stl"`` for the bytes of a file, ``"triangles"`` for arrays.
         data: the file's bytes, empty for arrays.
-        companions: referenced files (material libraries, textures) by the name used in the mesh; empty for missing
-            ones.
+        companions: referenced files (material libraries, textures) by the name used in the mesh; empty if missing.
         vertices: (n, 3) for arrays [m], otherwise empty.
         faces: (m, 3) indices into ``vertices``, otherwise empty.
     """
@@ -51,8 +50,8 @@ def read_mesh(name: str, path: Path, root: Path | None = None) -> Mesh:
         root: folder of the files to which it may refer; its package if omitted.
 
     Returns:
-        The mesh; a material library or texture that is missing, lies outside ``root`` or is invalid becomes
-        empty, with a warning. Only the materials of a material library are kept.
+        The mesh; a material library or texture that is missing, outside ``root`` or invalid becomes empty, with a
+        warning. Only the materials of a material library are kept.
 
     Raises:
         InputError: the file cannot be read.
@@ -65,11 +64,11 @@ def read_mesh(name: str, path: Path, root: Path | None = None) -> Mesh:
     companions: dict[str, bytes] = {}
     root = root or package_of(path.resolve().parent)
     if kind == "dae":
-        _add_companions(companions, path, root, rb"<init_from>([^<]+\.\w+)</init_from>", data, _picture)
+        _add_companions(companions, path, root, rb"<init_from>([^<]+\.\w+)</init_from>", data, _image)
     elif kind == "obj":
         _add_companions(companions, path, root, LIBRARY, data, _materials)
         for library in list(companions.values()):
-            _add_companions(companions, path, root, rb"^\s*map_\w+[ \t]+(.+?)\s*$", library, _picture)
+            _add_companions(companions, path, root, rb"^\s*map_\w+[ \t]+(.+?)\s*$", library, _image)
     missing = sorted(companion for companion, found in companions.items() if not found)
     if missing:
         warnings.warn(f"visual {name!r} is drawn without {', '.join(missing)}: not found with the mesh", stacklevel=2)
@@ -77,7 +76,7 @@ def read_mesh(name: str, path: Path, root: Path | None = None) -> Mesh:
 
 
 def triangles(name: str, geometry: coal.CollisionGeometry) -> Mesh:
-    """Return the triangles of a geometry of coal.
+    """Return the triangles of a coal geometry.
 
     Args:
         name: name of the visual, for messages.
@@ -122,12 +121,12 @@ def _bounds(path: Path, changed: int, size: int) -> np.ndarray:
 
 
 def _add_companions(
-    companions: dict[str, bytes], path: Path, root: Path, pattern: bytes, text: bytes, needed: Callable[[bytes], bytes]
+    companions: dict[str, bytes], path: Path, root: Path, pattern: bytes, text: bytes, extract: Callable[[bytes], bytes]
 ) -> None:
     for found in re.findall(pattern, text, re.MULTILINE):
         name = found.decode("utf-8", errors="replace")
         file = _companion(path, root, name)
-        companions[name] = needed(file.read_bytes()) if file else b""
+        companions[name] = extract(file.read_bytes()) if file else b""
 
 
 def _companion(path: Path, root: Path, name: str) -> Path | None:
@@ -143,6 +142,6 @@ def _materials(data: bytes) -> bytes:
     return b"\n".join(MATERIAL.findall(data))
 
 
-def _picture(data: bytes) -> bytes:
+def _image(data: bytes) -> bytes:
     bitmap = data.startswith(b"BM") and int.from_bytes(data[2:6], "little") == len(data)
-    return data if data.startswith(PICTURES) or bitmap or (data[:4], data[8:12]) == (b"RIFF", b"WEBP") else b""
+    return data if data.startswith(IMAGES) or bitmap or (data[:4], data[8:12]) == (b"RIFF", b"WEBP") else b""

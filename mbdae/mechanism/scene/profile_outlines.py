@@ -1,4 +1,4 @@
-"""Profiles of cams and slots, drawn on the bodies that carry them: discs and walls."""
+"""Profiles of cams and slots, drawn on their bodies as discs and walls."""
 
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
@@ -15,11 +15,11 @@ class Outline(NamedTuple):
 
     Attributes:
         name: name of the closure.
-        joint: joint that carries the curve.
+        joint: joint of the body with the curve.
         placement: placement of the frame whose x-y plane contains the curve.
         points: points of the curve [m], (n, 2).
         closed: whether the curve is closed.
-        filled: whether it bounds a disc that is star-shaped about its centre.
+        filled: whether a disc is drawn, which must be star-shaped about its centre.
     """
 
     name: str
@@ -40,8 +40,8 @@ def draw_outlines(outlines: Iterable[Outline], height: float) -> Iterator[ShapeW
         points = np.concatenate([low, high])
         faces = [np.column_stack([i, following, following + n]), np.column_stack([i, following + n, i + n])]
         if outline.filled:
-            middle = np.append(outline.points.mean(axis=0), 0.0)
-            points = np.concatenate([points, [middle - [0, 0, height], middle + [0, 0, height]]])
+            centre = np.append(outline.points.mean(axis=0), 0.0)
+            points = np.concatenate([points, [centre - [0, 0, height], centre + [0, 0, height]]])
             faces += [np.column_stack([np.full_like(i, 2 * n), following, i])]
             faces += [np.column_stack([np.full_like(i, 2 * n + 1), i + n, following + n])]
         shape, colour = mesh(points, np.concatenate(faces)), LINK_COLOURS[k % len(LINK_COLOURS)]

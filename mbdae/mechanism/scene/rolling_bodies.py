@@ -19,9 +19,9 @@ class RollingBody(NamedTuple):
 
     Attributes:
         name: name of the closure.
-        joint: joint that carries the body.
+        joint: joint of the body.
         placement: placement of the frame of the closure on the joint.
-        axle: unit vector in that frame, (3,); None for a ball or an ellipsoid.
+        axle: unit vector in the frame of the closure, (3,); None for a ball or an ellipsoid.
         rim: radius of the circle of tyre section centres [m].
         tyre: radius of the tyre section, or of a ball [m].
         semi_axes: semi-axes of an ellipsoid [m], (3,), or None.
@@ -67,7 +67,7 @@ def _wheel(body: RollingBody, marked: str) -> Iterator[ShapeWithRole]:
     for k in range(SPOKES):
         angle = 2 * np.pi * k / SPOKES
         end = (outer - thickness) * np.array([np.cos(angle), np.sin(angle), 0.0])
-        spoke = coal.Cylinder((2 if k == 0 else 1) * THICKNESS * outer / 2, outer - thickness)  # one marks the angle
+        spoke = coal.Cylinder((2 if k == 0 else 1) * THICKNESS * outer / 2, outer - thickness)  # a thick one marks 0
         shade = GROUND_COLOUR if k else marked
         yield coloured("link", f"{body.name} spoke", body.joint, placement * along(end / 2, end), spoke, shade)
 
@@ -76,10 +76,10 @@ def _torus(radius: float, section: float) -> coal.BVHModelOBBRSS:
     """Return a torus about z."""
     i, j = np.meshgrid(np.arange(RING_SEGMENTS), np.arange(SECTION_SEGMENTS), indexing="ij")
     a, b = 2 * np.pi * i / RING_SEGMENTS, 2 * np.pi * j / SECTION_SEGMENTS
-    reach = radius + section * np.cos(b)
-    points = np.stack([reach * np.cos(a), reach * np.sin(a), section * np.sin(b)], axis=-1).reshape(-1, 3)
-    this, following = i * SECTION_SEGMENTS, (i + 1) % RING_SEGMENTS * SECTION_SEGMENTS
+    distance = radius + section * np.cos(b)
+    points = np.stack([distance * np.cos(a), distance * np.sin(a), section * np.sin(b)], axis=-1).reshape(-1, 3)
+    current, following = i * SECTION_SEGMENTS, (i + 1) % RING_SEGMENTS * SECTION_SEGMENTS
     up = (j + 1) % SECTION_SEGMENTS
-    first = np.stack([this + j, following + j, following + up], axis=-1).reshape(-1, 3)
-    second = np.stack([this + j, following + up, this + up], axis=-1).reshape(-1, 3)
+    first = np.stack([current + j, following + j, following + up], axis=-1).reshape(-1, 3)
+    second = np.stack([current + j, following + up, current + up], axis=-1).reshape(-1, 3)
     return mesh(points, np.concatenate([first, second]))

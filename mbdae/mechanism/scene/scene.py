@@ -1,6 +1,6 @@
 """Appearance of a mechanism: primitive shapes, and their placements at a configuration.
 
-Nothing is drawn here. A `Scene` is data for any viewer, independent of Pinocchio: the shapes, and their placements
+A `Scene` contains data for any viewer, independent of Pinocchio: the shapes, and their placements
 `Scene.placements(q)` at each instant.
 """
 
@@ -14,7 +14,7 @@ import pinocchio as pin
 from ...errors import InputError
 from ..tree.pinocchio_data import make_data
 from ..tree.tree_terms import update_motions
-from .bent_models import enlarged
+from .flexible_models import with_scaled_deformation
 from .meshes import Mesh
 
 Anchor = tuple[int, pin.SE3]  # a joint, and a placement fixed in its frame
@@ -44,10 +44,10 @@ class Rod(NamedTuple):
     """A straight rigid rod between two anchors.
 
     Attributes:
-        name: name of its closure, or of the flexible body that it is part of.
+        name: name of its closure, or of its flexible body.
         first: joint and placement of the first anchor.
         second: joint and placement of the second anchor.
-        length: in m.
+        length: length in m.
     """
 
     name: str
@@ -127,12 +127,12 @@ class Scene:
 
     @property
     def carriers(self) -> list[tuple[int, ...]]:
-        """The joints that carry each shape: one, or two for a shape between two joints."""
+        """Joints of each shape: one, or two for a shape between two joints."""
         return [tuple(joint for joint, _ in anchors) for anchors in self.anchors]
 
-    def enlarged(self, factor: float | None) -> "Scene":
-        """Return the scene with displacements of flexible bodies multiplied by a factor; the same one without it."""
-        return replace(self, _model=enlarged(self._model, factor))
+    def with_scaled_deformation(self, factor: float | None) -> "Scene":
+        """Return the scene with displacements of flexible bodies multiplied by a factor; unchanged for None."""
+        return replace(self, _model=with_scaled_deformation(self._model, factor))
 
     def placements(self, q: np.ndarray) -> np.ndarray:
         """Return the placements of the shapes in the world.
@@ -155,15 +155,15 @@ class Scene:
             update_motions(self._model, data, row)
             for k, anchors in enumerate(self.anchors):
                 ends = [data.oMi[joint] * placement for joint, placement in anchors]
-                here = ends[0] if len(ends) == 1 else _towards(ends[0], ends[1], self.shapes[k].size[1])
-                pose[k] = pin.SE3ToXYZQUAT(here)
+                placement = ends[0] if len(ends) == 1 else _towards(ends[0], ends[1], self.shapes[k].size[1])
+                pose[k] = pin.SE3ToXYZQUAT(placement)
         return out
 
     def end_points(self, pairs: Iterable[Mark | Strut], q: np.ndarray) -> np.ndarray:
         """Return the end points of closures or springs.
 
         Args:
-            pairs: some of ``marks`` or ``springs``, s of them.
+            pairs: s elements of ``marks`` or ``springs``.
             q: (m, nq) configurations.
 
         Returns:
@@ -177,10 +177,10 @@ class Scene:
                 points[k] = [(data.oMi[joint] * placement).translation for joint, placement in pair]
         return out
 
-    def travelled(self, q: np.ndarray) -> "Scene":
-        """Return the scene for a motion: with lengths of rails that its sliders travel, and rest lengths of springs.
+    def for_motion(self, q: np.ndarray) -> "Scene":
+        """Return the scene for a motion, with rails as long as the strokes of their sliders, and lengths of springs.
 
-        Springs of unknown length have the median of the motion; those whose length is always zero are omitted.
+        Springs of unknown rest length get the median length of the motion; springs of zero length are omitted.
 
         Args:
             q: (m, nq) configurations of the motion.
@@ -190,8 +190,8 @@ class Scene:
             at = q[:, self._model.idx_qs[joint]]
             (radius, length), ((ground, middle),) = shapes[k].size, anchors[k]
             half = min(length, np.ptp(at) + 14 * self.width) / 2
-            foot = self._model.jointPlacements[joint].translation - middle.translation
-            shift = (at.min() + at.max()) / 2 + middle.rotation[:, 2] @ foot
+            offset = self._model.jointPlacements[joint].translation - middle.translation
+            shift = (at.min() + at.max()) / 2 + middle.rotation[:, 2] @ offset
             bounds = shapes[k].bounds * [1, 1, 2 * half / length]
             shapes[k] = replace(shapes[k], size=(radius, 2 * half), bounds=bounds)
             anchors[k] = ((ground, middle * pin.SE3(np.eye(3), np.array([0.0, 0.0, shift]))),)
@@ -203,7 +203,7 @@ class Scene:
 
 
 def _towards(first: pin.SE3, second: pin.SE3, length: float) -> pin.SE3:
-    """Return the frame at the middle of a rod of a given length from one point towards another, with z along it."""
+    """Return the frame at the middle of a rod of given length, from one point towards another, with z along the rod."""
     d = second.translation - first.translation
     rotation = pin.Quaternion.FromTwoVectors(pin.ZAxis, d) if d.any() else pin.Quaternion.Identity()
     return pin.SE3(rotation, first.translation + rotation * np.array([0.0, 0.0, length / 2]))

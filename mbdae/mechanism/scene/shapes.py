@@ -15,7 +15,7 @@ from ...tolerances import COINCIDENT
 from ..checked_table import Table, one_line
 
 PlacementEntries = Annotated[tuple[float, ...], Field(min_length=12, max_length=12)]
-SOLIDS = {  # kind: shape class, its sizes, and their number
+SOLIDS = {  # shape class, sizes, and number of sizes by kind
     "sphere": (coal.Sphere, lambda s: [s.radius], 1),
     "capsule": (coal.Capsule, lambda s: [s.radius, 2 * s.halfLength], 2),
     "cylinder": (coal.Cylinder, lambda s: [s.radius, 2 * s.halfLength], 2),
@@ -141,7 +141,8 @@ def _packed(array: object, kind: str) -> str:
 def _mesh(packed: _Mesh) -> coal.BVHModelOBBRSS:
     points, faces = _unpacked(packed.points, "<f4"), _unpacked(packed.faces, "<i4")
     if not np.isfinite(points).all() or (len(faces) and not 0 <= faces.min() <= faces.max() < len(points)):
-        raise InputError(f"visuals: a mesh of {len(points)} points has others, or some that are not finite")
+        text = f"a mesh of {len(points)} points has faces with other points, or points that are not finite"
+        raise InputError(f"visuals: {text}")
     return mesh(points, faces)
 
 
@@ -149,7 +150,7 @@ def _unpacked(text: str, kind: str) -> np.ndarray:
     """Return rows of three numbers.
 
     Raises:
-        InputError: for invalid text, or more than `LARGEST` bytes.
+        InputError: for invalid text, or more than `MAX_BYTES` bytes.
     """
     stream = zlib.decompressobj()
     try:

@@ -1,4 +1,4 @@
-"""Primitive shapes and springs as triangles; the axes of symmetry are z, the centres of primitives the origin."""
+"""Triangles of primitive shapes and springs, symmetric about z, with centres of primitives at the origin."""
 
 from functools import cache
 
@@ -8,13 +8,13 @@ from ...system import Array
 from ...tolerances import COINCIDENT
 from .surfaces import Surface, welded
 
-AROUND, ACROSS = 48, 16
+AROUND, ACROSS = 48, 16  # segments around an axis, and of a quarter circle
 WIRE_CORNERS, WINDING_POINTS = 8, 20  # corners of the section of a wire; points along a winding
 
 
 @cache
 def solid(kind: str, size: tuple[float, ...]) -> Surface:
-    """Return triangles of a box, sphere, ellipsoid, cylinder, cone or capsule; sizes [m] as those of a `Shape`."""
+    """Return triangles of a box, sphere, ellipsoid, cylinder, cone or capsule; sizes [m] as for `Shape`."""
     if kind == "box":
         sides = np.array([_square(k, end) for k in range(3) for end in (-1, 1)]).reshape(-1, 3, 3)
         return welded(sides * np.array(size) / 2, None)
@@ -32,9 +32,9 @@ def solid(kind: str, size: tuple[float, ...]) -> Surface:
 
 
 def coil(radius: float, wire: float, length: float) -> tuple[Surface, Array]:
-    """Return a wire wound about z, from the origin to (0, 0, length) [m], straight at both ends.
+    """Return a wire wound about z, from the origin to (0, 0, length) [m], straight at both ends, and its stretch.
 
-    Also the displacement of its points (n, 3) when it becomes twice as long; the section of the wire stays round.
+    The stretch is the displacement of its points (n, 3) when it becomes twice as long; the wire section stays round.
     """
     turns = int(np.clip(round(length / (1.9 * radius)), 6, 16))
     s = np.linspace(0, 1, WINDING_POINTS * turns + 1)

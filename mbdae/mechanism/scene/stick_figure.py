@@ -1,8 +1,8 @@
-"""Stick figures: generated links, joints and marks for bodies without visual geometry.
+"""Stick figures: generated links, joints and markers for bodies without visual geometry.
 
 A body is a star of links from its joint to the joints of its children and to the anchors of closures; a leaf body
-extends to its centre of mass. Revolute joints are cylinders along their axis, prismatic ones boxes on a rail, all
-others balls.
+extends to its centre of mass. Revolute joints are cylinders along their axis, prismatic joints boxes on a rail, all
+other joints balls.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -18,7 +18,7 @@ from ..tree.pinocchio_data import make_data
 from ..tree.tree_terms import update_motions
 
 Point = tuple[int, np.ndarray]  # a joint, and a point fixed in its frame [m]
-ShapeWithRole = tuple[str, pin.GeometryObject]  # the role, and the geometry
+ShapeWithRole = tuple[str, pin.GeometryObject]  # role and geometry
 
 LINK_COLOURS = ("#4e79a7", "#59a14f", "#b07aa1", "#499894", "#9c755f", "#7c7cc0")
 JOINT_COLOUR, GROUND_COLOUR, ROD_COLOUR = "#33383f", "#878d96", "#bc7a2c"
@@ -43,7 +43,7 @@ def proportions(
     Args:
         model: the tree.
         points: further points of the mechanism, such as anchors of closures.
-        rods: lengths of rods between them [m].
+        rods: lengths of rods between these points [m].
         corners: corners of its visual geometry.
 
     Returns:
@@ -71,7 +71,7 @@ def generate(
     model: pin.Model,
     points: Sequence[Point],
     size: Proportions,
-    seen: Collection[int],
+    with_visuals: Collection[int],
     rolling: Collection[int] = (),
     hidden: Collection[int] = (),
 ) -> Iterator[ShapeWithRole]:
@@ -81,18 +81,18 @@ def generate(
         model: the tree.
         points: end points of links other than child joints, such as anchors of closures.
         size: lengths for drawing.
-        seen: joints whose bodies have visuals. If there are any, bodies without mass are omitted.
+        with_visuals: joints whose bodies have visuals. If there are any, bodies without mass are omitted.
         rolling: joints whose bodies are drawn otherwise: rolling bodies, flexible bodies.
         hidden: joints that are not drawn.
 
     Yields:
         Role and geometry, fixed to joints; role is ``"ground"``, ``"rail"``, ``"joint"`` or ``"link"``.
     """
-    drawn = [i for i in range(1, model.njoints) if i not in seen and i not in hidden]
-    shown = [i for i in drawn if not seen or model.inertias[i].mass > 0]
+    drawn = [i for i in range(1, model.njoints) if i not in with_visuals and i not in hidden]
+    shown = [i for i in drawn if not with_visuals or model.inertias[i].mass > 0]
     subspaces = _motion_subspaces(model)
     rotating = [i for i in shown if subspaces[i][3:].any()]
-    yield from _ground(model, rotating, [] if seen else points, size)
+    yield from _ground(model, rotating, [] if with_visuals else points, size)
     for i in shown:
         yield from _joint(model, i, subspaces[i], points, size)
         if i not in rolling or _ends(model, i, points):
@@ -164,7 +164,7 @@ def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) 
 
 
 def _axis(model: pin.Model, i: int) -> np.ndarray | None:
-    """Return the axis of a revolute joint in its frame; None for others."""
+    """Return the axis of a revolute joint in its frame; None for other joints."""
     S = subspace(model.joints[i])
     return S[3:, 0] if S.shape[1] == 1 and S[3:].any() and not S[:3].any() else None
 
@@ -207,10 +207,10 @@ def _joint(
     yield coloured("link" if on_body else "rail", f"{name} rail", model.parents[i], placement, shape, GROUND_COLOUR)
 
 
-def _limits(model: pin.Model, i: int, most: float) -> tuple[float, float]:
+def _limits(model: pin.Model, i: int, largest: float) -> tuple[float, float]:
     """Return the ends of the rail of a prismatic joint from its limits or the size of the mechanism [m]."""
     k = model.idx_qs[i]
-    low, high = np.clip((model.lowerPositionLimit[k], model.upperPositionLimit[k]), -most, most)
+    low, high = np.clip((model.lowerPositionLimit[k], model.upperPositionLimit[k]), -largest, largest)
     return float(low), float(high)
 
 
@@ -219,7 +219,7 @@ def _rail_extent(
 ) -> tuple[float, float] | None:
     """Return the extent of the guiding body of an unlimited prismatic joint, or else of the slider [m]; None if empty.
 
-    Unlimited joints have the largest number as their limit, not infinity.
+    The limit of an unlimited joint is the largest finite number, not infinity.
     """
     k, parent = model.idx_qs[i], model.parents[i]
     if not parent or min(abs(model.lowerPositionLimit[k]), abs(model.upperPositionLimit[k])) <= size.extent:
@@ -232,7 +232,7 @@ def _rail_extent(
 
 
 def _ends(model: pin.Model, i: int, points: Sequence[Point]) -> list[np.ndarray]:
-    """Return the end points of the links of body i, except its own joint [m]."""
+    """Return the end points of the links of body i, except its joint [m]."""
     ends = [model.jointPlacements[c].translation for c in model.children[i]]
     ends += [p for j, p in points if j == i]
     far = [pin.SE3(np.eye(3), p) for p in ends if np.linalg.norm(p) > COINCIDENT]

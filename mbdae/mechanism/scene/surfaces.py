@@ -24,7 +24,7 @@ class Material(NamedTuple):
     texture: str = ""
 
 
-class Piece(NamedTuple):
+class TriangleGroup(NamedTuple):
     """Triangles of one material: corners (m, 3, 3), its material, and texture coordinates (m, 3, 2) or None."""
 
     corners: np.ndarray
@@ -36,8 +36,8 @@ class Surface(NamedTuple):
     """Triangles of one colour or texture.
 
     Attributes:
-        points: (n, 3), in the units and axes of the mesh.
-        faces: (m, 3) indices into them.
+        points: points (n, 3), in the units and axes of the mesh.
+        faces: indices of the points of each triangle, (m, 3).
         rgba: red, green, blue and opacity in [0, 1]; None if the mesh does not define it.
         uv: texture coordinates of the corners, (m, 3, 2), from the lower left of the image; None without a texture.
         image: bytes of the texture's file, empty for none.
@@ -59,20 +59,20 @@ def surfaces(mesh: Mesh) -> list[Surface] | None:
         found = list(_read(mesh))
     except (ValueError, LookupError, AttributeError, TypeError, ArithmeticError, ET.ParseError, RecursionError):
         return None
-    merged: dict[Material, list[Piece]] = {}
-    for piece in found:
-        image = mesh.companions.get(piece.material.texture) if piece.uv is not None else None
-        material = piece.material if image else Material(WHITE if piece.material.texture else piece.material.rgba)
-        merged.setdefault(material, []).append(piece)
-    return [s for material, pieces in merged.items() if len((s := _surface(material, pieces, mesh)).faces)] or None
+    merged: dict[Material, list[TriangleGroup]] = {}
+    for group in found:
+        image = mesh.companions.get(group.material.texture) if group.uv is not None else None
+        material = group.material if image else Material(WHITE if group.material.texture else group.material.rgba)
+        merged.setdefault(material, []).append(group)
+    return [s for material, groups in merged.items() if len((s := _surface(material, groups, mesh)).faces)] or None
 
 
-def _surface(material: Material, pieces: list[Piece], mesh: Mesh) -> Surface:
-    out, kept = _welded(np.concatenate([piece.corners for piece in pieces]))
+def _surface(material: Material, groups: list[TriangleGroup], mesh: Mesh) -> Surface:
+    out, valid = _welded(np.concatenate([group.corners for group in groups]))
     if not material.texture:
         return out._replace(rgba=material.rgba)
-    uv = np.concatenate([piece.uv for piece in pieces if piece.uv is not None])
-    return out._replace(rgba=WHITE, uv=uv[kept], image=mesh.companions[material.texture])
+    uv = np.concatenate([group.uv for group in groups if group.uv is not None])
+    return out._replace(rgba=WHITE, uv=uv[valid], image=mesh.companions[material.texture])
 
 
 def welded(corners: np.ndarray, rgba: Colour | None) -> Surface:
@@ -93,12 +93,12 @@ def _welded(corners: np.ndarray) -> tuple[Surface, np.ndarray]:
     index[order] = rank[np.cumsum(new) - 1]
     faces = index.reshape(-1, 3)
     a, b, c = faces.T
-    kept = (a != b) & (b != c) & (c != a)
-    return Surface(all_points[first[used]], faces[kept], None), kept
+    valid = (a != b) & (b != c) & (c != a)
+    return Surface(all_points[first[used]], faces[valid], None), valid
 
 
 def normals(surface: Surface) -> np.ndarray:
-    """Return unit normals (3 m, 3) at the corners of triangles: means over the smooth surface around each point."""
+    """Return unit normals (3 m, 3) at the corners of triangles, averaged over the smooth surface around each point."""
     a, b, c = surface.points[surface.faces].astype(float).swapaxes(0, 1)
     area = np.cross(b - a, c - a)
     sizes = np.linalg.norm(area, axis=1)
@@ -106,20 +106,20 @@ def normals(surface: Surface) -> np.ndarray:
     point = surface.faces.ravel()
     order, count = np.argsort(point, kind="stable"), np.bincount(point)
     first = np.cumsum(count) - count
-    corner = np.repeat(np.arange(len(point)), count[point])  # with each of the corners at its point
+    corner = np.repeat(np.arange(len(point)), count[point])  # paired with every corner at the same point
     within = np.arange(len(corner)) - np.repeat(np.cumsum(count[point]) - count[point], count[point])
     current, other = corner // 3, order[first[point[corner]] + within] // 3
-    near = np.einsum("ij,ij->i", unit[current], unit[other]) > COS_CREASE_ANGLE
-    sums = np.column_stack([np.bincount(corner[near], area[other[near], k], len(point)) for k in range(3)])
+    smooth = np.einsum("ij,ij->i", unit[current], unit[other]) > COS_CREASE_ANGLE
+    sums = np.column_stack([np.bincount(corner[smooth], area[other[smooth], k], len(point)) for k in range(3)])
     sizes = np.linalg.norm(sums, axis=1)
     return np.where(sizes[:, None] > 0, sums / np.maximum(sizes, TINY)[:, None], unit[np.arange(len(point)) // 3])
 
 
-def _read(mesh: Mesh) -> Iterator[Piece]:
+def _read(mesh: Mesh) -> Iterator[TriangleGroup]:
     if mesh.format == "triangles":
-        yield Piece(np.asarray(mesh.vertices)[np.asarray(mesh.faces)])
+        yield TriangleGroup(np.asarray(mesh.vertices)[np.asarray(mesh.faces)])
     elif mesh.format == "stl":
-        yield Piece(stl_points(mesh.data).reshape(-1, 3, 3))
+        yield TriangleGroup(stl_points(mesh.data).reshape(-1, 3, 3))
     elif mesh.format == "obj":
         yield from _obj(mesh)
     else:
@@ -141,7 +141,7 @@ def _library_materials(libraries: Mapping[str, bytes]) -> dict[bytes, Material]:
     return materials
 
 
-def _obj(mesh: Mesh) -> Iterator[Piece]:
+def _obj(mesh: Mesh) -> Iterator[TriangleGroup]:
     materials = _library_materials(mesh.companions)
     points: list[list[float]] = []
     uv: list[list[float]] = []
@@ -164,32 +164,34 @@ def _obj(mesh: Mesh) -> Iterator[Piece]:
             yield _textured(material, np.array(found, float), np.array(points), np.array(uv))
 
 
-def _textured(material: Material, index: np.ndarray, points: np.ndarray, uv: np.ndarray) -> Piece:
-    """Return triangles with indices (m, 3, 2) of points and of texture coordinates, NaN without them."""
+def _textured(material: Material, index: np.ndarray, points: np.ndarray, uv: np.ndarray) -> TriangleGroup:
+    """Return triangles from indices (m, 3, 2) of points and of texture coordinates, NaN if there are none."""
     corners = points[index[:, :, 0].astype(int)]
     if not material.texture or np.isnan(index).any():
-        return Piece(corners, material)
-    return Piece(corners, material, uv[index[:, :, 1].astype(int)])
+        return TriangleGroup(corners, material)
+    return TriangleGroup(corners, material, uv[index[:, :, 1].astype(int)])
 
 
 def _index(text: bytes, listed: list[list[float]]) -> int:
-    """Return an index of a .obj file from zero; negative ones count from the last entry so far."""
+    """Return an index of a .obj file, starting from zero; negative indices count from the last entry so far."""
     return int(text) - 1 if int(text) > 0 else len(listed) + int(text)
 
 
 class _ColouredCollada(Collada):
     """A .dae file with the colours and textures of its materials."""
 
-    def triangles(self) -> Iterator[Piece]:
-        """Yield each group of triangles, as placed by the scene."""
+    def triangles(self) -> Iterator[TriangleGroup]:
+        """Yield each group of triangles, at its placement in the scene."""
         for geometry, placement, materials in self.instances():
             for corners, uv, symbol in self._groups(geometry):
                 material = self._material_of(materials.get(symbol, symbol))
-                yield Piece(corners @ placement[:3, :3].T + placement[:3, 3], material, uv)
+                yield TriangleGroup(corners @ placement[:3, :3].T + placement[:3, 3], material, uv)
 
     def _material_of(self, name: str) -> Material:
-        material = self.named.get(name)
-        effect = self.named.get(material.find("instance_effect").get("url", "")[1:]) if material is not None else None  # type: ignore[union-attr]
+        material = self.by_id.get(name)
+        if material is None:
+            return Material()
+        effect = self.by_id.get(material.find("instance_effect").get("url", "")[1:])  # type: ignore[union-attr]
         if effect is None:
             return Material()
         if (texture := effect.find(".//diffuse/texture")) is not None:
@@ -204,12 +206,12 @@ class _ColouredCollada(Collada):
         return Material((*(float(x) for x in np.clip(rgb, 0, 1)), 1.0))
 
     def _image(self, effect: ET.Element, name: str) -> str:
-        """Return the file of a texture, which is an image, or a sampler of a surface of an image."""
+        """Return the image file of a texture, which refers to it directly or by a sampler of a surface."""
         parameters = {x.get("sid", ""): x for x in effect.iter("newparam")}
         for key in ("sampler2D/source", "surface/init_from"):
             if name in parameters:
                 name = (parameters[name].findtext(key) or name).strip()
-        image = self.named.get(name)
+        image = self.by_id.get(name)
         return (image.findtext("init_from") or "").strip() if image is not None else ""
 
     def _groups(self, geometry: ET.Element) -> Iterator[tuple[np.ndarray, np.ndarray | None, str]]:

@@ -11,18 +11,18 @@ from .scene import Scene
 
 FRAMES = 60  # frames of a motion
 FLAT = 0.3  # fraction of the widest extent: thinner scenes are shown without perspective along their thinnest axis
-FAR = 2.5  # times the size of a mechanism: one that travels farther is followed
-REACH = 0.2  # fraction of the size of what moves: resting shapes are shown up to there
+FAR = 2.5  # path length, in sizes of a mechanism, above which the camera follows it
+MARGIN = 0.2  # fraction of the size of the moving shapes: resting shapes are shown within this margin
 CORNERS = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T  # corners of a box
-COUNT = 150  # number of directions around a sphere in which extreme points are kept
+COUNT = 150  # number of directions on a sphere in which extreme points are kept
 
 
 class Visible(NamedTuple):
     """Points that a camera should show.
 
     Attributes:
-        points: (n, 3) in m, relative to a followed body.
-        thin: the thinnest axis of a flat scene; -1 for another.
+        points: points (n, 3) in m, relative to the body that the camera follows.
+        thin: index of the thinnest axis of a flat scene; -1 if it is not flat.
         extent: diagonal of the box around the points in m.
         moves: whether anything moves.
     """
@@ -39,7 +39,7 @@ def sampled(q: Array, count: int = FRAMES) -> Array:
 
 
 class VisiblePoints:
-    """Points that should be visible of a motion q (m, nq) of a scene: none of rails and closure markers."""
+    """Points of a motion q (m, nq) of a scene that should be visible, without rails and closure markers."""
 
     def __init__(self, scene: Scene, q: Array) -> None:
         self.placements = placements = scene.placements(q)
@@ -48,28 +48,28 @@ class VisiblePoints:
         ends = scene.end_points(scene.springs, q).reshape(len(q), -1, 6)
         springs = ends[:, np.ptp(ends, axis=0).any(axis=1)].reshape(len(q), -1, 3)
         points = np.concatenate([corners(scene, moving, placements), springs], axis=1)
-        many = points.shape[1] > len(DIRECTIONS)  # extremes of a configuration are those of a shape too
-        self.moving = np.array([here[_extreme(here)] for here in points]) if many else points
+        many = points.shape[1] > len(DIRECTIONS)  # the extreme points of each configuration suffice
+        self.moving = np.array([x[_extreme(x)] for x in points]) if many else points
         self.rest = corners(scene, [k for k in counted if k not in moving], placements[:1])[0]
 
     def visible(self, followed: int | None = None) -> Visible:
-        """Return what should be visible: without resting shapes, if the camera follows a shape, given by its index."""
+        """Return the points to be shown; without resting shapes if the camera follows a shape, given by its index."""
         origin = 0.0 if followed is None else self.placements[:, followed, None, :3]
-        near = (self.moving - origin).reshape(-1, 3)
-        points, moves = near, len(near) > 0
+        moving = (self.moving - origin).reshape(-1, 3)
+        points, moves = moving, len(moving) > 0
         if not moves:
             points = self.rest if len(self.rest) else np.array([[-0.5] * 3, [0.5] * 3])
         elif followed is None:
-            reach = REACH * np.linalg.norm(np.ptp(near, axis=0))
-            inside = np.clip(self.rest, near.min(axis=0) - reach, near.max(axis=0) + reach)
-            points = np.concatenate([near, inside])
+            margin = MARGIN * np.linalg.norm(np.ptp(moving, axis=0))
+            inside = np.clip(self.rest, moving.min(axis=0) - margin, moving.max(axis=0) + margin)
+            points = np.concatenate([moving, inside])
         size = np.ptp(points, axis=0)
         thin = int(size.argmin()) if size.min() < FLAT * size.max() else -1
         return Visible(points[np.unique(_extreme(points))], thin, float(np.linalg.norm(size)) or 1.0, moves)
 
 
 def corners(scene: Scene, shapes: Sequence[int], placements: Array) -> Array:
-    """Return the corners (m, 8 n, 3) of the boxes of n shapes at placements (m, all shapes, 7) of all."""
+    """Return the corners (m, 8 n, 3) of the boxes of n shapes, from the placements (m, k, 7) of all k shapes."""
     out = np.empty((len(placements), len(shapes), 8, 3))
     for i, k in enumerate(shapes):
         low, high = scene.shapes[k].bounds
@@ -79,7 +79,7 @@ def corners(scene: Scene, shapes: Sequence[int], placements: Array) -> Array:
 
 
 def bounds(scene: Scene, q: Array) -> Array:
-    """Return the corners (2, 3) of the box around all shapes but closure markers, at configurations q (m, nq)."""
+    """Return the corners (2, 3) of the box around all shapes except closure markers, at configurations q (m, nq)."""
     shown = [k for k, shape in enumerate(scene.shapes) if shape.role != "closure"]
     points = corners(scene, shown, scene.placements(q)).reshape(-1, 3)
     return np.array([points.min(axis=0), points.max(axis=0)]) if len(points) else np.array([[-0.5] * 3, [0.5] * 3])

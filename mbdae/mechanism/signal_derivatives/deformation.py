@@ -10,7 +10,7 @@ from .motion_tangent import MotionTangent
 def deformation_derivatives(motion: MotionTangent) -> Array:
     """Return derivatives of the columns of `mbdae.mechanism.signals.deformation`, (n, m)."""
     model, out = motion.model, list[Array]()
-    rates = motion.parameters.once("fibres", None, lambda: _fibre_rates(motion))
+    rates = motion.parameters.cached("fibres", None, lambda: _fibre_rates(motion))
     for i, (_, node, at) in enumerate(nodes_of(model)):
         x = motion.q[at]
         first = next(j for j in model.joints if j.idx_q == at.start and j.nq).idx_v

@@ -34,8 +34,8 @@ def driver_power_derivatives(motion: MotionTangent) -> Array:
         lam, row = motion.lam[i], rates[i] * motion.d.lam[i] + motion.lam[i] * accelerations[i] * motion.d.t
         for p, changed, dp in zip(parameters.all, parameters.rows, motion.d.p, strict=True):
             if names.index(driver.name) in p.specs:
-                near = {k: c.motion(motion.t)[1][c.spans[driver.name]] for k, c in changed.perturbed.items()}
-                row = row + lam * p.quotient(near)[0] * dp
+                perturbed = {k: c.motion(motion.t)[1][c.spans[driver.name]] for k, c in changed.perturbed.items()}
+                row = row + lam * p.quotient(perturbed)[0] * dp
         out.append(row)
     return np.array(out).reshape(-1, len(motion.d.t))
 
@@ -50,12 +50,12 @@ def _joint_force(motion: MotionTangent, law: ForceElement, number: int) -> list[
     """Return the derivatives of a force along coordinates, and of its power."""
     t, q, v, d, nv = motion.t, motion.q, motion.v, motion.d, len(motion.v)
     at = motion.system.laws.bound[number][1]
-    alone, s = ForceElements([law], motion.model), motion.s[at]
-    tau, _ = alone.torque(t, q, v, s)
-    by_state = alone.partials(t, q, v, s)[:nv]
-    dtau = by_state @ np.concatenate([d.q, d.v, d.s[at]]) + np.outer(alone.time_partials(t, q, v, s)[:nv], d.t)
-    for i, near in motion.perturbed_laws(number):
-        found = {k: ForceElements([other], motion.model).torque(t, q, v, s)[0] for k, other in near.items()}
+    element, s = ForceElements([law], motion.model), motion.s[at]
+    tau, _ = element.torque(t, q, v, s)
+    by_state = element.partials(t, q, v, s)[:nv]
+    dtau = by_state @ np.concatenate([d.q, d.v, d.s[at]]) + np.outer(element.time_partials(t, q, v, s)[:nv], d.t)
+    for i, laws in motion.perturbed_laws(number):
+        found = {k: ForceElements([other], motion.model).torque(t, q, v, s)[0] for k, other in laws.items()}
         dtau += np.outer(motion.parameters.all[i].quotient(found), d.p[i])
     return [*dtau[law.acting_components(nv)], v @ dtau + tau @ d.v]
 
@@ -92,7 +92,7 @@ def _deflections(motion: MotionTangent, law: ForceElement, number: int) -> list[
             out = (unit_gap(law.pair)[1] @ (point_velocities(Xb, pb) - point_velocities(Xa, pa)))[None]
     else:
         out = motion.d.q[[i for i, _ in law.deflections]]
-    for i, near in motion.perturbed_laws(number):
-        found = {k: other.deflection(motion.q) for k, other in near.items()}
+    for i, laws in motion.perturbed_laws(number):
+        found = {k: other.deflection(motion.q) for k, other in laws.items()}
         out = out + np.outer(motion.parameters.all[i].quotient(found), motion.d.p[i])
     return list(out)

@@ -22,6 +22,6 @@ def frame_motion_derivatives(motion: MotionTangent, names: Sequence[str]) -> tup
         dp, speed = point_velocities(X, p), V[:3] + cross(V[3:], p)
         dspeed = point_velocities(dV, p) + cross(V[3:, None], dp)
         values[:, i] = p, speed, A[:3] + cross(A[3:], p) + cross(V[3:], speed)
-        moved = cross(A[3:, None], dp) + cross(dV[3:], speed[:, None]) + cross(V[3:, None], dspeed)
-        derivatives[:, i] = dp, dspeed, point_velocities(dA, p) + moved
+        velocity_terms = cross(A[3:, None], dp) + cross(dV[3:], speed[:, None]) + cross(V[3:, None], dspeed)
+        derivatives[:, i] = dp, dspeed, point_velocities(dA, p) + velocity_terms
     return values, derivatives

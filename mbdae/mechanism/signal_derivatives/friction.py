@@ -23,12 +23,12 @@ from .motion_tangent import MotionTangent
 
 def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     """Return the regularized friction of a closure on its second frame, at the world's origin, (6,), and (6, m)."""
-    sliding, parameters = motion.system.closure_friction, motion.parameters
+    friction, parameters = motion.system.closure_friction, motion.parameters
     F, dF = np.zeros(6), np.zeros((6, len(motion.d.t)))
-    for k in sliding.regularized_interfaces(name):
-        interface = sliding.interfaces[k]
+    for k in friction.regularized_interfaces(name):
+        interface = friction.interfaces[k]
         (V, dV), A, dA = motion.relative(interface.pair), *_slip_wrench_tangents(motion, interface)
-        lam, dlam, c = motion.lam[interface.rows], motion.d.lam[interface.rows], -float(sliding.coefficient[k])
+        lam, dlam, c = motion.lam[interface.rows], motion.d.lam[interface.rows], -float(friction.coefficient[k])
         slip, ds = A @ V, np.einsum("ijm,j->im", dA, V) + A @ dV
         size = np.sqrt(lam @ lam)
         phi, psi = regularization_factors(float(np.sqrt(slip @ slip)), interface.force.width)
@@ -36,9 +36,9 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
         F += c * size * phi * along
         dF += c * phi * np.outer(along, lam @ dlam / (size + TINY)) + c * size * psi * np.outer(along, slip @ ds)
         dF += c * size * phi * (np.einsum("ijm,i->jm", dA, slip) + A.T @ ds)
-    for near, p, dp in zip(parameters.perturbed_friction, parameters.all, motion.d.p, strict=True):
+    for perturbed, p, dp in zip(parameters.perturbed_friction, parameters.all, motion.d.p, strict=True):
         found = {}
-        for i, other in near.items():
+        for i, other in perturbed.items():
             other.constraints.jacobian()
             found[i] = other.wrench(name, motion.v, motion.lam)
         if found:
@@ -59,7 +59,7 @@ def _slip_wrench_tangents(motion: MotionTangent, interface: FrictionInterface) -
         (_, row, _), n = constraints.frame_rows[interface.closure.name].rows[0], constraints.W[:3, interface.rows.start]
         dn = np.add(*(D[0] @ X for D, X in zip(row.partials(pair), (Xa, Xb), strict=True)))[:3]
         de = -(np.einsum("im,j->ijm", dn, n) + np.einsum("i,jm->ijm", n, dn))
-        p, dp = interface.contact_point(), _touches(interface, Xa, Xb, dp)
+        p, dp = interface.contact_point(), _contact_point_derivative(interface, Xa, Xb, dp)
     else:
         axis = pair.Ra @ interface.axis
         de = np.cross(Xa[3:].T, axis).T[None]
@@ -72,13 +72,13 @@ def _slip_wrench_tangents(motion: MotionTangent, interface: FrictionInterface) -
     return A, dA
 
 
-def _touches(interface: FrictionInterface, Xa: Array, Xb: Array, dp: Array) -> Array:
+def _contact_point_derivative(interface: FrictionInterface, Xa: Array, Xb: Array, dp: Array) -> Array:
     """Return the derivative of the contact point, (3, m)."""
     first = interface.closure.primitives()[0]
     if not isinstance(first, ContactHeightRow):
         return dp
     at: Any = copy(interface.pair)
-    moved = []
+    derivatives = []
     for at.Va, at.Vb in zip(Xa.T, Xb.T, strict=True):
-        moved.append(first.lines(at).dp[:, 0])
-    return np.array(moved).T
+        derivatives.append(first.lines(at).dp[:, 0])
+    return np.array(derivatives).T

@@ -31,12 +31,12 @@ class TangentDirections(NamedTuple):
     """Tangents of the arguments of signals, in m directions.
 
     Attributes:
-        q, v: in the tangent, and of v, (nv, m) each.
-        s: of the states of forces, (ns, m).
-        vdot: of v', (nv, m).
-        lam: of the multipliers of all rows, (ng, m).
-        p: of the parameters, (k, m).
-        t: of time, (m,).
+        q, v: changes of q, in the tangent, and of v, (nv, m) each.
+        s: changes of the states of forces, (ns, m).
+        vdot: changes of v', (nv, m).
+        lam: changes of the multipliers of all rows, (ng, m).
+        p: changes of the parameters, (k, m).
+        t: changes of time, (m,).
     """
 
     q: Array
@@ -55,7 +55,7 @@ class MotionTangent:
         parameters: varied parameters, with a workspace.
 
     Attributes:
-        X, V, A, dV, dA: by joint, motions in the world: V and A are (6,), the others (6, m).
+        X, V, A, dV, dA: motions in the world by joint: V and A are (6,), X, dV and dA (6, m).
     """
 
     def __init__(self, parameters: "Parameters") -> None:
@@ -67,7 +67,7 @@ class MotionTangent:
         self.last_joints = [0, *np.cumsum(counts, dtype=int).tolist()]  # last joint of each joint in the expanded tree
 
     def evaluate(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array, d: TangentDirections) -> None:
-        """Evaluate at a point with directions d; `system` is at the same point, with accelerations for v' = 0."""
+        """Evaluate at a point with directions d; then `system` is at this point, with accelerations for v' = 0."""
         self.t, self.q, self.v, self.s, self.vdot, self.lam, self.d = t, q, v, s, vdot, lam, d
         model, data, n = self.expanded, self.data, self.expanded.njoints
         pin.forwardKinematics(model, data, q)
@@ -96,7 +96,7 @@ class MotionTangent:
         update_poses(self.model, self.system.workspace, q)
 
     def placement_motion(self, placement: pin.SE3, motions: list[Array | None]) -> Array:
-        """Return motions (6, m) in the world caused by parameters, from their motions (6,) in axes of a placement."""
+        """Return motions (6, m) in the world caused by parameters, from motions (6,) in the axes of a placement."""
         out = np.zeros((6, len(self.d.t)))
         for motion, dp in zip(motions, self.d.p, strict=True):
             if motion is not None:

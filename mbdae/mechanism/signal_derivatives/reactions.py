@@ -22,7 +22,7 @@ from .wrenches import closure_wrench, law_wrench, wrench_cross
 def reaction_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
     """Return `mbdae.mechanism.signals.joint_wrenches.point_reactions`, (2, n, 2, 3), and its tangents (2, n, 2, 3, m).
 
-    The first index selects world axes or local axes, the third one force or torque.
+    The first index selects world axes or local axes, the third one selects force or torque.
     """
     names, joints, m = reaction_names(motion.mechanism), joint_names(motion.model), len(motion.d.t)
     closures = {name: closure_wrench(motion, name) for name in motion.system.constraints.frame_rows}
@@ -62,7 +62,7 @@ def _joints(motion: MotionTangent, closures: dict[str, tuple[Array, Array]]) -> 
         pose, Y, X, V = motion.placements[j], model.inertias[j], motion.X[j], motion.V[j]
         A = pin.Motion(motion.A[j]) - model.gravity
         inertia, h = pose.act(Y), (pose.act(Y) * pin.Motion(V)).vector
-        own = (inertia * A).vector + wrench_cross(V[:, None], h[:, None])[:, 0]
+        wrench = (inertia * A).vector + wrench_cross(V[:, None], h[:, None])[:, 0]
         dV = motion.dV[j] - motion_cross(X, V[:, None])
         dA = motion.dA[j] - motion_cross(X, A.vector[:, None])
         for p, dp in zip(parameters.all, d.p, strict=True):
@@ -70,9 +70,9 @@ def _joints(motion: MotionTangent, closures: dict[str, tuple[Array, Array]]) -> 
             if j in p.inertias:
                 at = pose.actInv(pin.Motion(V)), pose.actInv(A)
                 dF[j] += np.outer(pose.act(pin.Force(pin.bodyRegressor(*at) @ p.inertias[j])).vector, dp)
-        F[j] += own
+        F[j] += wrench
         Y_dV = inertia.matrix().dot(dV)
-        dF[j] += wrench_cross(X, own[:, None]) + inertia.matrix().dot(dA)
+        dF[j] += wrench_cross(X, wrench[:, None]) + inertia.matrix().dot(dA)
         dF[j] += wrench_cross(dV, h[:, None]) + wrench_cross(V[:, None], Y_dV)
     for j in range(model.njoints - 1, 0, -1):
         F[model.parents[j]] += F[j]

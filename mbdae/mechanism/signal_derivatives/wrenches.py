@@ -28,9 +28,9 @@ def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
         Da, Db = (np.tensordot(lam, D, 1) for D in row.partials(pair))
         F += w.dot(lam)
         dF += Da.dot(Xa) + Db.dot(Xb) + w.dot(motion.d.lam[at])
-    span, which = constraints.spans[name], [c.name for c in motion.mechanism.constraints].index(name)
+    span, number = constraints.spans[name], [c.name for c in motion.mechanism.constraints].index(name)
     for p, changed, dp in zip(parameters.all, parameters.rows, motion.d.p, strict=True):
-        if which not in p.specs:
+        if number not in p.specs:
             continue
         found = {}
         for k, perturbed in changed.perturbed.items():
@@ -49,7 +49,7 @@ def law_wrench(motion: MotionTangent, law: PairElement, index: int) -> tuple[Arr
     Args:
         motion: the motion, with its tangent.
         law: a law between two frames.
-        index: of the law.
+        index: index of the law.
     """
     law.pair.locate()
     Xa, Xb = motion.pair(law.pair)

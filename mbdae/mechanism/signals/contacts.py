@@ -11,7 +11,7 @@ from ...tolerances import VISIBLE
 from ...units import displayed, quantity
 from ..closures.contact import ContactHeightRow, ConvexBody, NoSlipRows
 from ..closures.kinds.rolling import RollingClosure
-from ..closures.line_rows import at_rest
+from ..closures.line_rows import with_zero_velocity
 from .reactions import NOT_UNIQUE, multiplier_null_space, sample_indices
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ class Contact:
     Attributes:
         name: name of the closure.
         t: times in s, (n,).
-        normal: N in N, positive in compression, (n,); nan where joints maintain the height.
+        normal: N in N, positive in compression, (n,); nan if joints keep the body on the surface.
         longitudinal: forwards along the heading, in N, (n,).
         lateral: to the left, in N, (n,).
         point: contact point in the world in m, (n, 3).
@@ -51,7 +51,7 @@ class Contact:
 
     @property
     def lifts_off(self) -> float | None:
-        """The first time in s at which N is negative: the contact would separate; None if it never is, to rounding."""
+        """First time in s at which N is negative, so that the contact would separate; None if there is none."""
         return first_negative(self.t, self.normal)
 
     def __str__(self) -> str:
@@ -73,7 +73,7 @@ class Contact:
 
 
 def first_negative(t: Array, x: Array) -> float | None:
-    """Return the first time at which a sampled function (n,) is visibly negative, by linear interpolation."""
+    """Return the first time at which a sampled function (n,) is significantly negative, by linear interpolation."""
     negative = np.flatnonzero(x < -VISIBLE * np.fmax.reduce(np.abs(x), initial=0.0))
     if not len(negative):
         return None
@@ -112,8 +112,8 @@ def contact(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Con
         lam: multipliers, (n, ng).
 
     Raises:
-        UnknownNameError: if the name is not that of a rolling closure.
-        StepError: where the body lies flat.
+        UnknownNameError: if the name does not belong to a rolling closure.
+        StepError: if a wheel lies flat.
     """
     points = contact_path(mech, name, q)
     system, rows = mech.system(), mech.rows_of(name)
@@ -147,13 +147,13 @@ def contact_path(mech: "Mechanism", name: str, q: Array) -> Array:
     """Return the contact points of a rolling body at configurations q (n, nq), in the world in m, (n, 3).
 
     Raises:
-        UnknownNameError: if the name is not that of a rolling closure.
-        StepError: where the body lies flat.
+        UnknownNameError: if the name does not belong to a rolling closure.
+        StepError: if a wheel lies flat.
     """
     body, system = rolling_body(mech, name), mech.system()
     pair = system.constraints.frame_rows[name].pair
     out = np.empty((len(q), 3))
     for i, configuration in enumerate(q):
         system.jacobian(configuration)
-        out[i] = body.contact_kinematics(at_rest(pair)).p[:, 0]
+        out[i] = body.contact_kinematics(with_zero_velocity(pair)).p[:, 0]
     return out

@@ -1,4 +1,4 @@
-"""Displacements of the nodes of flexible bodies in the axes of the body, and strain and stress of a fibre there."""
+"""Displacements of nodes of flexible bodies, in axes of the body, and strain and stress of a fibre at the node."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -24,7 +24,7 @@ def deformation_units(model: pin.Model) -> dict[str, str]:
 
 
 def nodes_of(model: pin.Model) -> Iterator[tuple[str, "Node", slice]]:
-    """Yield name, node and the coordinates of the modes of each node of the flexible bodies."""
+    """Yield, for each node of the flexible bodies, its name, the node, and the slice of its modes in q."""
     for body in flexible_bodies(model):
         first = body.first_mode_joint(model).idx_q
         for name, node in zip(body.node_frames, body.modal.nodes.values(), strict=True):

@@ -1,14 +1,14 @@
 """Outputs of force elements by name: generalized force, power, deflection.
 
 A force along one coordinate has ``torque.<name>`` in N m for rotations and ``force.<name>`` in N for translations;
-along several coordinates, ``torque.<name>.<joint>`` and so on; its sign is that of the coordinate. A spring, damper or
+along several coordinates, ``torque.<name>.<joint>`` and so on; it is positive along the coordinate. A spring, damper or
 force actuator between two points has its tension ``force.<name>``, positive when it pulls them together; a bushing or a
 wrench has force and torque on its second frame, at its origin: the magnitude, and ``.x .y .z`` along the world's axes.
-``power.<name>`` in W is the power of the force on the mechanism. ``deflection.<name>`` is that of a spring from its
-rest length or angle, and ``deflection.<name>.x`` to ``.rz`` of a bushing in axes of the first frame. If a joint,
-closure or driver has the same name, "(force)" is appended to that of the force. Dry friction of joints that stick, and
-friction proportional to closure forces, do not follow from the state: they are outputs of rows, ``effort.<name>``, the
-former with ``power.<joint> friction``.
+``power.<name>`` in W is the power of the force on the mechanism. ``deflection.<name>`` is the deflection of a spring
+from its rest length or angle, and ``deflection.<name>.x`` to ``.rz`` of a bushing in axes of the first frame. If a
+joint, closure or driver has the same name, "(force)" is appended to the name of the force. Dry friction of sticking
+joints, and friction proportional to closure forces, do not follow from the state: they are outputs of rows,
+``effort.<name>``, the former with ``power.<joint> friction``.
 """
 
 from typing import TYPE_CHECKING
@@ -53,7 +53,7 @@ def effort_units(mech: "Mechanism") -> dict[str, str]:
 
 
 def efforts(mech: "Mechanism", t: Array, q: Array, v: Array, s: Array) -> dict[str, Array]:
-    """Return the outputs of each force at the times of a motion, (n,) each, see the module.
+    """Return the outputs of each force at the times of a motion, (n,) each.
 
     Args:
         mech: the mechanism.
@@ -89,13 +89,13 @@ def driver_powers(mech: "Mechanism", t: Array, lam: Array) -> dict[str, Array]:
 
 
 def brake_rows(mech: "Mechanism") -> dict[str, tuple[int, int]]:
-    """Return row and velocity index of each joint with dry friction that sticks."""
+    """Return row and velocity index of each joint with exact dry friction."""
     brakes = [c for c in mech.constraints if isinstance(c, Brake)]
     return {c.name: (mech.rows_of(c.name)[0], find_joint(mech.model, c.joint).idx_v) for c in brakes}
 
 
 def friction_powers(mech: "Mechanism", v: Array, lam: Array) -> dict[str, Array]:
-    """Return ``power.<joint> friction`` in W, (n,) each; lam has the friction of slipping joints."""
+    """Return ``power.<joint> friction`` in W, (n,) each; lam includes the friction of slipping joints."""
     return {f"power.{name}": lam[:, row] * v[:, i] for name, (row, i) in brake_rows(mech).items()}
 
 
@@ -114,10 +114,10 @@ def _force_outputs(law: ForceElement, t: float, v: Array, tau: Array) -> list[fl
 
 def named_laws(mech: "Mechanism", laws: ForceElements) -> dict[str, ForceElement]:
     """Return the forces by unique names."""
-    taken = {*joint_names(mech.model), *(c.name for c in mech.constraints)}
+    used_names = {*joint_names(mech.model), *(c.name for c in mech.constraints)}
     out: dict[str, ForceElement] = {}
-    for law in (law for law, _ in laws.bound if law.by_state):
-        name = f"{law.name} (force)" if law.name in taken else law.name
+    for law in (law for law, _ in laws.bound if law.depends_on_state_only):
+        name = f"{law.name} (force)" if law.name in used_names else law.name
         duplicates = sum(other.name == law.name for other in out.values())
         out[f"{name} {duplicates + 1}" if duplicates else name] = law
     return out

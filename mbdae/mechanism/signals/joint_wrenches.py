@@ -5,10 +5,11 @@ joint: the bearing reaction, and springs, motors and drivers of the joint along 
 
     f_j = sum over the bodies k of j's subtree of (I_k a_k + v_k x* I_k v_k - weight_k - other wrenches on k),
 
-where the other wrenches are those of closures and forces.
+where the other wrenches are exerted by closures and forces.
 
-Hence S_j^T f_j + armature v'_j is the total joint torque. The choice of the cut joint of a loop does not matter: a
-closure's wrench, see `mbdae.mechanism.signals.reactions`, equals that of a tree joint instead of it, with its friction.
+Hence S_j^T f_j + armature v'_j is the total joint torque. The choice of the cut joint of a loop does not matter: the
+wrench of a closure, see `mbdae.mechanism.signals.reactions`, equals the wrench of a tree joint in its place, including
+friction.
 """
 
 from typing import TYPE_CHECKING
@@ -40,8 +41,7 @@ def joint_wrenches(
         v: velocity, (nv,).
         vdot: acceleration, (nv,).
         lam: multipliers of all rows, (ng,).
-        laws: include the forces between frames, weight and inertia; if false, return the effect of the multipliers
-            alone.
+        laws: include the forces between frames, weight and inertia; if false, return only the effect of multipliers.
     """
     model, data = system.model, system.workspace
     system.jacobian(q)
@@ -59,7 +59,7 @@ def joint_wrenches(
                 for term in law.wrench_partials(t, law.pair.relative(v)):
                     _add(external, law.pair, term.F)
     if bound_bodies(data):
-        _carry_flexible(system, external, q, v, vdot, inertia=laws)
+        _add_flexible_wrenches(system, external, q, v, vdot, inertia=laws)
     forces = pin.StdVec_Force()
     for placement, wrench in zip(data.oMi[: model.njoints], external[: model.njoints], strict=True):
         forces.append(placement.actInv(pin.Force(wrench)))
@@ -73,10 +73,10 @@ def joint_wrenches(
     return _joint_forces(data) - weight
 
 
-def _carry_flexible(
+def _add_flexible_wrenches(
     system: "Index2System", external: Array, q: Array, v: Array, vdot: Array, *, inertia: bool
 ) -> None:
-    """Add the wrenches on nodes, and those of inertia of the deformation, to the frames of flexible bodies."""
+    """Add the wrenches on nodes, and the inertia wrenches of the deformation, to the frames of flexible bodies."""
     data, gravity = system.workspace, system.model.gravity.linear
     update_motions(system.model, data, q, v, vdot)
     for body in bound_bodies(data):
@@ -99,7 +99,7 @@ def joint_reaction(mech: "Mechanism", name: str, *motion: Array) -> Reaction:
 
     Args:
         mech: the mechanism.
-        name: name of the joint; its axes are those of the child body.
+        name: name of the joint; components are in axes of the child body.
         motion: t, q, v, v' and lam as for `reaction_wrenches`.
     """
     world, local = (x[:, reaction_names(mech).index(name)] for x in reaction_wrenches(mech, *motion))
@@ -115,21 +115,20 @@ def joint_reaction(mech: "Mechanism", name: str, *motion: Array) -> Reaction:
 
 
 def reaction_names(mech: "Mechanism") -> list[str]:
-    """Return the names of everything that transmits a wrench: tree joints, closures and drivers between frames.
+    """Return the names of all elements that transmit a wrench: tree joints, closures and drivers between frames.
 
     A closure has precedence over a joint of the same name.
     """
     constraints = [c.name for c in mech.constraints if c.frames]
-    left_out = {*constraints, *(name for body in flexible_bodies(mech.model) for name in body.mode_joints)}
-    return [name for name in joint_names(mech.model) if name not in left_out] + constraints
+    excluded = {*constraints, *(name for body in flexible_bodies(mech.model) for name in body.mode_joints)}
+    return [name for name in joint_names(mech.model) if name not in excluded] + constraints
 
 
 def reaction_wrenches(mech: "Mechanism", t: Array, q: Array, v: Array, vdot: Array, lam: Array) -> tuple[Array, Array]:
     """Return the wrenches of all `reaction_names`, (n, k, 6), in world axes and in local axes.
 
-    A joint's wrench acts on its child body, at the joint's origin, and its local axes are those of that body; a
-    closure's acts on the body of its second frame, at that frame's origin, and its local axes are those of the first
-    frame.
+    The wrench of a joint acts on its child body, at the joint's origin, with local axes of that body; the wrench of a
+    closure acts on the body of its second frame, at that frame's origin, with local axes of the first frame.
 
     Args:
         mech: the mechanism.

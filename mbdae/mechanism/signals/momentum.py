@@ -22,8 +22,7 @@ SHAKING = {name: unit
 def momentum(model: pin.Model, q: Array, v: Array) -> dict[str, Array]:
     """Return the centre of mass c, the momentum sum m_k c_k' and the angular momentum about c, in world axes.
 
-    Armature inertias, of rotors without a body, do not contribute, nor do bodies that are fixed to the world, unless
-    they are flexible.
+    Armature inertias, of rotors without a body, do not contribute, nor do rigid bodies fixed to the world.
 
     Args:
         model: a model.
@@ -35,7 +34,7 @@ def momentum(model: pin.Model, q: Array, v: Array) -> dict[str, Array]:
     """
     data, out = make_data(model), np.empty((len(q), 9))
     bodies = [(j, Y) for j, Y in enumerate(model.inertias) if j]
-    fixed = [body for body in bound_bodies(data) if not body.joint]  # moving joints carry the others
+    fixed = [body for body in bound_bodies(data) if not body.joint]  # other flexible bodies belong to moving joints
     mass = sum(Y.mass for _, Y in bodies) + sum(body.modal.mass for body in fixed)
     for row, configuration, velocity in zip(out, q, v, strict=True):
         update_motions(model, data, configuration, velocity)
@@ -49,10 +48,10 @@ def momentum(model: pin.Model, q: Array, v: Array) -> dict[str, Array]:
 
 
 class Momenta(NamedTuple):
-    """Momenta along directions in which a mechanism may be symmetric, with their rates, (n, 6 + nv) each.
+    """Momenta that may be conserved by symmetry, with their rates, (n, 6 + nv) each.
 
-    The first six are the sums over bodies of m c' and of the angular momentum about the origin, in world axes; the
-    others are the components of M v.
+    The first six are the sums over bodies of m c' and of the angular momentum about the origin, in world axes; they are
+    followed by the components of M v.
 
     Attributes:
         value: the momenta.
@@ -93,7 +92,7 @@ def momenta(model: pin.Model, q: Array, v: Array, a: Array) -> Momenta:
 
 
 def shaking_force(model: pin.Model, q: Array, v: Array, vdot: Array) -> dict[str, Array]:
-    """Return the inertia forces of all bodies, which act on the frame beside their weight, and their moment.
+    """Return the inertia forces of all bodies, which act on the frame in addition to their weight, and their moment.
 
         F = -sum_k m_k c_k'',   M = -sum_k (c_k x m_k c_k'' + (I_k w_k)'),   about the origin of the world, in its axes
 
@@ -119,14 +118,14 @@ def shaking_force(model: pin.Model, q: Array, v: Array, vdot: Array) -> dict[str
 
 
 def _momenta_of_bodies(model: pin.Model, data: pin.Data, q: Array, v: Array) -> Array:
-    """Return the momenta of bodies, and of their deformations, about the origin, (n, 6); velocities are current."""
+    """Return the momenta (n, 6) of bodies and their deformations about the origin; velocities must be current."""
     bodies = list(zip(data.oMi, model.inertias, data.v, strict=False))[1:]  # nodes of flexible bodies follow
     found = [M.act(Y * w).vector for M, Y, w in bodies] + [body.momentum(data, q, v) for body in bound_bodies(data)]
     return np.array(found).reshape(-1, 6)
 
 
 def _inertia_wrenches(model: pin.Model, data: pin.Data, q: Array, v: Array, a: Array) -> Array:
-    """Return the rates of these momenta, (n, 6); accelerations are current."""
+    """Return the rates (n, 6) of `_momenta_of_bodies`; accelerations must be current."""
     bodies = list(zip(data.oMi, model.inertias, data.v, data.a, strict=False))[1:]
     found = [M.act(Y * x + w.cross(Y * w)).vector for M, Y, w, x in bodies]
     return np.array(found + [body.inertia_wrench(data, q, v, a) for body in bound_bodies(data)]).reshape(-1, 6)

@@ -27,15 +27,15 @@ NOT_UNIQUE = "rows depend on others: the multipliers of minimum norm are shown"
 class Reaction:
     """Reaction force and torque of a closure on the body of its second frame, at that frame's origin.
 
-    The body of the first frame receives the opposite at the same point.
+    The opposite force and torque act on the body of the first frame at the same point.
 
     Attributes:
-        name: of the closure or driver.
+        name: name of the closure or driver.
         t: times in s, (n,).
-        force: in N, along the axes of the first frame, (n, 3).
-        torque: in N m, along the axes of the first frame, (n, 3).
-        force_world: in N, along the world's axes, (n, 3).
-        torque_world: in N m, along the world's axes, (n, 3).
+        force: force in N, along the axes of the first frame, (n, 3).
+        torque: torque in N m, along the axes of the first frame, (n, 3).
+        force_world: force in N, along the world's axes, (n, 3).
+        torque_world: torque in N m, along the world's axes, (n, 3).
         unique: which of the six components, force and then torque in the first frame, the motion determines.
     """
 
@@ -59,12 +59,12 @@ class Reaction:
 
 @dataclass(frozen=True)
 class Effort:
-    """Effort of a coupling or a driver, and the power of a driver; or friction and its power in a joint that sticks.
+    """Effort of a coupling or a driver, and the power of a driver; or friction of a joint, and its power.
 
     Attributes:
-        name: of the coupling, driver or friction.
+        name: name of the coupling, driver or friction.
         t: times in s, (n,).
-        effort: on the first joint, in N m or N; for a driven distance, the force in N that increases it, (n,).
+        effort: effort on the first joint, in N m or N; for a driven distance, the force in N that increases it, (n,).
         counter: effort on the second joint if there is one, in N m or N, (n,).
         position: u(t) of a driver in rad or m, zero for a coupling, (n,).
         power: effort times u'(t), or friction times the velocity of its joint, in W, (n,).
@@ -90,7 +90,7 @@ def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Ar
 
     Args:
         mech: the mechanism.
-        name: of the closure or driver.
+        name: name of the closure or driver.
         t: times, (n,).
         q: configurations, (n, nq).
         lam: multipliers, (n, ng).
@@ -162,8 +162,8 @@ def _require_effort(spec: Any, name: str) -> None:
 def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
     """Return closures and drivers with non-unique reactions, and the number of their redundant rows.
 
-    The number is m - (rank of all rows - rank of the rows of the others), of m active rows: rows of open contacts have
-    no reaction. Trivial rows, such as the out-of-plane row of a planar loop, count, too.
+    Of m active rows, m - (rank of all rows - rank without these rows) are redundant; rows of open contacts are
+    inactive. Trivial rows, such as the out-of-plane row of a planar loop, also count.
     """
     with mech.workspaces.borrowed() as system:
         G, inactive = mass_scaled_jacobian(system, t, q), system.constraints.inactive

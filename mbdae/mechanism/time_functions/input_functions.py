@@ -26,21 +26,21 @@ class InputSetting(NamedTuple):
 
 
 class InputListener(Protocol):
-    """A workspace with inputs as numbers."""
+    """A workspace that stores the values of inputs."""
 
-    def set_input(self, cell: "Input", number: int) -> None:
-        """Take over the setting of an input, if it is bound to it."""
+    def set_input(self, source: "Input", number: int) -> None:
+        """Copy the setting of an input, if the workspace is bound to it."""
 
 
 class Input(BaseTimeFunction):
-    """A value that a `mbdae.Simulator` sets while it advances, or an output of an FMU; elsewhere constant.
+    """A value that a `mbdae.Simulator` or an output of an FMU sets during a simulation; otherwise constant.
 
     Attributes:
-        name: of the input; equal names are one input.
-        value: at the start.
+        name: name of the input; uses of one name share one input.
+        value: value at the start.
         unit: for tables and displays.
-        hold: between the times when it is set: ``"zero"``: constant, it jumps; ``"first"``: linear over an advance, or
-            over a step of the FMU.
+        hold: value between two settings: ``"zero"``: constant, with jumps; ``"first"``: linear over an advance, or over
+            a step of the FMU.
     """
 
     kind: Literal["input"] = "input"
@@ -49,27 +49,27 @@ class Input(BaseTimeFunction):
     unit: str = ""
     hold: Literal["zero", "first"] = "zero"
     _setting: InputSetting | None = PrivateAttr(None)
-    _number: int = PrivateAttr(-1)  # number in a mechanism in which it can be set
-    _listeners: Any = PrivateAttr(())  # a set of weak references in such a mechanism
+    _number: int = PrivateAttr(-1)  # index among the settable inputs of a mechanism
+    _listeners: Any = PrivateAttr(())  # a set of weak references, if the input can be set
 
     @property
     def setting(self) -> InputSetting:
         """The last setting."""
         return self._setting or InputSetting(0.0, self.value)
 
-    def cell(self, number: int) -> "Input":
-        """Return a copy that can be set, of the copy of a mechanism that a simulator owns."""
+    def settable_copy(self, number: int) -> "Input":
+        """Return a copy that can be set, for the simulator's copy of a mechanism."""
         out = self.model_copy()
         out._setting, out._number, out._listeners = InputSetting(0.0, self.value), number, WeakSet()
         return out
 
     def listen(self, listener: InputListener) -> None:
-        """Let a workspace take over all further settings."""
+        """Notify a workspace of all further settings."""
         if self._number >= 0:
             self._listeners.add(listener)
 
     def set(self, setting: InputSetting, notify: bool = True) -> None:
-        """Set it, see `cell`; without notification, workspaces of the core keep their setting."""
+        """Set the input, see `settable_copy`; without notification, workspaces of the core keep their setting."""
         assert self._number >= 0
         self._setting = setting
         for listener in self._listeners if notify else ():
@@ -77,12 +77,12 @@ class Input(BaseTimeFunction):
 
     @property
     def number(self) -> int:
-        """Its number among the inputs of a mechanism in which it can be set; -1 elsewhere."""
+        """Index among the settable inputs of a mechanism; -1 if it cannot be set."""
         return self._number
 
     def at(self, t: float, k: int = 0) -> float:
-        now = self.setting
-        return (now.at(t), now.rate)[k] if k < 2 else 0.0
+        setting = self.setting
+        return (setting.at(t), setting.rate)[k] if k < 2 else 0.0
 
     def core_data(self) -> dict[str, Any]:
         t, value, rate = self.setting
@@ -90,12 +90,12 @@ class Input(BaseTimeFunction):
 
 
 class InputHistory(PiecewiseFunction):
-    """The history of an input: linear pieces (t, value, rate) in s, t increasing; the first one also applies before.
+    """The history of an input: linear pieces (t, value, rate), t increasing in s; the first also applies before its t.
 
     Attributes:
-        name: of the input.
-        pieces: each applies from its time on.
-        hold: of the input.
+        name: name of the input.
+        pieces: linear pieces, each valid from its time on.
+        hold: hold of the input.
     """
 
     kind: Literal["input_history"] = "input_history"
@@ -116,7 +116,7 @@ class InputHistory(PiecewiseFunction):
 
 
 def as_input(x: Input | InputHistory) -> Input:
-    """Return an input, or the one that was recorded."""
+    """Return an input; from a recorded history, the input that was recorded."""
     return x if isinstance(x, Input) else Input(name=x.name, value=x.pieces[0][1], hold=x.hold)
 
 
@@ -133,13 +133,13 @@ def map_inputs(value: Any, change: Callable[[Input | InputHistory], Any]) -> Any
     if not update:
         return value
     out = value.model_copy(update=update)
-    for name in vars(out).keys() - found.keys():  # cached properties, of the inputs before
+    for name in vars(out).keys() - found.keys():  # cached properties that depend on the old inputs
         del vars(out)[name]
     return out
 
 
-def inputs_in(parts: Iterable[Any]) -> dict[str, Input | InputHistory]:
-    """Return the inputs in forces and drivers, and recorded ones, by name.
+def inputs_in(users: Iterable[Any]) -> dict[str, Input | InputHistory]:
+    """Return the inputs, and recorded inputs, in forces and drivers, by name.
 
     Raises:
         InputError: for inputs of one name with different settings.
@@ -151,6 +151,6 @@ def inputs_in(parts: Iterable[Any]) -> dict[str, Input | InputHistory]:
             raise InputError(f"input {x.name!r} is given twice, with different settings")
         return x
 
-    for part in parts:
-        map_inputs(part, collect)
+    for user in users:
+        map_inputs(user, collect)
     return found

@@ -26,7 +26,7 @@ class PerturbedInput(BaseTimeFunction):
 
     Attributes:
         begin: perturbation at the start of the advance; unused for hold = "zero".
-        end: perturbation of the value that was set for the advance: of all of it, or with hold = "first" at its end.
+        end: perturbation of the value set for the advance; with hold = "first", at the end of the advance.
     """
 
     begin: float = 0.0
@@ -34,9 +34,9 @@ class PerturbedInput(BaseTimeFunction):
     _at: Callable[..., float] = PrivateAttr()
 
     @classmethod
-    def of(cls, cell: Input, span: AdvanceSpan, begin: float, end: float) -> "PerturbedInput":
+    def of(cls, source: Input, span: AdvanceSpan, begin: float, end: float) -> "PerturbedInput":
         """Return the perturbed input of a simulator."""
-        out, nominal, linear = cls(begin=begin, end=end), cell.at, cell.hold == "first"
+        out, nominal, linear = cls(begin=begin, end=end), source.at, source.hold == "first"
 
         def at(t: float, k: int = 0) -> float:
             if not linear:

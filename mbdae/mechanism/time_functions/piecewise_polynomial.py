@@ -1,4 +1,4 @@
-"""Piecewise polynomials, for constants, polynomials, tables and steps, and smooth curves through points."""
+"""Piecewise polynomials for constants, polynomials, tables and steps, and smooth curves through points."""
 
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
@@ -20,7 +20,7 @@ Point = tuple[float, float]
 Interpolation = Literal["spline", "monotone"]
 Extrapolation = Literal["hold", "linear", "periodic"]
 CACHE_SIZE = 32  # curves
-MAX_POLYNOMIALS = 100_000  # within a run: for more, use a harmonic or another model
+MAX_POLYNOMIALS = 100_000  # largest number of polynomials within a run
 
 
 class PiecewisePolynomial:
@@ -31,7 +31,7 @@ class PiecewisePolynomial:
         coefficients: c, (n, d + 1), highest power first.
         nonsmooth_times: times where u is not smooth.
         period: u(t + period) = u(t) + increment from t_0 on; 0 if u is not periodic.
-        increment_per_period: of u.
+        increment_per_period: increment of u over one period.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class PiecewisePolynomial:
         period: float = 0.0,
         increment_per_period: float = 0.0,
     ) -> "PiecewisePolynomial":
-        """Return the polynomials of a curve of scipy."""
+        """Return the piecewise polynomial of a scipy `PPoly`."""
         return cls(curve.x[:-1], curve.c.T, nonsmooth_times, period, increment_per_period)
 
     def at(self, t: float, k: int = 0) -> float:
@@ -118,7 +118,7 @@ def require_increasing(points: Sequence[Point]) -> tuple[Point, ...]:
 def interpolant_of_points(
     points: Sequence[Point], interpolation: Interpolation, extrapolation: Extrapolation, *, at_rest: bool = False
 ) -> "PPoly":
-    """Return a smooth curve through points: a natural cubic spline, or a monotone one (Fritsch, Butland 1984).
+    """Return a smooth curve through points: a natural or a monotone cubic spline (Fritsch, Butland 1984).
 
     Beyond its ends the curve is constant or linear; `PPoly.antiderivative` integrates it exactly. A periodic curve
     covers one period; where periods join, it is as smooth as elsewhere.
@@ -126,7 +126,7 @@ def interpolant_of_points(
     Args:
         points: pairs (t, u).
         interpolation: kind of the curve.
-        extrapolation: beyond its ends.
+        extrapolation: extrapolation beyond its ends.
         at_rest: u' = 0 at both ends (a clamped spline), so that constant extrapolation causes no jump of u'.
 
     Raises:
@@ -137,7 +137,7 @@ def interpolant_of_points(
     x, y = np.array(points, float).T
     with np.errstate(all="ignore"), suppress(ValueError, np.linalg.LinAlgError):
         periodic = extrapolation == "periodic"
-        c = _periodic(x, y, interpolation) if periodic else _curve(tuple(points), interpolation, at_rest)
+        c = _periodic_curve(x, y, interpolation) if periodic else _curve(tuple(points), interpolation, at_rest)
         if not periodic:
             rate = np.zeros(2) if extrapolation == "hold" else c(x[[0, -1]], 1)
             zero, width = np.zeros(2), x[-1] - x[0]
@@ -150,12 +150,12 @@ def interpolant_of_points(
 
 @lru_cache(CACHE_SIZE)
 def _curve(points: tuple[Point, ...], interpolation: Interpolation, at_rest: bool) -> "PPoly":
-    """Return the curve between the first and the last point; the same one for a load and a motion."""
+    """Return the curve between the first and the last point; cached, since a load and a motion may share it."""
     x, y = np.array(points, float).T
-    return _through(x, y, interpolation, at_rest=at_rest)
+    return _curve_through(x, y, interpolation, at_rest=at_rest)
 
 
-def _through(x: np.ndarray, y: np.ndarray, interpolation: Interpolation, *, at_rest: bool) -> "PPoly":
+def _curve_through(x: np.ndarray, y: np.ndarray, interpolation: Interpolation, *, at_rest: bool) -> "PPoly":
     """Return the curve between the first and the last point."""
     from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator
 
@@ -167,7 +167,7 @@ def _through(x: np.ndarray, y: np.ndarray, interpolation: Interpolation, *, at_r
     return CubicHermiteSpline(x, y, rates)
 
 
-def _periodic(x: np.ndarray, y: np.ndarray, interpolation: Interpolation) -> "PPoly":
+def _periodic_curve(x: np.ndarray, y: np.ndarray, interpolation: Interpolation) -> "PPoly":
     """Return the curve of one period with increment y_n - y_0."""
     from scipy.interpolate import CubicSpline, PPoly
 
@@ -180,6 +180,6 @@ def _periodic(x: np.ndarray, y: np.ndarray, interpolation: Interpolation) -> "PP
         c[2] += mean_rate
         c[3] += mean_rate * (x[:-1] - x[0])
         return PPoly(c, x)
-    # the middle one of three periods
+    # the middle of three periods
     x3, y3 = (np.concatenate([z[:-1] - shift, z[:-1], z + shift]) for z, shift in ((x, width), (y, increment)))
-    return PPoly(_through(x3, y3, interpolation, at_rest=False).c[:, n : 2 * n], x)
+    return PPoly(_curve_through(x3, y3, interpolation, at_rest=False).c[:, n : 2 * n], x)

@@ -1,4 +1,4 @@
-"""Interface of functions of time, and those that consist of polynomials."""
+"""Base classes of functions of time, and of piecewise polynomials of time."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ class BaseTimeFunction(Table):
         """Return the k-th derivative with respect to time, k = 0, 1, 2, as given; see `derivative`."""
 
     def derivative(self, t: float, k: int = 1) -> float:
-        """Return the k-th derivative, k = 1, 2, 3: a sixth-order difference of the one before if it is not given."""
+        """Return the k-th derivative, k = 1, 2, 3; if not given, a sixth-order difference of the (k-1)-th."""
         if k < 3 and self.has_derivative(k):
             return self.at(t, k)
         return float(numerical_derivative(lambda x: self.at(t + x, k - 1), SPACING))

@@ -97,7 +97,7 @@ class TimeTable(_Points):
     """A smooth curve through points (t, value), t increasing.
 
     A periodic curve has the period t_n - t_1; where periods join, it is as smooth as elsewhere. Its last value equals
-    its first one, except in a motion, which may increase by the difference in each period (a rotating crank).
+    its first value, except for a motion, which may increase by the difference in each period (a rotating crank).
 
     Attributes:
         points: pairs (t, value) in s.
@@ -144,7 +144,7 @@ class TimeTable(_Points):
 
 
 class Steps(_Points):
-    """Piecewise constant function: each value applies from its time on, the first one also before.
+    """Piecewise constant function: each value applies from its time on, the first value also before its time.
 
     Attributes:
         points: pairs (t, value) in s, t increasing.
@@ -160,9 +160,9 @@ class Steps(_Points):
 
 
 class Function(BaseTimeFunction):
-    """A Python function of time, with derivatives if they are needed.
+    """A Python function of time, with the derivatives required by its use.
 
-    A saved solution records only its name; operations that need its values fail there.
+    A saved solution records only its name; operations on a loaded solution that need its values fail.
 
     Args:
         function: t -> float.
@@ -220,7 +220,7 @@ def _coerce(value: object) -> Any:
     return Function(function=value) if callable(value) and not isinstance(value, BaseTimeFunction) else value
 
 
-def _require_equal_ends(u: T) -> T:
+def _require_equal_end_values(u: T) -> T:
     if isinstance(u, TimeTable) and u.beyond == "periodic" and u.increment_per_period:
         ends = f"{u.points[0][1]:g} and {u.points[-1][1]:g}"
         raise ValueError(f"a periodic table of a load or speed ends with the value that it begins with, got {ends}")
@@ -234,4 +234,4 @@ Motion = Annotated[
     ],
     BeforeValidator(_coerce),
 ]
-TimeFunction = Annotated[Motion, AfterValidator(_require_equal_ends)]
+TimeFunction = Annotated[Motion, AfterValidator(_require_equal_end_values)]

@@ -20,7 +20,7 @@ COORDINATE_NAMES: dict[
     "Planar": (("x", "y", "cos", "sin"), ("vx", "vy", "wz")),
     "Universal": (("1", "2"), ("1", "2")),
 }
-JointUnits = dict[str, dict[str, dict[str, str]]]  # by q or v, joint, and coordinate: base.x
+JointUnits = dict[str, dict[str, dict[str, str]]]  # units by q or v, joint, and coordinate, such as base.x
 DIMENSIONLESS = ("qx", "qy", "qz", "qw", "cos", "sin")
 
 
@@ -65,7 +65,7 @@ def units_by_coordinate(units: JointUnits) -> dict[str, str]:
 
 
 def joint_coordinate_units(model: pin.Model) -> JointUnits:
-    """Return the units of the coordinates of a model by joint: a name may be that of another joint, a dot and more."""
+    """Return the units of the coordinates of a model, by joint, as names such as ``base.x`` alone may be ambiguous."""
     out: JointUnits = {"q": {}, "v": {}}
     for name in joint_names(model):
         kind = _kind(find_joint(model, name))
@@ -87,7 +87,7 @@ def acceleration_units(mech: "Mechanism") -> dict[str, str]:
 def quantity_units(mech: "Mechanism") -> dict[str, str]:
     """Return the units of the largest of all components of q, v (in the tangent), lam, g and G v by name.
 
-    A list, ``"rad, m"``, where components have several; ``own lam`` are the multipliers of the method.
+    Components of different units give a list, ``"rad, m"``; ``own lam`` are the multipliers of the method.
     """
     rates = [unit for name, unit in coordinate_units(mech).items() if name.startswith("v.")]
     positional = (unit for unit, has_g in zip(mech.row_units, mech.positional, strict=True) if has_g)

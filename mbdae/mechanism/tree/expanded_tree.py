@@ -1,7 +1,7 @@
 """Expanded tree: joints with configuration-dependent axes become chains of joints with fixed axes.
 
-Pinocchio's derivatives, and dJ_k/dq_m = J_m x J_k, hold where the axes of a joint are fixed in the joint's frame. They
-do not for universal, Euler-angle (ZYX) and composite joints. In the expanded tree such a joint is a chain of elementary
+Pinocchio's derivatives, and dJ_k/dq_m = J_m x J_k, hold for joints whose axes are fixed in the joint frame, but not for
+universal, Euler-angle (ZYX) and composite joints. In the expanded tree such a joint is a chain of elementary
 joints with massless links: q, v, M, the poses of bodies and the columns of J have the same values in the same order;
 only the joint indices differ.
 """
@@ -65,7 +65,7 @@ class Branches(NamedTuple):
     """Columns of J that move only one of two frames.
 
     Attributes:
-        at: their indices, (c,).
+        at: indices of the columns, (c,).
         sign: +1 for columns that move b, -1 for a, (c,).
         before: 1 where m <= k, else 0, (c, c) with rows m.
     """
@@ -75,7 +75,7 @@ class Branches(NamedTuple):
     before: Array
 
     def with_modes(self, modes: Array, sign: float) -> "Branches":
-        """Return the branches with translations and then rotations of a node by the modes of a flexible body."""
+        """Return the branches extended by translations, then rotations, of a node by the modes of a flexible body."""
         k, c = len(modes), len(self.at)
         before = np.zeros((c + 2 * k,) * 2)
         before[:c, :c] = self.before

@@ -128,7 +128,7 @@ def frame_motions(
 
     Args:
         model: a model.
-        names: of n frames.
+        names: names of n frames.
         q: configurations, (m, nq).
         v: velocities, (m, nv).
         vdot: accelerations, (m, nv).
@@ -165,7 +165,7 @@ def find_joint(model: pin.Model, name: str) -> pin.JointModel:
 
 
 def find_joints(model: pin.Model, names: str | Iterable[str]) -> list[pin.JointModel]:
-    """Return the joints of one or several names."""
+    """Return the joints with one or several names."""
     return [find_joint(model, n) for n in ([names] if isinstance(names, str) else names)]
 
 
@@ -173,15 +173,15 @@ class Pair:
     """Two anchors bound to live Pinocchio data: poses in the world, twists, and the columns of J that move them.
 
     ``sign`` (nv,) is +1 where a joint moves only b, -1 where it moves only a and 0 elsewhere: a wrench w (6,) on b and
-    -w on a, both at the world's origin, has the generalized force sign * (J^T w). ``columns`` are those of the
-    joints that move a or b or both. Modes that move an anchor on a node have other columns than J, ``nodes``: sign of
-    the anchor, the bound body and its node; their ``sign`` is 0.
+    -w on a, both at the world's origin, has the generalized force sign * (J^T w). ``columns`` belong to joints that
+    move a or b or both. Modes that move an anchor on a node have their columns in ``nodes``, not in J: sign of the
+    anchor, the bound body and its node; their ``sign`` is 0.
     """
 
     def __init__(self, model: pin.Model, data: pin.Data, a: Anchor, b: Anchor) -> None:
         self.model, self.a, self.b, self._data, self._J = model, a, b, data, data.J.reshape(6, -1)  # (6,) if nv = 1
-        self._placed = [(data.oMi[x.joint], data.v[x.joint], data.a[x.joint]) for x in (a, b)]  # live, as their parts
-        (self._Ra, self._pa), (self._Rb, self._pb) = ((M.rotation, M.translation) for M, *_ in self._placed)
+        self._motions = [(data.oMi[x.joint], data.v[x.joint], data.a[x.joint]) for x in (a, b)]  # views of the data
+        (self._Ra, self._pa), (self._Rb, self._pb) = ((M.rotation, M.translation) for M, *_ in self._motions)
         self._in_a, self._in_b = (np.column_stack([x.R, x.p]) for x in (a, b))
         support_a, support_b = support(model, a.joint), support(model, b.joint)
         self.sign, self.columns = (support_b - support_a).astype(np.int8), np.flatnonzero(support_a + support_b)
@@ -197,7 +197,7 @@ class Pair:
 
     @cached_property
     def branches(self) -> Branches:
-        """Columns of J that move only one of the anchors; a node adds translations and rotations by its modes."""
+        """Columns of J that move only one of the anchors; for a node, also its translations and rotations by modes."""
         carriers = {node.index: body.joint for _, body, node in self.nodes}
         out = branches(self.model, *(carriers.get(x.joint, x.joint) for x in (self.a, self.b)))
         for sign, body, _ in self.nodes:
@@ -214,7 +214,7 @@ class Pair:
         return np.hstack([self._J[:, at[: len(at) - sum(J.shape[1] for J in split)]], *split])
 
     def node_changes(self, body: "BoundBody", node: "BoundNode", u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the changes by q_m of the translation T u and the rotation W u of a node, (6, k) each; u (k,)."""
+        """Return the derivatives with respect to q_m of translation T u and rotation W u of a node, (6, k); u (k,)."""
         frame = body.pose(self._data)
         return node.translation_change(frame, u), node.rotation_change(self._data, node.node.Psi @ u)
 
@@ -225,14 +225,14 @@ class Pair:
 
     def twist(self) -> None:
         """Update the spatial velocities Va, Vb (6,) at the world's origin, linear part first."""
-        self.Va, self.Vb = (M.act(v).vector for M, v, _ in self._placed)
+        self.Va, self.Vb = (M.act(v).vector for M, v, _ in self._motions)
 
     def bias(self) -> np.ndarray:
-        """Return the relative spatial acceleration of b with respect to a, (6,); data.a holds those for v' = 0.
+        """Return the spatial acceleration of b relative to a, (6,); data.a must contain accelerations for v' = 0.
 
         This is not Jdot v: Pinocchio's dJ omits the change of a joint's axes (universal and composite joints).
         """
-        Aa, Ab = (M.act(a).vector for M, _, a in self._placed)
+        Aa, Ab = (M.act(a).vector for M, _, a in self._motions)
         return Ab - Aa
 
     def relative(self, v: np.ndarray) -> np.ndarray:
@@ -252,7 +252,7 @@ class Pair:
 
 
 def support(model: pin.Model, joint: int) -> np.ndarray:
-    """Return a mask of the velocities that move a joint, (nv,): 1 for these, 0 for the others."""
+    """Return a mask of the velocities that move a joint, (nv,): 1 if they do, else 0."""
     mask = np.zeros(model.nv)
     if joint >= model.njoints:
         carriers = [body.carrier(model) for body in flexible_bodies(model) for _ in body.node_frames]

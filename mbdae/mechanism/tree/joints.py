@@ -32,14 +32,13 @@ KINDS = {
 def file_kind(joint: pin.JointModel) -> str:
     """Return the kind of a joint in mechanism files: ``"revolute"``, ``"continuous"``, ``"spherical"``, ...
 
-    A continuous URDF joint whose angle is one coordinate is a revolute one here.
+    A continuous URDF joint with one coordinate is classified as revolute.
     """
     name = joint.shortname().removeprefix("JointModel")
     return KINDS.get(name, name.lower())
 
 
-# kinds of joints without parameters
-PLAIN = {
+WITHOUT_PARAMETERS = {
     f"JointModel{kind}"
     for kind in ("RX", "RY", "RZ", "RUBX", "RUBY", "RUBZ", "PX", "PY", "PZ", "Spherical", "SphericalZYX", "FreeFlyer",
                  "Planar", "Translation")
@@ -49,7 +48,7 @@ PLAIN = {
 def subspace(joint: pin.JointModel) -> np.ndarray:
     """Return the motion subspace of a joint at its neutral configuration, (6, nv), in the joint frame."""
     kind = joint.shortname()
-    return _subspace_of_kind(kind).copy() if kind in PLAIN else _subspace(joint)
+    return _subspace_of_kind(kind).copy() if kind in WITHOUT_PARAMETERS else _subspace(joint)
 
 
 @cache
@@ -73,7 +72,7 @@ def joint_transform(joint: pin.JointModel, q: np.ndarray) -> pin.SE3:
 
 def is_depth_first(model: pin.Model) -> bool:
     """Return whether joints of each subtree have consecutive indices, as Pinocchio's algorithms require."""
-    path = [0]  # tail of the joint before: each joint is attached to one of these
+    path = [0]  # previous joint and its ancestors, one of which must be the parent of the next joint
     for j, parent in enumerate(list(model.parents)[1:], 1):
         if parent not in path:
             return False
@@ -102,7 +101,7 @@ def angle_components(model: pin.Model) -> np.ndarray:
 
 
 def _angles(joint: pin.JointModel) -> np.ndarray:
-    """Return which tangent components of a joint are angles, (nv,): each axis of a composite joint has its own."""
+    """Return which tangent components of a joint are angles, (nv,); composite joints axis by axis."""
     if (kind := joint.shortname()) == "JointModelComposite":
         return np.concatenate([_angles(factor) for factor in joint.extract().joints])
     if kind != "JointModelSphericalZYX" and joint.nv > 2:

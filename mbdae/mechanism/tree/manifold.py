@@ -1,12 +1,12 @@
-"""The tangent map of configurations: x' = J(x) v in coordinates q = q_n (+) x of a step.
+"""Configuration manifold and its tangent map: x' = J(x) v in coordinates q = q_n (+) x of a step.
 
 J(x) is the inverse right Jacobian of exp, one block for each spherical, planar and free-flying joint and the identity
 elsewhere, computed from its series (Iserles, Munthe-Kaas, Noersett, Zanna, Acta Numerica 2000, (B.11)),
 
     J(x) v = v + [x, v]/2 + sum_k B_2k/(2k)! ad_x^2k v,      exp'(x) x' = sum_k (-1)^k/(k + 1)! ad_x^k x',
 
-because Pinocchio's closed forms lose digits at small angles. The integration and the difference of planar joints are
-computed here for the same reason: (1 - cos w)/w of a rotation w has an error of eps/w. A body that moves along an arc u
+because Pinocchio's closed forms lose digits at small angles. For the same reason, this module integrates and subtracts
+configurations of planar joints: (1 - cos w)/w of a rotation w has an error of eps/w. A body that moves along an arc u
 and rotates by w moves along the chord R(w/2) u sin(w/2)/(w/2). Pinocchio also misses rotations below 1.5e-8 between
 two points (cos, sin) of a circle: it treats them as equal if rounding gives a cosine above 1.
 """
@@ -23,7 +23,7 @@ from ...tolerances import BELOW_ROUNDING, ROUNDING
 from .frames import skew
 
 TERMS = 40
-MAX_ROTATION = 3.0  # rad within one step: below pi, so that both ends of a step determine it
+MAX_ROTATION = 3.0  # rad within one step: below pi, so that the ends of a step determine the rotation
 
 
 def _series() -> list[float]:
@@ -54,7 +54,7 @@ def _se2(x: np.ndarray) -> np.ndarray:
 
 
 GROUPS: dict[Ad, str] = {_so3: "so3", _se3: "se3", _se2: "se2"}
-GROUP_JOINTS: dict[str, tuple[Ad, slice]] = {  # joint: ad_x, and the rotation in its tangent
+GROUP_JOINTS: dict[str, tuple[Ad, slice]] = {  # ad_x, and the slice of the rotation in the tangent, by joint
     "JointModelSpherical": (_so3, slice(0, 3)),
     "JointModelFreeFlyer": (_se3, slice(3, 6)),
     "JointModelPlanar": (_se2, slice(2, 3)),
@@ -90,8 +90,8 @@ class Manifold:
             self.group_joints.append((name, slice(idx_v, idx_v + joint.nv), ad, rotation))
             self.group_starts.append(idx_q)
             self.angular[idx_v : idx_v + joint.nv][rotation] = True
-            turned = idx_q + joint.nv - (rotation.stop - rotation.start)  # first component of the rotation
-            self.unit_blocks.append(slice(turned, idx_q + joint.nq))
+            start = idx_q + joint.nv - (rotation.stop - rotation.start)  # first component of the rotation
+            self.unit_blocks.append(slice(start, idx_q + joint.nq))
             if ad is _se2:
                 self.angles.append((idx_v + 2, idx_q + 2))
         elif joint.nq != joint.nv:  # unbounded revolute: commutative, J = 1
@@ -124,7 +124,7 @@ class Manifold:
         return x
 
     def unwrapped(self, q0: np.ndarray, q1: np.ndarray, estimate: np.ndarray) -> np.ndarray:
-        """Return q1 (-) q0, (nv,), with angles of unbounded revolute joints unwrapped to be closest to an estimate."""
+        """Return q1 (-) q0, (nv,), with angles of unbounded revolute joints unwrapped to the closest to an estimate."""
         x = self.difference(q0, q1)
         if self.circles:
             x[self.circles] += 2 * np.pi * np.round((estimate - x)[self.circles] / (2 * np.pi))
@@ -189,7 +189,7 @@ class Manifold:
         return pin.tangentMap(self.model, q).reshape(self.model.nq, self.model.nv)  # with nv = 1 it is a vector
 
     def normalized(self, q: np.ndarray) -> np.ndarray:
-        """Return the configuration of raw coordinates q, (nq,): its unit vectors are divided by their lengths."""
+        """Return the configuration of raw coordinates q, (nq,), with unit vectors normalized."""
         return q if self.flat else pin.normalize(self.model, q)
 
     def velocity(self, x: np.ndarray, dx: np.ndarray) -> np.ndarray:
@@ -212,7 +212,7 @@ def chord(heading: np.ndarray, angle: float) -> tuple[np.ndarray, float]:
 
     Args:
         heading: cosine and sine of its angle before the rotation, (2,).
-        angle: of the rotation in rad.
+        angle: angle of the rotation in rad.
     """
     half = angle / 2
     c, s = cos(half), sin(half)

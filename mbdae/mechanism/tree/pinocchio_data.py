@@ -10,28 +10,28 @@ import numpy as np
 import pinocchio as pin
 
 MAX_COMPLETE_NV = 50
-"""Degrees of freedom up to which a workspace has memory for all algorithms of Pinocchio: 4 MB, 4 ms to make."""
+"""Largest nv of a workspace with memory for all algorithms of Pinocchio: 4 MB, created in 4 ms."""
 
 
 def make_data(model: pin.Model, *, complete: bool = False) -> pin.Data:
-    """Make a workspace for the algorithms that mbdae calls.
+    """Create a workspace for the algorithms that mbdae calls.
 
     Above `MAX_COMPLETE_NV` degrees of freedom it has memory for rnea, nonLinearEffects, forwardKinematics,
-    computeJointJacobians and computePotentialEnergy only; `tree_terms.update_inertia` adds that of crba in the world's
-    convention on first use. Any other algorithm writes beyond it, since Pinocchio does not check sizes. It is therefore
-    private: users take ``mech.system().data``.
+    computeJointJacobians and computePotentialEnergy only; `tree_terms.update_inertia` adds memory for crba in the world
+    convention on first use. Any other algorithm writes out of bounds, since Pinocchio does not check sizes. It is
+    therefore private: users work with ``mech.system().data``.
 
     Args:
         model: the joint tree.
         complete: allocate memory for all algorithms of Pinocchio at any size, 32 nv^3 bytes and more.
     """
-    data = model.createData() if complete or model.nv <= MAX_COMPLETE_NV else _lean_data(model)
+    data = model.createData() if complete or model.nv <= MAX_COMPLETE_NV else _minimal_data(model)
     if bodies := getattr(model, "flexible", ()):
         data.flexible = [body.bind(model, data) for body in bodies]
     return data
 
 
-def _lean_data(model: pin.Model) -> pin.Data:
+def _minimal_data(model: pin.Model) -> pin.Data:
     data, n, nv = pin.Data(), model.njoints, model.nv
     data.joints.extend([joint.createData() for joint in model.joints])
     for placements in (data.oMi, data.liMi):
@@ -56,9 +56,9 @@ class PinocchioData:
 
     @cached_property
     def data(self) -> pin.Data:
-        """Pinocchio data with memory for all algorithms, made on first use; nothing has been computed in it.
+        """Pinocchio data with memory for all algorithms, created on first use, without results.
 
-        The system computes in another workspace: neither overwrites results of the other.
+        The system computes in a separate workspace, so that neither overwrites results of the other.
         """
         return self.model.createData()
 

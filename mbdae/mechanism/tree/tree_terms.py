@@ -1,4 +1,4 @@
-"""Terms of the tree in a workspace: Pinocchio's algorithms, and the additions of flexible bodies.
+"""Terms of the tree in a workspace: Pinocchio's algorithms, and the contributions of flexible bodies.
 
 See `mbdae.mechanism.flexible`. A model without flexible bodies has no attribute ``flexible``.
 """
@@ -35,7 +35,7 @@ def bound_bodies(data: pin.Data) -> Sequence["BoundBody"]:
     return getattr(data, "flexible", ())
 
 
-def copied(model: pin.Model) -> pin.Model:
+def copy_model(model: pin.Model) -> pin.Model:
     """Return a copy of a model, with its flexible bodies."""
     out = model.copy()
     if flexible_bodies(model):
@@ -44,7 +44,7 @@ def copied(model: pin.Model) -> pin.Model:
 
 
 def update_flexible(model: pin.Model, data: pin.Data) -> None:
-    """Write the numbers of the flexible bodies of a model into a workspace of a model with the same structure."""
+    """Write the parameters of the flexible bodies of a model into a workspace of a model with the same structure."""
     for body, bound in zip(flexible_bodies(model), bound_bodies(data), strict=True):
         bound.write(body.modal, body.base(model)[1])
 
@@ -55,7 +55,7 @@ def structure_of_flexible(model: pin.Model) -> list[tuple[str, int, tuple[str, .
 
 
 def require_rigid(model: pin.Model | None, what: str) -> None:
-    """Reject what is not known of flexible bodies.
+    """Reject quantities that are not available for flexible bodies.
 
     Raises:
         InputError: names the flexible body.
@@ -68,8 +68,8 @@ def missing_inertia(model: pin.Model, joint: str) -> str:
     """Return why the mass matrix is singular at a joint."""
     for body in flexible_bodies(model):
         if joint in body.mode_joints:
-            cure = "give the body that carries it inertia, take fewer modes, or stiffening = false"
-            return f"{body.name!r} bends too far for an inertia of second order in its modes; {cure}"
+            remedy = "give the body that carries it inertia, take fewer modes, or stiffening = false"
+            return f"{body.name!r} bends too far for an inertia of second order in its modes; {remedy}"
         if joint == body.name:
             return f"{joint!r} has no inertia about an axis of its joint; a beam has some about x with polar_moment"
     return "a body without inertia"
@@ -96,7 +96,7 @@ def update_motions(model: pin.Model, data: pin.Data, q: Array, v: Array | None =
 def update_inertia(model: pin.Model, data: pin.Data, q: Array) -> Array:
     """Update poses, J and the upper triangle of M (nv, nv), and return M."""
     if model.nv > pinocchio_data.MAX_COMPLETE_NV and not data.M.size:
-        data.M = np.zeros((model.nv, model.nv))  # which runs in the compiled core do not need
+        data.M = np.zeros((model.nv, model.nv))  # allocated on first use: runs in the compiled core do not need it
     M = pin.crba(model, data, q, pin.Convention.WORLD)
     for body in bound_bodies(data):
         body.update_poses(data, q)
@@ -110,10 +110,10 @@ def symmetric(M: Array) -> Array:
 
 
 def sparse_inertia(model: pin.Model, data: pin.Data, q: Array) -> "csc_array":
-    """Update poses and J, and return M (nv, nv) without its zeros: memory of the order of its entries.
+    """Update poses and J, and return M (nv, nv) as a sparse matrix.
 
-    Of rigid bodies by composite inertias (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, section 6.2); with
-    flexible bodies from the whole matrix.
+    Rigid bodies are treated by composite inertias (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, section
+    6.2); with flexible bodies the sparse matrix is made from the dense one.
     """
     from scipy.sparse import coo_array, csc_array
 
@@ -125,11 +125,11 @@ def sparse_inertia(model: pin.Model, data: pin.Data, q: Array) -> "csc_array":
     for j in range(model.njoints - 1, 0, -1):
         composite[model.parents[j]] += composite[j]
         first = model.idx_vs[j]
-        own = range(first, first + model.nvs[j])
-        F[:, own] = composite[j].matrix() @ J[:, own]
+        local = range(first, first + model.nvs[j])
+        F[:, local] = composite[j].matrix() @ J[:, local]
         ancestors = list(model.supports[j])[1:-1]
         above = [i for a in ancestors for i in range(model.idx_vs[a], model.idx_vs[a] + model.nvs[a])]
-        for k in own:
+        for k in local:
             rows += [*above, *range(first, k)]
             columns += [k] * (len(above) + k - first)
     entries = np.einsum("ij,ij->j", J[:, rows], F[:, columns])

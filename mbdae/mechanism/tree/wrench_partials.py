@@ -1,16 +1,16 @@
-"""Partial derivatives of wrenches between two frames, and of their power, by configuration and velocity.
+"""Partial derivatives of wrenches between two frames, and of their power, w.r.t. configuration and velocity.
 
 Only the columns J_m of joints that move exactly one of the frames contribute: a joint that moves both rotates the
-wrench together with its bodies. m <= k means that the joint of m, in the expanded tree, is that of k or an ancestor of
-it; V_<m is the velocity of the parent of m, V_j that of the frame that m moves, W = V_j - V_<m. With the products a x b
-of motions and a x* F of a motion and a wrench, all at the world's origin,
+wrench together with its bodies. m <= k means that the joint of m, in the expanded tree, is the joint of k or one of its
+ancestors; V_<m is the velocity of the parent of m, V_j the velocity of the frame that m moves, W = V_j - V_<m. With the
+products a x b of motions and a x* F of a motion and a wrench, all at the world's origin,
 
     dJ_k/dq_m = J_m x J_k  if m <= k, else 0             dJ_k/dt = V_k x J_k
     dV_j/dq_m = J_m x W                                  dV_j/dv_m = J_m
     dA_j/dq_m = J_m x (A_j - A_<m - V_<m x W) + V_<m x (J_m x W)       dA_j/dv_m = J_m x W + V_m x J_m  (A for v' = 0)
 
-Velocities and accelerations are relative to the body at which both branches begin. A node of a flexible body moves by
-its modes like by two more joints, with columns T and W; W has the change of Jr, and T that of Phi (`BoundNode`).
+Velocities and accelerations are relative to the body at which both branches begin. The modes of a flexible body move a
+node like two additional joints, with columns T and W; W contains the change of Jr, T the change of Phi (`BoundNode`).
 Results have one entry for each velocity, ``at`` (u,), where u = c without nodes.
 """
 
@@ -73,7 +73,7 @@ class PairPartials:
         return self._matrix(self.sign[:, None] * (self.J.T.dot(dF) - self.before.T * J_rotation), F)
 
     def _matrix(self, K: Array, F: Array | None = None) -> Array:
-        """Return a matrix over columns as one over velocities, with the rotation vectors of nodes under a wrench F."""
+        """Sum a matrix over columns to velocities, and add the change of node rotations under a wrench F."""
         if self._sums is None:
             return K
         out, positions = self._sums.T @ K @ self._sums, {int(k): i for i, k in enumerate(self.at)}
@@ -95,7 +95,7 @@ class PairPartials:
         return self._matrix(self.sign[:, None] * self.J.T.dot(C).dot(self.J) * self.sign)
 
     def power(self, w: Array, Da: Array, Db: Array) -> Array:
-        """Return partials (m, c) of w . (V_b - V_a) with respect to q, of wrenches w (6, m) with Da, Db (m, 6, 6)."""
+        """Return partials (m, c) of w . (V_b - V_a) with respect to q, for wrenches w (6, m) with Da, Db (m, 6, 6)."""
         return self._rows(self.along_columns(self.V.dot(Da), self.V.dot(Db)) + w.T.dot(self.sign * self.dV))
 
     def bias(self, rate: Rate, w: Array, Da: Array, Db: Array) -> tuple[Array, Array]:
@@ -121,9 +121,9 @@ class PairPartials:
 
 
 def _sums_of_columns(at: Array) -> tuple[Array, Array | None]:
-    """Return the different velocities (u,) of columns (c,), and the matrix of sums over equal ones, (c, u)."""
-    different = np.unique(at)
-    return different, (at[:, None] == different).astype(float)
+    """Return the distinct velocities (u,) of columns (c,), and the matrix (c, u) that sums equal ones."""
+    distinct = np.unique(at)
+    return distinct, (at[:, None] == distinct).astype(float)
 
 
 def _rate_partial(rate: Rate, pair: Pair, d: Array, dV: Array, *, moves_b: bool) -> Array:

@@ -129,7 +129,7 @@ def export(
     require_exportable(mech)
     simulator = Simulator(mech, record=False, backend="native", **settings)
     system: CompiledSystem = simulator._run.system  # type: ignore[assignment]
-    cells = simulator.inputs.cells
+    cells = simulator.inputs.user_inputs
     chosen = _checked_names("input", cells if inputs is None else inputs, cells)
     named = _outputs(mech, outputs, kinds)
 
@@ -141,7 +141,7 @@ def export(
     effects = parameter_effects(simulator.inputs, varied, system.native, start_of)
     states = _states(mech, kinds)
     data = core_data(native_system(simulator.mechanism, system.native)) | run_data(simulator, system)
-    by_rate = simulator.inputs.by_rate
+    by_rate = simulator.inputs.rate_dependent
     data["inputs"] = [
         {"value": x.setting.value, "linear": x.hold == "first", "by_rate": name in by_rate} for name, x in cells.items()
     ]

@@ -60,7 +60,7 @@ def parameter_effects(
     values = {name: parameter_value(template, name) for name in names}
 
     def data(changed: Mapping[str, float]) -> Numbers:
-        made = inputs.replaced(inputs.cells, template.make({**values, **changed}))
+        made = inputs.replaced(inputs.user_inputs, template.make({**values, **changed}))
         found = numbers_of(core_data(native_system(made, native)))
         return {path: x for path, x in found.items() if not any(part in KEPT for part in path[:2])}
 

@@ -244,7 +244,7 @@ def _default_start(make: MechanismFactory, name: str, low: float, high: float) -
     try:
         given = parameter_value(make, name)
     except InputError as e:
-        if "is no number" not in str(e):
+        if "is not a number" not in str(e):
             raise
         return middle
     return given if low < given < high else middle

@@ -36,7 +36,7 @@ class LiveScene:
     """
 
     def __init__(self, scene: "Scene", q: Array, shadows: bool) -> None:
-        self.scene, self.shadows, self.coarse = scene.travelled(q[None]), shadows, False
+        self.scene, self.shadows, self.coarse = scene.for_motion(q[None]), shadows, False
         self.drawables = drawables(self.scene)
         self.box, self.extent = bounds(self.scene, q[None]), VisiblePoints(self.scene, q[None]).visible().extent
         joints = self.scene.carriers

@@ -50,7 +50,7 @@ class Pulls:
     """
 
     def __init__(self, mechanism: Mechanism, q: Array, ranges: Mapping[str, Sequence[float]]) -> None:
-        self.inputs = dict(Inputs(mechanism).named)
+        self.inputs = dict(Inputs(mechanism).original_inputs)
         self.joints = independent(mechanism, mechanism.system(), q)[:MAX_SLIDERS]
         self._hands = [name for joint in mechanism.joint_names for name in _hand(mechanism, joint)]
         hands = [

@@ -89,7 +89,7 @@ def optimal_control(
     simulator = Simulator(model, 0.0, q, v, s, step=1.0, restart=True, **{"method": METHOD, **settings})
     box = _input_limits(simulator, inputs)
     span = _duration(simulator.mechanism.duration if duration is None else duration)
-    linear = tuple(name for name in box if simulator.inputs.cells[name].hold == "first")
+    linear = tuple(name for name in box if simulator.inputs.user_inputs[name].hold == "first")
     grid = Grid(tuple(box), linear, points, steps, span[0] if span[0] == span[1] else None)
     function, used, label = integrand(cost)
     ends = {name: _pair(x) for name, x in table_by_name("end", end).items()}
@@ -112,7 +112,7 @@ def optimal_control(
 
 def _input_limits(simulator: Simulator, inputs: object) -> dict[str, tuple[float, float]]:
     """Return (low, high) of the inputs to find."""
-    cells = simulator.inputs.cells
+    cells = simulator.inputs.user_inputs
     if not isinstance(inputs, Mapping):
         if isinstance(inputs, str) or not isinstance(inputs, Sequence) or not all(isinstance(x, str) for x in inputs):
             raise InputError(f"inputs are a list of names, or name = (low, high), got {inputs!r:.60}")
@@ -137,7 +137,7 @@ def _unknowns(
         if name not in grid.names:
             raise UnknownNameError("input", name, grid.names)
     for name, n in grid.sizes().items():
-        values = _guess(name, guess.get(name, simulator.inputs.cells[name].setting.value), n)
+        values = _guess(name, guess.get(name, simulator.inputs.user_inputs[name].setting.value), n)
         low, high = box[name]
         size = ((high - low) / 10 if np.isfinite(high - low) else float(np.abs(values).max())) or 1.0
         share = np.full(n, 1.0 / (grid.points - 1))

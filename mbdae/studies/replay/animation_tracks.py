@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError, as_list
-from ...mechanism.scene.bent_models import enlarged
 from ...mechanism.scene.drawables import Drawable, Motion, Track, aligned_quaternions, drawables, motions, primitive
+from ...mechanism.scene.flexible_models import with_scaled_deformation
 from ...mechanism.scene.visible import sampled
 from ...mechanism.signals.contacts import contact_path, rolling_closures
 from ...mechanism.tree.frames import frame_paths, joint_paths
@@ -79,7 +79,7 @@ def ghosts(
     for i, (name, other) in enumerate(others.items()):
         colour = GHOSTS[i % len(GHOSTS)]
         q, inside = _configurations(sol, name, other, times)
-        own = scene.travelled(q[inside])
+        own = scene.for_motion(q[inside])
         found = zip(drawables(own), motions(own, q), strict=True)
         shown = Track(inside[:, None].astype(float))
         moving = [
@@ -143,7 +143,7 @@ def traces(
     Raises:
         UnknownNameError: for a frame or rolling closure that does not exist.
     """
-    listed, model = as_list(names, "traces is a list of frames"), enlarged(mechanism.model, deformation)
+    listed, model = as_list(names, "traces is a list of frames"), with_scaled_deformation(mechanism.model, deformation)
 
     def paths(q: Array) -> list[Array]:
         return [
@@ -279,5 +279,5 @@ def _application_points(mech: "Mechanism", name: str, q: Array, deformation: flo
         return contact_path(mech, name, q)
     frames = next((c.frames for c in mech.constraints if c.name == name), None)
     if frames:
-        return frame_paths(enlarged(mech.model, deformation), [frames[1]], q)[0]
+        return frame_paths(with_scaled_deformation(mech.model, deformation), [frames[1]], q)[0]
     return joint_paths(mech.model, [name], q)[0]

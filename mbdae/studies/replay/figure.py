@@ -29,7 +29,7 @@ def posture(sol: Solution) -> "Figure":
     from matplotlib.collections import PolyCollection
 
     q = sampled(sol.q)
-    scene = sol.mechanism.scene.travelled(q)
+    scene = sol.mechanism.scene.for_motion(q)
     thin = VisiblePoints(scene, q).visible().thin
     view = _view(thin)
     found = list(_triangles(scene, sol.q[0]))

@@ -170,7 +170,7 @@ class _Animation:
 
     def _add_channel(self, node: int, path: str, track: Track) -> None:
         clock = self.clock if track.times is None else self.file.accessor(track.times / self.speed, bounded=True)
-        sampler = {"input": clock, "interpolation": "STEP" if track.sudden else "LINEAR"}
+        sampler = {"input": clock, "interpolation": "STEP" if track.stepped else "LINEAR"}
         self.motion["samplers"].append({**sampler, "output": self.file.accessor(track.values)})
         target = {"node": node, "path": path}
         self.motion["channels"].append({"sampler": len(self.motion["samplers"]) - 1, "target": target})

@@ -93,7 +93,7 @@ def _active_scales(mark: ModeTrack, times: Array) -> Track:
     at = np.unique(np.append(ends[(ends > 0) & (ends < end)], np.float32(0)))  # none at the end: the last frame stays
     low, high = ends.T
     shown = ((low <= at[:, None]) & (at[:, None] < high)).any(axis=1).astype(float)
-    return Track(np.tile(shown[:, None], 3), at, sudden=True)
+    return Track(np.tile(shown[:, None], 3), at, stepped=True)
 
 
 def _impact_scales(mark: ModeTrack, times: Array, speed: float) -> Track:

@@ -100,7 +100,8 @@ def animate(
         _checked(sol, fps, speed, deformation)
         times, q = _frames(sol, 30.0 if fps is None else fps, MAX_FRAMES)
         with atomic_write(path) as draft:
-            scene, marks = sol.mechanism.scene.enlarged(deformation).travelled(q), mode_tracks_of(sol, q)
+            scene = sol.mechanism.scene.with_scaled_deformation(deformation).for_motion(q)
+            marks = mode_tracks_of(sol, q)
             draft.write_bytes(glb(scene, times, q, sol.mechanism.title, speed or playback_speed(sol), marks))
         return Path(path)
     shown: dict[str, Any] = {"plots": plots, "signals": signals, "traces": traces, "ghosts": ghosts, "arrows": arrows}
@@ -146,8 +147,8 @@ def page(
     if camera is not None:
         _check_known("camera", camera, CAMERAS)
     times, q = _frames(sol, 60.0 / speed if fps is None else fps / speed, MAX_FRAMES if fps is None else None)
-    bent = mechanism.scene.enlarged(deformation)
-    scene = bent.travelled(q)
+    bent = mechanism.scene.with_scaled_deformation(deformation)
+    scene = bent.for_motion(q)
     if follow:
         _check_known("body", follow, list(tracks.followable_bodies(scene, mechanism.model)))
     shown, offsets = motions(scene, q), np.abs(times - times[0])

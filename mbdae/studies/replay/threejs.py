@@ -229,7 +229,7 @@ def _clip_track(key: str, track: Track) -> dict[str, Any]:
     _, name, kind = TRACKS[key]
     values = [bool(x) for x in track.values.ravel()] if kind == "bool" else typed_array(track.values, "float32")
     out = {"name": name, "type": kind, "values": values}
-    out |= {"interpolation": DISCRETE} if track.sudden or kind == "bool" else {}
+    out |= {"interpolation": DISCRETE} if track.stepped or kind == "bool" else {}
     return out if track.times is None else out | {"times": typed_array(track.times, "float32")}
 
 

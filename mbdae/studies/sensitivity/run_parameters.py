@@ -81,11 +81,11 @@ def bind_parameters(sol: Solution, names: Names, model: Model) -> Parameters:
 
 def _require_directions(parameters: Parameters, sol: Solution) -> None:
     parameters.require_directions(float(sol.nodes[0][0]), sol.nodes[1][0][: sol.mechanism.nq])
-    flipping = [(law.name, law.flipping) for law, _ in parameters.system.laws.bound if law.flipping]
-    if not flipping:
+    reversing = [(law.name, law.reversing_pair) for law, _ in parameters.system.laws.bound if law.reversing_pair]
+    if not reversing:
         return
-    gaps = _gaps([pair for _, pair in flipping], sol.nodes[1][:, : sol.mechanism.nq])
-    for (name, pair), x in zip(flipping, gaps, strict=True):
+    gaps = _gaps([pair for _, pair in reversing], sol.nodes[1][:, : sol.mechanism.nq])
+    for (name, pair), x in zip(reversing, gaps, strict=True):
         if _passes(sol, pair, x):
             raise coincident(name)
 
@@ -140,7 +140,7 @@ def _bound(sol: Solution, names: Names, make: MechanismFactory) -> Parameters:
     indices = np.linspace(0, len(ts) - 1, CHECKS).round().astype(int)
     points = [(i, *np.split(ys[i], cuts)[:3]) for i in np.unique(indices).tolist()]
     along = [(float(ts[i]), q, v, s, sol.mode(i)) for i, q, v, s in points]
-    parameters = Parameters(make.make, values, backend.load(), own=from_file, along=along)
+    parameters = Parameters(make.make, values, backend.load(), are_defaults=from_file, along=along)
     _require_same_structure(mech, parameters.mech)
     return parameters
 

@@ -39,12 +39,12 @@ def expand_patterns(make: object, tolerances: Mapping[str, float]) -> tuple[dict
 
 def _dimensions(make: Template) -> Iterator[str]:
     """Yield the names of placements of joints, bodies and frames, and of lengths of closures."""
-    recipe = make.recipe({})
-    parts = zip(recipe.file.source, recipe.parts, strict=True)
+    spec = make.spec({})
+    parts = zip(spec.file.source, spec.parts, strict=True)
     joints = [f"joint.{source.prefix}{name}" for source, part in parts for name in joint_names(part.model)]
-    placed = [*(f"frame.{x.name}" for x in recipe.file.frame), *(f"body.{x.name}" for x in recipe.file.body), *joints]
+    placed = [*(f"frame.{x.name}" for x in spec.file.frame), *(f"body.{x.name}" for x in spec.file.body), *joints]
     for name, entry, i in product(placed, ENTRIES, range(3)):
         yield f"{name}.{entry}.{i}"
-    for closure, key in product(recipe.file.closure, CLOSURE_LENGTHS):
+    for closure, key in product(spec.file.closure, CLOSURE_LENGTHS):
         if isinstance(getattr(closure, key, None), float):  # not radii and semi-axes, which are several
             yield f"closure.{closure.name}.{key}"

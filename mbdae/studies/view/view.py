@@ -72,7 +72,7 @@ class View:
         """Return the page as text."""
         start = self.q[None]
         reached = np.concatenate([start, *(s.q for s in self.sliders)])
-        scene = self.mechanism.scene.travelled(reached)
+        scene = self.mechanism.scene.for_motion(reached)
         linked = linkage(self.mechanism, scene, self.q, self.sliders) if len(self.sliders) > 1 else None
         own, moved = motions(scene, start), {s.joint: motions(scene, s.q) for s in self.sliders}
         payload = {

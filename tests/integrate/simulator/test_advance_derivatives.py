@@ -63,7 +63,7 @@ def advance(m, start, dt=DT, value=SET, restart=True, **options):
     if "rtol" not in options:
         options["step"] = dt / STEPS
     simulator = mbdae.Simulator(m, 0.0, *start, restart=restart, **options)
-    if value is not None and simulator.inputs.cells:
+    if value is not None and simulator.inputs.user_inputs:
         simulator["motor"] = value
     simulator.advance(dt)
     return simulator
@@ -80,14 +80,14 @@ def test_tangents_are_quotients_of_advances(name, options, hold):
     states, along = family(name)
     simulator = advance(m, states(0.0), **options)
     checks = {"state": (simulator.tangent(*along), lambda x: end(advance(m, states(x), **options)), 1e-3)}
-    if simulator.inputs.cells:
+    if simulator.inputs.user_inputs:
         checks["input"] = (
             simulator.tangent(inputs={"motor": 1.0}),
             lambda x: end(advance(m, states(0.0), value=SET + x, **options)), 1e-1,
         )  # fmt: skip
-    if simulator.inputs.cells and name != "dual_arm":  # whose reference depends on time
+    if simulator.inputs.user_inputs and name != "dual_arm":  # whose reference depends on time
         checks["dt"] = simulator.tangent(dt=1.0), lambda x: end(advance(m, states(0.0), DT + x, **options)), 1e-2 * DT
-    if simulator.inputs.cells and hold == "first":
+    if simulator.inputs.user_inputs and hold == "first":
         checks["before"] = (
             simulator.tangent(inputs_before={"motor": 1.0}),
             lambda x: end(advance(with_input(name, hold, U + x), states(0.0), **options)), 1e-1,

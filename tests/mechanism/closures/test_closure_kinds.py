@@ -199,7 +199,7 @@ def test_a_rack_on_an_unbounded_pinion_is_measured_up_to_turns():
 
 
 def test_undefined_couplings_are_rejected_by_name():
-    with pytest.raises(InputError, match=r"'gears': the ratio 3.14.* of two unbounded joints is no fraction"):
+    with pytest.raises(InputError, match=r"'gears': the ratio 3.14.* of two unbounded joints is not a fraction"):
         two_wheels(["continuous", "continuous"], (0.0, np.pi))
     with pytest.raises(InputError, match="'gears': powers of an unbounded joint's angle"):
         two_wheels(["revolute", "continuous"], (0.0, 1.0, 1.0))

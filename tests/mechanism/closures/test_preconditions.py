@@ -59,7 +59,7 @@ def test_a_bevel_pair_whose_axes_do_not_meet_or_are_parallel(tmp_path):
 
 def test_a_screw_without_a_joint_for_its_turns(tmp_path):
     bodies = [body("arm", "revolute", axis=AHEAD)]
-    with pytest.raises(InputError, match="'thread': the bodies can rotate about other axes than that of the screw"):
+    with pytest.raises(InputError, match="'thread': the bodies can rotate about axes other than the screw axis"):
         mbdae.solve(load(tmp_path, bodies, [Closure.screw("world", "arm", 0.02, name="thread")]), (0, 1))
 
 

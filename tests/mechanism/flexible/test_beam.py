@@ -144,7 +144,7 @@ fibre = [5e-3, 0.0]
         ({"length": -1.0}, InputError, "beam: length needs a positive number, got -1.0"),
         ({"second_moment": (1.0, 0.0)}, InputError, "second_moment along z needs a positive number"),
         ({"modes": 20}, InputError, "8 elements have 16 modes with these ends, got modes = 20"),
-        ({"nodes": {"x": 0.3}}, InputError, "node 'x' at 0.3 m is no end of an element: 0, 0.125, 0.25"),
+        ({"nodes": {"x": 0.3}}, InputError, "node 'x' at 0.3 m is not at an end of an element: 0, 0.125, 0.25"),
         ({"ends": "hinged"}, UnknownNameError, "unknown ends 'hinged' .*; valid: clamped, pinned"),
         ({"loads": ["gravity z"]}, UnknownNameError, "unknown load 'gravity z' .*; valid: gravity y"),
         ({"shear_stiffness": -1.0}, InputError, "beam: shear_stiffness needs a number that is not negative, got -1.0"),
@@ -171,7 +171,7 @@ fibre = [5e-3, 0.0]
         ({"modes": 2.5}, InputError, "beam: modes: expected a whole number from 1, got 2.5"),
         ({"elements": 8.0}, InputError, "beam: elements: expected a whole number from 1, got 8.0"),
         ({"length": "1"}, InputError, "length needs a positive number, got '1'"),
-        ({"loads": "gravity y"}, InputError, r"loads are a list, loads = .'gravity y'."),
+        ({"loads": "gravity y"}, InputError, r"loads must be a list, loads = .'gravity y'."),
         (
             {"modes": 16, "loads": ["gravity y"]},
             InputError,

@@ -111,8 +111,8 @@ def _without_rows(text):
             "bar.inp: .NSET needs numbers from 1, got '1, 5, 0'",
         ),
         ("inp", lambda x: x.replace("-0.05", "nan", 1), "bar.inp: .NODE needs finite positions, got '1, 0, NAN"),
-        ("inp", lambda x: "\0" * 99, "bar.dof has displacements of nodes that bar.inp has not: CalculiX expands beams"),
-        ("dof", lambda x: x + "1.1\n", "bar.dof has displacements of nodes that bar.inp has not: CalculiX expands"),
+        ("inp", lambda x: "\0" * 99, "bar.dof has displacements of nodes that bar.inp does not have: CalculiX"),
+        ("dof", lambda x: x + "1.1\n", "bar.dof has displacements of nodes that bar.inp does not have: CalculiX"),
         ("dof", lambda x: "", "bar.dof is empty$"),
         ("sti", lambda x: x + "0 0 1.0\n", "bar.sti has rows and columns other than 1 to 36, as bar.dof$"),
         ("sti", lambda x: x + "1 99 1.0\n", "bar.sti has rows and columns other than 1 to 36, as bar.dof$"),
@@ -144,12 +144,12 @@ def test_bad_files_are_rejected_in_one_line(tmp_path):
             mbdae.read_finite_elements(folder / name)
     rows = (folder / "bar.dof").read_text().split()
     (folder / "bar.dof").write_text("\n".join(rows[1:]))
-    with pytest.raises(InputError, match=r"bar.dof: 1 displacements are held; store a free body"):
+    with pytest.raises(InputError, match=r"bar.dof: 1 displacements are fixed; store a free body"):
         mbdae.read_finite_elements(folder / "bar.inp")
     (folder / "bar.sti").unlink()
     (folder / "bar.dof").write_text("\n".join(rows))
     with pytest.raises(InputError, match=r"bar\.sti"):
         mbdae.read_finite_elements(folder / "bar.inp")
     np.savez(folder / "bar.npz", nodes=np.array({"Position": print}, object))
-    with pytest.raises(InputError, match=r"builtins.print holds no numbers|incomplete"):
+    with pytest.raises(InputError, match=r"builtins.print does not hold numbers|incomplete"):
         mbdae.read_finite_elements(folder / "bar.npz")

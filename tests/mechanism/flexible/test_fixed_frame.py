@@ -8,7 +8,7 @@ import mbdae
 from mbdae.finite_differences import numerical_derivative
 from mbdae.mechanism.formats.mechanism_file.loaded_model import LoadedModel
 from mbdae.mechanism.signals.momentum import momentum
-from mbdae.mechanism.tree.tree_terms import copied
+from mbdae.mechanism.tree.tree_terms import copy_model
 
 LENGTH, YOUNG, DENSITY, AREA, MOMENT = 1.0, 2.1e11, 7850.0, 1e-4, 8e-10
 BEAM = f"""
@@ -80,7 +80,7 @@ def test_centre_of_mass_of_a_cantilever(cantilever):
     sag = DENSITY * AREA * 9.81 * LENGTH**4 / (20 * YOUNG * MOMENT)
     middle = np.array([0.1 + LENGTH / 2, 0.2 - sag, 0.0])
     np.testing.assert_allclose([found[f"com.{x}"][0] for x in "xyz"], middle, rtol=1e-8)
-    model, beam, ball = copied(cantilever.model), DENSITY * AREA * LENGTH, 0.27
+    model, beam, ball = copy_model(cantilever.model), DENSITY * AREA * LENGTH, 0.27
     joint = model.addJoint(0, pin.JointModelPY(), pin.SE3(np.eye(3), np.array([5.0, 0.0, 0.0])), "ball")
     model.appendBodyToJoint(joint, pin.Inertia(ball, np.zeros(3), np.eye(3)), pin.SE3.Identity())
     found = momentum(model, np.append(q, 1.0)[None], np.append(np.zeros(len(q)), 2.0)[None])

@@ -93,7 +93,7 @@ def test_the_weight_acts_on_the_deformed_body():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"masses": -np.ones(25)}, "masses are not negative and not all zero, got -1 kg"),
+        ({"masses": -np.ones(25)}, "masses must not be negative, and not all zero, got -1 kg"),
         (
             {"Phi": np.zeros((25, 3, 3))},
             r"modes: expected finite numbers of shape \(25, 3, 4\), got shape \(25, 3, 3\)",
@@ -102,11 +102,11 @@ def test_the_weight_acts_on_the_deformed_body():
         ({"Phi": np.ones((25, 3, 4))}, "independent displacements of masses"),
         ({"masses": 1.0}, r"masses: expected finite numbers \(n,\) or \(n, n\), got shape \(\)"),
         ({"masses": np.ones((3, 2))}, r"masses: expected finite numbers \(n,\) or \(n, n\), got shape \(3, 2\)"),
-        ({"masses": np.tri(25)}, "the mass matrix is symmetric"),
+        ({"masses": np.tri(25)}, "the mass matrix must be symmetric"),
         ({"masses": 3.0 - 2 * np.eye(25)}, "no body has these masses, whose kinetic energy could be negative"),
         ({"Phi2": np.full((25, 3, 4, 4), np.nan)}, r"Phi2: expected finite .*, got shape \(25, 3, 4, 4\), not all"),
         ({"Phi2": np.zeros((25, 3, 3, 3))}, r"Phi2: expected finite .*, got shape \(25, 3, 3, 3\)"),
-        ({"Phi2": np.ones((25, 3, 1, 1)) * np.tri(4)}, "Phi2 is symmetric in its modes"),
+        ({"Phi2": np.ones((25, 3, 1, 1)) * np.tri(4)}, "Phi2 must be symmetric in its modes"),
         ({"damping_ratios": -0.1}, "damping needs one ratio that is not negative, or 4"),
         ({"damping_ratios": (0.1, 0.2)}, r"damping needs .*; got \(0.1, 0.2\)"),
         ({"nodes": {"A": np.zeros(3)}}, "nodes are Node objects by name"),

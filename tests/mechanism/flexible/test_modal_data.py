@@ -57,10 +57,10 @@ def test_a_saved_run_keeps_the_numbers(folder):
     ("change", "message"),
     [
         ({"mass": -1.0}, "flexible body 'rod': mass needs a positive number, got "),
-        ({"stiffness": [1.0, 2.0, 0.0, 1.0]}, "'rod': stiffness is positive and damping not negative"),
+        ({"stiffness": [1.0, 2.0, 0.0, 1.0]}, "'rod': stiffness must be positive and damping not negative"),
         ({"C": [[1.0]]}, r"'rod': C: expected finite numbers of shape \(3, 4\), got shape \(1, 1\)"),
-        ({"I0": np.tri(3).tolist()}, "'rod': I0 is symmetric"),
-        ({"Mq": np.diag([1.0, 1, 1, -1]).tolist()}, "'rod': Mq is positive definite"),
+        ({"I0": np.tri(3).tolist()}, "'rod': I0 must be symmetric"),
+        ({"Mq": np.diag([1.0, 1, 1, -1]).tolist()}, "'rod': Mq must be positive definite"),
         (
             {"H0": [[1.0], [1.0, 2.0]]},
             r"'rod': H0: expected finite numbers of shape \(3, 4\), got \[\[1.0\], \[1.0, 2.0\]\]",
@@ -68,7 +68,7 @@ def test_a_saved_run_keeps_the_numbers(folder):
         ({"s0": [9.0, 0.0, 0.0]}, "'rod': no body has these masses, whose kinetic energy could be negative"),
         ({"I0": np.diag([-1.0, 1, 1]).tolist()}, "'rod': no body has these masses, whose kinetic energy could be neg"),
         ({"I0": np.diag([9.0, 1, 1]).tolist()}, "'rod': no body has the moments of inertia .*, 9 kg m"),
-        ({"I2": np.arange(144.0).reshape(4, 4, 3, 3).tolist()}, "'rod': I2 is symmetric in its modes"),
+        ({"I2": np.arange(144.0).reshape(4, 4, 3, 3).tolist()}, "'rod': I2 must be symmetric in its modes"),
         ({"names": ["pin"] * 3}, "'rod': the node 'pin' is given twice"),
         ({"names": ["pin", "", "tip"]}, "'rod': nodes need names"),
         ({"modulus": [1.0, -1.0, 1.0]}, "'rod': node .*: modulus needs a number that is not negative, got -1"),
@@ -105,7 +105,7 @@ BEAM = "length = 1.0\nyoung = 7e10\ndensity = 2700.0\narea = 1e-4\nsecond_moment
     ("text", "message"),
     [
         ('file = "other.npz"', "'other.npz' is not found"),
-        ('file = "rod.toml"', "rod.toml is no file of a modal body"),
+        ('file = "rod.toml"', "rod.toml is not a file of a modal body"),
         ('file = "rod.npz"\nmodes = 5', "flexible body 'rod' has 4 modes, got modes = 5"),
         ('file = "rod.npz"\ndamping = -0.1', "flexible body 'rod': damping needs one ratio that is not negative, or 4"),
         (

@@ -125,8 +125,8 @@ def test_wrong_targets(tmp_path):
         (lambda: cart(drive(path), push), "'cart 0' is a joint and an input, which needs another name"),
         (lambda: cart(*twice), "input 'valve' is set by an output of 'motor' and of 'second'"),
         (lambda: cart(valve(path), other, unlike), "input 'valve' is given twice, with different settings"),
-        (lambda: driven(path, "zero"), "input 'valve' lets its speed jump, an impact: a driver follows"),
-        (lambda: framed(valve(path), drivers=[moved]), "driver 'belt': input 'valve' lets its motion jump, an impact"),
+        (lambda: driven(path, "zero"), "input 'valve' makes its speed jump, an impact: a driver follows"),
+        (lambda: framed(valve(path), drivers=[moved]), "driver 'belt': input 'valve' makes its motion jump, an impact"),
     ):
         assert words in message(make)
 

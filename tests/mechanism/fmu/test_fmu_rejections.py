@@ -49,7 +49,7 @@ def test_wrong_keys(changes, words, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"kind": "ModelExchange"}, "is an FMU for model exchange; only those for co-simulation can drive a mechanism"),
+        ({"kind": "ModelExchange"}, "is an FMU for model exchange; only FMUs for co-simulation can drive a mechanism"),
         ({"platform": "riscv-plan9"}, "has no library for .*, only for riscv-plan9"),
         ({"fmi": "4.0"}, "is not an FMU: Unsupported FMI version: 4.0"),
     ],

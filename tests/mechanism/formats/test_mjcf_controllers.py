@@ -107,5 +107,5 @@ def test_runs_have_derivatives_by_the_parameters_of_actuators(name, five_bar):
 def test_gains_that_depend_on_the_joint_are_named(tmp_path):
     path = tmp_path / "one.xml"
     path.write_text(ONE.format('<general name="a" joint="j" gaintype="affine" gainprm="4 1 0"/>'))
-    with pytest.warns(UserWarning, match=r"actuators that are no motors.* a"):
+    with pytest.warns(UserWarning, match=r"actuators other than motors.* a"):
         assert not mbdae.load(path).motors

@@ -63,7 +63,7 @@ def test_what_is_not_carried_over_is_one_warning_by_name():
         "contact between geoms",
         "limits of joints lift",
         "friction of joints lift",
-        "actuators that are no motors, positions or velocities of a hinge or slide winch",
+        "actuators other than motors, positions or velocities of a hinge or slide winch",
         "tendons cable",
         "gravity compensation of bodies fore",
         "forces of a fluid",

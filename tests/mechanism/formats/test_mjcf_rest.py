@@ -72,7 +72,7 @@ def test_an_actuator_with_a_plugin_is_no_motor(tmp_path):
     actuator = '<actuator><plugin name="p" joint="j" plugin="mujoco.pid" instance="pid"/></actuator>'
     mech, _ = load(tmp_path, "", actuator, extension)
     assert not mech.motors
-    what = "actuators that are no motors, positions or velocities of a hinge or slide"
+    what = "actuators other than motors, positions or velocities of a hinge or slide"
     assert mech.left_out == (f"{what} p (plugin)", "plugins pid")
 
 

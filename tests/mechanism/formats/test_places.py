@@ -143,12 +143,12 @@ def test_a_saved_run_reads_no_folder_that_it_names(read, model, tmp_path):
     mech, path = read(model, "../meshes/box.obj"), tmp_path / "mail" / "run.npz"
     path.parent.mkdir()
     mbdae.solve(mech, (0, 1e-3), step=1e-3).save(path)
-    with pytest.warns(UserWarning, match=r"s left out, .* below its folder and from installed packages; others"):
+    with pytest.warns(UserWarning, match=r"s left out, .* from its folder and from installed packages; name further"):
         other = mbdae.Solution.load(path)
     assert drawn(other.mechanism) is None
     page = tmp_path / "page.html"
     _, _, err = call("animate", str(path), "-o", str(page))
-    assert "named by meshes=[...] or --meshes" in err
+    assert "name further folders by meshes=[...] or --meshes" in err
     assert drawn(mbdae.Solution.load(path, meshes=[model]).mechanism) == drawn(mech)
     code, _, err = call("animate", str(path), "-o", str(page), "--meshes", str(model))
     assert (code, err) == (0, "")

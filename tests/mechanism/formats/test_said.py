@@ -9,7 +9,7 @@ import pytest
 
 import mbdae
 from mbdae.mechanism.formats.mjcf.unread_contents import READ
-from mbdae.mechanism.formats.urdf.read import OF_KIND, SHAPES
+from mbdae.mechanism.formats.urdf.read import READ_OF_JOINT, SHAPES
 
 # -- URDF --------------------------------------------------------------------------------------------------------------
 
@@ -42,7 +42,7 @@ def numbers(text, folder):
     return np.concatenate([np.ravel(x) for x in (*arrays, *size, *places, g.meshColor)]), mech
 
 
-@pytest.mark.parametrize("kind", [k for k in OF_KIND if k != "fixed"])
+@pytest.mark.parametrize("kind", [k for k in READ_OF_JOINT if k != "fixed"])
 def test_every_number_of_a_urdf_that_counts_as_read_is_read(kind, tmp_path):
     """Each number, changed, changes the mechanism; or it is named."""
     text = URDF.format(shape=BOX, kind=kind, more=MORE)

@@ -119,9 +119,9 @@ def test_variants_share_workspaces(kind):
         "frame.coupler_tip.xyz.0": 1.001,
         "gravity.2": -9.0,
     }.items():
-        other, recipe = template.make({name: value}), template.recipe({})
+        other, spec = template.make({name: value}), template.spec({})
         assert other.workspaces.idle is mech.workspaces.idle
-        new = make(recipe._replace(file=with_entry(recipe.file, name, value, name)))  # which shares nothing
+        new = make(spec._replace(file=with_entry(spec.file, name, value, name)))  # which shares nothing
         assert record(run(other, kind)) == record(run(new, kind)), name
         ends = ([(a.R.tolist(), a.p.tolist()) for _, pair in m.closure_anchors for a in pair] for m in (other, new))
         assert next(ends) == next(ends), name

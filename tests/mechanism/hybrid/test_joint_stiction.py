@@ -162,7 +162,7 @@ def test_wrong_friction_is_rejected():
         JointFriction(friction=2.0, static=1.0)
     with pytest.raises(InputError, match="velocity belongs to regularized friction"):
         JointFriction(friction=2.0, static=3.0, velocity=0.1)
-    with pytest.raises(InputError, match="joint 'x' has two frictions that stick"):
+    with pytest.raises(InputError, match="joint 'x' has two exact friction forces"):
         block(JointFriction(friction=2.0, exact=True), JointFriction(friction=2.0, exact=True))
     with pytest.raises(InputError, match="exact friction needs a joint of one degree of freedom; 'top' has 6"):
         mbdae.load("heavy_top", forces=[JointFriction(joint="top", friction=1.0, exact=True)])

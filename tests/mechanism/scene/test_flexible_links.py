@@ -7,7 +7,7 @@ from flexible_bodies import FOUR_BAR
 from scipy.spatial.transform import Rotation
 
 import mbdae
-from mbdae.mechanism.scene.bent_models import enlarged
+from mbdae.mechanism.scene.flexible_models import with_scaled_deformation
 from mbdae.studies.replay.animation_tracks import closure_gaps, traces
 
 LENGTH, SPAN = 0.9, np.linspace(0, 1, 9)  # of the coupler; ends of elements
@@ -48,7 +48,7 @@ def test_rods_bend_from_the_crank_to_the_closure(four_bar):
 def test_displacements_are_enlarged(four_bar, factor):
     """Also that by the shortening, pi^2 a^2/(4 L), which opens the closure."""
     mech, q = four_bar
-    scene, amplitude = mech.scene.enlarged(factor), 2e-3 * np.sqrt(2)
+    scene, amplitude = mech.scene.with_scaled_deformation(factor), 2e-3 * np.sqrt(2)
     p, R = mech.frame(q, "coupler")
     local = (ends_of_rods(scene, q, "coupler")[:, 0] - p) @ R
     np.testing.assert_allclose(local[:, 1], factor * amplitude * np.sin(np.pi * SPAN[:-1]), atol=0.01 * amplitude)
@@ -61,9 +61,10 @@ def test_displacements_are_enlarged(four_bar, factor):
 
 def test_a_scene_without_a_factor_is_that_of_the_mechanism(four_bar):
     mech, q = four_bar
-    np.testing.assert_array_equal(mech.scene.enlarged(None).placements(q), mech.scene.placements(q))
-    np.testing.assert_allclose(mech.scene.enlarged(1.0).placements(q), mech.scene.placements(q), atol=1e-15)
-    assert enlarged(mech.model, None) is mech.model
+    np.testing.assert_array_equal(mech.scene.with_scaled_deformation(None).placements(q), mech.scene.placements(q))
+    unscaled = mech.scene.with_scaled_deformation(1.0).placements(q)
+    np.testing.assert_allclose(unscaled, mech.scene.placements(q), atol=1e-15)
+    assert with_scaled_deformation(mech.model, None) is mech.model
 
 
 def test_rods_of_a_body_from_a_file_begin_at_its_joint():

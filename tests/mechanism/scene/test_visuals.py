@@ -155,7 +155,7 @@ def test_a_rail_reaches_as_far_as_what_slides_on_it():
     mech = mbdae.load("cart_pole")
     q = np.repeat(mech.start[0][None], 3, axis=0)
     q[:, 0] = 0.2, 1.3, 0.7
-    scene = mech.scene.travelled(q)
+    scene = mech.scene.for_motion(q)
     k = [s.name for s in scene.shapes].index("cart rail")
     assert scene.shapes[k].size[1] == pytest.approx(1.1 + 14 * scene.width)
     place = scene.placements(q[0])[k]

@@ -85,7 +85,7 @@ def test_a_live_view_goes_on_with_another_length(four_bar):
         ({"frame.tip.xyz.0": (0, 1)}, UnknownNameError, "tip"),
         ({COUPLER: (0.1, 1.0)}, InputError, "is outside of its range, 0.1 to 1"),
         ({COUPLER: (3, 1)}, InputError, "two increasing numbers"),
-        ({"frame.coupler_tip.xyz": (0, 1)}, InputError, "is no number"),
+        ({"frame.coupler_tip.xyz": (0, 1)}, InputError, "is not a number"),
     ],
 )
 def test_wrong_parameters_are_one_line(four_bar, parameters, error, words):

@@ -41,7 +41,7 @@ def test_cursor_time_is_scene_time_and_the_mechanism_fills_the_scene(name, tmp_p
     assert page.stat().st_size < 2.5e6
     times = [0.0, 0.4 * end, end]
     frames = round(60 * end / playback_speed(sol)) + 1
-    scene = mech.scene.travelled(sol(np.linspace(0, end, max(101, frames)))[0])
+    scene = mech.scene.for_motion(sol(np.linspace(0, end, max(101, frames)))[0])
     paths = [f"/mechanism/{s.role}/{s.name.replace('/', '|')}" for s in scene.shapes]
     with Chromium().open(f"{page.as_uri()}#shadows=0&autoplay=0", (560, 320)) as tab:
         log = tab.ask(OBSERVE % (times, paths))

@@ -14,7 +14,7 @@ from ...tree.frames import Pair, cross
 from ..closure import Axis, Z
 from ..fixed_axes import FixedAxisClosure
 from ..line_rows import LineRows, Lines, unit
-from ..rows import displaced, inner, rotated, unit_axis
+from ..rows import axis_rates, inner, point_velocity_column, unit_axis
 
 Radii = tuple[float, float]
 
@@ -25,9 +25,9 @@ class BevelClosure(FixedAxisClosure):
     The axes must intersect at a constant angle.
 
     Attributes:
-        radii: of both wheels in m; negative for a ring whose teeth point inwards.
-        second_axis: in the second frame; the same components when left out. Both axes point from their intersection to
-            the wheels.
+        radii: radii of both wheels in m; negative for a ring gear with internal teeth.
+        second_axis: axis in the second frame; the same components when left out. Both axes point from their
+            intersection to the wheels.
     """
 
     kind: Literal["bevel"] = "bevel"
@@ -92,15 +92,15 @@ class Bevel(LineRows):
 
     def lines(self, pair: Pair) -> Lines:
         ka, kb = pair.Ra.dot(self.a), pair.Rb.dot(self.b)
-        dka, dkb = rotated(pair.Va, ka), rotated(pair.Vb, kb)
+        dka, dkb = axis_rates(pair.Va, ka), axis_rates(pair.Vb, kb)
         across = cross(ka, kb)
         if not np.sqrt(inner(across, across)).real > PARALLEL:
             raise StepError("singular", "its axes are parallel: use kind 'gear'")
         e, de = unit(across, cross(dka, kb) + cross(ka, dkb))
         n = np.hstack([cross(e, ka), cross(kb, e), e])
         dn = np.hstack([cross(de, ka) + cross(e, dka), cross(dkb, e) + cross(kb, de), de])
-        at, va = np.column_stack([pair.pa, pair.pb, pair.pa]), displaced(pair.Va, pair.pa)
-        speed = np.hstack([va, displaced(pair.Vb, pair.pb), va])
+        at, va = np.column_stack([pair.pa, pair.pb, pair.pa]), point_velocity_column(pair.Va, pair.pa)
+        speed = np.hstack([va, point_velocity_column(pair.Vb, pair.pb), va])
         p = np.linalg.solve(n.T, (n * at).sum(axis=0) + np.array([*self.radii, 0.0]))
         dp = np.linalg.solve(n.T, (dn * (at - p[:, None]) + n * speed).sum(axis=0))
         return Lines(e, p[:, None], de, dp[:, None])

@@ -20,8 +20,8 @@ class CamClosure(BetweenFrames):
     A flat face must be perpendicular to the plane of the profile.
 
     Attributes:
-        profile: in the x-y plane of the first frame.
-        radius: of the roller about b's origin, in m; or
+        profile: profile in the x-y plane of the first frame.
+        radius: radius of the roller about b's origin, in m; or
         axis: normal of the flat face through b's origin, in the second frame, pointing away from the cam.
     """
 

@@ -23,11 +23,11 @@ class CouplingClosure(BetweenJoints):
     """1 row: q_i = c_0 + c_1 q_j + c_2 q_j^2 + ... or q_i = c_0 + c_1 q_j + c_2 q_k + ... or q_i = f(q_j).
 
     The joints have one coordinate each. Angles of unbounded revolute joints are known up to full revolutions: the
-    coupling is evaluated up to their multiples, and rejected if this is not possible (powers, irrational ratios).
+    coupling is evaluated modulo their effect, and rejected if this is not possible (powers, irrational ratios).
 
     Attributes:
-        coefficients: c_0, c_1, ...: of the powers for two joints, one for each joint for several.
-        curve: the law f of a coupling of two joints, instead of coefficients (cams by their law, indexing drives).
+        coefficients: c_0, c_1, ...: of powers of q_j for two joints; one for each joint for three or more.
+        curve: the law f of a coupling of two joints, instead of coefficients (cam laws, indexing drives).
     """
 
     kind: Literal["coupling"] = "coupling"
@@ -40,15 +40,14 @@ class CouplingClosure(BetweenJoints):
         if (self.coefficients is None) == (self.curve is None):
             raise ValueError("a coupling needs one of coefficients and curve")
         if self.curve is None and (n != joints if joints > 2 else n == 1):
-            several = "one of several joints has one for each"
-            raise ValueError(f"a coupling of two joints has two coefficients or more, {several}")
+            raise ValueError("a coupling has at least two coefficients, or one per joint for three joints or more")
         if self.curve and joints > 2:
             raise ValueError("curve belongs to couplings of two joints")
         return self
 
     @property
     def is_linear(self) -> bool:
-        """Whether each coordinate follows from the others, not q_i alone."""
+        """Whether the coupling can be solved for each of its coordinates, not only for q_i."""
         return self.curve is None and len(self.coefficients or ()) == len(self.joints)
 
     def unit_of(self, key: str) -> Unit | Coordinates | None:
@@ -135,12 +134,12 @@ class BoundMotionLawRow(BoundCoordinateRow):
         return {**super().core_data(), "law": self.law.core_data(), "fold": list(period_of(self.law))}
 
     def value(self) -> tuple[float, list[float]]:
-        x, other = (coordinate(j.joint_q) for j in self._live)
+        x, other = (coordinate(j.joint_q) for j in self._joint_data)
         f = law_derivatives(self.law, other)
         return x - f.y, [1.0, -f.first]
 
     def _curvature(self) -> tuple[float, float]:
-        return law_derivatives(self.law, coordinate(self._live[1].joint_q))[2:]
+        return law_derivatives(self.law, coordinate(self._joint_data[1].joint_q))[2:]
 
 
 class BoundSumRow(BoundJointRow):
@@ -156,7 +155,7 @@ class BoundSumRow(BoundJointRow):
         self.period = common_period(periods, name)
 
     def value(self) -> tuple[float, list[float]]:
-        x = [coordinate(j.joint_q) for j in self._live]
+        x = [coordinate(j.joint_q) for j in self._joint_data]
         return float(np.dot(self.factors, x)) - self.polynomial[0], self.factors
 
     def bias(self, v: Array) -> float:

@@ -14,7 +14,7 @@ from ...tree.frames import Pair, cross
 from ..closure import Axis, Z
 from ..fixed_axes import FixedAxisClosure
 from ..line_rows import LineRows, Lines, unit
-from ..rows import displaced, rotated, unit_axis
+from ..rows import axis_rates, point_velocity_column, unit_axis
 
 Radii = tuple[float, float]
 
@@ -25,7 +25,7 @@ class GearClosure(FixedAxisClosure):
     The axes must stay parallel, at the distance |r_a + r_b|.
 
     Attributes:
-        radii: of both wheels in m; negative for a ring whose teeth point inwards.
+        radii: radii of both wheels in m; negative for a ring gear with internal teeth.
     """
 
     kind: Literal["gear"] = "gear"
@@ -75,10 +75,10 @@ class Gear(LineRows):
         return [{"kind": "gear", "a": self.axis[:, 0].tolist(), "length": self.fraction}]
 
     def lines(self, pair: Pair) -> Lines:
-        pa, va = pair.pa[:, None], displaced(pair.Va, pair.pa)
-        d, dd = pair.pb[:, None] - pa, displaced(pair.Vb, pair.pb) - va
+        pa, va = pair.pa[:, None], point_velocity_column(pair.Va, pair.pa)
+        d, dd = pair.pb[:, None] - pa, point_velocity_column(pair.Vb, pair.pb) - va
         k = pair.Ra.dot(self.axis)
         if not (along := cross(k, d)).any():
             raise StepError("singular", "the axes of its wheels coincide: they have no line of centres")
-        e, de = unit(along, cross(rotated(pair.Va, k), d) + cross(k, dd))
+        e, de = unit(along, cross(axis_rates(pair.Va, k), d) + cross(k, dd))
         return Lines(e, pa + self.fraction * d, de, va + self.fraction * dd)

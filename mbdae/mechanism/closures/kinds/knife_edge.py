@@ -7,14 +7,14 @@ from ....system import Array
 from ...tree.frames import Pair
 from ..closure import Axis, BetweenFrames
 from ..line_rows import LineRows, Lines
-from ..rows import displaced, rotated, unit_axis
+from ..rows import axis_rates, point_velocity_column, unit_axis
 
 
 class KnifeEdgeClosure(BetweenFrames):
     """1 row: b's origin does not slip along the axis of b.
 
     Attributes:
-        axis: in the second frame.
+        axis: axis in the second frame.
     """
 
     kind: Literal["knife_edge"] = "knife_edge"
@@ -43,4 +43,4 @@ class KnifeEdge(LineRows):
 
     def lines(self, pair: Pair) -> Lines:
         e = pair.Rb.dot(self.axis)
-        return Lines(e, pair.pb[:, None], rotated(pair.Vb, e), displaced(pair.Vb, pair.pb))
+        return Lines(e, pair.pb[:, None], axis_rates(pair.Vb, e), point_velocity_column(pair.Vb, pair.pb))

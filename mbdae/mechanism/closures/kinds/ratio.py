@@ -14,7 +14,7 @@ class RatioClosure(BetweenJoints):
 
     Attributes:
         joints: names of joints i, j and, if c_1, ... are given, k.
-        coefficients: c_0, c_1, ...: of the powers of q_k; c_0 alone for two joints.
+        coefficients: c_0, c_1, ... of the powers of q_k; only c_0 for two joints.
     """
 
     kind: Literal["ratio"] = "ratio"

@@ -20,22 +20,22 @@ GRIPS = {"full": (0.0, pi / 2), "longitudinal": (0.0,), "lateral": (pi / 2,), "n
 class RollingClosure(UnilateralClosure):
     """3 rows: b rolls on a plane (z of a), sphere or cylinder of a: it touches the surface and does not slip.
 
-    The body is a disc or torus (``radius``, ``tyre``, ``axis``), a sphere (``tyre`` equals the radius, or is left out
-    with the axis) or an ellipsoid (``semi_axes``, ``centre``). The rows are the contact gap (multiplier N > 0 under
+    The body is a disc or torus (``radius``, ``tyre``, ``axis``), a sphere (``tyre`` equal to the radius, or no ``tyre``
+    and no ``axis``) or an ellipsoid (``semi_axes``, ``centre``). The rows are the contact gap (multiplier N > 0 under
     compression), then no slip forwards and no slip to the left of the wheel; for a body without an axle, along x and y
     of a. Without ``contact``, joints must keep the body on the surface.
 
     Attributes:
-        radius: of a wheel or sphere in m, the outer one.
+        radius: outer radius of a wheel or sphere in m.
         tyre: radius of the section of a wheel's tyre in m: 0 when left out, a knife edge; ``radius`` for a sphere.
-        axis: of a wheel in the second frame: its axle, to its left.
-        semi_axes: of an ellipsoid along the axes of the second frame, in m.
-        centre: of an ellipsoid in the second frame, in m; its origin when left out.
+        axis: axle of a wheel in the second frame, pointing to its left.
+        semi_axes: semi-axes of an ellipsoid along the axes of the second frame, in m.
+        centre: centre of an ellipsoid in the second frame, in m; its origin when left out.
         grip: no-slip directions: ``"full"`` when left out, ``"lateral"``, ``"longitudinal"``, ``"none"``, or one
             direction at an angle in rad from forwards to the left (rollers of omni and mecanum wheels).
         contact: whether the closure keeps the body on the surface; false if joints do so. True when left out.
-        surface: the x-y plane of the first frame when left out; spheres roll on a sphere or cylinder.
-        surface_radius: of a sphere or cylinder in m; negative where the body rolls inside.
+        surface: the x-y plane of the first frame when left out; spheres may also roll on a sphere or cylinder.
+        surface_radius: radius of a spherical or cylindrical surface in m; negative if the body rolls inside.
     """
 
     kind: Literal["rolling"] = "rolling"
@@ -79,7 +79,7 @@ class RollingClosure(UnilateralClosure):
 
     @property
     def tangents(self) -> tuple[float, ...]:
-        """Angles in rad, from forwards to the left, of the directions along which the body does not slip."""
+        """No-slip directions: angles in rad from forwards to the left."""
         grip = "full" if self.grip is None else self.grip
         return GRIPS[grip] if isinstance(grip, str) else (grip,)
 
@@ -89,8 +89,9 @@ class RollingClosure(UnilateralClosure):
         radius = self.radius or 0.0
         tyre = radius if self.axis is None else self.tyre or 0.0
         axle = tuple(unit_axis(self.axis).tolist()) if self.axis else None
-        rest = self.semi_axes, self.centre or (0.0, 0.0, 0.0), self.surface or "plane", self.surface_radius or 0.0
-        return ConvexBody(axle, radius - tyre, tyre, *rest)
+        centre = self.centre or (0.0, 0.0, 0.0)
+        surface, curve = self.surface or "plane", self.surface_radius or 0.0
+        return ConvexBody(axle, radius - tyre, tyre, self.semi_axes, centre, surface, curve)
 
     def primitives(self) -> tuple[ContactHeightRow | NoSlipRows, ...]:
         height = () if self.contact is False else (ContactHeightRow(self.shape),)

@@ -12,7 +12,7 @@ from ...tree.frames import Pair
 from ..closure import Axis, Z
 from ..fixed_axes import FixedAxisClosure
 from ..line_rows import LineRows, Lines
-from ..rows import displaced, rotated, unit_axis
+from ..rows import axis_rates, point_velocity_column, unit_axis
 
 
 class ScrewClosure(FixedAxisClosure):
@@ -21,13 +21,13 @@ class ScrewClosure(FixedAxisClosure):
     The body must rotate about this axis only.
 
     Attributes:
-        lead: in m per revolution, positive for a right-handed screw.
+        lead: lead in m per revolution, positive for a right-handed screw.
     """
 
     kind: Literal["screw"] = "screw"
     lead: Annotated[float, Unit("m")]
     distinct_frames = True
-    free_rotation_message = "the bodies can rotate about other axes than that of the screw: add a cylindrical closure"
+    free_rotation_message = "the bodies can rotate about axes other than the screw axis: add a cylindrical closure"
 
     @field_validator("lead")
     @classmethod
@@ -41,7 +41,7 @@ class ScrewClosure(FixedAxisClosure):
 
     def violated_precondition(self, pair: Pair, relative: Array) -> str:
         angle = self.tilt(pair, relative)
-        return f"the body rotates about another axis than that of the screw, by {angle:.3g} rad" if angle else ""
+        return f"the body rotates about an axis other than the screw axis, by {angle:.3g} rad" if angle else ""
 
     @classmethod
     def create(cls, a: str, b: str, lead: float, axis: Axis = Z, name: str = "") -> "ScrewClosure":
@@ -62,4 +62,4 @@ class Screw(LineRows):
 
     def lines(self, pair: Pair) -> Lines:
         e = pair.Ra.dot(self.axis)
-        return Lines(e, pair.pb[:, None], rotated(pair.Va, e), displaced(pair.Vb, pair.pb))
+        return Lines(e, pair.pb[:, None], axis_rates(pair.Va, e), point_velocity_column(pair.Vb, pair.pb))

@@ -1,4 +1,4 @@
-"""Rows from a Python function, at position or velocity level, for constraints that no kind of closure covers."""
+"""Rows from a Python function, at position or velocity level, for constraints not covered by other closures."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from ...tree.frames import find_joint
 from ..closure import BetweenJoints
 from ..joint_rows import BoundJointRow, JointRow
 
-STEP = 4e-3  # rad or m, central differences of order 6: 3e-17 of the seventh derivative against 1e-13 of rounding
+STEP = 4e-3  # rad or m, of sixth-order central differences: error 3e-17 of the seventh derivative, rounding 1e-13
 
 Names = Annotated[tuple[str, ...], BeforeValidator(lambda x: (x,) if isinstance(x, str) else x)]
 
@@ -34,8 +34,8 @@ class UserRows(BetweenJoints):
         position: function(q) -> (g, G), a number and (n,), d/dt g = G v
         velocity: function(q) -> G, (n,)
 
-    and for ``size`` rows g (size,), G (size, n). The function is smooth. A multiplier is
-    in J per unit of g: N for g in m, N m for g in rad.
+    and for ``size`` rows g (size,), G (size, n). The function must be smooth. The unit of a multiplier is J per unit of
+    g: N for g in m, N m for g in rad.
 
     Attributes:
         joints: names of the joints.
@@ -58,7 +58,7 @@ class UserRows(BetweenJoints):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """Leave the kind out of the schema: a file cannot contain a function."""
+        """Omit the kind from the schema: a file cannot contain a function."""
         raise PydanticOmit
 
     def _require_distinct_ends(self) -> None:
@@ -98,7 +98,7 @@ class BoundUserRow(BoundJointRow):
         self.at, self.rows, self.number, self.checked = at, row.rows, row.number, not row.positional
         self.joints = [find_joint(model, n) for n in row.rows.joints]
         self.columns = [i for j in self.joints for i in range(j.idx_v, j.idx_v + j.nv)]
-        self._live = [data.joints[j.id] for j in self.joints]
+        self._joint_data = [data.joints[j.id] for j in self.joints]
         self._joint_model = pin.Model()  # defines q (+) e
         for name, j in zip(row.rows.joints, self.joints, strict=True):
             self._joint_model.addJoint(0, j, pin.SE3.Identity(), name)
@@ -139,7 +139,7 @@ class BoundUserRow(BoundJointRow):
         by_q[self.columns] += [self._derivative(lambda x: self._bias(x, rates), q, e) for e in np.eye(len(rates))]
 
     def _q(self) -> Array:
-        return np.concatenate([j.joint_q for j in self._live])
+        return np.concatenate([j.joint_q for j in self._joint_data])
 
     def _evaluate(self, q: Array) -> tuple[float, Array]:
         """Return g at q, 0 for a velocity row, and G (n,)."""

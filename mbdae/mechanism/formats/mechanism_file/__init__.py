@@ -1,1 +1,1 @@
-"""Mechanism files: read, checked, merged with their sources, built, and described in saved runs."""
+"""Mechanism files: reading, checks, merging with sources, building of models, and descriptions in saved runs."""

@@ -61,7 +61,7 @@ def _with_flexible_bodies(
 
 
 def _attach(tree: Tree, file: MechanismFile, parts: Sequence[ImportedModel]) -> None:
-    """Attach sources, bodies and frames, each once its parent frame exists."""
+    """Attach sources, bodies and frames, each after its parent frame."""
     waiting: list[tuple[Source | Frame, ImportedModel | None]] = [*zip(file.source, parts, strict=True)]
     waiting += [(x, None) for x in (*file.body, *file.frame)]
     while waiting:
@@ -79,7 +79,7 @@ def _attach(tree: Tree, file: MechanismFile, parts: Sequence[ImportedModel]) -> 
 
 
 def require_finite(model: pin.Model) -> None:
-    """Require finite inertias and placements, and masses and dampings that are not negative.
+    """Reject inertias and placements that are not finite, and negative masses and dampings.
 
     Raises:
         InputError: for an infinite or extremely large value, or a negative mass or damping.
@@ -97,7 +97,7 @@ def require_finite(model: pin.Model) -> None:
 
 
 def require_printable_names(model: pin.Model) -> None:
-    """Require names of joints and frames without control characters, which could affect a terminal.
+    """Reject names of joints and frames with control characters, which could affect a terminal.
 
     Raises:
         InputError: for a name with control characters.
@@ -115,8 +115,8 @@ def _raise_unattached(
     for parent in (x.parent for x, _ in waiting):
         for body in bodies:
             if parent == body.name or parent.startswith(f"{body.name}."):
-                cure = "give the child a free joint, and weld it to a node by a closure of kind 'frame'"
-                raise InputError(f"{parent!r} cannot be a parent: {body.name!r} is flexible; {cure}")
+                remedy = "give the child a free joint, and weld it to a node by a closure of kind 'frame'"
+                raise InputError(f"{parent!r} cannot be a parent: {body.name!r} is flexible; {remedy}")
     unknown = [x.parent for x, _ in waiting if x.parent not in names]
     if unknown or not names:
         raise UnknownNameError("frame", unknown[0], known)
@@ -142,14 +142,14 @@ def _add(model: pin.Model, x: Frame) -> None:
         if inertia is not None:
             append_body(model, joint, inertia, pose_in_joint)
     kind = pin.FrameType.BODY if isinstance(x, Body) else pin.FrameType.OP_FRAME
-    model.addFrame(pin.Frame(x.name, joint, pose_in_joint, kind), False)  # its inertia, zero, would round the sum
+    model.addFrame(pin.Frame(x.name, joint, pose_in_joint, kind), False)  # adding its zero inertia would round the sum
 
 
 def body_inertia(x: Body) -> pin.Inertia | None:
     """Return the inertia from ``mass``, ``com`` and ``inertia``; None if there is none.
 
     Raises:
-        InputError: as for `judged_inertia`.
+        InputError: see `checked_inertia`.
     """
     ixx, iyy, izz, ixy, ixz, iyz = x.inertia
     tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
@@ -167,7 +167,7 @@ def _joint(x: Body | Flexible) -> pin.JointModel:
         case "revolute":
             return pin.JointModelRevoluteUnaligned(axis)
         case "continuous":
-            return pin.JointModelRUBZ()  # about z of a rotated frame: the unaligned one takes no axis
+            return pin.JointModelRUBZ()  # about z of a rotated frame: the unaligned joint accepts no axis
         case "prismatic":
             return pin.JointModelPrismaticUnaligned(axis)
         case "universal":
@@ -176,5 +176,5 @@ def _joint(x: Body | Flexible) -> pin.JointModel:
 
 
 def _joint_rotation(x: Body) -> pin.SE3:
-    """Return the placement of the joint frame in that of the body: z is the axis of continuous and planar joints."""
+    """Return the placement of the joint frame in the body frame: z is the axis of continuous and planar joints."""
     return rotation_from_z(x.axis) if x.joint in ("continuous", "planar") else pin.SE3.Identity()

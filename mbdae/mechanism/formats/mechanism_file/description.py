@@ -17,12 +17,12 @@ from ...mechanism import Mechanism
 from ...model_serialization import model_from_data, model_to_data
 from ...model_settings import Motor
 from ..sources import restored
-from .load import Recipe, make, mechanism_from_file, table_of
+from .load import ModelSpec, make, mechanism_from_file, table_of
 from .schema import MechanismFile
 
 
 def describe(mech: Mechanism) -> JsonObject:
-    """Return the description of a mechanism for a saved solution: JSON data; functions by name only."""
+    """Return the description of a mechanism for a saved solution as JSON data, with only the names of functions."""
     functions = _functions(mech)
     if mech.source:
         parts = [part.record() for part in mech.source["parts"]]
@@ -45,7 +45,7 @@ def describe(mech: Mechanism) -> JsonObject:
 
 
 def _recorded(file: Mapping[str, Any]) -> JsonObject:
-    """Return a file whose FMUs are not run again: a saved run may come from anywhere."""
+    """Return a file whose FMUs are marked as recorded and not run, since a saved run may be untrusted."""
     forces = [{**x, "recorded": True} if x["kind"] == "fmu" else x for x in file["force"]]
     return {**file, "force": forces}
 
@@ -80,7 +80,7 @@ class _Description(Table):
 
 
 def restore(description: Mapping[str, object], meshes: Sequence[Path] = ()) -> Mechanism:
-    """Reconstruct a mechanism from its description, without Python forces; read meshes from these folders only.
+    """Reconstruct a mechanism from its description, without Python forces; ``meshes`` are allowed mesh folders.
 
     Raises:
         InputError: for a damaged description.
@@ -93,7 +93,7 @@ def restore(description: Mapping[str, object], meshes: Sequence[Path] = ()) -> M
     if d.model is None:
         parameters = [p.model_dump() for p in d.parameters]
         parts = [restored(r, meshes) for r in d.parts]
-        return make(Recipe(d.file, d.name, parts, d.motors, d.left_out, parameters), [law for _, law in unavailable])
+        return make(ModelSpec(d.file, d.name, parts, d.motors, d.left_out, parameters), [law for _, law in unavailable])
     forces: list[Any] = list(d.file.force)
     for at, law in unavailable:
         forces.insert(at, law)
@@ -112,7 +112,7 @@ def _functions(mech: Mechanism) -> list[dict[str, Any]]:
 
 
 def _unavailable_force(name: str, states: dict[str, float] | None) -> Any:
-    """Return a placeholder of a Python force that raises an error when evaluated."""
+    """Return a placeholder for a Python force, which raises an error when evaluated."""
 
     def unavailable(*point: Any) -> np.ndarray:
         raise InputError(f"force {name!r} is a Python function and not in the file: load the mechanism with it again")

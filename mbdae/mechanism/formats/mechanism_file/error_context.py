@@ -33,11 +33,11 @@ def with_error_context(path: str, file: MechanismFile, parts: Sequence[ImportedM
 
 
 def _unknown(e: UnknownNameError, file: MechanismFile, parts: Sequence[ImportedModel]) -> list[str]:
-    """Return the unknown name and all others, by kind, each with the valid names."""
+    """Return messages on all unknown names, by kind, with the valid names of each kind."""
     known, out = _known(file, parts), list[str]()
     references = [x for x in _references(file.model_dump()) if x[2] not in known[x[0]] or x[::2] == (e.kind, e.name)]
     for kind in dict.fromkeys(kind for kind, *_ in references):
-        valid = e.valid if kind == e.kind != "frame" else known[kind]  # frames are resolved one after the other
+        valid = e.valid if kind == e.kind != "frame" else known[kind]  # frames are resolved successively
         faults = {location: UnknownNameError(kind, name, valid) for of, location, name in references if of == kind}
         out += [f"{location}: {fault.what}" for location, fault in faults.items()]
         out.append(next(iter(faults.values())).choice)

@@ -7,7 +7,7 @@ from ...checked_table import Table
 
 
 class FileUnits(Table):
-    """Units of the numbers of a mechanism file; those of products follow, N mm and kg mm^2 with lengths in mm.
+    """Units of the numbers of a mechanism file; units of products follow: N mm and kg mm^2 with lengths in mm.
 
     Attributes:
         length: m, mm, cm, um, km, in, ft.
@@ -43,5 +43,5 @@ class FileUnits(Table):
 
     @property
     def units(self) -> Units:
-        """The units that were given."""
+        """Units given in the file."""
         return Units({name: x for name in sorted(self.model_fields_set) if (x := getattr(self, name))})

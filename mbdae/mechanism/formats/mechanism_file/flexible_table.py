@@ -1,4 +1,4 @@
-"""Flexible bodies of mechanism files: beams from their keys, other bodies from files."""
+"""Flexible bodies of mechanism files: beams from keys, other bodies from files."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,9 +13,9 @@ from ..body_tables import BEAM, Flexible
 
 
 def with_data(tables: Sequence[Flexible], path: Path) -> tuple[Flexible, ...]:
-    """Return tables, each with the numbers of its file, if it names one.
+    """Return tables with the data of the files they name.
 
-    Archives of runs store the numbers and not the files; ``path`` is that of the mechanism file.
+    Saved runs contain the data, not the files; ``path`` is the path of the mechanism file.
 
     Raises:
         InputError: for a missing or invalid file.
@@ -33,7 +33,7 @@ def modal_body_of(table: Flexible) -> ModalBody:
     """Return the body of a table.
 
     Raises:
-        UnknownNameError: for other ends, another plane or load.
+        UnknownNameError: for unknown ends, plane or load.
         InputError: for invalid numbers.
     """
     if table.data is not None:

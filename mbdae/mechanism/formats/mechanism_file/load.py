@@ -36,7 +36,7 @@ from .unit_conversion import in_si
 
 BODIES = "body", "flexible"  # tables whose defaults are valid only for some joints
 ModelSource: TypeAlias = str | Path | Mapping[str, Any]
-"""What `load` takes: the name or the path of a model, or its tables."""
+"""Argument of `load`: the name or the path of a model, or its tables."""
 
 
 def load(
@@ -57,9 +57,9 @@ def load(
     """Load a mechanism.
 
     Args:
-        path: the name of a model that comes with mbdae, a mechanism.toml, a mechanism.py, a URDF file, an MJCF file, a
-            robot.yaml next to a robot.urdf, or a folder with one of these; or the tables of a mechanism.toml as a dict,
-            whose files are sought in the current folder.
+        path: the name of a model of mbdae, a mechanism.toml, a mechanism.py, a URDF file, an MJCF file, a robot.yaml
+            next to a robot.urdf, or a folder with one of these; or the tables of a mechanism.toml as a dict, whose
+            file names are relative to the current folder.
         closures: additional closures, after those of the file.
         drivers: additional drivers, after those of the file.
         stops: additional stops, after those of the file.
@@ -67,9 +67,9 @@ def load(
         resets: additional events at which the state jumps, after those of the file.
         forces: additional forces, after those of the file.
         motors: controls of named inputs (`Mechanism.motors`): numbers or functions of time.
-        key: keyframe of an MJCF file with the initial state; the first one if omitted, ``"qpos0"`` for none.
-        assemble: make the initial state consistent; False keeps that of the file, and rejects it if it violates a
-            closure.
+        key: keyframe of an MJCF file with the initial state; the first keyframe if omitted, ``"qpos0"`` for none.
+        assemble: make the initial state consistent; if False, the state of the file is kept, and rejected if it
+            violates a closure.
         free_flyer: add a free joint, ``root_joint``, between the world and the root link of each URDF source, which is
             fixed to the world otherwise; the same as ``free_flyer = true`` of a mechanism file.
         parameters: values for a mechanism.py; they can also follow the name: ``"n_four_bar?N=10"``.
@@ -81,19 +81,19 @@ def load(
     require(forces, Iterable, "forces are a list")
     more: dict[str, Any] = {"closure": closures, "driver": drivers, "stop": stops, "clutch": clutches, "event": resets}
     more |= {"force": [f for f in forces if isinstance(f, FORCES)], "motor": motors or {}}
-    recipe = read(path, parameters, key=key, assemble=assemble, free_flyer=free_flyer, more=more)
-    if recipe.remarks:
-        warnings.warn(not_carried_over(recipe.name, recipe.remarks), stacklevel=2)
+    spec = read(path, parameters, key=key, assemble=assemble, free_flyer=free_flyer, more=more)
+    if spec.remarks:
+        warnings.warn(not_carried_over(spec.name, spec.remarks), stacklevel=2)
     label = "" if forces or any(more.values()) else _label(path)
-    with with_error_context(label, recipe.file, recipe.parts):
-        mech = make(recipe, [f for f in forces if not isinstance(f, FORCES)])
-    if recipe.file.start.assemble and any(p.start.guess for p in recipe.parts):
-        _warn_if_violated(mech, recipe.name)
+    with with_error_context(label, spec.file, spec.parts):
+        mech = make(spec, [f for f in forces if not isinstance(f, FORCES)])
+    if spec.file.start.assemble and any(p.start.guess for p in spec.parts):
+        _warn_if_violated(mech, spec.name)
     return mech
 
 
-class Recipe(NamedTuple):
-    """The merged contents of all files of a mechanism.
+class ModelSpec(NamedTuple):
+    """Merged contents of all files of a mechanism.
 
     Attributes:
         file: the mechanism file, merged with its sources.
@@ -123,11 +123,11 @@ def read(
     free_flyer: bool = False,
     more: Mapping[str, Any] | None = None,
     parametric: ParametricFile | None = None,
-) -> Recipe:
+) -> ModelSpec:
     """Read the files of a mechanism.
 
-    ``more`` has additional entries of its tables, ``parametric`` is its mechanism.py if that was run before; the rest
-    is as for `load`.
+    ``more`` contains additional entries of its tables, ``parametric`` is its mechanism.py if already run; for other
+    arguments see `load`.
     """
     label = _label(path)
     if isinstance(path, Mapping):
@@ -140,8 +140,8 @@ def read(
     if free_flyer and not file.source:
         raise InputError(f'{name}: free_flyer belongs to a source; a [[body]] says joint = "free"')
     sources = tuple(_with_options(s, free_flyer or file.free_flyer, key) for s in file.source)
-    of_files = {"flexible": with_data(file.flexible, found), "force": with_fmu_paths(file.force, found)}
-    file = file.model_copy(update={"source": sources, **of_files})
+    from_files = {"flexible": with_data(file.flexible, found), "force": with_fmu_paths(file.force, found)}
+    file = file.model_copy(update={"source": sources, **from_files})
     parts = [read_source(s, found.parent) for s in file.source]
     with with_error_context(label, file, parts):
         file = in_si(file, parts, name)
@@ -154,11 +154,11 @@ def read(
     file = file.model_copy(update=update)
     with with_error_context("" if any((more or {}).values()) else label, file, parts):
         file, motors, left_out, remarks = merge_sources(file, parts)
-    return Recipe(file, name, parts, motors, left_out, chosen, remarks)
+    return ModelSpec(file, name, parts, motors, left_out, chosen, remarks)
 
 
 def _label(path: object) -> str:
-    """Return what messages name: a path, or tables."""
+    """Return the name of a model in messages: a path, or "the tables"."""
     if isinstance(path, Mapping):
         return "the tables"
     require(path, str | Path, "a mechanism is the name of a model, a path or a dict of tables")
@@ -166,15 +166,15 @@ def _label(path: object) -> str:
 
 
 def located(path: str) -> tuple[Path, dict[str, str]]:
-    """Return the file for a name or a path, and the parameters after it.
+    """Return the file for a name or a path, and the parameters that follow it.
 
     Raises:
         UnknownNameError, InputError: as `load`.
     """
-    plain, written = split(path)
-    found = find(plain)
-    if found.suffix == PARAMETRIC and Path(plain).suffix != PARAMETRIC and not is_model_name(plain):
-        warnings.warn(f"{plain}: the Python file {found} is run", stacklevel=4)
+    name, written = split(path)
+    found = find(name)
+    if found.suffix == PARAMETRIC and Path(name).suffix != PARAMETRIC and not is_model_name(name):
+        warnings.warn(f"{name}: the Python file {found} is run", stacklevel=4)
     return found, written
 
 
@@ -211,39 +211,39 @@ def _with_options(source: Source, free_flyer: bool, key: str) -> Source:
     return source.model_copy(update={"free_flyer": source.free_flyer or free_flyer, "key": key or source.key})
 
 
-def make(recipe: Recipe, functions: Sequence[object] = (), *, recorded: bool = True) -> Mechanism:
+def make(spec: ModelSpec, functions: Sequence[object] = (), *, recorded: bool = True) -> Mechanism:
     """Create the mechanism that the files describe.
 
     Args:
-        recipe: the merged files.
+        spec: the merged files.
         functions: Python forces, after those of the file.
         recorded: store the files for `describe`; False if their values were changed after reading.
 
     Raises:
         UnknownNameError, InputError: for inconsistent input.
     """
-    file, name = recipe.file, recipe.name
-    if not (recipe.parts or file.body or file.flexible):
+    file, name = spec.file, spec.name
+    if not (spec.parts or file.body or file.flexible):
         raise InputError(f"{name}: a mechanism needs a source, a [[body]] or a [[flexible]]")
-    model, visuals = build(file, recipe.parts, name)
-    source = _source(recipe) if recorded else None
-    rest = {"visuals": visuals, "source": source, "motors": recipe.motors}
-    rest |= {"left_out": recipe.left_out, "remarks": recipe.remarks}
+    model, visuals = build(file, spec.parts, name)
+    source = _source(spec) if recorded else None
+    rest = {"visuals": visuals, "source": source, "motors": spec.motors}
+    rest |= {"left_out": spec.left_out, "remarks": spec.remarks}
     try:
         return mechanism_from_file(model, file, [*file.force, *functions], file.title or name, **rest)
     except MemoryError:
         raise InputError(f"{name}: there is not enough memory for {model.njoints - 1} joints") from None
 
 
-def _source(recipe: Recipe) -> dict[str, Any]:
+def _source(spec: ModelSpec) -> dict[str, Any]:
     """Return the description of a mechanism from files."""
     return {
-        "name": recipe.name,
-        "file": table_of(recipe.file),
-        "parts": [replace(p, visuals=None) for p in recipe.parts],  # recorded when written: meshes are large
-        "motors": [list(m) for m in recipe.motors],
-        "left_out": list(recipe.left_out),
-        "parameters": list(recipe.parameters),
+        "name": spec.name,
+        "file": table_of(spec.file),
+        "parts": [replace(p, visuals=None) for p in spec.parts],  # meshes are large, and read again when a run is saved
+        "motors": [list(m) for m in spec.motors],
+        "left_out": list(spec.left_out),
+        "parameters": list(spec.parameters),
     }
 
 
@@ -258,11 +258,11 @@ def mechanism_from_file(
     )  # fmt: skip
 
 
-def recipe_from_mechanism(mech: Mechanism) -> Recipe:
+def spec_from_mechanism(mech: Mechanism) -> ModelSpec:
     """Return the files of a mechanism, without visuals."""
     source: dict[str, Any] = mech.source or {}
     file = MechanismFile.model_validate(source["file"])
-    return Recipe(file, source["name"], source["parts"], mech.motors, mech.left_out, source["parameters"])
+    return ModelSpec(file, source["name"], source["parts"], mech.motors, mech.left_out, source["parameters"])
 
 
 def table_of(file: MechanismFile) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from ...mechanism import Mechanism
 from ...time_functions.time_functions import Constant
 from ...tree.frames import joint_names
 from ..body_tables import Body
-from .load import Recipe, recipe_from_mechanism
+from .load import ModelSpec, spec_from_mechanism
 from .table_entries import entry_at, first_key
 from .template import CACHE_SIZE, Template, as_body, split_joint
 
@@ -28,10 +28,10 @@ class LoadedModel(Template):
     def __init__(self, mech: Mechanism) -> None:
         if not mech.source:
             raise InputError("the mechanism was not read from files: give model=, a file or a function that makes it")
-        recipe = recipe_from_mechanism(mech)
-        self.path, self.parameters = recipe.name, ()
+        spec = spec_from_mechanism(mech)
+        self.path, self.parameters = spec.name, ()
         self.functions = [f for f in mech.forces if not isinstance(f, FORCES)]
-        self._read = lru_cache(1)(lambda text: recipe)
+        self._read = lru_cache(1)(lambda text: spec)
         self._made = lru_cache(CACHE_SIZE)(lambda text: self._make(*json.loads(text)))
         self._first = lru_cache(1)(lambda text: self._unchanged({}))
 
@@ -41,31 +41,31 @@ def parameter_value(template: Template, name: str) -> float:
 
     Raises:
         UnknownNameError: for an invalid path.
-        InputError: for an entry that is missing or not a number, or a parameter of a file whose tables alone are known.
+        InputError: for an entry that is missing or not a number, or a parameter of a file of which only tables remain.
     """
-    recipe = template.recipe({})
-    given = {p["name"]: p["value"] for p in recipe.parameters}
+    spec = template.spec({})
+    given = {p["name"]: p["value"] for p in spec.parameters}
     if name in given and name not in template.parameters:
-        raise InputError(f"{name!r} is a parameter of {recipe.name}, and a loaded mechanism has its tables alone: "
+        raise InputError(f"{name!r} is a parameter of {spec.name}, and a loaded mechanism has only its tables: "
                          "give the file itself, model=")
-    entry: Any = given.get(name, recipe.file)
+    entry: Any = given.get(name, spec.file)
     if name not in given:
         template.check({name: 0.0})
         rest = name
         if name.startswith("joint."):
-            entry, rest = joint_entry(recipe, name.removeprefix("joint."))
+            entry, rest = joint_entry(spec, name.removeprefix("joint."))
         while rest:
             key, rest = first_key(entry, rest, name)
             entry = entry_at(entry, key)
     entry = entry.value if isinstance(entry, Constant) else entry
     if isinstance(entry, bool) or not isinstance(entry, int | float):
-        raise InputError(f"{name!r} is no number, but {entry!r:.60}: give its value, name = value")
+        raise InputError(f"{name!r} is not a number, but {entry!r:.60}: give its value, name = value")
     return float(entry)
 
 
-def joint_entry(recipe: Recipe, path: str) -> tuple[Body, str]:
+def joint_entry(spec: ModelSpec, path: str) -> tuple[Body, str]:
     """Return the joint of a source as a body table, and the key within it."""
-    for source, part in zip(recipe.file.source, recipe.parts, strict=True):
+    for source, part in zip(spec.file.source, spec.parts, strict=True):
         names = [source.prefix + n for n in joint_names(part.model)]
         if any(path.startswith(f"{n}.") for n in names):
             joint, rest = split_joint(path, names)

@@ -21,7 +21,7 @@ def merge_sources(
     """Merge the contents of the sources into the mechanism file, which has priority.
 
     Returns:
-        The file, the named inputs, the unsupported features of the sources, and those of them that deserve a warning.
+        The file, the named inputs, the unsupported features of the sources, and the features that deserve a warning.
 
     Raises:
         UnknownNameError: for a motor that does not exist.
@@ -49,7 +49,7 @@ def merge_sources(
 
 
 def _start(file: MechanismFile, parts: Sequence[ImportedModel], changed: Collection[str]) -> Start:
-    """Return the start values of unchanged joints of the sources, overridden by those of the file."""
+    """Return the start values of unchanged joints of the sources, overridden by start values of the file."""
     tables = {}
     for key, table in file.start.tables.items():
         old = {n: x for p in parts for n, x in p.start.tables[key].items() if n not in changed}
@@ -68,7 +68,7 @@ def _controls(file: MechanismFile, parts: Sequence[ImportedModel]) -> dict[str, 
 
 
 def _left_out(file: MechanismFile, parts: Sequence[ImportedModel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the features of the sources that are not carried over, and those that deserve a warning."""
+    """Return the features of the sources that are not carried over, and the features that deserve a warning."""
     used = {LIMITS: {s.joint for s in file.stop if s.limits}, FRICTION: set(_with_friction(file))}
     phrases = [(s, _without_used(text, used)) for s, p in zip(file.source, parts, strict=True) for text in p.left_out]
     return tuple(x for _, x in phrases if x), tuple(x for s, x in phrases if x and not s.quiet)

@@ -16,22 +16,22 @@ from .unit_conversion import Conversion
 
 
 def parameter_unit(template: Template, name: str) -> str:
-    """Return the unit in SI of the parameter with a dotted name; "" for one of a mechanism.py, which declares none.
+    """Return the SI unit of the parameter with a dotted name; "" for a parameter of a mechanism.py, without units.
 
-    Symbols of joints are those of the mechanism: the stiffness of a spring on a hinge is in N m/rad, on a slide in N/m.
+    It depends on the joints of the mechanism: the stiffness of a spring on a hinge is in N m/rad, on a slide in N/m.
 
     Raises:
         UnknownNameError, InputError: for an invalid path.
     """
-    recipe = template.recipe({})
-    if name in [p["name"] for p in recipe.parameters]:
+    spec = template.spec({})
+    if name in [p["name"] for p in spec.parameters]:
         return ""
     conversion = units_conversion(template.make({}))
-    entry: Any = recipe.file
+    entry: Any = spec.file
     rest, text, symbols = name, "", dict[str, str]()
     unit: Unit | Coordinates | None = None
     if name.startswith("joint."):
-        entry, rest = joint_entry(recipe, name.removeprefix("joint."))
+        entry, rest = joint_entry(spec, name.removeprefix("joint."))
     while rest:
         key, rest = first_key(entry, rest, name)
         if isinstance(unit, Coordinates):
@@ -46,12 +46,12 @@ def parameter_unit(template: Template, name: str) -> str:
 
 
 def parameter_units(make: object, names: Iterable[str]) -> dict[str, str]:
-    """Return the units of parameters by name, see `parameter_unit`; of a mechanism from files, else none."""
+    """Return the units of parameters by name, see `parameter_unit`; empty if the mechanism is not from files."""
     return {name: parameter_unit(make, name) for name in names} if isinstance(make, Template) else {}
 
 
 def function_units(mech: Mechanism) -> dict[str, str]:
-    """Return the units of the functions of time of forces by the name of the force: the voltage of a motor in V."""
+    """Return the units of the functions of time of forces, such as the voltage of a motor in V, by force."""
     conversion = units_conversion(mech)
     out = {}
     for force in (x for x in mech.forces if isinstance(x, Force)):
@@ -64,10 +64,10 @@ def function_units(mech: Mechanism) -> dict[str, str]:
 
 
 def units_conversion(mech: Mechanism) -> Conversion:
-    """Return the conversion of tables of a mechanism, which knows the units of its joints and closures."""
+    """Return the conversion of tables of a mechanism, with the units of its joints and closures."""
     return Conversion(Units(), joint_coordinate_units(mech.model), {c.name: c.friction for c in mech.closures})
 
 
 def symbols_of(conversion: Conversion, table: Table, unit: "Unit | Coordinates | None") -> UnitSymbols:
-    """Return the units of symbols in the keys of a table; those of its values if it is a function with a unit."""
+    """Return the units of symbols in the keys of a table, including value and argument if it is a function."""
     return {**function_symbols(unit), **conversion.joint_symbols(table), **table.unit_symbols()}

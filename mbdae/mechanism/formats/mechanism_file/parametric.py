@@ -49,7 +49,7 @@ class ParametricFile:
     """A mechanism.py, run once: the function for its tables, and the valid values of its parameters.
 
     Args:
-        path: of the file.
+        path: path of the file.
 
     Attributes:
         parameters: description (type, range and default) of each parameter.
@@ -61,7 +61,7 @@ class ParametricFile:
     def __init__(self, path: Path) -> None:
         self.path, self.function = path, _function(path)
         fields = _fields(self.function, path)
-        self.parameters = {key: _words(field) for key, field in fields.items()}
+        self.parameters = {key: _describe(field) for key, field in fields.items()}
         finite = ConfigDict(allow_inf_nan=False)
         self._table: Any = create_model("Parameters", __config__=finite, **_definitions(fields))
 
@@ -72,10 +72,10 @@ class ParametricFile:
             The mechanism file; and name, value and description of each parameter.
 
         Raises:
-            UnknownNameError: for an unknown parameter; lists the valid ones, with their defaults.
+            UnknownNameError: for an unknown parameter; lists the valid parameters, with their defaults.
             InputError: for an invalid value, or a function that fails.
         """
-        chosen = self._chosen(name, values)
+        chosen = self._all_values(name, values)
         call = ", ".join(f"{key}={value!r}" for key, value in chosen.items())
         try:
             content = self.function(**chosen)
@@ -88,7 +88,7 @@ class ParametricFile:
         parameters = [{"name": key, "value": value, "takes": self.parameters[key]} for key, value in chosen.items()]
         return checked(content, f"{self.path}({call})"), parameters
 
-    def _chosen(self, name: str, values: Mapping[str, object]) -> dict[str, Any]:
+    def _all_values(self, name: str, values: Mapping[str, object]) -> dict[str, Any]:
         """Return the values of all parameters."""
         known = [f"{key} ({words})" for key, words in self.parameters.items()]
         for key in values:
@@ -134,7 +134,7 @@ def _definitions(fields: Mapping[str, FieldInfo]) -> dict[str, Any]:
     return {key: (field.annotation, field) for key, field in fields.items()}
 
 
-def _words(field: FieldInfo) -> str:
+def _describe(field: FieldInfo) -> str:
     kind = getattr(field.annotation, "__name__", str(field.annotation))
     if get_origin(field.annotation) is Literal:
         kind = " or ".join(repr(choice) for choice in get_args(field.annotation))

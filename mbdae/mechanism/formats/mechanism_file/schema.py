@@ -1,4 +1,4 @@
-"""Mechanism file: its keys with types and defaults; errors for unknown keys list the valid ones."""
+"""Schema of mechanism files: keys with types and defaults; errors for unknown keys list the valid keys."""
 
 import math
 import tomllib
@@ -26,16 +26,16 @@ ReplacementKind = Literal[
     "revolute", "spherical", "planar", "translation", "free",
     "universal", "universal_xy", "universal_xz", "universal_yx", "universal_yz", "universal_zx", "universal_zy",
 ]  # fmt: skip
-MAX_LEVELS = 40  # tables in each other: no key is that deep, and the interpreter's limit of recursion is far
+MAX_LEVELS = 40  # nesting of tables: more than any key needs, and well below the recursion limit of Python
 
 
 class MechanismFile(Table):
     """Contents of a mechanism.toml.
 
     Attributes:
-        title: one line for tables and figures.
+        title: title for tables and figures, one line.
         source: name of a file, or tables ``[[source]]``; several sources are merged into one mechanism.
-        units: units of the numbers of this file; SI, with angles in rad, for those left out.
+        units: units of the numbers of this file; SI, with angles in rad, if omitted.
         gravity: gravitational acceleration in m/s^2, in world axes.
         free_flyer: add a free joint between the world and the root link of each source.
         lock: joints that are removed, locked at this value in rad or m.
@@ -88,7 +88,7 @@ class MechanismFile(Table):
             return content
         known = {x["name"]: x for x in tables if isinstance(x, dict) and isinstance(x.get("name"), str)}
         out = {k: _with_inputs(x, known) if k in ("driver", "force") else x for k, x in content.items()}
-        if isinstance(motors := content.get("motor"), Mapping):  # one of them may be named "input"
+        if isinstance(motors := content.get("motor"), Mapping):  # a motor may be named "input"
             out["motor"] = {name: _with_inputs(x, known) for name, x in motors.items()}
         return out
 
@@ -149,7 +149,7 @@ def _invalid_values(value: object, path: str = "", level: int = 0) -> Iterator[s
     """Yield the keys of numbers whose products would overflow, and of texts with control characters.
 
     Raises:
-        RecursionError: for more than `MAX_LEVELS` tables in each other.
+        RecursionError: for more than `MAX_LEVELS` nested tables.
     """
     if level > MAX_LEVELS:
         raise RecursionError
@@ -166,7 +166,7 @@ def _invalid_values(value: object, path: str = "", level: int = 0) -> Iterator[s
 
 
 def _known_keys(path: Sequence[object]) -> list[str]:
-    """Return the keys of the table at a path of keys, numbers and kinds."""
+    """Return the keys of the table at a path of keys, indices and kinds."""
     found: list[type[Table]] = [MechanismFile]
     for key in path:
         of_kind = [t for t in found if "kind" in t.model_fields and t.model_fields["kind"].default == key]

@@ -1,4 +1,4 @@
-"""Entries of checked tables by dotted paths, and copies of tables with other values there."""
+"""Entries of checked tables by dotted paths, and copies of tables with changed entries."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,13 +13,13 @@ TABLES = (  # tables of files
 
 
 def with_entry(table: object, path: str, value: object, full_path: str) -> Any:
-    """Return a copy of a table with another value at the end of a dotted path.
+    """Return a copy of a table with a new value at the end of a dotted path.
 
     Args:
         table: a checked table, a list or a dict; the value itself if the path is empty.
         path: path of the value within ``table``.
         value: the value.
-        full_path: path from the mechanism on, for messages.
+        full_path: full path in the mechanism, for messages.
 
     Raises:
         UnknownNameError: for an invalid path.
@@ -29,11 +29,11 @@ def with_entry(table: object, path: str, value: object, full_path: str) -> Any:
 
 
 def with_entries(table: Any, entries: Mapping[str, tuple[str, Any]]) -> Any:
-    """Return a copy of a table with other values at the ends of several dotted paths, none within another.
+    """Return a copy of a table with new values at the ends of several dotted paths, none within another.
 
     Args:
         table: a checked table, a list or a dict; the value itself if the path is empty.
-        entries: by the path from the mechanism on, for messages: the path of the value within ``table``, and the value.
+        entries: path of the value within ``table``, and the value, by full path in the mechanism, for messages.
 
     Raises:
         UnknownNameError, InputError: as `with_entry`.
@@ -66,11 +66,11 @@ def first_key(table: object, path: str, full_path: str) -> tuple[str, str]:
     Args:
         table: a checked table, a list or a dict.
         path: a path within ``table``.
-        full_path: path from the mechanism on, for messages.
+        full_path: full path in the mechanism, for messages.
 
     Raises:
         UnknownNameError: for an invalid path; lists the valid keys.
-        InputError: for a name that several entries of a list have.
+        InputError: for a name shared by several entries of a list.
     """
     return _first_key(table, path, full_path, entry_keys(table))
 
@@ -108,7 +108,7 @@ def entry_keys(table: object) -> dict[str, str]:
 
 
 def entry_names(entries: tuple[Any, ...]) -> dict[str, str]:
-    """Return the indices of the entries of a list of tables by name, "" of several; unnamed ones by kind and number."""
+    """Return the indices of list entries by name, "" for a repeated name; unnamed entries by kind and number."""
     out: dict[str, str] = {}
     for i, entry in enumerate(entries):
         if isinstance(entry, Table) and "name" in type(entry).model_fields:

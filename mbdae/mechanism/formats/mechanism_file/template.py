@@ -26,20 +26,20 @@ from ...mechanism import Mechanism
 from ...model_settings import Start
 from ...time_functions.time_functions import Constant
 from ...tree.frames import find_joint, joint_names
-from ...tree.tree_terms import copied
+from ...tree.tree_terms import copy_model
 from ...variant import variant
 from ..body_tables import Body
 from ..model_library import PARAMETRIC
 from .build import body_inertia, build, placement
-from .load import Recipe, located, make, read
+from .load import ModelSpec, located, make, read
 from .parametric import ParametricFile
 from .schema import MechanismFile
 from .table_entries import TABLES, entry_at, entry_keys, entry_names, first_key, with_entries, with_entry
 
 JOINT = ("xyz", "rpy", "mass", "com", "inertia")  # entries of a source for a joint
 START = "start."
-WHOLE_TABLES = ("duration", "gravity")  # with values for the whole table
-PARTS = {
+WHOLE_TABLES = ("duration", "gravity")  # tables that can be replaced as a whole
+ARGUMENTS = {  # arguments of `Mechanism` by table
     "closure": "closures",
     "clutch": "clutches",
     "driver": "drivers",
@@ -47,7 +47,7 @@ PARTS = {
     "event": "resets",
     "duration": "duration",
 }
-CACHE_SIZE = 8  # mechanisms with other parameters, for several threads
+CACHE_SIZE = 8  # mechanisms with different parameters, for several threads
 
 
 class Template:
@@ -75,15 +75,15 @@ class Template:
         self._made = lru_cache(CACHE_SIZE)(lambda text: self._make(*json.loads(text)))
         self._first = lru_cache(CACHE_SIZE)(lambda text: self._unchanged(json.loads(text)))
 
-    def recipe(self, values: Mapping[str, object]) -> Recipe:
-        """Return the files for the parameters among ``values``, without visuals."""
+    def spec(self, values: Mapping[str, object]) -> ModelSpec:
+        """Return the merged files for the parameters among ``values``, without visuals."""
         return self._read(_as_text({n: x for n, x in values.items() if n in self.parameters}))
 
     def check(self, values: Mapping[str, object], others: Sequence[str] = ()) -> None:
         """Reject invalid names.
 
         Args:
-            values: by name.
+            values: values by name.
             others: further valid names, for messages.
 
         Raises:
@@ -91,7 +91,7 @@ class Template:
             InputError: for a table that would replace an entry given before it.
         """
         _check_order(list(values))
-        mech, recipe = self.make({n: x for n, x in values.items() if n in self.parameters}), self.recipe(values)
+        mech, spec = self.make({n: x for n, x in values.items() if n in self.parameters}), self.spec(values)
         for name in values:
             root, dot, rest = name.partition(".")
             if name in self.parameters:
@@ -102,9 +102,9 @@ class Template:
             if root == "start":
                 check_start(mech, name)
             elif root == "joint":
-                _check_joint(recipe, name, rest)
+                _check_joint(spec, name, rest)
             else:
-                _check_path(recipe.file, name)
+                _check_path(spec.file, name)
 
     def make(self, values: Mapping[str, object]) -> Mechanism:
         """Return the mechanism with these values; mechanisms that differ only in their start share one model.
@@ -118,10 +118,10 @@ class Template:
         return with_start(mech, {n: x for n, x in values.items() if n.startswith(START) and n not in file_parameters})
 
     def _make(self, file_parameters: dict[str, Any], changed: dict[str, Any]) -> Mechanism:
-        recipe, first = self.recipe(file_parameters), self._first(_as_text(file_parameters))
+        spec, first = self.spec(file_parameters), self._first(_as_text(file_parameters))
         if not changed:
             return first
-        file, parts = recipe.file, recipe.parts
+        file, parts = spec.file, spec.parts
         joint_values = {n.removeprefix("joint."): x for n, x in changed.items() if n.startswith("joint.")}
         if joint_values:
             parts = [_with_joint_values(p, s.prefix, joint_values) for p, s in zip(parts, file.source, strict=True)]
@@ -129,23 +129,23 @@ class Template:
         nested = any(n != other and n.startswith(f"{other}.") for n in values for other in values)
         for group in [{n: x} for n, x in values.items()] if nested else [values]:
             file = with_entries(file, {n: (n, x) for n, x in group.items()})
-        return variant(first, **self._changed_parts(changed, recipe._replace(file=file, parts=parts), first))
+        return variant(first, **self._changed_arguments(changed, spec._replace(file=file, parts=parts), first))
 
-    def _changed_parts(self, changed: Iterable[str], recipe: Recipe, first: Mechanism) -> dict[str, Any]:
-        """Return the arguments of `Mechanism` that changed tables change; the model is built again for bodies alone."""
-        tables, file = {name.partition(".")[0] for name in changed}, recipe.file
-        out = {argument: getattr(file, table) for table, argument in PARTS.items() if table in tables}
+    def _changed_arguments(self, changed: Iterable[str], spec: ModelSpec, first: Mechanism) -> dict[str, Any]:
+        """Return the changed arguments of `Mechanism`; the model is rebuilt only if bodies change."""
+        tables, file = {name.partition(".")[0] for name in changed}, spec.file
+        out = {argument: getattr(file, table) for table, argument in ARGUMENTS.items() if table in tables}
         if "force" in tables:
             out["forces"] = [*file.force, *self.functions]
         if not tables.isdisjoint(("body", "flexible", "frame", "joint")):
-            out["model"], out["visuals"] = build(file, recipe.parts, recipe.name)
+            out["model"], out["visuals"] = build(file, spec.parts, spec.name)
         elif "gravity" in tables:
-            out["model"] = copied(first.model)
+            out["model"] = copy_model(first.model)
             out["model"].gravity.linear = np.array(file.gravity)
         return out
 
     def _unchanged(self, file_parameters: dict[str, Any]) -> Mechanism:
-        return make(self.recipe(file_parameters), self.functions, recorded=False)
+        return make(self.spec(file_parameters), self.functions, recorded=False)
 
 
 def _check_order(names: Sequence[str]) -> None:
@@ -154,11 +154,11 @@ def _check_order(names: Sequence[str]) -> None:
             raise InputError(f"{name!r} would replace {replaced!r}: give it first, or leave one of them out")
 
 
-def _check_joint(recipe: Recipe, name: str, rest: str) -> None:
+def _check_joint(spec: ModelSpec, name: str, rest: str) -> None:
     """Reject an invalid name of a parameter of a joint, or of a body of the mechanism file."""
-    sources = zip(recipe.file.source, recipe.parts, strict=True)
+    sources = zip(spec.file.source, spec.parts, strict=True)
     joints, joint = [s.prefix + n for s, p in sources for n in joint_names(p.model)], rest.partition(".")[0]
-    if joint not in joints and joint in [b.name for b in recipe.file.body]:
+    if joint not in joints and joint in [b.name for b in spec.file.body]:
         raise InputError(f"{name!r}: {joint} is a body of the file, name body.{rest}")
     split_joint(rest, joints)
 
@@ -176,7 +176,7 @@ def check_start(mech: Mechanism, name: str) -> None:
 
 
 def with_start(mech: Mechanism, values: Mapping[str, object]) -> Mechanism:
-    """Return the mechanism with other start values, ``start.q.crank = 0.3``; the rest is shared.
+    """Return the mechanism with changed start values, ``start.q.crank = 0.3``; all other data are shared.
 
     Raises:
         UnknownNameError: for an unknown joint.
@@ -228,7 +228,7 @@ def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
 
 
 def _with_joint_values(part: ImportedModel, prefix: str, joint_values: Mapping[str, object]) -> ImportedModel:
-    """Return a source with other values of its joints and bodies."""
+    """Return a source with changed values of its joints and bodies."""
     model = part.model.copy()
     bodies: dict[str, Any] = {}
     for path, value in joint_values.items():
@@ -251,13 +251,13 @@ def _with_joint_values(part: ImportedModel, prefix: str, joint_values: Mapping[s
 def as_body(model: pin.Model, joint: str) -> Body:
     """Return a joint and its child body as a table of a mechanism file."""
     at = model.getJointId(joint)
-    place, inertia = model.jointPlacements[at], model.inertias[at]
+    placement, inertia = model.jointPlacements[at], model.inertias[at]
     tensor = inertia.inertia
     return Body(
         name=joint,
         parent="",
-        xyz=place.translation.tolist(),
-        rpy=pin.rpy.matrixToRpy(place.rotation).tolist(),
+        xyz=placement.translation.tolist(),
+        rpy=pin.rpy.matrixToRpy(placement.rotation).tolist(),
         mass=inertia.mass,
         com=inertia.lever.tolist(),
         inertia=[tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))],
@@ -265,10 +265,10 @@ def as_body(model: pin.Model, joint: str) -> Body:
 
 
 def _as_text(values: object) -> str:
-    """Return values of parameters as JSON, the key of caches.
+    """Return values of parameters as JSON, which serves as a cache key.
 
     Raises:
-        InputError: for anything but numbers, texts, and lists or tables of them.
+        InputError: for values other than numbers, strings, and lists or tables of these.
     """
     return json.dumps(values, default=_builtin)
 
@@ -279,5 +279,5 @@ def _builtin(x: object) -> Any:
     raise InputError(f"a parameter takes numbers, texts or lists of numbers, got {x!r:.60}")
 
 
-def _without_visuals(recipe: Recipe) -> Recipe:
-    return recipe._replace(parts=[replace(p, visuals=None) for p in recipe.parts])
+def _without_visuals(spec: ModelSpec) -> ModelSpec:
+    return spec._replace(parts=[replace(p, visuals=None) for p in spec.parts])

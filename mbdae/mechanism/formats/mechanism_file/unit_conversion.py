@@ -1,7 +1,7 @@
 """Mechanism files in units of the user, converted to SI when they are read.
 
-Numbers are converted once, by the units declared with their keys (`mbdae.mechanism.key_units`); text is not: signals,
-levels and expressions of events are in SI units, and so are parameters, options and Python.
+Numbers are converted once, by the units declared with their keys (`mbdae.mechanism.key_units`). Text is not converted:
+signals, levels and expressions of events are in SI units, as are parameters, options and Python.
 """
 
 import re
@@ -18,28 +18,28 @@ from .build import build
 from .file_units import FileUnits
 from .schema import MechanismFile
 
-BODIES = ("source", "body", "flexible", "frame")  # tables without units of joints, which make the joints
-EFFORTS = {"rad": "N m", "m": "N"}  # by the unit of the coordinate
-OF_JOINTS = re.compile(r"q\d*|e")
-ROTATES = ("revolute", "spherical")  # closures whose friction is that of a bearing
+BODIES = ("source", "body", "flexible", "frame")  # tables that define the joints, and do not use their units
+EFFORTS = {"rad": "N m", "m": "N"}  # units of efforts by the unit of the coordinate
+JOINT_SYMBOL = re.compile(r"q\d*|e")
+ROTATIONAL = ("revolute", "spherical")  # kinds of friction in bearings
 
 
 def in_si(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> MechanismFile:
     """Return a mechanism file with all numbers in SI units.
 
     Args:
-        file: in its units.
+        file: the file in its units.
         parts: its imported sources, which are in SI units.
-        name: of the model.
+        name: name of the model.
 
     Raises:
-        UnknownNameError, InputError: for bodies and frames that cannot be attached; for one number for joints whose
+        UnknownNameError, InputError: for bodies and frames that cannot be attached; for a number shared by joints whose
             coordinates have different units.
     """
     if not file.units.units.chosen:
         return file
-    of_bodies = Conversion(file.units.units, {"q": {}, "v": {}}, {})
-    tables = {key: tuple(of_bodies.table(x) for x in getattr(file, key)) for key in BODIES}
+    body_conversion = Conversion(file.units.units, {"q": {}, "v": {}}, {})
+    tables = {key: tuple(body_conversion.table(x) for x in getattr(file, key)) for key in BODIES}
     model, _ = build(file.model_copy(update={**tables, "lock": {}}), parts, name)
     closures = {c.name: c.friction for part in parts for c in part.closures} | {
         c.name: c.friction for c in file.closure
@@ -99,7 +99,7 @@ class Conversion:
         return tuple(self._value(x, unit, symbols) for x in values)
 
     def _number(self, x: float, unit: str, symbols: UnitSymbols) -> float:
-        missing = [s for s in _expanded(unit, symbols) if OF_JOINTS.fullmatch(s) and s not in symbols]
+        missing = [s for s in _expanded(unit, symbols) if JOINT_SYMBOL.fullmatch(s) and s not in symbols]
         if missing:
             raise InputError("[units] need joints of one kind, that turn or that slide: use one table for each kind")
         return self.units.factor(substituted(unit, symbols)).apply(x)
@@ -129,7 +129,7 @@ class Conversion:
     def joint_symbols(self, table: Any) -> UnitSymbols:
         """Return the units of the coordinates of the joints of a table, of their effort and of a closure's slip."""
         if closure := getattr(table, "closure", ""):
-            return {"q": "rad" if self.closures.get(closure) in ROTATES else "m"} if isinstance(closure, str) else {}
+            return {"q": "rad" if self.closures.get(closure) in ROTATIONAL else "m"} if isinstance(closure, str) else {}
         out: dict[str, str] = {}
         for k, names in enumerate(_joint_groups(table)):
             found = set(self._velocity_units(names))

@@ -19,29 +19,29 @@ class MjcfActuators(NamedTuple):
 
     Attributes:
         motors: motors by the index of their control.
-        others: names of unsupported actuators.
+        unsupported: names of unsupported actuators.
         limited: names of motors whose limits or delays are not carried over.
     """
 
     motors: dict[int, Motor]
-    others: list[str]
+    unsupported: list[str]
     limited: list[str]
 
 
 def actuators_of(c: "MjcfModel") -> MjcfActuators:
     """Return the actuators on hinges and slides with force gain u + b_0 + b_1 length + b_2 velocity.
 
-    These are motor, position, velocity, and general with affine bias; length is that of the transmission.
-    With length = gear q the torque on the joint is gear times the force, gear gain u + gear b_0 +
+    These are motor, position, velocity, and general with affine bias, with the length of the transmission. With
+    length = gear q the torque on the joint is gear times the force, gear gain u + gear b_0 +
     gear^2 (b_1 q + b_2 v): the gear of the motor is gear gain.
     """
     m, lib = c.m, c.lib
     motors: dict[int, Motor] = {}
-    others, limited = [], []
+    unsupported, limited = [], []
     for i in range(len(m.actuator_trntype)):
         name, joint = c.actuators[i], _scalar_joint(c, i)
         bias = lib.mjtBias(m.actuator_biastype[i])
-        plain = (
+        is_affine = (
             lib.mjtGain(m.actuator_gaintype[i]) in (lib.mjtGain.mjGAIN_FIXED, lib.mjtGain.mjGAIN_AFFINE)
             and not (m.actuator_gaintype[i] and m.actuator_gainprm[i, 1:3].any())
             and bias in (lib.mjtBias.mjBIAS_NONE, lib.mjtBias.mjBIAS_AFFINE)
@@ -52,8 +52,8 @@ def actuators_of(c: "MjcfModel") -> MjcfActuators:
         if joint is not None:
             _add_reflected_inertia(c, i, joint, gear)
         if not _active(c, i):
-            others.append(f"{name} (not active)")
-        elif joint is not None and plain:
+            unsupported.append(f"{name} (not active)")
+        elif joint is not None and is_affine:
             control = _address(m, "actuator_ctrladr", i)
             b = m.actuator_biasprm[i, :3] if bias == lib.mjtBias.mjBIAS_AFFINE else np.zeros(3)
             b = (b * [gear, gear**2, gear**2]).tolist()
@@ -61,8 +61,8 @@ def actuators_of(c: "MjcfModel") -> MjcfActuators:
             if _is_limited(c, i, control, joint):
                 limited.append(name)
         else:
-            others.append(name if m.actuator_plugin[i] < 0 else f"{name} (plugin)")
-    return MjcfActuators(motors, others, limited)
+            unsupported.append(name if m.actuator_plugin[i] < 0 else f"{name} (plugin)")
+    return MjcfActuators(motors, unsupported, limited)
 
 
 def _active(c: "MjcfModel", i: int) -> bool:
@@ -72,7 +72,7 @@ def _active(c: "MjcfModel", i: int) -> bool:
 
 
 def _is_limited(c: "MjcfModel", i: int, control: int, joint: int) -> bool:
-    """Return whether MuJoCo limits the control of a motor, its force, or the total of its joint, or delays it."""
+    """Return whether MuJoCo limits the control of a motor, its force, or the force of its joint, or delays it."""
     m = c.m
     clipped = m.actuator_ctrllimited[control] and not c.disables("CLAMPCTRL")
     delayed = hasattr(m, "actuator_delay") and np.any(m.actuator_delay[i])
@@ -88,7 +88,7 @@ def _scalar_joint(c: "MjcfModel", i: int) -> int | None:
 
 
 def _address(m: Any, array: str, i: int) -> int:
-    """Return the index of an actuator's values: MuJoCo 4 has actuators with several controls."""
+    """Return the index of an actuator's values; actuators of MuJoCo 4 may have several controls."""
     return int(getattr(m, array)[i]) if hasattr(m, array) else i
 
 
@@ -103,7 +103,7 @@ def _add_reflected_inertia(c: "MjcfModel", i: int, joint: int, gear: float) -> N
 
 
 def springs_of(c: "MjcfModel") -> list[JointSpring | Bushing]:
-    """Return the springs of hinges and slides, and those of ball and free joints as bushings of equal stiffnesses."""
+    """Return springs of hinges and slides, and bushings of equal stiffnesses for springs of ball and free joints."""
     m = c.m
     out: list[JointSpring | Bushing] = []
     for j in np.flatnonzero(m.jnt_stiffness).tolist() if not c.disables("SPRING") else ():
@@ -113,17 +113,17 @@ def springs_of(c: "MjcfModel") -> list[JointSpring | Bushing]:
             continue
         free = c.lib.mjtJoint(m.jnt_type[j]) == c.lib.mjtJoint.mjJNT_FREE
         parent, placement = c.joint_parents[j]
-        here = placement * (pose(rest[:3], rest[3:7]) if free else pose(np.zeros(3), rest[:4]))
+        rest_placement = placement * (pose(rest[:3], rest[3:7]) if free else pose(np.zeros(3), rest[:4]))
         number = c.model.getJointId(c.joints[j])
         frames = (c.unique(f"{name}.1"), c.unique(f"{name}.2"))
-        for frame, joint, at in zip(frames, (parent, number), (here, pin.SE3.Identity()), strict=True):
+        for frame, joint, at in zip(frames, (parent, number), (rest_placement, pin.SE3.Identity()), strict=True):
             c.model.addFrame(pin.Frame(frame, joint, at, pin.FrameType.OP_FRAME))
         out.append(Bushing(name=name, frames=frames, stiffness=(k if free else 0.0,) * 3 + (k,) * 3))
     return out
 
 
 def weightless_masses(c: "MjcfModel") -> dict[str, float]:
-    """Return frames and masses for the armature of free joints, which has inertia, but no weight."""
+    """Return frames and masses for the armature of free joints, which has inertia but no weight."""
     m, out = c.m, {}
     for j in range(m.njnt):
         mass = float(m.dof_armature[m.jnt_dofadr[j]])

@@ -20,8 +20,8 @@ class MjcfModel:
         lib: the mujoco package.
         m: the mujoco.MjModel.
         model: the Pinocchio model.
-        carriers: joint that carries each MuJoCo body, and the placement of the body in it.
-        joint_parents: parent joint of each MuJoCo joint, and its placement in it.
+        carriers: joint of each MuJoCo body, and the placement of the body in the joint frame.
+        joint_parents: parent joint of each MuJoCo joint, and its placement in the parent joint.
         joints: name of each MuJoCo joint in Pinocchio.
         sites: name of the frame of each MuJoCo site.
         actuators: name of each MuJoCo actuator.
@@ -47,16 +47,16 @@ class MjcfModel:
         return self.lib.mj_id2name(self.m, getattr(self.lib.mjtObj, f"mjOBJ_{kind}"), i) or ""
 
     def names(self, kind: str, word: str, numbers: Iterable[int], taken: set[str]) -> list[str]:
-        """Return distinct names of objects: those of the file, and else the word and the number.
+        """Return distinct names of objects: from the file, or else the word and the number.
 
         Args:
-            kind: of the objects, in MuJoCo.
-            word: for objects without a name.
-            numbers: of the objects.
-            taken: names that are not used; the returned ones are added.
+            kind: kind of the objects in MuJoCo.
+            word: word for objects without a name.
+            numbers: numbers of the objects.
+            taken: names already in use, to which the returned names are added.
         """
         given = {i: self.name(kind, i) for i in numbers}
-        found = {i: _distinct(name, taken) for i, name in given.items() if name}  # the file refers to these
+        found = {i: _distinct(name, taken) for i, name in given.items() if name}  # named ones first: the file uses them
         return [found[i] if i in found else _distinct(f"{word}{i}", taken) for i in given]
 
     def disables(self, *flags: str) -> bool:
@@ -78,8 +78,8 @@ class MjcfModel:
     def add_frame(self, name: str, body: int, position: np.ndarray, quaternion: np.ndarray | None = None) -> str:
         """Add a frame on a MuJoCo body; return its name."""
         joint, placement = self.carriers[body]
-        here = placement * pose(position, quaternion)
-        self.model.addFrame(pin.Frame(name, joint, here, pin.FrameType.OP_FRAME))
+        in_joint = placement * pose(position, quaternion)
+        self.model.addFrame(pin.Frame(name, joint, in_joint, pin.FrameType.OP_FRAME))
         return name
 
     def _add_body(self, b: int, name: str) -> None:
@@ -94,7 +94,7 @@ class MjcfModel:
         self.model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.BODY))
 
     def _add_joint(self, j: int, parent: int, placement: pin.SE3) -> tuple[int, pin.SE3]:
-        """Add a joint; return its number and the placement of the body in it, given that in the parent joint."""
+        """Add a joint at the placement of its body in the parent joint; return its number, and the body's placement."""
         m, kinds = self.m, self.lib.mjtJoint
         at, axis = pose(m.jnt_pos[j]), np.array(m.jnt_axis[j])
         ref, after = float(m.qpos0[m.jnt_qposadr[j]]), at.inverse()
@@ -114,7 +114,7 @@ class MjcfModel:
         new = self.model.joints[number]
         pin_rows, mujoco_rows = slice(new.idx_v, new.idx_v + new.nv), slice(m.jnt_dofadr[j], m.jnt_dofadr[j] + new.nv)
         self.model.armature[pin_rows] = m.dof_armature[mujoco_rows]
-        if new.nv == 6:  # as a weightless mass at the origin: armature of Pinocchio would rotate with the body
+        if new.nv == 6:  # as a mass without weight at the origin: Pinocchio's armature would rotate with the body
             self.model.armature[pin_rows.start : pin_rows.start + 3] = 0
             origin = pin.Inertia(m.dof_armature[mujoco_rows.start], np.zeros(3), np.zeros((3, 3)))
             self.model.appendBodyToJoint(number, origin, pin.SE3.Identity())
@@ -129,7 +129,7 @@ class MjcfModel:
 
 
 def _distinct(name: str, taken: set[str]) -> str:
-    """Return a name, with a number if it is taken, and add it to those that are."""
+    """Return a name, with a number if it is taken, and add it to the taken names."""
     new, k = name, 2
     while new in taken:
         new, k = f"{name}_{k}", k + 1

@@ -1,4 +1,4 @@
-"""Equalities of an MJCF file as closures and drivers: connect, weld and joint; others are reported."""
+"""Equalities of an MJCF file as closures and drivers: connect, weld and joint; other kinds are reported."""
 
 from math import comb
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def closures_of(c: "MjcfModel") -> tuple[list[Closure], list[Driver], list[str]]:
-    """Return closures and drivers of the active equalities, and names and reasons of the unsupported ones.
+    """Return closures and drivers of the active equalities, and names and reasons of the unsupported equalities.
 
     A joint that is fixed at a value becomes a constant driver.
     """
@@ -28,7 +28,7 @@ def closures_of(c: "MjcfModel") -> tuple[list[Closure], list[Driver], list[str]]
             drivers.append(Driver(name=name, joint=c.joints[m.eq_obj1id[i]], motion=_constant_value(c, i)))
         elif kind == kinds.mjEQ_JOINT:
             out.append(_coupling(c, i, name))
-        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and _same_carrier(c, i):
+        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and _on_same_joint(c, i):
             unsupported.append(f"{name} (no relative motion of its bodies)")
         elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
             out.append(_closure(c, i, name))
@@ -37,8 +37,8 @@ def closures_of(c: "MjcfModel") -> tuple[list[Closure], list[Driver], list[str]]
     return out, drivers, unsupported
 
 
-def _same_carrier(c: "MjcfModel", i: int) -> bool:
-    """Return whether both sides of an equality are carried by the same joint."""
+def _on_same_joint(c: "MjcfModel", i: int) -> bool:
+    """Return whether both sides of an equality are fixed to the same joint."""
     sides = int(c.m.eq_obj1id[i]), int(c.m.eq_obj2id[i])
     sites = c.lib.mjtObj(c.m.eq_objtype[i]) == c.lib.mjtObj.mjOBJ_SITE
     one, two = (c.carriers[c.m.site_bodyid[x] if sites else x][0] for x in sides)
@@ -52,10 +52,10 @@ def _closure(c: "MjcfModel", i: int, name: str) -> Closure:
     if c.lib.mjtObj(m.eq_objtype[i]) == c.lib.mjtObj.mjOBJ_SITE:
         frames = (c.sites[one], c.sites[two])
     else:  # MuJoCo stores first the anchor of a weld in body 2, of a connect in body 1
-        at, there = (data[3:6], data[0:3]) if weld else (data[0:3], data[3:6])
+        first_point, second_point = (data[3:6], data[0:3]) if weld else (data[0:3], data[3:6])
         rotation = data[6:10] if weld else None
         first, second = c.unique(f"{name}.1"), c.unique(f"{name}.2")
-        frames = (c.add_frame(first, one, at, rotation), c.add_frame(second, two, there))
+        frames = (c.add_frame(first, one, first_point, rotation), c.add_frame(second, two, second_point))
     rotations = weld and data[10] != 0  # torquescale 0 leaves the rotation free
     return Closure(kind="frame" if rotations else "point", frames=frames, name=name)
 

@@ -1,7 +1,7 @@
 """Checks before MuJoCo reads an MJCF file: files must be on allowed paths, and counts must be limited.
 
-MuJoCo does not check file names and counts, so both are checked first. The text is searched and not parsed: all
-attributes are found, and possibly more, for instance in comments.
+MuJoCo does not check file names and counts, so both are checked first. The text is searched, not parsed: this finds all
+attributes, and possibly text that is not an attribute, for instance in comments.
 """
 
 import os
@@ -21,9 +21,9 @@ MAX_COUNTS = {
     **dict.fromkeys(("width", "height"), 8_192),
     "gridsize": 144,
 }
-MAX_USER = 10_000  # largest value of ``nuser_body`` and the like
+MAX_USER = 10_000  # largest value of ``nuser_body`` and similar attributes
 NUMBER = re.compile(r"\d+(?:\.\d*)?(?:[eE]\+?\d+)?")
-MAX_FOLDERS = 32  # folders
+MAX_FOLDERS = 32  # folders of meshes and textures
 REPLICATE = re.compile(rb"<replicate\b[^>]*>|</replicate\s*>")
 
 
@@ -32,17 +32,17 @@ class XmlFiles(NamedTuple):
 
     Attributes:
         main: file of the model.
-        texts: contents of this file and of those that it names.
-        named: file of each name.
+        texts: contents of this file and of the files it names.
+        by_name: file by the name used in the model.
     """
 
     main: Path
     texts: dict[Path, bytes]
-    named: dict[str, Path]
+    by_name: dict[str, Path]
 
 
 def check_files(path: Path, allowed: AllowedPaths) -> XmlFiles:
-    """Check the files that an MJCF file names, read its includes, and return these.
+    """Check the files that an MJCF file names, and return its XML files.
 
     Raises:
         InputError: for a file that is not allowed, or a number that is too large.
@@ -61,9 +61,10 @@ def check_files(path: Path, allowed: AllowedPaths) -> XmlFiles:
                     folders.add(value)
         if len(folders) > MAX_FOLDERS:
             raise InputError(f"{path.name} names more than {MAX_FOLDERS} folders of meshes and textures")
-        meant = {(base, n): _found(n, {base, files.main.parent}, folders, allowed) for base, n in names}
-        files.named.update({n: found[0] for (_, n), found in meant.items() if found})
-        waiting = [f for f in sorted({f for found in meant.values() for f in found} - counts.keys()) if _is_text(f)]
+        candidates = {(base, n): _found(n, {base, files.main.parent}, folders, allowed) for base, n in names}
+        files.by_name.update({n: found[0] for (_, n), found in candidates.items() if found})
+        undecided = sorted({f for found in candidates.values() for f in found} - counts.keys())
+        waiting = [f for f in undecided if _is_text(f)]
     if (copies := prod(counts.values())) > MAX_COUNTS["count"]:
         raise InputError(f"{path.name} replicates bodies {copies:.0f} times, beyond {MAX_COUNTS['count']}")
     return files
@@ -77,9 +78,9 @@ def _attributes(text: bytes) -> list[tuple[str, str]]:
 
 def _found(name: str, bases: set[Path], folders: set[str], allowed: AllowedPaths) -> list[Path]:
     """Return all files that MuJoCo may find for a name, possibly without its folders."""
-    plain = name.rpartition("://")[2]
+    path = name.rpartition("://")[2]
     out = []
-    for candidate in (base / folder / n for base in bases for folder in folders for n in {plain, Path(plain).name}):
+    for candidate in (base / folder / n for base in bases for folder in folders for n in {path, Path(path).name}):
         try:
             file = candidate.resolve()
             if file.is_dir() or not file.exists():
@@ -112,9 +113,9 @@ def _product(value: str) -> float:
 
 
 def _replicated(text: bytes) -> float:
-    """Return the number of copies that replications make, the innermost ones of those that are nested; at least 1."""
-    tags, nested = REPLICATE.findall(text), [(1.0, 0.0)]  # copies, those of the replications inside
-    for tag in [*tags, *[b"</"] * len(tags)]:  # some may not be closed
+    """Return the number of copies made by replications, multiplied if nested; at least 1."""
+    tags, nested = REPLICATE.findall(text), [(1.0, 0.0)]  # copies at each level, and of the replications inside
+    for tag in [*tags, *[b"</"] * len(tags)]:  # tags may not be closed
         if tag.startswith(b"</") and len(nested) > 1:
             copies, inside = nested.pop()
             nested[-1] = nested[-1][0], nested[-1][1] + max(copies, inside)

@@ -16,25 +16,25 @@ DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)  # colour of a geom without a colour
 
 
 def visuals(c: MjcfModel) -> tuple[pin.GeometryModel, list[str]]:
-    """Return the geoms that MuJoCo's viewer shows, and the names of those without a supported shape."""
+    """Return the geoms that MuJoCo's viewer shows, and the names of geoms of unsupported shapes."""
     out, missing = pin.GeometryModel(), []
     meshes: dict[int, coal.BVHModelOBBRSS] = {}
     for g in np.flatnonzero(c.m.geom_group < SHOWN_GROUPS).tolist():
         name = c.name("GEOM", g) or f"geom{g}"
         joint, placement = c.carriers[c.m.geom_bodyid[g]]
-        here = placement * pose(c.m.geom_pos[g], c.m.geom_quat[g])
-        shape = _shape(c, g, meshes, level=joint == 0 and here.rotation[2, 2] > HORIZONTAL)
+        in_joint = placement * pose(c.m.geom_pos[g], c.m.geom_quat[g])
+        shape = _shape(c, g, meshes, level=joint == 0 and in_joint.rotation[2, 2] > HORIZONTAL)
         if shape is None:
             missing.append(name)
             continue
-        geometry = pin.GeometryObject(name, joint, here, shape)
+        geometry = pin.GeometryObject(name, joint, in_joint, shape)
         geometry.meshColor = _colour(c, g)
         out.addGeometryObject(geometry)
     return out, missing
 
 
 def _colour(c: MjcfModel, g: int) -> np.ndarray:
-    """Return red, green, blue and opacity of a geom, (4,): the given ones, else those of its material."""
+    """Return red, green, blue and opacity of a geom, (4,): as given, or else of its material."""
     material, given = int(c.m.geom_matid[g]), np.array(c.m.geom_rgba[g], float)
     return np.array(c.m.mat_rgba[material], float) if material >= 0 and (given == DEFAULT_RGBA).all() else given
 
@@ -56,8 +56,8 @@ def _shape(c: MjcfModel, g: int, meshes: dict[int, coal.BVHModelOBBRSS], level: 
         case kinds.mjGEOM_PLANE if level:
             return ground()
         case kinds.mjGEOM_PLANE:  # a size of 0 means infinite
-            wide = 2 * float(m.stat.extent)
-            return coal.Box(2 * a or wide, 2 * b or wide, wide * COARSE)
+            extent = 2 * float(m.stat.extent)
+            return coal.Box(2 * a or extent, 2 * b or extent, extent * COARSE)
         case kinds.mjGEOM_MESH:
             i = int(m.geom_dataid[g])
             if i not in meshes:

@@ -1,9 +1,9 @@
 """MJCF: compiled by MuJoCo, then converted to a Pinocchio model with closures, forces and an initial state.
 
-The compiler of MuJoCo resolves defaults, includes, angles and inertias, so the converted values are those of MuJoCo's
-simulation. Joint coordinates keep MuJoCo's values (``ref`` included); quaternions and the velocity of free joints
-change according to `mbdae.mechanism.formats.mjcf.states`. A body with several joints becomes a chain of joints with
-massless intermediate links. Equalities become exact closures: their softness (solref, solimp) is not carried over.
+The compiler of MuJoCo resolves defaults, includes, angles and inertias, so the converted values are the same as in
+MuJoCo's simulation. Joint coordinates keep MuJoCo's values (``ref`` included); quaternions and the velocity of free
+joints change according to `mbdae.mechanism.formats.mjcf.states`. A body with several joints becomes a chain of joints
+with massless intermediate links. Equalities become exact closures: their softness (solref, solimp) is not carried over.
 """
 
 import warnings
@@ -51,8 +51,8 @@ def read_mjcf(path: Path, allowed: AllowedPaths, source: Source) -> ImportedMode
     Args:
         path: the file; included files are resolved as in MuJoCo.
         allowed: paths of the files that may be read.
-        source: options, with the keyframe of the initial state, ``"qpos0"`` for the reference configuration; the first
-            keyframe, if there is one, by default.
+        source: options, with the keyframe of the initial state: by default the first, if any; ``"qpos0"`` for the
+            reference configuration.
 
     Raises:
         InputError: if MuJoCo is missing or cannot compile the file, or if a file is not allowed.
@@ -74,6 +74,7 @@ def read_mjcf(path: Path, allowed: AllowedPaths, source: Source) -> ImportedMode
     closures, drivers, equalities = closures_of(c)
     forces, weightless = springs_of(c), weightless_masses(c)
     geometry, shapeless = visuals(c)
+    unsupported = unsupported_features(c, equalities, actuators.unsupported, actuators.limited, shapeless)
     return ImportedModel(
         c.model,
         geometry,
@@ -86,7 +87,7 @@ def read_mjcf(path: Path, allowed: AllowedPaths, source: Source) -> ImportedMode
         start=start,
         motors=tuple(actuators.motors.values()),
         controls={motor.name: float(control[i]) for i, motor in actuators.motors.items() if control[i]},
-        left_out=(*unsupported_features(c, equalities, actuators.others, actuators.limited, shapeless), *unread(files)),
+        left_out=(*unsupported, *unread(files)),
     )
 
 
@@ -98,7 +99,7 @@ def _compile(lib: ModuleType, path: Path) -> Any:
     texts: list[str] = []
     with COMPILER_LOCK:
         previous_handler = lib.get_mju_user_warning()
-        lib.set_mju_user_warning(texts.append)  # otherwise MuJoCo writes them to a file in the working directory
+        lib.set_mju_user_warning(texts.append)  # otherwise MuJoCo writes warnings to a file in the working directory
         try:
             m = lib.MjModel.from_xml_path(str(path))
         except (ValueError, RuntimeError, lib.FatalError) as e:
@@ -112,7 +113,7 @@ def _compile(lib: ModuleType, path: Path) -> Any:
 
 
 def _require_finite(m: Any, name: str) -> None:
-    """Require numbers of at most `HUGE`, whose products do not overflow; comparisons with NaN are false."""
+    """Reject NaN and numbers above `HUGE`, whose products may overflow; comparisons with NaN are false."""
     for array in (*CHECKED_ARRAYS, *(x for x in NEW_ARRAYS if hasattr(m, x))):
         if not float(np.abs(getattr(m, array)).max(initial=0)) <= HUGE:
             raise InputError(f"{name}: {array} is not finite, or beyond {HUGE:g}")

@@ -24,7 +24,7 @@ def from_mujoco(model: pin.Model, qpos: np.ndarray, qvel: np.ndarray | None = No
     """Return q (nq,) and v (nv,) for MuJoCo's qpos (nq,) and qvel (nv,); quaternions are normalized.
 
     Raises:
-        InputError: for another length.
+        InputError: for arrays of another length.
     """
     q, v = _checked(model, qpos, qvel)
     for joint, kind in _quaternion_joints(model):
@@ -40,7 +40,7 @@ def to_mujoco(model: pin.Model, q: np.ndarray, v: np.ndarray | None = None) -> t
     """Return MuJoCo's qpos (nq,) and qvel (nv,) for q (nq,) and v (nv,).
 
     Raises:
-        InputError: for another length.
+        InputError: for arrays of another length.
     """
     qpos, qvel = _checked(model, q, v)
     for joint, kind in _quaternion_joints(model):
@@ -64,7 +64,7 @@ def _quaternion_joints(model: pin.Model) -> list[tuple[pin.JointModel, str]]:
 
 
 def _unit(quaternion: np.ndarray) -> np.ndarray:
-    """Return a unit quaternion; like MuJoCo, the identity for a zero one (here the real part is last)."""
+    """Return a unit quaternion x, y, z, w; like MuJoCo, the identity for a zero quaternion."""
     size = np.linalg.norm(quaternion)
     return quaternion / size if size > 0 else np.array([0.0, 0.0, 0.0, 1.0])
 

@@ -1,8 +1,8 @@
-"""Contents of an MJCF file that are not read: all except those that MuJoCo compiles into the imported model.
+"""Contents of an MJCF file that are not read, since they do not enter the imported model.
 
 The tables list the attributes that affect bodies, joints, closures, forces, shapes or the start, or are reported by
-`mbdae.mechanism.formats.mjcf.unsupported_features` if they have an effect. All others are reported by their path in the
-file.
+`mbdae.mechanism.formats.mjcf.unsupported_features` if they have an effect. All other attributes are reported by their
+path in the file.
 """
 
 import xml.etree.ElementTree as ET
@@ -77,8 +77,8 @@ def unread(files: XmlFiles) -> list[str]:
             out.append(f"other contents of {file.name}, which is not well-formed XML")
     used = {files.main}
     if files.main in trees:
-        _include(trees[files.main], trees, files.named, used)
-    for file in [files.main, *(f for f in trees if f not in used)]:  # others are models within the model
+        _include(trees[files.main], trees, files.by_name, used)
+    for file in [files.main, *(f for f in trees if f not in used)]:  # the remaining files are nested models
         if file in trees:
             root = Recorded(trees[file])
             root.get("model")
@@ -87,13 +87,15 @@ def unread(files: XmlFiles) -> list[str]:
     return out
 
 
-def _include(element: ET.Element, trees: Mapping[Path, ET.Element], named: Mapping[str, Path], used: set[Path]) -> None:
+def _include(
+    element: ET.Element, trees: Mapping[Path, ET.Element], by_name: Mapping[str, Path], used: set[Path]
+) -> None:
     """Replace ``<include>`` by the included elements, as MuJoCo does."""
     waiting = [element]
     while waiting:
         element = waiting.pop()
         for e in list(element):
-            other = named.get(e.get("file", "")) if e.tag == "include" else None
+            other = by_name.get(e.get("file", "")) if e.tag == "include" else None
             if other is None or other not in trees or other in used:
                 waiting.append(e)
                 continue

@@ -12,15 +12,15 @@ from .compiled_model import FRICTION_FLAGS, LIMIT_FLAGS, MjcfModel
 def unsupported_features(
     c: MjcfModel, equalities: Iterable[str], actuators: Iterable[str], limited: Iterable[str], shapes: Iterable[str]
 ) -> list[str]:
-    """Return all features with an effect on motion or appearance that are not supported, with their names."""
+    """Return all unsupported features that affect motion or appearance, with the names of their elements."""
     found: list[tuple[str, Iterable[str]]] = [
         ("contact between geoms", [""] if _may_collide(c) else []),
-        *_of_joints(c),
+        *_joint_features(c),
         ("equalities", equalities),
-        ("actuators that are no motors, positions or velocities of a hinge or slide", actuators),
+        ("actuators other than motors, positions or velocities of a hinge or slide", actuators),
         ("limits and delays of motors", limited),
         ("nonlinear damping of actuators", (c.actuators[i] for i in _rows(c.m, "actuator_dampingpoly"))),
-        *_objects(c),
+        *_other_objects(c),
         ("sleep of bodies", _sleeping_bodies(c)),
         ("forces of a fluid", [""] if c.m.opt.density or c.m.opt.viscosity else []),
         ("shapes", shapes),
@@ -28,7 +28,7 @@ def unsupported_features(
     return [name_list(what, names) for what, values in found if (names := list(values))]
 
 
-def _of_joints(c: MjcfModel) -> list[tuple[str, list[str]]]:
+def _joint_features(c: MjcfModel) -> list[tuple[str, list[str]]]:
     m = c.m
     return [
         (LIMITS, [] if c.disables(*LIMIT_FLAGS) else [c.joints[j] for j in np.flatnonzero(m.jnt_limited)]),
@@ -39,8 +39,8 @@ def _of_joints(c: MjcfModel) -> list[tuple[str, list[str]]]:
     ]
 
 
-def _objects(c: MjcfModel) -> list[tuple[str, list[str]]]:
-    """Return unsupported objects by their kind in MuJoCo; nameless ones are called by the word and their number."""
+def _other_objects(c: MjcfModel) -> list[tuple[str, list[str]]]:
+    """Return unsupported objects by kind; objects without a name are denoted by a word and their number."""
     m = c.m
     found: list[tuple[str, str, str, Iterable[int]]] = [
         ("tendons", "TENDON", "tendon", range(m.ntendon)),
@@ -71,7 +71,7 @@ def _joints(c: MjcfModel, per_dof: np.ndarray) -> list[str]:
 
 
 def _sleeping_bodies(c: MjcfModel) -> list[str]:
-    """Return the bodies whose trees have a sleep setting, or one without a name if the file only enables sleeping."""
+    """Return the bodies whose trees have a sleep setting, or an empty name if the file only enables sleeping."""
     m, policies = c.m, getattr(c.lib, "mjtSleepPolicy", None)
     if policies is None:
         return []

@@ -14,7 +14,7 @@ from ..mechanism_file.inertias import checked_inertia
 from ..recorded import Recorded
 from .elements import YES, SdfElements
 
-WATER = 1000.0  # kg/m^3: default density of the format
+WATER = 1000.0  # kg/m^3: default density in SDF
 GREY = (0.6, 0.6, 0.6, 1.0)
 ENTRIES = (("ixx", 1.0), ("ixy", 0.0), ("iyy", 1.0), ("ixz", 0.0), ("iyz", 0.0), ("izz", 1.0))
 
@@ -39,10 +39,10 @@ def read_inertia(sdf: SdfElements, link: str) -> pin.Inertia:
 
 
 def _inertia_from_shapes(sdf: SdfElements, link: str, e: Recorded) -> pin.Inertia:
-    """Return the sum over collision shapes of density times volume inertia, scaled to the mass if that is given.
+    """Return the sum over collision shapes of density times volume inertia, scaled to the mass if it is given.
 
     Raises:
-        InputError: for a shape that is not a solid of the format.
+        InputError: for a shape that is not a solid in SDF.
     """
     context, placement, total = f"the inertial of {link!r}", sdf.links[link], pin.Inertia.Zero()
     default_density = sdf.number(e, "density", WATER, context)
@@ -95,7 +95,7 @@ def read_visuals(
         joint_of_link: returns the parent joint of a link, and its placement in the world.
 
     Returns:
-        Solids and meshes; the names of unsupported shapes and of missing meshes; and the reason for the first.
+        Solids and meshes; the names of unsupported shapes and missing meshes; and the reason for the first.
     """
     out, missing, reason = pin.GeometryModel(), list[str](), ""
     for link, placement in sdf.links.items():

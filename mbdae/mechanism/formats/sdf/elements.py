@@ -13,7 +13,7 @@ from ..recorded import Recorded
 
 MODEL, MODEL_LABEL = "__model__", "the model"
 YES = ("1", "true")
-AXES_IN_MODEL = (1, 4)  # up to this version axes are in the model frame
+AXES_IN_MODEL = (1, 4)  # last version with axes in the model frame
 
 
 class SdfElements:
@@ -66,11 +66,11 @@ class SdfElements:
     def placement_in_world(
         self, e: Recorded, name: str, base: pin.SE3 | Callable[[], pin.SE3], seen: tuple[str, ...] = ()
     ) -> pin.SE3:
-        """Return the world placement of an element: its pose relative to the frame that it names, or to ``base``.
+        """Return the world placement of an element: its pose relative to the frame it names, or else to ``base``.
 
         Args:
-            e: element with or without a pose.
-            name: for messages.
+            e: element, with or without a pose.
+            name: name for messages.
             base: a placement, or a function without arguments that returns it.
             seen: names resolved so far.
         """

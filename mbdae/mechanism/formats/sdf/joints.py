@@ -21,7 +21,7 @@ MOVING: dict[str, Callable[..., Any]] = {
     "ball": pin.JointModelSpherical,
 }
 AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, "universal": 2, "ball": 0, "fixed": 0}
-BOUNDLESS = 1e16  # value of the format for a joint without a limit
+UNLIMITED = 1e16  # value of SDF for a joint without a limit
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class SdfAxis:
 
     Attributes:
         xyz: unit vector in the joint's frame.
-        damping: in N m s/rad or N s/m.
-        friction: in N m or N.
-        stiffness: in N m/rad or N/m.
+        damping: damping in N m s/rad or N s/m.
+        friction: friction in N m or N.
+        stiffness: stiffness in N m/rad or N/m.
         rest: rest position of the spring, in rad or m.
         limits: lower and upper limit in rad or m.
         bounds: bounds of effort and velocity.
@@ -67,9 +67,9 @@ class SdfJoint:
         parent: link, or the world.
         child: link, or the world.
         placement: placement in the world.
-        axes: one for each coordinate, none for balls.
+        axes: one axis for each coordinate, none for ball joints.
         mimic: the coupling to another joint.
-        unsupported_leader: description of its leader, if that is not supported.
+        unsupported_leader: description of its leader, if not supported.
     """
 
     name: str
@@ -92,7 +92,7 @@ class SdfJoint:
         return any(a.damping or a.stiffness for a in self.axes)
 
     def model(self) -> Any:
-        """Return the joint of Pinocchio."""
+        """Return the Pinocchio joint."""
         return MOVING[self.kind](*(np.array(a.xyz) for a in self.axes))
 
     def copy_to(self, model: pin.Model, number: int) -> None:
@@ -150,14 +150,14 @@ def _axis(sdf: SdfElements, joint: str, kind: str, e: Recorded | None, placement
     def bound(key: str) -> float:
         text = "" if e is None else e.text(f"limit/{key}") or ""
         value = np.inf if text.lstrip("+-").lower() in ("", "inf", "infinity") else number(f"limit/{key}", key)
-        return value if 0 <= value < BOUNDLESS else np.inf
+        return value if 0 <= value < UNLIMITED else np.inf
 
     def end(key: str, sign: float) -> float:
         text = "" if e is None or kind == "continuous" else e.text(f"limit/{key}") or ""
         if text.lstrip("+-").lower() in ("", "inf", "infinity"):
             return sign * np.inf
         value = number(f"limit/{key}", f"{key} limit")
-        return value if abs(value) < BOUNDLESS else sign * np.inf
+        return value if abs(value) < UNLIMITED else sign * np.inf
 
     return SdfAxis(
         unit,

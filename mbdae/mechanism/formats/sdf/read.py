@@ -2,8 +2,8 @@
 
 SDF describes a graph of links. From the world, and from links without a parent joint, joints are added from parent to
 child; a joint to a link that is already in the tree is cut and becomes a closure. If forces act along the axis of such
-a joint, the link is split instead: the joint carries one half of it, and a weld connects both halves. Links without a
-parent joint have a free joint, except in a static model.
+a joint, the link is split instead: its inertia is divided between both joints, and a weld connects the halves. Links
+without a parent joint have a free joint, except in a static model.
 """
 
 import warnings
@@ -33,8 +33,8 @@ from .bodies import read_inertia, read_visuals
 from .elements import SdfElements
 from .joints import SdfAxis, SdfJoint, leaders, read_joint
 
-CLOSED = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "universal": "universal",
-          "ball": "point", "fixed": "frame"}  # fmt: skip
+CLOSURE_KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "universal": "universal",
+                 "ball": "point", "fixed": "frame"}  # fmt: skip
 
 
 class SdfRecord(Table):
@@ -83,7 +83,7 @@ class SdfModel:
         self.tree: list[SdfJoint] = []
         self.roots = self._choose_tree()
         self.split_joints = [j for j in self.joints if j not in self.tree and self._can_split(j)]
-        self.pieces = Counter(j.child for j in self.split_joints)
+        self.splits = Counter(j.child for j in self.split_joints)
 
     def imported_model(self, gravity: str | None, allowed: AllowedPaths, record: dict, root: Recorded) -> ImportedModel:
         """Return the imported model of the file."""
@@ -121,7 +121,7 @@ class SdfModel:
         )
 
     def _choose_tree(self) -> list[str]:
-        """Choose the joints of the tree, breadth first from the world; return the links that have no joint in it."""
+        """Choose the joints of the tree, breadth first from the world; return links without a parent joint in it."""
         reached, waiting, roots = {WORLD}, [WORLD], []
         children = {j.child for j in self.joints}
         for link in chain([""], (n for n in self.sdf.links if n not in children), self.sdf.links):
@@ -139,7 +139,7 @@ class SdfModel:
         return roots
 
     def _can_split(self, j: SdfJoint) -> bool:
-        """Return whether a loop-closing joint needs coordinates, and can carry half of its child."""
+        """Return whether a loop-closing joint needs coordinates, and its child has inertia along its axes."""
         if not (j.has_force or j.mimic or j.name in leaders(self.joints)) or j.child == WORLD:
             return False
         placement, axes = j.placement.actInv(self.sdf.links[j.child]), np.reshape(subspace(j.model()), (6, -1))
@@ -167,13 +167,13 @@ class SdfModel:
         return number
 
     def _add_link(self, link: str) -> None:
-        """Add the frame of a link and its share of the inertia to its parent joint."""
+        """Add the frame of a link, and its fraction of the inertia, to its parent joint."""
         self._frame(link, self.parent_joints[link], self.sdf.links[link], pin.FrameType.BODY)
         self._append_inertia(link, self.parent_joints[link])
 
     def _append_inertia(self, link: str, joint: int) -> None:
-        inertia, share = self.inertias[link], 1 / (1 + self.pieces[link])
-        part = pin.Inertia(inertia.mass * share, inertia.lever, inertia.inertia * share)
+        inertia, fraction = self.inertias[link], 1 / (1 + self.splits[link])
+        part = pin.Inertia(inertia.mass * fraction, inertia.lever, inertia.inertia * fraction)
         self.model.appendBodyToJoint(joint, part, self.origins[joint].actInv(self.sdf.links[link]))
 
     def _frame(self, name: str, joint: int, placement: pin.SE3, kind: pin.FrameType = pin.FrameType.OP_FRAME) -> None:
@@ -188,7 +188,7 @@ class SdfModel:
         for name, joint in zip(names, parents, strict=True):
             self._frame(name, joint, j.placement)
         axes = {} if split_joints else dict(zip(("axis", "second_axis"), (a.xyz for a in j.axes), strict=False))
-        kind = "frame" if split_joints else CLOSED[j.kind]
+        kind = "frame" if split_joints else CLOSURE_KINDS[j.kind]
         return Closure(kind=kind, frames=names, name=j.name, **axes)  # type: ignore[arg-type]
 
     def _weightless(self, link: str) -> tuple[str, float] | None:
@@ -201,7 +201,7 @@ class SdfModel:
 
     @property
     def moving(self) -> list[SdfJoint]:
-        """Return the joints that have coordinates."""
+        """Joints that have coordinates."""
         return [j for j in (*self.tree, *self.split_joints) if j.kind != "fixed"]
 
     def _springs(self) -> list[JointSpring]:

@@ -1,4 +1,4 @@
-"""Checks before Pinocchio reads a URDF: it leaves out an inertial that it cannot read, and takes links for a tree."""
+"""Checks before Pinocchio reads a URDF: it ignores inertials that it cannot read, and assumes a tree of links."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Collection
@@ -12,7 +12,7 @@ from ..mechanism_file.inertias import checked_inertia
 COUNTS = {"xyz": 3, "rpy": 3, "quat_xyzw": 4}
 MOMENTS = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")  # entries of the symmetric tensor, by rows
 LIMITED = ("revolute", "prismatic")
-OF_JOINT = (*COUNTS, "lower", "upper", "effort", "velocity", "damping", "friction", "multiplier", "offset")
+JOINT_KEYS = (*COUNTS, "lower", "upper", "effort", "velocity", "damping", "friction", "multiplier", "offset")
 
 
 def check_urdf(robot: ET.Element, name: str, types: Collection[str]) -> None:
@@ -32,17 +32,17 @@ def check_urdf(robot: ET.Element, name: str, types: Collection[str]) -> None:
             _require_inertia(inertial, f"link {link.get('name')!r} of {name}")
     for joint in robot.iterfind("joint"):
         for e in joint:
-            for key in e.attrib.keys() & OF_JOINT:
+            for key in e.attrib.keys() & JOINT_KEYS:
                 _numbers(e, key, f"joint {joint.get('name')!r} of {name}")
         _require_type(joint, f"joint {joint.get('name')!r} of {name}", types)
     _require_tree(robot, name)
 
 
 def _require_type(joint: ET.Element, name: str, types: Collection[str]) -> None:
-    """Require a known type, and the limits that the format requires.
+    """Reject an unknown type, and joints without the limits that the format requires.
 
     Raises:
-        InputError: without one of them.
+        InputError: names the joint.
     """
     if (kind := joint.get("type", "")) not in types:
         raise InputError(f"{name} has type {kind[:60]!r}, expected one of {', '.join(types)}")
@@ -82,21 +82,21 @@ def _numbers(e: ET.Element, key: str, name: str) -> list[float]:
 
 
 def _require_tree(robot: ET.Element, name: str) -> None:
-    """Require that each link is the child of one joint at most, and no link its own ancestor."""
-    above: dict[str, tuple[str, str]] = {}  # joint and parent of each link that is a child
+    """Reject a link that is the child of several joints or its own ancestor."""
+    parents: dict[str, tuple[str, str]] = {}  # joint and parent of each child link
     for joint in robot.iterfind("joint"):
         ends = [joint.find(tag) for tag in ("parent", "child")]
         parent, child = ("" if e is None else e.get("link", "") for e in ends)
-        if child in above:
+        if child in parents:
             raise InputError(
-                f"{name}: link {child!r} is the child of joints {above[child][0]!r} and {joint.get('name')!r}: "
+                f"{name}: link {child!r} is the child of joints {parents[child][0]!r} and {joint.get('name')!r}: "
                 "cut the loop at one of them, which a closure replaces"
             )
-        above[child] = joint.get("name", ""), parent
-    for link in above:
+        parents[child] = joint.get("name", ""), parent
+    for link in parents:
         seen, at = {link}, link
-        while at in above:
-            at = above[at][1]
+        while at in parents:
+            at = parents[at][1]
             if at in seen:
                 raise InputError(f"{name}: link {at!r} is its own ancestor")
             seen.add(at)

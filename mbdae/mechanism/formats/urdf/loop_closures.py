@@ -56,8 +56,9 @@ def add_loop_closures(part: ImportedModel, path: Path, allowed: AllowedPaths) ->
         InputError: for invalid contents; the message names the key and the expected value.
         UnknownNameError: for an unknown link or joint.
     """
-    above = path.parent.parent
-    candidates = [path.parent / FILE, *((above / FILE, above / "config" / FILE) if path.parent.name == "urdf" else ())]
+    package = path.parent.parent
+    in_package = (package / FILE, package / "config" / FILE) if path.parent.name == "urdf" else ()
+    candidates = [path.parent / FILE, *in_package]
     found = next((file for file in candidates if file.is_file()), None)
     if found is None:
         return part
@@ -87,6 +88,6 @@ def add_loop_closures(part: ImportedModel, path: Path, allowed: AllowedPaths) ->
 
 
 def _base(model: pin.Model) -> str:
-    """Return the base link, or else the first link."""
+    """Return the base link, or the first link if there is no base link."""
     links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.name != "universe"]
     return BASE if BASE in links else links[0]

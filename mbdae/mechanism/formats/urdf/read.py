@@ -25,7 +25,7 @@ from .loop_closures import add_loop_closures
 from .visuals import one_line, read_visuals
 
 POSE = "xyz rpy"
-READ = {  # contents that are read, by Pinocchio or here (`Recorded.mark`); joints have separate tables
+READ = {  # contents that Pinocchio or this module reads (`Recorded.mark`); joints have separate tables
     "link": "",
     "inertial!": "",
     "origin!": POSE,
@@ -43,7 +43,7 @@ JOINT = {"origin!": POSE, "parent!": "link", "child!": "link"}
 MIMIC = {"mimic!": "joint multiplier offset"}
 AXIS_JOINT = {**JOINT, **MIMIC, "axis!": "xyz", "limit!": "effort velocity", "dynamics!": "damping friction"}
 LIMITED_JOINT = {**AXIS_JOINT, "limit!": "lower upper effort velocity"}
-OF_KIND = {
+READ_OF_JOINT = {
     "continuous": AXIS_JOINT,
     "revolute": LIMITED_JOINT,
     "prismatic": LIMITED_JOINT,
@@ -51,7 +51,7 @@ OF_KIND = {
     "fixed": {**JOINT, "axis!": "xyz"},  # not used, as the format specifies
     "floating": {**JOINT, "axis!": "xyz"},
 }
-QUATERNIONS = ("", "1.0")  # versions of the format without quaternions
+WITHOUT_QUATERNIONS = ("", "1.0")  # versions of the format without quaternions
 
 
 def read_urdf(
@@ -70,7 +70,7 @@ def read_urdf(
         name: name of the file, for messages.
         allowed: allowed paths of meshes.
         free_flyer: add a free joint, ``root_joint``, between the world and the root link.
-        kinds: joints of another kind than in the URDF.
+        kinds: kinds of joints that replace those of the URDF.
         lock: values of locked joints.
 
     Raises:
@@ -103,9 +103,14 @@ def read_urdf(
 
 
 class _Parsed(NamedTuple):
-    """A URDF: the model of Pinocchio, the elements, and contents that Pinocchio does not read.
+    """A URDF: the model of Pinocchio, and contents that Pinocchio does not read.
 
-    ``without_leader`` are mimic joints whose leader does not move.
+    Attributes:
+        model: the model.
+        tree: the elements of the file.
+        mimics: mimic joints.
+        without_leader: mimic joints whose leader does not move.
+        axes: kind and axis of joints by name.
     """
 
     model: pin.Model
@@ -118,7 +123,7 @@ class _Parsed(NamedTuple):
 def _parsed(text: str, name: str, free_flyer: bool) -> _Parsed:
     try:
         tree = ET.fromstring(text)
-        check_urdf(tree, name, OF_KIND)
+        check_urdf(tree, name, READ_OF_JOINT)
         root = (pin.JointModelFreeFlyer(),) if free_flyer else ()
         model = pin.buildModelFromXML(text, *root)
         names, axes = joint_names(model), _axes(tree)
@@ -149,20 +154,20 @@ class Record(Table):
 
 
 def _recorded(tree: ET.Element) -> Recorded:
-    """Return the elements, with all contents marked that are read."""
+    """Return the elements; contents that are read are marked."""
     robot = Recorded(tree)
-    pose_keys = POSE if robot.get("version") in QUATERNIONS else f"{POSE} quat_xyzw"
+    pose_keys = POSE if robot.get("version") in WITHOUT_QUATERNIONS else f"{POSE} quat_xyzw"
     robot.mark({**READ, "origin!": pose_keys})
     for geometry in (g for link in robot.all("link") for e in link.all("visual") for g in e.all("geometry")[:1]):
         for shape in geometry.children[:1]:
             geometry.mark({f"{shape.tag}!": SHAPES.get(shape.tag, "")})
     for joint in robot.all("joint"):
-        joint.mark({**OF_KIND.get(joint.get("type"), {}), "origin!": pose_keys})
+        joint.mark({**READ_OF_JOINT.get(joint.get("type"), {}), "origin!": pose_keys})
     return robot
 
 
 def _unsupported(parsed: _Parsed, robot: Recorded, names: list[str]) -> tuple[str, ...]:
-    """Return unsupported features of the file: of the joints ``names``, of mimic joints, and others."""
+    """Return unsupported features of the joints ``names``, of mimic joints, and of other elements."""
     dry = np.array(parsed.model.upperDryFrictionLimit)
     joints = {n: find_joint(parsed.model, n) for n in names}
     limits = _limits(robot, names)
@@ -176,9 +181,9 @@ def _unsupported(parsed: _Parsed, robot: Recorded, names: list[str]) -> tuple[st
 
 
 def _limits(robot: Recorded, names: list[str]) -> dict[str, Recorded]:
-    """Return the limit elements of the joints that have one."""
-    of_one = [e for e in robot.all("joint") if e.get("name") in names and "limit!" in OF_KIND[e.get("type")]]
-    return {e.get("name"): x for e in of_one if (x := e.first("limit"))}
+    """Return the limit elements of joints by name."""
+    elements = [e for e in robot.all("joint") if e.get("name") in names and "limit!" in READ_OF_JOINT[e.get("type")]]
+    return {e.get("name"): x for e in elements if (x := e.first("limit"))}
 
 
 def _mimics(tree: ET.Element) -> tuple[Mimic, ...]:
@@ -192,7 +197,7 @@ def _mimics(tree: ET.Element) -> tuple[Mimic, ...]:
 
 
 def _axes(tree: ET.Element) -> dict[str, tuple[str, Axis]]:
-    """Return kind and axis (default x) of joints with an axis; floating and fixed joints have none."""
+    """Return kind and axis (default x) of joints with an axis; floating and fixed joints are left out."""
     out = {}
     for joint in tree.iter("joint"):
         if (kind := joint.get("type", "")) in WITH_AXIS:

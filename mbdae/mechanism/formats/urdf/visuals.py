@@ -1,4 +1,4 @@
-"""Visual geometry of a URDF, read by Pinocchio, except meshes, which are searched in allowed paths."""
+"""Visual geometry of a URDF, read by Pinocchio; only meshes in allowed paths are used."""
 
 import warnings
 import xml.etree.ElementTree as ET
@@ -33,7 +33,7 @@ def read_visuals(name: str, model: pin.Model, tree: ET.Element, allowed: Allowed
 
 
 def _visuals(model: pin.Model, tree: ET.Element, allowed: AllowedPaths) -> pin.GeometryModel:
-    """Return the visuals; Pinocchio reads boxes whose sizes identify the meshes, which only allowed files provide.
+    """Return the visuals; Pinocchio reads boxes in place of meshes, whose sizes identify the allowed mesh files.
 
     Raises:
         InputError: for a mesh that is missing, damaged, outside the allowed paths, or of an unsupported format.

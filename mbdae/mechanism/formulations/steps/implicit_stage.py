@@ -7,7 +7,7 @@ In the coordinates (x, v, s, w) of a step, q = q_n (+) x, the residual of an imp
 with r independent rows of G.
 
 In the linearized equations, with mu = h times an eigenvalue of the method's matrix, x' can be eliminated; a system of
-size nv + ns + 1 + r remains. With u = (v, s, w), E = diag(M, 1) and G padded with zeros it is, for vector spaces,
+size nv + ns + 1 + r remains. With u = (v, s, w), E = diag(M, 1) and G padded with zeros, it is, for vector spaces,
 
     [ E - mu D - mu^2 K   -L ] [du' ]       K = d(f + G^T lam - M v', h, power)/dq,  D = d(f, h, power)/du,
     [ G + mu B             0 ] [dlam]       L = d(G^T lam, 0, -g_t lam)/dlam,        B = d(G v)/dq
@@ -57,7 +57,7 @@ class ImplicitStages:
         return F, lam
 
     def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return the first four residuals of the module, (2 nv + ns + 1,), and -G v - g_t, (r,)."""
+        """Return the first four residuals above, (2 nv + ns + 1,), and -G v - g_t, (r,)."""
         s, nv = self.system, self.system.nv
         q, v = s.manifold.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
         update_poses(s.model, s.workspace, q)
@@ -88,10 +88,10 @@ class ImplicitStages:
     def end(self, t: float, x: Array, dx: Array | None, z: Array) -> tuple[Array, Array]:
         """Return y and the multipliers of all rows, (ng,); the next step reuses the mass matrix and G.
 
-        The remaining iteration error of z is |G - G_0| times its last change, much larger than those of x and x'. One
-        linear solve removes it: it minimizes |M^-1/2 (f + G^T z - M v')|. If bodies rotate far within a step,
-        components that rounding excites converge slowly: the velocities in x are projected onto 0 = G v + g_t.
-        Neither applies without dx, where the step does not end at a stage.
+        The remaining iteration error of z is |G - G_0| times its last change, much larger than the errors of x and x'.
+        One linear solve removes it by minimizing |M^-1/2 (f + G^T z - M v')|. If bodies rotate far within a step,
+        components excited by rounding converge slowly: the velocities in x are projected onto 0 = G v + g_t. Both are
+        omitted without dx, when the step does not end at a stage.
         """
         s, nv, y = self.system, self.system.nv, self.system.add(self.y, x)
         q, _ = s.split(y)
@@ -154,7 +154,7 @@ class Linearized(NamedTuple):
         return factorized(matrix, f"the linear system of an implicit step at t = {self.t:.17g}")
 
     def stage_blocks(self, mu: complex) -> tuple[Array, Array, Array, Array]:
-        """Return S, mu K S, B S and the upper left block of the module's matrix."""
+        """Return S, mu K S, B S and the upper left block of the matrix above."""
         J, dJv = self.tangent_map
         S = np.linalg.inv((np.eye(len(J)) - mu * dJv).dot(J))
         KS = mu * self.partials.K.dot(S)
@@ -163,7 +163,7 @@ class Linearized(NamedTuple):
         return S, KS, self.partials.B.dot(S), upper
 
     def factorize(self, mu: complex) -> Solver:
-        """Factorize the module's matrix, real or complex."""
+        """Factorize the matrix above, real or complex."""
         S, KS, BS, upper = self.stage_blocks(mu)
         G, (J, _) = self.partials.G, self.tangent_map
         n, nv = len(upper), len(J)

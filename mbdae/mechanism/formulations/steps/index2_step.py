@@ -21,7 +21,7 @@ class Index2Chart(ImplicitStages):
         self.s = system.element_states(y)
 
     def first(self, carry: Array) -> tuple[Array, Array]:
-        """Return the first stage of a method that carries it: x' = v and v' = `carry` (nv,)."""
+        """Return the first stage from `carry` (nv,): x' = v, and v'."""
         return np.concatenate([self.v, carry]), np.empty(0)
 
     def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
@@ -46,7 +46,7 @@ class Index2Chart(ImplicitStages):
     ) -> tuple[Array, Array]:
         """Return x' = J(x) v (nv,), and G (r, nv) at q_n (+) (xhat + factor x'), where the stage constraint applies.
 
-        U and G over all rows are those of the stage.
+        U, and G over all rows, are evaluated at the stage.
         """
         m = self.system.manifold
         dx = m.tangent(x, v)

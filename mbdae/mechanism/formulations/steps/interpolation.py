@@ -27,9 +27,9 @@ def interpolant(
     """Return theta -> y on t + theta h, theta in [0, 1].
 
     In the chart q = q_n (+) x, x(theta) interpolates x, x' = J v and x'' = J v' + J' v at both ends: a quintic, order 5
-    in q and 4 in v. For higher orders, accelerations from the hidden constraint inside the step are added. Both q and v
-    are continuous, and satisfy G v = 0 to the order. States s and work w are cubics, order 3, to which their rates at
-    the same points are added; without states, the work uses the power at two separate points.
+    in q and 4 in v. For higher orders, accelerations from the hidden constraint at interior points are added. Both q
+    and v are continuous, and satisfy G v = 0 to that order. States s and work w are cubics, order 3, extended by their
+    rates at the same points; without states, the work uses the power at two other points.
 
     Args:
         system: workspace for accelerations and forces.
@@ -86,7 +86,7 @@ def interpolant(
 
 
 def can_sample_at_once(system: "Index2System", order: int) -> bool:
-    """Return whether `sample_at_once` applies: coordinates in a vector space, no states of forces, no higher order."""
+    """Return whether `sample_at_once` applies: vector-space coordinates, no force states, order at most 4."""
     return system.manifold.flat and not system.ns and order <= VELOCITY_ORDER
 
 
@@ -106,7 +106,7 @@ def sample_at_once(
         t: starts of the steps, (n,).
         h: step sizes, (n,).
         ends: y at both ends of each step, (n, ny).
-        rates: tangent rates there, (n, 2 nv + 1).
+        rates: tangent rates at these points, (n, 2 nv + 1).
         which: step index of each point, (k,).
         theta: position of each point in its step, 0 to 1, (k,).
     """

@@ -1,11 +1,11 @@
 """Step of a Newmark-type method on the second-order equations of a mechanism, on any configuration manifold.
 
-With u = (v, s, w), and the numbers of a method (`mbdae.methods.alpha`), the unknown u_1', lam and mu of a step satisfy
+With u = (v, s, w), and the coefficients of a method (`mbdae.methods.alpha`), the unknowns u_1', lam, mu satisfy
 
     M v_1' = f + G^T lam,   s_1' = h(...),   w_1' = power   at (t_1, q_1, u_1),    0 = g(t_1, q_1)   [0 = G v_1 + g_t]
     u_1 = u_p + b_1 u_1',   q_1 = q_0 (+) (x_p + b_2 v_1' [+ M_0^-1 G_0^T mu])
 
-in index 3, or with the terms in brackets in the stabilized index-2 form. Newton's method has exact partials.
+in index 3, or with the terms in brackets in the stabilized index-2 form. Newton's method uses exact partials.
 
 Source: Arnold, Bruels, BIT 47 (2007); Bruels, Cardona, Arnold, Mech. Mach. Theory 48 (2012).
 """
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class NewmarkStep:
-    """Step from (t, y) to t + h with fixed rows, see the module; multipliers are (lam, mu), or lam in index 3."""
+    """Step from (t, y) to t + h with fixed rows; the multipliers are (lam, mu), or lam in index 3."""
 
     def __init__(self, system: "Index2System", t: float, h: float, y: Array, stabilized: bool) -> None:
         self.system, self.t, self.h, self.y, self.stabilized = system, t, h, y, stabilized
@@ -40,12 +40,12 @@ class NewmarkStep:
         return self.system.ny - self.system.nv
 
     def predict(self, x: Array, u: Array, factors: tuple[float, float], guess: Array) -> None:
-        """Take x_p - h v_0 (n,), of which nv count, u_p - u_0 (n,), (b_1, b_2) and a first guess of u_1' (n,)."""
+        """Set x_p - h v_0 (n,), of which nv components are used, u_p - u_0 (n,), (b_1, b_2), a guess of u_1' (n,)."""
         nv = self.system.nv
         self.x, self.u, self.factors, self.guess = self.h * self.chart.v + x[:nv], u, factors, guess
 
     def first_guess(self) -> tuple[Array, Array]:
-        """Return u_1' and multipliers of zero: the equations are nearly linear in these."""
+        """Return the guess of u_1', and zero multipliers, in which the equations are nearly linear."""
         return self.guess, np.zeros(len(self.rows) + self.normal.shape[1])
 
     def displacement(self, du: Array, z: Array) -> Array:
@@ -83,12 +83,12 @@ class NewmarkStep:
         return found[:n], found[n:]
 
     def measure(self, change: Array, du: Array) -> tuple[float, float]:
-        """Return the sizes of a change of v_1 and of the positions over h, relative to the largest speed."""
+        """Return the magnitudes of a change of v_1, and of the positions over h, relative to the largest speed."""
         mech, nv = self.system.mechanism, self.system.nv
         scales, speeds = mech.coordinate_scales, np.abs(self.chart.v) + np.abs(self.h * du[:nv])
         speed = float((speeds / scales).max()) + np.finfo(float).tiny
-        whole = 1 + (1 + float(np.abs(self.chart.q / mech.q_scales).max())) / (abs(self.h) * speed)
-        return float(np.abs(self.h * change[:nv] / scales).max()) / speed, whole
+        positions = 1 + (1 + float(np.abs(self.chart.q / mech.q_scales).max())) / (abs(self.h) * speed)
+        return float(np.abs(self.h * change[:nv] / scales).max()) / speed, positions
 
     def end(self, du: Array, z: Array) -> tuple[Array, Array]:
         """Return the displacement of y, (ny,), and lam of all rows, (ng,)."""
@@ -101,5 +101,5 @@ class NewmarkStep:
 
 
 def newmark_step(system: "Index2System", t: float, h: float, y: Array, stabilized: bool) -> NewmarkStep:
-    """Open a step of a Newmark-type method at (t, y)."""
+    """Return a step of a Newmark-type method from (t, y)."""
     return NewmarkStep(system, t, h, y, stabilized)

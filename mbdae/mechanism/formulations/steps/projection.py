@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from ..index2 import Index2System
 
 ITERATIONS = 10
-MAX_REMAINING = 0.5  # fraction of |g| after a correction: one that leaves more is rejected
-CONTRADICTION = 0.1  # fraction of |g|: rows contradict each other if first-order corrections leave more
-VIOLATED, STALLED = CLOSED, CLOSED  # a larger residual, with a larger correction, is a failure
+MAX_REMAINING = 0.5  # largest fraction of |g| after a correction; otherwise the correction is rejected
+CONTRADICTION = 0.1  # fraction of |g| after first-order corrections, above which rows contradict each other
+VIOLATED, STALLED = CLOSED, CLOSED  # projection fails if both the residual and the last correction are larger
 
 
 def project_state(system: "Index2System", t: float, y: Array, tight: bool = False) -> Array:
@@ -29,15 +29,15 @@ def project_state(system: "Index2System", t: float, y: Array, tight: bool = Fals
     not halve |g| is rejected: near singular configurations rounding in g causes large corrections. Lengths are compared
     in characteristic lengths of the mechanism.
 
-    The core takes x = -M^-1 G_R^T (G_R M^-1 G_R^T)^-1 g_R of the rows in use R, in linear time, while this halves |g|
-    over all rows: if the other rows depend on these, it is the same x.
+    The core uses x = -M^-1 G_R^T (G_R M^-1 G_R^T)^-1 g_R of the rows in use R, in linear time, as long as this halves
+    |g| over all rows: if the other rows depend on R, x is the same.
 
     Args:
         system: a workspace.
         t: time.
         y: the point.
-        tight: iterate below `SUM_ROUNDING` until |g| stops falling: near singular configurations v changes by |g| /
-            sigma^2.
+        tight: iterate below `SUM_ROUNDING` until |g| no longer decreases: near singular configurations v changes by
+            |g| / sigma^2.
 
     Raises:
         StepError: if the closures cannot be satisfied, or require velocities that contradict each other.
@@ -71,8 +71,8 @@ def project_positions(
     """Take Gauss-Newton steps from q, where kinematics must be current.
 
     Returns:
-        Configurations from q to the end; g and G there; largest component of the last attempted step, in rad or
-            characteristic lengths.
+        Configurations from q to the last one, with its g and G; largest component of the last attempted step, in rad
+            or characteristic lengths.
     """
     g, G = system.closures(None, t)
     path, size, positional, mech = [q], 0.0, system.constraints.positional, system.mechanism
@@ -81,7 +81,7 @@ def project_positions(
     for _ in range(ITERATIONS):
         if not tight and not residual_norm > SUM_ROUNDING * (1 + np.abs(path[-1] / mech.q_scales).max()):
             break
-        x = _smallest(U, G[positional], g[positional], scales[positional])
+        x = _minimum_norm_solution(U, G[positional], g[positional], scales[positional])
         size = float(np.abs(x / mech.coordinate_scales).max())
         new_q = system.manifold.integrate(path[-1], -x)
         new = system.closures(new_q, t)
@@ -95,7 +95,7 @@ def project_positions(
 
 def project_velocity(system: "Index2System", t: float, U: Array, G: Array, v: Array) -> Array:
     """Return v - M^-1/2 (G M^-1/2)^+ (G v + g_t), (nv,), over all rows."""
-    return v - _smallest(U, G, G @ v + system.g_t(t), system.mechanism.row_scales)
+    return v - _minimum_norm_solution(U, G, G @ v + system.g_t(t), system.mechanism.row_scales)
 
 
 def contradicting_positions(system: "Index2System", t: float, q: Array) -> str:
@@ -107,7 +107,7 @@ def contradicting_positions(system: "Index2System", t: float, q: Array) -> str:
         return ""
     U, scales = system.inertia(t, q), system.mechanism.row_scales
     _, g, G, _ = project_positions(system, t, q, U)
-    residual = (g - G @ _smallest(U, G, g, scales)) / scales
+    residual = (g - G @ _minimum_norm_solution(U, G, g, scales)) / scales
     if not np.linalg.norm(residual) > max(VIOLATED, CONTRADICTION * float(np.linalg.norm(g / scales))):
         return ""
     return _names(system.mechanism, residual, system.g_t(t))
@@ -126,12 +126,12 @@ def contradicting_rows(system: "Index2System", t: float, y: Array) -> str:
 
 
 def require_compatible_velocities(system: "Index2System", t: float, G: Array, v: Array) -> None:
-    """Require that v, (nv,), satisfies all rows of G v + g_t = 0, also redundant ones.
+    """Check that v, (nv,), satisfies all rows of G v + g_t = 0, including redundant rows.
 
     Without g_t, v = 0 satisfies all rows; drivers may require velocities that closures and other drivers exclude.
 
     Raises:
-        StepError: names the rows, those of drivers first.
+        StepError: names the rows, drivers first.
     """
     g_t = system.g_t(t)
     if g_t.any():
@@ -139,7 +139,7 @@ def require_compatible_velocities(system: "Index2System", t: float, G: Array, v:
 
 
 def require_compatible_accelerations(system: "Index2System", t: float, y: Array) -> None:
-    """Require that a v' satisfies all rows of G v' + gamma = 0 at y, also redundant ones.
+    """Check that some v' satisfies all rows of G v' + gamma = 0 at y, including redundant rows.
 
     Drivers that diverge smoothly contradict each other first in their accelerations.
 
@@ -150,7 +150,7 @@ def require_compatible_accelerations(system: "Index2System", t: float, y: Array)
         q, v = system.split(y)
         U, G = system.inertia(t, q), system.jacobian()
         gamma = system.gamma(q, v, t)
-        vdot = -_smallest(U, G, gamma, system.mechanism.row_scales)
+        vdot = -_minimum_norm_solution(U, G, gamma, system.mechanism.row_scales)
         _require_satisfied(system, t, G, vdot, gamma, "accelerations")
 
 
@@ -160,7 +160,7 @@ def _require_satisfied(system: "Index2System", t: float, G: Array, x: Array, r: 
     if names:
         text = f"no {what} satisfy all of them, the residual is {size:.1g} of the largest"
         closed = [repr(s.name) for s in system.mechanism.switches if repr(s.name) in names]
-        if len(closed) > 1:  # multipliers of contacts that depend on each other are not unique, so none of them opens
+        if len(closed) > 1:  # multipliers of dependent contacts are not unique, so none of the contacts opens
             text += f"; {' and '.join(closed)} are closed without clearance between them: give one of them a gap"
         raise StepError("driver", f"{names} contradict each other at t = {t:.17g}: {text}")
 
@@ -175,7 +175,7 @@ def _violated(system: "Index2System", t: float, G: Array, x: Array, r: Array) ->
 
 
 def _names(mech: "Mechanism", residual: Array, first: Array) -> str:
-    """Return the names of the rows with a scaled residual, (ng,); those where ``first`` is not 0 come first."""
+    """Return the names of the rows with a scaled residual, (ng,); rows where ``first`` is not 0 come first."""
     rows = np.flatnonzero(np.abs(residual) > NEGLIGIBLE * np.abs(residual).max())
     rows = rows[np.argsort(first[rows] == 0, kind="stable")]
     return " and ".join(dict.fromkeys(repr(mech.row_names[int(i)]) for i in rows))
@@ -200,7 +200,7 @@ def exceeds_rounding(system: "Index2System", rate: Array, v: Array) -> bool:
     return system.has_sticking_joints or bool(size > SUM_ROUNDING * _speed(system, v))
 
 
-def _smallest(U: Array, G: Array, r: Array, scales: Array) -> Array:
+def _minimum_norm_solution(U: Array, G: Array, r: Array, scales: Array) -> Array:
     """Return the x (nv,) of smallest |U x| with G x = r (ng,), by truncated least squares with row scales."""
     B = mass_scaled(U, G / scales[:, None])
     return lapack().dgesv(U, least_squares(B.T, r / scales, TRUNCATION))[2]

@@ -14,15 +14,16 @@ from ...closures import independent_rows
 if TYPE_CHECKING:
     from ..index2 import Index2System
 
-NEARBY, GROWTH = THREE_DIGITS, 100.0  # rad or characteristic lengths: where rows that vanish are larger, by this factor
+NEARBY = THREE_DIGITS  # rad or characteristic lengths: distance of the configuration of comparison
+GROWTH = 100.0  # growth of rows over this distance that shows a singular configuration
 
 
 class SmallestPivot(NamedTuple):
     """The smallest pivot of the independent rows of G M^-1/2; (inf, 1) without rows, 0 if they are dependent.
 
     Attributes:
-        size: its size, in units of these rows.
-        ratio: to the largest pivot.
+        size: the pivot, in units of these rows.
+        ratio: ratio to the largest pivot.
     """
 
     size: float = inf
@@ -57,11 +58,11 @@ def select_independent_rows(system: "Index2System", t: float, U: Array, G: Array
 def start(system: "Index2System", t: float, y: Array, project: bool) -> tuple[Array, Array, Array]:
     """Return y, y' and z at the start of a run, see `mbdae.system.System`.
 
-    Pivot ratios do not show where all rows vanish. Rows that are zero nearby, too, are redundant in any configuration,
-    like those across the plane of a planar mechanism.
+    Pivot ratios do not detect configurations where all rows vanish. Rows that also vanish nearby are redundant in any
+    configuration, such as the out-of-plane rows of a planar mechanism.
 
     Raises:
-        StepError: next to a configuration where all rows vanish: every v would satisfy them, and no force acts.
+        StepError: close to a configuration where all rows vanish: every v satisfies them, without constraint forces.
     """
     q = system.split(y)[0]
     if system.ng and (size := _size(system, q)) < system.ambiguous_pivot:
@@ -97,7 +98,7 @@ def _weakest(system: "Index2System", B: Array, rank: int) -> str:
 
 
 def update_independent_rows(system: "Index2System", t: float, state: State) -> State:
-    """Select the rows of the next step, see `mbdae.system.System`, and project v onto new ones.
+    """Select the rows of the next step, see `mbdae.system.System`, and project v onto new rows.
 
     If loops are violated by |g|, redundant rows contradict each other by the same amount: a v that satisfies the old
     rows violates new ones, and a step would interpret this as a local error.
@@ -155,5 +156,5 @@ def pivot_ratio(system: "Index2System", t: float, y: Array) -> float:
 
 
 def remaining_rows_dependent(system: "Index2System", t: float, y: Array) -> bool:
-    """Return whether rows that are not in use certainly depend on the others at y; False where QR must decide."""
+    """Return whether rows not in use certainly depend on the rows in use at y; False where QR must decide."""
     return False

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class EndpointTerms(NamedTuple):
-    """M (nv, nv), N (nv, nv), D (nv,), its partials with respect to w, (nv, nv), and the power at an end of a step."""
+    """Terms at an end of a step: M, N (nv, nv), D (nv,), its partials with respect to w (nv, nv), and the power."""
 
     M: Array
     N: Array
@@ -42,7 +42,7 @@ class EndpointTerms(NamedTuple):
 
 
 class RattleStep:
-    """Step from (t, y) to t + h with fixed rows, see the module; unknown are x (nv,) and lam (r,)."""
+    """Step from (t, y) to t + h with fixed rows; the unknowns are x (nv,) and lam (r,)."""
 
     def __init__(self, system: "Index2System", t: float, h: float, y: Array, rows: Array) -> None:
         self.system, self.t, self.h, self.y, self.rows = system, t, h, y, rows
@@ -76,7 +76,7 @@ class RattleStep:
         return u[:nv], 2 / h**2 * u[nv:]
 
     def measure(self, dx: Array, x: Array) -> tuple[float, float]:
-        """Return the largest component of dx, relative to that of x; and that of q, relative to the same."""
+        """Return the largest components of dx and of q, both relative to the largest component of x."""
         mech = self.system.mechanism
         size = float(np.abs(x / mech.coordinate_scales).max()) + np.finfo(float).tiny
         return (
@@ -112,7 +112,7 @@ class RattleStep:
 
 
 def variational_step(system: "Index2System", t: float, h: float, y: Array) -> RattleStep:
-    """Open a step of RATTLE at (t, y)."""
+    """Return a step of RATTLE from (t, y)."""
     return RattleStep(system, t, h, y, system.rows_of_step(t, y))
 
 

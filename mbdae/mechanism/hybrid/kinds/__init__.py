@@ -1,1 +1,1 @@
-"""Kinds of switches: a file for each."""
+"""Kinds of switches, one file per kind."""

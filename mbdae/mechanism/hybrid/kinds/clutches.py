@@ -35,13 +35,13 @@ class OneWayClutch(UnilateralRow):
 
     @classmethod
     def from_mechanism(cls, mechanism: "Mechanism") -> Sequence[Switch]:
-        alone, _ = _one_way(mechanism)
-        return [cls(c, mechanism.rows_of(c.name)[0]) for c in alone]
+        single, _ = _single_and_opposed(mechanism)
+        return [cls(c, mechanism.rows_of(c.name)[0]) for c in single]
 
     def margins(self, motion: SampledMotion) -> "tuple[Array, Array | None]":
         speed = self.sign * motion.rate[:, self.row]
-        travel = np.append(0.0, np.cumsum(np.diff(motion.x) * (speed[1:] + speed[:-1]) / 2))
-        return travel - np.maximum.accumulate(travel), None
+        position = np.append(0.0, np.cumsum(np.diff(motion.x) * (speed[1:] + speed[:-1]) / 2))
+        return position - np.maximum.accumulate(position), None
 
     def guards(self, state: int) -> tuple[Guard, ...]:
         if state == LOCKED:
@@ -61,7 +61,7 @@ class OneWayClutch(UnilateralRow):
 class OpposedClutches(Switch):
     """One of two opposed one-way clutches, which together lock in both directions under any load.
 
-    Each has a multiplier, half of the torque.
+    The multiplier of each is half of the torque.
 
     Args:
         spec: the clutch.
@@ -76,7 +76,7 @@ class OpposedClutches(Switch):
 
     @classmethod
     def from_mechanism(cls, mechanism: "Mechanism") -> Sequence[Switch]:
-        _, opposed = _one_way(mechanism)
+        _, opposed = _single_and_opposed(mechanism)
         return [cls(c, mechanism.rows_of(c.name)[0]) for c in opposed]
 
     def guards(self, state: int) -> tuple[Guard, ...]:
@@ -92,7 +92,7 @@ class OpposedClutches(Switch):
 
 
 class Ratchet(OneWayClutch):
-    """A one-way clutch with teeth: free forwards, and backwards to the last tooth.
+    """A one-way clutch with teeth: free to run forwards, and backwards to the last tooth.
 
     Args:
         spec: the clutch.
@@ -165,20 +165,20 @@ class Ratchet(OneWayClutch):
         if active:
             return LOCKED
         speed = self.speed(point)
-        if abs(speed) > point.velocity_tolerance(self.rows[0]):  # if slower, its acceleration decides
+        if abs(speed) > point.velocity_tolerance(self.rows[0]):  # otherwise the acceleration decides
             return FREE if speed > 0 else BACKWARDS
         if len(rates) or point.system.mode[self.index] == LOCKED:
             return FREE
         return FREE if self.acceleration(point) >= 0 else BACKWARDS
 
 
-def _one_way(mechanism: "Mechanism") -> tuple[list[Clutch], list[Clutch]]:
-    """Return the one-way clutches without an opposed one between the same joints, and those with one."""
+def _single_and_opposed(mechanism: "Mechanism") -> tuple[list[Clutch], list[Clutch]]:
+    """Return the one-way clutches without, and with, an opposed one-way clutch between the same joints."""
     clutches = [c for c in mechanism.clutches if c.pitch is None and c.engaged is None]
     found = [_free_direction(c) for c in clutches]
     opposed = [any(k == key and direction * other < 0 for k, other in found) for key, direction in found]
     pairs = list(zip(clutches, opposed, strict=True))
-    return [c for c, yes in pairs if not yes], [c for c, yes in pairs if yes]
+    return [c for c, is_opposed in pairs if not is_opposed], [c for c, is_opposed in pairs if is_opposed]
 
 
 def _free_direction(c: Clutch) -> tuple[tuple[str, str, float], float]:

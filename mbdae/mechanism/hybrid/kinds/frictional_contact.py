@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..mode_point import ModePoint
 
 OPEN, STICKING, SLIDING = 0, 1, 2
-AT_LIMIT = 2 * VISIBLE  # fraction of the friction limit: the contact slides if its friction is closer to it
+AT_LIMIT = 2 * VISIBLE  # fraction of the friction limit: the contact slides if its friction is closer to the limit
 
 
 class FrictionalContact(Unilateral):
@@ -30,7 +30,7 @@ class FrictionalContact(Unilateral):
         spec: the closure.
         force: the friction force.
         rows: indices of the normal row and the no-slip row.
-        friction_index: index of the force among the frictions of closures.
+        friction_index: index among the friction interfaces of closures.
     """
 
     states = ("open", "sticking", "sliding")
@@ -47,11 +47,11 @@ class FrictionalContact(Unilateral):
     @classmethod
     def from_mechanism(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         found = [f for f in mechanism.forces if isinstance(f, CoulombFriction)]
-        opening = {c.name: c for c in mechanism.closures if isinstance(c, UnilateralClosure) and c.unilateral}
+        unilateral = {c.name: c for c in mechanism.closures if isinstance(c, UnilateralClosure) and c.unilateral}
         return [
-            cls(opening[f.closure], f, mechanism.rows_of(f.closure), k)
+            cls(unilateral[f.closure], f, mechanism.rows_of(f.closure), k)
             for k, f in enumerate(found)
-            if f.is_exact and f.closure in opening
+            if f.is_exact and f.closure in unilateral
         ]
 
     @property

@@ -36,25 +36,25 @@ class JointStiction(Switch):
     def __init__(self, spec: Brake, row: int, column: int) -> None:
         super().__init__(spec.name)
         self.spec, self.row, self.column = spec, row, column
-        self.others: tuple[JointStiction, ...] = ()  # all switches of this kind in the mechanism
+        self.all_joints: tuple[JointStiction, ...] = ()  # all switches of this kind in the mechanism
 
     @classmethod
     def from_mechanism(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         brakes = [c for c in mechanism.constraints if isinstance(c, Brake)]
         out = tuple(cls(c, mechanism.rows_of(c.name)[0], find_joint(mechanism.model, c.joint).idx_v) for c in brakes)
         for switch in out:
-            switch.others = out
+            switch.all_joints = out
         return out
 
     def margin(self, point: "ModePoint") -> float:
         """Return the stiction margin as a fraction of the limit."""
         mode = point.system.mode
         return 1.0 - friction_utilization(
-            point, self.row, {s.row: s.spec.static for s in self.others if mode[s.index] == STICKING}
+            point, self.row, {s.row: s.spec.static for s in self.all_joints if mode[s.index] == STICKING}
         )
 
     def signed_utilization(self, point: "ModePoint") -> float:
-        """Return lam / static, with sign: the utilization of the limit, unless its row is redundant (see `margin`)."""
+        """Return lam / static: the signed utilization of the limit, unless the row is redundant (see `margin`)."""
         return float(point.lam[self.row]) / self.spec.static
 
     def guards(self, state: int) -> tuple[Guard, ...]:

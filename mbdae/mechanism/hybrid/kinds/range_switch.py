@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..mode_point import ModePoint
 
 OUTSIDE, INSIDE = 0, 1
-LOOKAHEAD = SAME_STATE  # rad or characteristic lengths: lookahead of a joint at the boundary of a range
+LOOKAHEAD = SAME_STATE  # rad or characteristic lengths: displacement that decides the state at a range boundary
 
 
 class RangeSwitch(Switch):
@@ -55,7 +55,7 @@ class RangeSwitch(Switch):
         return self.all_rows
 
     def prescribed(self, t: float, q: "Array", v: "Array") -> int:
-        """Return the state at q, which depends on the joint coordinate alone."""
+        """Return the state at q, which depends only on the joint coordinate."""
         return INSIDE if self.spec.depth(float(q[self.q])) > 0 else OUTSIDE
 
     def depth(self, point: "ModePoint") -> float:

@@ -1,4 +1,4 @@
-"""Wheels and balls that stick or slide, with a friction coefficient."""
+"""Rolling bodies with a friction coefficient, which stick or slide."""
 
 from collections.abc import Sequence
 from math import inf, nextafter
@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from ..mode_point import ModePoint
 
 IDLE, STICKING, SLIDING = 0, 1, 2
-MAX_ROTATION, STABLE = 0.1, 2.0  # largest rotation of a slip by a fixed step, in rad; largest h by its rate (explicit)
-TRANSVERSE = 10  # velocity tolerances: when the slip ends in its direction, errors of the run remain transverse to it
+MAX_ROTATION = 0.1  # rad: largest rotation of the slip direction within a fixed step
+STABLE = 2.0  # stability limit of explicit methods: largest step times the decay rate of the slip
+TRANSVERSE = 10  # velocity tolerances: slip that remains, transverse to its direction, when sliding ends
 
 
 class RollingStiction(Switch):
@@ -29,7 +30,7 @@ class RollingStiction(Switch):
     Args:
         force: the friction force.
         rows: indices of the normal row and the no-slip rows.
-        friction_index: index of the force among the frictions of closures.
+        friction_index: index among the friction interfaces of closures.
     """
 
     takes_impulse = False
@@ -63,20 +64,20 @@ class RollingStiction(Switch):
         return 1.0 - float(np.linalg.norm(self.friction_ratio(point.lam)))
 
     def slip_guard(self) -> Guard:
-        """Return the guard of a slip: its velocity along its direction at the first evaluation.
+        """Return the guard of sliding: the slip velocity along the slip direction at the first evaluation.
 
-        Fixed steps have their own direction, that of the slip at their start.
+        A fixed step uses the slip direction at its start.
         """
         first: list[tuple[float, Array]] = []  # time and direction
 
         def value(point: "ModePoint") -> float:
             if not first:
-                first.append((point.t, self.direction(point).copy()))  # that of an impending slip changes in steps
+                first.append((point.t, self.direction(point).copy()))  # the impending slip direction changes in place
             return float(point.rate[self.no_slip] @ first[0][1])
 
-        def dies_out(point: "ModePoint", h: float) -> bool:
+        def vanishes(point: "ModePoint", h: float) -> bool:
             slips = self.slips(point)
-            if h and slips:  # a fixed step may pass zero in the direction to which the slip has rotated
+            if h and slips:  # the slip direction has rotated since the last fixed step
                 first[0] = first[0][0], self.direction(point)
             if point.t == first[0][0] or (slips and not h):
                 return False
@@ -89,7 +90,7 @@ class RollingStiction(Switch):
             return not self.slips(point)
 
         rate: PointFunction = lambda x: float(self._acceleration(x) @ first[0][1])  # noqa: E731
-        ends = dies_out if self._is_planar else None  # it passes zero at the distance of the errors of the run
+        ends = vanishes if self._is_planar else None  # planar slip misses zero by the errors of the run
         return Guard("zero velocity", self.name, self.index, value, rate, ends=ends)
 
     @property
@@ -97,7 +98,7 @@ class RollingStiction(Switch):
         return len(self.no_slip) > 1
 
     def _is_unresolved(self, point: "ModePoint", h: float) -> bool:
-        """Return whether steps of size h do not resolve the rotation of a slip, at the rate friction / (m |v|)."""
+        """Return whether steps of size h do not resolve the rotation of the slip, whose rate is friction / (m |v|)."""
         slip, acceleration = point.rate[self.no_slip], self._acceleration(point)
         speed = float(np.linalg.norm(slip))
         across = acceleration - slip * (slip @ acceleration) / speed**2
@@ -171,10 +172,10 @@ class RollingStiction(Switch):
         return SLIDING
 
     def _require_tangents(self, system: "Index2System", y: "Array") -> None:
-        """Require continuous tangents at a contact: slip directions have components along them.
+        """Check that the tangents at a contact are continuous: slip directions are stored as components along them.
 
         Raises:
-            StepError: opposite to the z axis of a sphere.
+            StepError: if the normal is opposite to the z axis of a sphere.
         """
         system.jacobian(system.split(y)[0])
         surface = system.closure_friction.interfaces[self.friction_index].pair

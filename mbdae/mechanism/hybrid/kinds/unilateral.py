@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from ....data_types import CoreData
 from ....system import Array
-from ....tolerances import CLOSED as TOUCHING
+from ....tolerances import CLOSED as CLOSED_GAP
 from ....tolerances import SHORTEST_FLIGHT
 from ...closures.closure import UnilateralClosure
 from ...closures.unilateral_constraint import Stop, UnilateralOptions
@@ -87,13 +87,13 @@ def gaps(point: "ModePoint") -> list[tuple[Switch, float]]:
 
 
 def closed_contacts(point: "ModePoint", tolerance: float) -> list[str]:
-    """Return the names of contacts whose gaps at a point are within a tolerance, of their scales."""
+    """Return the names of contacts whose gaps at a point are within a tolerance, relative to their scales."""
     scales = point.system.mechanism.row_scales
     return [s.name for s, gap in gaps(point) if abs(gap) <= tolerance * scales[s.rows[0]]]
 
 
 def penetration_message(point: "ModePoint") -> str:
-    """Return the first contact with a negative gap, in words; empty without one."""
+    """Return a message on the first contact with a negative gap; empty if there is none."""
     mech = point.system.mechanism
-    found = [(s, gap) for s, gap in gaps(point) if gap < -TOUCHING * mech.row_scales[s.rows[0]]]
+    found = [(s, gap) for s, gap in gaps(point) if gap < -CLOSED_GAP * mech.row_scales[s.rows[0]]]
     return next((f"{s.name!r} is penetrated by {-gap:.3g} {mech.row_units[s.rows[0]]}" for s, gap in found), "")

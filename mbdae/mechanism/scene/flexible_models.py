@@ -1,4 +1,4 @@
-"""Models for drawing: flexible bodies with further nodes at the ends of rods, and with enlarged displacements."""
+"""Models for drawing: flexible bodies with additional nodes at the ends of rods, and with scaled displacements."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from ..flexible.attach_flexible import FlexibleBody
 from ..flexible.points import Node
-from ..tree.tree_terms import copied, flexible_bodies
+from ..tree.tree_terms import copy_model, flexible_bodies
 
 
 def with_rods(model: pin.Model) -> pin.Model:
@@ -19,39 +19,39 @@ def with_rods(model: pin.Model) -> pin.Model:
 
 
 def rod_nodes(model: pin.Model, body: FlexibleBody) -> list[Node]:
-    """Return the ends of rods that draw a flexible body, in order.
+    """Return the ends of the rods that represent a flexible body, in order.
 
-    They are cross-sections along a beam; nodes of another body by their distance from its origin, where a rod
-    begins unless the body is free.
+    They are cross-sections of a beam, or else the nodes of the body ordered by distance from its origin, where the
+    first rod begins unless the body is free.
     """
     modal = body.modal
     if modal.outline is not None and modal.outline.sections:
         return modal.outline.sections
-    still = np.zeros((3, modal.modes))
+    zero = np.zeros((3, modal.modes))
     free = model.existJointName(body.name) and model.nvs[model.getJointId(body.name)] == 6
-    nodes = [*([] if free else [Node(np.zeros(3), still, still)]), *modal.nodes.values()]
+    nodes = [*([] if free else [Node(np.zeros(3), zero, zero)]), *modal.nodes.values()]
     return sorted(nodes, key=lambda node: float(np.linalg.norm(node.r)))
 
 
-def enlarged(model: pin.Model, factor: float | None) -> pin.Model:
-    """Return a model whose nodes have displacements multiplied by a factor; the same model without it."""
+def with_scaled_deformation(model: pin.Model, factor: float | None) -> pin.Model:
+    """Return a model with node displacements multiplied by a factor; the model itself for None."""
     if factor is None or not flexible_bodies(model):
         return model
 
-    def moved(node: Node) -> Node:
+    def scaled(node: Node) -> Node:
         return replace(node, Phi=factor * node.Phi, Phi2=None if node.Phi2 is None else factor * node.Phi2)
 
-    nodes = [{name: moved(node) for name, node in x.modal.nodes.items()} for x in flexible_bodies(model)]
+    nodes = [{name: scaled(node) for name, node in x.modal.nodes.items()} for x in flexible_bodies(model)]
     return _with_bodies(model, list(map(_with_nodes, flexible_bodies(model), nodes)))
 
 
 def _with_bodies(model: pin.Model, bodies: list[FlexibleBody]) -> pin.Model:
     if not bodies:
         return model
-    out = copied(model)
+    out = copy_model(model)
     out.flexible = tuple(bodies)
     return out
 
 
 def _with_nodes(body: FlexibleBody, nodes: Mapping[str, Node]) -> FlexibleBody:
-    return body.with_numbers(replace(body.modal, nodes=nodes))
+    return body.with_modal(replace(body.modal, nodes=nodes))
