@@ -5,7 +5,7 @@ from math import inf
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST, Control, Controller
+from ...methods.controller import COMPANION_WEIGHT, SAFETY, SMALLEST_ERROR, SMALLEST_LAST, Control, Controller
 from ...tolerances import AGREEMENT, COINCIDENT, JUMP_MARGIN, TINY
 from ..events.core_modes import set_constants
 from ..events.jumps import MAX_CLUSTER
@@ -62,7 +62,7 @@ def _thresholds(native: ModuleType) -> "Run":
     m.suspicious_ratio, m.singular_ratio, m.monitored_ratio = SUSPICIOUS_RATIO, SINGULAR_RATIO, MONITORED_RATIO
     m.notch_ratio, m.small_ratio, m.steps_ahead = NOTCH, SMALL, AHEAD
     m.adjacent_ratio, m.max_change, m.last_ratio = ADJACENT_RATIO, MAX_RATIO_CHANGE, inf
-    c.agreement, c.spacings, c.tiny, c.companion = AGREEMENT, SPACINGS, TINY, COMPANION
+    c.agreement, c.spacings, c.tiny, c.companion = AGREEMENT, SPACINGS, TINY, COMPANION_WEIGHT
     c.safety, c.smallest_error, c.smallest_last = SAFETY, SMALLEST_ERROR, SMALLEST_LAST
     e.agreement, e.iterations = AGREEMENT, MAX_ITERATIONS
     e.spacings, e.step_tolerance = TIME_SPACINGS, RELATIVE_TOLERANCE
