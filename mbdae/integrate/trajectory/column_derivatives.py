@@ -31,7 +31,7 @@ from ...system import Array
 from ...tolerances import ITERATION_ROUNDING
 
 
-class DerivativeFamily(NamedTuple):
+class DerivativeGroup(NamedTuple):
     """Columns whose derivatives are computed together.
 
     Attributes:
@@ -89,30 +89,30 @@ def _frame_columns(mech: Mechanism, rated: bool) -> list[str]:
     return [name for name in frame_units(mech) if name.startswith("acceleration.") == rated]
 
 
-FAMILIES = (
-    DerivativeFamily(lambda mech: [f"contact.{c.name}.{x}" for c in rolling_closures(mech) for x in "xyz"],
+DERIVATIVE_GROUPS = (
+    DerivativeGroup(lambda mech: [f"contact.{c.name}.{x}" for c in rolling_closures(mech) for x in "xyz"],
            lambda motion: _flattened(path_derivatives(motion)), False),
-    DerivativeFamily(_contact_names, lambda motion: _flattened(contact_derivatives(motion)), True),
-    DerivativeFamily(reaction_units, _reactions, True),
-    DerivativeFamily(lambda mech: list(unilateral_rows(mech)), gap_derivatives, False),
-    DerivativeFamily(lambda mech: [f"power.{d.name}" for d in mech.drivers], driver_power_derivatives, True),
-    DerivativeFamily(lambda mech: [f"power.{name}" for name in brake_rows(mech)], friction_power_derivatives, True),
-    DerivativeFamily(effort_units, effort_derivatives, False),
-    DerivativeFamily(lambda mech: _frame_columns(mech, False), _positions_and_velocities, False),
-    DerivativeFamily(lambda mech: _frame_columns(mech, True), _accelerations, True),
-    DerivativeFamily(lambda mech: MOMENTUM, momentum_derivatives, False),
-    DerivativeFamily(lambda mech: deformation_units(mech.model), deformation_derivatives, False),
-    DerivativeFamily(lambda mech: SHAKING, lambda motion: _with_magnitude(*shaking_derivatives(motion)), True),
+    DerivativeGroup(_contact_names, lambda motion: _flattened(contact_derivatives(motion)), True),
+    DerivativeGroup(reaction_units, _reactions, True),
+    DerivativeGroup(lambda mech: list(unilateral_rows(mech)), gap_derivatives, False),
+    DerivativeGroup(lambda mech: [f"power.{d.name}" for d in mech.drivers], driver_power_derivatives, True),
+    DerivativeGroup(lambda mech: [f"power.{name}" for name in brake_rows(mech)], friction_power_derivatives, True),
+    DerivativeGroup(effort_units, effort_derivatives, False),
+    DerivativeGroup(lambda mech: _frame_columns(mech, False), _positions_and_velocities, False),
+    DerivativeGroup(lambda mech: _frame_columns(mech, True), _accelerations, True),
+    DerivativeGroup(lambda mech: MOMENTUM, momentum_derivatives, False),
+    DerivativeGroup(lambda mech: deformation_units(mech.model), deformation_derivatives, False),
+    DerivativeGroup(lambda mech: SHAKING, lambda motion: _with_magnitude(*shaking_derivatives(motion)), True),
 )  # fmt: skip
 
 
-Derivatives = dict[str, tuple[DerivativeFamily, int]]
+Derivatives = dict[str, tuple[DerivativeGroup, int]]
 _DERIVATIVES: WeakKeyDictionary[Mechanism, Derivatives] = WeakKeyDictionary()  # mechanisms are immutable
 
 
-def find_column(mech: Mechanism, name: str) -> tuple[DerivativeFamily, int] | None:
+def find_column(mech: Mechanism, name: str) -> tuple[DerivativeGroup, int] | None:
     """Return the family of a column, and its index in it; None if it has no derivatives."""
     if mech not in _DERIVATIVES:  # the first family that has the name counts
-        found = [(name, (family, i)) for family in FAMILIES for i, name in enumerate(family.names(mech))]
+        found = [(name, (family, i)) for family in DERIVATIVE_GROUPS for i, name in enumerate(family.names(mech))]
         _DERIVATIVES[mech] = dict(reversed(found))
     return _DERIVATIVES[mech].get(name)

@@ -13,7 +13,7 @@ from ...mechanism.signals.deformation import deformation_units
 from ...mechanism.tree.tree_terms import flexible_bodies
 from ...solution.signal_value import RESIDUALS, SignalValue, find_signal, signal_values
 from ...system import Array
-from .column_derivatives import DerivativeFamily, find_column
+from .column_derivatives import DerivativeGroup, find_column
 
 if TYPE_CHECKING:
     from .trajectory import Trajectory
@@ -195,7 +195,7 @@ def differentiable(mech: Mechanism, name: str, known: dict[str, SignalValue] | N
     return found
 
 
-def column_of(mech: Mechanism, name: str) -> tuple[DerivativeFamily, int]:
+def column_of(mech: Mechanism, name: str) -> tuple[DerivativeGroup, int]:
     """Return the family of a column, and its index in it.
 
     Raises:
