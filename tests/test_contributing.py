@@ -24,7 +24,7 @@ LISTS = {
     "solution/signals.py": ("travel_units, travels", "SignalGroup(travel_units, travels)"),
     "integrate/trajectory/column_derivatives.py": (
         "travel_units, travel_derivatives",
-        "DerivativeGroup(travel_units, travel_derivatives, rated=False)",
+        "DerivativeGroup(travel_units, travel_derivatives, needs_rates=False)",
     ),
 }
 PROGRAM = """
