@@ -50,7 +50,7 @@ def values_text(values: Mapping[str, float]) -> str:
 
 
 def call_with_views(what: str, function: Callable[..., T], t: float | None, *arrays: Array) -> T:
-    """Call a user function of (t, arrays ...), or of arrays alone, with read-only views of the arrays.
+    """Call a user function of (t, arrays ...), or of arrays only, with read-only views of the arrays.
 
     Raises:
         StepError: if the function raises an error.

@@ -52,9 +52,9 @@ class Columns(NamedTuple):
 
     def write_csv(self, path: str | Path) -> None:
         """Write the columns as .csv; units other than SI are in the headings, ``"q.crank [deg]"``."""
-        found, with_units = self.displayed(), bool(displayed_units().chosen)
-        headers = {name: f"{name} [{unit}]" for name, unit in found.units.items() if unit and with_units}
-        write_csv({headers.get(name, name): x for name, x in found.values.items()}, path)
+        shown, with_units = self.displayed(), bool(displayed_units().chosen)
+        headers = {name: f"{name} [{unit}]" for name, unit in shown.units.items() if unit and with_units}
+        write_csv({headers.get(name, name): x for name, x in shown.values.items()}, path)
 
 
 class Tabular:
@@ -168,7 +168,7 @@ def rounded_zero(x: float, scale: float = 1.0) -> float:
 
 
 def align_columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return lines of aligned columns, the first left-aligned and the others right-aligned."""
+    """Return lines of aligned columns, the first left-aligned, all other columns right-aligned."""
     widths = [max(len(row[j]) for row in rows) for j in range(len(rows[0]))]
     padded = [[c.rjust(w) for c, w in zip(row, widths, strict=True)] for row in rows]
     return ["  ".join([row[0].ljust(widths[0]), *cells[1:]]).rstrip() for row, cells in zip(rows, padded, strict=True)]

@@ -230,7 +230,7 @@ def display_units(*names: str) -> Iterator[None]:
             sol.plot(path="run.svg")
 
     Arrays, ``to_dict``, .json and .npz stay in SI units, with angles in rad. Units of products follow: with mm a torque
-    is shown in N mm and an inertia in kg mm^2, unless ``"N m"`` is given, too.
+    is shown in N mm and an inertia in kg mm^2, unless ``"N m"`` is also given.
 
     Args:
         names: of units, one or several separated by commas: lengths m, mm, cm, in, ...; angles rad, deg, rev; masses

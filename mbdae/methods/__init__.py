@@ -44,8 +44,8 @@ def method(name: MethodLike) -> Method:
         InputError: for a tableau with the name of another method, or an invalid file.
     """
     if not isinstance(name, str) and isinstance(name, Method):
-        known = METHODS.get(name.name, name)
-        if known != name:
+        registered = METHODS.get(name.name, name)
+        if registered != name:
             raise errors.InputError(f"{name.name!r} is the name of a method of mbdae: give the tableau another name")
         return with_proven_orders(name) if isinstance(name, Tableau) and not name.order else name
     text = str(name)

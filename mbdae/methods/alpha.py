@@ -119,12 +119,12 @@ class GeneralizedAlpha(NewtonMethod):
         am, af, gamma, beta = map(float, (self.alpha_m, self.alpha_f, self.gamma, self.beta))
         step = system.newmark_step(t, h, state.y, self.stabilized)
         rate, a = rescaled(self.carry_at(system, t, h, state), h)
-        weight, known = (1 - af) / (1 - am), (af * rate - am * a) / (1 - am)
-        u = h * ((1 - gamma) * a + gamma * known)
-        step.predict(h * h * ((0.5 - beta) * a + beta * known), u, (h * gamma * weight, h * h * beta * weight), rate)
+        weight, constant = (1 - af) / (1 - am), (af * rate - am * a) / (1 - am)
+        u = h * ((1 - gamma) * a + gamma * constant)
+        step.predict(h * h * ((0.5 - beta) * a + beta * constant), u, (h * gamma * weight, h * h * beta * weight), rate)
         du, z = solve_newton(system, step)
         dy, lam = step.end(du, z)
-        return make_step(system, state, dy, lam, np.concatenate([known + weight * du, du, [h]]))
+        return make_step(system, state, dy, lam, np.concatenate([constant + weight * du, du, [h]]))
 
     def controlled_step(self, system: Any, t: float, h: float, state: State) -> Step:
         """Take one step and estimate its errors, (1, ny), see the module; the carry is that of `step`.

@@ -65,12 +65,12 @@ class ExplicitMethod:
 
     @property
     def order_linear(self) -> int:
-        """Order for mechanisms: the same."""
+        """Order for mechanisms, equal to `order`."""
         return self.order
 
     @property
     def order_own(self) -> int:
-        """Order of z at y_1, from the hidden constraint: the same."""
+        """Order of z at y_1, from the hidden constraint, equal to `order`."""
         return self.order
 
     @property

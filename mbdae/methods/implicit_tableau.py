@@ -76,7 +76,7 @@ class ImplicitTableau(CoupledMethod):
 
     @property
     def order_linear(self) -> int:
-        """Order of y when f is linear in z: the same."""
+        """Order of y when f is linear in z, equal to `order`."""
         return self.order
 
     @cached_property

@@ -55,7 +55,7 @@ class RadauIIA(CoupledMethod):
 
     @property
     def order_linear(self) -> int:
-        """Order of y when f is linear in z: the same."""
+        """Order of y when f is linear in z, equal to `order`."""
         return self.order
 
     @property

@@ -82,7 +82,7 @@ class Composition(NewtonMethod):
 
     @property
     def order_linear(self) -> int:
-        """Order for mechanisms: the same."""
+        """Order for mechanisms, equal to `order`."""
         return self.order
 
     @cached_property

@@ -240,7 +240,7 @@ class SingularityMonitor(SingularityLocation):
         crossing = self._attempt(run, time_ahead)
         if crossing is None:
             return False
-        self.found.append(crossing.singular)
+        self.configurations.append(crossing.singular)
         self.path = crossing.path
         run.append_node(crossing.t, crossing.y, crossing.t == run.t1)
         self.control.cap, self.control.h = np.inf, APPROACH * time_ahead

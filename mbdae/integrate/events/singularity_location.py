@@ -41,22 +41,22 @@ SAMPLES = 5  # samples of each step
 CONSTANT_RATIO = 0.999  # fraction of the largest sample: larger ratios count as constant
 
 
-def may_vanish(before: Ratio, here: Ratio, after: Ratio, largest: Ratio) -> Ratio:
+def may_vanish(before: Ratio, current: Ratio, after: Ratio, largest: Ratio) -> Ratio:
     """Return whether the ratio may vanish around a step: it has a minimum that is small or much below a neighbour.
 
     A neighbour of inf is beyond an end of a smooth interval.
     """
-    minimum = (here < before) & (here <= after) & (here < SUSPICIOUS_RATIO * largest)
-    below = ((here < NOTCH * before) & (before < np.inf)) | ((here < NOTCH * after) & (after < np.inf))
-    return minimum & ((here < SMALL * largest) | below)
+    minimum = (current < before) & (current <= after) & (current < SUSPICIOUS_RATIO * largest)
+    below = ((current < NOTCH * before) & (before < np.inf)) | ((current < NOTCH * after) & (after < np.inf))
+    return minimum & ((current < SMALL * largest) | below)
 
 
-def falls_to_zero(before: Ratio, here: Ratio) -> Ratio:
+def falls_to_zero(before: Ratio, current: Ratio) -> Ratio:
     """Return whether the ratio, extrapolated from the last step, vanishes in `MAX_STEPS_AHEAD` steps; not from inf."""
-    return (MAX_STEPS_AHEAD * (before - here) > here) & (before < np.inf)
+    return (MAX_STEPS_AHEAD * (before - current) > current) & (before < np.inf)
 
 
-def largest_in_new_mode(before: SmallestPivot, here: SmallestPivot, largest: float) -> float:
+def largest_in_new_mode(before: SmallestPivot, current: SmallestPivot, largest: float) -> float:
     """Return the largest pivot ratio assumed in a mode that a run enters for the first time, at most 1.
 
     Ratios of different modes are not comparable: the row of a contact in G M^-1/2 is small at any position if its body
@@ -70,14 +70,14 @@ def largest_in_new_mode(before: SmallestPivot, here: SmallestPivot, largest: flo
 
     Args:
         before: the smallest pivot at the end of the previous mode.
-        here: the smallest pivot at the same point in the new mode.
+        current: the smallest pivot at the same point in the new mode.
         largest: largest ratio in the previous mode.
     """
-    smaller, larger = sorted((before.size, here.size))
+    smaller, larger = sorted((before.size, current.size))
     share = (smaller / larger) ** 2 if smaller < larger else 1.0
     regularity = (before.ratio / largest) ** 2 if before.ratio < largest else 1.0
     scale = float(np.sqrt(1 - share * (1 - regularity)))
-    return here.ratio / scale if here.ratio < scale else 1.0
+    return current.ratio / scale if current.ratio < scale else 1.0
 
 
 class SingularityLocation(EventSource):
@@ -89,7 +89,7 @@ class SingularityLocation(EventSource):
         controlled: whether the step size is controlled.
 
     Attributes:
-        found: singular configurations crossed so far.
+        configurations: singular configurations crossed so far.
         largest: largest pivot ratio so far.
         mode_ratio: largest pivot ratio in the mode so far.
         ratio_by_mode: largest pivot ratio of each mode at its last exit.
@@ -98,7 +98,7 @@ class SingularityLocation(EventSource):
     def __init__(self, system: Index2System, enforces_g: bool, controlled: bool) -> None:
         self.system, self.enforces_g, self.controlled = system, enforces_g, controlled
         self._workspace: Index2System | None = None
-        self.found: list[Singular] = []
+        self.configurations: list[Singular] = []
         self.largest = self.mode_ratio = 0.0
         self.ratio_by_mode: dict[Mode, float] = {}
 
@@ -113,11 +113,11 @@ class SingularityLocation(EventSource):
         return self._workspace
 
     def results(self, run: "RunState") -> dict[str, Any]:
-        return {"singular": self.found}
+        return {"singular": self.configurations}
 
     def discard_beyond_end(self, run: "RunState") -> None:
         """Discard singular configurations after the last node."""
-        self.found = [x for x in self.found if (x.t - run.t) * run.sign <= 0]
+        self.configurations = [x for x in self.configurations if (x.t - run.t) * run.sign <= 0]
 
     def release(self) -> None:
         """See `EventSource`."""
@@ -148,11 +148,11 @@ class SingularityLocation(EventSource):
         if entered in self.ratio_by_mode:
             self.mode_ratio = self.ratio_by_mode[entered]
             return
-        here, w = self._smallest_pivot(run.ts[node], run.ys[node]), self.workspace
+        current, w = self._smallest_pivot(run.ts[node], run.ys[node]), self.workspace
         w.enter(left)
         w.use_rows(run.rows_at(node - 1))
         before = w.smallest_pivot(run.ts[node - 1], run.ys[node - 1]) if w.in_use else SmallestPivot()
-        self.mode_ratio = largest_in_new_mode(before, here, self.mode_ratio)
+        self.mode_ratio = largest_in_new_mode(before, current, self.mode_ratio)
 
     def is_close(self, t: float, y: Array) -> bool:
         """Return whether a singular configuration is so close that the end of a step is inaccurate."""
@@ -165,7 +165,8 @@ class SingularityLocation(EventSource):
             EventError: if the run left its branch.
         """
         dt = run.ts[b] - run.ts[a]
-        crossing = next((x for x in self.found if (x.t - run.ts[a]) * dt > 0 and (run.ts[b] - x.t) * dt > 0), None)
+        between = (x for x in self.configurations if (x.t - run.ts[a]) * dt > 0 and (run.ts[b] - x.t) * dt > 0)
+        crossing = next(between, None)
         if not crossing:
             return
         before, after = (self._end_of_neighbourhood(run, crossing.t, i, range(a, b)) for i in (a, b))
@@ -222,9 +223,9 @@ class SingularityLocation(EventSource):
         limit = pivot_limit_with_violation(self.workspace, t, y, self.largest, violation)
         singularity = singular(self.workspace, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
         tolerance = COARSE * abs(run.ts[nodes[-1]] - run.ts[nodes[0]])
-        if singularity is None or any(abs(singularity.t - other.t) <= tolerance for other in self.found):
+        if singularity is None or any(abs(singularity.t - other.t) <= tolerance for other in self.configurations):
             return
-        self.found.append(singularity)
+        self.configurations.append(singularity)
         if not self.controlled and not self.enforces_g and violation > SOLUTION_ROUNDING:
             text = f"{singularity}: a singular configuration, after which a motion with a violation of {violation:.1e}"
             text = f"{text} may be on another branch; avoid drift-off by project=True or formulation 'ggl'"

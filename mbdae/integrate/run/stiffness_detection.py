@@ -69,7 +69,7 @@ class StiffnessDetector(EventSource):
     def __init__(self, system: Index2System, tableau: Tableau, control: Adaptive) -> None:
         self.system, self.tableau, self.control = system, tableau, control
         self.next = self.pause = FIRST_CHECK  # next node to check, and number of nodes to the check after it
-        self.found: Stiffness | None = None
+        self.stiffness: Stiffness | None = None
 
     @classmethod
     def from_run(cls, run: "RunState") -> "StiffnessDetector | None":
@@ -78,10 +78,10 @@ class StiffnessDetector(EventSource):
         return cls(run.mechanical, run.tableau, control)
 
     def warning(self) -> str:
-        return str(self.found or "")
+        return str(self.stiffness or "")
 
     def statistics(self, run: "RunState") -> JsonObject:
-        return {"stiff": asdict(self.found)} if self.found else {}
+        return {"stiff": asdict(self.stiffness)} if self.stiffness else {}
 
     def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
         """Start the window after the discontinuity."""
@@ -97,13 +97,13 @@ class StiffnessDetector(EventSource):
 
     def check(self, run: "RunState", node: int) -> None:
         """Warn at the first stiff window up to a node."""
-        while not self.found and self.next <= node:
+        while not self.stiffness and self.next <= node:
             n = self.next
             self.next, self.pause = n + self.pause, min(2 * self.pause, MAX_PAUSE)
             with suppress(StepError):
-                self.found = self._check_window(run, n)
-            if self.found:
-                warnings.warn(str(self.found), stacklevel=7)
+                self.stiffness = self._check_window(run, n)
+            if self.stiffness:
+                warnings.warn(str(self.stiffness), stacklevel=7)
 
     def _check_window(self, run: "RunState", n: int) -> Stiffness | None:
         """Return the stiffness of the steps before node n; None if they are not stiff."""

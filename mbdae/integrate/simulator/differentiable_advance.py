@@ -91,12 +91,12 @@ class DifferentiableAdvance:
                 method without derivatives, and without the compiled core.
             UnknownNameError: for an unknown input or parameter.
         """
-        given = {"input": inputs or {}, "input of first order": inputs_before or {}, "parameter": parameters or {}}
-        _require_tables(given)
-        last = self.differentiated(tuple(given["parameter"]))
+        variations = {"input": inputs or {}, "input of first order": inputs_before or {}, "parameter": parameters or {}}
+        _require_tables(variations)
+        last = self.differentiated(tuple(variations["parameter"]))
         p, m = last.parameters, self.mechanism
         state: dict[str, tuple[Any, int]] = {"dq": (dq, m.nv), "dv": (dv, m.nv), "ds": (ds, len(m.states))}
-        numbers = [x for table in given.values() for x in table.values()] + [dt]
+        numbers = [x for table in variations.values() for x in table.values()] + [dt]
         widths = {np.shape(x)[-1] for x, _ in state.values() if np.ndim(x) > 1}
         widths |= {np.shape(x)[-1] for x in numbers if np.ndim(x)}
         if len(widths) > 1:
@@ -105,7 +105,7 @@ class DifferentiableAdvance:
         width = next(iter(widths), 1)
         dy = np.vstack([*(_columns(name, x, n, width) for name, (x, n) in state.items()), np.zeros((1, width))])
         dp = np.zeros((len(p.columns), width))
-        for kind, table in given.items():
+        for kind, table in variations.items():
             for name, x in table.items():
                 dp[p.column(kind, name)] = _columns(f"{kind} {name!r}", np.reshape(x, (1, -1)), 1, width)[0]
         dy_end = last.tangents(dy, dp, _columns("dt", np.reshape(dt, (1, -1)), 1, width)[0])[-1]
@@ -175,8 +175,8 @@ class DifferentiableAdvance:
         return self._differentiated
 
 
-def _require_tables(given: Mapping[str, object]) -> None:
-    for kind, table in given.items():
+def _require_tables(variations: Mapping[str, object]) -> None:
+    for kind, table in variations.items():
         require(table, Mapping, f"variations of each {kind} are given by name, {{name: number}}")
 
 

@@ -190,8 +190,8 @@ class ModeJumps:
         for g in guards:
             g.value(first)
         partials = GuardPartials(self.sensitivity, first, point)
-        found = ((g.name, self._time(g, i, partials, rates)) for g in guards)
-        return [(name, x) for name, x in found if x is not None]
+        times = ((g.name, self._time(g, i, partials, rates)) for g in guards)
+        return [(name, x) for name, x in times if x is not None]
 
     def _time(self, guard: Guard, i: int, partials: GuardPartials, rates: Array) -> Array | None:
         """Return the derivatives of the time at which a guard falls below zero, (ny + k,); None if it does not."""

@@ -109,8 +109,8 @@ class SignalJacobian:
     def __init__(self, trajectory: "Trajectory", names: Sequence[str]) -> None:
         self.trajectory, self.names = trajectory, list(names)
         mech = trajectory.system.mechanism
-        known = signal_values(mech)
-        self.signals = [differentiable(mech, name, known) for name in names]
+        all_signals = signal_values(mech)
+        self.signals = [differentiable(mech, name, all_signals) for name in names]
         named = zip(names, self.signals, strict=True)
         self.columns = {name: column_of(mech, name) for name, signal in named if signal.kind not in DIRECT_KINDS}
         self.groups = {id(group): group for group, _ in self.columns.values()}

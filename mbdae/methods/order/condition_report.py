@@ -65,11 +65,11 @@ class ConditionReport:
     Attributes:
         name: the method.
         y: conditions of y for general f.
-        y_linear: those that remain when f is linear in z.
+        y_linear: conditions of y that remain when f is linear in z.
         own: conditions of the z of the method.
         ode: conditions of y without constraints, of a half-explicit method.
         normal: conditions of the error along f_z, which y does not contain, if the step does not end at a stage.
-        normal_linear: those that remain when f is linear in z.
+        normal_linear: conditions of this error that remain when f is linear in z.
         growth: R(infinity) of an implicit method, the growth factor of errors along f_z.
         w_last_1: growth factor per step of the error of the carried z; None if nothing is carried.
         assumptions: the simplifying assumptions that hold.
@@ -127,11 +127,11 @@ class ConditionReport:
     @property
     def holds(self) -> bool:
         """Whether every claimed order is reached, and the carried z is stable."""
-        found = {"order": self.order_y, "order_linear": self.order_y_linear, "order_own": self.order_own}
-        found["order_embedded"] = self.order_embedded
+        orders = {"order": self.order_y, "order_linear": self.order_y_linear, "order_own": self.order_own}
+        orders["order_embedded"] = self.order_embedded
         if self.ode:
-            found["order_ode"] = self.ode.order
-        return self.stable and all(found[name] >= claim for name, claim in self.claims.items())
+            orders["order_ode"] = self.ode.order
+        return self.stable and all(orders[name] >= claim for name, claim in self.claims.items())
 
     def __str__(self) -> str:
         rounded = f" (rounded coefficients: residuals up to {self.tolerance:g} count as zero)"
