@@ -127,7 +127,7 @@ _CORE = {name: f"mbdae.{module}" for module, names in _NAMES.items() for name in
 
 @cache
 def _modules_of_names() -> dict[str, str]:
-    """Return the module of each public name: of the core, of forces, and of studies by their ``__all__``."""
+    """Return the module of each public name: `_CORE`, force classes, and functions in ``__all__`` of studies."""
     forces = class_names("mbdae.mechanism.forces", "Force", "PythonForce")
     return _CORE | forces | public_names("mbdae.studies", "*/*.py")
 
@@ -137,14 +137,14 @@ def _value(name: str) -> Any:
         return sorted(_modules_of_names())
     if name == "__version__":
         return import_module("importlib.metadata").version("mbdae")
-    if module := _CORE.get(name) or _modules_of_names().get(name):  # first those that are known without a search
+    if module := _CORE.get(name) or _modules_of_names().get(name):  # names that need no search first
         return getattr(import_module(module), name)
     if name[0].isupper():  # a force class from another package
         forces = import_module("mbdae.mechanism.forces").NAMES
         if name in forces:
             return forces[name]
-    found = None if name.startswith("_") else find_spec(f"mbdae.{name}")
-    if found and found.origin:  # a module, as mbdae.backend, and no folder of data
+    spec = None if name.startswith("_") else find_spec(f"mbdae.{name}")
+    if spec and spec.origin:  # a module such as mbdae.backend, not a data folder
         return import_module(f"mbdae.{name}")
     raise AttributeError(f"module 'mbdae' has no attribute {name!r}")
 

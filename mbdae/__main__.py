@@ -7,12 +7,12 @@ import warnings
 
 import click
 
-from .cli.interrupt import CODE
+from .cli.interrupt import EXIT_CODE
 from .cli.output import FAILED, HOLDS, USAGE
 from .discovery import Members, command_names
 from .errors import InputError, MbdaeError, printable
 
-GARBAGE = 150_000  # new objects before a search for cycles: more than a run makes, nearly all of which stay
+GC_THRESHOLD = 150_000  # new objects before a garbage collection: more than a run makes, and nearly all stay alive
 
 
 COMMANDS = Members(command_names("mbdae.studies"), lambda module, name: getattr(module, name.replace("-", "_")))
@@ -26,8 +26,8 @@ def cli() -> None:
 
 def main() -> None:
     """Entry point: errors are one line on stderr; exit codes as in `mbdae.cli.output`, 130 for Ctrl-C."""
-    gc.set_threshold(GARBAGE)
-    atexit.register(gc.freeze)  # the end of Python searches what is not frozen, for as long as a run takes
+    gc.set_threshold(GC_THRESHOLD)
+    atexit.register(gc.freeze)  # otherwise the collection at exit takes as long as a run
     warnings.showwarning = lambda message, *_: _print_error(f"warning: {message}")  # type: ignore[assignment]
     try:
         sys.exit(cli(standalone_mode=False) or HOLDS)
@@ -45,7 +45,7 @@ def main() -> None:
         sys.exit(FAILED)
     except (click.exceptions.Abort, KeyboardInterrupt):
         _print_error("stopped by the user")
-        sys.exit(CODE)
+        sys.exit(EXIT_CODE)
 
 
 def _print_error(text: str) -> None:

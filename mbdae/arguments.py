@@ -1,4 +1,4 @@
-"""Arguments of public functions as numbers."""
+"""Conversion of arguments of public functions to numbers."""
 
 import numpy as np
 
@@ -7,18 +7,18 @@ from .system import Array
 
 
 def is_real(x: Array) -> bool:
-    """Return whether an array has real numbers: no booleans, texts, complex numbers or dates."""
+    """Return whether an array has real numbers: no booleans, strings, complex numbers or dates."""
     return x.dtype.kind not in "bSUcmM"
 
 
 def as_numbers(value: object) -> Array:
-    """Return an argument as an array of numbers; nan for any other, and for masked ones, which checks reject."""
+    """Return an argument as an array of numbers; nan, which checks reject, for other values and masked entries."""
     try:
-        given = np.asarray(value)
-        out = given.astype(float) if is_real(given) else np.array(np.nan)
+        array = np.asarray(value)
+        out = array.astype(float) if is_real(array) else np.array(np.nan)
     except (TypeError, ValueError, OverflowError):
         return np.array(np.nan)
-    mask = getattr(value, "mask", None)  # a mask of numpy.ma, which takes time to import
+    mask = getattr(value, "mask", None)  # of a numpy.ma array; numpy.ma takes time to import
     if isinstance(mask, np.ndarray):
         out[mask] = np.nan
     return out

@@ -21,7 +21,7 @@ BACKENDS = ("auto", "native", "python")
 SLOW_WARNING = "mbdae computes in Python"  # beginning of the warning
 CORE = "mbdae._native"
 BUILT_FOR = "_native_pinocchio.txt"  # written next to the core when it is built
-IMPORTING = Lock()  # a worker's first runs may begin in several threads
+IMPORT_LOCK = Lock()  # the first runs of a worker may start in several threads
 
 
 def load() -> ModuleType | None:
@@ -40,13 +40,13 @@ def machine_description() -> str:
         lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
     except OSError:
         lines = []
-    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    processor = named[0] if named else platform.processor() or "unknown processor"
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    processor = models[0] if models else platform.processor() or "unknown processor"
     return f"{platform.system()} {platform.machine()}, {processor}, Python {platform.python_version()}"
 
 
 def checked_backend(backend: str) -> str:
-    """Return the name of a back end, unchanged.
+    """Check the name of a back end, and return it.
 
     Raises:
         UnknownNameError: for an unknown name.
@@ -84,7 +84,7 @@ def _warn() -> None:
 
 @cache
 def _core() -> tuple[ModuleType | None, str]:
-    package, spec, where = Path(__file__).parent, find_spec(CORE), ""
+    package, spec, location = Path(__file__).parent, find_spec(CORE), ""
     path = Path(spec.origin) if spec and spec.origin else None
     if path is None:  # a source checkout: use the core of the installed mbdae
         from .installed_core import find_installed
@@ -92,20 +92,20 @@ def _core() -> tuple[ModuleType | None, str]:
         path, reason = find_installed(package, CORE.rpartition(".")[2])
         if path is None:
             return None, f"python: {reason or _not_built(package)}"
-        where = f", installed in {path.parent}"
-    built = _built_for(path.with_name(BUILT_FOR))
-    found = _installed()  # imports Pinocchio, which loads the libraries that the core needs
-    if built != found:
-        return None, f"python: built for Pinocchio {built} but {found} is installed; install mbdae again"
+        location = f", installed in {path.parent}"
+    required = _built_for(path.with_name(BUILT_FOR))
+    installed = _installed()  # imports Pinocchio, which loads the libraries that the core needs
+    if required != installed:
+        return None, f"python: built for Pinocchio {required} but {installed} is installed; install mbdae again"
     try:
-        return _imported(path), f"native (built for Pinocchio {built}{where})"
+        return _imported(path), f"native (built for Pinocchio {required}{location})"
     except ImportError as e:
         return None, f"python: import failed: {' '.join(str(e).split())}"
 
 
 def _imported(path: Path) -> ModuleType:
     """Import the core from a file in any folder, under its usual module name; once per process, like any import."""
-    with IMPORTING:
+    with IMPORT_LOCK:
         if CORE in sys.modules:
             return sys.modules[CORE]
         spec = spec_from_file_location(CORE, path)
@@ -128,12 +128,12 @@ def _not_built(package: Path) -> str:
 
 def _built_for(file: Path) -> str:
     try:
-        found = file.read_text("ascii", errors="replace").strip().partition("\n")[0]
+        version = file.read_text("ascii", errors="replace").strip().partition("\n")[0]
     except OSError:
         return f"unknown ({file.name} is missing)"
-    if not found:
+    if not version:
         return f"unknown ({file.name} is empty)"
-    return found if re.fullmatch(r"[\w.+!-]{1,80}", found) else f"unknown ({file.name} contains no version)"
+    return version if re.fullmatch(r"[\w.+!-]{1,80}", version) else f"unknown ({file.name} contains no version)"
 
 
 def _installed() -> str:
@@ -146,10 +146,10 @@ def _installed() -> str:
         library = version("libpinocchio")
     except PackageNotFoundError:
         return f"{pinocchio.__version__} without the package libpinocchio"
-    same = library.split(".")[:3] == pinocchio.__version__.split(".")[:3]  # a package may be rebuilt: 4.1.0.1
-    return library if same else f"{pinocchio.__version__} with libpinocchio {library}"
+    same_version = library.split(".")[:3] == pinocchio.__version__.split(".")[:3]  # a package may be rebuilt: 4.1.0.1
+    return library if same_version else f"{pinocchio.__version__} with libpinocchio {library}"
 
 
-def describe_backend(backend: str, because: str) -> str:
+def describe_backend(backend: str, reason: str) -> str:
     """Return a description of a back end, with the reason for not using the other one."""
-    return f"{backend} back end ({because})" if because else f"{backend} back end"
+    return f"{backend} back end ({reason})" if reason else f"{backend} back end"

@@ -20,21 +20,21 @@ def function_name(function: object) -> str:
 
 
 def call_and_report(
-    what: str, work: Callable[[], T], where: Callable[[], str] = str, error: Callable[[str], MbdaeError] = InputError
+    what: str, call: Callable[[], T], where: Callable[[], str] = str, error: Callable[[str], MbdaeError] = InputError
 ) -> T:
-    """Call a user function; if it fails, report ``what`` failed, and the time or values if there are any.
+    """Call a user function; the error of a failure contains ``what`` failed, and at which time or values, if any.
 
     Raises:
         MbdaeError: ``error``, with the user's exception as its cause.
     """
     try:
-        return work()
+        return call()
     except Exception as e:
         report(e, what, where(), error)
 
 
 def report(e: Exception, what: str, where: str, error: Callable[[str], MbdaeError]) -> NoReturn:
-    """Raise the error of a user function that failed; errors of mbdae remain as they are.
+    """Raise the error of a user function that failed; errors of mbdae are raised unchanged.
 
     Raises:
         MbdaeError: ``error``, with the user's exception as its cause.
@@ -50,7 +50,7 @@ def values_text(values: Mapping[str, float]) -> str:
 
 
 def call_with_views(what: str, function: Callable[..., T], t: float | None, *arrays: Array) -> T:
-    """Call a user function of (t, arrays ...), or of arrays alone, with read-only views of the arrays.
+    """Call a user function of (t, arrays ...), or of arrays only, with read-only views of the arrays.
 
     Raises:
         StepError: if the function raises an error.

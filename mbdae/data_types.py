@@ -1,4 +1,4 @@
-"""Types of data that leave Python: JSON documents, and what the compiled core reads."""
+"""Types of data for use outside of Python: JSON documents, and input of the compiled core."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias

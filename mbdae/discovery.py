@@ -15,17 +15,17 @@ from typing import Any
 
 from .errors import InputError
 
-MODEL_LIST = "models.json"  # in the folder of the models: their sizes and parameters, by tests/key_tables.py
+MODEL_LIST = "models.json"  # in the folder of the models: their sizes and parameters; tests/key_tables.py writes it
 LIBRARY_FILES = ("mechanism.toml", "mechanism.py")  # in the folder of a model that comes with mbdae
 PACKAGE = Path(__file__).resolve().parent
 
 
 class Members(MutableMapping[str, Any]):
-    """Members of a family by name, in alphabetical order; each is imported when it is first asked for.
+    """Members of a family by name, in alphabetical order; each is imported on first access.
 
     Args:
         modules: dotted names of their modules by name.
-        member: returns a member of a module by name.
+        member: returns the member of a module with a given name.
     """
 
     def __init__(self, modules: Mapping[str, str], member: Callable[[Any, str], Any] = getattr) -> None:
@@ -38,7 +38,7 @@ class Members(MutableMapping[str, Any]):
         return self._found[name]
 
     def __setitem__(self, name: str, value: Any) -> None:
-        self._found[name] = value  # before other threads take it for imported
+        self._found[name] = value  # first, so that other threads find it when its module is removed
         self._modules.pop(name, None)
 
     def __delitem__(self, name: str) -> None:
@@ -77,7 +77,7 @@ def plugins(group: str, is_member: Callable[[Any], bool], what: str) -> dict[str
         where = f"entry point {point.name!r} of {group} in {point.dist.name if point.dist else 'a package'}"
         try:
             value = point.load()
-        except Exception as e:  # an error of another package: mbdae continues without it
+        except Exception as e:  # an error in another package must not stop mbdae
             warnings.warn(f"{where} is ignored: {type(e).__name__}: {e}", stacklevel=2)
             continue
         if is_member(value):
@@ -130,10 +130,10 @@ def instances_of(package: str, kind: type, files: str = "*.py") -> Iterator[Any]
 
 def models_directory() -> Path:
     """Return the folder of the models: ``mbdae/models`` when installed, ``models`` next to ``mbdae`` in a checkout."""
-    found = [d for d in (PACKAGE / "models", PACKAGE.parent / "models") if d.is_dir()]
-    if not found:
+    folders = [d for d in (PACKAGE / "models", PACKAGE.parent / "models") if d.is_dir()]
+    if not folders:
         raise InputError(f"the models folder is missing next to {PACKAGE}")
-    return found[0]
+    return folders[0]
 
 
 @cache  # the list of files of a distribution takes 20 ms to read
@@ -167,7 +167,7 @@ def is_model_name(name: str) -> bool:
 def lazy_import(module: str, name: str) -> Callable[..., Any]:
     """Return a function that is imported when it is first called.
 
-    Results use studies without depending on them, and some parts of scipy are slow to import and rarely needed.
+    This lets results call studies without importing them, and avoids parts of scipy that are slow to import.
 
     Args:
         module: dotted name of the module of the function.
@@ -181,14 +181,14 @@ def lazy_import(module: str, name: str) -> Callable[..., Any]:
 
 
 def texts(package: str) -> dict[str, str]:
-    """Return the texts of the files of a folder by module."""
+    """Return the source text of each file of a folder, by module."""
     return {module: path.read_text("utf-8") for module, path in _modules(package, "*.py").items()}
 
 
 def _matches(package: str, pattern: str, files: str = "*.py") -> Iterator[tuple[str, str]]:
     """Yield the first group of each match of a pattern in the text of files, and the module."""
     for module, path in _modules(package, files).items():
-        yield from ((found[1], module) for found in re.finditer(pattern, path.read_text("utf-8"), re.MULTILINE))
+        yield from ((match[1], module) for match in re.finditer(pattern, path.read_text("utf-8"), re.MULTILINE))
 
 
 def _modules(package: str, files: str) -> dict[str, Path]:

@@ -12,7 +12,7 @@ from typing import Any, TypeGuard
 from unicodedata import category
 
 MAX_LISTED = 60  # longest list of names in a message
-# control, format (writing direction), halves of characters, line ends
+# control, format (writing direction), surrogates, line and paragraph separators
 CONTROL_CATEGORIES = ("Cc", "Cf", "Cs", "Zl", "Zp")
 STATUS = {
     "finished": "the end of the time span was reached",
@@ -32,26 +32,26 @@ STATUS = {
     "friction": "Painleve paradox: with friction there is no motion, or more than one",
     "chart": "a joint rotated too far within one step",
 }
-SUCCESS = ("finished", "event")  # statuses of runs that came to their end and can be trusted
+SUCCESS = ("finished", "event")  # statuses of runs that ended as requested, without accuracy warnings
 
 
 def printable(text: str) -> str:
     """Return text with control characters, except line ends and tabs, escaped: they could affect a terminal."""
-    if text.isprintable():  # a fast test of nearly all texts
+    if text.isprintable():  # fast path: true for nearly all texts
         return text
     return "".join(ascii(c)[1:-1] if category(c) in CONTROL_CATEGORIES and c not in "\n\t" else c for c in text)
 
 
 class MbdaeError(Exception):
-    """Base class of all errors that mbdae raises on purpose; the message is one line that names the object."""
+    """Base class of all errors that mbdae raises deliberately; the message is one line that names the object."""
 
     def __init__(self, message: str = "") -> None:
         super().__init__(printable(" ".join(message.splitlines())))  # names may contain any characters
 
     def _render_traceback_(self) -> list[str]:
-        """Return the display in IPython and notebooks: the message, and the lines outside mbdae that led to it."""
-        left_out = (str(Path(__file__).parent), f"{os.sep}IPython{os.sep}")
-        frames = [f for f in extract_tb(self.__traceback__) if not any(part in f.filename for part in left_out)]
+        """Return the display in IPython and notebooks: the message, and the traceback without frames of mbdae."""
+        hidden = (str(Path(__file__).parent), f"{os.sep}IPython{os.sep}")
+        frames = [f for f in extract_tb(self.__traceback__) if not any(path in f.filename for path in hidden)]
         lines = "".join(format_list(frames)).splitlines()
         return [f"{type(self).__name__}: {self}", *lines]
 
@@ -83,12 +83,12 @@ def is_number(x: object) -> TypeGuard[float]:
     """Return whether an argument is a finite number."""
     try:
         return isinstance(x, Real) and not isinstance(x, bool) and isfinite(x)
-    except OverflowError:  # an integer beyond all doubles
+    except OverflowError:  # an integer too large for a double
         return False
 
 
 def is_count(x: object, least: int = 1) -> TypeGuard[int]:
-    """Return whether an argument is a whole number from ``least`` on, of Python or numpy."""
+    """Return whether an argument is an integer of Python or numpy, at least ``least``."""
     return isinstance(x, Integral) and not isinstance(x, bool) and int(x) >= least
 
 
@@ -147,7 +147,7 @@ class EquilibriumError(MbdaeError):
 
     Attributes:
         q: the configuration closest to equilibrium, as a list.
-        residual: residual of the generalized forces in the null space of G there, relative to the largest force.
+        residual: residual of the generalized forces in the null space of G at q, relative to the largest force.
         joint: joint with the largest residual.
     """
 
@@ -161,10 +161,10 @@ class NotCompiled(MbdaeError):
 
 
 class StepError(MbdaeError):
-    """A failed step; `solve` converts it to a status and keeps the results so far.
+    """A failed step; `solve` converts it to a status and returns the results up to this step.
 
     Attributes:
-        status: short name of the reason, one of `mbdae.errors.STATUS`.
+        status: name of the reason, one of `mbdae.errors.STATUS`.
     """
 
     def __init__(self, status: str, message: str) -> None:

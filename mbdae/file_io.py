@@ -14,7 +14,7 @@ TABLE_SUFFIXES = (".csv", ".json", ".tex")  # formats of saved results of studie
 
 @contextmanager
 def atomic_write(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path next to ``path``; move it there if the block ends without an error.
+    """Yield a temporary path next to ``path``; rename it to ``path`` if the block ends without an error.
 
     Raises:
         InputError: if the folder does not exist or is not writable.
@@ -41,18 +41,18 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
 
 
 def find_latex() -> str:
-    """Return the name of an installed LaTeX engine, without which no figure is saved as .pgf.
+    """Return the name of an installed LaTeX engine, which is required to save figures as .pgf.
 
     Raises:
         InputError: if there is none.
     """
     from shutil import which  # slow to import
 
-    known = "xelatex", "lualatex", "pdflatex"
-    if not (found := next(filter(which, known), None)):
-        missing = f"none of {', '.join(known)} is installed: install one, or save as .pdf or .svg"
+    engines = "xelatex", "lualatex", "pdflatex"
+    if not (engine := next(filter(which, engines), None)):
+        missing = f"none of {', '.join(engines)} is installed: install one, or save as .pdf or .svg"
         raise InputError(f"a .pgf figure needs LaTeX to typeset its labels, and {missing}")
-    return found
+    return engine
 
 
 def write_page(path: str | Path, page: Callable[[], str], what: str) -> None:

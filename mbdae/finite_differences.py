@@ -2,7 +2,7 @@
 
     f'(0) = (45 (f(h) - f(-h)) - 9 (f(2h) - f(-2h)) + f(3h) - f(-3h))/(60 h) - h^6 f^(7)/140
 
-and at an end of a range, where values exist on one side only, the one-sided formula
+and at the end of a range, where values exist on one side only, the one-sided formula
 
     f'(0) = (360 f(h) - 450 f(2h) + 400 f(3h) - 225 f(4h) + 72 f(5h) - 10 f(6h) - 147 f(0))/(60 h) + h^6 f^(7)/7
 
@@ -18,11 +18,11 @@ from .errors import MbdaeError
 from .system import Array
 from .tolerances import AGREEMENT, ROUNDING
 
-WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # k: of f(k h) - f(-k h), over h
-ONE_SIDED = {1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}  # k: of f(k h) - f(0), over h
-STENCIL = (-3, -2, -1, 1, 2, 3)  # k of central differences
-OF_AFFINE = (-3, 3)  # those of affine functions
-ABOVE, BELOW = (0, 1, 2, 3, 4, 5, 6), (0, -1, -2, -3, -4, -5, -6)  # k of one-sided differences
+WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # by k: weights of f(k h) - f(-k h), times h
+ONE_SIDED = {1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}  # by k: weights of f(k h) - f(0), times h
+STENCIL = (-3, -2, -1, 1, 2, 3)  # values of k of central differences
+AFFINE_STENCIL = (-3, 3)  # values of k for affine functions
+ABOVE, BELOW = (0, 1, 2, 3, 4, 5, 6), (0, -1, -2, -3, -4, -5, -6)  # values of k of one-sided differences
 REDUCTION, MAX_REDUCTIONS = 8.0, 6  # factor by which a width is reduced, and largest number of reductions
 
 
@@ -30,11 +30,11 @@ def central_difference(values: Mapping[int, Any], h: float) -> Any:
     """Return the derivative from values at k h, numbers or arrays; exactly zero where the values are equal.
 
     Args:
-        values: values by k, for all k of `STENCIL`, `ABOVE` or `BELOW`; for affine functions, of `OF_AFFINE`.
+        values: values by k, for all k of `STENCIL`, `ABOVE` or `BELOW`; for affine functions, of `AFFINE_STENCIL`.
         h: width of the differences.
     """
-    if len(values) == len(OF_AFFINE):
-        return (values[OF_AFFINE[1]] - values[OF_AFFINE[0]]) / ((OF_AFFINE[1] - OF_AFFINE[0]) * h)
+    if len(values) == len(AFFINE_STENCIL):
+        return (values[AFFINE_STENCIL[1]] - values[AFFINE_STENCIL[0]]) / ((AFFINE_STENCIL[1] - AFFINE_STENCIL[0]) * h)
     if 0 not in values:
         return sum((w / h) * (values[k] - values[-k]) for k, w in WEIGHTS.items())
     side = 1 if 1 in values else -1
@@ -52,9 +52,9 @@ def numerical_derivative(value: Callable[[float], Any], h: float) -> Any:
 
 
 def numerical_jacobian(value: Callable[[Array], float | Array], n: int, h: float | Array) -> Array:
-    """Return the partial derivatives of value: x (n,) -> (...) at x = 0, (..., n), by widths h, one or (n,)."""
-    along = zip(np.eye(n), np.broadcast_to(h, n).tolist(), strict=True)
-    return np.stack([numerical_derivative(lambda x, e=e: value(x * e), w) for e, w in along], axis=-1)  # type: ignore[misc]
+    """Return the partial derivatives of value: x (n,) -> (...) at x = 0, (..., n), with widths h, a number or (n,)."""
+    directions = zip(np.eye(n), np.broadcast_to(h, n).tolist(), strict=True)
+    return np.stack([numerical_derivative(lambda x, e=e: value(x * e), w) for e, w in directions], axis=-1)  # type: ignore[misc]
 
 
 class ConvergedDifference(NamedTuple):
@@ -68,9 +68,9 @@ class ConvergedDifference(NamedTuple):
 def converged_difference(
     values: Callable[[float], Mapping[int, Array]], h: float, noise: float | Array = 0.0, times: int = MAX_REDUCTIONS
 ) -> ConvergedDifference:
-    """Return the derivative of arrays, for a width at which it agrees with that of the next smaller width.
+    """Return the derivative of arrays, for a width at which it agrees with the derivative for the next smaller width.
 
-    Where the values are affine to rounding, the largest width is exact.
+    If the values are affine to rounding, the largest width gives the exact derivative.
 
     Args:
         values: function of a width h that returns arrays (n, ...) at k h, as for `central_difference`.
@@ -79,7 +79,7 @@ def converged_difference(
         times: largest number of reductions of the width.
 
     Raises:
-        MbdaeError: the error of the smallest width, if values can be computed for no width.
+        MbdaeError: the error for the smallest width, if values cannot be computed for any width.
     """
     last, best, smallest = None, None, np.inf  # type: ConvergedDifference | None, ConvergedDifference | None, float
     for i in range(times + 1):
@@ -94,7 +94,7 @@ def converged_difference(
             if last is None and 0 not in samples and (_nonlinearity(samples) <= error).all():
                 return ConvergedDifference(derivative, h, 0.0)  # exact for any width
             if last:
-                change, size = _rows(derivative - last.derivative), _rows(derivative)
+                change, size = _row_maxima(derivative - last.derivative), _row_maxima(derivative)
                 excess = change - error / h
                 relative_excess = float(np.max(excess / np.where(size > 0, size, 1.0), initial=0.0))
                 discrepancy = float(max(excess.max(initial=0.0), 0.0) / (size.max(initial=0.0) or 1.0))
@@ -110,11 +110,11 @@ def converged_difference(
 
 def _nonlinearity(samples: Mapping[int, Array]) -> Array:
     """Return the largest distance of values (n, ...) from the line through the outermost two, (n,)."""
-    a, b = OF_AFFINE
+    a, b = AFFINE_STENCIL
     line = {k: (samples[b] * (k - a) + samples[a] * (b - k)) / (b - a) for k in samples}
-    return np.max([_rows(np.asarray(samples[k] - line[k])) for k in samples], axis=0)
+    return np.max([_row_maxima(np.asarray(samples[k] - line[k])) for k in samples], axis=0)
 
 
-def _rows(x: Array) -> Array:
+def _row_maxima(x: Array) -> Array:
     """Return the largest magnitude in each row, (n,)."""
     return np.abs(x).reshape(len(x), -1).max(axis=1, initial=0.0) if x.ndim else np.abs(x)[None]

@@ -1,4 +1,4 @@
-"""Dense linear systems, real or complex, with errors of mbdae; and least squares."""
+"""Solution of dense linear systems, real or complex, with errors of mbdae, and of least-squares problems."""
 
 from collections.abc import Callable
 from functools import cache
@@ -13,7 +13,7 @@ from .system import Array
 
 @cache
 def lapack() -> ModuleType:
-    """Return scipy's LAPACK, which is imported when it is first needed: runs in the core do without it."""
+    """Return scipy's LAPACK, imported on first use: runs in the core do not need it."""
     return import_module("scipy.linalg.lapack")
 
 
@@ -39,18 +39,18 @@ def factorized(matrix: Array, name: str) -> Callable[[Array], Array]:
         raise StepError("nonfinite", f"{name} has entries that are not finite")
     if info:
         raise StepError("singular", f"{name} is singular")
-    order = list(range(len(pivots)))
+    permutation = list(range(len(pivots)))
     for i, k in enumerate(pivots.tolist()):
-        order[i], order[k] = order[k], order[i]
+        permutation[i], permutation[k] = permutation[k], permutation[i]
     trsv = _blas().ztrsv if is_complex else _blas().dtrsv
     # not zgetrs: OpenBLAS uses several threads at any size, which changes rounding errors
-    return lambda b: trsv(lu, trsv(lu, b[order], lower=1, diag=1, overwrite_x=1), overwrite_x=1)
+    return lambda b: trsv(lu, trsv(lu, b[permutation], lower=1, diag=1, overwrite_x=1), overwrite_x=1)
 
 
 def least_squares(A: Array, b: Array, rcond: float) -> Array:
     """Return the x (n,) of smallest norm with the smallest |A x - b|, A (m, n), b (m,), see `numpy.linalg.lstsq`.
 
-    Of small systems, whose solution takes numpy five times as long.
+    For small systems, for which numpy takes five times as long.
 
     Args:
         A: the matrix.
@@ -58,11 +58,11 @@ def least_squares(A: Array, b: Array, rcond: float) -> Array:
         rcond: singular values up to this fraction of the largest one count as zero.
     """
     m, n = A.shape
-    if not m or not n:  # which LAPACK rejects
+    if not m or not n:  # LAPACK rejects empty matrices
         return np.zeros(n)
-    right = np.zeros(max(m, n))
-    right[:m] = b
-    x, _, _, info = lapack().dgelsd(A, right, *_workspace(m, n), rcond, overwrite_b=1)
+    rhs = np.zeros(max(m, n))
+    rhs[:m] = b
+    x, _, _, info = lapack().dgelsd(A, rhs, *_workspace(m, n), rcond, overwrite_b=1)
     if info:
         raise np.linalg.LinAlgError("SVD did not converge in linear least squares")
     return x[:n]
@@ -70,6 +70,6 @@ def least_squares(A: Array, b: Array, rcond: float) -> Array:
 
 @cache
 def _workspace(m: int, n: int) -> tuple[int, int]:
-    """Return the numbers of floating-point numbers and of integers that LAPACK works with."""
+    """Return the sizes of LAPACK's workspaces: floating-point numbers and integers."""
     numbers, integers, _ = lapack().dgelsd_lwork(m, n, 1)
     return int(numbers), integers

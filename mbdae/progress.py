@@ -7,8 +7,8 @@ from html import escape
 from time import monotonic
 from typing import Any
 
-UPDATE_INTERVAL = 0.1  # s, of a bar in a notebook
-PATIENCE, LONG = 10.0, 60.0  # s: where no bar is shown, a line says after the first that more than the second are left
+UPDATE_INTERVAL = 0.1  # s, for a bar in a notebook
+REPORT_AFTER, MIN_REMAINING = 10.0, 60.0  # s: without a bar, one line is printed if a computation takes longer
 
 Report = Callable[..., None]
 
@@ -17,7 +17,7 @@ Report = Callable[..., None]
 def progress_bar(label: str, total: float | None = 1.0) -> Iterator[Report]:
     """Show a progress bar while the block runs: on stderr if it is a terminal, or in the output of a notebook.
 
-    Elsewhere stderr has one line if the block takes long, as a run at an absurd speed does.
+    Without a terminal or notebook, one line is printed on stderr if the block will take long.
 
     The block receives the ``progress`` argument of `mbdae.solve` and of the studies: a function of a fraction, a text,
     or both.
@@ -54,13 +54,13 @@ def progress_bar(label: str, total: float | None = 1.0) -> Iterator[Report]:
 
 
 def _one_line(label: str) -> Report:
-    """Return a report that says once on stderr that much is left to do."""
+    """Return a report function that prints the remaining time once on stderr if it is long."""
     started, reported = monotonic(), False
 
     def report(value: Any, name: str | None = None) -> None:
         nonlocal reported
         done, elapsed = _text_and_fraction(value, name)[1], monotonic() - started
-        if reported or not done or elapsed < PATIENCE or (left := elapsed * (1 / done - 1)) < LONG:
+        if reported or not done or elapsed < REPORT_AFTER or (left := elapsed * (1 / done - 1)) < MIN_REMAINING:
             return
         reported = True
         sys.stderr.write(f"{label}: {100 * done:.2g} % after {elapsed:.0f} s, about {left:.2g} s are left\n")

@@ -1,4 +1,4 @@
-"""Interface between problems and methods: everything that a method may use of a problem.
+"""Interface between problems and methods: all that a method may access of a problem.
 
 A problem is an index-2 differential-algebraic equation in Hessenberg form on a manifold,
 
@@ -39,11 +39,11 @@ class Counts:
     newton: int = 0
 
     def to_dict(self) -> dict[str, int]:
-        """The counts by name."""
+        """Return the counts by name."""
         return dict(vars(self))
 
     def add(self, *counts: int) -> None:
-        """Add counts, in their order."""
+        """Add counts, in the order of the fields."""
         sums = {name: x + n for (name, x), n in zip(vars(self).items(), counts, strict=True)}
         vars(self).update(sums)
 
@@ -69,11 +69,11 @@ class Step(NamedTuple):
 
 
 Solver = Callable[[Array, Array], tuple[Array, Array]]
-"""Solves a linear system: right sides (ny,) and (m,) -> unknowns (ny,) and (m,), m the number of unknown z."""
+"""Solves a linear system: right-hand sides (ny,) and (m,) -> unknowns (ny,) and (m,), m the number of unknown z."""
 
 
 class Linearization(Protocol):
-    """Partial derivatives of E x' = E f(t, x, z), 0 = g(t, x) at a point, with a chosen matrix E; arrays only."""
+    """Partial derivatives of E x' = E f(t, x, z), 0 = g(t, x) at a point, with a matrix E of the problem."""
 
     def apply_E(self, e: Array) -> Array:
         """Return E e, (ny,), of e (ny,)."""
@@ -108,7 +108,7 @@ class Chart(Protocol):
 
     @property
     def unknowns(self) -> Any:
-        """Identifier of the unknowns z: values (m,) of other steps can be reused if it is equal."""
+        """Identifier of the unknowns z: values (m,) of another step can be reused if their identifiers are equal."""
 
     def start(self) -> tuple[Array, Array]:
         """Return x' (ny,) at x = 0 and the unknowns z (m,) from the hidden constraint."""
@@ -122,24 +122,24 @@ class Chart(Protocol):
     def end(self, t: float, x: Array, dx: Array | None, z: Array) -> tuple[Array, Array]:
         """Return y_n (+) x (n,), the end of a step, and all multipliers z there, (nz,).
 
-        If the step ends at a stage, both are consistent with its x'; else dx is None, and they are as given.
+        If the step ends at a stage, both are consistent with its x'; else dx is None, and x and z are not corrected.
         """
 
 
 class VariationalStep(Protocol):
-    """A step of a variational integrator, of size h from t; unknown are x (nv,), q_1 = q_0 (+) x, multipliers (m,)."""
+    """A step of a variational integrator, of size h from t, with unknowns x (nv,), q_1 = q_0 (+) x, and lam (m,)."""
 
     t: float
     h: float
 
     def first_guess(self) -> tuple[Array, Array]:
-        """Return x and the multipliers, where Newton's method starts."""
+        """Return the initial x and multipliers of Newton's method."""
 
     def correction(self, x: Array, lam: Array) -> tuple[Array, Array]:
-        """Return the changes of both by an iteration of Newton's method."""
+        """Return the Newton corrections of x and of the multipliers."""
 
     def measure(self, dx: Array, x: Array) -> tuple[float, float]:
-        """Return the sizes of dx and of q_0, relative to that of x."""
+        """Return the norms of dx and of q_0, relative to the norm of x."""
 
     def end(self, x: Array, lam: Array) -> tuple[Array, Array]:
         """Return the displacement of y, (ny,), and the multipliers at the end of the step, (nz,)."""
@@ -148,7 +148,7 @@ class VariationalStep(Protocol):
 class System(Protocol):
     """A problem bound to a workspace of one run (not to be shared between threads).
 
-    Methods with a default implementation apply to problems without row selection, jumps and compiled core.
+    The default implementations are those of a problem without row selection, jumps and compiled core.
 
     Attributes:
         ny: length of tangent vectors; a point y has n components, more than ny if it contains quaternions.
@@ -156,8 +156,8 @@ class System(Protocol):
         counts: the work done so far.
         measured: the components of a tangent vector that enter error norms.
         native: the compiled core, if it computes points and steps.
-        accuracy: tolerance, relative to the size of y, of Newton's iteration in controlled steps of collocation
-            methods; 0 for rounding.
+        accuracy: tolerance of Newton's iteration, relative to the size of y, in controlled steps of collocation
+            methods; 0 iterates to rounding.
     """
 
     ny: int
@@ -175,27 +175,27 @@ class System(Protocol):
         return tableau.order
 
     def split(self, y: Array) -> tuple[Array, ...]:
-        """Return a point as users see it: y itself, or q and v of a mechanism."""
+        """Return the parts of a point that users see: y itself, or q and v of a mechanism."""
         return (y,)
 
     def chart(self, t: float, y: Array) -> Chart:
-        """Open a step at (t, y)."""
+        """Return the chart of a step from (t, y)."""
 
     @property
     def features(self) -> dict[str, str]:
-        """Features that some methods exclude, by kind, with the names of the elements: ``excludes`` of methods."""
+        """Features that some methods exclude (``excludes``), by kind, with the names of the elements that have them."""
         return {}
 
     def variational_step(self, t: float, h: float, y: Array) -> VariationalStep:
-        """Open a step of a variational integrator at (t, y), of a problem without `features` that it excludes."""
+        """Return a step of a variational integrator from (t, y); the problem has no `features` that it excludes."""
         raise InputError("this problem has features that variational integrators exclude")
 
     def newmark_step(self, t: float, h: float, y: Array, stabilized: bool) -> Any:
-        """Open a step of a Newmark-type method at (t, y), of a mechanism without `features` that it excludes."""
+        """Return a step of a Newmark-type method from (t, y); the mechanism has no `features` that it excludes."""
         raise InputError("this problem has no second-order form")
 
     def derivative(self, t: float, y: Array, guess: Array | None = None) -> tuple[Array, Array]:
-        """Return y' (ny,) and z (nz,) from g_t + g_y f(t, y, z) = 0; of several roots z, the one closest to a guess."""
+        """Return y' (ny,) and z (nz,) from g_t + g_y f(t, y, z) = 0; of several z, the one closest to the guess."""
 
     def derivatives(self, t: Array, y: Array, guess: Array) -> tuple[Array, Array]:
         """Return y' (n, ny) and z (n, nz) at points (n, ...), see `derivative`; NaN where they cannot be computed."""
@@ -208,8 +208,8 @@ class System(Protocol):
     def compiled_step(self, method: Any, t: float, h: float, state: State, controlled: bool = False) -> Step | None:
         """Return a step of the compiled core; None if `mbdae.methods` must compute the stages.
 
-        Controlled steps of collocation methods have an error estimate, and fail early if the iteration converges
-        slowly; steps of other methods always have an error estimate.
+        With step-size control, collocation methods estimate the error, and fail early if the iteration converges
+        slowly; other methods estimate the error in any case.
         """
         return None
 
@@ -220,7 +220,7 @@ class System(Protocol):
         """Return y (+) x, (n,)."""
 
     def rounding_loss(self, y0: Array, x: Array, y1: Array) -> Array:
-        """Return the rounding error of y1 = y0 (+) x in the tangent, (ny,); zero for curved components."""
+        """Return the rounding error of y1 = y0 (+) x in the tangent, (ny,); zero for rotations."""
 
     def difference(self, y0: Array, y1: Array) -> Array:
         """Return y1 (-) y0 in the tangent at y0, (ny,)."""
@@ -234,14 +234,14 @@ class System(Protocol):
 
         Args:
             t: time.
-            y: the point, with constraints violated by no more than the accuracy of its numbers.
+            y: the point; it may violate the constraints by the accuracy of its numbers.
             project: whether y is projected onto the constraints.
         """
         with suppress(StepError):
-            closed = self.project_state(t, y)
-            self.update_independent_rows(t, State(closed))
+            projected = self.project_state(t, y)
+            self.update_independent_rows(t, State(projected))
             self.counts.state_projections = 0  # only those of steps are counted
-            y = closed if project else y
+            y = projected if project else y
         return (y := self.update_independent_rows(t, State(y)).y), *self.derivative(t, y)
 
     def first_step(self, t: float, y: Array, F: Array, **given: Any) -> float | None:
@@ -266,14 +266,14 @@ class System(Protocol):
         return state
 
     def breakpoint(self, t: float, sign: float) -> float:
-        """Return the next time after t, in the direction of sign, at which f or y may jump; sign * inf if none.
+        """Return the next time after t, in the direction of sign, at which f or y may jump, or sign * inf.
 
         Exactly at that time, f has its value after the jump (for increasing t).
         """
         return sign * np.inf
 
     def jump(self, t: float, y: Array, late: float = np.inf) -> Array:
-        """Return y (n,) just after time t: with the components that jump at t or at most ``late`` roundings before."""
+        """Return y (n,) after the jumps at time t, or up to ``late`` roundings before t."""
         return y
 
     def component_magnitudes(self, y: Array) -> Array:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray
 
 HEADING = re.compile(r"(.*\S) \[(.*)\]")  # heading of a column with a unit
-SEPARATOR = re.compile(r"[;\t]")  # in files of programs that do not separate cells by commas
+SEPARATOR = re.compile(r"[;\t]")  # separators of other programs, instead of commas
 POWER = re.compile(r"(<?)(-?[\d.]+)e([+-]?\d+)")
 SPECIAL = {c: rf"\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"} | {
     "^": r"\textasciicircum{}", "|": "$|$", "<": "$<$", ">": "$>$"
@@ -37,7 +37,7 @@ class Columns(NamedTuple):
     Attributes:
         values: by name, (n,) each, or (n, k) where a row has several numbers.
         units: units of the columns that have one.
-        over: the independent column; "" if rows are counted.
+        over: the independent column; "" for row numbers.
     """
 
     values: Mapping[str, Any]
@@ -46,19 +46,19 @@ class Columns(NamedTuple):
 
     def displayed(self) -> "Columns":
         """Return the columns in the units in which results are shown, see `mbdae.display_units`."""
-        found = {n: displayed(np.asarray(x), self.units[n]) for n, x in self.values.items() if n in self.units}
-        units = {name: unit for name, (_, unit) in found.items()}
-        return Columns({**self.values, **{name: x for name, (x, _) in found.items()}}, units, self.over)
+        converted = {n: displayed(np.asarray(x), self.units[n]) for n, x in self.values.items() if n in self.units}
+        units = {name: unit for name, (_, unit) in converted.items()}
+        return Columns({**self.values, **{name: x for name, (x, _) in converted.items()}}, units, self.over)
 
     def write_csv(self, path: str | Path) -> None:
         """Write the columns as .csv; units other than SI are in the headings, ``"q.crank [deg]"``."""
-        found, chosen = self.displayed(), bool(displayed_units().chosen)
-        headers = {name: f"{name} [{unit}]" for name, unit in found.units.items() if unit and chosen}
-        write_csv({headers.get(name, name): x for name, x in found.values.items()}, path)
+        shown, with_units = self.displayed(), bool(displayed_units().chosen)
+        headers = {name: f"{name} [{unit}]" for name, unit in shown.units.items() if unit and with_units}
+        write_csv({headers.get(name, name): x for name, x in shown.values.items()}, path)
 
 
 class Tabular:
-    """Base of the results of studies: display in notebooks, tables in files.
+    """Base class of the results of studies: display in notebooks, tables in files.
 
     ``__str__`` describes a result, with a heading in the first line. A result may have a table of text (`cells`) and
     columns of numbers for further processing (`to_columns`).
@@ -69,11 +69,11 @@ class Tabular:
         return []
 
     def remarks(self) -> list[str]:
-        """Lines below the table."""
+        """Return lines of text below the table."""
         return []
 
     def to_columns(self) -> Columns:
-        """Named columns of equal length.
+        """Return named columns of equal length.
 
         Raises:
             InputError: for a result without columns.
@@ -90,9 +90,9 @@ class Tabular:
         Raises:
             InputError: without pandas, or for a result without columns.
         """
-        pandas, found = optional_package("pandas"), self.to_columns().displayed()
-        frame = pandas.DataFrame({n: list(x) if np.ndim(x) > 1 else x for n, x in found.values.items()})
-        frame.attrs |= {"title": self._heading(), "units": dict(found.units)}
+        pandas, columns = optional_package("pandas"), self.to_columns().displayed()
+        frame = pandas.DataFrame({n: list(x) if np.ndim(x) > 1 else x for n, x in columns.values.items()})
+        frame.attrs |= {"title": self._heading(), "units": dict(columns.units)}
         return frame
 
     def to_xarray(self) -> "xarray.Dataset":
@@ -101,12 +101,12 @@ class Tabular:
         Raises:
             InputError: without xarray, or for a result without columns.
         """
-        xarray, found = optional_package("xarray"), self.to_columns().displayed()
-        dim = found.over or "row"
+        xarray, columns = optional_package("xarray"), self.to_columns().displayed()
+        dim = columns.over or "row"
         arrays = {}
-        for name, x in found.values.items():
+        for name, x in columns.values.items():
             dims = (dim, "sample")[: max(1, np.ndim(x))]
-            arrays[name] = (dims, np.asarray(x), {"units": found.units[name]} if name in found.units else {})
+            arrays[name] = (dims, np.asarray(x), {"units": columns.units[name]} if name in columns.units else {})
         coords = {dim: arrays.pop(dim)} if dim in arrays else {}
         return xarray.Dataset(arrays, coords, {"title": self._heading()})
 
@@ -163,22 +163,23 @@ def optional_package(package: str) -> ModuleType:
 
 
 def rounded_zero(x: float, scale: float = 1.0) -> float:
-    """Return a number, 0 if it is rounding in comparison with a scale, in the same unit."""
+    """Return a number, or 0 if it is a rounding error relative to a scale in the same unit."""
     return 0.0 if abs(x) <= SOLUTION_ROUNDING * scale else float(x)
 
 
 def align_columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return lines of aligned columns, the first left-aligned and the others right-aligned."""
+    """Return lines of aligned columns, the first left-aligned, all other columns right-aligned."""
     widths = [max(len(row[j]) for row in rows) for j in range(len(rows[0]))]
-    shifted = [[c.rjust(w) for c, w in zip(row, widths, strict=True)] for row in rows]
-    return ["  ".join([row[0].ljust(widths[0]), *cells[1:]]).rstrip() for row, cells in zip(rows, shifted, strict=True)]
+    padded = [[c.rjust(w) for c, w in zip(row, widths, strict=True)] for row in rows]
+    return ["  ".join([row[0].ljust(widths[0]), *cells[1:]]).rstrip() for row, cells in zip(rows, padded, strict=True)]
 
 
 def table(cells: Sequence[Sequence[str]]) -> str:
     """Return an HTML table, headings first; columns of text are left-aligned. Cells of type `Markup` are HTML."""
-    sides = [' style="text-align: left"' if word else "" for word in text_columns(cells[1:])] or [""] * len(cells[0])
+    left = ' style="text-align: left"'
+    alignments = [left * is_text for is_text in text_columns(cells[1:])] or [""] * len(cells[0])
     head, *body = (
-        "".join(f"<{tag}{side}>{escape(c)}</{tag}>" for c, side in zip(row, sides, strict=True))
+        "".join(f"<{tag}{alignment}>{escape(c)}</{tag}>" for c, alignment in zip(row, alignments, strict=True))
         for tag, row in zip(["th", *len(cells[1:]) * ["td"]], cells, strict=True)
     )
     lines = "".join(f"<tr>{row}</tr>" for row in body)
@@ -186,7 +187,7 @@ def table(cells: Sequence[Sequence[str]]) -> str:
 
 
 def text_columns(rows: Sequence[Sequence[str]]) -> list[bool]:
-    """Return for each column whether it is text, that is, a cell begins with a letter; empty without rows."""
+    """Return for each column whether a cell begins with a letter, so that it is text; empty without rows."""
     return [any(cell[:1].isalpha() for cell in column) for column in zip(*rows, strict=True)]
 
 
@@ -199,9 +200,9 @@ def latex(cells: Sequence[Sequence[str]], heading: str = "") -> str:
 
 
 def _cell(text: str) -> str:
-    found = POWER.fullmatch(text)
-    if found:
-        return rf"${found[1]}{found[2]} \times 10^{{{int(found[3])}}}$"
+    match = POWER.fullmatch(text)
+    if match:
+        return rf"${match[1]}{match[2]} \times 10^{{{int(match[3])}}}$"
     return "".join(SPECIAL.get(c, c) for c in text)
 
 
@@ -219,22 +220,22 @@ def write_csv(columns: Mapping[str, Any], path: str | Path) -> None:
 def read_csv(path: str | Path) -> Columns:
     """Return the columns of comma-separated values below a line of names, (n,) each; nan for empty cells.
 
-    A heading with a unit, ``"q.crank [deg]"``, as `Columns.write_csv` writes it, is the name of a column that is
-    converted to SI, and its unit is among the units; others are as they are.
+    A column with a unit in its heading, ``"q.crank [deg]"``, as `Columns.write_csv` writes it, is converted to SI, and
+    the result has its unit in ``units``; other columns are not converted.
 
     Raises:
-        InputError: for a file that cannot be read, a name that occurs twice, and cells that are not numbers.
+        InputError: for a file that cannot be read, a duplicate name, or a cell that is not a number.
     """
     rows = _lines(path)
-    head, units = zip(*(_without_unit(name.strip()) for name in rows[0]), strict=True)
-    if twice := [name for i, name in enumerate(head) if name in head[:i]]:
-        raise InputError(f"{path}: two columns are named {twice[0]!r}")
+    names, units = zip(*(_without_unit(name.strip()) for name in rows[0]), strict=True)
+    if duplicates := [name for i, name in enumerate(names) if name in names[:i]]:
+        raise InputError(f"{path}: two columns are named {duplicates[0]!r}")
     for i, row in enumerate(rows[1:], 2):
-        if row and len(row) != len(head):
-            raise InputError(f"{path}, line {i}: {len(row)} values under {len(head)} names")
+        if row and len(row) != len(names):
+            raise InputError(f"{path}, line {i}: {len(row)} values under {len(names)} names")
     body = np.array([[_number(x, path, i) for x in row] for i, row in enumerate(rows[1:], 2) if row]).T
-    values = {name: (si_value(unit) or ONE).apply(x) for name, unit, x in zip(head, units, body, strict=True)}
-    return Columns(values, {name: unit for name, unit in zip(head, units, strict=True) if unit})
+    values = {name: (si_value(unit) or ONE).apply(x) for name, unit, x in zip(names, units, body, strict=True)}
+    return Columns(values, {name: unit for name, unit in zip(names, units, strict=True) if unit})
 
 
 def _number(cell: str, path: str | Path, line: int) -> float:
@@ -259,9 +260,9 @@ def _lines(path: str | Path) -> list[list[str]]:
 
 
 def _without_unit(heading: str) -> tuple[str, str]:
-    """Return the name of a column, and the unit of its numbers; "" without one."""
-    found = HEADING.fullmatch(heading)
-    return (found[1], found[2]) if found and si_value(found[2]) else (heading, "")
+    """Return the name and the unit in the heading of a column; "" if it has no unit."""
+    match = HEADING.fullmatch(heading)
+    return (match[1], match[2]) if match and si_value(match[2]) else (heading, "")
 
 
 def finite(data: object) -> Any:

@@ -1,6 +1,6 @@
-"""Units besides SI: those that users choose for files and for results, and their factors.
+"""Units that users choose for files and results in place of SI units, and their factors.
 
-A unit is a text, ``"N m/rad"``: symbols with powers, separated by spaces, then those of the denominator after a slash.
+A unit is a string, ``"N m/rad"``: symbols with powers, separated by spaces, and the denominator after a slash.
 All computations are in SI units with angles in rad; numbers of files are converted when they are read, results when
 they are shown.
 """
@@ -62,9 +62,9 @@ DIMENSIONS: dict[str, dict[str, Factor]] = {  # dimension: units by name in SI u
     "power": _named(W=1, mW="1/1000", kW=1000),
 }  # fmt: skip
 SI = {next(iter(units)): dimension for dimension, units in DIMENSIONS.items()}
-COMPOSITE = [symbol for symbol in SI if not symbol.isalpha()]  # replaced as a whole if chosen
+COMPOSITE = [symbol for symbol in SI if not symbol.isalpha()]  # replaced as one symbol if chosen
 SYMBOL = re.compile(r"([A-Za-z]+\d*)(?:\^(\d+))?")
-HEADED = re.compile(r"(1|{0}( {0})*)(/{0}( {0})*)*".format(r"[A-Za-z]+(\^\d+)?"))
+HEADING_UNIT = re.compile(r"(1|{0}( {0})*)(/{0}( {0})*)*".format(r"[A-Za-z]+(\^\d+)?"))
 
 
 def known_units() -> str:
@@ -84,7 +84,7 @@ class Units:
 
     @classmethod
     def parse(cls, names: Collection[str]) -> "Units":
-        """Return units from their names, each of which says its dimension: ``["mm", "deg"]``.
+        """Return units from their names, which determine the dimensions: ``["mm", "deg"]``.
 
         Raises:
             UnknownNameError: lists the units.
@@ -92,16 +92,16 @@ class Units:
         """
         out: dict[str, str] = {}
         for name in names:
-            found = [dimension for dimension, units in DIMENSIONS.items() if name in units]
-            if not found:
+            dimensions = [dimension for dimension, units in DIMENSIONS.items() if name in units]
+            if not dimensions:
                 raise UnknownNameError("unit", name, [unit for units in DIMENSIONS.values() for unit in units])
-            if found[0] in out:
-                raise InputError(f"{out[found[0]]} and {name} are both units of {found[0]}: give one of them")
-            out[found[0]] = name
+            if dimensions[0] in out:
+                raise InputError(f"{out[dimensions[0]]} and {name} are both units of {dimensions[0]}: give one of them")
+            out[dimensions[0]] = name
         return cls(out)
 
     def factor(self, unit: str) -> Factor:
-        """Return the SI value of one of these units, for a unit in SI, ``"kg m^2"``; 1 for a list, ``"m, rad"``."""
+        """Return the SI value of the chosen unit for an SI unit, ``"kg m^2"``; 1 for a list, ``"m, rad"``."""
         out = ONE
         for symbol, power in self._parts(unit):
             if symbol in SI and SI[symbol] in self.chosen:
@@ -109,61 +109,61 @@ class Units:
         return out
 
     def name(self, unit: str) -> str:
-        """Return the name of the unit that is shown for a unit in SI."""
+        """Return the name of the chosen unit for an SI unit."""
         powers = [(self.chosen.get(SI[x], x) if x in SI else x, power) for x, power in self._parts(unit)]
-        return _written(powers) if powers else unit
+        return _unit_text(powers) if powers else unit
 
     def displayed(self, x: Any, unit: str) -> Any:
-        """Return a value in SI, a number or an array, in these units."""
+        """Convert a value in SI, a number or an array, to these units."""
         return self.factor(unit).power(-1).apply(x)
 
     def _parts(self, unit: str) -> Iterator[tuple[str, int]]:
-        """Yield symbols and their powers; none for a unit without, or a list of units."""
+        """Yield the symbols of a unit and their powers; none for a unit without symbols, or a list of units."""
         if "," in unit:
             return
-        whole = [x for x in COMPOSITE if SI[x] in self.chosen]
-        pattern = re.compile("|".join([*(rf"(?<!/){re.escape(x)}(?![\w^])" for x in whole), "/", SYMBOL.pattern]))
+        composite = [x for x in COMPOSITE if SI[x] in self.chosen]
+        pattern = re.compile("|".join([*(rf"(?<!/){re.escape(x)}(?![\w^])" for x in composite), "/", SYMBOL.pattern]))
         sign = 1
-        for found in pattern.finditer(unit):
-            if found[0] == "/":
+        for match in pattern.finditer(unit):
+            if match[0] == "/":
                 sign = -1
             else:
-                yield (found[0], sign) if found[0] in whole else (found[1], sign * int(found[2] or 1))
+                yield (match[0], sign) if match[0] in composite else (match[1], sign * int(match[2] or 1))
 
 
-def _written(powers: Iterable[tuple[str, int]]) -> str:
+def _unit_text(powers: Iterable[tuple[str, int]]) -> str:
     """Return a unit as text, from its symbols with their powers."""
-    above: list[str] = []
-    below: list[str] = []
+    numerator: list[str] = []
+    denominator: list[str] = []
     for symbol, power in powers:
-        (above if power > 0 else below).append(symbol + (f"^{abs(power)}" if abs(power) != 1 else ""))
-    return "/".join([" ".join(above) or "1", *below])
+        (numerator if power > 0 else denominator).append(symbol + (f"^{abs(power)}" if abs(power) != 1 else ""))
+    return "/".join([" ".join(numerator) or "1", *denominator])
 
 
 def si_value(unit: str) -> Factor | None:
-    """Return the value in SI of a unit as results are headed with it, ``"N mm/deg"``; None for any other text."""
-    if not HEADED.fullmatch(unit):
+    """Return the SI value of a unit in a heading of results, ``"N mm/deg"``; None for any other text."""
+    if not HEADING_UNIT.fullmatch(unit):
         return None
-    out, known = ONE, {name: factor for units in DIMENSIONS.values() for name, factor in units.items()}
+    out, factors = ONE, {name: factor for units in DIMENSIONS.values() for name, factor in units.items()}
     for symbol, power in SI_UNITS._parts(unit):
-        if symbol not in known:
+        if symbol not in factors:
             return None
-        out = out.times(known[symbol].power(power))
+        out = out.times(factors[symbol].power(power))
     return out
 
 
 def substituted(unit: str, symbols: Mapping[str, str]) -> str:
-    """Return a unit with the units of its symbols in their place; "" if one is left that is no unit.
+    """Replace the symbols of a unit by their units; return "" if one is left that is not a unit.
 
     >>> substituted("e s/q", {"e": "N m", "q": "rad"})
     'N m s/rad'
     """
     powers = _powers(unit, symbols)
-    return "" if not powers or any(symbol in KEY_SYMBOLS for symbol in powers) else _written(powers.items())
+    return "" if not powers or any(symbol in KEY_SYMBOLS for symbol in powers) else _unit_text(powers.items())
 
 
 def _powers(unit: str, symbols: Mapping[str, str]) -> dict[str, int]:
-    """Return the powers of a unit that are not 0, with the units of its symbols in their place."""
+    """Return the nonzero powers of a unit after its symbols are replaced by their units."""
     powers: dict[str, int] = {}
     for symbol, power in SI_UNITS._parts(unit):
         inner = _powers(symbols[symbol], symbols) if symbol in symbols else {symbol: 1}
@@ -173,15 +173,15 @@ def _powers(unit: str, symbols: Mapping[str, str]) -> dict[str, int]:
 
 
 def common_unit(units: Iterable[str]) -> str:
-    """Return the unit of numbers that are compared: the only one, else all, ``"m, rad"``, which are shown in SI."""
+    """Return the common unit of compared numbers; if they differ, a list, ``"m, rad"``, which is shown in SI."""
     return ", ".join(dict.fromkeys(unit for text in units for unit in text.split(", ")))
 
 
 def require_kind(unit: str, known: str, where: str) -> None:
-    """Reject a unit that is not of the kind of a known one in SI, ``"m"`` for ``"rad"``.
+    """Reject a unit whose dimension differs from that of a known SI unit, ``"m"`` for ``"rad"``.
 
     Raises:
-        InputError: begins with ``where``, and lists units of the kind.
+        InputError: begins with ``where``, and lists units of the dimension.
     """
     if _powers(unit, BASE) != _powers(known, BASE):
         raise InputError(f"{where} is in {unit!r}, valid: {', '.join(DIMENSIONS.get(SI.get(known, ''), [known]))}")
@@ -211,13 +211,13 @@ def unit_name(unit: str) -> str:
 
 
 def quantity(x: float, unit: str, digits: str = ".6g") -> str:
-    """Return a value in SI as text, with its unit unless that is 1, in the units in which results are shown."""
+    """Return a value in SI as text with its unit, if it has one, in the units in which results are shown."""
     value, name = displayed(float(x), unit)
     return f"{value:{digits}} {'' if name == '1' else name}".rstrip()
 
 
 def time_span(t: Any, digits: str) -> str:
-    """Return the first and the last of times in s as text, in the unit in which times are shown."""
+    """Return the first and last of times in s as text, in the unit in which times are shown."""
     return f"{displayed(float(t[0]), 's')[0]:{digits}} to {quantity(t[-1], 's', digits)}"
 
 
@@ -230,10 +230,10 @@ def display_units(*names: str) -> Iterator[None]:
             sol.plot(path="run.svg")
 
     Arrays, ``to_dict``, .json and .npz stay in SI units, with angles in rad. Units of products follow: with mm a torque
-    is shown in N mm and an inertia in kg mm^2, unless ``"N m"`` is given, too.
+    is shown in N mm and an inertia in kg mm^2, unless ``"N m"`` is also given.
 
     Args:
-        names: of units, in one text with commas or several: lengths m, mm, cm, in, ...; angles rad, deg, rev; masses
+        names: of units, one or several separated by commas: lengths m, mm, cm, in, ...; angles rad, deg, rev; masses
             kg, g, t, lb; times s, ms, min; forces N, kN, lbf; torques N m, N mm; speeds of rotation rpm; pressures MPa;
             energies J, kJ; powers W, kW.
 

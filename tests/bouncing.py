@@ -38,14 +38,14 @@ def ball(restitution=0.8, rest=1e-7):
 
 
 def pendulum(lower=0.3, restitution=0.7):
-    """A point on a massless rod of 1 m."""
+    """Return a point on a massless rod of 1 m."""
     model = empty()
     add_body(model, 0, pin.JointModelRY(), "a", com=(0, 0, -1.0))
     return Mechanism(model, stops=[Stop(joint="a", lower=lower, restitution=restitution)])
 
 
 def lever(mu, angle=0.9, e=0.0):
-    """A rod on a carriage, hinged above the floor, its end ahead of the hinge and rounded to a radius R."""
+    """Return a rod on a carriage, hinged above the floor, its end in front of the hinge and rounded to a radius R."""
     model = empty()
     cart = add_body(model, 0, pin.JointModelPX(), "cart", 0.5)
     rod = add_body(model, cart, pin.JointModelRY(), "rod", 0.0, inertia=(0, 0.02, 0))
@@ -57,7 +57,7 @@ def lever(mu, angle=0.9, e=0.0):
 
 
 def dropped_chain(rng):
-    """A chain of up to four links that falls on a plane, and a state; its tips hit the plane, its joints hit stops."""
+    """Return a chain of up to four links and a state from which it falls: tips hit a plane, joints hit stops."""
     n, kind, e = int(rng.integers(1, 5)), int(rng.integers(3)), float(rng.choice([0.0, 0.3, 0.5, 0.8, 1.0]))
     upright = pin.SE3(pin.utils.rotate("x", np.pi / 2), np.zeros(3))
     bases = (pin.JointModelPlanar(), upright), (pin.JointModelPZ(), None), (pin.JointModelFreeFlyer(), None)
@@ -89,7 +89,7 @@ def dropped_chain(rng):
 
 
 def gaps(mech, *qs):
-    """Gaps of all unilateral rows, at each q, (n, k), positive where they are open."""
+    """Return gaps of all unilateral rows, at each q, (n, k), positive where they are open."""
     from mbdae.mechanism.hybrid.mode_point import AllRows
 
     rows = AllRows(mech.system())

@@ -1,7 +1,7 @@
 """A headless browser for the tests: pages are opened, captured as images, and queried by scripts.
 
-One browser serves a whole session of tests, through the pipe of its debugging protocol; every page is a separate tab. A
-closed page leaves an empty tab for the next page: the start of a tab and the loading of scripts happen once.
+One browser serves a whole session of tests, by the pipe of its debugging protocol; every page is a separate tab. A tab
+of a closed page is reused for the next page, which avoids starting a new tab.
 """
 
 import atexit
@@ -20,8 +20,8 @@ from PIL import Image
 
 FLAGS = "--headless --no-sandbox --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader"
 FLAGS += " --disable-background-networking --no-first-run --remote-debugging-pipe --hide-scrollbars"
-FLAGS += " --disable-gpu-compositing"  # pages are composed without the emulated graphics: half the time
-FLAGS += " --webgl-antialiasing-mode=none"  # which takes two thirds of the emulated graphics' time
+FLAGS += " --disable-gpu-compositing"  # pages are composed without the emulated GPU, in half the time
+FLAGS += " --webgl-antialiasing-mode=none"  # antialiasing takes two thirds of the time of the emulated GPU
 READY = """new Promise((done, failed) => {
   const look = () => {
     const clock = document.getElementById("clock");
@@ -50,7 +50,7 @@ WITHOUT = """(() => {
 
 
 def picture_of(url):
-    """The pixels of a data address, (height, width, 3)."""
+    """Return the pixels of a data address, (height, width, 3)."""
     return _pixels(url.partition(",")[2])
 
 
@@ -60,29 +60,29 @@ def _pixels(data):
 
 
 def changed(a, b):
-    """The fraction of pixels that differ."""
+    """Return the fraction of pixels that differ."""
     return (np.abs(a - b).max(axis=2) > 20).mean()
 
 
 class Chromium:
-    """Opens pages; a replay counts as loaded when its scene is drawn."""
+    """A browser that opens pages; a replay is loaded when its scene is drawn."""
 
     def __init__(self):
         self.browser = _browser()
 
     def open(self, address, size=(600, 400), ready="window.mbdae"):
-        """A tab with a page, by its address or path, without shadows, which are slow, once it is ready."""
+        """Return a tab with a page, by its address or path, without shadows, which are slow, once it is ready."""
         address = address if isinstance(address, str) else f"{address.as_uri()}#shadows=0"
         return Tab(self.browser, address, size, ready)
 
     def shot(self, page, t, size=(600, 400), **more):
-        """The picture of a page paused at a time, (height, width, 3); ``more`` is added to its address."""
+        """Return the picture of a page paused at a time, (height, width, 3); ``more`` is added to its address."""
         words = "&".join(f"{key}={value}" for key, value in {"t": t, "shadows": 0, **more}.items())
         with self.open(f"{page.as_uri()}#{words}", size) as tab:
             return tab.picture()
 
     def ask(self, page, script, size=(600, 400)):
-        """The entries of `log` written by a script once the scene is drawn."""
+        """Return the entries of `log` written by a script once the scene is drawn."""
         with self.open(page, size) as tab:
             return tab.ask(script)
 
@@ -125,32 +125,32 @@ class Tab:
         return answer["result"].get("value")
 
     def ask(self, script):
-        """The entries of `log` written by a script."""
+        """Return the entries of `log` written by a script."""
         return json.loads(self.evaluate(SCRIPT % script))
 
     def at(self, t):
-        """The picture at a time of the motion."""
+        """Return the picture at a time of the motion."""
         self.evaluate(f"mbdae.seek({t}); 0")
         return self.picture()
 
     def mouse(self, *steps):
-        """Moves, presses and releases at (event, x, y)."""
+        """Send mouse events (event, x, y): moved, pressed or released."""
         for what, x, y in steps:
             button = {"button": "none"} if what == "Moved" else {"button": "left", "clickCount": 1}
             self.call("Input.dispatchMouseEvent", type=f"mouse{what}", x=x, y=y, **button)
 
     def picture(self):
-        """The visible picture, (height, width, 3)."""
+        """Return the visible picture, (height, width, 3)."""
         return _pixels(self.call("Page.captureScreenshot", format="png")["data"])
 
     def drawn(self):
-        """The position of the mechanism in the scene: the pixels that change when it is hidden."""
+        """Return the position of the mechanism in the scene: the pixels that change when it is hidden."""
         full, empty = map(picture_of, self.evaluate(WITHOUT))
         return np.abs(full - empty).max(axis=2) > 12
 
 
 class Pipe:
-    """The debugging protocol: JSON between zeros, calls through one pipe, answers through another."""
+    """Debugging protocol: JSON separated by zeros, calls through one pipe, answers through another."""
 
     def __init__(self, program):
         self.profile = tempfile.TemporaryDirectory()
@@ -165,7 +165,7 @@ class Pipe:
         self.rest, self.left = b"", []
 
     def blank(self):
-        """The session of a new tab."""
+        """Return the session of a new tab."""
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         return self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
 

@@ -47,7 +47,7 @@ def random_inertia(rng):
 
 
 def tree(kinds, parents, seed=0):
-    """A tree of the named joints; link i carries the frame ``tip_i``; ``ground`` is fixed to the world."""
+    """Return a tree of the named joints; link i carries the frame ``tip_i``; ``ground`` is fixed to the world."""
     rng = np.random.default_rng(seed)
     model = pin.Model()
     model.name = "tree"
@@ -61,7 +61,7 @@ def tree(kinds, parents, seed=0):
 
 
 def random_q(model, rng, width=1.2):
-    """A random configuration far from neutral, quaternions and circles included."""
+    """Return a random configuration far from neutral, quaternions and circles included."""
     return pin.integrate(model, pin.neutral(model), rng.uniform(-width, width, model.nv))
 
 
@@ -85,18 +85,18 @@ def rod(model, parent, placement, length, name, axis=(0.0, -1.0, 0.0), mass=1.0,
 
 
 def rates(mech, q, v, t=0.0):
-    """v', lam (ng,) and the power of the non-conservative forces from the acceleration-level solve."""
+    """Return v', lam (ng,) and the power of the non-conservative forces from the acceleration-level solve."""
     F, lam = mech.system().derivative(t, np.concatenate([q, v, [0.0]]))
     return F[mech.nv : 2 * mech.nv], lam, F[-1]
 
 
 def jacobian(mech, q):
-    """G (ng, nv), column by column from G v of unit velocities."""
+    """Return G (ng, nv), column by column from G v of unit velocities."""
     return np.array([mech.residual(q, e)[1] for e in np.eye(mech.nv)]).T.reshape(mech.ng, mech.nv)
 
 
 def free_force(model, q, v):
-    """M (armature included) and -nle from recursive Newton-Euler alone, M column by column."""
+    """Return M (armature included) and -nle from recursive Newton-Euler alone, M column by column."""
     data, zero = model.createData(), np.zeros(model.nv)
     bias = pin.rnea(model, data, q, v, zero).copy()
     weight = pin.rnea(model, data, q, zero, zero).copy()

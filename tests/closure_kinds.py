@@ -1,7 +1,7 @@
-"""Each kind of closure once: far from satisfied in a tree of joints, and satisfied between a body and the world, with
-its free motions.
+"""One closure of each kind: violated in a tree of joints, and satisfied between a body and the world, with the motions
+that it permits.
 
-All tests use a new kind once it is listed here.
+All tests also cover a new kind as soon as it is in `KINDS`.
 """
 
 from math import cos, pi, sin
@@ -27,9 +27,9 @@ INCREASING = [(x, y + x / 2) for x, y in LAW[:-1]] + [(2 * pi, LAW[0][1] + pi)]
 
 
 class Kind(NamedTuple):
-    """A closure between frames of `test_closure_kinds.mechanism`; joints with the same free motions.
+    """A closure between frames of `test_closure_kinds.mechanism`, and joints that permit the same motions.
 
-    Then which of `test_closure_kinds.MOTIONS` are free, and further keys of the closure between a body and the world.
+    ``free`` lists those of `test_closure_kinds.MOTIONS`; ``keys`` are keys of the closure between body and world.
     """
 
     closure: Closure
@@ -112,7 +112,7 @@ frames = ["socket", "plug"]
 
 
 def body_and_closure(kind: str, folder: Path) -> Mechanism:
-    """A body whose frame "plug" is joined to the world's "socket", from a file written into a folder."""
+    """Return a body whose frame "plug" is joined to the world's "socket", from a file written into a folder."""
     path = folder / f"{kind}.toml"
     path.write_text(f"{BODY}kind = {kind!r}\n{KINDS[kind].keys}\n")
     return mbdae.load(path)

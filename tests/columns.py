@@ -30,7 +30,7 @@ force = [-1.0, 0.0, 0.0]
 
 
 def column(masses, stiffness, tip=1.0, axes="world"):
-    """A mechanism file without gravity: bars of 1 m by name with a mass at the end, the last one loaded at its tip."""
+    """Return a mechanism file without gravity: bars of 1 m with masses at their ends, the last loaded at its tip."""
     names = list(masses)
     bars = [
         BAR.format(name=name, parent=parent, foot=float(parent != "world"), mass=masses[name])

@@ -18,14 +18,14 @@ from mbdae.discovery import lazy_import
 
 
 def call(*arguments, cwd="."):
-    """Exit code, standard output and standard error of `mbdae ARGUMENTS` in a folder."""
+    """Return exit code, standard output and standard error of `mbdae ARGUMENTS` in a folder."""
     out, err = StringIO(), StringIO()
     with (
         chdir(cwd),
         redirect_stdout(out),
         redirect_stderr(err),
         mock.patch.object(sys, "argv", ["mbdae", *map(str, arguments)]),
-        mock.patch.object(gc, "set_threshold"),  # that of a process with one command would keep garbage of all tests
+        mock.patch.object(gc, "set_threshold"),  # its threshold for one command would keep garbage of all tests
         warnings.catch_warnings(action="default", category=UserWarning),  # main() sets how warnings are shown
         pytest.raises(SystemExit) as stop,
     ):
@@ -34,19 +34,19 @@ def call(*arguments, cwd="."):
 
 
 def without_pictures(patch):
-    """Leave out the pictures of reports, that a test does not read."""
-    patch.setattr("mbdae.studies.fit.page.image", lambda *_, **__: "")  # first: it keeps what it imports
+    """Skip the pictures of reports, which a test does not read."""
+    patch.setattr("mbdae.studies.fit.page.image", lambda *_, **__: "")  # first: it keeps a reference
     for name in ("posture", "motion", "drifts", "convergence", "work_precision", "image"):
         patch.setattr(f"mbdae.studies.report.page.{name}", lambda *_, **__: "")
 
 
 def without_layout(patch):
-    """Leave out layouts, for tests of the data of figures."""
+    """Skip the layout of figures, for tests of their data."""
     patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)
 
 
 def keep_studies(patch, results, known=False):
-    """Append the results of the studies of commands to a list; if they are known, take them from it instead."""
+    """Append the results of studies that commands call to a list; if known, return those in the list."""
 
     def find(module, name):
         study = lazy_import(module, name)
@@ -62,8 +62,8 @@ def keep_studies(patch, results, known=False):
     patch.setattr(study_command, "lazy_import", find)
 
 
-def found():
-    """All ``COMMANDS = (...)`` of the tests of studies, to be run after `mbdae solve MODEL -o run.npz`."""
+def sample_commands():
+    """Return all ``COMMANDS = (...)`` of the tests of studies, which run after `mbdae solve MODEL -o run.npz`."""
     texts = [path.read_text() for path in sorted((Path(__file__).parent / "studies").rglob("test_*.py"))]
-    written = [re.search(r"^COMMANDS = (\(.*?\))$", text, re.M | re.S) for text in texts]
-    return [command for some in written if some for command in ast.literal_eval(some[1])]
+    matches = [re.search(r"^COMMANDS = (\(.*?\))$", text, re.M | re.S) for text in texts]
+    return [command for match in matches if match for command in ast.literal_eval(match[1])]

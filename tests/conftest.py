@@ -1,4 +1,4 @@
-"""Shared by all tests: child processes that can be stopped and import the installed package, and the back end."""
+"""Setup of all tests: child processes can be stopped and import the installed package; fixtures for back ends."""
 
 import gc
 import multiprocessing
@@ -6,7 +6,7 @@ import os
 import signal
 import warnings
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # pytest's workers share the cores: threads of theirs only wait
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # pytest's workers share the cores: their threads only wait
 
 import pytest
 
@@ -16,23 +16,23 @@ from mbdae.studies import workers
 
 signal.signal(
     signal.SIGINT, signal.default_int_handler
-)  # a shell switches Ctrl-C off in what it runs in the background
+)  # a shell disables Ctrl-C for background jobs
 os.environ["PYTHONSAFEPATH"] = "1"  # children import the installed mbdae, not the source tree of the working directory
 
-if backend.load() is None:  # reported in the header, not by a warning that fails the first test to run a simulation
+if backend.load() is None:  # reported in the header; a warning would fail the first test that runs a simulation
     os.environ["PYTHONWARNINGS"] = f"ignore:{backend.SLOW_WARNING}"
     with warnings.catch_warnings(action="ignore"):
         backend.select_core("auto")
 
 
 def pytest_report_header():
-    """The line of `mbdae info`."""
+    """Return the line of `mbdae info`."""
     return f"mbdae: {backend.status()}"
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection():
-    """The garbage collector does not search the ten thousand tests, which live to the end."""
+    """Exclude the ten thousand tests, which live to the end, from garbage collections."""
     gc.disable()
     try:
         return (yield)
@@ -61,14 +61,14 @@ def back_end(request, monkeypatch):
 
 @pytest.fixture
 def forked_workers(monkeypatch):
-    """Worker processes are forks of one that has imported mbdae: new ones import for seconds (`test_workers`)."""
+    """Fork worker processes from one that has imported mbdae: importing takes new ones seconds (`test_workers`)."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["mbdae.studies.comparison.compare", "mbdae.studies.sweep.sweep"])
     monkeypatch.setattr(workers, "get_context", lambda _: context)
 
 
 def pytest_collection_modifyitems(items):
-    """Tests that need the core are skipped where it is missing."""
+    """Skip tests that need the core if it is missing."""
 
     def given(item):
         return getattr(getattr(item, "callspec", None), "params", {})

@@ -1,6 +1,6 @@
 """Machines as Exudyn models: the same parameters, with Exudyn's bodies and joints.
 
-Its generalized-alpha method on index 2 is of order 2; two step sizes extrapolated leave 1e-8 and less.
+Its generalized-alpha method for index 2 has order 2; after extrapolation from two step sizes, errors are below 1e-8.
 """
 
 import exudyn as exu
@@ -49,9 +49,9 @@ def run(mbs, sensors, t, n):
     method.newton.relativeTolerance, method.newton.absoluteTolerance = 1e-10, 1e-12
     s.solution.file.write, s.solution.sensors.writePeriod = False, t[1]
     mbs.SolveDynamic(s)
-    seen = [mbs.GetSensorStoredData(i) for i in sensors]
-    np.testing.assert_allclose(seen[0][:, 0], t, atol=1e-12)
-    return np.hstack([x[:, 1:] for x in seen])
+    stored = [mbs.GetSensorStoredData(i) for i in sensors]
+    np.testing.assert_allclose(stored[0][:, 0], t, atol=1e-12)
+    return np.hstack([x[:, 1:] for x in stored])
 
 
 class Plane:
@@ -62,15 +62,15 @@ class Plane:
         self.ground, self.sensors, self.nodes = self.mbs.AddObject(ObjectGround()), [], []
 
     def body(self, mass, inertia, centre, angle, speed=(0.0, 0.0, 0.0)):
-        add = self.mbs
-        node = add.AddNode(NodeRigidBody2D(referenceCoordinates=[*centre, angle], initialVelocities=list(speed)))
-        body = add.AddObject(ObjectRigidBody2D(mass=mass, inertia=inertia, nodeNumber=node))
-        whole = add.AddMarker(MarkerBodyMass(bodyNumber=body))
-        add.AddLoad(LoadMassProportional(markerNumber=whole, loadVector=[0, -9.81, 0]))
+        mbs = self.mbs
+        node = mbs.AddNode(NodeRigidBody2D(referenceCoordinates=[*centre, angle], initialVelocities=list(speed)))
+        body = mbs.AddObject(ObjectRigidBody2D(mass=mass, inertia=inertia, nodeNumber=node))
+        marker = mbs.AddMarker(MarkerBodyMass(bodyNumber=body))
+        mbs.AddLoad(LoadMassProportional(markerNumber=marker, loadVector=[0, -9.81, 0]))
         sensor = SensorNode(
             nodeNumber=node, storeInternal=True, writeToFile=False, outputVariableType=KINDS.Coordinates
         )
-        self.sensors.append(add.AddSensor(sensor))
+        self.sensors.append(mbs.AddSensor(sensor))
         self.nodes.append(node)
         return body
 
@@ -109,11 +109,11 @@ def four_bar(start, t, n):
 def four_bar_tree(q, v, h, n, rho):
     """Steps of Exudyn's generalized alpha, index 3, on the angles of crank, coupler (relative) and rocker.
 
-    Exudyn starts with a_0 = v_0', by a difference quotient of G v. It takes velocity constraints with Newmark's method
-    only.
+    Exudyn starts with a_0 = v_0', by a difference quotient of G v. It supports velocity constraints only with Newmark's
+    method.
 
     Returns:
-        angles, speeds and accelerations (n + 1, 3), and the size of the force in the pin (n + 1,).
+        angles, speeds and accelerations (n + 1, 3), and the magnitude of the force in the pin (n + 1,).
     """
     mbs, lengths = exu.SystemContainer().AddSystem(), (1.0, 2.0, 1.5)  # the masses, too
     node = mbs.AddNode(
@@ -169,22 +169,22 @@ def four_bar_tree(q, v, h, n, rho):
 def slider_crank(start, t, n):
     crank, rod, slider = start[0], start[0] + start[1], start[2]
     speed = 6.0
-    swing = -0.1 * np.cos(crank) * speed / (0.35 * np.cos(rod))  # of the rod: its end stays on the rail
+    rod_rate = -0.1 * np.cos(crank) * speed / (0.35 * np.cos(rod))  # of the rod: its end stays on the rail
     at_pin = speed * along(crank + np.pi / 2, 0.1)
-    slide = at_pin[0] - 0.35 * np.sin(rod) * swing
+    slider_speed = at_pin[0] - 0.35 * np.sin(rod) * rod_rate
     plane = Plane()
     a = plane.body(1.5, 0.012675, (0, 0), crank, (0, 0, speed))
-    middle = along(crank, 0.1) + along(rod, 0.175), at_pin + swing * along(rod + np.pi / 2, 0.175)
-    b = plane.body(0.4, 0.4 * (0.35**2 + 0.03**2) / 12, middle[0], rod, (*middle[1], swing))
-    c = plane.body(0.6, 0.00065, (slider, 0), 0.0, (slide, 0, 0))
+    rod_centre = along(crank, 0.1) + along(rod, 0.175), at_pin + rod_rate * along(rod + np.pi / 2, 0.175)
+    b = plane.body(0.4, 0.4 * (0.35**2 + 0.03**2) / 12, rod_centre[0], rod, (*rod_centre[1], rod_rate))
+    c = plane.body(0.6, 0.00065, (slider, 0), 0.0, (slider_speed, 0, 0))
     plane.pin(plane.ground, (0, 0), a, (0, 0))
     plane.pin(a, (0.1, 0), b, (-0.175, 0))
     plane.pin(b, (0.175, 0), c, (0, 0))
     plane.hold(plane.nodes[2], 1)
     plane.hold(plane.nodes[2], 2)
-    moved = plane.run(t, n)
-    turn = moved[:, :, 2]
-    return start + np.stack([turn[:, 0], turn[:, 1] - turn[:, 0], moved[:, 2, 0]], axis=1)
+    displacements = plane.run(t, n)
+    turn = displacements[:, :, 2]
+    return start + np.stack([turn[:, 0], turn[:, 1] - turn[:, 0], displacements[:, 2, 0]], axis=1)
 
 
 def double_pendulum(start, t, n):

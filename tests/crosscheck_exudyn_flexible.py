@@ -1,6 +1,6 @@
 """The four-bar with a flexible coupler as an Exudyn model: ObjectFFRFreducedOrder on the same modes and masses.
 
-Its own gravity on the object leaves out the deformation (1.0e-4 rad of the crank at 0.5 s): weights act on its nodes.
+Exudyn's gravity on this object neglects the deformation (1.0e-4 rad of the crank at 0.5 s): weights act on its nodes.
 """
 
 import numpy as np

@@ -1,12 +1,12 @@
 """Machines as MuJoCo models: the same parameters, in MJCF.
 
-Its equality constraints are soft: made stiff, with small steps of its RK4, they leave 1e-8.
+Its equality constraints are soft: with a high stiffness and small steps of RK4, errors are 1e-8.
 """
 
 import mujoco
 import numpy as np
 
-mujoco.set_mju_user_warning(lambda text: None)  # else they go to a file in the working directory
+mujoco.set_mju_user_warning(lambda text: None)  # otherwise warnings go to a file in the working directory
 STEP = 2e-4
 OPTIONS = f"""<compiler angle="radian"/>
 <default><equality solref="{2 * STEP} 1" solimp="0.9999 0.9999 0.001"/></default>
@@ -31,7 +31,7 @@ SLIDER_CRANK = f"""<mujoco>{OPTIONS}<worldbody>
 
 
 def steps(m, q, v, t, observe):
-    """Step a model from (q, v) and return look(data) at times t, multiples of the step."""
+    """Step a model from (q, v) and return observe(data) at times t, multiples of the step."""
     d = mujoco.MjData(m)
     d.qpos[:], d.qvel[:] = q, v
     mujoco.mj_forward(m, d)
@@ -49,14 +49,14 @@ def four_bar(start, t):
 
 def slider_crank(start, t):
     crank, rod = start[0], start[0] + start[1]
-    swing = -0.1 * np.cos(crank) * 6.0 / (0.35 * np.cos(rod))  # of the rod: its end stays on the rail
-    slide = -0.1 * np.sin(crank) * 6.0 - 0.35 * np.sin(rod) * swing
+    rod_rate = -0.1 * np.cos(crank) * 6.0 / (0.35 * np.cos(rod))  # of the rod: its end stays on the rail
+    slider_speed = -0.1 * np.sin(crank) * 6.0 - 0.35 * np.sin(rod) * rod_rate
     m = mujoco.MjModel.from_xml_string(SLIDER_CRANK)
-    return steps(m, start, [6.0, swing - 6.0, slide], t, lambda d: d.qpos.copy())
+    return steps(m, start, [6.0, rod_rate - 6.0, slider_speed], t, lambda d: d.qpos.copy())
 
 
 def double_pendulum(start, t, urdf):
-    """The URDF file as MuJoCo reads it, without its damping and limits."""
+    """Return the URDF file as MuJoCo reads it, without its damping and limits."""
     m = mujoco.MjModel.from_xml_path(str(urdf))
     m.opt.integrator, m.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, STEP
     m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT

@@ -10,7 +10,7 @@ from mbdae.mechanism.model_settings import Start
 
 
 def crane():
-    """A driven cart, a double pendulum on it, and a rod from its tip to the ground: one degree of freedom."""
+    """Return a driven cart, a double pendulum on it, and a rod from its tip to the ground: one degree of freedom."""
     model = pin.Model()
     model.name = "crane"
     cart = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "cart")
@@ -26,7 +26,7 @@ def crane():
 
 
 def platform():
-    """A free body on three driven lengths, with a body hinged to it by a ball: six degrees of freedom."""
+    """Return a free body on three driven lengths, with a body attached by a ball joint: six degrees of freedom."""
     model = pin.Model()
     model.name = "platform"
     body = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "body")
@@ -44,7 +44,7 @@ def platform():
 
 
 def linkage():
-    """A four-bar linkage with a driven crank: no degree of freedom is left."""
+    """Return a four-bar linkage with a driven crank: no degree of freedom is left."""
     return mbdae.load("four_bar", drivers=[Driver.harmonic("crank", 1.2, 2 * np.pi, offset=1.2, phase=1.0)])
 
 

@@ -8,7 +8,7 @@ GRAVITY = 9.81
 
 
 def oscillator(m, k, kinetic, static, x):
-    """Times and positions of the turning points of a block on a spring that starts at rest at x, until it sticks."""
+    """Return times and positions of the turning points of a block on a spring, from rest at x until it sticks."""
     t, out = 0.0, [(0.0, x)]
     while k * abs(x) > static:
         x, t = -x + np.sign(x) * 2 * kinetic / k, t + np.pi * np.sqrt(m / k)
@@ -26,7 +26,7 @@ class SliderCrank:
     kinetic, static, slider = 0.25, 0.40, 2.0
 
     def terms(self, p):
-        """Inertia and its derivative, the generalized force of gravity, and x'(p)."""
+        """Return inertia and its derivative, the generalized force of gravity, and x'(p)."""
         r, L, (m1, m2, m3) = 0.1, 0.35, (0.5, 0.4, 0.6)
         s, c = np.sin(p), np.cos(p)
         sb = r * s / L
@@ -41,41 +41,41 @@ class SliderCrank:
         return inertia, derivative, GRAVITY * (m1 * r * c / 2 - m2 * z1), y1
 
     def load(self, t, p):
-        """Q."""
+        """Return the generalized force Q."""
         return 0.7 * np.sin(4 * t) + self.terms(p)[2]
 
     def excess(self, t, p):
-        """The load minus the limit of stiction."""
+        """Return the load minus the limit of stiction."""
         return abs(self.load(t, p)) - self.static - self.slider * abs(self.terms(p)[3])
 
     def run(self, end, p=0.6):
-        """Return the transitions, (word, t, p), and the final angle."""
+        """Return the transitions (name, t, p), and the final angle."""
         t, v, out = 0.0, 0.0, []
         while True:
             times = np.linspace(t, end, 2000)
-            late = next((k for k, x in enumerate(times) if k and self.excess(x, p) > 0), None)
-            if late is None:
+            k_slip = next((k for k, x in enumerate(times) if k and self.excess(x, p) > 0), None)
+            if k_slip is None:
                 return out, p
-            t = brentq(self.excess, times[late - 1], times[late], (p,), xtol=1e-16, rtol=1e-15)
+            t = brentq(self.excess, times[k_slip - 1], times[k_slip], (p,), xtol=1e-16, rtol=1e-15)
             out.append(("slip", t, p))
             sign = np.sign(self.load(t, p))
             while True:
-                t, p, v, word = self.slide(t, p, v, sign, end)
-                if word == "end":
+                t, p, v, name = self.slide(t, p, v, sign, end)
+                if name == "end":
                     return out, p
-                out.append((word, t, p))
-                if word == "stick":
+                out.append((name, t, p))
+                if name == "stick":
                     v = 0.0
                     break
 
     def slide(self, t, p, v, sign, end):
-        """Slip until the crank stops or the slider reverses."""
-        turn = np.floor(p / np.pi + 1e-9 * sign)
-        way = np.sign(self.terms(p + 1e-6 * sign)[3])
+        """Return the end (t, p, v, name) of slip: the crank stops, or the slider reverses."""
+        half_turns = np.floor(p / np.pi + 1e-9 * sign)
+        direction = np.sign(self.terms(p + 1e-6 * sign)[3])
 
         def rate(t, y):
             inertia, derivative, _, x = self.terms(y[0])
-            friction = sign * self.kinetic + sign * self.slider * x * way
+            friction = sign * self.kinetic + sign * self.slider * x * direction
             return y[1], (self.load(t, y[0]) - derivative * y[1] ** 2 / 2 - friction) / inertia
 
         first = t
@@ -84,12 +84,12 @@ class SliderCrank:
             return sign * y[1] if t > first + 1e-6 else 1.0
 
         def turns(t, y):
-            return (y[0] / np.pi - turn) * (turn + 1 - y[0] / np.pi) if t > first + 1e-6 else 1.0
+            return (y[0] / np.pi - half_turns) * (half_turns + 1 - y[0] / np.pi) if t > first + 1e-6 else 1.0
 
         stops.terminal = turns.terminal = True
         stops.direction = turns.direction = -1
-        how = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-15, "max_step": 0.01}
-        sol = solve_ivp(rate, (t, end), [p, v], events=[stops, turns], **how)
-        word = "stick" if len(sol.t_events[0]) else "turn" if len(sol.t_events[1]) else "end"
-        p = np.pi * np.round(sol.y[0, -1] / np.pi) if word == "turn" else sol.y[0, -1]
-        return sol.t[-1], p, sol.y[1, -1], word
+        options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-15, "max_step": 0.01}
+        sol = solve_ivp(rate, (t, end), [p, v], events=[stops, turns], **options)
+        name = "stick" if len(sol.t_events[0]) else "turn" if len(sol.t_events[1]) else "end"
+        p = np.pi * np.round(sol.y[0, -1] / np.pi) if name == "turn" else sol.y[0, -1]
+        return sol.t[-1], p, sol.y[1, -1], name

@@ -11,7 +11,7 @@ from mbdae.mechanism.flexible import ModalBody, attach_flexible
 from mbdae.mechanism.flexible.modal_body import Node
 
 FOUR_BAR = Path(__file__).parent.parent / "models" / "flexible_four_bar" / "mechanism.toml"
-AT_HALF_SECOND = {  # two formulations of other programs, to one unit of the last digit
+AT_HALF_SECOND = {  # from two formulations in other programs, which agree to one unit of the last digit
     "crank": 6.176187673203,
     "middle": -1.042298286915e-3,
     "crank rate": 8.322846542954,
@@ -35,27 +35,27 @@ nodes = { middle = 0.5, tip = 1.0 }
 
 
 def points(seed=0, n=25, k=4):
-    """Points (n, 3), masses (n,) and displacements (n, 3, k) of a random body."""
+    """Return points (n, 3), masses (n,) and displacements (n, 3, k) of a random body."""
     rng = np.random.default_rng(seed)
     return rng.normal(size=(n, 3)), rng.uniform(0.5, 1.5, n), rng.normal(size=(n, 3, k))
 
 
 def second_order(rng, n, k, size):
-    """Displacements of second order, (n, 3, k, k), symmetric in the modes; None if they are zero."""
+    """Return displacements of second order, (n, 3, k, k), symmetric in the modes; None if they are zero."""
     x = size * rng.normal(size=(n, 3, k, k))
     return x + x.swapaxes(2, 3) if size else None
 
 
 def body(seed=0, k=4, stiffness=(1.0, 3.0), turn=1.0, damping=0.0, second=0.0):
-    """A random body with nodes A, B and C."""
+    """Return a random body with nodes A, B and C."""
     rng = np.random.default_rng(seed + 100)
     nodes = {
         name: Node(*(rng.normal(size=s) for s in ((3,), (3, k))), turn * rng.normal(size=(3, k))) for name in "ABC"
     }
     r, m, Phi = points(seed, k=k)
-    of_nodes = second_order(rng, 3, k, second)
+    second_order_of_nodes = second_order(rng, 3, k, second)
     if second:
-        nodes = {name: replace(x, Phi2=y) for (name, x), y in zip(nodes.items(), of_nodes, strict=True)}
+        nodes = {name: replace(x, Phi2=y) for (name, x), y in zip(nodes.items(), second_order_of_nodes, strict=True)}
     Phi2 = second_order(rng, len(m), k, second)
     return ModalBody.of_points(r, m, Phi, rng.uniform(*stiffness, k), damping, nodes, Phi2)
 
@@ -68,8 +68,8 @@ def inertia(rng):
     return pin.Inertia(2.0, rng.normal(size=3), np.diag([1.0, 1.2, 1.5]))
 
 
-def crowd(seed=0):
-    """Flexible bodies, free on a branch of rigid ones, fixed to one of these and to the world; closures, springs."""
+def rigid_and_flexible(seed=0):
+    """Return flexible bodies: free on a branch of rigid bodies, fixed to one of these, and fixed to the world."""
     rng, model = np.random.default_rng(seed), pin.Model()
     model.gravity.linear = np.array([1.0, -2.0, 3.0])
     joints = []
@@ -94,7 +94,7 @@ def crowd(seed=0):
 
 
 def free(modal, gravity=(0.0, 0.0, 0.0), more=()):
-    """A free flexible body, and rigid ones that closures attach to its nodes: (kind, node) each."""
+    """Return a free flexible body, with rigid bodies that closures (kind, node) attach to its nodes."""
     rng, model, closures = np.random.default_rng(5), pin.Model(), []
     model.gravity.linear = np.array(gravity)
     attach_flexible(model, "rod", modal, pin.JointModelFreeFlyer())
@@ -107,18 +107,18 @@ def free(modal, gravity=(0.0, 0.0, 0.0), more=()):
 
 
 def state(mech, seed=1, size=0.5):
-    """A random state."""
+    """Return a random state."""
     rng = np.random.default_rng(seed)
     return mech.manifold.integrate(pin.neutral(mech.model), size * rng.normal(size=mech.nv)), rng.normal(size=mech.nv)
 
 
 def derivative(f, x, h=2e-3):
-    """The derivative of f at x, by central differences of order 8."""
+    """Return the derivative of f at x, by central differences of order 8."""
     weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
     return sum(w * (f(x + k * h) - f(x - k * h)) for k, w in weights.items()) / h
 
 
-def by_tangent(mech, f, q):
-    """The derivatives of f with respect to q in the tangent, (.., nv)."""
+def tangent_derivatives(mech, f, q):
+    """Return the derivatives of f with respect to q in the tangent, (.., nv)."""
     unit = np.eye(mech.nv)
     return np.array([derivative(lambda s, e=e: f(mech.manifold.integrate(q, s * e)), 0.0) for e in unit]).T

@@ -1,4 +1,4 @@
-"""Slider-crank with an elastic rod of the IVP test set (B. Simeon), with damping; the published start closed first."""
+"""Slider-crank with an elastic rod of the IVP test set (B. Simeon), with damping, from the published start."""
 
 from functools import cache
 from pathlib import Path
@@ -17,7 +17,7 @@ rod = run_path(str(Path(__file__).parent.parent / "models" / "flexible_slider_cr
 
 @cache
 def slider_crank(damping=(0.0,) * 4):
-    """The mechanism and its start: frame of the rod at the crank pin, crank driven, slider along x."""
+    """Return the mechanism and its start: frame of the rod at the crank pin, crank driven, slider along x."""
     model, (body, T) = pin.Model(), rod(damping)
     model.gravity.linear = np.zeros(3)
     crank = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "crank")

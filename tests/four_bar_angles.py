@@ -14,7 +14,7 @@ def normal(angle):
 
 
 def angles(theta):
-    """Absolute angles phi of the coupler and psi of the rocker, the upper intersection."""
+    """Return absolute angles phi of the coupler and psi of the rocker, the upper intersection."""
     tip, pivot = CRANK * unit(theta), np.array([GROUND, 0.0])
     span = pivot - tip
     length = np.linalg.norm(span)
@@ -25,7 +25,7 @@ def angles(theta):
 
 
 def derivatives(theta, phi, psi):
-    """First derivatives p, s of phi and psi with respect to theta, and second ones.
+    """Return first derivatives p, s of phi and psi with respect to theta, and second ones.
 
     CRANK e(theta) + COUPLER e(phi) = (GROUND, 0) + ROCKER e(psi), differentiated twice.
     """

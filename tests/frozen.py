@@ -15,20 +15,20 @@ FROZEN = [  # model, parameters, other values, span in s, mode
     ("pendulum_on_stop", {"body.rod.mass": 2.0}, {}, 0.2, (0,)),  # open
     ("slider_crank_with_stop", {"body.rod.mass": 0.5}, {}, 0.05, (0,)),
     ("bouncing_chain", {"gravity.2": -9.81}, {}, 0.05, (0,) * 8),
-    ("ratchet", {"gravity.2": -9.81, "body.wheel.mass": 1.0}, {}, 0.03, (0, 1)),  # a pawl holds
+    ("ratchet", {"gravity.2": -9.81, "body.wheel.mass": 1.0}, {}, 0.03, (0, 1)),  # a pawl is engaged
     ("stick_slip_slider", {"body.rod.xyz.0": 0.1, "gravity.2": -9.0}, {}, 0.04, (1, 1)),  # both stick: no motion
     ("stick_slip_slider", {"body.rod.xyz.0": 0.1, "force.joint_friction 3.friction": 2.0}, SLIPS, 0.04, (2, 3)),
 ]  # fmt: skip
 
 
 def difference(mech, a, b):
-    """Difference of points a to b in the tangent, (n, ny)."""
+    """Return difference of points a to b in the tangent, (n, ny)."""
     turns = [mech.manifold.difference(x[: mech.nq], y[: mech.nq]) for x, y in zip(a, b, strict=True)]
     return np.hstack([np.array(turns), b[:, mech.nq :] - a[:, mech.nq :]])
 
 
 def quotient(run, value, width, mech=None):
-    """Derivative of order six of run(value + k h), points (n, ...) or other numbers."""
+    """Return derivative of order six of run(value + k h), points (n, ...) or other numbers."""
     h = width * (abs(value) or 1.0)
     if mech is None:
         return finite_differences.numerical_derivative(lambda x: run(value + x), h)
@@ -40,7 +40,7 @@ WIDTHS = (3e-4, 1e-3, 3e-3)
 
 
 def assert_derivative(found, run, value, within, widths=WIDTHS, mech=None, what=""):
-    """A derivative agrees with the quotient of one width, widest first: truncation limits it, or rounding.
+    """Check that a derivative agrees with the quotient of some width, widest first: truncation or rounding limits it.
 
     Errors are relative to the largest entry, or to 1.
     """
@@ -54,7 +54,7 @@ def assert_derivative(found, run, value, within, widths=WIDTHS, mech=None, what=
 
 
 def runs_of(model, name, T, **options):
-    """The template of a model, the value of a parameter, and value -> run."""
+    """Return the template of a model, the value of a parameter, and value -> run."""
     template = Template(model)
 
     @cache
@@ -67,14 +67,14 @@ def runs_of(model, name, T, **options):
 
 
 def free_velocity(mech):
-    """A direction (nv,) in which closures let the start's velocity vary; 0 if drivers leave no degree of freedom."""
+    """Return a direction (nv,) in which closures let the initial velocity vary; 0 without a degree of freedom."""
     q, v = mech.start
     free = mech.assemble(q, v + np.random.default_rng(1).standard_normal(mech.nv))[1] - v
     return free / max(np.abs(free).max(), 1e-3)
 
 
 def repeated_run(trajectory, mech, start=None):
-    """Points of a mechanism recomputed with the steps of a run, from its start or another point, (n, ...)."""
+    """Return points of a mechanism recomputed with the steps of a run, from its start or another point, (n, ...)."""
     system, tableau, t = mech.system(), trajectory.tableau, trajectory.ts
     y = mech.point() if start is None else start
     if trajectory.project:
@@ -98,7 +98,7 @@ def repeated_run(trajectory, mech, start=None):
 
 
 def compare(sol, names, signals, **options):
-    """<w, J u> = <J^T w, u> for random weights of signals."""
+    """Check <w, J u> = <J^T w, u> for random weights of signals."""
     found, rng = mbdae.sensitivity(sol, names, **options), np.random.default_rng(0)
     weights = {name: rng.standard_normal(len(sol.t)) for name in signals}
 

@@ -1,11 +1,11 @@
-"""Small files of every kind that mbdae reads, from which mutants are made, and mutations."""
+"""Small files of every format that mbdae reads, and random mutations of them."""
 
 import json
 import re
 
 import numpy as np
 
-SPELLED = ["nan", "inf", "-inf", "1e300", "-1", "0", "", "x", "1 2", "1e999", "1e-320", "0x10", "10" * 200, "1e9",
+NUMBER_TEXTS = ["nan", "inf", "-inf", "1e300", "-1", "0", "", "x", "1 2", "1e999", "1e-320", "0x10", "10" * 200, "1e9",
            "1000000000", "-1000000000", "99999999999999999999", "0.5", "../../x", "/etc/passwd"]  # fmt: skip
 NUMBERS = [-1, 0, 1, 7, 1e9, 1e300, -1e300, 2**31, 2**63, 0.1]
 VALUES = [None, True, -1, 0, 1e308, 2**40, "x", "", [], {}, [[]], {"x": 1}, 0.5, "../x", "\x1b[31m"]
@@ -93,15 +93,15 @@ PARAMETRIC = """def mechanism(floors: int = 2, height: float = 0.5) -> dict:
 """
 
 
-def mangled(text, rng):
-    """A text with one to three numbers, words or parts replaced, removed or doubled, or cut off."""
+def mutated_text(text, rng):
+    """Return a text with one to three numbers, words or tags replaced, removed or duplicated, or truncated."""
     for _ in range(rng.randint(1, 3)):
         kind = rng.choice(["number", "number", "number", "word", "tag", "double", "cut", "letter"])
         pattern = {"number": r"-?\d+(\.\d+)?(e-?\d+)?", "word": r"[A-Za-z_]{2,}"}.get(kind, r"<[^>]*>|[^<\n]+")
         pieces = [m.span() for m in re.finditer(pattern, text)] or [(0, len(text))]
         a, b = rng.choice(pieces)
         if kind == "number":
-            text = text[:a] + rng.choice(SPELLED) + text[b:]
+            text = text[:a] + rng.choice(NUMBER_TEXTS) + text[b:]
         elif kind == "word":
             c, d = rng.choice(pieces)
             text = text[:a] + text[c:d] + text[b:]
@@ -112,8 +112,8 @@ def mangled(text, rng):
     return text
 
 
-def bent(data, rng):
-    """Bytes with one to three of them changed, cut off or doubled."""
+def mutated_bytes(data, rng):
+    """Return bytes with one to three mutations: changed, truncated or duplicated."""
     for _ in range(rng.randint(1, 3)):
         at, end = sorted(rng.randint(0, len(data)) for _ in "ab")
         data = rng.choice(
@@ -128,8 +128,8 @@ def bent(data, rng):
     return data
 
 
-def changed(table, rng):
-    """A table of JSON with one to three of its entries replaced, removed, or moved."""
+def mutated_table(table, rng):
+    """Return a JSON table with one to three of its entries replaced, removed or duplicated."""
     table = json.loads(json.dumps(table))
     for _ in range(rng.randint(1, 3)):
         inner, key, path = table, None, []
@@ -150,11 +150,11 @@ def changed(table, rng):
     return table
 
 
-def saved(path, rng, runs):
-    """A saved run with its bytes bent, its data changed, or its arrays of other shapes."""
+def write_mutated_run(path, rng, runs):
+    """Write a saved run with changed bytes, changed metadata, or arrays of other shapes."""
     source = rng.choice(runs)
     if rng.random() < 0.2:
-        path.write_bytes(bent(source.read_bytes(), rng))
+        path.write_bytes(mutated_bytes(source.read_bytes(), rng))
         return
     with np.load(source) as file:
         arrays = {name: file[name] for name in file.files}
@@ -169,5 +169,5 @@ def saved(path, rng, runs):
         np.savez_compressed(path, **arrays)
         return
     else:
-        arrays["meta"] = np.array(json.dumps(changed(json.loads(str(arrays["meta"])), rng)))
+        arrays["meta"] = np.array(json.dumps(mutated_table(json.loads(str(arrays["meta"])), rng)))
     np.savez(path, **arrays)

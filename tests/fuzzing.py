@@ -1,9 +1,9 @@
-"""Files with errors: mutants of every kind of file that mbdae reads, tried in separate processes.
+"""Fuzzing: mutated files of every format that mbdae reads, loaded in separate processes.
 
     python tests/fuzzing.py --count 3000
 
-A mutant may be read or rejected in one line of an `mbdae.errors.MbdaeError`; it must not end the process, print a
-traceback, give no answer for longer than ``PATIENCE``, or take more memory than ``MEMORY``.
+A mutant may be read, or rejected by an `mbdae.errors.MbdaeError` of one line; it must not end the process, print a
+traceback, take longer than ``TIMEOUT``, or use more memory than ``MEMORY``.
 """
 
 import argparse
@@ -33,26 +33,26 @@ from fuzz_seeds import (
     SWEEPS,
     TABLE,
     TABLEAU,
-    bent,
-    mangled,
-    saved,
+    mutated_bytes,
+    mutated_text,
+    write_mutated_run,
 )
 
 DATA = Path(__file__).parent / "data"
-PATIENCE = 20.0  # s without an answer
+TIMEOUT = 20.0  # s without an answer
 MEMORY = 1e9  # bytes, the peak of a process
 ADDRESSES = 16 * 2**30  # bytes of address space, so that an error here does not stop the machine
 
 
 def models_of_runs(folder):
-    """Saved runs of mechanisms that are stored in files in different ways."""
+    """Save runs of mechanisms from different file formats; return their paths."""
     sys.path.insert(0, str(Path(__file__).parent))
     from chains import JOINTS, tree
 
     import mbdae
 
     kinds = sorted(JOINTS)
-    made = [
+    mechanisms = [
         mbdae.Mechanism(tree(kinds, list(range(len(kinds))))),
         mbdae.load("four_bar"),
         mbdae.load(DATA / "robot"),
@@ -60,14 +60,14 @@ def models_of_runs(folder):
         mbdae.load(DATA / "linkage.sdf"),
     ]
     paths = []
-    for i, mech in enumerate(made):
+    for i, mech in enumerate(mechanisms):
         paths.append(folder / f"run{i}.npz")
         mbdae.solve(mech, (0, 1e-3), method="herk2", step=5e-4).save(paths[-1])
     return paths
 
 
 class Mutants:
-    """Makes mutants in a folder, one after another; the same seed makes the same file."""
+    """Generator of mutants in a folder, one after another; a seed determines the file."""
 
     KINDS = (
         "urdf", "mjcf", "replicated", "sdf", "toml", "parameters", "yaml", "sweep", "tableau", "table", "obj", "mtl",
@@ -83,7 +83,7 @@ class Mutants:
 
     def make(self, kind, seed):
         """Write a mutant; return its path, with parameters."""
-        rng, here = random.Random(f"{kind} {seed}"), self.inside
+        rng, folder = random.Random(f"{kind} {seed}"), self.inside
         match kind:
             case "urdf":
                 return self._text("x.urdf", (DATA / "robot" / "robot.urdf").read_text(), rng)
@@ -100,13 +100,13 @@ class Mutants:
 
                 source = rng.choice(sorted(models_directory().glob("*/mechanism.toml")))
                 for file in source.parent.glob("*.urdf"):
-                    shutil.copy(file, here)
+                    shutil.copy(file, folder)
                 return self._text("x.toml", source.read_text(), rng)
             case "parameters":
-                (here / "tower.py").write_text(PARAMETRIC)
-                return str(here / "tower.py") + "?" + mangled("floors=2&height=0.5", rng)
+                (folder / "tower.py").write_text(PARAMETRIC)
+                return str(folder / "tower.py") + "?" + mutated_text("floors=2&height=0.5", rng)
             case "yaml":
-                shutil.copy(DATA / "robot" / "robot.urdf", here)
+                shutil.copy(DATA / "robot" / "robot.urdf", folder)
                 return self._text("robot.yaml", (DATA / "robot" / "robot.yaml").read_text(), rng)
             case "sweep":
                 return self._text("sweep.toml", rng.choice(SWEEPS), rng)
@@ -118,30 +118,30 @@ class Mutants:
                 return self._mesh(kind, rng)
             case "saved":
                 self.runs = self.runs or models_of_runs(self.folder)
-                saved(here / "x.npz", rng, self.runs)
-                return str(here / "x.npz")
+                write_mutated_run(folder / "x.npz", rng, self.runs)
+                return str(folder / "x.npz")
         raise ValueError(kind)
 
     def _text(self, name, text, rng):
-        (self.inside / name).write_text(mangled(text, rng), encoding="utf-8")
+        (self.inside / name).write_text(mutated_text(text, rng), encoding="utf-8")
         return str(self.inside / name)
 
     def _mesh(self, kind, rng):
-        here, files = self.inside, {"box.obj": CUBE, "box.mtl": MATERIAL, "box.stl": STL, "box.dae": DAE}
+        folder, files = self.inside, {"box.obj": CUBE, "box.mtl": MATERIAL, "box.stl": STL, "box.dae": DAE}
         for name, text in files.items():
-            (here / name).write_text(text)
+            (folder / name).write_text(text)
         name = f"box.{kind}"
         if kind == "stl" and rng.random() < 0.6:
             triangle = np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], "<f4").tobytes() + b"\0\0"
-            (here / name).write_bytes(bent(b"\0" * 80 + (1).to_bytes(4, "little") + triangle, rng))
+            (folder / name).write_bytes(mutated_bytes(b"\0" * 80 + (1).to_bytes(4, "little") + triangle, rng))
         else:
-            (here / name).write_text(mangled(files[name], rng), encoding="utf-8")
-        (here / "shown.urdf").write_text(SHOWN.replace("NAME", "box.obj" if kind == "mtl" else name))
-        return str(here / "shown.urdf")
+            (folder / name).write_text(mutated_text(files[name], rng), encoding="utf-8")
+        (folder / "shown.urdf").write_text(SHOWN.replace("NAME", "box.obj" if kind == "mtl" else name))
+        return str(folder / "shown.urdf")
 
 
-class Enough(Exception):
-    """The work makes progress: it reports it."""
+class ProgressReported(Exception):
+    """A sweep reported progress, so that it need not be finished."""
 
 
 def attempt(kind, path):
@@ -153,15 +153,15 @@ def attempt(kind, path):
     from mbdae.studies.sweep.toml_file import read_sweep
     from mbdae.tabular import read_csv
 
-    def tell(*_):
-        raise Enough
+    def report(*_):
+        raise ProgressReported
 
     if kind == "sweep":
-        arguments = {"max_steps": 2000, **read_sweep(path)}  # a run of an hour is no error, and shows its progress
-        return "read" if sweep(**arguments, progress=tell) else "nothing"
+        arguments = {"max_steps": 2000, **read_sweep(path)}  # a run of an hour is no error
+        return "read" if sweep(**arguments, progress=report) else "nothing"
     if kind == "tableau":
-        made = method(str(path))
-        return mbdae.solve(mbdae.load("four_bar"), (0.0, 0.02), method=made, step=0.01).status
+        tableau_method = method(str(path))
+        return mbdae.solve(mbdae.load("four_bar"), (0.0, 0.02), method=tableau_method, step=0.01).status
     if kind == "table":
         return "read" if read_csv(path).values else "nothing"
     if kind == "saved":
@@ -178,7 +178,7 @@ def attempt(kind, path):
 
 
 def child():
-    """Answer for each kind and path on the standard input with a line: a word, or the failure."""
+    """Print a line for each kind and path on the standard input: a status, or the failure."""
     from mbdae.errors import MbdaeError
 
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
@@ -190,11 +190,11 @@ def child():
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 answer = attempt(kind, path)
-        except Enough:
+        except ProgressReported:
             answer = "busy"
         except MbdaeError as e:
-            said = str(e)
-            answer = type(e).__name__ if len(said.splitlines()) == 1 and said.isprintable() else f"! {said!r}"
+            message = str(e)
+            answer = type(e).__name__ if len(message.splitlines()) == 1 and message.isprintable() else f"! {message!r}"
         except BaseException as e:
             import traceback
 
@@ -205,13 +205,13 @@ def child():
 
 
 class Child:
-    """A process that tries files, restarted when it ends."""
+    """A child process that loads files, restarted when it ends."""
 
     def __init__(self):
         self.process = None
 
     def ask(self, kind, path):
-        """The outcome of a file; failures begin with ``!``."""
+        """Return the outcome for a file; failures begin with ``!``."""
         if self.process is None or self.process.poll() is not None:
             paths = [str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
             self.process = subprocess.Popen(
@@ -223,20 +223,20 @@ class Child:
             self._answer(60)
         self.process.stdin.write(json.dumps([kind, path]) + "\n")
         self.process.stdin.flush()
-        answer = self._answer(PATIENCE)
+        answer = self._answer(TIMEOUT)
         if answer.endswith("MB"):
             self.close()
         return answer
 
-    def _answer(self, patience):
-        ready, _, _ = select.select([self.process.stdout], [], [], patience)
+    def _answer(self, timeout):
+        ready, _, _ = select.select([self.process.stdout], [], [], timeout)
         line = self.process.stdout.readline() if ready else ""
         if line:
             return json.loads(line)
         if ready:
             return f"! the process ended with {self.process.wait()}"
         self.close()
-        return f"! no answer in {patience:g} s"
+        return f"! no answer in {timeout:g} s"
 
     def close(self):
         """End the process."""
@@ -248,9 +248,9 @@ class Child:
             self.process = None
 
 
-def hunt(worker, kinds, count, first=0, keep=None):
+def try_mutants(worker, kinds, count, first=0, keep=None):
     """Try ``count`` mutants of each kind in a child; return the failures, and the count of each answer."""
-    wrong, answers = [], {}
+    failures, answers = [], {}
     with tempfile.TemporaryDirectory() as folder:
         mutants = Mutants(Path(folder))
         for kind in kinds:
@@ -259,11 +259,11 @@ def hunt(worker, kinds, count, first=0, keep=None):
                 answer = worker.ask(kind, path)
                 answers[kind, answer[:40]] = answers.get((kind, answer[:40]), 0) + 1
                 if answer.startswith("!"):
-                    wrong.append(f"{kind} {seed}: {answer}")
+                    failures.append(f"{kind} {seed}: {answer}")
                     if keep:
                         shutil.copytree(mutants.inside, keep / f"{kind}_{seed}", dirs_exist_ok=True)
-                        print(wrong[-1], flush=True)
-    return wrong, answers
+                        print(failures[-1], flush=True)
+    return failures, answers
 
 
 def main():
@@ -272,7 +272,7 @@ def main():
     parser.add_argument("--count", type=int, default=3000, help="of all kinds together")
     parser.add_argument("--kinds", nargs="*", default=Mutants.KINDS)
     parser.add_argument("--first", type=int, default=0, help="seed of the first mutant of each kind")
-    parser.add_argument("--keep", type=Path, default=Path("mutants"), help="folder for those that went wrong")
+    parser.add_argument("--keep", type=Path, default=Path("mutants"), help="folder for mutants that failed")
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.child:
@@ -280,11 +280,11 @@ def main():
         return
     started = time.perf_counter()
     with closing(Child()) as worker:
-        wrong, answers = hunt(worker, args.kinds, -(-args.count // len(args.kinds)), args.first, args.keep)
+        failures, answers = try_mutants(worker, args.kinds, -(-args.count // len(args.kinds)), args.first, args.keep)
     for (kind, answer), n in sorted(answers.items()):
         print(f"{n:6d} {kind:10s} {answer}")
-    print(f"{len(wrong)} went wrong, {time.perf_counter() - started:.0f} s")
-    sys.exit(1 if wrong else 0)
+    print(f"{len(failures)} failed, {time.perf_counter() - started:.0f} s")
+    sys.exit(1 if failures else 0)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A driven mass on a spring that impacts a stop: motions of one impact per period in closed form.
+"""A driven mass on a spring with impacts on a stop: motions with one impact per period in closed form.
 
     x'' + 2 z x' + x = F cos(w t + phi),   x >= -s,   v+ = -e v-
 
@@ -23,7 +23,7 @@ FLOW = expm(A * T)
 
 
 def steady(force, phase):
-    """State of the motion without impacts at t = 0: x, v of Re X exp(i w t)."""
+    """Return state of the motion without impacts at t = 0: x, v of Re X exp(i w t)."""
     X = force * np.exp(1j * phase) / (1 - OMEGA**2 + 2j * Z * OMEGA)
     return np.array([X.real, (1j * OMEGA * X).real])
 
@@ -32,7 +32,7 @@ GRAZING_FORCE = S * abs(1 - OMEGA**2 + 2j * Z * OMEGA)
 
 
 class ImpactMotion(NamedTuple):
-    """A motion of one impact per period: force, phase at the impact, monodromy matrix from half a period after it."""
+    """A motion with one impact per period: force, phase at impact; monodromy matrix and start half a period later."""
 
     force: float
     phase: float
@@ -58,7 +58,7 @@ def impact_motion(u):
 
 
 def oscillator(force, phase=0.0, **impacts):
-    """The mechanism; the force is F cos(w t + phase); another law may replace the stop."""
+    """Return the mechanism; the force is F cos(w t + phase); another law may replace the stop."""
     model = pin.Model()
     model.gravity.linear[:] = 0.0
     joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "mass")

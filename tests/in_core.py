@@ -1,4 +1,4 @@
-"""Models that the compiled core runs: all except those with features that it lacks."""
+"""Models whose runs the compiled core supports."""
 
 from smooth import MODELS
 

@@ -1,7 +1,7 @@
-"""The kinds of closures and forces, and all keys of mechanism files in Markdown, from the classes that check them.
+"""Markdown tables of the kinds of closures and forces, and of all keys of mechanism files, from their classes.
 
-`models/README.md` holds them between comments, `models/models.json` what `mbdae models` prints, `mbdae/__init__.py` the
-public names for editors. Rewrite all by
+They are inserted between comments of `models/README.md`. `models/models.json` has the output of `mbdae models`, and
+`mbdae/__init__.py` the public names for editors. Rewrite all by
 
     python tests/key_tables.py
 """
@@ -27,15 +27,15 @@ from mbdae.mechanism.time_functions.time_functions import TIME_FUNCTIONS
 
 KINDS = kinds_in_files()
 PAGE = Path(__file__).parent.parent / "models" / "README.md"
-LISTED = PAGE.parent / MODEL_LIST
-WRITTEN = r"(?<=<!-- {0}: written by tests/key_tables.py -->\n).*(?=<!-- end of {0} -->)"
-PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+MODELS_FILE = PAGE.parent / MODEL_LIST
+BETWEEN_MARKS = r"(?<=<!-- {0}: written by tests/key_tables.py -->\n).*(?=<!-- end of {0} -->)"
+VALUE_TYPES = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 LIMITS = {"ge": ">= {}", "gt": "> {}", "min_length": "{} or more"}
-SEVERAL = {"number": "numbers", "text": "texts", "2 numbers": "pairs of numbers", "table": "tables"}
+PLURALS = {"number": "numbers", "text": "texts", "2 numbers": "pairs of numbers", "table": "tables"}
 
 
 def closures() -> str:
-    """One row for each kind of closure: its rows, its keys, what it keeps."""
+    """Return a row for each kind of closure: its rows, its keys, and its constraint."""
     out = "\n| closure | rows | required | optional | constraint |\n|---|---|---|---|---|\n"
     for kind, table in KINDS.items():
         rows, what = rows_and_summary((table.__doc__ or "").partition("\n")[0])
@@ -46,7 +46,7 @@ def closures() -> str:
 
 
 def forces() -> str:
-    """One row for each kind of force: the first sentence of its class."""
+    """Return a row for each kind of force: the first sentence of its class."""
     out = "\n| force | description |\n|---|---|\n"
     for kind, table in sorted((c.model_fields["kind"].default, c) for c in FORCES):
         first = _summary(table).replace("|", r"\|")
@@ -55,7 +55,7 @@ def forces() -> str:
 
 
 def keys() -> str:
-    """One small table for each class: its formula or summary, then key, values, default, description."""
+    """Return a table for each class: its formula or summary, then key, values, default, description."""
     found = {MechanismFile: ("**The file itself**", "".join(rows(MechanismFile)))}
     shared = {b: None for c in KINDS.values() for b in c.__mro__[::-1] if issubclass(b, Table)}
     bases = [b for b in shared if b not in KINDS.values()]
@@ -76,30 +76,30 @@ PARTS = {"closures": closures, "forces": forces, "keys": keys}
 
 
 def page(text: str) -> str:
-    """The page with new tables."""
+    """Return the page with new tables."""
     for name, part in PARTS.items():
-        text = re.sub(WRITTEN.format(name), lambda _, part=part: part(), text, flags=re.S)
+        text = re.sub(BETWEEN_MARKS.format(name), lambda _, part=part: part(), text, flags=re.S)
     return text
 
 
 def rows(table: type[Table], *, own: bool = False) -> Iterator[str]:
-    """The rows of one class, without the keys of its bases where ``own``; its ``kind`` is in the heading."""
-    said = {k: v for c in reversed(table.__mro__) for k, v in _attributes(c.__doc__ or "").items()}
+    """Yield the rows of a class, only its own keys if ``own``; its ``kind`` is in the heading."""
+    descriptions = {k: v for c in reversed(table.__mro__) for k, v in _attributes(c.__doc__ or "").items()}
     for key, field in table.model_fields.items():
         if own and key not in vars(table).get("__annotations__", ()):
             continue
         if get_origin(field.annotation) is not Literal or len(get_args(field.annotation)) > 1:
-            yield f"| `{key}` | {takes(field)} | {left_out(field)} | {said[key]} |\n"
+            yield f"| `{key}` | {values_of(field)} | {default_of(field)} | {descriptions[key]} |\n"
 
 
-def takes(field: FieldInfo) -> str:
-    """The values of a key, with its limits."""
+def values_of(field: FieldInfo) -> str:
+    """Return the values of a key, with its limits."""
     limits = (t.format(getattr(m, k)) for m in field.metadata for k, t in LIMITS.items() if hasattr(m, k))
     return ", ".join([_words(field.annotation), *limits])
 
 
-def left_out(field: FieldInfo) -> str:
-    """The default of a key."""
+def default_of(field: FieldInfo) -> str:
+    """Return the default of a key."""
     value = field.get_default(call_default_factory=True)
     if field.is_required():
         return "needed"
@@ -126,8 +126,8 @@ def _inside(table: type[Table]) -> Iterator[tuple[str, type[Table]]]:
 
 def _words(annotation: Any) -> str:
     origin, parts = get_origin(annotation), get_args(annotation)
-    if annotation in PLAIN:
-        return PLAIN[annotation]
+    if annotation in VALUE_TYPES:
+        return VALUE_TYPES[annotation]
     if origin is Annotated and not tables_in(annotation):
         return _words(parts[0])
     if origin is Literal:
@@ -136,7 +136,7 @@ def _words(annotation: Any) -> str:
         return f"name = {_words(parts[1])}"
     if origin is tuple:
         word = _words(parts[0])
-        several = SEVERAL.get(word, word.replace("number or function", "numbers or functions"))
+        several = PLURALS.get(word, word.replace("number or function", "numbers or functions"))
         return several if parts[-1] is Ellipsis else f"{len(parts)} {several}"
     if set(parts) == set(TIME_FUNCTIONS) or (origin is Annotated and set(tables_in(annotation)) == set(TIME_FUNCTIONS)):
         return "number or function of time"
@@ -146,14 +146,14 @@ def _words(annotation: Any) -> str:
 
 
 def editors(text: str) -> str:
-    """`mbdae/__init__.py` with a line for each public name, for editors and type checkers."""
+    """Return `mbdae/__init__.py` with a line for each public name, for editors and type checkers."""
     places = sorted(mbdae._modules_of_names().items(), key=lambda place: place[1].split("."))
     lines = "".join(f"    from {module.removeprefix('mbdae')} import {name} as {name}\n" for name, module in places)
     return re.sub(r"(?<=for editors and type checkers\n)(    from .*\n)+", lines, text)
 
 
 def models() -> str:
-    """The models that come with mbdae: sizes, parameters with their valid values, and whether they need robots."""
+    """Return the models of mbdae: sizes, parameters with their valid values, and whether they need robots."""
     out = []
     for name in mbdae.model_names():
         m = mbdae.load(name)
@@ -171,12 +171,12 @@ def _attributes(doc: str) -> dict[str, str]:
         return {}
     entry = rf"^{section[1]}    (\w+): (.*?)(?=^{section[1]}    \w+: |\Z)"
     found = re.findall(entry, section[2] + "\n", re.S | re.M)
-    said = {key: " ".join(text.split()).replace("``", "`") for key, text in found}
-    return {key: text if text.endswith("...") else text.removesuffix(".") for key, text in said.items()}
+    descriptions = {key: " ".join(text.split()).replace("``", "`") for key, text in found}
+    return {key: text if text.endswith("...") else text.removesuffix(".") for key, text in descriptions.items()}
 
 
 if __name__ == "__main__":
     PAGE.write_text(page(PAGE.read_text()))
-    LISTED.write_text(models())
+    MODELS_FILE.write_text(models())
     SOURCE = Path(mbdae.__file__)
     SOURCE.write_text(editors(SOURCE.read_text()))

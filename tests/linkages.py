@@ -8,7 +8,7 @@ from mbdae.mechanism.model_settings import Start
 
 
 def bar(model, parent, at, length, name, mass=1.0):
-    """A uniform bar along x, hinged at a point (x, z) of its parent; its end carries the frame ``<name>_tip``."""
+    """Add a uniform bar along x, hinged at a point (x, z) of its parent, with the frame ``<name>_tip`` at its end."""
     place = pin.SE3(np.eye(3), np.array([at[0], 0.0, at[1]]))
     joint = model.addJoint(parent, pin.JointModelRevoluteUnaligned(np.array([0.0, -1.0, 0.0])), place, name)
     moments = np.diag([0.01, mass * length**2 / 12, mass * length**2 / 12])
@@ -23,7 +23,7 @@ def point(model, joint, at, name):
 
 
 def four_bar(lengths, start):
-    """Crank, coupler, rocker and ground; pinned at the coupler's tip."""
+    """Return a linkage of crank, coupler, rocker and ground, pinned at the tip of the coupler."""
     crank, coupler, rocker, ground = lengths
     model = pin.Model()
     model.name = "four-bar"
@@ -35,16 +35,16 @@ def four_bar(lengths, start):
 
 
 def parallelogram():
-    """Equal cranks 1 m, coupler and ground 2 m."""
+    """Return a linkage with equal cranks of 1 m, and coupler and ground of 2 m."""
     return four_bar((1.0, 2.0, 1.0, 2.0), {"q": {"crank": 1.0}, "guess": {"coupler": -1.0, "rocker": 1.0}})
 
 
 LINK = {"crank": 1.0, "coupler": 2.0, "rocker": 1.5, "ground": 2.0, "arm": 1.6, "lever": 1.4}
-TIP, PIVOT = (1.0, 0.7), (3.2, 1.1)  # the coupler's third point; where the lever is hinged
+TIP, PIVOT = (1.0, 0.7), (3.2, 1.1)  # third point of the coupler; pivot of the lever
 
 
 def stephenson():
-    """A Stephenson III six-bar: a four-bar whose coupler carries a dyad of arm and lever to the ground."""
+    """Return a Stephenson III six-bar: a four-bar whose coupler carries a dyad of arm and lever to the ground."""
     model = pin.Model()
     model.name = "Stephenson"
     crank = bar(model, 0, (0, 0), LINK["crank"], "crank")
@@ -58,7 +58,7 @@ def stephenson():
 
 
 def parallelogram_model(joint_kind):
-    """A crank and a rocker of 1 m, a coupler and a ground of 2 m, with frames "a" and "b" where the loop is cut."""
+    """Return a crank and a rocker of 1 m, a coupler and a ground of 2 m, with frames "a" and "b" at the cut joint."""
     model, inertia = pin.Model(), pin.Inertia(1.0, np.zeros(3), 0.1 * np.eye(3))
     for name, parent, at in (("crank", 0, 0.0), ("coupler", 1, 1.0), ("rocker", 0, 2.0)):
         joint = model.addJoint(parent, joint_kind(), pin.SE3(np.eye(3), np.array([at, 0, 0])), name)

@@ -1,5 +1,5 @@
-"""Properties of a model by which an error of a command is justified, computed without the studies: from the Jacobian of
-the permanent closures, and from the contents of the mechanism's file.
+"""Properties of a model that justify errors of commands, computed without the studies: from the Jacobian of permanent
+closures, and from the contents of the mechanism file.
 """
 
 from functools import cached_property
@@ -11,7 +11,7 @@ import mbdae
 from mbdae import Mechanism
 from mbdae.mechanism.forces.coulomb_friction import CoulombFriction
 
-SHORT = {  # s: models that move faster or slower than others; those with mode switches have one before
+SHORT = {  # s: models that are faster or slower than usual; models with switches change their mode before
     "andrews_squeezer": 0.003, "bouncing_chain": 0.25, "pendulum_on_stop": 0.5, "ratchet": 0.4,
     "slider_crank_with_stop": 0.25, "stick_slip_slider": 0.004, "woodpecker": 0.002,
     "humanoid_stance": 0.02, "stewart_platform": 0.02, "flexible_slider_crank": 0.02,
@@ -23,7 +23,7 @@ class Facts:
     """Properties of a model, computed without the studies.
 
     Args:
-        name: of the model.
+        name: name of the model.
         drive: its input joint.
     """
 
@@ -53,66 +53,66 @@ class Facts:
     @cached_property
     def rows(self) -> np.ndarray:
         """G of the permanent closures, neither unilateral nor with an active range, (m, nv), column by column."""
-        kept = [c for c in self.mech.closures if not (c.is_unilateral or c.within)]
-        alone = Mechanism(self.mech.model, kept)
-        return np.array([alone.residual(self.mech.start[0], e)[1] for e in np.eye(self.mech.nv)]).T
+        permanent = [c for c in self.mech.closures if not (c.is_unilateral or c.within)]
+        reduced = Mechanism(self.mech.model, permanent)
+        return np.array([reduced.residual(self.mech.start[0], e)[1] for e in np.eye(self.mech.nv)]).T
 
     @cached_property
     def coarse(self) -> str:
-        """Status of a run with the steps of the fit, which are too long for stiff mechanisms."""
+        """Status of a run with the step size of the fit, which is too large for stiff mechanisms."""
         part = SHORT.get(self.name, 0.1) / 4
         return mbdae.solve(self.mech, (0, part), step=part / 4).status
 
     def free(self, *rows: np.ndarray) -> int:
-        """Null space dimension of G with further rows."""
-        every = np.vstack([self.rows, *rows])
-        return self.mech.nv - int(np.linalg.matrix_rank(every, tol=RANK) if len(every) else 0)
+        """Return null space dimension of G with further rows."""
+        rows = np.vstack([self.rows, *rows])
+        return self.mech.nv - int(np.linalg.matrix_rank(rows, tol=RANK) if len(rows) else 0)
 
     @cached_property
     def driven(self) -> np.ndarray:
         """Rows of the drivers except that of the input, (k, nv)."""
         others = [d for d in self.mech.drivers if d.joint != self.drive]
-        whole = np.array([self.mech.residual(self.mech.start[0], e)[1] for e in np.eye(self.mech.nv)]).T
-        still = self.mech.residual(self.mech.start[0], np.zeros(self.mech.nv))[1]
+        rates = np.array([self.mech.residual(self.mech.start[0], e)[1] for e in np.eye(self.mech.nv)]).T
+        rates_at_rest = self.mech.residual(self.mech.start[0], np.zeros(self.mech.nv))[1]
         at = [r for d in others for r in self.mech.rows_of(d.name)]
-        return (whole - still[:, None])[at]
+        return (rates - rates_at_rest[:, None])[at]
 
     @cached_property
     def rests(self) -> bool:
-        """Whether least squares finds a pose of the permanent closures whose forces balance, and no fall lowers it."""
+        """Whether least squares finds a pose where forces balance, and no direction lowers the potential energy."""
         mech, states = self.mech, np.array(list(self.mech.states.values()))
         system, permanent = mech.system(), [c.name for c in mech.closures if not (c.is_unilateral or c.within)]
         rows = np.array([r for name in permanent for r in mech.rows_of(name)], int)
 
-        def null(G: np.ndarray) -> np.ndarray:
+        def null_space(G: np.ndarray) -> np.ndarray:
             return np.linalg.svd(G)[2][np.linalg.matrix_rank(G, tol=RANK) :].T if len(rows) else np.eye(mech.nv)
 
         def pose(x: np.ndarray) -> np.ndarray:
             return mech.manifold.integrate(mech.start[0], x)
 
-        def unbalanced(x: np.ndarray) -> np.ndarray:
+        def residual(x: np.ndarray) -> np.ndarray:
             q = pose(x)
             gaps, G = system.closures(q, 0.0)
-            Z = null(G[rows])
+            Z = null_space(G[rows])
             f = system.force(0.0, q, np.zeros(mech.nv), states)[0]
             g = np.where(mech.positional, gaps, 0.0)[rows]
             return np.concatenate([Z @ (Z.T @ f), 100 * g])
 
-        def falls(q: np.ndarray) -> bool:
-            """Whether the potential energy is lower to both sides of the pose in one of 20 directions."""
-            Z, still = null(system.closures(q, 0.0)[1][rows]), np.zeros(mech.nv)
+        def is_unstable(q: np.ndarray) -> bool:
+            """Return whether the potential energy is lower on both sides of the pose in one of 20 directions."""
+            Z, zero_v = null_space(system.closures(q, 0.0)[1][rows]), np.zeros(mech.nv)
             for z in (Z @ np.random.default_rng(0).standard_normal((Z.shape[1], 20))).T:
                 poses = [mech.manifold.integrate(q, h * z) for h in (1e-3, -1e-3)]
-                points = [np.concatenate([x, still, states, [0.0]]) for x in poses]
+                points = [np.concatenate([x, zero_v, states, [0.0]]) for x in poses]
                 closed = [system.project_state(0.0, y)[: mech.nq] for y in points]
-                if sum(system.energy(x, still)[1] for x in closed) < 2 * system.energy(q, still)[1] - 1e-9:
+                if sum(system.energy(x, zero_v)[1] for x in closed) < 2 * system.energy(q, zero_v)[1] - 1e-9:
                     return True
             return False
 
         for seed in range(12):
             x = np.random.default_rng(seed).uniform(-3, 3, mech.nv) * (seed > 0)
-            found = least_squares(unbalanced, x, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
-            if np.abs(found.fun).max() < 1e-7 and not falls(pose(found.x)):
+            found = least_squares(residual, x, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
+            if np.abs(found.fun).max() < 1e-7 and not is_unstable(pose(found.x)):
                 return True
         return False
 
@@ -124,13 +124,13 @@ class Facts:
     @property
     def held(self) -> int:
         """The number of degrees of freedom left by drivers."""
-        every = [r for d in self.mech.drivers for r in self.mech.rows_of(d.name)]
-        whole = np.array([self.mech.residual(self.mech.start[0], e)[1] for e in np.eye(self.mech.nv)]).T
-        still = self.mech.residual(self.mech.start[0], np.zeros(self.mech.nv))[1]
-        return self.free((whole - still[:, None])[every])
+        rows = [r for d in self.mech.drivers for r in self.mech.rows_of(d.name)]
+        rates = np.array([self.mech.residual(self.mech.start[0], e)[1] for e in np.eye(self.mech.nv)]).T
+        rates_at_rest = self.mech.residual(self.mech.start[0], np.zeros(self.mech.nv))[1]
+        return self.free((rates - rates_at_rest[:, None])[rows])
 
 
 def drive_of(mech: Mechanism) -> str:
-    """The first joint of one coordinate, or the first one."""
+    """Return the first joint with one coordinate, or the first joint."""
     single = [n for n in mech.joint_names if mech.model.joints[mech.model.getJointId(n)].nv == 1]
     return (single or mech.joint_names)[0]

@@ -1,4 +1,4 @@
-"""The types of the compiled core for type checkers, from the core itself: nanobind's stub, without its repetitions.
+"""Type stub of the compiled core for type checkers: the stub by nanobind, in a shorter form.
 
 The file is in the repository, so that type checkers need no core. Rewrite it, with nanobind installed, by
 

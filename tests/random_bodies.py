@@ -1,7 +1,7 @@
 """Random mechanisms as descriptions of bodies and joints, and their accelerations in maximal coordinates.
 
-The reference uses bodies in the world and joints between them, no trees and no files: Newton's and Euler's equations of
-each body, and for every joint the second derivatives of its constraints, solved together.
+The reference uses neither trees nor files, but bodies in the world and joints between them: the Newton-Euler equations
+of each body, and for every joint the constraints at acceleration level, solved together.
 """
 
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ WORLD, G = "world", np.array([0.3, -0.2, -9.81])
 
 @dataclass
 class Body:
-    """Frames of a body and of its centre of mass, and its inertia about that in axes of the body's frame."""
+    """Frames of a body and of its centre of mass, and its inertia about the centre of mass in axes of the body."""
 
     name: str
     R: np.ndarray
@@ -51,8 +51,8 @@ class Joint:
 
 
 @dataclass
-class Random:
-    """Bodies by name, the joints of a tree, and those that close loops."""
+class RandomMechanism:
+    """Bodies by name, the joints of a tree, and the joints that close loops."""
 
     bodies: dict
     joints: list
@@ -69,20 +69,20 @@ def unit(rng):
 
 
 def across(n):
-    """Two unit vectors perpendicular to n and to each other."""
+    """Return two unit vectors perpendicular to n and to each other."""
     a = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
     a /= np.linalg.norm(a)
     return a, np.cross(n, a)
 
 
-def a_body(name, rng, weightless=0.0):
+def random_body(name, rng, weightless=0.0):
     S, d = turn(rng), rng.uniform(0.02, 0.1, 3)  # principal moments d_j + d_k satisfy the triangle inequality
     tensor = S @ np.diag(d.sum() - d) @ S.T
     place = turn(rng), rng.uniform(-1, 1, 3)
     return Body(name, *place, rng.uniform(0.5, 3), rng.uniform(-0.3, 0.3, 3), tensor, rng.random() >= weightless)
 
 
-def a_joint(name, kind, parent, child, rng, *, springs, axis=None, own_frame=None):
+def random_joint(name, kind, parent, child, rng, *, springs, axis=None, own_frame=None):
     n = unit(rng) if axis is None else axis
     axes = {"universal": [n, across(n)[0]], "ball": [], "fixed": [], "free": []}.get(kind, [n])
     j = Joint(name, kind, parent, child, turn(rng) if own_frame is None else own_frame, rng.uniform(-1, 1, 3), axes)
@@ -94,10 +94,10 @@ def a_joint(name, kind, parent, child, rng, *, springs, axis=None, own_frame=Non
 
 
 def random_mechanism(seed, kinds, *, springs=True, mimics=True, loops=True, weightless=0.3):
-    """A tree of random joints on 2 to 6 bodies; with loops a planar ring, or a ball that closes a spatial one."""
+    """Return a tree of 2 to 6 bodies; with ``loops`` perhaps a planar ring, or a spatial one closed by a ball joint."""
     rng = np.random.default_rng(seed)
-    bodies = {f"b{i}": a_body(f"b{i}", rng, weightless) for i in range(rng.integers(2, 7))}
-    names, joints, closed = list(bodies), [], []
+    bodies = {f"b{i}": random_body(f"b{i}", rng, weightless) for i in range(rng.integers(2, 7))}
+    names, joints, loop_joints = list(bodies), [], []
     ring = loops and len(names) >= 3 and rng.random() < 0.7
     planar, n = bool(ring and rng.random() < 0.6), unit(rng)
     for i, name in enumerate(names):
@@ -108,91 +108,91 @@ def random_mechanism(seed, kinds, *, springs=True, mimics=True, loops=True, weig
         else:
             parent = str(rng.choice([WORLD, *names[:i]]))
             kind = str(rng.choice([k for k in kinds if k != "free" or parent == WORLD]))
-        own = bodies[name].R if kind == "ball" else None
+        own_frame = bodies[name].R if kind == "ball" else None
         axis = n if planar else None
-        joints.append(a_joint(f"j{i}", kind, parent, name, rng, springs=springs, axis=axis, own_frame=own))
+        joints.append(random_joint(f"j{i}", kind, parent, name, rng, springs=springs, axis=axis, own_frame=own_frame))
     if ring:
         kind = ("prismatic" if rng.random() < 0.3 and len(names) > 3 else "revolute") if planar else "ball"
         axis = across(n)[0] if kind == "prismatic" else n if planar else None
-        joint = a_joint("close", kind, WORLD, names[-1], rng, springs=springs, axis=axis)
-        closed.append(joint)
+        joint = random_joint("close", kind, WORLD, names[-1], rng, springs=springs, axis=axis)
+        loop_joints.append(joint)
     single = [j for j in joints if j.kind in ("revolute", "prismatic")]
     if mimics and not ring and len(single) > 1 and rng.random() < 0.6:
         single[-1].mimic = (single[0].name, float(rng.uniform(0.5, 2)))
-    return Random(bodies, joints, closed)
+    return RandomMechanism(bodies, joints, loop_joints)
 
 
-def accelerations(of, twists):
-    """Accelerations (v' of the centre, w') of each body for twists (v of the centre, w), all in the world."""
-    names = list(of.bodies)
+def accelerations(mechanism, twists):
+    """Return accelerations (v' of the centre of mass, w') of bodies for twists (v, w), all in the world."""
+    names = list(mechanism.bodies)
     at = {n: 6 * i for i, n in enumerate(names)}
     size, M, f = 6 * len(names), np.zeros((6 * len(names),) * 2), np.zeros(6 * len(names))
-    for n, b in of.bodies.items():
+    for n, b in mechanism.bodies.items():
         i, w = at[n], twists[n][1]
         inertia = b.R @ b.I @ b.R.T
         M[i : i + 3, i : i + 3], M[i + 3 : i + 6, i + 3 : i + 6] = b.mass * np.eye(3), inertia
         f[i : i + 3] = b.mass * G * b.weight
         f[i + 3 : i + 6] = -np.cross(w, inertia @ w)
-    rows, right, rate = [], [], {}
+    rows, rhs, rate = [], [], {}
 
     def relative(j, x):
-        """The row of x . (relative acceleration of points at the joint), and the row of x . (w_c' - w_p')."""
+        """Return the row of x . (relative acceleration of points at the joint), and the row of x . (w_c' - w_p')."""
         point, angle, bias = np.zeros(size), np.zeros(size), 0.0
         for link, sign in ((j.child, 1), (j.parent, -1)):
             if link != WORLD:
-                i, r, w = at[link], j.p - of.bodies[link].centre, twists[link][1]
+                i, r, w = at[link], j.p - mechanism.bodies[link].centre, twists[link][1]
                 point[i : i + 3] += sign * x
                 point[i + 3 : i + 6] += sign * np.cross(r, x)
                 angle[i + 3 : i + 6] += sign * x
                 bias += sign * x @ np.cross(w, np.cross(w, r))
         return point, angle, bias
 
-    for j in (*of.joints, *of.loops):
+    for j in (*mechanism.joints, *mechanism.loops):
         (vc, wc), (vp, wp) = (twists.get(n, (np.zeros(3),) * 2) for n in (j.child, j.parent))
-        speed = [v + np.cross(w, j.p - of.bodies[n].centre) if n != WORLD else np.zeros(3)
+        speed = [v + np.cross(w, j.p - mechanism.bodies[n].centre) if n != WORLD else np.zeros(3)
                  for n, v, w in ((j.child, vc, wc), (j.parent, vp, wp))]  # fmt: skip
         u, spin = speed[0] - speed[1], wc - wp
 
-        def keep_point(x, moving, j=j, u=u, wp=wp):
+        def constrain_point(x, moving, j=j, u=u, wp=wp):
             point, _, bias = relative(j, x)
             rows.append(point)
-            right.append(-bias - (2 * np.cross(wp, x) @ u if moving else 0.0))
+            rhs.append(-bias - (2 * np.cross(wp, x) @ u if moving else 0.0))
 
-        def keep_turn(x, change, j=j, spin=spin):
+        def constrain_rotation(x, change, j=j, spin=spin):
             rows.append(relative(j, x)[1])
-            right.append(-change @ spin)
+            rhs.append(-change @ spin)
 
         n = j.axes[0] if j.axes else None
         if j.kind in ("revolute", "universal", "ball", "fixed"):
             for x in np.eye(3):
-                keep_point(x, False)
+                constrain_point(x, False)
         elif j.kind == "prismatic":
             for x in across(n):
-                keep_point(x, True)
+                constrain_point(x, True)
         elif j.kind == "planar":
-            keep_point(n, True)
+            constrain_point(n, True)
         if j.kind in ("fixed", "prismatic"):
             for x in np.eye(3):
-                keep_turn(x, np.zeros(3))
+                constrain_rotation(x, np.zeros(3))
         elif j.kind in ("revolute", "planar"):
             for x in across(n):
-                keep_turn(x, np.cross(wp, x))
+                constrain_rotation(x, np.cross(wp, x))
         elif j.kind == "universal":
             a, b = j.axes
-            keep_turn(np.cross(a, b), np.cross(np.cross(wp, a), b) + np.cross(a, np.cross(wc, b)))
+            constrain_rotation(np.cross(a, b), np.cross(np.cross(wp, a), b) + np.cross(a, np.cross(wc, b)))
         for k, x in enumerate(j.axes if j.kind in ("revolute", "prismatic", "universal") else ()):
             point, angle, bias = relative(j, x)
             row, q = (angle, x @ spin) if j.angular else (point, x @ u)
             f += row * (-j.damping[k] * q + j.stiffness * j.rest)
-            extra = np.cross(wp, x) @ spin if j.angular else bias + 2 * np.cross(wp, x) @ u
-            rate[j.name] = row, extra
-    for j in of.joints:
+            bias_rate = np.cross(wp, x) @ spin if j.angular else bias + 2 * np.cross(wp, x) @ u
+            rate[j.name] = row, bias_rate
+    for j in mechanism.joints:
         if j.mimic:
-            (row, extra), (led, other) = rate[j.name], rate[j.mimic[0]]
-            rows.append(row - j.mimic[1] * led)
-            right.append(j.mimic[1] * other - extra)
+            (row, bias_rate), (leader_row, other) = rate[j.name], rate[j.mimic[0]]
+            rows.append(row - j.mimic[1] * leader_row)
+            rhs.append(j.mimic[1] * other - bias_rate)
     J = np.array(rows).reshape(-1, size)
     K = np.block([[M, J.T], [J, np.zeros((len(J), len(J)))]])
-    found = np.linalg.lstsq(K, np.concatenate([f, np.array(right)]), rcond=1e-12)[0][:size]
-    assert np.abs(J @ found - right).max(initial=0) < 1e-8 * (1 + np.abs(right).max(initial=0))
-    return {n: (found[i : i + 3], found[i + 3 : i + 6]) for n, i in at.items()}
+    solution = np.linalg.lstsq(K, np.concatenate([f, np.array(rhs)]), rcond=1e-12)[0][:size]
+    assert np.abs(J @ solution - rhs).max(initial=0) < 1e-8 * (1 + np.abs(rhs).max(initial=0))
+    return {n: (solution[i : i + 3], solution[i + 3 : i + 6]) for n, i in at.items()}

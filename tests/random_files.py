@@ -16,11 +16,11 @@ def rpy(R):
 
 
 def relative(A, B):
-    """B in A, both (R, p)."""
+    """Return the frame B relative to A, both (R, p)."""
     return A[0].T @ B[0], A[0].T @ (B[1] - A[1])
 
 
-def spun(I, S):  # noqa: E741
+def rotated_inertia(I, S):  # noqa: E741
     return S.T @ I @ S
 
 
@@ -37,7 +37,7 @@ def sub(parent, tag, content="", **attributes):
 
 
 def to_sdf(of, rng):
-    """Poses relative to other frames, axes in other frames, joints between frames, if the version supports them."""
+    """Write SDF: poses and axes relative to other frames, joints between frames, if the version supports them."""
     version = str(rng.choice(["1.4", "1.6", "1.7", "1.9", "1.11"]))
     number, late = tuple(map(int, version.split("."))), version in ("1.7", "1.9", "1.11")
     if any(j.mimic for j in of.joints):
@@ -76,7 +76,7 @@ def to_sdf(of, rng):
         sub(inertial, "mass", text(b.mass))
         tensor = sub(inertial, "inertia")
         for key, i, k in ENTRIES:
-            sub(tensor, key, text(spun(b.I, S)[i, k]))
+            sub(tensor, key, text(rotated_inertia(b.I, S)[i, k]))
     frames = {}
     for j in of.joints + of.loops:
         for link in (j.parent, j.child):
@@ -122,12 +122,12 @@ def to_sdf(of, rng):
 
 
 def to_urdf(of, rng):
-    """A tree from the world: the frame of a link is that of its joint, in which the body is placed."""
+    """Write URDF: a tree from the world, in which the frame of a link is that of its joint."""
     robot = ET.Element("robot", name="r", version=str(rng.choice(["1.0", "1.1"])))
     frame = {WORLD: (np.eye(3), np.zeros(3)), **{j.child: (j.R, j.p) for j in of.joints}}
     sub(robot, "link", name="base")
     kinds = {"free": "floating", "revolute": "continuous"}
-    led = {n for j in of.joints if j.mimic for n in (j.name, j.mimic[0])}  # continuous ones cannot be followed
+    led = {n for j in of.joints if j.mimic for n in (j.name, j.mimic[0])}  # continuous joints cannot lead or follow
 
     def origin(e, R, p):
         if robot.get("version") == "1.1" and rng.random() < 0.5:
@@ -139,7 +139,7 @@ def to_urdf(of, rng):
         inertial, S = sub(sub(robot, "link", name=n), "inertial"), Rotation.random(random_state=rng).as_matrix()
         origin(inertial, *relative(frame[n], (b.R @ S, b.centre)))
         sub(inertial, "mass", value=text(b.mass))
-        sub(inertial, "inertia", **{key: text(spun(b.I, S)[i, k]) for key, i, k in ENTRIES})
+        sub(inertial, "inertia", **{key: text(rotated_inertia(b.I, S)[i, k]) for key, i, k in ENTRIES})
     for j in [of.joints[i] for i in rng.permutation(len(of.joints))]:
         kind = j.kind if j.name in led else kinds.get(j.kind, j.kind)
         e = sub(robot, "joint", name=j.name, type=kind)
@@ -161,7 +161,7 @@ def to_urdf(of, rng):
 
 
 def to_mjcf(of, rng):
-    """Bodies within bodies; loops by connect, weld and coupled joints; values by default classes as well."""
+    """Write MJCF: nested bodies, loops by connect, coupled joints, some values by default classes."""
     root = ET.Element("mujoco", model="m")
     sub(root, "compiler", angle="radian", autolimits="true")
     sub(root, "option", gravity=text(G))
@@ -205,11 +205,11 @@ def to_mjcf(of, rng):
     return ET.tostring(root, encoding="unicode")
 
 
-# -- elements that nobody knows ----------------------------------------------------------------------------------------
+# -- unknown elements --------------------------------------------------------------------------------------------------
 
 
-def planted(content, rng, count=3):
-    """Insert elements, attributes and texts at random into a file; return it, and the ends of their paths."""
+def with_unknown_elements(content, rng, count=3):
+    """Insert random elements, attributes and texts into a file; return it, and the last parts of their paths."""
     root, last = ET.fromstring(content), []
     for i in range(count):
         spots = [e for e in root.iter() if not e.tag.startswith("plant")]

@@ -28,7 +28,7 @@ TRIANGLES = """<triangles material="{0}m" count="2"><input semantic="VERTEX" sou
 
 
 def collada(path):
-    """Three unit squares in a row, red, green and blue: two in one geometry, one in another."""
+    """Write three unit squares in a row, red, green and blue: two in one geometry, one in another."""
     colours = {"red": "1 0 0", "green": "0 1 0", "blue": "0 0 1"}
     effects = "".join(EFFECT.format(n, c) for n, c in colours.items())
     materials = "".join(f'<material id="{n}m"><instance_effect url="#{n}e"/></material>' for n in colours)
@@ -51,7 +51,7 @@ def collada(path):
 
 
 def motion(scene, q, end=2.0, start=0.0, title="a test"):
-    """A synthetic solution: q is a function of t."""
+    """Return a synthetic solution: q is a function of t."""
     t = np.linspace(start, end, 9)
     points = np.array([q(x) for x in t])
     mech = SimpleNamespace(scene=scene, title=title, model=scene._model, switches=())
@@ -61,7 +61,7 @@ def motion(scene, q, end=2.0, start=0.0, title="a test"):
 
 
 def fourbar():
-    """A model without visuals, whose loop can be opened by moving the rocker alone."""
+    """Return a model without visuals, whose loop can be opened by moving the rocker alone."""
     model, identity = pin.Model(), pin.SE3.Identity()
     at = {x: pin.SE3(np.eye(3), np.array([x, 0.0, 0.0])) for x in (1.0, 1.5, 2.0)}
     for parent, place, name in ((0, identity, "crank"), (1, at[1.0], "coupler"), (0, at[2.0], "rocker")):
@@ -81,7 +81,7 @@ def fourbar_q(t):
 
 
 def flag(folder):
-    """A scene of one moving mesh, scaled and mirrored, with three materials."""
+    """Return a scene of one moving mesh, scaled and mirrored, with three materials."""
     path = collada(folder / "flag.dae")
     model, visuals = pin.Model(), pin.GeometryModel()
     joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "j")

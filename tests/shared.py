@@ -1,4 +1,4 @@
-"""Models that tests share, since loading and assembling one takes longer than many of the runs."""
+"""Models shared by tests, since loading and assembling a model takes longer than many runs."""
 
 from functools import cache
 
@@ -7,5 +7,5 @@ import mbdae
 
 @cache
 def shared_model(name):
-    """A model of the library, for tests that change nothing of it."""
+    """Return a model of the library, for tests that change nothing of it."""
     return mbdae.load(name)

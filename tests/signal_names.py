@@ -3,6 +3,6 @@
 from mbdae.solution.signals import units
 
 
-def without_works(mech):
-    """Units of the signals that a run has without being asked, by name: works of drivers and forces are integrated."""
+def without_work(mech):
+    """Return units by name of the default signals of a run: without the work of single drivers and forces."""
     return {name: unit for name, unit in units(mech).items() if not name.startswith("work.")}

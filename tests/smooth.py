@@ -1,4 +1,4 @@
-"""Models without mode switches and jumps, accepted by every formulation and every derivative."""
+"""Models without mode switches and jumps, for which all formulations and derivatives are available."""
 
 from shared import shared_model
 

@@ -21,10 +21,10 @@ FILES = {
     "top_speed": "studies/top_speed/top_speed.py",
 }
 LISTS = {
-    "solution/signals.py": ("travel_units, travels", "Family(travel_units, travels)"),
+    "solution/signals.py": ("travel_units, travels", "SignalGroup(travel_units, travels)"),
     "integrate/trajectory/column_derivatives.py": (
         "travel_units, travel_derivatives",
-        "DerivativeFamily(travel_units, travel_derivatives, rated=False)",
+        "DerivativeGroup(travel_units, travel_derivatives, needs_rates=False)",
     ),
 }
 PROGRAM = """
@@ -79,7 +79,7 @@ def test_no_other_test_has_the_classes_of_examples():
 @pytest.mark.slow
 @pytest.mark.native  # derivatives of runs
 def test_examples_work_as_files_of_the_package(tmp_path):
-    for folder in ("mbdae", "models"):  # with the core's sources: an installed core is used if it was built from them
+    for folder in ("mbdae", "models"):  # with the sources of the core, to which an installed core is compared
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("*.pyc"))
     for code in EXAMPLES:
         (name,) = defined(code) & FILES.keys()
@@ -89,8 +89,8 @@ def test_examples_work_as_files_of_the_package(tmp_path):
     (tmp_path / "mbdae/studies/top_speed/__init__.py").touch()
     for path, (names, entry) in LISTS.items():
         listed = tmp_path / "mbdae" / path
-        text, begin = listed.read_text(), "\nFAMILIES = ("
-        assert begin in text
+        text = listed.read_text()
+        (begin,) = re.findall(r"\n[A-Z]+_GROUPS = \(", text)
         assert entry in PAGE
         listed.write_text(text.replace(begin, f"\nfrom mbdae.solution.travel import {names}\n{begin}\n    {entry},"))
     code = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n{PROGRAM}"

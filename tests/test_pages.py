@@ -190,7 +190,7 @@ def test_methods_table():
 
 def test_models_table():
     """`python tests/key_tables.py` writes those that `mbdae models` lists."""
-    listed = key_tables.LISTED.read_text()
+    listed = key_tables.MODELS_FILE.read_text()
     assert listed == key_tables.models()
     assert table("models/README.md", "model") == {model["name"]: [model["title"]] for model in json.loads(listed)}
 

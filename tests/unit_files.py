@@ -1,4 +1,4 @@
-"""Mechanism files in several units, with factors written out: a press, and keys of all kinds of units."""
+"""Mechanism files in several units, with explicit factors: a press, and a file with keys of every dimension."""
 
 import numpy as np
 
@@ -50,7 +50,7 @@ v = {{ crank = {v} }}
 DEG = 180 / np.pi
 SI = {"units": "", "mass": 2.5, "com": 0.05, "I": 4e-3, "crank": 0.1, "rod": 0.4, "damping": 20.0, "spring": 3.0,
       "rest": 0.6, "q": 0.3, "v": 10.0}  # fmt: skip
-TRADE = {  # the values of SI in other units, with factors written out
+OTHER_UNITS = {  # the values of SI in other units, with explicit factors
     "mm, deg, kg": {"units": 'length = "mm"\nangle = "deg"\nmass = "kg"', "mass": 2.5, "com": 50, "I": 4000,
                     "crank": 100, "rod": 400, "damping": 0.02, "spring": 3000 / DEG, "rest": 0.6 * DEG, "q": 0.3 * DEG,
                     "v": 10 * DEG},

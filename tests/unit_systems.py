@@ -23,7 +23,7 @@ from mbdae.mechanism.time_functions.time_functions import Constant, Harmonic, Po
 from mbdae.mechanism.tree.frames import find_joint, find_joints
 from mbdae.mechanism.tree.joints import PER_COORDINATE, translation_components
 
-PLAIN = ("kind", "name", "frames", "joints", "joint", "frame", "axes", "axis", "second_axis", "grip", "contact",
+UNCONVERTED = ("kind", "name", "frames", "joints", "joint", "frame", "axes", "axis", "second_axis", "grip", "contact",
          "surface", "unilateral", "restitution", "limits", "interpolation", "controls")  # fmt: skip
 LENGTHS = ("length", "radius", "tyre", "semi_axes", "centre", "surface_radius", "radii", "lead")
 
@@ -37,7 +37,7 @@ class UnitSystem(NamedTuple):
     time: float = 1.0
 
     def of(self, length: float = 0, mass: float = 0, time: float = 0) -> float:
-        """The factor of a dimension, given by its exponents."""
+        """Return the factor of a dimension, given by its exponents."""
         return self.length**length * self.mass**mass * self.time**time
 
     @property
@@ -46,19 +46,19 @@ class UnitSystem(NamedTuple):
         return self.of(2, 1, -2)
 
     def coordinates(self, mech: Mechanism) -> np.ndarray:
-        """The factors on changes dq of coordinates, (nv,)."""
+        """Return the factors on changes dq of coordinates, (nv,)."""
         return np.where(translation_components(mech.model), self.length, 1.0)
 
     def speeds(self, mech: Mechanism) -> np.ndarray:
-        """The factors on v, (nv,)."""
+        """Return the factors on v, (nv,)."""
         return self.coordinates(mech) / self.time
 
     def efforts(self, mech: Mechanism) -> np.ndarray:
-        """The factors on forces and torques in joints, (nv,)."""
+        """Return the factors on forces and torques in joints, (nv,)."""
         return self.energy / self.coordinates(mech)
 
     def configuration(self, mech: Mechanism) -> np.ndarray:
-        """The factors on q, (nq,)."""
+        """Return the factors on q, (nq,)."""
         out, slides = np.ones(mech.nq), translation_components(mech.model)
         for joint in list(mech.model.joints)[1:]:
             along = slides[joint.idx_v : joint.idx_v + joint.nv]
@@ -66,15 +66,15 @@ class UnitSystem(NamedTuple):
         return out
 
     def rows(self, mech: Mechanism) -> np.ndarray:
-        """The factors on g, (ng,), and on G v where a row has no g."""
+        """Return the factors on g, (ng,), and on G v where a row has no g."""
         return np.array([self.length if u.startswith("m") else 1.0 for u in mech.row_units])
 
     def multipliers(self, mech: Mechanism) -> np.ndarray:
-        """The factors on lam, (ng,): lam (G v) is a power."""
+        """Return the factors on lam, (ng,): lam (G v) is a power."""
         return self.energy / self.rows(mech)
 
     def mechanism(self, mech: Mechanism) -> Mechanism:
-        """The mechanism in these units.
+        """Return the mechanism in these units.
 
         Raises:
             NotImplementedError: for features of unknown dimensions.
@@ -106,7 +106,7 @@ class UnitSystem(NamedTuple):
         for name in PER_COORDINATE:
             for joint in list(old.joints)[1:]:
                 values = getattr(old, name)[joint.idx_q : joint.idx_q + joint.nq]
-                if slides[joint.idx_v] and np.abs(values).max() < HUGE:  # the largest float means none
+                if slides[joint.idx_v] and np.abs(values).max() < HUGE:  # the largest float means no limit
                     getattr(model, name)[joint.idx_q : joint.idx_q + joint.nq] = values * self.length
         return model
 
@@ -114,24 +114,24 @@ class UnitSystem(NamedTuple):
         return pin.SE3(at.rotation, at.translation * self.length)
 
     def _coordinate(self, mech: Mechanism, name: str | tuple[str, ...]) -> float:
-        """The factor on the coordinates of a joint, or of several of one kind."""
+        """Return the factor on the coordinates of a joint, or of several of one kind."""
         names = (name,) if isinstance(name, str) else name
-        found = {float(self.coordinates(mech)[j.idx_v]) for j in find_joints(mech.model, names)}
-        (factor,) = found
+        factors = {float(self.coordinates(mech)[j.idx_v]) for j in find_joints(mech.model, names)}
+        (factor,) = factors
         return factor
 
     def _coefficients(self, mech: Mechanism, joints: tuple[str, ...], c: tuple[float, ...]) -> tuple[float, ...]:
-        """Of q_i = c_0 + c_1 q_j + c_2 q_j^2 + ..., or of q_i = c_0 + c_1 q_j + c_2 q_k + ...."""
+        """Convert coefficients of q_i = c_0 + c_1 q_j + c_2 q_j^2 + ..., or of q_i = c_0 + c_1 q_j + c_2 q_k + ...."""
         first, *others = [self._coordinate(mech, joint) for joint in joints]
-        by = [others[0] ** k for k in range(len(c))] if len(joints) == 2 else [1.0, *others]
-        return tuple(x * first / factor for x, factor in zip(c, by, strict=True))
+        divisors = [others[0] ** k for k in range(len(c))] if len(joints) == 2 else [1.0, *others]
+        return tuple(x * first / factor for x, factor in zip(c, divisors, strict=True))
 
     def _signal(self, signal: Any, factor: float) -> Any:
         if isinstance(signal, Constant):
             return Constant(value=signal.value * factor)
         if isinstance(signal, Harmonic):
-            changed = {"amplitude": signal.amplitude * factor, "offset": signal.offset * factor}
-            return Harmonic(**{**signal.model_dump(), **changed, "omega": signal.omega / self.time})
+            scaled = {"amplitude": signal.amplitude * factor, "offset": signal.offset * factor}
+            return Harmonic(**{**signal.model_dump(), **scaled, "omega": signal.omega / self.time})
         if isinstance(signal, Polynomial):
             powers = [x * factor / self.time**k for k, x in enumerate(signal.coefficients)]
             return Polynomial(**{**signal.model_dump(), "coefficients": tuple(powers)})
@@ -141,11 +141,11 @@ class UnitSystem(NamedTuple):
         raise NotImplementedError(type(signal).__name__)
 
     def _changed(self, table: Any, factors: dict[str, Any]) -> Any:
-        """A table with values, or functions of time, times factors; a function replaces a factor if needed."""
+        """Multiply the values and functions of time of a table by factors, or apply functions in place of factors."""
         values: dict[str, Any] = {}
         for name in type(table).model_fields:
             value = getattr(table, name)
-            if value is None or name in PLAIN or value == type(table).model_fields[name].default == 0.0:
+            if value is None or name in UNCONVERTED or value == type(table).model_fields[name].default == 0.0:
                 values[name] = value
             elif name not in factors:
                 raise NotImplementedError(f"{type(table).__name__}.{name}")
@@ -182,18 +182,18 @@ class UnitSystem(NamedTuple):
         return self._changed(stop, factors)
 
     def _force(self, mech: Mechanism, force: Any) -> Any:
-        push = self.of(1, 1, -2)
+        unit_f = self.of(1, 1, -2)
         if isinstance(force, SpringDamper):
-            stiffness = push / self.length
-            named = {"stiffness": stiffness, "damping": stiffness * self.time, "length": self.length, "force": push}
-            return self._changed(force, named)
+            stiffness = unit_f / self.length
+            factors = {"stiffness": stiffness, "damping": stiffness * self.time, "length": self.length, "force": unit_f}
+            return self._changed(force, factors)
         if isinstance(force, Wrench):
-            return self._changed(force, {"force": push, "torque": self.energy})
+            return self._changed(force, {"force": unit_f, "torque": self.energy})
         if not isinstance(force, JointSpring | JointDamping | JointTorque | JointPID):
             raise NotImplementedError(type(force).__name__)
         unit = self._coordinate(mech, force.joint)
         effort, stiffness = self.energy / unit, self.energy / unit**2
-        named = {
+        factors = {
             "stiffness": stiffness, "rest": unit, "damping": stiffness * self.time, "torque": effort, "gear": 1.0,
             "bias": lambda b: tuple(x * f for x, f in zip(b, (effort, stiffness, stiffness * self.time), strict=True)),
         }  # fmt: skip
@@ -201,19 +201,19 @@ class UnitSystem(NamedTuple):
             if force.controls != "position" or force.rate:
                 raise NotImplementedError("a joint_pid of a speed, or a sampled one")
             gains = {"kp": stiffness, "ki": stiffness / self.time, "kd": stiffness * self.time}
-            named = {**gains, "reference": unit, "integral": unit * self.time}
-        return self._changed(force, named)
+            factors = {**gains, "reference": unit, "integral": unit * self.time}
+        return self._changed(force, factors)
 
     def _start(self, mech: Mechanism) -> Start:
         old, q, v = mech.start_values, self.configuration(mech), self.speeds(mech)
 
-        def table(values: dict[str, Any], factors: np.ndarray, of_v: bool) -> dict[str, Any]:
+        def table(values: dict[str, Any], factors: np.ndarray, is_velocity: bool) -> dict[str, Any]:
             out = {}
             for name, value in values.items():
                 j = find_joint(mech.model, name)
-                at = slice(j.idx_v, j.idx_v + j.nv) if of_v else slice(j.idx_q, j.idx_q + j.nq)
+                indices = slice(j.idx_v, j.idx_v + j.nv) if is_velocity else slice(j.idx_q, j.idx_q + j.nq)
                 numbers = np.atleast_1d(np.asarray(value, float))
-                scaled = (numbers * factors[at][: len(numbers)]).tolist()
+                scaled = (numbers * factors[indices][: len(numbers)]).tolist()
                 out[name] = scaled if isinstance(value, tuple | list) else scaled[0]
             return out
 

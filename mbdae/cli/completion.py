@@ -19,15 +19,15 @@ def problems() -> list[str]:
 
 
 def methods() -> list[str]:
-    """Return names of all methods, including those of installed packages, except those of other libraries."""
-    found = instance_names(
+    """Return names of all methods, including those of installed packages, except solvers of other libraries."""
+    names = instance_names(
         "mbdae.methods", "Tableau", "RadauIIA", "ImplicitTableau", "Composition", "alpha_method", "ExplicitMethod"
     )
-    return sorted({*found, *(point.name for point in entry_points_of("mbdae.methods"))})
+    return sorted({*names, *(point.name for point in entry_points_of("mbdae.methods"))})
 
 
 def completed(names: Callable[[], Iterable[str]], *, files: bool = True) -> Completion:
-    """Return a completion of names, also in a list with commas or after a formulation.
+    """Return a completion of names, including names in a list with commas, or after a formulation and a colon.
 
     Args:
         names: the valid names.
@@ -35,8 +35,8 @@ def completed(names: Callable[[], Iterable[str]], *, files: bool = True) -> Comp
     """
 
     def complete(context: Context, parameter: Parameter, word: str) -> list[CompletionItem]:
-        begun = word[: 1 + max(word.rfind(","), word.rfind(":"))]
-        items = [CompletionItem(begun + name) for name in names() if name.startswith(word[len(begun) :])]
+        prefix = word[: 1 + max(word.rfind(","), word.rfind(":"))]
+        items = [CompletionItem(prefix + name) for name in names() if name.startswith(word[len(prefix) :])]
         return [CompletionItem(word, type="file")] * files + items  # bash ignores entries before files
 
     return complete

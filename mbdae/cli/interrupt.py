@@ -1,8 +1,8 @@
-"""Ctrl-C on the command line: an exception that commands catch; during an import, one line of text and exit.
+"""Ctrl-C on the command line: an exception that commands catch; during an import, one line of text and the exit code.
 
 This module is imported first, since commands import further modules while they start. During an import, the
-exception would be raised inside other packages, which may catch or replace it. Only during Python's own start-up, a
-tenth of a second, does Ctrl-C print a traceback.
+exception would be raised inside other packages, which may catch or replace it. Only while Python itself starts, for a
+tenth of a second, Ctrl-C still prints a traceback.
 """
 
 import os
@@ -10,7 +10,7 @@ import signal
 import sys
 from types import FrameType
 
-CODE = 130  # 128 and the number of SIGINT
+EXIT_CODE = 130  # 128 plus the number of SIGINT
 IMPORTS = "<frozen importlib"  # file name of the import functions in tracebacks
 
 
@@ -18,13 +18,13 @@ def _stop(number: int, frame: FrameType | None) -> None:
     while frame is not None:
         if frame.f_code.co_filename.startswith(IMPORTS):
             os.write(2, b"mbdae: stopped by the user\n")
-            os._exit(CODE)
+            os._exit(EXIT_CODE)
         frame = frame.f_back
     raise KeyboardInterrupt
 
 
 def _command_line() -> bool:
-    """Return whether this process is mbdae's command line, not a program that uses it, or a worker."""
+    """Return whether this process is mbdae's command line, rather than a program that uses mbdae, or a worker."""
     script = [os.path.splitext(os.path.basename(word))[0] for word in sys.orig_argv[1:2]]  # pathlib takes 10 ms
     return script == ["mbdae"] or sys.orig_argv[1:3] == ["-m", "mbdae"]
 

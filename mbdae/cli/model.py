@@ -1,4 +1,4 @@
-"""The model argument of a command: its name or file, values of its parameters, and its start."""
+"""Model argument of a command: a name or file, with values of parameters, and start values."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ class ChosenModel:
         """Return the mechanism.
 
         Raises:
-            UnknownNameError, InputError: as for `mbdae.load`; for a start value of an unknown joint.
+            UnknownNameError, InputError: as for `mbdae.load`, and for a start value of an unknown joint.
         """
         from ..mechanism import load
         from ..mechanism.formats.mechanism_file.template import with_start
@@ -49,22 +49,22 @@ class ChosenModel:
         """Return the mechanism or the textbook problem of that name.
 
         Raises:
-            UnknownNameError, InputError: as for `load`; for a start value of a textbook problem.
+            UnknownNameError, InputError: as for `load`, and for a start value of a textbook problem.
         """
         from ..mechanism import Mechanism
         from ..mechanism.formats.mechanism_file.template import with_start
         from ..solution.problem import problem_of
 
-        found = problem_of(self.name, "MODEL")
-        if isinstance(found, Mechanism):
-            return with_start(found, self.start)
+        model = problem_of(self.name, "MODEL")
+        if isinstance(model, Mechanism):
+            return with_start(model, self.start)
         if self.start:
             raise InputError(f"start values are those of mechanisms, {self.name!r} is a textbook problem")
-        return found
+        return model
 
     @property
     def textbook(self) -> bool:
-        """Whether the name is that of a textbook problem."""
+        """Whether the name is the name of a textbook problem."""
         return self.name in public_names("mbdae.textbook.problems")
 
     @property
@@ -104,4 +104,4 @@ def model_argument(command: Callable[..., Any], names: Callable[[], list[str]] =
 
 
 problem_argument = partial(model_argument, names=problems)
-"""The same for commands that also accept a textbook problem."""
+"""`model_argument` for commands that also accept a textbook problem."""

@@ -1,4 +1,4 @@
-"""Options of commands: shared ones by name, and those of a study from its signature and docstring."""
+"""Options of commands: shared options by name, and options of a study from its signature and docstring."""
 
 import ast
 from collections.abc import Callable, Mapping
@@ -30,7 +30,7 @@ SCALARS: dict[str, Any] = {"float": float, "int": int, "str": str}
 
 
 def multiple_option(*names: str, kind: str, default: object = None, **settings: Any) -> Decorator:
-    """Return an option that can be repeated or contain a list with commas, parsed by the annotation of its argument."""
+    """Return an option that can be repeated or contain a list with commas, parsed according to its annotation."""
     parse = PARSERS[kind]
     return click.option(
         *names, multiple=True, callback=lambda _, option, values: parse(values, option.opts[-1]) or default, **settings
@@ -114,7 +114,7 @@ STATE = "q v hold t"
 
 
 def options_of(package: str, study: str, words: str, types: Mapping[str, object]) -> list[Decorator]:
-    """Return options for arguments of a study, whose text is read when the options are added to a command.
+    """Return options for arguments of a study; its source is read only when the options are added to a command.
 
     Args:
         package: dotted name of the folder of the study.
@@ -123,13 +123,13 @@ def options_of(package: str, study: str, words: str, types: Mapping[str, object]
         types: click types that are narrower than the annotations.
     """
 
-    def added(word: str, command: Callable[..., Any]) -> Any:
-        known = arguments_of(package, study)
-        name = word if word in known else f"{word}s"
+    def add_option(word: str, command: Callable[..., Any]) -> Any:
+        arguments = arguments_of(package, study)
+        name = word if word in arguments else f"{word}s"
         names = [LETTERS[word]] if word in LETTERS else []
-        return _option([*names, f"--{word.replace('_', '-')}", name], known[name], types.get(word))(command)
+        return _option([*names, f"--{word.replace('_', '-')}", name], arguments[name], types.get(word))(command)
 
-    return [partial(added, word) for word in words.split()]
+    return [partial(add_option, word) for word in words.split()]
 
 
 def _option(names: list[str], argument: Argument, kind: object) -> Decorator:
@@ -141,8 +141,8 @@ def _option(names: list[str], argument: Argument, kind: object) -> Decorator:
     if kinds == ("bool",):
         return click.option(*names, is_flag=True, help=argument.help)
     literal = next((kind for kind in kinds if kind.startswith("Literal[")), None)
-    chosen = kind or (click.Choice(ast.literal_eval(literal[7:])) if literal else SCALARS[kinds[0]])
+    click_type = kind or (click.Choice(ast.literal_eval(literal[7:])) if literal else SCALARS[kinds[0]])
     if default is REQUIRED:
-        return click.option(*names, type=chosen, required=True, help=argument.help)
-    shown = None if default is None else True
-    return click.option(*names, type=chosen, default=default, show_default=shown, help=argument.help)
+        return click.option(*names, type=click_type, required=True, help=argument.help)
+    visible = None if default is None else True
+    return click.option(*names, type=click_type, default=default, show_default=visible, help=argument.help)

@@ -16,7 +16,7 @@ from ..file_io import PICTURE_SUFFIXES, TABLE_SUFFIXES, VIDEO_SUFFIXES, find_lat
 if TYPE_CHECKING:
     from ..solution.solution import Solution
 
-HOLDS, FAILED, USAGE, UNDECIDED = 0, 1, 2, 3  # exit codes: holds, failed or refuted, wrong usage, cannot be judged
+HOLDS, FAILED, USAGE, UNDECIDED = 0, 1, 2, 3  # exit codes: success or claim holds, failed or refuted, usage, undecided
 PICTURES, PAGES = PICTURE_SUFFIXES, (".html",)
 TABLES, VIDEOS = TABLE_SUFFIXES, VIDEO_SUFFIXES
 
@@ -37,8 +37,8 @@ class OutputFile(NamedTuple):
     write: Callable[[Any, str, Mapping[str, Any]], Any]
 
 
-def _save(found: Any, path: str, given: Mapping[str, Any]) -> None:
-    found.save(path)
+def _save(result: Any, path: str, options: Mapping[str, Any]) -> None:
+    result.save(path)
 
 
 def output_file(
@@ -55,7 +55,7 @@ def output_file(
 
 
 def _given_once(context: click.Context, option: click.Parameter, paths: tuple[str, ...]) -> str | None:
-    """Return the path of an option, of which click would take the last of several."""
+    """Return the only path of an option; click itself would silently take the last of several."""
     if len(paths) > 1:
         raise click.BadParameter(f"one file, got {', '.join(paths)}", context, option)
     return paths[0] if paths else None
@@ -66,18 +66,18 @@ PLOT = output_file(
     "--plot",
     help="Draw a figure as .png, .svg, .pdf or .pgf.",
     suffixes=PICTURES,
-    write=lambda found, path, given: found.plot(path),
+    write=lambda result, path, options: result.plot(path),
 )
 
 
 def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
-    """Check output files before anything is computed; return the paths that are given.
+    """Check output files before the computation; return the given paths.
 
     Raises:
         InputError: for an invalid suffix, a folder that does not exist, or a .pgf figure without LaTeX.
     """
-    named = [(path, suffixes) for path, suffixes in paths if path]
-    for path, suffixes in named:
+    given = [(path, suffixes) for path, suffixes in paths if path]
+    for path, suffixes in given:
         if Path(path).suffix not in suffixes:
             raise InputError(f"{path!r} must end in {' or '.join(suffixes)}")
         folder = Path(path).resolve().parent
@@ -87,7 +87,7 @@ def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
             raise InputError(f"cannot write {path}: the folder is read-only")
         if Path(path).suffix == ".pgf":
             find_latex()
-    return [path for path, _ in named]
+    return [path for path, _ in given]
 
 
 def exit_unless_successful(sol: "Solution") -> None:
@@ -98,7 +98,7 @@ def exit_unless_successful(sol: "Solution") -> None:
 
 
 def exit_interrupted(what: str) -> NoReturn:
-    """Exit with code 1 after the user stopped a study; ``what`` describes, on stderr, what is missing."""
+    """Exit with code 1 after the user stopped a study; print on stderr ``what`` is missing."""
     click.echo(printable(f"mbdae: stopped by the user {what}"), err=True)
     sys.exit(FAILED)
 
@@ -122,9 +122,9 @@ def print_table(rows: Sequence[Mapping[str, Json]], as_json: bool) -> None:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for key in rows[0]:
         cells = [row[key] for row in rows]
-        words = all(v is None or isinstance(v, str) for v in cells)
-        least = max(len(str(v)) for v in [key, *cells]) if not words or not table.columns else None
-        table.add_column(key, justify="left" if words else "right", min_width=least, no_wrap=least is not None)
+        is_text = all(v is None or isinstance(v, str) for v in cells)
+        width = max(len(str(v)) for v in [key, *cells]) if not is_text or not table.columns else None
+        table.add_column(key, justify="left" if is_text else "right", min_width=width, no_wrap=width is not None)
     for row in rows:
         table.add_row(*("-" if v is None else Text(printable(str(v))) for v in row.values()))
     screen = sys.stdout.isatty()

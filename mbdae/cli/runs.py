@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def span(mech: "Problem", t_span: tuple[float, ...] | None) -> tuple[float, float]:
-    """Return the time span of an option: from 0 to an end or to the duration of the model, or from a start to an end.
+    """Return the time span of an option: an end time, from 0, or start and end; by default the duration of the model.
 
     Raises:
         InputError: for a single end time that is not positive, or an empty span.
@@ -30,7 +30,7 @@ def simulate(
     step: float | None,
     **options: Any,
 ) -> "Solution":
-    """Run a model from its start with a progress bar; None means the setting of its file, or the default.
+    """Run a model from its start with a progress bar; for None, the setting of its file or the default is used.
 
     Raises:
         InputError: for tolerances together with a fixed step, and as for `mbdae.solve`.
@@ -40,6 +40,6 @@ def simulate(
 
     if step is not None and (rtol is not None or options.get("atol") is not None):
         raise InputError("give --step for a fixed step size, or --rtol and --atol for step-size control, not both")
-    given = {"method": method, "rtol": rtol, "step": step, **options}
-    with progress_bar(complete_settings(mech, given)["method"].name, 1.0) as report:
-        return solve(mech, span(mech, t_span), progress=report, **given)
+    settings = {"method": method, "rtol": rtol, "step": step, **options}
+    with progress_bar(complete_settings(mech, settings)["method"].name, 1.0) as report:
+        return solve(mech, span(mech, t_span), progress=report, **settings)

@@ -1,6 +1,6 @@
 """Arguments of a public function, read from its source text: names, annotations, defaults and descriptions.
 
-Importing a study takes a second; completion and ``--help`` need only its arguments.
+Importing a study takes a second; completion and ``--help`` only need its arguments.
 """
 
 import ast
@@ -34,16 +34,16 @@ def arguments_of(package: str, name: str) -> dict[str, Argument]:
     """Return the arguments of a function that a file of a package lists in ``__all__``, by name."""
     spec = find_spec(public_names(package)[name])
     text = Path(str(spec and spec.origin)).read_text("utf-8")
-    head = re.search(rf'^def {name}\(.*?^    """.*?"""', text, re.M | re.S)
-    function = ast.parse(head[0]).body[0] if head else None
+    match = re.search(rf'^def {name}\(.*?^    """.*?"""', text, re.M | re.S)
+    function = ast.parse(match[0]).body[0] if match else None
     assert isinstance(function, ast.FunctionDef), f"{name} of {package} has no docstring"
-    described = dict(re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", ast.get_docstring(function) or "", re.M))
-    given = [*function.args.args, *function.args.kwonlyargs]
-    free = len(function.args.args) - len(function.args.defaults)
-    defaults = [*[None] * free, *function.args.defaults, *function.args.kw_defaults]
+    descriptions = dict(re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", ast.get_docstring(function) or "", re.M))
+    arguments = [*function.args.args, *function.args.kwonlyargs]
+    required = len(function.args.args) - len(function.args.defaults)
+    defaults = [*[None] * required, *function.args.defaults, *function.args.kw_defaults]
     return {
-        x.arg: Argument(_kinds(x.annotation, text), _value(default), _sentence(described.get(x.arg, "")))
-        for x, default in zip(given, defaults, strict=True)
+        x.arg: Argument(_kinds(x.annotation, text), _value(default), _sentence(descriptions.get(x.arg, "")))
+        for x, default in zip(arguments, defaults, strict=True)
     }
 
 
@@ -67,4 +67,4 @@ def _value(default: ast.expr | None) -> Any:
 
 def _sentence(text: str) -> str:
     first = re.split(r"(?<=\.) ", " ".join(text.split()))[0].replace("`", "")
-    return first if re.match(r"\w+[.=]\w", first) else f"{first[:1].upper()}{first[1:]}"  # names stay: q.joint
+    return first if re.match(r"\w+[.=]\w", first) else f"{first[:1].upper()}{first[1:]}"  # q.joint stays

@@ -1,4 +1,4 @@
-"""Commands of studies: options from the study, files and exit code from its result."""
+"""Commands of studies: options from the signature of the study, files and exit code from its result."""
 
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -32,7 +32,7 @@ class Output:
 
     Attributes:
         paths: paths by argument, None where left out.
-        written: paths given.
+        written: the given paths.
         as_json: print one JSON document.
     """
 
@@ -61,8 +61,8 @@ def command(
         words: options of the study, see `options_of`; the study has the name of the function.
         files: files that it writes.
         shared: names of `SHARED`.
-        subject: adds the model.
-        more: other options.
+        subject: decorator that adds the model argument.
+        more: decorators of other options.
         types: click types that are narrower than the annotations of the study.
     """
 
@@ -70,23 +70,23 @@ def command(
         package, name = function.__module__.rpartition(".")[0], function.__name__
 
         @wraps(function)
-        def called(as_json: bool, **given: Any) -> None:
-            paths = {file.name: given.pop(file.name) for file in files}
+        def run_study(as_json: bool, **options: Any) -> None:
+            paths = {file.name: options.pop(file.name) for file in files}
             written = writable(*((paths[file.name], file.suffixes) for file in files))
-            if "first" in given:
-                given["span"] = span_of(given.pop("first"), given.pop("last"))
+            if "first" in options:
+                options["span"] = span_of(options.pop("first"), options.pop("last"))
             study = lazy_import(public_names(package)[name], name) if name in public_names(package) else None
-            function(study, Output(paths, written, as_json), **given)
+            function(study, Output(paths, written, as_json), **options)
 
         def add_options(callback: Callable[..., Any]) -> Callable[..., Any]:
-            own = options_of(package, name, words, types or {})
-            common = [SHARED[word] for word in shared.split()]
-            decorators = [*own, *common, *more, *(file.option for file in files), SHARED["json"]]
+            options_of_study = options_of(package, name, words, types or {})
+            shared_options = [SHARED[word] for word in shared.split()]
+            decorators = [*options_of_study, *shared_options, *more, *(file.option for file in files), SHARED["json"]]
             for option in reversed([*([subject] if subject else []), *decorators]):
                 callback = option(callback)
             return callback
 
-        return click.command(cls=LazyCommand, add_options=add_options)(called)
+        return click.command(cls=LazyCommand, add_options=add_options)(run_study)
 
     return decorate
 
@@ -94,8 +94,8 @@ def command(
 def study_command(
     words: str = "",
     *files: OutputFile,
-    exit_code: Callable[[Any], int] = lambda found: HOLDS,
-    missing: Callable[[Any], str] = lambda found: "",
+    exit_code: Callable[[Any], int] = lambda result: HOLDS,
+    missing: Callable[[Any], str] = lambda result: "",
     **settings: Any,
 ) -> Callable[[Callable[..., Result]], click.Command]:
     """Return a decorator that makes a command of ``function(study, **options)``, which returns a result.
@@ -110,16 +110,16 @@ def study_command(
 
     def decorate(function: Callable[..., Result]) -> click.Command:
         @wraps(function)
-        def deliver(study: Study, out: Output, **given: Any) -> None:
-            found = function(study, **given)
+        def deliver(study: Study, out: Output, **options: Any) -> None:
+            result = function(study, **options)
             for file in files:
                 path = out.paths[file.name]
                 if path:
-                    file.write(found, path, given)
-            out.emit(found.to_dict(), str(found))
-            if missing(found):
-                exit_interrupted(missing(found))
-            sys.exit(exit_code(found))
+                    file.write(result, path, options)
+            out.emit(result.to_dict(), str(result))
+            if missing(result):
+                exit_interrupted(missing(result))
+            sys.exit(exit_code(result))
 
         return command(words, *files, **settings)(deliver)
 

@@ -10,12 +10,12 @@ from ..errors import InputError
 
 
 class TimeSpan(click.ParamType):
-    """A number, or two with a comma."""
+    """One number, or two separated by a comma."""
 
     name = "end|start,end"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
-        """Read them."""
+        """Return the numbers of the text."""
         try:
             times = tuple(float(text) for text in value.split(","))
         except ValueError:
@@ -37,7 +37,7 @@ def span_of(first: float | None, last: float | None) -> tuple[float, float] | No
 
 
 def split_names(values: Iterable[str]) -> list[str]:
-    """Return names from a repeated option or a list with commas; numbers after a comma belong to the name before."""
+    """Return names from a repeated option or a list with commas; numbers after a comma belong to the name before it."""
     return [text for value in values for text in re.split(r",(?=[A-Za-z])", value) if text]
 
 
@@ -62,10 +62,10 @@ def values_by_name(texts: Iterable[str], option: str) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for text in split_names(texts):
         name, _, value = text.partition("=")
-        found = parsed_numbers((value,), float, f"{option} {name}") if value else None
-        if not found:
+        numbers = parsed_numbers((value,), float, f"{option} {name}") if value else None
+        if not numbers:
             raise InputError(f"{option} takes name=value, got {text!r}")
-        out[name] = found[0] if len(found) == 1 else found
+        out[name] = numbers[0] if len(numbers) == 1 else numbers
     return out
 
 
@@ -90,14 +90,14 @@ def locked_joints(texts: Iterable[str], option: str) -> dict[str, float | None]:
     """
     out: dict[str, float | None] = {}
     for text in split_names(texts):
-        name, given, value = text.partition("=")
+        name, equals, value = text.partition("=")
         try:
-            out[name] = float(value) if given else None
+            out[name] = float(value) if equals else None
         except ValueError:
             raise InputError(f"{option} takes joint or joint=value, got {text!r}") from None
     return out
 
 
 def panels(plots: tuple[str, ...]) -> list[tuple[str, ...]] | None:
-    """Return the plots of a replay: signals, those with commas on common axes."""
+    """Return the plots of a replay; signals separated by commas share axes."""
     return [tuple(entry.split(",")) for entry in plots] or None

@@ -73,11 +73,11 @@ def solve(
         first_step: first step in s; estimated when left out.
         max_step: largest step in s.
         max_steps: largest number of steps taken or rejected; unlimited when left out.
-        jumps: times at which forces that depend on t jump: steps end there. The times of controllers and of functions
-            of time in mechanism files are known.
+        jumps: times at which forces that depend on t jump: steps end there. The times of jumps of controllers and
+            of functions of time in mechanism files are known.
         t_eval: times to report, in the span's order, interpolated as by ``sol(t)``; all steps when left out.
         events: signals and levels, ``"q.slider = 0.3"``, functions event(t, q, v) -> float (textbook problems:
-            event(t, y)), or `mbdae.Event` of either; zeros are reported, and a terminal event ends the run.
+            event(t, y)), or `mbdae.Event` of either; zeros are recorded, and a terminal event ends the run.
         progress: called with the completed fraction, after each step or several times a second.
         backend: ``"native"``: the compiled core, for mechanisms; ``"python"``; or ``"auto"``: the core if it is
             available and supports the problem. ``stats["backend"]`` reports which.

@@ -23,7 +23,7 @@ MethodLike = Method | str | Path
 with_proven_orders = lazy_import("mbdae.methods.order.conditions", "with_proven_orders")
 _FOUND = members(__name__, *get_args(Method))
 METHODS: dict[str, Method] = MethodTable({m.name: m for m in sorted(_FOUND, key=lambda m: m.name)})
-"""All methods by name, discovered in the files of this folder: none can be missing."""
+"""All methods by name, discovered in the files of this folder."""
 
 _ADDED = plugins("mbdae.methods", lambda m: isinstance(m, Tableau) and m.name not in METHODS, "a Tableau of a new name")
 METHODS |= {m.name: with_proven_orders(m) if not m.order else m for m in _ADDED.values()}
@@ -44,8 +44,8 @@ def method(name: MethodLike) -> Method:
         InputError: for a tableau with the name of another method, or an invalid file.
     """
     if not isinstance(name, str) and isinstance(name, Method):
-        known = METHODS.get(name.name, name)
-        if known != name:
+        registered = METHODS.get(name.name, name)
+        if registered != name:
             raise errors.InputError(f"{name.name!r} is the name of a method of mbdae: give the tableau another name")
         return with_proven_orders(name) if isinstance(name, Tableau) and not name.order else name
     text = str(name)
@@ -71,7 +71,7 @@ def method_from_settings(settings: Mapping[str, Any]) -> Method:
 
 
 def obstacle(method: Any, system: System) -> str:
-    """Return why a method cannot step a problem: a missing package, or what it excludes of the problem; or ""."""
+    """Return why a method cannot integrate a problem: a missing package, or an excluded feature; "" if it can."""
     if reason := getattr(method, "missing", ""):
         return str(reason)
     for kind, names in system.features.items() if method.excludes else ():

@@ -4,16 +4,17 @@
     (1 - alpha_m) a_1 + alpha_m a_0 = (1 - alpha_f) u_1' + alpha_f u_0'
 
 for u = (v, s, w); `mbdae.mechanism.formulations.steps.newmark_step` has the equations of u_1'. The auxiliary a
-approximates u' at t + Delta h, Delta = alpha_m - alpha_f; so it starts, and it is rescaled where h changes.
+approximates u' at t + Delta h, Delta = alpha_m - alpha_f; it is initialized so, and rescaled when h changes.
 
-The errors of a step are its differences to the explicit step with a_1 = a_0, of order 1,
+The error estimates of a step are its differences from the explicit step with a_1 = a_0, of order 1,
 
     e_q = beta h^2 (a_1 - a_0),   e_u = gamma h (a_1 - a_0).
 
-They are of the order of the method, as embedded errors of other methods, so the error of a run is proportional to
-rtol. With the leading term of the local error, (beta - 1/6) h^2 (a_1 - a_0) for Newmark's method (Zienkiewicz, Xie,
-Earthquake Engng. Struct. Dyn. 20 (1991)), it is proportional to rtol^(2/3), and velocities have no estimate. In index 3
-steps are fixed: v_0 violates G v = 0 by an error d, so a_1 - a_0 contains d / h, and e_u does not decrease with h.
+They have the order of the method, like embedded error estimates of other methods, so the error of a run is
+proportional to rtol. With the leading term of the local error, (beta - 1/6) h^2 (a_1 - a_0) for Newmark's method
+(Zienkiewicz, Xie, Earthquake Engng. Struct. Dyn. 20 (1991)), it is proportional to rtol^(2/3), and velocities have no
+estimate. In index 3 the step size is fixed: v_0 violates G v = 0 by an error d, so a_1 - a_0 contains d / h, and e_u
+does not decrease with h.
 
 Sources: Chung, Hulbert, J. Appl. Mech. 60 (1993); Arnold, Bruels, BIT 47 (2007); Hilber, Hughes, Taylor, Earthquake
 Engng. Struct. Dyn. 5 (1977) and Negrut et al., J. Comput. Nonlinear Dyn. 2 (2007) for HHT.
@@ -29,7 +30,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..system import Array, State, Step, System
-from .variational import TYPICAL, NewtonMethod, make_step, solve_newton
+from .variational import TYPICAL_EVALUATIONS, NewtonMethod, make_step, solve_newton
 
 
 @dataclass(frozen=True)
@@ -53,9 +54,9 @@ class GeneralizedAlpha(NewtonMethod):
     family = "generalized alpha"
     reference = "Arnold, Bruels, BIT 47 (2007)"
     order = order_linear = order_own = 2
-    roundings = 1  # per step: v_1 is an unknown of the velocity constraint
+    roundings = 1  # per step: the velocity constraint determines v_1
     carries = True
-    solves = TYPICAL
+    solves = TYPICAL_EVALUATIONS
     smallest_pivot = 0.1
     excludes: ClassVar[Mapping[str, str]] = {
         "textbook": "it integrates the second-order equations of a mechanism",
@@ -77,7 +78,7 @@ class GeneralizedAlpha(NewtonMethod):
 
     @property
     def error_power(self) -> int:
-        """Power of h in the error estimate; 0 in index 3, where steps are fixed, see the module."""
+        """Power of h in the error estimate; 0 in index 3, where the step size is fixed, see the module."""
         return 2 if self.stabilized else 0
 
     @property
@@ -87,7 +88,7 @@ class GeneralizedAlpha(NewtonMethod):
 
     @property
     def position_pivot(self) -> float:
-        """Partial derivative d q_1/d v_1' over h^2; in index 3 the rounding error of z is eps / (h^2 times it).
+        """Partial derivative p = (d q_1/d v_1')/h^2; in index 3 the rounding error of z is eps / (p h^2).
 
         Infinite in index 2.
         """
@@ -107,7 +108,7 @@ class GeneralizedAlpha(NewtonMethod):
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step of a given size; its errors are empty, (0, ny).
 
-        The carry is (a, u', h), (2 n + 1,): a and u' at the start of the next step, and the size of this one.
+        The carry is (a, u', h), (2 n + 1,): a and u' at the start of the next step, and the size h of this step.
 
         Raises:
             StepError: if Newton's method does not converge.
@@ -118,12 +119,12 @@ class GeneralizedAlpha(NewtonMethod):
         am, af, gamma, beta = map(float, (self.alpha_m, self.alpha_f, self.gamma, self.beta))
         step = system.newmark_step(t, h, state.y, self.stabilized)
         rate, a = rescaled(self.carry_at(system, t, h, state), h)
-        weight, known = (1 - af) / (1 - am), (af * rate - am * a) / (1 - am)
-        u = h * ((1 - gamma) * a + gamma * known)
-        step.predict(h * h * ((0.5 - beta) * a + beta * known), u, (h * gamma * weight, h * h * beta * weight), rate)
+        weight, constant = (1 - af) / (1 - am), (af * rate - am * a) / (1 - am)
+        u = h * ((1 - gamma) * a + gamma * constant)
+        step.predict(h * h * ((0.5 - beta) * a + beta * constant), u, (h * gamma * weight, h * h * beta * weight), rate)
         du, z = solve_newton(system, step)
         dy, lam = step.end(du, z)
-        return make_step(system, state, dy, lam, np.concatenate([known + weight * du, du, [h]]))
+        return make_step(system, state, dy, lam, np.concatenate([constant + weight * du, du, [h]]))
 
     def controlled_step(self, system: Any, t: float, h: float, state: State) -> Step:
         """Take one step and estimate its errors, (1, ny), see the module; the carry is that of `step`.
@@ -137,26 +138,26 @@ class GeneralizedAlpha(NewtonMethod):
         carry, n = self.carry_at(system, t, h, state), system.ny - system.nv
         out = self.step(system, t, h, state._replace(carry=carry))
         change = out.state.carry[:n] - rescaled(carry, h)[1]
-        of_q, of_u = float(self.beta) * h * h * change[: system.nv], float(self.gamma) * h * change
-        return out._replace(errors=np.concatenate([of_q, of_u])[None])
+        e_q, e_u = float(self.beta) * h * h * change[: system.nv], float(self.gamma) * h * change
+        return out._replace(errors=np.concatenate([e_q, e_u])[None])
 
     def carry_at(self, system: Any, t: float, h: float, state: State) -> Array:
-        """Return the carry of a state, (2 n + 1,), see `step`; at a start that of `started`."""
+        """Return the carry of a state, (2 n + 1,), see `step`; that of `initial_carry` if the state has none."""
         n, carry = system.ny - system.nv, state.carry
-        return self.started(system, t, h, state.y, n) if carry is None or len(carry) != 2 * n + 1 else carry
+        return self.initial_carry(system, t, h, state.y, n) if carry is None or len(carry) != 2 * n + 1 else carry
 
-    def started(self, system: System, t: float, h: float, y: Array, n: int) -> Array:
-        """Return the carry (2 n + 1,) at a start: a = u' + (alpha_m - alpha_f) h u'', by a difference in the step."""
+    def initial_carry(self, system: System, t: float, h: float, y: Array, n: int) -> Array:
+        """Return the initial carry (2 n + 1,): a = u' + (alpha_m - alpha_f) h u'', u'' by a finite difference."""
         offset, F = float(self.alpha_m - self.alpha_f), system.derivative(t, y)[0]
         if not offset:
             return np.concatenate([F[-n:], F[-n:], [h]])
-        ahead = abs(offset) * h
-        change = system.derivative(t + ahead, system.add(y, ahead * F))[0] - F
+        dt = abs(offset) * h
+        change = system.derivative(t + dt, system.add(y, dt * F))[0] - F
         return np.concatenate([(F + np.sign(offset) * change)[-n:], F[-n:], [h]])
 
 
 def rescaled(carry: Array, h: float) -> tuple[Array, Array]:
-    """Return u_0' and a_0, (n,) each, of a carry, a_0 for a step of size h."""
+    """Return u_0' and a_0, (n,) each, from a carry, with a_0 rescaled to a step of size h."""
     a, rate, last = np.split(carry, [len(carry) // 2, len(carry) - 1])
     return rate, rate + h / last * (a - rate)
 
@@ -167,10 +168,10 @@ def alpha_method(name: str) -> GeneralizedAlpha | None:
     Raises:
         InputError: for rho_inf outside of [0, 1], or alpha of HHT outside of [0, 1/3].
     """
-    found = re.fullmatch(r"(alpha|hht)(\d+\.?\d*)?(_i3)?", name)
-    if not found:
+    match = re.fullmatch(r"(alpha|hht)(\d+\.?\d*)?(_i3)?", name)
+    if not match:
         return None
-    kind, number, index3 = found[1], Fraction(found[2] or ("0.8" if found[1] == "alpha" else "0.1")), bool(found[3])
+    kind, number, index3 = match[1], Fraction(match[2] or ("0.8" if match[1] == "alpha" else "0.1")), bool(match[3])
     form = "index 3" if index3 else "stabilized index 2"
     if kind == "hht":
         if number > Fraction(1, 3):

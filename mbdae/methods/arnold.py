@@ -1,4 +1,4 @@
-"""Half-explicit methods with explicit stages: each constrained point is the next stage's point.
+"""Half-explicit methods with explicit stages: the constraint is imposed at the point of the next stage.
 
 Ahat_i = A_{i+1}, so the constraint is evaluated once per stage instead of twice. Source: M. Arnold,
 Half-explicit Runge-Kutta methods with explicit stages for differential-algebraic systems of index 2, BIT 38
@@ -62,5 +62,5 @@ arnold4 = Tableau(
     b=row("1/6 0 2/3 1/6"),
     order=4,
     order_own=3,
-    # No embedded formula: order 3 leaves b + theta (0, 0, 0, -1, 1), blind to f(t) since c_4 = c_5.
+    # No embedded formula: order 3 leaves b + theta (0, 0, 0, -1, 1), which does not detect errors of f(t): c_4 = c_5.
 )

@@ -1,8 +1,8 @@
 """Classical explicit tableaus used as HERK, as counterexamples: their order drops to 2.
 
 A tableau designed without the constraint violates the order conditions of index 2. Kutta's method of order 3, the
-classical method of order 4 and the 3/8 rule all fall to order 2 (to 3 when f is linear in z, as in mechanics). They
-are provided for demonstration and comparison, and their claims state these orders.
+classical method of order 4 and the 3/8 rule all have order 2 (3 when f is linear in z, as in mechanics). They
+are provided for demonstration and comparison; their claimed orders are these.
 """
 
 from .exact_numbers import row, rows

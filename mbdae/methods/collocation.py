@@ -8,11 +8,11 @@ In the coordinates x of a step, y = y_n (+) x, with K_i = x'_i at the stages,
 if b is the last row of A, as in Radau IIA, y_1 = y_n (+) X_s and z_1 = Z_s. Other methods do not satisfy 0 = g(y_1).
 
 E is a matrix chosen by the problem (the mass matrix of a mechanism), so that a residual needs no solve. With the
-partial derivatives at one point in place of all others an iteration reads
+partial derivatives evaluated at one point for all stages, an iteration reads
 
     (I (x) E) dK - h (A (x) (E f)_x) dK - (I (x) (E f)_z) dZ = R,    h (A (x) g_x) dK = C,
 
-and A = T diag(mu) T^-1 splits it into systems of the size of one stage, real ones and complex ones.
+and A = T diag(mu) T^-1 splits it into real and complex systems, each of the size of one stage.
 
 Sources: Hairer, Lubich, Roche, Lecture Notes in Mathematics 1409 (1989), chapter 7; Hairer, Wanner, Solving
 Ordinary Differential Equations II, sections IV.8 and VII.4; Butcher, BIT 16 (1976) for the transformation.
@@ -29,17 +29,17 @@ from ..system import Array, Chart, Linearization, Solver, State, Step, System
 from ..tolerances import BELOW_ROUNDING, ITERATION_ROUNDING, NEGLIGIBLE
 from .stage_arrays import StageArrays, lagrange
 
-MAX_FURTHER_ITERATIONS = 8  # after a change of the size of rounding errors
-FIRST_ITERATIONS = 3  # further iterations if already the first change is that small, so that the rate is unknown
-EXPECTED_RATE = 0.1  # initial estimate of the rate; above REUSE: partial derivatives of unknown rate are not reused
+MAX_FURTHER_ITERATIONS = 8  # after a change as small as rounding errors
+FIRST_ITERATIONS = 3  # the same if the first change is that small, so that the rate is unknown
+EXPECTED_RATE = 0.1  # initial estimate of the rate; above REUSE_RATE, so that partials of unknown rate are not reused
 REUSE_RATE = 0.03  # convergence rate below which partial derivatives and factors are reused for the same h
 ANDERSON_DEPTH = 10  # changes that are combined if the simplified Newton iteration does not converge
-TINY = float(np.finfo(float).tiny)  # keeps quotients finite
-MAX_FIRST_CHANGE = 0.5  # fraction of the size of y and its displacement: above, the guess is useless
+TINY = float(np.finfo(float).tiny)  # avoids division by zero
+MAX_FIRST_CHANGE = 0.5  # fraction of the size of y and its displacement: for larger changes the guess is useless
 
 
 class StageMemory(NamedTuple):
-    """Data for the next step: stage values for its guess, and partial derivatives with their convergence rate."""
+    """Data kept for the next step: stages for its initial guess, partial derivatives, and their convergence rate."""
 
     unknowns: Any
     h: float
@@ -83,22 +83,22 @@ def collocation_step(
     F, K, Z, z_n = _guess(system, chart, a, h, memory)
     accuracy = system.accuracy if estimate else 0.0
     stages = _Stages(system, chart, a, t, h, system.component_magnitudes(state.y), max_iterations, accuracy)
-    found = None
+    result = None
     if memory is not None and memory.h == h and memory.rate < REUSE_RATE:
         with suppress(StepError):
-            found = stages.solve(K, Z, memory.partials, memory.solvers)
-    if found is None:
+            result = stages.solve(K, Z, memory.partials, memory.solvers)
+    if result is None:
         # the caller may retry with a shorter step
-        found = stages.simplified_newton(K, Z) if estimate else stages.solve_with_fallback(K, Z)
-    x = h * (a.b @ found.K) + (0.0 if state.compensation is None else state.compensation)
+        result = stages.simplified_newton(K, Z) if estimate else stages.solve_with_fallback(K, Z)
+    x = h * (a.b @ result.K) + (0.0 if state.compensation is None else state.compensation)
     if a.ends_at_stage:
-        y, own = chart.end(t + h, x, found.K[-1], found.Z[-1])
+        y, multipliers = chart.end(t + h, x, result.K[-1], result.Z[-1])
     else:
-        z_1 = a.R_infinity * z_n + a.z_weights @ found.Z
-        found = found._replace(z=z_1)
-        y, own = chart.end(t + h, x, None, z_1)
-    errors = _errors(a, F, found) if estimate else np.empty((0, system.ny))
-    return Step(State(y, found, system.rounding_loss(state.y, x, y)), own, errors)
+        z_1 = a.R_infinity * z_n + a.z_weights @ result.Z
+        result = result._replace(z=z_1)
+        y, multipliers = chart.end(t + h, x, None, z_1)
+    errors = _errors(a, F, result) if estimate else np.empty((0, system.ny))
+    return Step(State(y, result, system.rounding_loss(state.y, x, y)), multipliers, errors)
 
 
 def _guess(
@@ -106,12 +106,13 @@ def _guess(
 ) -> tuple[Array, Array, Array, Array]:
     """Return y'_n, the guess of K (s, ny) and Z (s, m), and z_n (m,).
 
-    The last stages are extrapolated, unless the last step ended where 0 = g does not hold: stages jump back to it.
+    The stages of the previous step are extrapolated, unless that step ended off the constraint 0 = g, to which stages
+    return discontinuously.
     """
     if memory and a.ends_at_stage:
         F = chart.first(system.carry(memory.K[-1], memory.Z[-1]))[0]
-        onward = lagrange(a.c, 1 + a.c * h / memory.h)
-        return F, onward @ memory.K, onward @ memory.Z, memory.Z[-1]
+        extrapolation = lagrange(a.c, 1 + a.c * h / memory.h)
+        return F, extrapolation @ memory.K, extrapolation @ memory.Z, memory.Z[-1]
     F, z = chart.start()
     s, z_n = len(a.c), z if memory is None or memory.z is None else memory.z
     return F, np.tile(F, (s, 1)), np.tile(z, (s, 1)), z_n
@@ -121,19 +122,19 @@ def _factorize(partials: Linearization, a: StageArrays, h: float) -> list[Solver
     return [partials.factorize(h * mode.value) for mode in a.modes]
 
 
-def _errors(a: StageArrays, F: Array, found: StageMemory) -> Array:
+def _errors(a: StageArrays, F: Array, stages: StageMemory) -> Array:
     """Return error estimates e, (1 or 2, ny), from F = y'_n and the collocation polynomial u.
 
         (E - h gamma (E f)_x) e - (E f)_z * = E h gamma (y'_n - u'(t_n)),   g_x e = 0.
 
-    The right-hand side belongs to an embedded formula of order s, since u' differs from y'_n by h^s (Hairer, Wanner II,
-    section IV.8); the system damps it in stiff directions and projects it onto 0 = g, along f_z, so that an error of z
-    in y'_n has no effect. A second vector, for s >= 3, omits the first stage from u' and is one order lower.
+    The right-hand side is that of an embedded formula of order s, since u' differs from y'_n by O(h^s) (Hairer, Wanner
+    II, section IV.8); the system damps it in stiff directions and projects it onto 0 = g along f_z, so that an error of
+    z in y'_n has no effect. A second vector, for s >= 3, omits the first stage from u' and is one order lower.
     """
-    h, none = found.h, np.zeros(found.Z.shape[1])
-    filtered = found.partials.factorize(h * a.gamma) if a.real is None else found.solvers[a.real]
-    defects = [h * a.gamma * (F - row @ found.K) for row in a.start]
-    return np.array([filtered(found.partials.apply_E(defect), none)[0] for defect in defects])
+    h, zero = stages.h, np.zeros(stages.Z.shape[1])
+    solve = stages.partials.factorize(h * a.gamma) if a.real is None else stages.solvers[a.real]
+    defects = [h * a.gamma * (F - row @ stages.K) for row in a.start]
+    return np.array([solve(stages.partials.apply_E(defect), zero)[0] for defect in defects])
 
 
 def _remaining_iterations(size: float, rate: float) -> int:
@@ -179,7 +180,7 @@ class _Stages:
         Raises:
             StepError: if the iteration diverges or is too slow.
         """
-        scale, last, rate, left = self._scale(K), np.inf, EXPECTED_RATE, 0
+        scale, last, rate, remaining = self._scale(K), np.inf, EXPECTED_RATE, 0
         for k in range(self.max_iterations):
             dK, dZ = self._correction(K, Z, solvers)
             if not k:
@@ -190,23 +191,23 @@ class _Stages:
             if not isfinite(size):
                 break
             if last <= ITERATION_ROUNDING:
-                left -= 1
+                remaining -= 1
             elif not k:
-                left = FIRST_ITERATIONS
+                remaining = FIRST_ITERATIONS
             else:
                 rate = size / last if k == 1 else sqrt(rate * size / last)
-                left = _remaining_iterations(size, rate)
-            exact = size <= ITERATION_ROUNDING and (left <= 0 or k == self.max_iterations - 1)
+                remaining = _remaining_iterations(size, rate)
+            exact = size <= ITERATION_ROUNDING and (remaining <= 0 or k == self.max_iterations - 1)
             if exact or (_remaining_error(size, rate) if k else size) <= self.accuracy:
                 return StageMemory(self.chart.unknowns, self.h, K, Z, partials, solvers, rate)
             if k > 1 and last > ITERATION_ROUNDING and self._is_slow(size, rate, self.max_iterations - 1 - k):
                 break
             last = size
-        raise self._diverges()
+        raise self._not_converged()
 
-    def _is_slow(self, size: float, rate: float, further: int) -> bool:
-        """Return whether the given number of further iterations does not suffice."""
-        return rate >= 1 or rate**further * size > max(ITERATION_ROUNDING, self.accuracy)
+    def _is_slow(self, size: float, rate: float, remaining: int) -> bool:
+        """Return whether the given number of further iterations is insufficient."""
+        return rate >= 1 or rate**remaining * size > max(ITERATION_ROUNDING, self.accuracy)
 
     def simplified_newton(self, K: Array, Z: Array) -> StageMemory:
         """Iterate from a guess with the partial derivatives at its middle stage."""
@@ -225,10 +226,10 @@ class _Stages:
                 raise failed from None
 
     def anderson(self, K: Array, Z: Array) -> StageMemory:
-        """Iterate from a guess for large rotations within a step, for which one set of partials is inaccurate.
+        """Iterate by Anderson acceleration: for large rotations in a step, where one set of partials is inaccurate.
 
-        Each iterate is the combination of the last iterates with the smallest change, plus this change (Anderson
-        acceleration: H. F. Walker, P. Ni, SIAM J. Numer. Anal. 49 (2011) 1715). The next step computes new partials.
+        Each iterate is the combination of the last iterates with the smallest change, plus this change
+        (H. F. Walker, P. Ni, SIAM J. Numer. Anal. 49 (2011) 1715). The next step computes new partials.
 
         Raises:
             StepError: if this does not converge either.
@@ -240,12 +241,12 @@ class _Stages:
         points, changes = np.empty((0, len(weight))), np.empty((0, len(weight)))
         for _ in range(self.max_iterations):
             dK, dZ = self._correction(K, Z, solvers)
-            known = scale.any()
-            if not known:  # at rest without forces the scale is zero: no guess can be judged
+            has_scale = scale.any()
+            if not has_scale:  # at rest without forces the scale of the guess is zero
                 scale = self._scale(dK)
             size = self._norm(dK, scale)
             self.counts.newton += 1
-            if not size < (MAX_FIRST_CHANGE if known else np.inf):
+            if not size < (MAX_FIRST_CHANGE if has_scale else np.inf):
                 break
             if size <= BELOW_ROUNDING or last <= size <= ITERATION_ROUNDING:
                 return StageMemory(self.chart.unknowns, self.h, K + dK, Z + dZ, partials, solvers, np.inf)
@@ -256,9 +257,9 @@ class _Stages:
             coefficients = np.linalg.lstsq((differences * weight).T, change * weight)[0]
             point = points[-1] + change - coefficients @ (steps + differences)
             K, Z = point[:n].reshape(K.shape), point[n:].reshape(Z.shape)
-        raise self._diverges()
+        raise self._not_converged()
 
-    def _diverges(self) -> StepError:
+    def _not_converged(self) -> StepError:
         return StepError(
             "newton",
             f"the iteration of an implicit step at t = {self.t:.17g}, h = {self.h:.3g} does not converge: use shorter "
@@ -272,7 +273,7 @@ class _Stages:
     def _scale(self, K: Array) -> Array:
         """Return the size of y plus its change in the step, at least a thousandth of the largest component.
 
-        The change is that of the guess, or of the first correction: at rest without forces the guess has none.
+        The change is that of the initial guess; at rest without forces, where it is zero, that of the first correction.
         """
         scale = self.size[self.measured] + np.abs(self._displacements(K)).max(axis=0)
         return scale + NEGLIGIBLE * scale.max(initial=0.0)

@@ -19,26 +19,26 @@ class Control(NamedTuple):
 
 PI = Control(beta=0.04, smallest=0.2, largest=10.0)
 SAFETY = 0.9
-SMALLEST_ERROR, SMALLEST_LAST = AGREEMENT, COARSE  # lower bounds of errors: of a step, and of the previous one
-COMPANION = 0.01  # weight of the second of two error estimates
+SMALLEST_ERROR, SMALLEST_LAST = AGREEMENT, COARSE  # lower bounds of the errors of a step and of the previous step
+COMPANION_WEIGHT = 0.01  # weight of the second of two error estimates
 
 
 def error_norm(errors: np.ndarray, scale: np.ndarray, blend: float = 1.0) -> float:
     """Return the weighted root mean square of error vectors, (k, m) over scale (m,); accepted below 1.
 
     For one vector this is its norm err. For two vectors (an embedded formula and a companion of lower order) it is
-    err_1^2 / (err_1^p + 0.01 err_2^p)^(1/p), which is small if both formulas agree on it: p = 1 in HEM5 (Brasey 1992),
+    err_1^2 / (err_1^p + 0.01 err_2^p)^(1/p), which is small if both formulas are accurate: p = 1 in HEM5 (Brasey 1992),
     2 in DOP853 (Hairer, Noersett, Wanner I, (II.10.17)).
 
     Args:
         errors: the vectors.
-        scale: of their components.
-        blend: p.
+        scale: scale of each component.
+        blend: the exponent p.
     """
     first, *companion = root_mean_squares(errors / scale)
     if not companion or first**2 == 0:
         return first
-    return first**2 / (first**blend + COMPANION * companion[0] ** blend) ** (1 / blend)
+    return first**2 / (first**blend + COMPANION_WEIGHT * companion[0] ** blend) ** (1 / blend)
 
 
 def root_mean_squares(x: np.ndarray) -> list[float]:
@@ -52,7 +52,7 @@ class Controller:
 
     k is the power of h in the error estimate. A rejected step does not change err_last, and the step size does not grow
     after it (Gustafsson 1991; Hairer, Wanner II, (IV.2.43)). Growth by a factor below ``min_growth`` is suppressed, to
-    reuse data that depend on h (the same, section IV.8).
+    reuse data that depend on h (Hairer, Wanner II, section IV.8).
     """
 
     power: int

@@ -1,4 +1,4 @@
-"""Steps of methods whose stages are coupled, in Python and in the compiled core."""
+"""Base class of implicit Runge-Kutta methods, whose stages are coupled: costs, control, and the compiled core."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from .tableau import Row
 
 MAX_ITERATIONS, MAX_ITERATIONS_CONTROLLED = 60, 15  # for fixed steps, and for steps that can be shortened
 TYPICAL_ITERATIONS = 5
-SUPPRESSED_GROWTH, LARGE_SYSTEM = 1.2, 40  # growth of h that costs more than it saves, for systems of larger dimension
+SUPPRESSED_GROWTH, LARGE_SYSTEM = 1.2, 40  # growth of h that costs more than it saves in systems larger than this
 
 
 class CoupledMethod(ABC):
@@ -32,7 +32,7 @@ class CoupledMethod(ABC):
     roundings = 0
     position_pivot = np.inf
     noise = 0.0  # stages are iterated to rounding
-    carries = False  # data of the previous step serve as a guess, or are z_n
+    carries = False  # the carry is only an initial guess, or z_n
     explicit_first = True
 
     @property
@@ -47,7 +47,7 @@ class CoupledMethod(ABC):
 
     @property
     def exact_Ahat(self) -> list[Row]:
-        """Equal to `exact_A`: a stage satisfies the constraint at the point where it evaluates f."""
+        """The same as `exact_A`: a stage satisfies the constraint at the point where it evaluates f."""
         return self.exact_A
 
     @property
@@ -60,7 +60,7 @@ class CoupledMethod(ABC):
 
     @property
     def smallest_pivot(self) -> float:
-        """1 / sum_jk |w_j omega_jk|, omega = A^-1, w the weights of Z: the rounding of z is eps / (h times it)."""
+        """Pivot p = 1 / sum_jk |w_j omega_jk|, omega = A^-1, w the weights of Z; z has rounding error eps / (p h)."""
         a = self.arrays
         weights = np.eye(self.stages)[-1] if a.ends_at_stage else np.abs(a.z_weights)
         return 1 / float((weights @ np.abs(np.linalg.inv(a.A))).sum())
@@ -71,7 +71,7 @@ class CoupledMethod(ABC):
 
     @property
     def in_core(self) -> bool:
-        """Whether the compiled core takes its steps: those that end at a stage."""
+        """Whether the compiled core takes its steps: if they end at a stage."""
         return self.arrays.ends_at_stage
 
     def compiled(self, native: Any) -> Any:
@@ -103,5 +103,5 @@ class CoupledMethod(ABC):
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step; see `mbdae.methods.collocation.collocation_step`. Its errors are empty, (0, ny)."""
-        found = system.compiled_step(self, t, h, state) if self.in_core else None
-        return found or collocation_step(system, self.arrays, t, h, state, MAX_ITERATIONS, estimate=False)
+        out = system.compiled_step(self, t, h, state) if self.in_core else None
+        return out or collocation_step(system, self.arrays, t, h, state, MAX_ITERATIONS, estimate=False)

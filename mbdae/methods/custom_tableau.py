@@ -1,4 +1,4 @@
-"""Custom tableaus: from entries by name, from a file, and from the settings of a run."""
+"""Custom tableaus from a file, or from entries by name, as in the settings of a run."""
 
 import tomllib
 from collections.abc import Mapping
@@ -27,9 +27,9 @@ def tableau(data: Mapping[str, Any], what: str) -> Tableau:
     missing = [key for key in REQUIRED if not data.get(key)]
     if missing:
         raise InputError(f"{what} needs {', '.join(missing)}: a tableau has {', '.join(REQUIRED)}")
-    numbers = {key: x for key, x in data.items() if key.startswith(("order", "project", "rounded"))}
+    integers = {key: x for key, x in data.items() if key.startswith(("order", "project", "rounded"))}
     name = data["name"]
-    if not (isinstance(name, str) and name.isprintable()) or not all(isinstance(x, int) for x in numbers.values()):
+    if not (isinstance(name, str) and name.isprintable()) or not all(isinstance(x, int) for x in integers.values()):
         raise InputError(f"{what}: a name is a text of one line, orders are whole numbers")
     try:
         return Tableau(**data)

@@ -63,14 +63,14 @@ class Surd:
         return f"{self.a} + {self.b}*sqrt({self.d})"
 
 
-Number = Union[Fraction, Surd]  # noqa: UP007  (a forward reference above needs the old spelling)
+Number = Union[Fraction, Surd]  # noqa: UP007  (the forward reference above requires Union)
 
-PLAIN = re.compile(r"(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?")  # limits exponents, which would fill the memory with digits
+DECIMAL = re.compile(r"(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?")  # short exponents: longer ones exhaust the memory
 
 _OPERATORS = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv}
 
 
-@cache  # tableaus repeat their entries, and are checked before they are used
+@cache  # tableaus repeat entries, and each is read twice: to check it, and to use it
 def exact(text: str) -> Number:
     """Read ``"161/1024"``, ``"0.25"`` or ``"1/6 - sqrt(3)/108"`` without rounding.
 
@@ -94,7 +94,7 @@ def _evaluate(node: ast.expr, text: str) -> Number:
     match node:
         case ast.Constant():
             digits = ast.get_source_segment(text, node) or ""
-            if not PLAIN.fullmatch(digits):
+            if not DECIMAL.fullmatch(digits):
                 raise ValueError(f"not a number: {digits!r:.60}")
             return Fraction(digits)
         case ast.UnaryOp(op=ast.USub()):
@@ -126,7 +126,7 @@ def regular_inverse(matrix: list[list[Number]]) -> list[list[Number]]:
 
 
 def row(text: str) -> tuple[str, ...]:
-    """Split ``"1/6 2/3 1/6"``, numbers without inner blanks."""
+    """Split a row of numbers without spaces inside them, ``"1/6 2/3 1/6"``."""
     return tuple(text.split())
 
 

@@ -1,6 +1,6 @@
-"""Explicit Runge-Kutta methods for ordinary differential equations as data: baselines for half-explicit ones.
+"""Explicit Runge-Kutta methods for ordinary differential equations as data: a baseline for half-explicit methods.
 
-They integrate a mechanism's accelerations (formulation index 1), in the coordinates of a step like all methods.
+They integrate the accelerations of a mechanism (formulation index 1), in the tangent coordinates of each step.
 """
 
 from collections.abc import Mapping
@@ -65,12 +65,12 @@ class ExplicitMethod:
 
     @property
     def order_linear(self) -> int:
-        """Order on mechanisms: the same."""
+        """Order for mechanisms, equal to `order`."""
         return self.order
 
     @property
     def order_own(self) -> int:
-        """Order of z at y_1, from the hidden constraint: the same."""
+        """Order of z at y_1, from the hidden constraint, equal to `order`."""
         return self.order
 
     @property
@@ -90,7 +90,7 @@ class ExplicitMethod:
 
     @cached_property
     def exact_Ahat(self) -> list[Row]:
-        """Identity matrix, (n, n): stages satisfy no constraint."""
+        """Identity matrix, (n, n): stages have no constraint."""
         n = len(self.A) + 1
         return [_row(("0",) * i + ("1",), n) for i in range(n)]
 

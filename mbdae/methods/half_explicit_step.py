@@ -32,7 +32,7 @@ def half_explicit_step(system: System, tableau: "Tableau | ExplicitMethod", t: f
     times, constraint_times, factors = (t + a.c * h).tolist(), (t + a.chat * h).tolist(), Ahat.diagonal().tolist()
     if first:
         F[0], z = chart.first(state.carry)
-    for i in range(first, n):  # F_i and later ones are still zero
+    for i in range(first, n):  # F_i, ..., F_n are still zero
         F[i], z = chart.stage(times[i], A[i].dot(F), constraint_times[i], Ahat[i].dot(F), factors[i])
     x = h * a.b.dot(F) if state.compensation is None else h * a.b.dot(F) + state.compensation
     y = chart.point(x)

@@ -52,8 +52,8 @@ herk3 = Tableau(
     b=row("0 3/4 1/4"),
     order=3,
     order_own=2,
-    # Without projection, only b itself satisfies the 4 conditions of order <= 2. Projection removes those of the two
-    # trees [u]_y; sum b = 1 and sum b c = 1/2 leave b + theta (2, -3, 1): 1/4 gives the trapezoidal rule.
+    # Without projection, only b itself satisfies the 4 conditions of order <= 2. Projection removes the conditions of
+    # the two trees [u]_y; sum b = 1 and sum b c = 1/2 leave b + theta (2, -3, 1): 1/4 gives the trapezoidal rule.
     b_embedded=row("1/2 0 1/2"),
     order_embedded=2,
     project_embedded=True,
@@ -84,7 +84,7 @@ _HEM5_Y8 = row("""
 herk5 = Tableau(
     name="herk5",
     title="HEM5: eight stages of Brasey",
-    reference="Brasey, Fortran code HEM5; its 16 digits refined on the order conditions",
+    reference="Brasey, Fortran code HEM5; its 16 digits refined by the order conditions",
     A=rows("""
         0
         1/10

@@ -1,4 +1,4 @@
-"""Implicit Runge-Kutta methods besides Radau IIA, some of which do not meet the assumptions of index-2 theory.
+"""Implicit Runge-Kutta methods besides Radau IIA, some of which violate the assumptions of index-2 theory.
 
 Source of the coefficients: Hairer, Wanner, Solving Ordinary Differential Equations II, tables IV.5.2 to IV.5.12. The
 orders for index 2 are those of section VII.4 there (Hairer, Lubich, Roche 1989, chapter 4). The trapezoidal rule and

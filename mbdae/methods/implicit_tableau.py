@@ -26,7 +26,7 @@ class ImplicitTableau(CoupledMethod):
         y_1 = y_0 + h sum_i b_i f(t_i, Y_i, Z_i),   z_1 = R(infinity) z_0 + sum_ij b_i omega_ij Z_j.
 
     The theory requires |R(infinity)| < 1: otherwise errors of z are not damped (Hairer, Lubich, Roche, Lecture Notes in
-    Mathematics 1409 (1989), chapter 4). Runs have fixed steps: there is no error estimate.
+    Mathematics 1409 (1989), chapter 4). The step size is fixed: there is no error estimate.
 
     Args:
         name: name typed by the user, for instance ``"gauss2"``.
@@ -76,7 +76,7 @@ class ImplicitTableau(CoupledMethod):
 
     @property
     def order_linear(self) -> int:
-        """Order of y when f is linear in z: the same."""
+        """Order of y when f is linear in z, equal to `order`."""
         return self.order
 
     @cached_property
@@ -108,7 +108,7 @@ class ImplicitTableau(CoupledMethod):
         return stage_arrays(np.array(c), A, np.array(b), float(self.R_infinity))
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Reject a step whose size is controlled: the method has no error estimate.
+        """Reject the call: the method has no error estimate.
 
         Raises:
             InputError: always.

@@ -6,10 +6,10 @@ from .coupled_method import CoupledMethod
 
 
 def summary(method: Any) -> dict[str, Any]:
-    """Return the claimed orders and the cost of a method, by heading; None where it has none.
+    """Return the claimed orders and the cost of a method, by heading; None for entries that do not apply.
 
-    "order" is that of q, v and lam in index 2, "f linear in z" that for mechanisms, "own lam" that of the method's own
-    multipliers; "solves" are linear solves of a step; "assumptions" the simplifying assumptions of its coefficients.
+    "order" is the order of q, v and lam in index 2, "f linear in z" the order for mechanisms, "own lam" the order of
+    the multipliers of the method; "solves" are linear solves per step; "assumptions" are its simplifying assumptions.
     """
     from .order.assumptions import assumptions
 

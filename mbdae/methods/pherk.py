@@ -1,6 +1,6 @@
 """Partitioned half-explicit Runge-Kutta methods (PHERK), which carry (y, z); the first stage is explicit.
 
-A is a classical explicit method, extended by the extra stage at y_1; Ahat defines the points that satisfy the
+A is a classical explicit method, extended by an extra stage at y_1; Ahat defines the points that satisfy the
 constraint. Sources: A. Murua, Partitioned half-explicit Runge-Kutta methods for differential-algebraic
 systems of index 2, Computing 59 (1997); E. Hairer and G. Wanner, Solving Ordinary Differential Equations II,
 section VII.6.

@@ -1,15 +1,15 @@
 """A partitioned half-explicit method of order 6 in seven stages, derived from the order conditions.
 
-Why seven. On y = (u, w), u' = phi(u), w' = z, 0 = w the method is its explicit base A acting on u, and
+Number of stages. For y = (u, w), u' = phi(u), w' = z, 0 = w the method is its explicit base A acting on u, and
 an explicit method of order 6 has at least seven stages. The conditions are those of
 `mbdae.methods.order.conditions`.
 
 The base A. It has b_2 = 0 and D(1), sum_i b_i a_ij = b_j (1 - c_j); rows 3 to 7 satisfy C(3), for which
-row 3 needs c_2 = 2 c_3 / 3 and row 4 needs c_4 = c_3 / (2 - 10 c_3 + 15 c_3^2); c_7 = 1. The weak
-second stage does no harm because b_i c_i^k a_i2 sums to zero.
+row 3 needs c_2 = 2 c_3 / 3 and row 4 needs c_4 = c_3 / (2 - 10 c_3 + 15 c_3^2); c_7 = 1. The low
+order of the second stage has no effect, because sum_i b_i c_i^k a_i2 = 0.
 
 The constrained points Ahat. All rows satisfy Chat(3), sum_j ahat_ij c_j^(k-1) = chat_i^k / k for k = 1,
-2, 3, which makes chat_2 = 3 c_2 / 2 = c_3. To the error of Y_i that of Z_i then adds only O(h^3), and
+2, 3, which makes chat_2 = 3 c_2 / 2 = c_3. The error of Z_i then adds only O(h^3) to that of Y_i, and
 the trees in which f is nonlinear in z are satisfied automatically. For a fat tree u = [t_1..]_z the last row, b,
 gives b . psi(u) = prod (b . phi(t_k)): trees [u]_y need no further condition. Those in which psi(u) is multiplied by
 c_i or followed by A contain b (1 - c) . psi(u), by D(1). With beta defined by
@@ -26,13 +26,13 @@ and the remaining equations are linear in the remaining entries of Ahat.
 The extra stage 8, at (y_1, z_1), has Chat(3) and the z-conditions of order 4, and w_81 = 0: the error
 of z_0 vanishes after a step.
 
-The choice. chat_4 = c_4, chat_6 = (1 + c_6) / 2, and c_3 = 2/9, c_5 = 7/10, c_6 = 4/5, chat_3 = 4/9,
+Choice of the parameters. chat_4 = c_4, chat_6 = (1 + c_6) / 2, and c_3 = 2/9, c_5 = 7/10, c_6 = 4/5, chat_3 = 4/9,
 chat_5 = 7/9, chat_8 = 3/5 give nodes in [0, 1], b >= 0 and coefficients below 1.3. chat is not monotone
 (4/9, then 3/7).
 
 Error estimate. The conditions of order 5 allow only b on the eight stages, so the embedded formula has
-order 4, on all trees and without a projection. A companion of order 3 was rejected: on Andrews'
-mechanism it costs a tenth more solves at equal error.
+order 4, on all trees and without a projection. There is no companion of order 3: with one, Andrews'
+mechanism costs a tenth more solves at equal error.
 """
 
 from .exact_numbers import row, rows

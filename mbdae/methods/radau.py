@@ -36,11 +36,11 @@ class RadauIIA(CoupledMethod):
 
     def __post_init__(self) -> None:
         if not 1 <= self.stages <= MAX_STAGES:
-            raise ValueError(f"a Radau IIA method has 1 to {MAX_STAGES} stages here, got {self.stages}")
+            raise ValueError(f"a Radau IIA method has 1 to {MAX_STAGES} stages, got {self.stages}")
 
     @property
     def name(self) -> str:
-        """``"radau5"`` for three stages: named after the order."""
+        """Name after the order: ``"radau5"`` for three stages."""
         return f"radau{self.order}"
 
     @property
@@ -55,12 +55,12 @@ class RadauIIA(CoupledMethod):
 
     @property
     def order_linear(self) -> int:
-        """Order of y when f is linear in z: the same."""
+        """Order of y when f is linear in z, equal to `order`."""
         return self.order
 
     @property
     def order_own(self) -> int:
-        """Order of the method's z: s."""
+        """Order of the z of the method: s."""
         return self.stages
 
     @property
@@ -102,13 +102,13 @@ class RadauIIA(CoupledMethod):
 
     @property
     def b_companion(self) -> tuple[str, ...]:
-        """Weights of the second one, which omits the first stage; empty for fewer than three stages."""
+        """Weights of the second embedded formula, without the first stage; empty for fewer than three stages."""
         return self._embedded(1) if self.stages >= 3 else ()
 
     def _embedded(self, skip: int) -> tuple[str, ...]:
         c, gamma = [Fraction(x) for x in coefficients(self.stages).c], Fraction(self.arrays.gamma)
-        used = c[skip:]
-        start = [prod(x / (x - y) for x in used if x != y) if y in used else Fraction(0) for y in c]
+        nodes = c[skip:]
+        start = [prod(x / (x - y) for x in nodes if x != y) if y in nodes else Fraction(0) for y in c]
         defect = [Fraction(1), *(-x for x in start)]
         return tuple(str(b + gamma * e) for b, e in zip(self.exact_b, defect, strict=True))
 

@@ -5,7 +5,7 @@ The nodes c_1 < ... < c_s = 1 are the zeros of
     d^(s-1)/dx^(s-1) [x^(s-1) (x - 1)^s],
 
 and collocation gives a_ij = integral of l_j from 0 to c_i with the Lagrange polynomials l_j of the nodes: the
-assumption C(s). Everything is computed to 40 digits and rounded once.
+assumption C(s). All numbers are computed to 40 digits and rounded once.
 
 Source: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.5.
 """
@@ -33,7 +33,7 @@ class Coefficients:
 
     @cached_property
     def arrays(self) -> StageArrays:
-        """Data of a step, in double precision."""
+        """The coefficients in double precision."""
         A = np.array(self.A, float)
         return stage_arrays(np.array(self.c, float), A, A[-1], R_infinity=0.0)
 
@@ -58,8 +58,8 @@ def _nodes(s: int) -> list[Decimal]:
     p = [perm(k + s - 1, s - 1) * a for k, a in enumerate(power)]
     dp = [k * a for k, a in enumerate(p)][1:]
     k = np.arange(1, s)
-    beside = np.sqrt(k * (k + 1)) / (2 * k + 1)
-    recurrence = np.diag(-1.0 / (4 * k**2 - 1)) + np.diag(beside[:-1], 1) + np.diag(beside[:-1], -1)
+    off_diagonal = np.sqrt(k * (k + 1)) / (2 * k + 1)
+    recurrence = np.diag(-1.0 / (4 * k**2 - 1)) + np.diag(off_diagonal[:-1], 1) + np.diag(off_diagonal[:-1], -1)
     guesses = (np.linalg.eigvalsh(recurrence) + 1) / 2
     return [_zero(p, dp, Decimal(float(x))) for x in guesses] + [Decimal(1)]
 
@@ -77,8 +77,8 @@ def _collocation(c: list[Decimal]) -> list[list[Decimal]]:
         for other in c[:j] + c[j + 1 :]:
             basis = [a - other * b for a, b in zip([Decimal(0), *basis], [*basis, Decimal(0)], strict=True)]
         integral = [Decimal(0), *(a / (k + 1) for k, a in enumerate(basis))]
-        size = _value(basis, node)
-        columns.append([_value(integral, x) / size for x in c])
+        scale = _value(basis, node)
+        columns.append([_value(integral, x) / scale for x in c])
     return [list(row) for row in zip(*columns, strict=True)]
 
 

@@ -1,4 +1,4 @@
-"""Data of a step of an implicit method in double precision: its coefficients, and the eigenvectors of A."""
+"""Coefficients of an implicit method in double precision, and the eigenvectors of A."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -8,7 +8,7 @@ import numpy as np
 from ..system import Array
 from ..tolerances import INPUT_DIGITS, SUM_ROUNDING
 
-SEPARATION = INPUT_DIGITS  # fraction of an eigenvalue: shift of multiple ones, see `stage_arrays`
+SEPARATION = INPUT_DIGITS  # fraction of an eigenvalue: shift of multiple eigenvalues, see `stage_arrays`
 
 
 class EigenMode(NamedTuple):
@@ -24,7 +24,7 @@ class EigenMode(NamedTuple):
 
 @dataclass(frozen=True)
 class StageArrays:
-    """Double-precision data of a step.
+    """Coefficients of an implicit method in double precision.
 
     Attributes:
         c: nodes, (s,).
@@ -36,8 +36,8 @@ class StageArrays:
         modes: real eigenvalues and complex pairs of A.
         real: index of the first real mode; None if there is none.
         gamma: a real eigenvalue of A, or the geometric mean of all: the weight of y'_0 in the error estimate.
-        start: the Lagrange polynomials of the nodes at 0, and for s >= 3 of all but the first node, (1 or 2, s).
-        middle: index of the node next to 1/2.
+        start: the Lagrange polynomials of the nodes at 0, and for s >= 3 of all nodes except the first, (1 or 2, s).
+        middle: index of the node closest to 1/2.
     """
 
     c: Array
@@ -54,10 +54,10 @@ class StageArrays:
 
 
 def stage_arrays(c: Array, A: Array, b: Array, R_infinity: float) -> StageArrays:
-    """Return the data of a step.
+    """Return the arrays of a method.
 
-    A with a multiple eigenvalue (SDIRK) has no basis of eigenvectors. Its modes are those of A with a diagonal that
-    differs by a millionth: they serve a simplified Newton iteration, which converges to the stages of A.
+    A with a multiple eigenvalue (SDIRK) has no basis of eigenvectors. Its modes are those of a matrix whose
+    diagonal differs by a millionth; the simplified Newton iteration converges to the stages of A nevertheless.
 
     Args:
         c: nodes, (s,).

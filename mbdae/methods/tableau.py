@@ -32,8 +32,8 @@ class Tableau:
     first row of Ahat is zero: Z_1 = z_0 is carried, and an extra stage n = s + 1 with Y_n = y_1 gives z_1 and
     the next step's first stage.
 
-    Entries are text (``"1/2"``, ``"0.25"``, ``"1/6 - sqrt(3)/108"``), fractions or numbers, which mean exactly the
-    decimals as written; a table may also be one text with one row per line. If claims are left out,
+    Entries are text (``"1/2"``, ``"0.25"``, ``"1/6 - sqrt(3)/108"``), fractions or numbers, whose value is exactly
+    the decimal that Python prints; a table may also be one string with one row per line. If claims are left out,
     `mbdae.methods.method` derives them from the order conditions, up to order 5.
 
     Args:
@@ -51,8 +51,8 @@ class Tableau:
         b_embedded: weights of the embedded formula over the n stages, as text; empty if there is none.
         b_companion: weights of a second embedded formula, one order lower (see `mbdae.methods.controller`).
         order_embedded: order of the embedded formula, after projection if `project_embedded`.
-        project_embedded: whether the embedded solution violates 0 = g and is projected before the difference is taken.
-        rounded: whether coefficients are rounded decimals; conditions hold to about 1e-24 and not exactly.
+        project_embedded: whether the embedded solution violates 0 = g, and is projected onto it for the error estimate.
+        rounded: whether coefficients are rounded decimals: conditions hold to about 1e-24, not exactly.
 
     Raises:
         InputError: for entries that are not exact numbers, or coefficients that are not those of a half-explicit
@@ -78,8 +78,8 @@ class Tableau:
     excludes: ClassVar[Mapping[str, str]] = {}
     in_core = True  # the compiled core takes its steps
     control = PI
-    roundings = 0  # per step, of sums that are not compensated
-    position_pivot = np.inf  # stages do not divide residuals of positions by h^2
+    roundings = 0  # per step, in sums without compensation
+    position_pivot = np.inf  # stages do not divide position residuals by h^2
     blend = 1.0  # weight between two error estimates, see `mbdae.methods.controller.error_norm`
 
     def __post_init__(self) -> None:
@@ -89,8 +89,8 @@ class Tableau:
         for key in ("A", "Ahat"):
             object.__setattr__(self, key, _texts(self.name, key, getattr(self, key)))
         for key in ("b", "b_embedded", "b_companion"):
-            found = _texts(self.name, key, [getattr(self, key)])
-            object.__setattr__(self, key, found[0] if found else ())
+            rows = _texts(self.name, key, [getattr(self, key)])
+            object.__setattr__(self, key, rows[0] if rows else ())
         self._check_shape()
         for key in ("order_linear", "order_ode"):
             object.__setattr__(self, key, getattr(self, key) or self.order)
@@ -119,7 +119,7 @@ class Tableau:
 
     @cached_property
     def exact_Ahat(self) -> list[Row]:
-        """Exact Ahat, (n, n): as given, or A shifted by one row and closed by b (HERK)."""
+        """Exact Ahat, (n, n); for HERK the rows 2 to n of A, and b."""
         if self.Ahat:
             return [_row(r, len(self.A)) for r in self.Ahat]
         return [*self.exact_A[1:], self.exact_b]
@@ -131,7 +131,7 @@ class Tableau:
 
     @property
     def carries(self) -> bool:
-        """Whether a step needs more than the end point of the previous step."""
+        """Whether a step uses more than the end point of the previous step."""
         return self.explicit_first
 
     @property
@@ -149,14 +149,14 @@ class Tableau:
 
     @property
     def smallest_pivot(self) -> float:
-        """Min |ahat_ii| over constrained stages; the rounding error of the method's z is eps / (h times it)."""
+        """Pivot p = min |ahat_ii| over constrained stages; the rounding error of the z of the method is eps / (p h)."""
         return min(abs(float(self.exact_Ahat[i][i])) for i in range(int(self.explicit_first), len(self.A)))
 
     @cached_property
     def noise(self) -> float:
         """Rounding error of an error estimate of v, relative to |v|: 2 eps sum_i |e_i / ahat_ii|.
 
-        A stage computes v' = -G v / (h ahat_ii) + ..., so that eps |v| / (h ahat_ii) of it is rounding, for any h.
+        A stage computes v' = -G v / (h ahat_ii) + ..., which has the rounding error eps |v| / (h ahat_ii).
         """
         first, diagonal = int(self.explicit_first), [row[i] for i, row in enumerate(self.exact_Ahat)]
         weights, *_ = *self._error_weights, self.exact_b
@@ -174,7 +174,7 @@ class Tableau:
         """Power of h in the error estimate of `controlled_step`: embedded order + 1, one more with a companion.
 
         From errors of size h^(p+1) and, for the companion, h^p the estimate err_1^2 / (err_1 + 0.01 err_2) is of size
-        h^(p+2). Without an embedded formula, two half steps yield the method's local error, h^(p+1).
+        h^(p+2). Without an embedded formula, step doubling yields the local error of the method, h^(p+1).
         """
         return self.order_embedded + 1 + bool(self.b_companion) if self.b_embedded else self.order + 1
 
@@ -239,7 +239,7 @@ def _row(text: Text, n: int) -> Row:
 
 
 def _is_lower(rows: list[Row], diagonal: int) -> bool:
-    """Return whether entries from this diagonal upwards are zero."""
+    """Return whether entries on and above a diagonal are zero."""
     return not any(any(row[i + diagonal :]) for i, row in enumerate(rows))
 
 

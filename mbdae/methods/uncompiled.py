@@ -1,10 +1,10 @@
-"""Methods whose steps are computed in Python."""
+"""Methods whose steps the compiled core does not support."""
 
 from collections.abc import Iterable
 from typing import Any
 
 
 def uncompiled(methods: Iterable[Any], because: str) -> str:
-    """Return why methods are computed in Python: a known reason, or the names of those whose steps are; or ""."""
+    """Return why runs are computed in Python: a known reason, or the names of methods outside of the core; or ""."""
     names = ", ".join(dict.fromkeys(m.name for m in methods if not m.in_core))
     return because or (names and f"steps of {names} in Python")

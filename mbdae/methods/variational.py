@@ -22,8 +22,8 @@ from .exact_numbers import exact, row
 from .tableau import Row, Text
 
 MAX_ITERATIONS = 30
-TYPICAL = 4  # evaluations of the equations in a step of RATTLE
-SLOWEST_RATE = 0.5  # contraction rate of Newton's method, above which a small change is rounding: the last one
+TYPICAL_EVALUATIONS = 4  # evaluations of the equations in a step of RATTLE
+SLOWEST_RATE = 0.5  # contraction rate of Newton's method: at higher rates, small changes are rounding errors
 
 
 class NewtonMethod:
@@ -55,7 +55,7 @@ class Composition(NewtonMethod):
         name: name typed by the user.
         title: one line for a list of methods.
         reference: where the weights were published.
-        half: gamma_1 to the middle one, as text; the others follow by symmetry.
+        half: gamma_1 up to the middle gamma_i, as text; the remaining ones follow by symmetry.
         order: claimed order of q and v.
     """
 
@@ -82,14 +82,14 @@ class Composition(NewtonMethod):
 
     @property
     def order_linear(self) -> int:
-        """Order on mechanisms: the same."""
+        """Order for mechanisms, equal to `order`."""
         return self.order
 
     @cached_property
     def exact_weights(self) -> Row:
         """Exact gamma_i, (s,)."""
-        first = [exact(x) for x in self.half]
-        return first + first[-2::-1]
+        half = [exact(x) for x in self.half]
+        return half + half[-2::-1]
 
     @cached_property
     def weights(self) -> Array:
@@ -108,11 +108,11 @@ class Composition(NewtonMethod):
     @property
     def solves(self) -> int:
         """Linear solves per step with typical iterations."""
-        return TYPICAL * len(self.weights)
+        return TYPICAL_EVALUATIONS * len(self.weights)
 
     @property
     def smallest_pivot(self) -> float:
-        """|gamma_s| / 2; the rounding error of the method's z is eps / (h times it).
+        """Pivot p = |gamma_s| / 2; the rounding error of the z of the method is eps / (p h).
 
         z is mu of the last substep, of size gamma_s h, which adds gamma_s h/2 G^T mu to the momentum.
         """
@@ -120,7 +120,7 @@ class Composition(NewtonMethod):
 
     @property
     def roundings(self) -> int:
-        """Roundings of v per step that compensated summation does not remove: each substep solves for it from p."""
+        """Roundings of v per step that compensated summation does not remove: each substep solves for v from p."""
         return len(self.weights)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
@@ -147,7 +147,7 @@ class Composition(NewtonMethod):
 
 
 def rattle_step(system: System, t: float, h: float, state: State) -> Step:
-    """Take a step of RATTLE, with Newton's method to rounding: a looser iteration shows as a drift of the energy.
+    """Take a step of RATTLE, with Newton's method to rounding: a looser tolerance causes a drift of the energy.
 
     Raises:
         StepError: if it does not converge.
@@ -158,7 +158,7 @@ def rattle_step(system: System, t: float, h: float, state: State) -> Step:
 
 
 def make_step(system: System, state: State, dy: Array, z: Array, carry: object) -> Step:
-    """Return the step that moves y by ``dy`` (ny,), with compensated summation."""
+    """Return the step with the increment ``dy`` (ny,) of y, with compensated summation."""
     if state.compensation is not None:
         dy = dy + state.compensation
     y = system.add(state.y, dy)
@@ -166,7 +166,7 @@ def make_step(system: System, state: State, dy: Array, z: Array, carry: object) 
 
 
 def solve_newton(system: System, step: VariationalStep) -> tuple[Array, Array]:
-    """Return x and lam; once changes are small, the next one is at most size^2 / last, as with any faster rate.
+    """Return x and lam by Newton's method; from changes last and size, the next one is estimated as size^2 / last.
 
     Raises:
         StepError: if Newton's method does not converge.

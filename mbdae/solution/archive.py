@@ -1,4 +1,4 @@
-"""Solutions in files: .npz contains the complete solution and can be read; .csv is a table of named columns."""
+"""Solutions in files: .npz contains the complete solution and can be loaded; .csv is a table of named columns."""
 
 import json
 import sys
@@ -32,11 +32,11 @@ HEADERS: dict[tuple[int, int], Callable[..., Any]] = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
 }
-FORMAT = 2  # 1 contained Pinocchio's archives, which are not safe to read
+FORMAT = 2  # format 1 contained Pinocchio's archives, which are not safe to read
 SUFFIXES = (".npz", ".csv")
-ARRAYS = ("t", "y", "z_own", "steps_t", "steps_y", "steps_z")  # besides those of events
-LARGEST_TEXT = 2**27  # bytes of the text in a file, four for each character
-LARGE, MAX_COMPRESSION = 2**28, 100  # bytes of arrays that are always read; largest compression ratio of larger files
+ARRAYS = ("t", "y", "z_own", "steps_t", "steps_y", "steps_z")  # in addition to the arrays of events
+LARGEST_TEXT = 2**27  # bytes of the metadata of a file, four per character
+LARGE, MAX_COMPRESSION = 2**28, 100  # bytes: smaller arrays are always read, larger ones up to this compression ratio
 DAMAGE = (
     OSError, ValueError, LookupError, ArithmeticError, EOFError, TypeError, AttributeError, RuntimeError, MemoryError,
     SyntaxError, TokenError, BadZipFile, zlib.error,
@@ -44,7 +44,7 @@ DAMAGE = (
 
 
 class _OpenModel(BaseModel):
-    """Data of a run: fields named here are checked, others may be present."""
+    """Data of a run: declared fields are checked, others may be present."""
 
     model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
@@ -105,8 +105,8 @@ def write(sol: "Solution", path: str | Path) -> None:
         return
     ts, ys, zs = sol.steps or (sol.t[:0], sol.y[:0], sol.z_own[:0])
     arrays = {"t": sol.t, "y": sol.y, "z_own": sol.z_own, "steps_t": ts, "steps_y": ys, "steps_z": zs}
-    for i, found in enumerate(sol.events):
-        arrays |= dict(zip(_event(i), (np.asarray(x) for x in found), strict=True))
+    for i, event in enumerate(sol.events):
+        arrays |= dict(zip(_event(i), (np.asarray(x) for x in event), strict=True))
     meta = {
         "format": FORMAT,
         "mechanism": problem_data(sol.problem),
@@ -138,13 +138,13 @@ def problem_data(problem: Any) -> dict[str, Any]:
     if isinstance(problem, Mechanism):
         return describe(problem)
     if not listed(problem):
-        known = ", ".join(TEXTBOOK)
-        raise InputError(f"the functions of {problem.title!r} cannot be saved; those of {known} can")
+        names = ", ".join(TEXTBOOK)
+        raise InputError(f"the functions of {problem.title!r} cannot be saved; those of {names} can")
     return {"textbook": problem.name}
 
 
 def _restored(data: dict[str, Any], meshes: Sequence[Path]) -> tuple[Any, int, int]:
-    """Return the problem, the length of its points, and that of its multipliers."""
+    """Return the problem, the number of components of its points, and of its multipliers."""
     if "textbook" in data:
         problem = TEXTBOOK[data["textbook"]]()
         return problem, len(problem.y0), len(problem.z0)
@@ -155,19 +155,19 @@ def _restored(data: dict[str, Any], meshes: Sequence[Path]) -> tuple[Any, int, i
 def read(path: str | Path, meshes: Sequence[str | Path] = ()) -> dict[str, Any]:
     """Read a .npz file; return the arguments of `mbdae.Solution`. Warns about a file of another version of mbdae.
 
-    Sizes are checked first: only the arrays of a run are unpacked, and only if they have the announced shapes.
+    Sizes are checked first: only the arrays of a run are unpacked, and only if they have the shapes in the metadata.
 
     Args:
         path: the file.
-        meshes: folders from which meshes are read, besides those below the file's folder and of installed packages.
+        meshes: folders from which meshes are read, besides the folder of the file and installed packages.
 
     Raises:
-        InputError: for a missing or damaged file, a file of another kind, or of another format.
+        InputError: for a missing or damaged file, another kind of file, or another format.
     """
-    with _reported_as_damage(path):
+    with _damage_reported(path):
         shapes, meta = _sizes(path)
     _check_version(path, meta)
-    with _reported_as_damage(path):
+    with _damage_reported(path):
         return _arguments(path, shapes, meta, [Path(path).absolute().parent, *map(Path, meshes)])
 
 
@@ -214,27 +214,27 @@ def _arguments(
 ) -> dict[str, Any]:
     run = _Run.model_validate(meta)
     problem, width, ng = _restored(run.mechanism, meshes)
-    named = [*ARRAYS, *(name for i in range(min(run.events, len(shapes))) for name in _event(i))]
-    if unknown := sorted(shapes.keys() - {*named}):
+    names = [*ARRAYS, *(name for i in range(min(run.events, len(shapes))) for name in _event(i))]
+    if unknown := sorted(shapes.keys() - {*names}):
         raise ValueError(f"unknown array {unknown[0]!r}")
-    _check_announced(run, shapes, width, ng)
+    _check_run(run, shapes, width, ng)
     _check_numbers(problem, run, ng)
     if run.arrays is not None and run.arrays != shapes:
-        raise ValueError("its arrays do not have the announced shapes")
-    data = _arrays(path, named)
+        raise ValueError("its arrays do not have the shapes in its metadata")
+    data = _arrays(path, names)
     events = [(data[t], data[y]) for t, y in map(_event, range(run.events))]
     for ts, ys in ((data["t"], data["y"]), (data["steps_t"], data["steps_y"]), *events):
         _check_points(ts, ys)
     steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
     arrays = {name: data[name] for name in ("t", "y", "z_own")}
-    rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
+    metadata = {name: meta[name] for name in ("status", "message", "stats", "settings")}
     saved_states.store(run.external)
-    rest |= {"external": run.external}
-    rest |= {name: list(getattr(run, name)) for name in ("modes", "impacts", "resets", "singular", "in_use")}
-    return {"problem": problem, **arrays, **rest, "steps": steps, "events": events}
+    metadata |= {"external": run.external}
+    metadata |= {name: list(getattr(run, name)) for name in ("modes", "impacts", "resets", "singular", "in_use")}
+    return {"problem": problem, **arrays, **metadata, "steps": steps, "events": events}
 
 
-def _check_announced(run: _Run, shapes: dict[str, Shape], width: int, ng: int) -> None:
+def _check_run(run: _Run, shapes: dict[str, Shape], width: int, ng: int) -> None:
     """Reject arrays with inconsistent shapes, a run without times, and an unknown status."""
     for t, y, z in (("t", "y", "z_own"), ("steps_t", "steps_y", "steps_z")):
         _check_shapes(shapes[t], shapes[y], shapes[z], width, ng)
@@ -272,15 +272,15 @@ def _event(i: int) -> tuple[str, str]:
 
 
 @contextmanager
-def _reported_as_damage(path: str | Path) -> Iterator[None]:
+def _damage_reported(path: str | Path) -> Iterator[None]:
     """Report errors of a file in one line."""
     try:
         yield
     except FileNotFoundError:
         raise InputError(f"no such file: {path}") from None
     except DAMAGE as e:
-        words = one_line(e, lambda at: []) if isinstance(e, ValidationError) else (str(e).splitlines() or [""])[0]
-        reason = words if isinstance(e, ValidationError | InputError) else f"{type(e).__name__}: {words}".strip(": ")
+        text = one_line(e, lambda at: []) if isinstance(e, ValidationError) else (str(e).splitlines() or [""])[0]
+        reason = text if isinstance(e, ValidationError | InputError) else f"{type(e).__name__}: {text}".strip(": ")
         raise InputError(f"{path} is damaged or not a solution written by mbdae ({reason})") from None
 
 
@@ -292,9 +292,9 @@ def _check_shapes(t: Shape, y: Shape, z: Shape, width: int, ng: int) -> None:
 
 
 def _check_version(path: str | Path, meta: dict[str, Any]) -> None:
-    written, here = meta["versions"]["mbdae"], versions()["mbdae"]
+    version, current = meta["versions"]["mbdae"], versions()["mbdae"]
     if meta["format"] != FORMAT:
-        other = f"{path} was written by mbdae {written} in format {meta['format']}"
-        raise InputError(f"{other}; this is mbdae {here}, which reads format {FORMAT}")
-    if written != here:
-        warnings.warn(f"{path} was written by mbdae {written}, and this is mbdae {here}", stacklevel=4)
+        message = f"{path} was written by mbdae {version} in format {meta['format']}"
+        raise InputError(f"{message}; this is mbdae {current}, which reads format {FORMAT}")
+    if version != current:
+        warnings.warn(f"{path} was written by mbdae {version}, and this is mbdae {current}", stacklevel=4)

@@ -23,7 +23,7 @@ TWO_PI = 2 * np.pi
 CONTACT = ("normal", "longitudinal", "lateral", "friction")
 WRENCH_UNITS, WORLD_AXES, LOCAL_AXES = {"force": "N", "torque": "N m"}, "xyz", "123"
 MOTIONS = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # units of motions of frames
-MOVING = COARSE  # fraction of the rate of gravity, which needs no evaluation: faster mechanisms move
+MOVING = COARSE  # fraction of the rate of gravity, a cheap first check: faster mechanisms are not at rest
 
 
 class Residuals(NamedTuple):
@@ -56,10 +56,10 @@ def energy_balance(sol: "Solution", kinetic: Array, potential: Array, work: Arra
 
 
 def _is_at_rest(sol: "Solution", exchanged: float) -> bool:
-    """Return whether speeds at all nodes, and the energy exchanged in J, are no more than errors of the run.
+    """Return whether speeds at all nodes, and the energy exchanged in J, are within the errors of the run.
 
-    They are compared with the characteristic rate, and with the kinetic energy at such speeds: a slow motion may
-    exchange more.
+    Speeds are compared with the characteristic rate, the energy with the kinetic energy at such speeds, which a slow
+    motion may exceed.
     """
     mech, y = sol.mechanism, sol.nodes[1]
     fastest = np.abs(y[:, mech.nq : mech.nq + mech.nv] / mech.coordinate_scales).max(initial=0.0)
@@ -75,13 +75,13 @@ def energy_error(kinetic: Array, potential: Array, work: Array) -> tuple[Array, 
 
     Args: as for `energy_balance`.
     """
-    done, total = work - work[..., :1], kinetic + potential
-    worked, moving, high, low = np.array([np.abs(done), kinetic, potential, -potential]).max(-1)  # one call for all
-    return total - total[..., :1] - done, np.maximum(np.maximum(worked, moving), high + low)
+    work_done, total = work - work[..., :1], kinetic + potential
+    max_work, max_kinetic, high, low = np.array([np.abs(work_done), kinetic, potential, -potential]).max(-1)
+    return total - total[..., :1] - work_done, np.maximum(np.maximum(max_work, max_kinetic), high + low)
 
 
 def require_times(sol: "Solution") -> None:
-    """Require times of a solution.
+    """Check that a solution has times.
 
     Raises:
         InputError: if the run ended before the first of ``t_eval``.
@@ -109,12 +109,12 @@ def coordinates(sol: "Solution") -> dict[str, Array]:
     q: dict[str, Array] = {}
     v: dict[str, Array] = {}
     for name in mech.joint_names:
-        j, (of_q, of_v) = find_joint(mech.model, name), component_suffixes(mech, name)
-        v |= {f"v.{name}{part}": sol.v[:, j.idx_v + k] for k, part in enumerate(of_v)}
+        j, (q_suffixes, v_suffixes) = find_joint(mech.model, name), component_suffixes(mech, name)
+        v |= {f"v.{name}{suffix}": sol.v[:, j.idx_v + k] for k, suffix in enumerate(v_suffixes)}
         if (j.nq, j.nv) == (2, 1):
             q[f"q.{name}"] = unwrapped(sol, j.idx_q, j.idx_v)
         else:
-            q |= {f"q.{name}{part}": sol.q[:, j.idx_q + k] for k, part in enumerate(of_q)}
+            q |= {f"q.{name}{suffix}": sol.q[:, j.idx_q + k] for k, suffix in enumerate(q_suffixes)}
     return {**q, **v}
 
 
@@ -126,8 +126,8 @@ def contact_paths(sol: "Solution") -> dict[str, Array]:
 
 def contact_forces(sol: "Solution") -> dict[str, Array]:
     """Return the forces of rolling closures, and their required friction."""
-    found = {c.name: contact(sol.mechanism, c.name, sol.t, sol.q, sol.lam) for c in rolling_closures(sol.mechanism)}
-    return {f"{kind}.{name}": getattr(x, kind) for name, x in found.items() for kind in CONTACT}
+    contacts = {c.name: contact(sol.mechanism, c.name, sol.t, sol.q, sol.lam) for c in rolling_closures(sol.mechanism)}
+    return {f"{kind}.{name}": getattr(x, kind) for name, x in contacts.items() for kind in CONTACT}
 
 
 def force_rows(mech: "Mechanism") -> dict[str, list[int]]:
@@ -137,29 +137,29 @@ def force_rows(mech: "Mechanism") -> dict[str, list[int]]:
     are excluded, since friction is not one of their multipliers.
     """
     regularized = {f.closure for f in mech.forces if isinstance(f, CoulombFriction) and not f.is_exact}
-    framed = [c.name for c in mech.constraints if c.frames and c.name not in regularized]
-    return {name: [i for i in mech.rows_of(name) if mech.row_units[i] == "m"] for name in framed}
+    names = [c.name for c in mech.constraints if c.frames and c.name not in regularized]
+    return {name: [i for i in mech.rows_of(name) if mech.row_units[i] == "m"] for name in names}
 
 
 def frame_columns(sol: "Solution") -> dict[str, Array]:
     """Return the columns of positions, velocities and accelerations of frames."""
     names = moving_frames(sol.mechanism)
     out: dict[str, Array] = {}
-    found = frame_motions(sol.mechanism.model, names, sol.q, sol.v, sol.vdot)
-    for word, values in zip(MOTIONS, found, strict=True):
+    motions = frame_motions(sol.mechanism.model, names, sol.q, sol.v, sol.vdot)
+    for kind, values in zip(MOTIONS, motions, strict=True):
         for name, x in zip(names, values, strict=True):
-            out |= {f"{word}.{name}": np.linalg.norm(x, axis=1)} if word != "position" else {}
-            out |= {f"{word}.{name}.{axis}": x[:, k] for k, axis in enumerate(WORLD_AXES)}
+            out |= {f"{kind}.{name}": np.linalg.norm(x, axis=1)} if kind != "position" else {}
+            out |= {f"{kind}.{name}.{axis}": x[:, k] for k, axis in enumerate(WORLD_AXES)}
     return out
 
 
 def frame_units(mech: "Mechanism") -> dict[str, str]:
     """Return units of the columns of frames, in the order of `frame_columns`."""
     out: dict[str, str] = {}
-    for word, unit in MOTIONS.items():
+    for kind, unit in MOTIONS.items():
         for name in moving_frames(mech):
-            out |= {f"{word}.{name}": unit} if word != "position" else {}
-            out |= {f"{word}.{name}.{axis}": unit for axis in WORLD_AXES}
+            out |= {f"{kind}.{name}": unit} if kind != "position" else {}
+            out |= {f"{kind}.{name}.{axis}": unit for axis in WORLD_AXES}
     return out
 
 
@@ -178,35 +178,35 @@ def reaction_of(sol: "Solution", name: str) -> Reaction:
     mech = sol.mechanism
     if name in mech.joint_names and name not in mech.row_names:
         return joint_reaction(mech, name, sol.t, sol.q, sol.v, sol.vdot, sol.lam)
-    known = [c.name for c in mech.constraints]
-    if name not in known:
-        raise UnknownNameError("closure, driver or joint", name, [*known, *mech.joint_names])
+    names = [c.name for c in mech.constraints]
+    if name not in names:
+        raise UnknownNameError("closure, driver or joint", name, [*names, *mech.joint_names])
     return reaction(mech, name, sol.t, sol.q, sol.lam, sol.v)
 
 
 def reaction_units(mech: "Mechanism") -> dict[str, str]:
     """Return units of the columns of joint and closure wrenches: magnitude, world axes, local axes."""
-    ends = ("", *(f".{axis}" for axis in (*WORLD_AXES, *LOCAL_AXES)))
+    suffixes = ("", *(f".{axis}" for axis in (*WORLD_AXES, *LOCAL_AXES)))
     return {
-        f"{word}.{name}{end}": unit
+        f"{kind}.{name}{suffix}": unit
         for name in reaction_names(mech)
-        for word, unit in WRENCH_UNITS.items()
-        for end in ends
+        for kind, unit in WRENCH_UNITS.items()
+        for suffix in suffixes
     }
 
 
 def reaction_columns(sol: "Solution") -> dict[str, Array]:
     """Return columns of joint and closure wrenches, see `mbdae.mechanism.signals.joint_wrenches.reaction_wrenches`."""
     n, mech = len(sol.t), sol.mechanism
-    world, own = (x.reshape(n, -1, 3) for x in reaction_wrenches(mech, sol.t, sol.q, sol.v, sol.vdot, sol.lam))
-    all_of = np.concatenate([np.linalg.norm(world, axis=2)[:, :, None], world, own], axis=2)
-    return dict(zip(reaction_units(mech), all_of.reshape(n, -1).T, strict=True))
+    world, local = (x.reshape(n, -1, 3) for x in reaction_wrenches(mech, sol.t, sol.q, sol.v, sol.vdot, sol.lam))
+    columns = np.concatenate([np.linalg.norm(world, axis=2)[:, :, None], world, local], axis=2)
+    return dict(zip(reaction_units(mech), columns.reshape(n, -1).T, strict=True))
 
 
 def unwrapped(sol: "Solution", iq: int, iv: int) -> Array:
     """Return the angle of an unbounded revolute joint (cosine and sine in q) at the times of a solution, in rad, (n,).
 
-    The angle is unwrapped from step to step with the mean velocity, so that fast rotations are counted, too.
+    The angle is unwrapped from step to step with the mean velocity, so that fast rotations are counted correctly.
     """
     ts, ys, _ = sol.nodes
     ts, ys = np.asarray(ts), np.asarray(ys)

@@ -16,12 +16,12 @@ from ..system import Array
 from ..tolerances import JUMP_MARGIN, NEGLIGIBLE
 from .sampling import sample_together, set_slip_directions
 
-# multiple of the spacing of t: the sides of a jump are closer; far from t = 0 steps are, too, but they change q
+# multiple of the spacing of t: nodes at a jump are closer, and q is the same; far from t = 0 steps may be as short
 JUMP_DISTANCE = 6 * JUMP_MARGIN
 
 
 class DenseOutput:
-    """Points, rates and multipliers at any time of a run."""
+    """Points, rates and multipliers of a solution at any time of a run."""
 
     t: Array
     y: Array
@@ -44,7 +44,7 @@ class DenseOutput:
         return self.steps or (self.t, self.y, self.z_own)
 
     def at(self, i: int) -> Any:
-        """Return the workspace in the mode and with the rows in use at node i: results depend on nothing else."""
+        """Return the workspace in the mode and with the rows in use at node i, on which its results depend."""
         return self.prepared(self.system, i)
 
     def prepared(self, system: Any, i: int, frozen: bool = True) -> Any:
@@ -65,7 +65,7 @@ class DenseOutput:
         return system
 
     def _from_node(self, i: int) -> Iterator[Array]:
-        """Yield the points of the mode of node i: from this node on, then those before it, backward."""
+        """Yield the points in the mode of node i: those from this node on, then those before it, backward in time."""
         starts = [first for first, _ in self.modes]
         k, ys = bisect_right(starts, i), self.nodes[1]
         yield from ys[i : starts[k] if k < len(starts) else None]
@@ -83,12 +83,12 @@ class DenseOutput:
 
     @property
     def jump_margin(self) -> float:
-        """The largest distance in time of both sides of a jump: roundings of the span, also if a run ends early."""
+        """Largest time between both nodes of a jump: roundings of the time span, even if a run ends early."""
         ts, span = self.nodes[0], self.settings.get("t_span", ())
         return JUMP_DISTANCE * float(np.spacing(max(*np.abs([ts[0], ts[-1], *span]), NEGLIGIBLE)))
 
     def jumped(self, first: int = 0, last: int | None = None) -> Array:
-        """Return whether a jump lies between nodes i and i + 1, for those of a range, all by default: q is the same."""
+        """Return whether nodes i and i + 1 are those of a jump, at which q is constant, for a range of i."""
         nodes = slice(first, last)
         ts, ys = np.asarray(self.nodes[0][nodes]), self.nodes[1][nodes]
         q = ys[:, : self.problem.nq] if isinstance(self.problem, Mechanism) else ys
@@ -96,7 +96,7 @@ class DenseOutput:
         return (gap == 0) | (gap <= self.jump_margin) & (q[1:] == q[:-1]).all(axis=1)
 
     def point(self, t: float) -> Array:
-        """Return y at any time of the run, interpolated between steps; between both sides of a jump, y before it.
+        """Return y at any time of the run, interpolated within steps; between both nodes of a jump, y before the jump.
 
         Raises:
             InputError: for a time outside.
@@ -104,19 +104,19 @@ class DenseOutput:
         return next(self._one_by_one(np.array([t], float)))
 
     def points(self, times: Array) -> Iterator[Array]:
-        """Yield y at several times of the run; computed together where possible.
+        """Yield y at several times of the run; computed together if possible.
 
         Raises:
             InputError: for a time outside.
             StepError: for a point that cannot be computed, after the points before it.
         """
-        found, times = None, np.asarray(times, float)
+        sampled, times = None, np.asarray(times, float)
         with suppress(StepError):
-            found = sample_together(self, times)
-        yield from self._one_by_one(times) if found is None else found
+            sampled = sample_together(self, times)
+        yield from self._one_by_one(times) if sampled is None else sampled
 
     def _one_by_one(self, times: Array) -> Iterator[Array]:
-        """Yield y at each time; their steps are found at once."""
+        """Yield y at each time; the steps of all times are located together."""
         if not len(times):
             return
         ts, ys, _ = self.nodes
@@ -143,13 +143,13 @@ class DenseOutput:
             ts, ys, _ = self.nodes
             rates = self.rate(i), self.rate(i + 1)
             order = self.settings["dense_order"]
-            curve = self.at(i).interpolant(ts[i], ts[i + 1] - ts[i], (ys[i], ys[i + 1]), rates, order)
-            self._dense[i] = partial(self._on_step, i, curve)
+            interpolant = self.at(i).interpolant(ts[i], ts[i + 1] - ts[i], (ys[i], ys[i + 1]), rates, order)
+            self._dense[i] = partial(self._on_step, i, interpolant)
         return self._dense[i]
 
-    def _on_step(self, i: int, curve: Callable[[float], Array], theta: float) -> Array:
-        self.at(i)  # a curve may use the workspace later
-        return curve(theta)
+    def _on_step(self, i: int, interpolant: Callable[[float], Array], theta: float) -> Array:
+        self.at(i)  # the interpolant may use the workspace later
+        return interpolant(theta)
 
     def rate(self, i: int) -> Array:
         """Return y' (ny,) at node i, computed once."""
@@ -171,7 +171,7 @@ class DenseOutput:
     def resampled(self, times: Array) -> Self:
         """Return the solution at other times (m,) within its span, by dense output.
 
-        The multipliers of the method are those at the start of the step.
+        The multipliers of the method are those at the start of each step.
 
         Raises:
             InputError: for a time outside.
@@ -185,6 +185,6 @@ class DenseOutput:
 
     def _view(self, t: Array, y: Array, z_own: Array, steps: tuple[Array, Array, Array] | None) -> Self:
         """Return the same run at other times; workspace, rates at the nodes and integrals are shared."""
-        other: Any = replace(cast(Any, self), t=np.asarray(t), y=np.asarray(y), z_own=np.asarray(z_own), steps=steps)
-        other.__dict__["system"], other.rates, other.integrals = self.system, self.rates, self.integrals
-        return other
+        view: Any = replace(cast(Any, self), t=np.asarray(t), y=np.asarray(y), z_own=np.asarray(z_own), steps=steps)
+        view.__dict__["system"], view.rates, view.integrals = self.system, self.rates, self.integrals
+        return view

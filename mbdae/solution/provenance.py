@@ -6,7 +6,7 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-version_of = cache(version)  # reading the metadata of a package takes as long as writing a short run
+version_of = cache(version)  # reading the metadata of a package takes as long as saving a short run
 
 
 def versions() -> dict[str, str]:
@@ -15,6 +15,6 @@ def versions() -> dict[str, str]:
 
 
 def command_line() -> str:
-    """Return the command that was typed, as text of a shell."""
+    """Return the command line, quoted for a shell."""
     program = Path(sys.argv[0]).name
     return shlex.join(["mbdae" if program == "__main__.py" else program, *sys.argv[1:]])

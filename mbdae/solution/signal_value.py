@@ -1,4 +1,4 @@
-"""Signals of a mechanism at a single point, with the names of `Solution.signals` and of sweeps."""
+"""Values of signals of a mechanism at a single point, by the names of `Solution.signals`."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -27,21 +27,21 @@ SUMS = ("kinetic", "potential", "energy")
 RESIDUALS = ("g", "Gv")
 PYTHON_KINDS = ("column", "gap", "position", "reaction")  # kinds that the core does not support
 STATE_KINDS = ("position", "gap", *SUMS, *RESIDUALS)  # kinds that do not need accelerations
-OF_A_RUN = ("mode", "impulse", "work")  # prefixes of signals without a value at a point
+RUN_PREFIXES = ("mode", "impulse", "work")  # prefixes of signals without a value at a point
 
 
 class SignalValue(NamedTuple):
-    """Definition of a signal: its kind, and its position in y, in y' or in the rows.
+    """Definition of a signal: its kind, and its index in y, in y' or in the rows.
 
     Attributes:
         kind: ``"t"``; ``"y"``, a component of y = (q, v, s, w); ``"rate"``, one of y' in the tangent; ``"angle"`` of a
             circle in q; ``"lam"``, ``"force"``, ``"torque"``; one of kinetic, potential, energy, g, Gv; or
             ``"position"``, ``"gap"`` of a switch, ``"column"`` of `mbdae.solution.signals.units` and ``"reaction"``
             of a joint or closure, which the core does not support.
-        i: index in y or y'; for an angle that of its cosine in q; for a column its index; for a position its axis; for
-            a gap the index of its switch.
+        i: index in y or y'; for an angle, of its cosine in q; for a column, of the column; for a position, of its
+            axis; for a gap, of its switch.
         rate: index in the tangent y' of its time derivative; -1 if there is none.
-        rows: of closures; for a position the index of the frame in the model.
+        rows: rows of closures; for a position, the index of the frame in the model.
     """
 
     kind: str
@@ -55,7 +55,7 @@ class SignalValue(NamedTuple):
         return self.kind not in PYTHON_KINDS
 
     def core_data(self) -> CoreData:
-        """Core data."""
+        """Return the definition as core data."""
         return {"kind": self.kind, "i": self.i, "rate": self.rate, "rows": list(self.rows)}
 
 
@@ -105,23 +105,23 @@ def _all_signals(mech: Mechanism) -> dict[str, SignalValue]:
 
 
 def _coordinates(mech: Mechanism) -> dict[str, SignalValue]:
-    """Coordinates and velocities of all joints."""
+    """Return coordinates and velocities of all joints."""
     nq, nv = mech.nq, mech.nv
     q: dict[str, SignalValue] = {}
     v: dict[str, SignalValue] = {}
     for name in mech.joint_names:
-        j, (of_q, of_v) = find_joint(mech.model, name), component_suffixes(mech, name)
-        v |= {f"v.{name}{x}": SignalValue("y", nq + j.idx_v + k, nv + j.idx_v + k) for k, x in enumerate(of_v)}
+        j, (q_suffixes, v_suffixes) = find_joint(mech.model, name), component_suffixes(mech, name)
+        v |= {f"v.{name}{x}": SignalValue("y", nq + j.idx_v + k, nv + j.idx_v + k) for k, x in enumerate(v_suffixes)}
         if (j.nq, j.nv) == (2, 1):
             q[f"q.{name}"] = SignalValue("angle", j.idx_q, j.idx_v)
             continue
         rates = [j.idx_v + k if j.nq == j.nv else -1 for k in range(j.nq)]
-        q |= {f"q.{name}{x}": SignalValue("y", j.idx_q + k, rates[k]) for k, x in enumerate(of_q)}
+        q |= {f"q.{name}{x}": SignalValue("y", j.idx_q + k, rates[k]) for k, x in enumerate(q_suffixes)}
     return q | v
 
 
 def _positions(mech: Mechanism) -> dict[str, SignalValue]:
-    """Positions of all frames."""
+    """Return positions of all frames."""
     out: dict[str, SignalValue] = {}
     for name in moving_frames(mech):
         frame = frame_index(mech.model, name)
@@ -130,7 +130,7 @@ def _positions(mech: Mechanism) -> dict[str, SignalValue]:
 
 
 def _contact_forces(mech: Mechanism) -> dict[str, SignalValue]:
-    """Normal, longitudinal and lateral forces of rolling bodies that are multipliers."""
+    """Return those normal, longitudinal and lateral forces of rolling bodies that are multipliers."""
     out: dict[str, SignalValue] = {}
     for c in rolling_closures(mech):
         first, grip = mech.rows_of(c.name)[0], int(c.contact is not False)
@@ -155,24 +155,24 @@ def find_signal(mech: Mechanism, name: str, known: dict[str, SignalValue] | None
 
 
 def find_point_signal(mech: Mechanism, name: str) -> SignalValue:
-    """Return the signal of a given name, which has a value at a point.
+    """Return the signal of a given name, if it has a value at a point.
 
     Raises:
         UnknownNameError: for an unknown name, with the valid names.
-        InputError: for a signal of a whole run, the mode or the impulses of a switch.
+        InputError: for a signal of a whole run: the mode or impulses of a switch, or work.
     """
     require(name, str, "a signal is given by its name")
-    alike = _positions if name.startswith("position.") else _coordinates
-    if mech not in _KNOWN and name in (own := alike(mech)):  # all signals take longer than all else of a load
-        return own[name]
+    find_similar = _positions if name.startswith("position.") else _coordinates
+    if mech not in _KNOWN and name in (similar := find_similar(mech)):  # creating all signals is slow
+        return similar[name]
     known = signal_values(mech)
-    found = find_signal(mech, name, known)
+    signal = find_signal(mech, name, known)
     prefix, _, switch = name.partition(".")
-    if found.kind == "column" and prefix in OF_A_RUN:
+    if signal.kind == "column" and prefix in RUN_PREFIXES:
         gap = f"gap.{switch}"
-        other = f"; use {gap!r}" if gap in known else ""
-        raise InputError(f"signal {name!r} has no value at a point, it belongs to a run{other}")
-    return found
+        alternative = f"; use {gap!r}" if gap in known else ""
+        raise InputError(f"signal {name!r} has no value at a point, it belongs to a run{alternative}")
+    return signal
 
 
 def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> float:
@@ -190,26 +190,26 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
         return float(np.arctan2(y[signal.i + 1], y[signal.i]))
     q, v = system.split(y)
     if kind in STATE_KINDS:
-        return _of_state(system, signal, t, q, v)
+        return _value_from_state(system, signal, t, q, v)
     F, lam = system.derivative(t, y)
     if kind == "rate":
         return float(F[signal.i])
     lam = with_slip_friction(system, q, v, lam)
     if kind in PYTHON_KINDS:
-        name, now = list(units(system.mechanism))[signal.i], slice(system.nq + system.nv, -1)
-        parts: Any = (np.array(x, ndmin=2) for x in (q, v, y[now], F[system.nv : 2 * system.nv], lam))
+        name, state_slice = list(units(system.mechanism))[signal.i], slice(system.nq + system.nv, -1)
+        parts: Any = (np.array(x, ndmin=2) for x in (q, v, y[state_slice], F[system.nv : 2 * system.nv], lam))
         point: Any = SinglePoint(system.mechanism, np.array([t]), *parts)
         return float(signals(point, [name])[name][0])
-    return _of_multipliers(system, kind, list(signal.rows), q, lam)
+    return _value_from_multipliers(system, kind, list(signal.rows), q, lam)
 
 
-def _of_state(system: "Index2System", signal: SignalValue, t: float, q: Array, v: Array) -> float:
+def _value_from_state(system: "Index2System", signal: SignalValue, t: float, q: Array, v: Array) -> float:
     """Return a position, a gap, an energy, or a residual of closures."""
     kind = signal.kind
     if kind == "position":
-        at = anchor(system.model, system.model.frames[signal.rows[0]].name)
+        origin = anchor(system.model, system.model.frames[signal.rows[0]].name)
         update_poses(system.model, system.workspace, q)
-        return float(system.workspace.oMi[at.joint].act(at.p)[signal.i])
+        return float(system.workspace.oMi[origin.joint].act(origin.p)[signal.i])
     if kind == "gap":
         switch: Any = system.mechanism.switches[signal.i]
         return float(switch.sign * AllRows(system)(t, q)[0][switch.row])
@@ -219,14 +219,14 @@ def _of_state(system: "Index2System", signal: SignalValue, t: float, q: Array, v
     return float(np.abs(system.residual(t, q, v)[RESIDUALS.index(kind)]).max(initial=0.0))
 
 
-def _of_multipliers(system: "Index2System", kind: str, rows: list[int], q: Array, lam: Array) -> float:
-    """Return a multiplier, or the magnitude of the force or the torque of a closure, from those of all rows."""
+def _value_from_multipliers(system: "Index2System", kind: str, rows: list[int], q: Array, lam: Array) -> float:
+    """Return a multiplier, or the magnitude of the force or torque of a closure, from the multipliers of all rows."""
     lam = lam[rows]
     if kind == "lam":
         return float(lam[0])
     if kind == "force":
         return float(np.linalg.norm(lam))
-    part = next(p for p in system.constraints.frame_rows.values() if p.rows[0][0].start == rows[0])
+    bound_rows = next(p for p in system.constraints.frame_rows.values() if p.rows[0][0].start == rows[0])
     system.closures(q)
     W = system.constraints.W[:, rows]
-    return float(np.linalg.norm((W[3:] - skew(part.pair.pb) @ W[:3]) @ lam))
+    return float(np.linalg.norm((W[3:] - skew(bound_rows.pair.pb) @ W[:3]) @ lam))

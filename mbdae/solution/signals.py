@@ -1,4 +1,4 @@
-"""Named columns of a solution with units: the common names for tables, plots, sweeps and events."""
+"""Signals: named columns of a solution with units, used by tables, plots, sweeps and events."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 Units = dict[str, str]
 
 
-class Family(NamedTuple):
-    """Columns that are computed together.
+class SignalGroup(NamedTuple):
+    """Signals that are computed together.
 
     Attributes:
         units: their names and units.
@@ -105,40 +105,40 @@ def _energies(sol: "Solution") -> dict[str, Array]:
 
 
 ENERGIES = {**dict.fromkeys(("kinetic", "potential", "energy", "work"), "J"), "g": "m, rad", "Gv": "m/s, rad/s"}
-FAMILIES = (
-    Family(lambda mech: {"t": "s"}, _time),
-    Family(coordinate_units, coordinates),
-    Family(_contact_units, contact_paths),
-    Family(lambda mech: {f"s.{name}": "" for name in mech.states}, _states),
-    Family(_multipliers, lambda sol: dict(zip(row_names(sol.mechanism), sol.lam.T, strict=True))),
-    Family(_contact_force_units, contact_forces),
-    Family(acceleration_units, _accelerations),
-    Family(reaction_units, reaction_columns),
-    Family(
+SIGNAL_GROUPS = (
+    SignalGroup(lambda mech: {"t": "s"}, _time),
+    SignalGroup(coordinate_units, coordinates),
+    SignalGroup(_contact_units, contact_paths),
+    SignalGroup(lambda mech: {f"s.{name}": "" for name in mech.states}, _states),
+    SignalGroup(_multipliers, lambda sol: dict(zip(row_names(sol.mechanism), sol.lam.T, strict=True))),
+    SignalGroup(_contact_force_units, contact_forces),
+    SignalGroup(acceleration_units, _accelerations),
+    SignalGroup(reaction_units, reaction_columns),
+    SignalGroup(
         lambda mech: {f"force.{name}": "N" for name in force_rows(mech)}, _forces
     ),  # faster than `reaction_columns` for these
-    Family(_effort_units, _efforts),
-    Family(effort_units, lambda sol: efforts(sol.mechanism, sol.t, sol.q, sol.v, sol.s)),
-    Family(frame_units, frame_columns),
-    Family(lambda mech: MOMENTUM, lambda sol: momentum(sol.mechanism.model, sol.q, sol.v)),
-    Family(lambda mech: SHAKING, lambda sol: shaking_force(sol.mechanism.model, sol.q, sol.v, sol.vdot)),
-    Family(mode_units, mode_columns),
-    Family(work_units, work_columns),
-    Family(lambda mech: deformation_units(mech.model), lambda sol: deformation(sol.mechanism.model, sol.q)),
-    Family(lambda mech: ENERGIES, _energies),
+    SignalGroup(_effort_units, _efforts),
+    SignalGroup(effort_units, lambda sol: efforts(sol.mechanism, sol.t, sol.q, sol.v, sol.s)),
+    SignalGroup(frame_units, frame_columns),
+    SignalGroup(lambda mech: MOMENTUM, lambda sol: momentum(sol.mechanism.model, sol.q, sol.v)),
+    SignalGroup(lambda mech: SHAKING, lambda sol: shaking_force(sol.mechanism.model, sol.q, sol.v, sol.vdot)),
+    SignalGroup(mode_units, mode_columns),
+    SignalGroup(work_units, work_columns),
+    SignalGroup(lambda mech: deformation_units(mech.model), lambda sol: deformation(sol.mechanism.model, sol.q)),
+    SignalGroup(lambda mech: ENERGIES, _energies),
 )
-_known: "WeakKeyDictionary[Mechanism, list[Units]]" = WeakKeyDictionary()  # mechanisms are immutable
+_UNITS: "WeakKeyDictionary[Mechanism, list[Units]]" = WeakKeyDictionary()  # mechanisms are immutable
 
 
 def units(mech: "Mechanism") -> Units:
-    """Return names of all columns of `signals`, and their units."""
-    return {name: unit for known in _units(mech) for name, unit in known.items()}
+    """Return the names and units of all columns of `signals`."""
+    return {name: unit for group in _units(mech) for name, unit in group.items()}
 
 
 def _units(mech: "Mechanism") -> list[Units]:
-    if mech not in _known:
-        _known[mech] = [family.units(mech) for family in FAMILIES]
-    return _known[mech]
+    if mech not in _UNITS:
+        _UNITS[mech] = [group.units(mech) for group in SIGNAL_GROUPS]
+    return _UNITS[mech]
 
 
 def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, Array]:
@@ -149,7 +149,7 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
     ``s.<state>`` of forces with internal states.
 
     ``lam.<closure>.<row>`` with rows counted from 1 (N, N m; from the hidden constraint); ``force.<name>`` and
-    ``torque.<name>`` (N, N m) of joints, closures and driven distances: the magnitude, with suffix ``.x .y .z`` the
+    ``torque.<name>`` (N, N m) of joints, closures and driven distances: the magnitude, or with suffix ``.x .y .z``
     components along world axes, with ``.1 .2 .3`` along local axes, see
     `mbdae.mechanism.signals.joint_wrenches.reaction_wrenches`; ``effort.<name>``, the generalized force of couplings
     and drivers (N, N m), ``power`` of drivers and of joints that stick (W); of forces ``torque``, ``force``, ``power``
@@ -159,7 +159,7 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
     ``friction.<closure>``, the friction coefficient required not to slip.
 
     ``position``, ``velocity`` and ``acceleration.<frame>.x`` of the origins of frames in the world (m, per s, per s^2),
-    the magnitudes of the last two without ``.x``; ``com.x`` in m, the centre of mass of the mechanism, ``momentum.x``
+    without ``.x`` the magnitudes of the last two; ``com.x`` in m, the centre of mass of the mechanism, ``momentum.x``
     (kg m/s) and ``angular_momentum.x`` (kg m^2/s) about it; ``shaking_force.x`` (N) and ``shaking_moment.x`` (N m) of
     the inertia forces, without ``.x`` their magnitudes, see `mbdae.mechanism.signals.momentum`; ``kinetic``,
     ``potential``, ``energy``, and ``work`` of the non-conservative forces and drivers in J; of switches ``gap``,
@@ -170,38 +170,38 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
     Args:
         sol: the solution.
         names: the requested columns, in this order, see `find`; when left out, all but ``work.<name>``, whose
-            integrals take longer than all others. Expensive columns are computed only on request.
+            integrals take longer than all the rest. Expensive columns are computed only on request.
 
     Raises:
         UnknownNameError: for an unknown signal.
         InputError: for a solution of a textbook problem, or one without times.
     """
     mech = sol.mechanism
-    wanted = [name for name in units(mech) if not name.startswith(WORK)] if names is None else find(mech, names)
+    requested = [name for name in units(mech) if not name.startswith(WORK)] if names is None else find(mech, names)
     out: dict[str, Array] = {}
     with np.errstate(over="ignore", invalid="ignore"):  # overflow of a diverging run
-        for family, known in zip(reversed(FAMILIES), reversed(_units(mech)), strict=True):
-            if any(name in known and name not in out for name in wanted):
-                out |= family.values(sol)
-    return {name: out[name] for name in wanted}
+        for group, group_units in zip(reversed(SIGNAL_GROUPS), reversed(_units(mech)), strict=True):
+            if any(name in group_units and name not in out for name in requested):
+                out |= group.values(sol)
+    return {name: out[name] for name in requested}
 
 
 def choices(mech: "Mechanism") -> list[str]:
-    """Return the names that `find` accepts: prefixes of several names first."""
-    known = units(mech)
-    return list({n[:i]: None for n in known for i in range(len(n)) if n[i] == "."} | dict.fromkeys(known))
+    """Return the names that `find` accepts: first the prefixes of several names."""
+    all_units = units(mech)
+    return list({n[:i]: None for n in all_units for i in range(len(n)) if n[i] == "."} | dict.fromkeys(all_units))
 
 
 def find(mech: "Mechanism", names: str | Iterable[str]) -> list[str]:
-    """Return names of columns from names and prefixes: ``"q"``, ``"force.crank"``, ``"position.tip"``.
+    """Return names of columns, given names and prefixes: ``"q"``, ``"force.crank"``, ``"position.tip"``.
 
     Raises:
-        UnknownNameError: for a name that is neither.
+        UnknownNameError: for a name that is neither a signal nor a prefix.
     """
-    known = units(mech)
+    all_units = units(mech)
     out: dict[str, None] = {}
     for name in as_list(names, "signals are a list of names"):
-        if name not in known and not any(x.startswith(f"{name}.") for x in known):
+        if name not in all_units and not any(x.startswith(f"{name}.") for x in all_units):
             raise UnknownNameError("signal", name, choices(mech))
-        out |= {name: None} if name in known else {x: None for x in known if x.startswith(f"{name}.")}
+        out |= {name: None} if name in all_units else {x: None for x in all_units if x.startswith(f"{name}.")}
     return list(out)

@@ -43,13 +43,13 @@ class Solution(DenseOutput, Tabular):
     Attributes:
         problem: the mechanism or textbook problem.
         t: times of the accepted steps or of ``t_eval``, (n,).
-        y: points, (n, ...): (q, v, s, w) of a mechanism. At a jump there are two, the second just after the first.
+        y: points, (n, ...): (q, v, s, w) of a mechanism. At a jump there are two points, before and after it.
         z_own: the method's multipliers at t, (n, nz).
         status: one of `mbdae.errors.STATUS`; ``"finished"`` and ``"event"`` mean success.
         message: one line of text.
         stats: counts of steps, rejections, evaluations, solves, and seconds; ``"drift"`` of a mechanism, largest |g|
             at the ends of steps, in rad or characteristic lengths.
-        settings: method, tolerances and steps that were used.
+        settings: method, tolerances and step sizes of the run.
         steps: times, points and the method's multipliers of all steps, if ``t_eval`` requested other times.
         events: for each event function the times (k,) and points (k, ...) of its zeros.
         singular: configurations of the run in which closures lose rank.
@@ -59,7 +59,7 @@ class Solution(DenseOutput, Tabular):
         carried: the carry of the method at each node except the last, (n - 1, nc), and the nodes where it was
             restarted; only for short runs, and not saved.
         external: the last states of FMUs that can save them, by the names of their forces.
-        in_use: the sets of rows in use, each with its first node, if rows of closures are redundant.
+        in_use: the sets of rows in use, each with its first node, if rows are redundant.
     """
 
     problem: Any
@@ -163,8 +163,8 @@ class Solution(DenseOutput, Tabular):
     def lam(self) -> Array:
         """Multipliers from the hidden constraint 0 = G v' + gamma, (n, ng); of the order of v.
 
-        They act on the mechanism; rows in file order; of minimum norm for redundant rows. Those of slipping joints and
-        sliding no-slip rows, which are inactive, are their friction.
+        They act on the mechanism; rows are in file order; redundant rows have the minimum norm. For slipping joints and
+        sliding no-slip rows, which are inactive, they are the friction forces.
         """
         return self.z[:, : self.mechanism.ng]
 
@@ -203,7 +203,7 @@ class Solution(DenseOutput, Tabular):
         """Return q and v by dense output at a time, (nq,) and (nv,), or at several times, (n, nq) and (n, nv).
 
         Raises:
-            InputError: for a time outside, or a textbook problem, which has `point`.
+            InputError: for a time outside the run, or a textbook problem, for which see `point`.
         """
         m, times = self.mechanism, as_numbers(t)
         y = np.array(list(self.points(times.ravel()))).reshape(*times.shape, self.y.shape[1])
@@ -222,16 +222,16 @@ class Solution(DenseOutput, Tabular):
         return statistics(self, names)
 
     def signals(self, names: str | Collection[str] | None = None) -> dict[str, Array]:
-        """Named columns of equal length, see `mbdae.solution.signals.signals`; y and z of a textbook problem."""
+        """Return named columns of equal length, see `mbdae.solution.signals.signals`; y and z of a textbook problem."""
         if isinstance(self.problem, Mechanism):
             return signals(self, names)
-        parts = {"y": self.y, "z": self.z}
-        return {"t": self.t} | {f"{n}.{k + 1}": x[:, k] for n, x in parts.items() for k in range(x.shape[1])}
+        arrays = {"y": self.y, "z": self.z}
+        return {"t": self.t} | {f"{n}.{k + 1}": x[:, k] for n, x in arrays.items() for k in range(x.shape[1])}
 
     def to_columns(self) -> Columns:
-        """The columns of `signals` over time, with their units."""
-        known = units(self.problem) if isinstance(self.problem, Mechanism) else {"t": "s"}
-        return Columns(self.signals(), known, "t")
+        """Return the columns of `signals` over time, with their units."""
+        column_units = units(self.problem) if isinstance(self.problem, Mechanism) else {"t": "s"}
+        return Columns(self.signals(), column_units, "t")
 
     def plot(self, names: str | Sequence[str] = (), *, path: str | Path | None = None) -> "Figure":
         """Draw signals over time, grouped by unit; saved if a path is given.
@@ -262,7 +262,7 @@ class Solution(DenseOutput, Tabular):
 
         Args:
             path: the file.
-            meshes: folders from which meshes are read, besides those below the file's folder and installed packages.
+            meshes: folders from which meshes are read, besides the folder of the file and installed packages.
 
         Raises:
             InputError: for a missing or damaged file, or a file that unpacks to implausibly large arrays.
@@ -292,7 +292,7 @@ Problem = Mechanism | Hessenberg
 
 
 def uninterrupted(sol: Solution) -> Solution:
-    """Return a run of a study, unchanged; one that the user interrupted interrupts the study, KeyboardInterrupt."""
+    """Return a run of a study; raise KeyboardInterrupt, which ends the study, if the user interrupted the run."""
     if sol.status == "interrupted":
         raise KeyboardInterrupt
     return sol

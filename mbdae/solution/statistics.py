@@ -2,9 +2,9 @@
 
 Signals are smooth within a step. They are sampled at Chebyshev-Lobatto points theta_k = (1 - cos(pi k/n))/2 of
 the dense output, n = 4, 8, 16, 32 until the last coefficients of the Chebyshev series are small (Trefethen,
-Approximation Theory and Approximation Practice, chapters 3 and 19). Both ends are limits from within the step, so that
-a value just before an impact or a mode change counts. Extrema are roots of the derivative of the series, re-evaluated
-by the signal itself; integrals are those of the series (Clenshaw-Curtis).
+Approximation Theory and Approximation Practice, chapters 3 and 19). Values at both ends are limits from within the
+step, so that a value just before an impact or a mode change is included. Extrema are at roots of the derivative of the
+series, where the signal itself is evaluated; integrals are those of the series (Clenshaw-Curtis).
 """
 
 from collections.abc import Callable, Collection, Iterator
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from .solution import Solution
 
 DEGREES = (4, 8, 16, 32)
-EXTREMUM_TOLERANCE = COINCIDENT  # fraction of the range of a signal: last terms of series whose extrema are exact
-INTEGRAL_TOLERANCE = INTERPOLATION  # the same for integrals, which are accurate to about 1e-10: omitted terms oscillate
-UNRESOLVED = 0.05  # fraction of the range: larger last coefficients that do not decay are rounding of a constant signal
+EXTREMUM_TOLERANCE = COINCIDENT  # fraction of the range of a signal: last terms of a series, for its extrema
+INTEGRAL_TOLERANCE = INTERPOLATION  # for integrals, which are accurate to about 1e-10, as omitted terms oscillate
+UNRESOLVED = 0.05  # fraction of the range: larger last terms that do not decay are rounding of a constant signal
 RESIDUALS, DISCRETE = ("g", "Gv"), ("impulse", "mode")  # evaluated at the ends of steps only
-FINE = 64  # points at which a series is sampled before the roots of its derivative are computed
+FINE = 64  # points at which a series is sampled, to select the steps where its derivative's roots are computed
 
 
 class Extremum(NamedTuple):
@@ -75,15 +75,15 @@ class Statistics(Tabular):
         return [headers, *(self._row(name) for name in self.minimum)]
 
     def _row(self, name: str) -> list[str]:
-        """Return the cells of a signal; values and means that are rounding in comparison with its peak are 0."""
+        """Return the cells of a signal; values and means within rounding of its peak are 0."""
         low, high, sums = self.minimum[name], self.maximum[name], self.integrals[name]
         scale = abs(self.peak(name).value)
         mean = rounded_zero(sums.mean, scale)
         values = [(rounded_zero(x.value, scale), x.t) for x in (low, high)]
-        found = [*values[0], *values[1], mean, sums.rms, sums.integral if mean else 0.0]
+        values_and_times = [*values[0], *values[1], mean, sums.rms, sums.integral if mean else 0.0]
         unit = self.units[name]
         units = [unit, "s", unit, "s", unit, unit, f"s {unit}"]
-        cells = [f"{displayed(x, u)[0]:.7g}" for x, u in zip(found, units, strict=True)]
+        cells = [f"{displayed(x, u)[0]:.7g}" for x, u in zip(values_and_times, units, strict=True)]
         return [name, unit_name(unit), *cells]
 
     def __str__(self) -> str:
@@ -107,24 +107,24 @@ def statistics(sol: "Solution", names: str | Collection[str]) -> Statistics:
         UnknownNameError: for an unknown signal.
         InputError: for a solution of a textbook problem, or one without times.
     """
-    wanted, known = find(sol.mechanism, names), units(sol.mechanism)
-    found = extrema(sol, wanted)
-    low, high = ({name: found[name][i] for name in wanted} for i in (0, 1))
-    return Statistics(low, high, integrals(sol, wanted), {name: known[name] for name in wanted})
+    requested, all_units = find(sol.mechanism, names), units(sol.mechanism)
+    located = extrema(sol, requested)
+    low, high = ({name: located[name][i] for name in requested} for i in (0, 1))
+    return Statistics(low, high, integrals(sol, requested), {name: all_units[name] for name in requested})
 
 
 def extrema(sol: "Solution", names: Collection[str]) -> dict[str, tuple[Extremum, Extremum]]:
     """Return the smallest and the largest value of signals over a run, located to rounding of the value.
 
     Residuals g and Gv, modes and impulses are evaluated at steps. Only steps that may contain an extremum are sampled:
-    those whose end values come within the local variation of the extreme of all end values.
+    the end values of such a step differ from the extreme end value of all steps by no more than their local variation.
     """
     ends, t = _at_nodes(sol, names)
-    smooth = [name for name in names if not _at_steps(name)]
+    smooth = [name for name in names if not _is_defined_at_steps(name)]
     run = _Steps(sol, smooth)
-    ends |= {name: ends[name][run.lasting] for name in smooth}
-    out = {name: (_first(x, t, np.argmin), _first(x, t, np.argmax)) for name, x in ends.items()}
-    if not smooth or not len(run.steps):  # there is nothing to sample
+    ends |= {name: ends[name][run.node_at_step_end] for name in smooth}
+    out = {name: (_extremum(x, t, np.argmin), _extremum(x, t, np.argmax)) for name, x in ends.items()}
+    if not smooth or not len(run.steps):  # no step to sample
         return out
     nodes = np.array([ends[name] for name in smooth])
     span, steps = np.ptp(nodes, axis=1)[:, None], run.candidates(nodes)
@@ -137,7 +137,7 @@ def extrema(sol: "Solution", names: Collection[str]) -> dict[str, tuple[Extremum
         curves = zip(series, fine, strict=True)
         stationary = np.concatenate([_stationary_points(c, f, run.t[steps], run.h[steps]) for c, f in curves])
         for name, x, y in zip(smooth, values, run.at(stationary), strict=True):
-            out[name] = _wider(out[name], np.append(x.ravel(), y), np.append(times.ravel(), stationary))
+            out[name] = _extended(out[name], np.append(x.ravel(), y), np.append(times.ravel(), stationary))
         low, high = np.array([[[out[name][i].value] for name in smooth] for i in (0, 1)])
         reaches = (fine.max(axis=2) + tail >= high) | (fine.min(axis=2) - tail <= low)
         constant = (tail > UNRESOLVED * span) & (tail > last[:, steps] / 2)
@@ -149,10 +149,10 @@ def extrema(sol: "Solution", names: Collection[str]) -> dict[str, tuple[Extremum
 def integrals(sol: "Solution", names: Collection[str]) -> dict[str, Integrals]:
     """Return means, roots of mean squares and integrals of signals over a run, from its first time to its last.
 
-    Residuals g and Gv are integrated from step to step; impulses have no values over time, and return nan.
+    Residuals g and Gv are integrated from step to step; impulses are not functions of time, and give nan.
     """
     ends, t = _at_nodes(sol, names)
-    out = {name: _sums(name, x, t) for name, x in ends.items() if _at_steps(name)}
+    out = {name: _sums(name, x, t) for name, x in ends.items() if _is_defined_at_steps(name)}
     return out | _integrals(sol, {name: x for name, x in ends.items() if name not in out}, t)
 
 
@@ -200,8 +200,8 @@ class _Steps:
         self.steps = np.flatnonzero(~sol.jumped())
 
     @property
-    def lasting(self) -> Array:
-        """For each node the next one at an end of a step, (n,): others lie between a jump and a change of mode."""
+    def node_at_step_end(self) -> Array:
+        """For each node, the next node at an end of a step, (n,); others lie between a jump and a change of mode."""
         at_ends, nodes = np.union1d(self.steps, self.steps + 1), np.arange(len(self.t))
         return at_ends[np.minimum(np.searchsorted(at_ends, nodes), len(at_ends) - 1)] if len(at_ends) else nodes
 
@@ -219,7 +219,7 @@ class _Steps:
         """Return times (m, n + 1) and signals (names, m, n + 1) at the points of steps, and their Chebyshev series."""
         theta = (1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2
         times = self.t[steps, None] + self.h[steps, None] * theta
-        times[:, -1] = np.nextafter(self.t[steps + 1], self.t[steps])  # in the mode of the step
+        times[:, -1] = np.nextafter(self.t[steps + 1], self.t[steps])  # just before the end, in the mode of the step
         values = self.at(times.ravel()).reshape(len(self.names), *times.shape)
         return times, values, values @ _to_series(degree)
 
@@ -227,8 +227,8 @@ class _Steps:
         """Return the signals at times, (names, k)."""
         if not len(times):
             return np.empty((len(self.names), 0))
-        found = signals(self.sol.resampled(times), self.names)
-        return np.array([found[name] for name in self.names])
+        columns = signals(self.sol.resampled(times), self.names)
+        return np.array([columns[name] for name in self.names])
 
 
 def _at_nodes(sol: "Solution", names: Collection[str]) -> tuple[dict[str, Array], Array]:
@@ -238,12 +238,12 @@ def _at_nodes(sol: "Solution", names: Collection[str]) -> tuple[dict[str, Array]
     return signals(full, names), np.asarray(full.t)
 
 
-def _at_steps(name: str) -> bool:
+def _is_defined_at_steps(name: str) -> bool:
     return name in RESIDUALS or name.partition(".")[0] in DISCRETE
 
 
 def _sums(name: str, x: Array, t: Array) -> Integrals:
-    """Return integrals of signals that are known at the ends of steps only."""
+    """Return integrals of signals that are defined at the ends of steps only."""
     length = float(t[-1] - t[0])
     if name.startswith("impulse") or not length:
         return Integrals(np.nan, np.nan, np.nan)
@@ -251,29 +251,29 @@ def _sums(name: str, x: Array, t: Array) -> Integrals:
     return Integrals(total / length, float(np.sqrt(squares / length)), total)
 
 
-def _first(x: Array, t: Array, which: Callable[[Array], Any]) -> Extremum:
+def _extremum(x: Array, t: Array, which: Callable[[Array], Any]) -> Extremum:
     return Extremum(float(x[which(x)]), float(t[which(x)]))
 
 
-def _wider(found: tuple[Extremum, Extremum], x: Array, t: Array) -> tuple[Extremum, Extremum]:
-    """Return the wider extrema; those that differ by rounding remain, at the ends of steps."""
-    low, high = _first(x, t, np.argmin), _first(x, t, np.argmax)
-    rounding = EPS * max(abs(e.value) for e in (*found, low, high))
+def _extended(extrema: tuple[Extremum, Extremum], x: Array, t: Array) -> tuple[Extremum, Extremum]:
+    """Return the extrema extended by samples x at times t; extrema that differ by rounding are kept."""
+    low, high = _extremum(x, t, np.argmin), _extremum(x, t, np.argmax)
+    rounding = EPS * max(abs(e.value) for e in (*extrema, low, high))
     return (
-        low if low.value < found[0].value - rounding else found[0],
-        high if high.value > found[1].value + rounding else found[1],
+        low if low.value < extrema[0].value - rounding else extrema[0],
+        high if high.value > extrema[1].value + rounding else extrema[1],
     )
 
 
 @cache
 def _to_series(degree: int) -> Array:
-    """Return the matrix from values at the points of `_Steps.sample` to Chebyshev coefficients, from the right."""
+    """Return the matrix from values at the points of `_Steps.sample` to Chebyshev coefficients, as a right factor."""
     return np.linalg.inv(np.polynomial.chebyshev.chebvander(-np.cos(np.pi * np.arange(degree + 1) / degree), degree)).T
 
 
 @cache
 def _grid(degree: int) -> Array:
-    """Return the matrix from coefficients to values at `FINE` points, from the right."""
+    """Return the matrix from coefficients to values at `FINE` points, as a right factor."""
     return np.polynomial.chebyshev.chebvander(np.linspace(-1, 1, FINE), degree).T
 
 

@@ -2,9 +2,9 @@
 
     W(t) = integral from the first node to t of power dt
 
-by the Chebyshev series of the power on each step, see `mbdae.solution.statistics`, whose antiderivatives are exact. The
-sum over all forces, drivers and joints that stick is the change of the kinetic energy and of the potential energy of
-gravity, without friction proportional to closure forces and without impacts, in which constraints act by impulses.
+from the exact antiderivatives of the Chebyshev series of the power on each step, see `mbdae.solution.statistics`. The
+sum over all forces, drivers and joints that stick equals the change of the kinetic energy and of the potential energy
+of gravity, except for friction proportional to closure forces and for impacts, where constraints transmit impulses.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -26,7 +26,7 @@ class StepIntegrals(NamedTuple):
 
     Attributes:
         t: times of the nodes, (n + 1,).
-        starts: integrals up to the nodes, (k, n + 1).
+        starts: integrals from the first node to each node, (k, n + 1).
         series: Chebyshev series of the integrals within the steps, 0 at their starts, (k, n, degree + 1).
     """
 
@@ -43,7 +43,7 @@ class StepIntegrals(NamedTuple):
 
 
 def actuators(mech: "Mechanism") -> list[str]:
-    """Return the names of forces, drivers and joints that stick with a power."""
+    """Return the names of all forces, drivers and sticking joints that have a power."""
     forces = [name.removeprefix(POWER) for name in effort_units(mech) if name.startswith(POWER)]
     return [*forces, *(d.name for d in mech.drivers), *brake_rows(mech)]
 
@@ -56,7 +56,7 @@ def work_units(mech: "Mechanism") -> dict[str, str]:
 def work_columns(sol: "Solution") -> dict[str, Array]:
     """Return ``work.<name>`` of forces and drivers since the first node in J, (n,) each.
 
-    NaN for poses that a study has computed at certain times, which have no steps between them.
+    NaN for a sequence of poses computed by a study, which has no steps in between.
     """
     names = actuators(sol.mechanism)
     if not names:
@@ -65,10 +65,10 @@ def work_columns(sol: "Solution") -> dict[str, Array]:
         return {f"{WORK}{name}": np.full(len(sol.t), np.nan) for name in names}
     if "work" not in sol.integrals:
         sol.integrals["work"] = integrate_steps(sol, [f"{POWER}{name}" for name in names])
-    found, times = sol.integrals["work"], np.asarray(sol.t)
-    if len(found.t) < 2:
+    integrals, times = sol.integrals["work"], np.asarray(sol.t)
+    if len(integrals.t) < 2:
         return {f"{WORK}{name}": np.zeros(len(times)) for name in names}
-    values = found.at(times, np.minimum(sol.before(times), len(found.t) - 2))
+    values = integrals.at(times, np.minimum(sol.before(times), len(integrals.t) - 2))
     return {f"{WORK}{name}": x for name, x in zip(names, values, strict=True)}
 
 
@@ -79,10 +79,10 @@ def integrate_steps(sol: "Solution", names: list[str]) -> StepIntegrals:
     t = np.asarray(sol.nodes[0], float)
     n = max(len(t) - 1, 0)
     series, width = np.zeros((len(names), n, 1)), 1
-    for steps, found in resolved_series(sol, names):
-        inner = 0.5 * np.diff(t)[steps][:, None] * np.polynomial.chebyshev.chebint(found, lbnd=-1, axis=2)
-        width = max(width, inner.shape[2])
+    for steps, powers in resolved_series(sol, names):
+        integral = 0.5 * np.diff(t)[steps][:, None] * np.polynomial.chebyshev.chebint(powers, lbnd=-1, axis=2)
+        width = max(width, integral.shape[2])
         series = np.pad(series, ((0, 0), (0, 0), (0, width - series.shape[2])))
-        series[:, steps, : inner.shape[2]] = inner
+        series[:, steps, : integral.shape[2]] = integral
     ends = series.sum(axis=2)  # at x = 1, where all polynomials are 1
     return StepIntegrals(t, np.concatenate([np.zeros((len(names), 1)), np.cumsum(ends, axis=1)], axis=1), series)

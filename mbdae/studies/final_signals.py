@@ -8,7 +8,7 @@ from ..errors import UnknownNameError
 from ..integrate.run.core_runs import CoreRuns, reason_for_python
 from ..integrate.run.run_state import RunState
 from ..mechanism import Mechanism
-from ..solution.signal_value import OF_A_RUN, RESIDUALS, signal_values
+from ..solution.signal_value import RESIDUALS, RUN_PREFIXES, signal_values
 from ..solution.signals import signals
 from ..solution.solution import Solution
 from ..system import Array
@@ -29,7 +29,7 @@ def why_not_in_core(run: RunState, names: Sequence[str]) -> str:
     known = signal_values(run.problem) if names and isinstance(run.problem, Mechanism) else {}
     if unknown := [name for name in names if name not in known]:
         raise UnknownNameError("signal", unknown[0], known)
-    of_a_run = (name for name in names if known[name].kind == "column" and name.partition(".")[0] in OF_A_RUN)
+    of_a_run = (name for name in names if known[name].kind == "column" and name.partition(".")[0] in RUN_PREFIXES)
     unwrapped = (name for name in names if known[name].kind == "angle")
     return next((f"signal {name!r}" for name in (*of_a_run, *unwrapped)), "") or reason_for_python(run)
 

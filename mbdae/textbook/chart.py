@@ -1,4 +1,4 @@
-"""Stages of a step of a textbook problem."""
+"""Stages of a step of a textbook problem, explicit and implicit."""
 
 from typing import Any, NamedTuple, Protocol
 
@@ -33,7 +33,7 @@ class ProblemFunctions(Protocol):
         """Return the partial derivatives of g with respect to y (nz, ny)."""
 
     def store_z(self, y: Array, z: Array) -> None:
-        """Store z at y: starting values of Newton's method near y."""
+        """Store z at y, as the starting value of Newton's method close to y."""
 
     def solve(self, *stage: Any) -> Array:
         """Solve 0 = residual(f(t, y, z)) for z (nz,) by Newton's method; arguments: `HessenbergSystem.solve`."""
@@ -45,8 +45,8 @@ class HessenbergChart:
     Args:
         system: the problem.
         t: start of the step.
-        y: state there, (ny,).
-        z: start of Newton's method for z, (nz,).
+        y: state at t, (ny,).
+        z: initial z of Newton's method, (nz,).
     """
 
     unknowns = ()
@@ -63,15 +63,15 @@ class HessenbergChart:
         """Return (y', z) with g(that, y_n + xhat + factor y') = 0, by Newton's method from the last z."""
         s, y, base = self.system, self.y + x, self.y + xhat
 
-        def closed(F: Array) -> Array:
+        def constraint(F: Array) -> Array:
             return s.g(that, base + factor * F)
 
-        z = s.solve(t, y, closed, lambda F: s.g_y(that, base + factor * F), factor, self.z)
+        z = s.solve(t, y, constraint, lambda F: s.g_y(that, base + factor * F), factor, self.z)
         self.z, self.last = z, (t, y, z)
         return s.f(t, y, z), z
 
     def point(self, x: Array) -> Array:
-        """Return y_n + x, (ny,), and store z there."""
+        """Return y_n + x, (ny,), and store z at this point."""
         y = self.y + x
         self.system.store_z(y, self.z)
         return y
@@ -87,7 +87,7 @@ class HessenbergChart:
         return e - f_z @ np.linalg.solve(g_y @ f_z, g_y @ e)
 
     def start(self) -> tuple[Array, Array]:
-        """Return (y', z) at the start."""
+        """Return (y', z) at the start of the step."""
         return self.system.derivative(self.t, self.y)
 
     def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
@@ -105,7 +105,7 @@ class HessenbergChart:
         s, y = self.system, self.y + x
         if dx is not None:
             z = z + least_squares(s.f_z(t, y, z), dx - s.f(t, y, z), EPS)
-            self.system.store_z(y, z)  # otherwise z may not converge, and is no guess
+            self.system.store_z(y, z)  # not if dx is None: then z may not converge
         return y, z
 
 

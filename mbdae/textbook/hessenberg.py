@@ -32,15 +32,15 @@ class Hessenberg:
     Args:
         f: f(t, y, z) -> (ny,).
         g: g(t, y) -> (nz,).
-        y0: consistent start, (ny,), g(t0, y0) = 0.
-        z0: approximate start of z, (nz,); the hidden constraint g_t + g_y f = 0 refines it.
+        y0: consistent initial y, (ny,), g(t0, y0) = 0.
+        z0: approximate initial z, (nz,), corrected by the hidden constraint g_t + g_y f = 0.
         g_y: g_y(t, y) -> (nz, ny); finite differences when left out.
         f_z: f_z(t, y, z) -> (ny, nz); finite differences when left out.
         g_t: g_t(t, y) -> (nz,); finite differences when left out.
         f_y: f_y(t, y, z) -> (ny, ny), for implicit methods; finite differences when left out.
         title: a name for tables.
         exact: t -> (y, z), the solution if known; order studies compare with it.
-        name: name of a problem in `mbdae.textbook.problems`, with which runs are saved.
+        name: name of a problem in `mbdae.textbook.problems`, under which runs are saved.
         duration: default end time of a run in s.
 
     Raises:
@@ -64,7 +64,7 @@ class Hessenberg:
     drivers: ClassVar[tuple[()]] = ()
 
     def system(self, formulation: str = "index2", baumgarte: tuple[float, float] | None = None) -> "HessenbergSystem":
-        """Bind the problem to a new workspace.
+        """Return a new workspace of the problem.
 
         Raises:
             InputError: for a formulation other than ``"index2"``: other formulations require mechanisms.
@@ -113,10 +113,10 @@ class HessenbergSystem(System):
         self.counts = Counts()
         self.measured = slice(None)
         y, z = np.array(problem.y0, float), np.array(problem.z0, float)
-        self._roots: dict[bytes, Array] = {y.tobytes(): z}  # z at the last points, where Newton's method starts
+        self._roots: dict[bytes, Array] = {y.tobytes(): z}  # z at the last points, as initial values of Newton's method
 
     def require_start(self, t: float, y: Array, z: Array) -> None:
-        """Require functions that return the right shapes, derivatives of g, and index 2, at the start of a run.
+        """Check the shapes of functions, the derivatives of g, and that the index is 2, at the start of a run.
 
         Raises:
             InputError, StepError: as `Hessenberg.point`.
@@ -142,7 +142,7 @@ class HessenbergSystem(System):
         return HessenbergChart(self, t, y, self.initial_z(y))
 
     def initial_z(self, y: Array) -> Array:
-        """Return the stored z at y, else the last stored z: a rejected step must not select the root."""
+        """Return the stored z at y, else the last stored z: a rejected step must not change the root."""
         return self._roots.get(y.tobytes(), next(reversed(self._roots.values())))
 
     def store_z(self, y: Array, z: Array) -> None:
@@ -191,7 +191,7 @@ class HessenbergSystem(System):
         return np.abs(y)
 
     def noise(self, y: Array, relative: float) -> Array:
-        """Return zeros (ny,): nothing cancels in the estimate."""
+        """Return zeros (ny,): error estimates have no cancellation."""
         return np.zeros(len(y))
 
     def interpolant(
@@ -214,7 +214,7 @@ class HessenbergSystem(System):
         return self.value("f", (self.ny,), t, y, z)
 
     def value(self, name: str, shape: tuple[int, ...], *at: Any) -> Array:
-        """Return the value of a function of the problem, as a new array: it may return the same one at each call.
+        """Return the value of a function of the problem, copied: it may return the same array at each call.
 
         Raises:
             StepError: if it fails, or returns another shape.
@@ -241,12 +241,12 @@ class HessenbergSystem(System):
         """Solve 0 = residual(f(t, y, z)) for z by Newton's method to rounding, with derivative = d residual/dF."""
         y, z, last = read_only(y), start.copy(), np.inf  # one view for all calls
         for _ in range(30):
-            known = read_only(z)
-            F = self.f(t, y, known)
+            z_view = read_only(z)
+            F = self.f(t, y, z_view)
             r, rate = residual(F), derivative(F)
             self.counts.solves += 1
             self.counts.factorizations += 1
-            *_, dz, info = lapack().dgesv(factor * rate.dot(self.f_z(t, y, known)), r)
+            *_, dz, info = lapack().dgesv(factor * rate.dot(self.f_z(t, y, z_view)), r)
             if info:
                 break
             z = z - dz

@@ -1,4 +1,4 @@
-"""The index of a problem in Hessenberg form, from the ranks of g_y f_z and k_u."""
+"""Check of the index of a problem in Hessenberg form, by the ranks of g_y f_z and k_u."""
 
 import numpy as np
 
@@ -11,15 +11,15 @@ qr = lazy_import("scipy.linalg", "qr")
 
 
 def require_index_2(title: str, g_y: Array, f_z: Array) -> None:
-    """Require a regular g_y f_z, scaled by rows and columns of |g_y| |f_z|: the rank does not depend on units.
+    """Check that g_y f_z is regular, scaled by rows and columns of |g_y| |f_z|: the rank does not depend on units.
 
     Args:
-        title: of the problem.
-        g_y: (nz, ny) at the start.
-        f_z: (ny, nz) at the start.
+        title: title of the problem.
+        g_y: partial derivatives at the start, (nz, ny).
+        f_z: partial derivatives at the start, (ny, nz).
 
     Raises:
-        InputError: for a singular one, with the components of z and g that depend on others or do not occur.
+        InputError: if it is singular, with the components of z and g that depend on other ones or do not occur.
     """
     if not (np.isfinite(g_y).all() and np.isfinite(f_z).all()):
         raise InputError(f"f_z or g_y of {title!r} is not finite at the start")
@@ -28,14 +28,14 @@ def require_index_2(title: str, g_y: Array, f_z: Array) -> None:
 
 
 def require_index_1(title: str, k_u: Array) -> None:
-    """Require a regular k_u, scaled by its rows and columns.
+    """Check that k_u is regular, scaled by its rows and columns.
 
     Args:
-        title: of the problem.
-        k_u: (nu, nu) at the start.
+        title: title of the problem.
+        k_u: partial derivatives at the start, (nu, nu).
 
     Raises:
-        InputError: for a singular one, with the components of u and k that depend on others or do not occur.
+        InputError: if it is singular, with the components of u and k that depend on other ones or do not occur.
     """
     if not np.isfinite(k_u).all():
         raise InputError(f"k_u of {title!r} is not finite at the start")
@@ -43,14 +43,14 @@ def require_index_1(title: str, k_u: Array) -> None:
 
 
 def _require_regular(what: str, matrix: Array, sizes: Array, column: str, row: str) -> None:
-    """Require a regular matrix (n, n), by pivoting.
+    """Check that a matrix (n, n) is regular, by QR with pivoting.
 
     Args:
-        what: the matrix, in words.
-        matrix: rows and columns are divided by the largest of their sizes.
-        sizes: of the entries, of the terms that may cancel in them, (n, n).
-        column: letter of the columns.
-        row: letter of the rows.
+        what: description of the matrix.
+        matrix: the matrix; its rows and columns are scaled by the largest of their ``sizes``.
+        sizes: magnitudes of the terms that are summed in the entries, (n, n).
+        column: name of the variables of the columns.
+        row: name of the variables of the rows.
     """
     for axis in (1, 0):
         largest = sizes.max(axis, keepdims=True, initial=0.0)

@@ -1,8 +1,8 @@
-"""Problems of mixed index 1 and 2: algebraic variables that solve locally, besides multipliers.
+"""Problems of mixed index 1 and 2, with algebraic variables u of index 1 besides the multipliers.
 
     y' = f(t, y, z, u),   0 = k(t, y, z, u),   0 = g(t, y),   k_u and g_y (f_z - f_u k_u^-1 k_z) regular
 
-At each stage of a method 0 = k is solved for u. That is the method applied to y' = f(t, y, z, u(t, y, z)), 0 = g(t, y),
+At each stage of a method 0 = k is solved for u. This is the method for y' = f(t, y, z, u(t, y, z)), 0 = g(t, y),
 so that the orders of index 2 hold. Source: Hairer, Lubich, Roche, Lecture Notes in Mathematics 1409 (1989), chapter 1.
 """
 
@@ -32,7 +32,7 @@ class MixedHessenberg(Hessenberg):
     Args:
         f, g, y0, z0, g_y, g_t, title, exact, name, duration: see `Hessenberg`.
         k: k(t, y, z, u) -> (nu,).
-        u0: approximate start of u, (nu,).
+        u0: approximate initial u, (nu,).
         f_y, f_z, f_u: partial derivatives of f(t, y, z, u); finite differences when left out.
         k_y, k_z, k_u: partial derivatives of k(t, y, z, u).
 
@@ -55,7 +55,7 @@ class MixedHessenberg(Hessenberg):
         """Return u (n, nu) at successive points of a solution: t (n,), y (n, ny), z (n, nz).
 
         Raises:
-            StepError: where 0 = k has no solution close to that before.
+            StepError: where 0 = k has no solution close to the previous one.
         """
         system = MixedSystem(self)
         return np.array([system.local(*point) for point in zip(np.asarray(t).tolist(), y, z, strict=True)])
@@ -71,22 +71,22 @@ class MixedSystem(HessenbergSystem):
         self._u, self._at = np.array(problem.u0, float), (np.nan, b"", b"")
 
     def require_start(self, t: float, y: Array, z: Array) -> None:
-        """Require functions that return the right shapes, and indices 1 and 2, at the start of a run."""
+        """Check the shapes of functions, and the indices 1 of u and 2 of z, at the start of a run."""
         at = (t, y, z, self._u)
         self.value("k", self._u.shape, *at)
         require_index_1(self.problem.title, self._partials("k", 3, at))
         super().require_start(t, y, z)
 
     def _partials(self, function: str, argument: int, at: tuple[float, Array, Array, Array]) -> Array:
-        """Return the partial derivatives of f or k by argument 1, 2 or 3: y, z or u."""
+        """Return the partial derivatives of f or k with respect to argument 1, 2 or 3: y, z or u."""
         rows, name = self.ny if function == "f" else len(self._u), f"{function}_{'tyzu'[argument]}"
         if getattr(self.problem, name):
             return self.value(name, (rows, len(at[argument])), *at)  # type: ignore[arg-type]
 
-        def along(x: Array) -> Array:
+        def function_of_argument(x: Array) -> Array:
             return self.value(function, (rows,), *at[:argument], x, *at[argument + 1 :])
 
-        return jacobian(along, at[argument])  # type: ignore[arg-type]
+        return jacobian(function_of_argument, at[argument])  # type: ignore[arg-type]
 
     def local(self, t: float, y: Array, z: Array) -> Array:
         """Return u(t, y, z), (nu,), to rounding.
@@ -129,7 +129,7 @@ class MixedSystem(HessenbergSystem):
     def _total(self, argument: int, t: float, y: Array, z: Array) -> Array:
         y, z = read_only(y), read_only(z)
         at = t, y, z, self.local(t, y, z)
-        *_, minus_by, info = lapack().dgesv(self._partials("k", 3, at), self._partials("k", argument, at))
+        *_, du, info = lapack().dgesv(self._partials("k", 3, at), self._partials("k", argument, at))
         if info:
             raise StepError("singular", f"k_u of {self.problem.title!r} is singular at t = {t:.17g}")
-        return self._partials("f", argument, at) - self._partials("f", 3, at).dot(minus_by)
+        return self._partials("f", argument, at) - self._partials("f", 3, at).dot(du)

@@ -1,4 +1,4 @@
-"""Ends of Newton's iterations of a few unknowns."""
+"""Termination of Newton's iterations with a few unknowns."""
 
 import numpy as np
 
@@ -12,5 +12,5 @@ def largest(x: Array) -> float:
 
 
 def is_last(size: float, last: float, limit: float) -> bool:
-    """Return whether the next change of Newton's iteration, (size / last)^2 size after these two, is below a limit."""
+    """Return whether the next change of Newton's iteration, estimated as (size / last)^2 size, is below a limit."""
     return last < np.inf and size**3 <= limit * last**2

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from commands import call, found, keep_studies, without_layout, without_pictures
+from commands import call, keep_studies, sample_commands, without_layout, without_pictures
 
 import mbdae
 from mbdae.__main__ import cli
@@ -114,7 +114,7 @@ EVERY = (
 
 @pytest.mark.slow
 def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeypatch):
-    every = [*EVERY, *found()]
+    every = [*EVERY, *sample_commands()]
     assert {arguments.split()[0] for arguments in every} == set(cli.commands)
     (tmp_path / "sweep.toml").write_text('model = "pendulum"\nend = 0.1\n[grid]\nsolve.rtol = [1e-3, 1e-6]\n')
     monkeypatch.setenv("FORCE_COLOR", "1")  # as on machines that run tests

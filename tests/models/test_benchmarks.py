@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from click.testing import CliRunner
-from commands import found, without_layout, without_pictures
+from commands import sample_commands, without_layout, without_pictures
 from scipy.integrate import solve_ivp
 from test_examples import example
 
@@ -193,8 +193,8 @@ def test_a_mechanism_without_closures_runs_through_every_command(tmp_path, monke
     without_pictures(monkeypatch)
     without_layout(monkeypatch)
     (tmp_path / "sweep.toml").write_text('model = "double_pendulum"\nend = 0.1\n[grid]\nsolve.rtol = [1e-3, 1e-6]\n')
-    every = [*COMMANDS, *found()]
-    for command in [*COMMANDS, *(command for command in found() if "run.npz" in command)]:  # the others name a model
+    every = [*COMMANDS, *sample_commands()]
+    for command in [*COMMANDS, *(c for c in sample_commands() if "run.npz" in c)]:  # other commands name a model
         result = CliRunner().invoke(cli, [*command.split(), "--json"])
         assert result.exit_code == 0, (command, result.output, result.exception)
         json.loads(result.stdout)

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 from numpy import cos, sin
 from scipy.special import ellipj, ellipk
-from signal_names import without_works
+from signal_names import without_work
 
 import mbdae
 
@@ -88,7 +88,7 @@ def test_a_second_is_run_and_checked_and_replayed(name, tmp_path, monkeypatch):
     assert max(found.g_max, found.Gv_max / max(1, np.abs(sol.v).max()), found.energy_relative) < 1e-5
     assert mbdae.animate(sol, tmp_path / "run.html").stat().st_size < 1e7
     few = sol.resampled(np.linspace(0, sol.t[-1], 9))  # signals of every step take most of the test's time
-    assert list(few.signals()) == list(without_works(mech))
+    assert list(few.signals()) == list(without_work(mech))
 
 
 # -- pendulum ------------------------------------------------------------------------------------------------------

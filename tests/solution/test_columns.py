@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import simpson
 from shared import shared_model
-from signal_names import without_works
+from signal_names import without_work
 
 import mbdae
 from mbdae.errors import UnknownNameError
@@ -151,7 +151,7 @@ def test_every_name_has_a_unit_and_a_value_at_a_point(model):
     mech = shared_model(model)
     sol = mbdae.solve(mech, (0, 0.02))
     assert set(signal_values(mech)) == set(units(mech))
-    known = without_works(mech)
+    known = without_work(mech)
     found = sol.signals()
     assert list(found) == list(known)
     assert set(known.values()) <= {

@@ -66,7 +66,7 @@ def test_arrays_that_do_not_fit_each_other_are_not_read(arrays, tmp_path):
 def test_more_than_is_announced_is_not_read(arrays, tmp_path):
     width, ng = arrays["y"].shape[1], arrays["z_own"].shape[1]
     wrong = zeros(tmp_path / "a.npz", arrays, t=(MANY // 20,), y=(MANY // 20, width), z_own=(MANY // 20, ng))
-    rejected(wrong, "its arrays do not have the announced shapes")
+    rejected(wrong, "its arrays do not have the shapes in its metadata")
 
 
 @pytest.mark.slow

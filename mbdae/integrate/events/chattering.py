@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from ...mechanism.hybrid.switch import Switch
     from ...mechanism.hybrid.switches import Mode
 
-MAX_TRANSITIONS = 100  # plus as many per switch: more transitions within a rest time are chattering
+MAX_TRANSITIONS = 100  # per switch, plus one: more transitions within a rest time are chattering
 
 
 class Chattering:
-    """Check of the times of the transitions of a run.
+    """Check for chattering, by the times of the mode transitions of a run.
 
     Args:
         switches: the switches of the mechanism.

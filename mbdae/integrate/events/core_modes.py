@@ -1,8 +1,9 @@
 """Modes of a run in the compiled core: guards, impacts and changes of the mode, many steps at a time.
 
-The core has stops and contacts, one-way clutches, ratchets, sticking joints and ranges. It leaves rare cases to Python:
+The core has stops, contacts, one-way clutches, ratchets, sticking joints and ranges. Rare cases are left to Python:
 complementarity problems that are large or have several solutions, unilateral rows with lam = 0 and zero
-acceleration, modes next to singular configurations. Then it reports the next step as undecided, and takes it alone.
+acceleration, modes close to singular configurations. The core then reports the next step as undecided, and takes only
+this step.
 """
 
 from math import inf
@@ -19,7 +20,15 @@ from ...mechanism.hybrid.kinds.rolling_stiction import TRANSVERSE
 from ...tolerances import COINCIDENT, MODE_ROUNDING
 from .guard_location import GRAZING, MAX_HALVINGS, MAX_NEWTON, RETURN_FACTOR, START_ROOT
 from .level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
-from .multiplier_resolution import CLOSE_EXTREMUM, FINEST, NEAR_LIMIT, OUTSIDE, ROUGH, SAFETY, SHRINK
+from .multiplier_resolution import (
+    CLOSE_EXTREMUM,
+    MAX_DEVIATION,
+    MAX_INTERVALS,
+    MIN_DISTANCE,
+    RANGE_MARGIN,
+    SAFETY,
+    SHRINK,
+)
 
 if TYPE_CHECKING:
     from ..._native import Core, Modes
@@ -27,7 +36,7 @@ if TYPE_CHECKING:
     from ...system import Array
     from .mode_changes import ModeChanges
 
-MAX_STATES = 1000  # combined states of all rows of a complementarity problem, which the core tries one after the other
+MAX_STATES = 1000  # combinations of the states of all rows of a complementarity problem, which the core enumerates
 
 
 class CoreTransition(NamedTuple):
@@ -39,7 +48,7 @@ class CoreTransition(NamedTuple):
         mode: the mode after it.
         is_impact: whether it is an impact.
         contacts: indices of the switches with an impulse.
-        engaged: indices of bilateral rows that become active with an impulse.
+        engaged: indices of bilateral rows that become active by an impulse.
         work: the change of kinetic energy in J.
         impulses: impulses of all rows, (ng,).
     """
@@ -58,17 +67,17 @@ class CoreTransition(NamedTuple):
         if not self.is_impact:
             return None
         p, switches = self.impulses, [mechanism.switches[i] for i in self.contacts]
-        named = [(s.name, abs(p[s.row])) for s in switches]
-        named += [(mechanism.row_names[k], p[k]) for k in self.engaged]
-        where, impulse = zip(*named, strict=True) if named else ((), ())
+        impulses_by_name = [(s.name, abs(p[s.row])) for s in switches]
+        impulses_by_name += [(mechanism.row_names[k], p[k]) for k in self.engaged]
+        where, impulse = zip(*impulses_by_name, strict=True) if impulses_by_name else ((), ())
         return Impact(t, tuple(where), tuple(impulse), tuple(p), -self.work)
 
 
 def core_switches(system: "Index2System") -> list[CoreData] | None:
-    """Return the core data of all switches of a workspace; None if the core does not have one of them."""
-    found = [s.core_data(system) for s in system.mechanism.switches] if system.native else []
-    known = [x for x in found if x is not None]
-    return known if known and len(known) == len(found) else None
+    """Return the core data of all switches of a workspace; None if the core does not support one of them."""
+    candidates = [s.core_data(system) for s in system.mechanism.switches] if system.native else []
+    supported = [x for x in candidates if x is not None]
+    return supported if supported and len(supported) == len(candidates) else None
 
 
 def set_constants(modes: "Modes") -> None:
@@ -77,8 +86,8 @@ def set_constants(modes: "Modes") -> None:
     modes.return_factor, modes.start_root, modes.grazing = RETURN_FACTOR, START_ROOT, GRAZING
     modes.spacings, modes.step_tolerance, modes.iterations = TIME_SPACINGS, RELATIVE_TOLERANCE, MAX_NEWTON
     modes.root_iterations, modes.max_halvings = MAX_ITERATIONS, MAX_HALVINGS
-    modes.rough, modes.near_limit, modes.close_extremum = ROUGH, NEAR_LIMIT, CLOSE_EXTREMUM
-    modes.outside, modes.finest, modes.safety, modes.shrink = OUTSIDE, FINEST, SAFETY, SHRINK
+    modes.rough, modes.near_limit, modes.close_extremum = MAX_DEVIATION, MIN_DISTANCE, CLOSE_EXTREMUM
+    modes.outside, modes.finest, modes.safety, modes.shrink = RANGE_MARGIN, MAX_INTERVALS, SAFETY, SHRINK
     modes.transverse, modes.at_limit, modes.lookahead = TRANSVERSE, AT_LIMIT, LOOKAHEAD
     modes.ambiguous, modes.fallen = AMBIGUOUS_AFTER_START, RANK_LOSS_FACTOR
     modes.max_impacts, modes.max_states = MAX_IMPACTS, MAX_STATES
@@ -99,12 +108,12 @@ def transitions_from_core(modes: "Modes", changes: "ModeChanges | None") -> dict
     if not modes.in_core:
         return None
     changes.checked_in_core = True
-    found = [CoreTransition(*x) for x in modes.transitions]
-    return {x.node: x for x in found}
+    transitions = [CoreTransition(*x) for x in modes.transitions]
+    return {x.node: x for x in transitions}
 
 
 def modes_from_core(modes: "Modes", changes: "ModeChanges", core: "Core", t: float, y: "Array") -> None:
-    """Take over the mode of the core at a point, its rows in use, and the state of its guards."""
+    """Adopt the mode of the core at a point, its rows in use, and the state of its guards."""
     if modes.transitions:
         system, rows, floor = changes.system, core.rows, core.floor
         Index2System.enter(system, tuple(modes.mode))  # the core itself is in this mode

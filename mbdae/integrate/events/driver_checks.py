@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from ..run.run_state import RunState
 
 STATUSES = ("step_size", "max_steps", "newton", "singular", "rank")  # failures that drivers may cause
-BEYOND = 1 / 16  # fraction of the time span, after a failure: enough samples to recognize an inconsistent derivative
+MARGIN = 1 / 16  # fraction of the time span after a failure: samples there reveal an inconsistent derivative
 
 
 class DriverChecks(EventSource):
     """Check of the drivers of a run at its end, or after a failure that drivers may have caused.
 
-    It has no events; sources of events are called at the end of a run.
+    It has no events, but is an event source so that it is called at the end of a run.
     """
 
     @classmethod
@@ -35,7 +35,7 @@ class DriverChecks(EventSource):
         try:
             require_no_dead_point(run.mechanical, run.t, run.ys[-1], run.sign, run.options.step or 0.0)
             if reason.status in ("step_size", "max_steps"):  # a smaller step does not remove an inconsistent derivative
-                self._check(run, start + min(1.0, reached + BEYOND) * (end - start))
+                self._check(run, start + min(1.0, reached + MARGIN) * (end - start))
                 require_compatible_accelerations(run.mechanical, run.t, run.ys[-1])
         except StepError as cause:
             return cause

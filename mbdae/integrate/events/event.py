@@ -15,19 +15,19 @@ from ...system import Array, System
 class Event:
     """A level crossing of a signal, or a zero of a function.
 
-    An event of a signal is a text: ``"v.crank"`` for the zeros of a signal, ``"q.slider = 0.3"`` for both directions,
+    The event of a signal is a string: ``"v.crank"`` for zeros of a signal, ``"q.slider = 0.3"`` for both directions,
     ``"force.wrist pin > 100"`` for rising and ``"q.slider < 0.1"`` for falling crossings; signals are named as in
     `Solution.signals`. A function is evaluated at four points of each step.
 
     Pairs of zeros between two evaluations are missed: limit ``max_step`` for fast changes.
 
     Attributes:
-        function: a text, or a function event(t, q, v) -> float for mechanisms, event(t, y) for textbook problems.
+        function: a string, or a function event(t, q, v) -> float for mechanisms, event(t, y) for textbook problems.
         terminal: stop at the event.
         direction: +1 for zeros where the function rises, -1 where it falls, 0 for both.
 
     Raises:
-        InputError: if the event is neither a text nor a function, or the direction is invalid.
+        InputError: if the event is neither a string nor a function, or the direction is invalid.
     """
 
     function: Callable[..., float] | str
@@ -70,7 +70,7 @@ def event_value(system: System, event: Event, t: float, y: Array) -> float:
     """Evaluate an event function.
 
     Raises:
-        StepError: if it fails or does not return a finite number, whose zero is the event; a condition has none.
+        StepError: if it fails or does not return a finite number; a boolean condition has no zero to locate.
     """
     assert callable(event.function)
     name = f"event {function_name(event.function)!r}"

@@ -1,4 +1,4 @@
-"""Location of the first root of guards in a step, on shorter steps of the method: it has the order of the method."""
+"""Location of the first root of guards in a step, on shorter steps of the method, so that it has its order."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
 
 brentq = lazy_import("scipy.optimize", "brentq")
-RETURN_FACTOR = 1.05  # times the flight time predicted from speed and acceleration: the gap is then negative again
+RETURN_FACTOR = 1.05  # times the flight time predicted from speed and acceleration: afterwards the gap is negative
 START_ROOT = VISIBLE  # fraction of a bracket: after an impact, a root this close to the start is the start itself
-GRAZING = 0.25  # fraction of the gaps at both ends of a step: a minimum of their cubic above it is no contact
+GRAZING = 0.25  # fraction of the smaller gap at the ends of a step: a larger minimum is no contact
 MAX_HALVINGS = 40  # halvings of a step, towards its start
 MAX_NEWTON = 12  # iterations; three or four are typical
 
@@ -35,7 +35,7 @@ class TrackedGuard:
         size: largest magnitude so far.
         level: value at which the guard ends the mode: 0; until the guard becomes positive, its initial value if that is
             negative by rounding.
-        return_time: time at which a row closes again after an impact, predicted from speed and acceleration; nan if it
+        return_time: time of the next contact of a row after an impact, predicted from speed and acceleration; nan if it
             does not.
     """
 
@@ -53,7 +53,7 @@ class TrackedGuard:
 
     @classmethod
     def without_state(cls, guard: Guard, point: "ModePoint") -> "TrackedGuard":
-        """Return a guard whose state is then set from the core; one that refers to its first evaluation has it here."""
+        """Return a guard whose state the core sets next; evaluate it, since some guards refer to their first value."""
         out = cls.__new__(cls)
         out.guard = guard
         if not guard.needs_multipliers:
@@ -135,14 +135,14 @@ def _negative_fraction(tracked: TrackedGuard, step: "StepMap", at: PointAt, thet
     f1 = tracked.value(at(1.0))
     if f1 < -rounding:
         return 1.0
-    return_share = (tracked.return_time - step.t) / step.h
-    if 0 < return_share < 1 and tracked.value(at(return_share)) < -rounding:
-        return return_share
+    return_theta = (tracked.return_time - step.t) / step.h
+    if 0 < return_theta < 1 and tracked.value(at(return_theta)) < -rounding:
+        return return_theta
     return _lowest_fraction(tracked, step, at) if guard.rate is not None else None
 
 
 def _lowest_fraction(tracked: TrackedGuard, step: "StepMap", at: PointAt) -> float | None:
-    """Return the theta of a negative minimum of a guard within a step, at whose end it rises; None without one."""
+    """Return the theta of a negative minimum of a guard within a step, at whose end it rises; None if there is none."""
     rate, h, f0, f1 = tracked.guard.rate, abs(step.h), tracked.value(at(0.0)), tracked.value(at(1.0))
     assert rate is not None
     r0, r1 = rate(at(0.0)), rate(at(1.0))
@@ -156,7 +156,7 @@ def _lowest_fraction(tracked: TrackedGuard, step: "StepMap", at: PointAt) -> flo
     x = -m0 / (b + root) if b >= 0 else (root - b) / (3 * c)  # root of m0 + 2 b x + 3 c x^2, where it rises
     if f0 + x * (m0 + x * (b + x * c)) > GRAZING * min(f0, f1):
         return None
-    falling = 0.0 if r0 < 0 else -b / (3 * c)  # where the cubic falls fastest
+    falling = 0.0 if r0 < 0 else -b / (3 * c)  # theta of the steepest descent of the cubic
     if not rate(at(falling)) < 0:
         return None
     theta = brentq(lambda x: rate(at(x)), falling, 1.0, xtol=COINCIDENT, rtol=COINCIDENT, maxiter=MAX_ITERATIONS)
@@ -185,10 +185,10 @@ def _locate(tracked: TrackedGuard, step: "StepMap", at: PointAt, high: float) ->
                 if best <= tracked.rounding:
                     return nearest
                 break
-            nearest, best, move = theta, abs(f), f / derivative
-            if abs(move) <= tolerance + RELATIVE_TOLERANCE * theta:
+            nearest, best, change = theta, abs(f), f / derivative
+            if abs(change) <= tolerance + RELATIVE_TOLERANCE * theta:
                 return theta
-            theta -= move
+            theta -= change
     low = 0.0
     if starts_at_zero:
         low = next((high / 2**k for k in range(1, MAX_HALVINGS) if tracked.value(at(high / 2**k)) > 0), 0.0)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
 
 MAX_CLUSTER = 100  # jumps that differ only by rounding and count as one
-LATE = 4 * JUMP_MARGIN  # roundings of t between jumps that count as one, and between a jump and a run that begins then
+LATE = 4 * JUMP_MARGIN  # roundings of t: jumps this close count as one, and as the start of a run
 
 
 class SmoothInterval(NamedTuple):
@@ -31,8 +31,7 @@ class SmoothInterval(NamedTuple):
 
     Attributes:
         stop: end of the last step.
-        end: time that is recorded for the end of the last step; the end of the span, if it coincides with a jump: only
-            then it differs from stop.
+        end: recorded end time of the last step; it differs from stop only if the end of the span coincides with a jump.
         restart: start of the next interval; None at the end of the span.
     """
 
@@ -41,7 +40,7 @@ class SmoothInterval(NamedTuple):
     restart: float | None
 
     def leaves_jump(self, t: float) -> bool:
-        """Return whether the span ends at t with this interval, so that a run that continues begins with a jump."""
+        """Return whether this interval ends the span at t, at a jump, so that a continued run begins with the jump."""
         return t == self.end != self.stop
 
 
@@ -62,9 +61,9 @@ class Jumps(EventSource):
     def __init__(
         self, system: System, times: Sequence[float], t1: float, sign: float, knots: Sequence[float] = ()
     ) -> None:
-        self.system, self.given, self.t1, self.sign = system, _checked(times), t1, sign
-        self.times = sorted({*self.given, *knots})
-        self._following = inf, -inf  # times, in their direction: the next jump after the first one is the last one
+        self.system, self.user_times, self.t1, self.sign = system, _checked(times), t1, sign
+        self.times = sorted({*self.user_times, *knots})
+        self._following = inf, -inf  # sign * t, twice: a time, and the next jump after it
 
     @classmethod
     def from_run(cls, run: "RunState") -> "Jumps":
@@ -76,20 +75,20 @@ class Jumps(EventSource):
         self.t1 = t1
         if run.mode_changes:
             self._following = inf, -inf
-            self.times = sorted({*self.given, *_knots(run, run.t, t1)})
+            self.times = sorted({*self.user_times, *_knots(run, run.t, t1)})
 
     def is_idle(self, run: "RunState", t1: float) -> bool:
         """Return whether no jump lies before t1, or within rounding after it."""
         first, last = self._following
-        known = first <= self.sign * run.t and run.interval.stop == run.interval.end
-        return known and self.sign * t1 + _width(run.t, t1) < last and not self._coincide(t1, self.sign * last)
+        is_current = first <= self.sign * run.t and run.interval.stop == run.interval.end
+        return is_current and self.sign * t1 + _width(run.t, t1) < last and not self._coincide(t1, self.sign * last)
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
         """Return y after jumps of the states of sampled controllers.
 
-        A run that ended more than roundings after an instant has sampled there; one that goes on from it does not.
+        A continued run does not sample again if its previous span ended after the sampling instant.
         """
-        self._following = inf, -inf  # an instant that the system counts as this one may be ahead by rounding
+        self._following = inf, -inf  # a sampling instant that the system treats as this time may be later by rounding
         return self.system.jump(run.t, y, LATE if run.t == run.options.t0 else inf)
 
     def interval(self, t: float) -> SmoothInterval:
@@ -101,11 +100,11 @@ class Jumps(EventSource):
         s, rounding = self.sign, ulp(max(abs(t), abs(self.t1)))
         margin, late = JUMP_MARGIN * rounding, LATE * rounding
         _, first = self._cluster(t, late)
-        ahead = s * (first - self.t1)
-        if ahead > late and not self._coincide(self.t1, first):
+        distance = s * (first - self.t1)
+        if distance > late and not self._coincide(self.t1, first):
             return SmoothInterval(self.t1, self.t1, None)
         stop = first - s * margin
-        if ahead >= -late:
+        if distance >= -late:
             return SmoothInterval(s * min(s * stop, s * nextafter(self.t1, -s * inf)), self.t1, None)
         last, _ = self._cluster(first, late)
         return SmoothInterval(stop, stop, last if s > 0 else last - margin)
@@ -123,7 +122,7 @@ class Jumps(EventSource):
         return False
 
     def drop_sampling(self, run: "RunState") -> None:
-        """Remove a last node just after controllers were sampled: a run that continues from the end samples them."""
+        """Remove the last node if controllers were sampled just before it: a continued run samples them itself."""
         if len(run.ts) < 2 or not run.mechanical:
             return
         t, gap = run.t, abs(run.t - run.ts[-2])  # 0 at a reset
@@ -138,9 +137,9 @@ class Jumps(EventSource):
         s, (first, last) = self.sign, self._following
         if first <= s * t < last:
             return s * last
-        following = self._after(t)
-        self._following = s * t, s * following
-        return following
+        next_jump = self._after(t)
+        self._following = s * t, s * next_jump
+        return next_jump
 
     def _after(self, t: float) -> float:
         s = self.sign
@@ -149,16 +148,16 @@ class Jumps(EventSource):
         return s * min(s * self.system.breakpoint(t, s), s * user_time)
 
     def _coincide(self, t: float, jump: float) -> bool:
-        """Return whether a run that starts at t, before a jump, begins with it."""
+        """Return whether a run that starts at t, just before a jump, begins with the jump."""
         return isfinite(jump) and self._after(t) != jump
 
     def _cluster(self, t: float, tolerance: float) -> tuple[float, float]:
         """Return the last jump of the cluster that starts at t, t if there is none, and the jump after it."""
         for _ in range(MAX_CLUSTER):
-            following = self._next(t)
-            if self.sign * (following - t) > tolerance:
-                return t, following
-            t = following
+            next_jump = self._next(t)
+            if self.sign * (next_jump - t) > tolerance:
+                return t, next_jump
+            t = next_jump
         raise StepError("step_size", f"jumps follow one another too closely at t = {t:.17g}: a sampling rate too high?")
 
 
@@ -168,7 +167,7 @@ def _width(t: float, t1: float) -> float:
 
 
 def _knots(run: "RunState", t0: float, t1: float) -> Sequence[float]:
-    """Return the knots of forces and motions between two times if the run has modes: extrema of multipliers."""
+    """Return the knots of forces and motions between two times if the run has modes: multipliers have extrema there."""
     if not (system := run.mechanical) or not system.mechanism.switches:
         return ()
     laws = (signal for law, _ in system.laws.bound for signal in law.signals)

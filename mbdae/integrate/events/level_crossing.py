@@ -28,8 +28,8 @@ COMPARISON = re.compile(r"(?P<signal>(?![-+.\d]).*?[^=<>!\s])\s*(?P<sign>[=<>])\
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
 TIME_SPACINGS = 2  # units in the last place of t: tolerance of the time of an event
 RELATIVE_TOLERANCE = 4 * EPS  # tolerance of theta, the time of an event in a step
-ON_A_SIDE = float(np.sqrt(np.finfo(float).tiny))  # in place of a zero approached from one side; squares are normal
-DEPARTURE_WIDTH = 1e-3  # fraction of a step: where the side is seen on which a signal leaves its level
+SIGNED_ZERO = float(np.sqrt(np.finfo(float).tiny))  # for a zero approached from one side; its square is normal
+DEPARTURE_WIDTH = 1e-3  # fraction of a step: sample that shows to which side a signal leaves its level
 MAX_ITERATIONS = 100  # iterations of Brent's method, which bisects in the worst case
 EventRoot = tuple[float, Array]
 
@@ -48,44 +48,44 @@ def parse_level_crossing(text: str) -> LevelCrossing:
     Raises:
         InputError: for any other text.
     """
-    found = COMPARISON.fullmatch(text.strip())
-    if not found and not any(sign in text for sign in DIRECTIONS):
+    match = COMPARISON.fullmatch(text.strip())
+    if not match and not any(sign in text for sign in DIRECTIONS):
         return LevelCrossing(text.strip(), 0.0, 0)
     try:
-        level = float(found["level"]) if found else np.nan
+        level = float(match["level"]) if match else np.nan
     except ValueError:
         level = np.nan
-    if not found or not np.isfinite(level):
+    if not match or not np.isfinite(level):
         raise InputError(f"an event is a signal, or a signal, one of = > <, and a number, got {text!r:.80}")
-    return LevelCrossing(found["signal"], level, DIRECTIONS[found["sign"]])
+    return LevelCrossing(match["signal"], level, DIRECTIONS[match["sign"]])
 
 
 def crossing_at_jump(
     before: float, after: float, direction: int, tangency: float, side: float = 0.0
 ) -> tuple[bool, float]:
-    """Return whether a value crosses or touches zero at a jump, and the value after the jump, without its rounding.
+    """Return whether a value crosses or touches zero at a jump, and the value after the jump, without rounding.
 
-    A value that comes from one side, is zero to rounding, and has not crossed yet, returns with the sign of this side:
-    it crosses after the jump if it leaves to the other side.
+    A value that is zero to rounding, was approached from one side, and has not crossed, is returned with the sign of
+    this side: it crosses after the jump if it leaves to the other side.
 
     Args:
         before: the value before the jump.
         after: the value after the jump.
         direction: 1 for rising crossings, -1 for falling crossings, 0 for both.
         tangency: values on both sides of a jump with magnitudes up to this are a tangency.
-        side: sign of the value from which it comes in the last step; 0 if it does not matter.
+        side: sign of the value in the last step; 0 if irrelevant.
     """
     if max(abs(before), abs(after)) <= tangency:
         if not direction:
             return before != 0, 0.0
         crossed = side * direction < 0 <= before * direction  # at the end of the last step
-        return False, ON_A_SIDE * (direction if crossed else side)
+        return False, SIGNED_ZERO * (direction if crossed else side)
     return before != 0 and before * after <= 0 and direction * (after - before) >= 0, after
 
 
-def early_samples(f0: float) -> list[float]:
-    """Return theta of a sample that shows to which side a value leaves the level, from its value at the start."""
-    return [DEPARTURE_WIDTH] if abs(f0) <= ON_A_SIDE else []
+def departure_samples(f0: float) -> list[float]:
+    """Return theta of an additional sample if the value at the start of a step is zero: to which side does it go?"""
+    return [DEPARTURE_WIDTH] if abs(f0) <= SIGNED_ZERO else []
 
 
 class SignalEvent:
@@ -98,7 +98,7 @@ class SignalEvent:
         direction: 1 for rising crossings, -1 for falling crossings, 0 for both.
 
     Attributes:
-        unchanged_within: a velocity that remains this close to the level in a step has not changed: sticking joints.
+        unchanged_within: a velocity this close to the level at both ends of a step counts as constant: sticking joints.
     """
 
     def __init__(self, system: Index2System, signal: SignalValue, level: float, direction: int) -> None:
@@ -108,7 +108,7 @@ class SignalEvent:
             speed = system.mechanism.coordinate_scales[i] * system.mechanism.characteristic_rate
             self.unchanged_within = SOLUTION_ROUNDING * (abs(level) + speed)
         self.node = (np.nan, np.nan, 0.0)  # the last node: time, value, rate of an angle
-        self.side = 0.0  # side of the level, from which the signal comes in the last step; 0 if it does not matter
+        self.side = 0.0  # side of the level in the last step; 0 if irrelevant
 
     @classmethod
     def from_text(cls, system: Index2System, mechanism: Mechanism, text: str, direction: int) -> "SignalEvent":
@@ -138,9 +138,9 @@ class SignalEvent:
         self.advance(t, y, 0.0)
 
     def continue_after_other_event(self, t: float, y: Array) -> None:
-        """Continue tracking from an event of another signal: if this one is at its level, it has not crossed it."""
+        """Continue tracking from an event of another signal: if this signal is at its level, it has not crossed it."""
         f = self.value(t, y)
-        self.advance(t, y, f if abs(f) > self._rounding else ON_A_SIDE * self.side)
+        self.advance(t, y, f if abs(f) > self._rounding else SIGNED_ZERO * self.side)
 
     @property
     def _rounding(self) -> float:
@@ -178,7 +178,7 @@ class SignalEvent:
         if abs(f0) > self._rounding:
             self.side = np.sign(f0)
         samples = [(0.0, step.y, f0)]
-        for theta in [*early_samples(f0), *self._interior_extrema(step, f0, f1)]:
+        for theta in [*departure_samples(f0), *self._interior_extrema(step, f0, f1)]:
             y = step.point(theta)
             samples.append((theta, y, self.value(step.t + theta * step.h, y)))
         samples.append((1.0, step.y1, f1))
@@ -188,7 +188,7 @@ class SignalEvent:
         return hits
 
     def reaches(self, step: "StepMap") -> bool:
-        """Return whether the signal is at its level to rounding at the end of the last step, from the right side."""
+        """Return whether the signal reached its level, to rounding, at the end of the last step, in its direction."""
         rise = -self.value(step.t, step.y)
         return abs(self.node[1]) <= self._rounding < abs(rise) and rise * self.direction >= 0
 
@@ -208,13 +208,13 @@ class SignalEvent:
 
     def _locate(self, a: tuple[float, Array, float], b: tuple[float, Array, float], step: "StepMap") -> EventRoot:
         """Locate a zero between two points of a step by Brent's method; each evaluation is one step of the method."""
-        known = {a[0]: (a[2], a[1]), b[0]: (b[2], b[1])}
+        cache = {a[0]: (a[2], a[1]), b[0]: (b[2], b[1])}
 
         def at(theta: float) -> tuple[float, Array]:
-            if theta not in known:
+            if theta not in cache:
                 y = step.point(theta)
-                known[theta] = self.value(step.t + theta * step.h, y), y
-            return known[theta]
+                cache[theta] = self.value(step.t + theta * step.h, y), y
+            return cache[theta]
 
         tolerance = TIME_SPACINGS * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
         theta = float(

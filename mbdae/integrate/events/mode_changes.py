@@ -50,7 +50,7 @@ class ModeChanges(EventSource):
     Attributes:
         modes: the modes, each with its first node.
         impacts: the impacts of the run.
-        core_switches: core data of the switches; None if the core does not have all of them.
+        core_switches: core data of the switches; None if the core does not support all of them.
         checked_in_core: whether the core has checked the last steps.
     """
 
@@ -64,7 +64,7 @@ class ModeChanges(EventSource):
         self.impacts_in_core = self.transitions_in_core = 0
         self.core_switches = core_switches(system)
         self.fired: list[Guard] = []  # guards that are zero at the end of the last step
-        self.resting: set[int] = set()  # contacts that close at the start of a step: too short a flight to resolve
+        self.resting: set[int] = set()  # contacts that close at the start of a step, after an unresolvably short flight
         # end of the last step, and points of the step by theta
         self.point_cache: tuple[Array | None, dict[float, ModePoint]] = (None, {})
         self.last_impact: dict[int, float] = {}  # time of the last impact of each switch
@@ -96,7 +96,7 @@ class ModeChanges(EventSource):
 
     @property
     def each_step(self) -> bool:  # type: ignore[override]
-        """Whether every step must be checked in Python, since the core does not have all switches."""
+        """Whether every step must be checked in Python, since the core does not support all switches."""
         return self.core_switches is None
 
     def is_idle(self, run: "RunState", t1: float) -> bool:
@@ -115,7 +115,7 @@ class ModeChanges(EventSource):
         """Select the mode of a smooth interval, and return the point at which the interval begins.
 
         At the start this is the first mode. After a jump of commands or applied forces, the mode changes only if a
-        guard is negative. Where a closed contact approaches, an impact precedes the new mode.
+        guard is negative. If a closed contact has an approach velocity, an impact precedes the new mode.
 
         Raises:
             InputError: if a gap is negative at the start.
@@ -153,7 +153,7 @@ class ModeChanges(EventSource):
             return None
         try:
             theta, self.fired = self._first_root(step)
-        except StepError as e:  # a guard cannot be computed: the run ends before this step
+        except StepError as e:  # a guard cannot be evaluated: the run ends before this step
             raise EventError(e.status, str(e), step.node) from e
         if not self.fired:
             return None
@@ -202,7 +202,7 @@ class ModeChanges(EventSource):
         return at
 
     def _after_jump(self, run: "RunState", y: Array) -> Array:
-        """Return the point in the mode after a jump: the node of the jump is the first one of that mode."""
+        """Return the point in the mode after a jump; the node of the jump is the first node of that mode."""
         point = self._point(run.t, y)
         fired = [g.guard for g in self.guards if g.value(point) < -g.rounding]
         if not fired:
@@ -250,7 +250,7 @@ class ModeChanges(EventSource):
         self._track(run.t, run.ys[-1])
 
     def adopt_transition(self, node: int, t: float, transition: CoreTransition) -> None:
-        """Record a transition of the core, before a node; the last mode of several is adopted after them.
+        """Record a transition that the core made before a node; of several, only the last mode is entered afterwards.
 
         Raises:
             EventError: in case of chattering.
@@ -264,7 +264,7 @@ class ModeChanges(EventSource):
         self.modes.append((node, tuple(transition.mode)))
 
     def adopt_guards(self, t: float, y: Array) -> None:
-        """Continue at a point with the guards of the mode, whose sizes the core knows."""
+        """Create the guards of the mode at a point; the core provides their state."""
         self._track(t, y, TrackedGuard.without_state)
 
     def explain(self, run: "RunState", reason: StepError) -> StepError:

@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 
 QUARTERS = np.linspace(0.0, 1.0, 5)  # fractions of a step: sampling points of multipliers
 QUARTIC = np.linalg.inv(np.vander(QUARTERS))  # coefficients of the quartic through five samples
-FINEST = 64  # largest number of sampling intervals in a step of fixed size
-FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth difference of samples
-ROUGH = 0.05  # fraction of the distance of a multiplier to its limit: largest deviation from a cubic
-NEAR_LIMIT = 0.02  # fraction of the limit, or of the largest multiplier: lower bound of this distance
+MAX_INTERVALS = 64  # largest number of sampling intervals in a step of fixed size
+FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth difference of samples
+MAX_DEVIATION = 0.05  # fraction of the distance of a multiplier from its limit: largest deviation from a cubic
+MIN_DISTANCE = 0.02  # fraction of the limit, or of the largest multiplier: lower bound of the distance
 CLOSE_EXTREMUM = 0.1  # fraction of the limit, or of the largest multiplier: extrema this close to the limit are sampled
-OUTSIDE = 0.1  # fraction of the range of five samples: extrema this far outside the range are included
+RANGE_MARGIN = 0.1  # fraction of the range of five samples: extrema up to this far outside are included
 SAFETY, SHRINK = 0.8, 0.2  # fraction of the largest step that resolves multipliers; smallest ratio of step sizes
 SHORTEST_STEP = SMALLEST_PART  # fraction of the span: multipliers that are not resolved by steps of this size are jumps
 PointAt = Callable[[float], ModePoint]
@@ -47,8 +47,8 @@ def interpolated_points(step: "StepMap", at: PointAt) -> PointAt:
     def cubic() -> Array:
         start, end = at(0.0), at(1.0)
         rates = step.h * start.derivative[0], step.h * end.derivative[0]
-        move = start.system.difference(start.y, end.y)
-        return hermite.fit([(np.zeros_like(move), move), rates], np.empty((0, len(move))))
+        displacement = start.system.difference(start.y, end.y)
+        return hermite.fit([(np.zeros_like(displacement), displacement), rates], np.empty((0, len(displacement))))
 
     @cache
     def between(theta: float) -> ModePoint:
@@ -60,14 +60,14 @@ def interpolated_points(step: "StepMap", at: PointAt) -> PointAt:
 
 
 def shortest_step(run: "RunState") -> float:
-    """Return the size of the steps of a run that resolve all multipliers, in s."""
+    """Return the step size of a run, in s, that is assumed to resolve all multipliers."""
     return SHORTEST_STEP * abs(run.t1 - run.ts[0])
 
 
 def resolution_error(guards: Sequence["TrackedGuard"], at: PointAt, thetas: Array, step_size: float) -> float:
     """Return the largest deviation of a multiplier from a cubic over the tolerance; above 1, more samples are needed.
 
-    Samples that may miss a double crossing of a guard count, too. It is of fourth order in the distance of the samples.
+    Samples that may miss a double crossing of a guard also count. The deviation has order 4 in the sample spacing.
 
     Args:
         guards: the guards of the mode.
@@ -84,9 +84,9 @@ def resolution_error(guards: Sequence["TrackedGuard"], at: PointAt, thetas: Arra
         if guard.monitored_multiplier is not None:
             samples = _samples(guard, at, thetas)
             size, distance = _distance_to_limit(guard, samples, VISIBLE * tracked.size)
-            bend = max(float(np.linalg.norm(FOURTH @ five)) for five in _groups_of_five(samples))
-            if guard.kind == "slip" or bend > np.abs(FOURTH).sum() * at(0.0).rounding:
-                worst = max(worst, bend / (size * ROUGH * max(distance, NEAR_LIMIT)))
+            deviation = max(float(np.linalg.norm(FOURTH_DIFFERENCE @ group)) for group in _groups_of_five(samples))
+            if guard.kind == "slip" or deviation > np.abs(FOURTH_DIFFERENCE).sum() * at(0.0).rounding:
+                worst = max(worst, deviation / (size * MAX_DEVIATION * max(distance, MIN_DISTANCE)))
     return worst
 
 
@@ -94,24 +94,24 @@ def resolving_step(guards: Sequence["TrackedGuard"], at: PointAt, step_size: flo
     """Return the values of theta at which multipliers are sampled in a step of fixed size: enough to resolve them."""
     thetas = QUARTERS
     with suppress(StepError):
-        while len(thetas) <= FINEST and resolution_error(guards, at, thetas, step_size) > 1:
+        while len(thetas) <= MAX_INTERVALS and resolution_error(guards, at, thetas, step_size) > 1:
             thetas = np.linspace(0.0, 1.0, 2 * len(thetas) - 1)
     return thetas
 
 
 def sample_points(guard: Guard, at: PointAt, thetas: Array) -> Array:
-    """Return the samples, and the extrema, close to the limit, of the quartics through five samples each."""
+    """Return the samples, and those extrema of the quartics through five samples each that are close to the limit."""
     points = list(thetas)
     with suppress(StepError):
         samples = _samples(guard, at, thetas) if guard.monitored_multiplier else np.empty((0, 1))
-        slips, size = guard.kind == "slip", float(np.abs(samples).max(initial=0.0)) or 1.0
-        for k, five in enumerate(_groups_of_five(samples / size)):
-            quartics = (QUARTIC @ five).T
-            polynomial = np.sum([np.convolve(c, c) for c in quartics], axis=0) if slips else quartics[0]
+        is_slip, size = guard.kind == "slip", float(np.abs(samples).max(initial=0.0)) or 1.0
+        for k, group in enumerate(_groups_of_five(samples / size)):
+            quartics = (QUARTIC @ group).T
+            polynomial = np.sum([np.convolve(c, c) for c in quartics], axis=0) if is_slip else quartics[0]
             for x in np.roots(np.polyder(polynomial)):
-                if abs(x.imag) < REAL and -OUTSIDE < x.real < 1 + OUTSIDE:
+                if abs(x.imag) < REAL and -RANGE_MARGIN < x.real < 1 + RANGE_MARGIN:
                     value = float(np.polyval(polynomial, x.real))
-                    if size * np.sqrt(max(value, 0.0)) > 1 - CLOSE_EXTREMUM if slips else value < CLOSE_EXTREMUM:
+                    if size * np.sqrt(max(value, 0.0)) > 1 - CLOSE_EXTREMUM if is_slip else value < CLOSE_EXTREMUM:
                         points.append(float(np.clip((k + x.real) * 4 / (len(thetas) - 1), 0.0, 1.0)))
     return np.unique(points)
 
@@ -128,7 +128,7 @@ def _groups_of_five(samples: Array) -> list[Array]:
 
 
 def _distance_to_limit(guard: Guard, samples: Array, smallest: float) -> tuple[float, float]:
-    """Return the size of a multiplier, and its distance to the limit relative to the size; 1 beyond the limit."""
+    """Return the size of a multiplier, and its distance from the limit relative to the size; 1 beyond the limit."""
     sizes = np.linalg.norm(samples, axis=1)
     size = 1.0 if guard.kind == "slip" else max(float(sizes.max()), smallest)
     distance = 1.0 - float(sizes.max()) if guard.kind == "slip" else float(samples.min()) / (size or 1.0)
@@ -136,7 +136,7 @@ def _distance_to_limit(guard: Guard, samples: Array, smallest: float) -> tuple[f
 
 
 def multipliers_after_short_step(run: "RunState", point: ModePoint) -> "MultipliersAfterStep":
-    """Return a function that computes lam after a step in a mode, which is a fraction of the smooth interval."""
+    """Return a function that computes lam in a mode after a step by a fraction of the smooth interval."""
 
     def step(mode: "Mode", fraction: float) -> tuple[Array, float]:
         system, before = point.system, point.system.mode

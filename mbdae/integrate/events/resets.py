@@ -1,4 +1,4 @@
-"""Events at which the state jumps (`mbdae.Reset`): located on steps of the method, then the run continues from R(y)."""
+"""Events at which the state jumps (`mbdae.Reset`): located on steps of the method; the run continues from R(y)."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -33,10 +33,10 @@ class Resets(EventSource):
         system: workspace of the run.
 
     Attributes:
-        done: first node after each jump, and the name of its event.
+        occurred: first node after each jump, and the name of its event.
 
     Raises:
-        InputError: for an event without its function.
+        InputError: for an event whose reset function is missing.
     """
 
     each_step = True
@@ -48,10 +48,10 @@ class Resets(EventSource):
         bound = partial(SignalEvent.from_text, workspace, system.mechanism, direction=0)
         self.signals = [bound(reset.signal) for reset in resets]
         self.conditions = [bound(reset.when) if reset.when else None for reset in resets]
-        self.done: list[tuple[int, str]] = []
+        self.occurred: list[tuple[int, str]] = []
         self.times: list[float] = []
-        self._found = 0  # event of the last step
-        self._left = ""  # event that a terminal one left undone
+        self._event = 0  # index of the event of the last step
+        self._missed = ""  # event that a terminal event prevented
         self._checked_until = np.nan  # nan after a jump
 
     @classmethod
@@ -73,7 +73,7 @@ class Resets(EventSource):
                 signal.start_at(run.t, run.ys[-1])
 
     def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
-        """Note that signals may have jumped."""
+        """Check for jumps of signals at the start of the next step."""
         if mode_changed:
             self._checked_until = np.nan
 
@@ -91,58 +91,58 @@ class Resets(EventSource):
             hits += [(theta, i) for theta, y in crossings if self._counts(i, step, theta, y)]
         if not hits:
             return None
-        theta, self._found = min(hits)
+        theta, self._event = min(hits)
         if theta >= 1:
             return Occurrence(step.t1)
         t = step.t + theta * step.h
         return Occurrence(t, step.end(theta) if t != step.t else None)
 
     def _counts(self, i: int, step: "StepMap", theta: float, y: Array) -> bool:
-        """Return whether an event is not at the start of the run, and its condition holds."""
+        """Return whether an event counts: it is not at the start of the run, and its condition holds."""
         condition, t = self.conditions[i], step.t + theta * step.h
         if step.first and theta * abs(step.h) <= AGREEMENT * max(1.0, abs(step.t)):
             return False
         return condition is None or condition.direction * condition.value(t, y) > 0
 
     def handle_event(self, run: "RunState", ended: bool) -> bool:
-        """Let the state jump, unless the run ends at this node: its end is before the jump, as before an impact."""
+        """Apply the jump of the state, unless the run ends at this node, before the jump, as before an impact."""
         if ended and not run.continues:
-            self._left = self.maps[self._found].reset.name
+            self._missed = self.maps[self._event].reset.name
             return False
         if run.time_left() <= 0:
             return False
-        found = self.maps[self._found]
+        reset_map = self.maps[self._event]
         self.times = [*self.times[-MAX_RESETS:], run.t]
         if len(self.times) > MAX_RESETS and self.times[0] == run.t:
-            raise StepError("switching", f"event {found.reset.name!r} repeats without end at t = {run.t:.17g}")
+            raise StepError("switching", f"event {reset_map.reset.name!r} repeats without end at t = {run.t:.17g}")
         run.end_interval(len(run.ts) - 1)
-        for i, signal in enumerate(self.signals):  # the last step was longer before the event
-            after = signal.continue_after_crossing if i == self._found else signal.continue_after_other_event
+        for i, signal in enumerate(self.signals):  # they were advanced to the end of the step before it was truncated
+            after = signal.continue_after_crossing if i == self._event else signal.continue_after_other_event
             after(run.t, run.ys[-1])
-        self.done.append((len(run.ts), found.reset.name))
+        self.occurred.append((len(run.ts), reset_map.reset.name))
         y = run.ys[-1]
         if run.mode_changes is None:
-            run.switch_mode(found(run.t, y))
+            run.switch_mode(reset_map(run.t, y))
         else:
-            self.system.enter((0,) * len(self.system.mode))  # a start
-            point = ModePoint(self.system, run.mode_changes.all_rows, run.t, found.assembled(run.t, y))
+            self.system.enter((0,) * len(self.system.mode))  # the mode is selected as at a start
+            point = ModePoint(self.system, run.mode_changes.all_rows, run.t, reset_map.assembled(run.t, y))
             if contact := penetration_message(point):
-                raise StepError("impact", f"{contact} after event {found.reset.name!r}, at t = {run.t:.17g}")
-            run.mode_changes.continue_from(run, point, set(), partial(found.with_work, y))
+                raise StepError("impact", f"{contact} after event {reset_map.reset.name!r}, at t = {run.t:.17g}")
+            run.mode_changes.continue_from(run, point, set(), partial(reset_map.with_work, y))
         return False
 
     def warning(self) -> str:
-        """Return which event a terminal one left undone."""
-        return f"before event {self._left!r}, which a run that continues does not repeat" if self._left else ""
+        """Return which event a terminal event prevented."""
+        return f"before event {self._missed!r}, which a run that continues does not repeat" if self._missed else ""
 
     def release(self) -> None:
         self.system.mechanism.workspaces.release(self.workspace)
 
     def results(self, run: "RunState") -> dict[str, Any]:
-        return {"resets": [(i, name) for i, name in self.done if i < len(run.ts)]}
+        return {"resets": [(i, name) for i, name in self.occurred if i < len(run.ts)]}
 
     def statistics(self, run: "RunState") -> JsonObject:
-        return {"resets": len(self.done)}
+        return {"resets": len(self.occurred)}
 
 
 def require_known_signals(mech: Mechanism, resets: Sequence[Reset]) -> None:

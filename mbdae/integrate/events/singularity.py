@@ -1,4 +1,4 @@
-"""Monitor rank loss of the constraints: detect, cross by extrapolation, verify that the branch is kept."""
+"""Monitoring of rank loss of the constraints: detection, crossing by extrapolation, and a check of the branch."""
 
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
     from ..steppers.adaptive import Adaptive
 
-ADJACENT_RATIO = 0.5 * POSITION_ACCURACY  # fraction of the largest ratio: a singular configuration cannot be told apart
+ADJACENT_RATIO = 0.5 * POSITION_ACCURACY  # fraction of the largest ratio: smaller ones count as singular
 APPROACH = 0.5  # fraction of the time to the singular configuration: the longest step
-RETRY_SHARE = 0.75  # fraction of the time to the singularity at the previous attempt: when the next one is made
-ERROR_REDUCTION, MAX_STALLED = 0.5, 2  # fraction of the last error: attempts without it are limited by step errors
+RETRY_FRACTION = 0.75  # fraction of the time to the singularity at the last attempt: time of the next attempt
+ERROR_REDUCTION, MAX_STALLED = 0.5, 2  # fraction of the last error: smaller reductions are limited by step errors
 MAX_STEP_ERROR, MAX_PROJECTION = 1e3, 100.0  # times the tolerance: error due to steps; distance from the closures
-SINGULAR_RATIO = NEGLIGIBLE  # fraction of the ratio one step before: below it, the configuration is singular
-MAX_RATIO_CHANGE = 0.02  # fraction of the ratio at the start of an interval: largest change over a linear backward step
+SINGULAR_RATIO = NEGLIGIBLE  # fraction of the ratio one step before: at smaller ratios the configuration is singular
+MAX_RATIO_CHANGE = 0.02  # fraction of the ratio at the start of an interval: largest change in a linear backward step
 
 
 class SingularityMonitor(SingularityLocation):
-    """Monitors, step by step, how close the rows of the closures are to dependence.
+    """Monitor of the distance of the closure rows from linear dependence, step by step.
 
-    The indicator is the pivot ratio of the stage solves, which costs nothing. Where it becomes small, a run with
-    step-size control projects its states onto the closures, approaches in steps that halve the distance, and crosses by
+    The indicator is the pivot ratio of the stage solves, which costs nothing. Where it is small, a run with step-size
+    control projects its states onto the closures, approaches in steps that halve the distance, and crosses by
     `singularity_crossing`. At a minimum between other steps, the smallest pivot is minimized on the dense output, and
     any singularity found is recorded.
 
@@ -48,13 +48,13 @@ class SingularityMonitor(SingularityLocation):
 
     Args:
         system: workspace of the run.
-        kept: whether the method enforces positions of closures, by projection or a multiplier.
-        control: step-size control of a run that may cross singular configurations; None for other runs.
-        projects: whether states must be projected where the ratio is small; not for ggl, whose multiplier does so.
+        enforces_g: whether the method enforces g = 0 of closures, by projection or a multiplier.
+        control: step-size control of a run that may cross singular configurations; else None.
+        projects: whether states must be projected where the ratio is small; not for ggl, which enforces positions.
     """
 
-    def __init__(self, system: Index2System, kept: bool, control: "Adaptive | None", projects: bool) -> None:
-        super().__init__(system, kept, control is not None)
+    def __init__(self, system: Index2System, enforces_g: bool, control: "Adaptive | None", projects: bool) -> None:
+        super().__init__(system, enforces_g, control is not None)
         self.control, self.projects, self.newest_ratio = control, projects, 1.0
         self._reset_history(0)
 
@@ -118,7 +118,7 @@ class SingularityMonitor(SingularityLocation):
         monitor.ratio_by_mode = [(list(mode), x) for mode, x in self.ratio_by_mode.items()]
 
     def skip_regular_steps(self, least_pivot_ratio: Array, inspect: bool = True) -> int:
-        """Return the number of regular steps before the first suspicious one, given their smallest pivot ratios.
+        """Return the number of regular steps before the first suspicious step, given the smallest pivot ratio of each.
 
         Without ``inspect``, the core has found all of them regular.
         """
@@ -196,10 +196,10 @@ class SingularityMonitor(SingularityLocation):
 
     def _is_near(self, run: "RunState") -> bool:
         """Return whether the ratio at the last node is small, and is about to vanish or has vanished."""
-        before, here = self.ratios[-2:]
-        falls = falls_to_zero(before, here) or (self.monitored_from is not None and here >= before)
+        before, ratio = self.ratios[-2:]
+        falls = falls_to_zero(before, ratio) or (self.monitored_from is not None and ratio >= before)
         limit = MONITORED_RATIO * self.largest
-        return here < limit and falls and self._ratio(run.ts[-1], run.ys[-1]) < limit
+        return ratio < limit and falls and self._ratio(run.ts[-1], run.ys[-1]) < limit
 
     def end_interval(self, run: "RunState", node: int) -> None:
         """Inspect the last step before an impact or a jump.
@@ -225,28 +225,28 @@ class SingularityMonitor(SingularityLocation):
 
     def replace_step(self, run: "RunState") -> bool:
         """Near a singular configuration, limit the next step, or cross the configuration and return True."""
-        begins = len(run.ts) - 1 == self.origin
-        if self.control is None or (self.monitored_from is None and not begins):
+        at_start = len(run.ts) - 1 == self.origin
+        if self.control is None or (self.monitored_from is None and not at_start):
             return False
         self.control.cap = np.inf
-        here, time_ahead = self._time_to_singularity(run, begins)
+        ratio, time_ahead = self._time_to_singularity(run, at_start)
         if not time_ahead < np.inf:
             return False
         if self.monitored_from is None:
             self.monitored_from = self.origin
         self.control.cap = APPROACH * time_ahead
-        if here > CROSSING_RATIO * self.largest or time_ahead > RETRY_SHARE * self.last_attempt[0]:
+        if ratio > CROSSING_RATIO * self.largest or time_ahead > RETRY_FRACTION * self.last_attempt[0]:
             return False
-        found = self._attempt(run, time_ahead)
-        if found is None:
+        crossing = self._attempt(run, time_ahead)
+        if crossing is None:
             return False
-        self.found.append(found.passed)
-        self.path = found.path
-        run.append_node(found.t, found.y, found.t == run.t1)
+        self.configurations.append(crossing.singular)
+        self.path = crossing.path
+        run.append_node(crossing.t, crossing.y, crossing.t == run.t1)
         self.control.cap, self.control.h = np.inf, APPROACH * time_ahead
         self.last_attempt, self.stalled_attempts = (np.inf, np.inf), 0
         self._restart_ratios(len(run.ts) - 1)
-        if self._ratio(found.t, found.y) >= (MONITORED_RATIO if run.time_left() else SINGULAR_RATIO) * self.largest:
+        if self._ratio(*crossing[:2]) >= (MONITORED_RATIO if run.time_left() else SINGULAR_RATIO) * self.largest:
             self.check_branch(run, self.monitored_from, len(run.ts) - 1)
             self.monitored_from = None
         return True
@@ -254,38 +254,38 @@ class SingularityMonitor(SingularityLocation):
     def _attempt(self, run: "RunState", time_ahead: float) -> SingularityCrossing | None:
         """Return the crossing of a singular configuration about ``time_ahead`` seconds ahead, if it is accurate."""
         assert self.control
-        found = None
+        crossing = None
         with suppress(StepError):
-            found = cross_singularity(self.workspace, run, time_ahead, self.origin)
-        if found is None:
+            crossing = cross_singularity(self.workspace, run, time_ahead, self.origin)
+        if crossing is None:
             self.last_attempt = time_ahead, np.inf
             return None
-        error, move = self.control.tolerance_norms(run, found.y, np.array([found.error, found.move]))
+        error, displacement = self.control.tolerance_norms(run, crossing.y, np.array([crossing.error, crossing.move]))
         self.stalled_attempts = self.stalled_attempts + 1 if error >= ERROR_REDUCTION * self.last_attempt[1] else 0
         accurate = error <= 1 or (self.stalled_attempts >= MAX_STALLED and error <= MAX_STEP_ERROR)
-        if not accurate or move > MAX_PROJECTION * max(1.0, error):
+        if not accurate or displacement > MAX_PROJECTION * max(1.0, error):
             self.last_attempt = time_ahead, error
             return None
-        return found
+        return crossing
 
-    def _time_to_singularity(self, run: "RunState", begins: bool) -> tuple[float, float]:
+    def _time_to_singularity(self, run: "RunState", at_start: bool) -> tuple[float, float]:
         """Return the ratio at the last node, and the extrapolated time at which it vanishes; inf if it does not fall.
 
         At the start of a smooth interval, a short linear step backward, with the initial velocity, replaces the
         previous step.
         """
         dt, before = float((self.control and self.control.h) or 0.0), np.inf
-        if begins and not (dt and self.largest):  # at the start of the run
+        if at_start and not (dt and self.largest):  # at the start of the run
             return np.inf, np.inf
-        here = self._ratio(run.t, run.ys[-1])
-        if not begins:
+        ratio = self._ratio(run.t, run.ys[-1])
+        if not at_start:
             dt, before = abs(run.t - run.ts[-2]), self._ratio(run.ts[-2], run.ys[-2])
-        elif not here < MONITORED_RATIO * self.largest:
-            return here, np.inf
-        while begins and abs(before - here) > MAX_RATIO_CHANGE * here:
+        elif not ratio < MONITORED_RATIO * self.largest:
+            return ratio, np.inf
+        while at_start and abs(before - ratio) > MAX_RATIO_CHANGE * ratio:
             dt /= 2
             before = self._ratio(run.t - run.sign * dt, run.system.add(run.ys[-1], -run.sign * dt * run.F))
-        return here, here * dt / (before - here) if here < before else np.inf
+        return ratio, ratio * dt / (before - ratio) if ratio < before else np.inf
 
     def crossing_point(self, h: float, theta: float) -> Array:
         """Return the point at theta on the last crossing, of size h."""
@@ -293,8 +293,8 @@ class SingularityMonitor(SingularityLocation):
 
     def _inspect_step(self, run: "RunState", k: int) -> None:
         """Inspect step k, counted from 1, whose ratio has index k."""
-        before, here, after = self.ratios[max(0, k - 1) : k + 2] if k else (0.0, 1.0, 0.0)
-        if not here < before or not may_vanish(before, here, after, self.largest):
+        before, ratio, after = self.ratios[max(0, k - 1) : k + 2] if k else (0.0, 1.0, 0.0)
+        if not ratio < before or not may_vanish(before, ratio, after, self.largest):
             return
         nodes = range(max(0, k - 2), min(k + 2, len(run.ts) - self.origin))
         self.search(run, [self.origin + i for i in nodes])

@@ -25,10 +25,10 @@ solve_ivp = lazy_import("scipy.integrate", "solve_ivp")
 minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
 OFFSETS = (2.0, 5.0, 9.0)  # times the predicted time to the singular configuration: times back to the earlier states
 SEARCH_RANGE = 4.0  # times the predicted time: search range for a singular configuration
-SAMPLES = 24  # points of the search
-DEPTH = 0.05  # fraction of the current pivot ratio: minima below are singular configurations
+SAMPLES = 24  # number of samples in the search range
+DEPTH = 0.05  # fraction of the current pivot ratio: smaller minima are singular configurations
 OVERSHOOT = 1.3  # times the time to the singular configuration: smallest size of a crossing
-AHEAD = 0.7  # times the time to the singular configuration: a run that ends earlier ends without a crossing
+MIN_REMAINING = 0.7  # times the time to the singular configuration: a run that ends earlier does not cross it
 POSITION_ACCURACY = INTERPOLATION  # rad or characteristic lengths: of a singular configuration
 
 
@@ -41,7 +41,7 @@ class SingularityCrossing(NamedTuple):
         path: y as a function of the time since the start of the crossing, (dt) -> (n,).
         error: difference of the polynomials of degree 2 k - 1 and 2 k - 3 through k and k - 1 states, in the tangent.
         move: displacement of the end point by the projection.
-        passed: the singular configuration.
+        singular: the singular configuration.
     """
 
     t: float
@@ -49,7 +49,7 @@ class SingularityCrossing(NamedTuple):
     path: "ContinuationPolynomial"
     error: Array
     move: Array
-    passed: Singular
+    singular: Singular
 
 
 class ContinuationPolynomial:
@@ -101,7 +101,7 @@ def cross_singularity(
     """Return the crossing of a singular configuration about ``time_ahead`` seconds ahead; None if there is none.
 
     Args:
-        system: a workspace with the rank and the rows of the run.
+        system: a workspace with the rank and the rows in use of the run.
         run: the run, which provides nodes, rates, the end of the smooth interval, and the backward stepper.
         time_ahead: predicted seconds until the pivot ratio vanishes, positive.
         first: node after the last jump or crossing.
@@ -115,33 +115,33 @@ def cross_singularity(
     us, rates = ys[:, system.nq :], rates[:, system.nv :]
     reach, y = run.sign * SEARCH_RANGE * time_ahead, run.ys[-1]
     path = ContinuationPolynomial(system, ts, y, us, rates, reach)
-    here = system.pivot_ratio(run.t, y)
+    ratio = system.pivot_ratio(run.t, y)
 
     def value(dt: float) -> float:
         return system.pivot_ratio(run.t + dt, path(dt))
 
-    found = _lowest(value, np.linspace(0.0, reach, SAMPLES + 1))
-    if found is None or not found[1] < DEPTH * here:
+    minimum = _lowest(value, np.linspace(0.0, reach, SAMPLES + 1))
+    if minimum is None or not minimum[1] < DEPTH * ratio:
         return None
-    dt = found[0]
+    dt = minimum[0]
     end = min(2 * abs(dt), run.time_to_interval_end())
     ends_near = end < OVERSHOOT * abs(dt)
-    if ends_near and (end < AHEAD * abs(dt) or run.interval.restart is not None):
+    if ends_near and (end < MIN_REMAINING * abs(dt) or run.interval.restart is not None):
         return None
-    lower = ContinuationPolynomial(system, ts[:-1], y, us[:-1], rates[:-1], reach)
-    moved = system.difference(path(dt), lower(dt))[: system.nv] / system.mechanism.coordinate_scales
-    if np.abs(moved).max() > POSITION_ACCURACY or not singular_crossing(
-        system, run.t + dt, path(dt), DEPTH * here, CLOSED
+    lower_order = ContinuationPolynomial(system, ts[:-1], y, us[:-1], rates[:-1], reach)
+    difference = system.difference(path(dt), lower_order(dt))[: system.nv] / system.mechanism.coordinate_scales
+    if np.abs(difference).max() > POSITION_ACCURACY or not singular_crossing(
+        system, run.t + dt, path(dt), DEPTH * ratio, CLOSED
     ):
         return None
     t = run.interval.end if end == run.time_to_interval_end() else run.t + run.sign * end
     y1 = path(run.sign * end)
-    closed = y1 if ends_near else system.project_state(t, y1, True)  # near it, rounding would spoil v
-    error = system.difference(lower(run.sign * end), y1)
-    passed = singular(system, run.t + dt, path(dt), (run.t, y), DEPTH * here)
-    if passed is None:
+    y_end = y1 if ends_near else system.project_state(t, y1, True)  # close to it, rounding dominates v
+    error = system.difference(lower_order(run.sign * end), y1)
+    configuration = singular(system, run.t + dt, path(dt), (run.t, y), DEPTH * ratio)
+    if configuration is None:
         return None
-    return SingularityCrossing(t, closed, path, error, system.difference(y1, closed), passed)
+    return SingularityCrossing(t, y_end, path, error, system.difference(y1, y_end), configuration)
 
 
 def _earlier_states(run: "RunState", time_ahead: float, first: int) -> tuple[Array, Array, Array]:
@@ -156,13 +156,13 @@ def _earlier_states(run: "RunState", time_ahead: float, first: int) -> tuple[Arr
         offsets = np.array(OFFSETS) * (min(1.0, ages[0] / (OFFSETS[-1] * time_ahead)) or 1.0)
         with suppress(StepError, InputError):  # near singular configurations rounding may prevent accurate steps
             return run.backward_stepper(run, run.t - run.sign * time_ahead * offsets)
-    chosen = [len(ages) - 1]
+    selected = [len(ages) - 1]
     for offset in OFFSETS:
-        earlier = ages[: chosen[-1]]
+        earlier = ages[: selected[-1]]
         if not len(earlier):
             break
-        chosen.append(int(np.abs(earlier - offset * time_ahead).argmin()))
-    nodes = [first + i for i in chosen]
+        selected.append(int(np.abs(earlier - offset * time_ahead).argmin()))
+    nodes = [first + i for i in selected]
     points, rates = [run.ys[i] for i in nodes], [run.partial_solution().rate(i) for i in nodes]
     return np.array([run.ts[i] for i in nodes]), np.array(points), np.array(rates)
 

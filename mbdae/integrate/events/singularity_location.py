@@ -1,4 +1,4 @@
-"""Location of singular configurations between the nodes of a run, with a check that the branch is kept."""
+"""Location of singular configurations between the nodes of a run, and a check that the run stays on its branch."""
 
 from collections.abc import Callable
 from functools import partial
@@ -30,53 +30,54 @@ if TYPE_CHECKING:
 minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
 Ratio = TypeVar("Ratio", float, Array)  # pivot ratio of one node, or of several
 
-SUSPICIOUS_RATIO = 0.6  # fraction of the largest ratio so far: minima above are regular
-SMALL, NOTCH = 0.1, 0.7  # fraction of the largest ratio, or of the larger neighbour: minima below may contain a zero
-AHEAD = 20.0  # steps: a ratio that would take more steps to vanish is small for another reason
-MONITORED_RATIO = 0.2  # fraction of the largest pivot ratio: below, states are projected, falling ratios extrapolated
-CROSSING_RATIO = 0.1  # fraction of the largest ratio: below it, a crossing is attempted
-MAX_ANGLE, ROTATION_FACTOR = 0.2, 3.0  # rad, and times the rotation expected: between tangent spaces
+SUSPICIOUS_RATIO = 0.6  # fraction of the largest ratio so far: larger minima are regular
+SMALL, NOTCH = 0.1, 0.7  # fraction of the largest ratio, or of a neighbour: smaller minima may contain a zero
+MAX_STEPS_AHEAD = 20.0  # steps: a ratio that would need more steps to vanish is small for another reason
+MONITORED_RATIO = 0.2  # fraction of the largest pivot ratio: at smaller ratios states are projected
+CROSSING_RATIO = 0.1  # fraction of the largest ratio: at smaller ratios, a crossing is attempted
+MAX_ANGLE, ROTATION_FACTOR = 0.2, 3.0  # rad, plus multiple of the expected rotation: limit between tangent spaces
 NEAR_FRACTIONS = 1 / 2.0 ** np.arange(6, 0, -1)  # fractions of the interval from a singularity to a node
 SAMPLES = 5  # samples of each step
-CONSTANT_RATIO = 0.999  # fraction of the largest sample: ratios above are constant
+CONSTANT_RATIO = 0.999  # fraction of the largest sample: larger ratios count as constant
 
 
-def may_vanish(before: Ratio, here: Ratio, after: Ratio, largest: Ratio) -> Ratio:
+def may_vanish(before: Ratio, current: Ratio, after: Ratio, largest: Ratio) -> Ratio:
     """Return whether the ratio may vanish around a step: it has a minimum that is small or much below a neighbour.
 
     A neighbour of inf is beyond an end of a smooth interval.
     """
-    minimum = (here < before) & (here <= after) & (here < SUSPICIOUS_RATIO * largest)
-    below = ((here < NOTCH * before) & (before < np.inf)) | ((here < NOTCH * after) & (after < np.inf))
-    return minimum & ((here < SMALL * largest) | below)
+    minimum = (current < before) & (current <= after) & (current < SUSPICIOUS_RATIO * largest)
+    below = ((current < NOTCH * before) & (before < np.inf)) | ((current < NOTCH * after) & (after < np.inf))
+    return minimum & ((current < SMALL * largest) | below)
 
 
-def falls_to_zero(before: Ratio, here: Ratio) -> Ratio:
-    """Return whether the ratio, extrapolated from the last step, vanishes within `AHEAD` steps; not from inf."""
-    return (AHEAD * (before - here) > here) & (before < np.inf)
+def falls_to_zero(before: Ratio, current: Ratio) -> Ratio:
+    """Return whether the ratio, extrapolated from the last step, vanishes in `MAX_STEPS_AHEAD` steps; not from inf."""
+    return (MAX_STEPS_AHEAD * (before - current) > current) & (before < np.inf)
 
 
-def largest_in_new_mode(before: SmallestPivot, here: SmallestPivot, largest: float) -> float:
+def largest_in_new_mode(before: SmallestPivot, current: SmallestPivot, largest: float) -> float:
     """Return the largest pivot ratio assumed in a mode that a run enters for the first time, at most 1.
 
-    Ratios of modes cannot be compared: the row of a contact in G M^-1/2 is small if its body is heavy, anywhere. But
-    where the ratio had fallen in the previous mode, to h of its largest value, and the smallest pivot p remains, it is
-    still the one that vanishes: ratio / h. If another pivot is the smallest, the ratio is regular. In between,
+    Ratios of different modes are not comparable: the row of a contact in G M^-1/2 is small at any position if its body
+    is heavy. But if the ratio had fallen to h times its largest value in the previous mode, and the smallest pivot p
+    is the same, this pivot is still about to vanish, and the result is ratio / h. If another pivot is the smallest, the
+    ratio is regular. In between,
 
         r = ratio / sqrt(1 - (1 - h^2) s),    s = (p_smaller / p_larger)^2,
 
     from the squares 1 / p^2, which add up where rows are independent.
 
     Args:
-        before: the smallest pivot at the end of the mode before.
-        here: the one at the same point, in the new mode.
-        largest: largest ratio in the mode before.
+        before: the smallest pivot at the end of the previous mode.
+        current: the smallest pivot at the same point in the new mode.
+        largest: largest ratio in the previous mode.
     """
-    smaller, larger = sorted((before.size, here.size))
+    smaller, larger = sorted((before.size, current.size))
     share = (smaller / larger) ** 2 if smaller < larger else 1.0
     regularity = (before.ratio / largest) ** 2 if before.ratio < largest else 1.0
     scale = float(np.sqrt(1 - share * (1 - regularity)))
-    return here.ratio / scale if here.ratio < scale else 1.0
+    return current.ratio / scale if current.ratio < scale else 1.0
 
 
 class SingularityLocation(EventSource):
@@ -84,20 +85,20 @@ class SingularityLocation(EventSource):
 
     Args:
         system: workspace of the run.
-        kept: whether the method enforces positions of closures, by projection or a multiplier.
+        enforces_g: whether the method enforces g = 0 of closures, by projection or a multiplier.
         controlled: whether the step size is controlled.
 
     Attributes:
-        found: singular configurations crossed so far.
+        configurations: singular configurations crossed so far.
         largest: largest pivot ratio so far.
         mode_ratio: largest pivot ratio in the mode so far.
-        ratio_by_mode: the largest pivot ratio of each mode when it was last left.
+        ratio_by_mode: largest pivot ratio of each mode at its last exit.
     """
 
-    def __init__(self, system: Index2System, kept: bool, controlled: bool) -> None:
-        self.system, self.kept, self.controlled = system, kept, controlled
+    def __init__(self, system: Index2System, enforces_g: bool, controlled: bool) -> None:
+        self.system, self.enforces_g, self.controlled = system, enforces_g, controlled
         self._workspace: Index2System | None = None
-        self.found: list[Singular] = []
+        self.configurations: list[Singular] = []
         self.largest = self.mode_ratio = 0.0
         self.ratio_by_mode: dict[Mode, float] = {}
 
@@ -112,11 +113,11 @@ class SingularityLocation(EventSource):
         return self._workspace
 
     def results(self, run: "RunState") -> dict[str, Any]:
-        return {"singular": self.found}
+        return {"singular": self.configurations}
 
     def discard_beyond_end(self, run: "RunState") -> None:
         """Discard singular configurations after the last node."""
-        self.found = [x for x in self.found if (x.t - run.t) * run.sign <= 0]
+        self.configurations = [x for x in self.configurations if (x.t - run.t) * run.sign <= 0]
 
     def release(self) -> None:
         """See `EventSource`."""
@@ -134,12 +135,12 @@ class SingularityLocation(EventSource):
         self.largest, self.mode_ratio = max(self.largest, ratio), max(self.mode_ratio, ratio)
 
     def from_core(self, monitor: "CoreMonitor") -> None:
-        """Take over the largest ratios of modes."""
+        """Adopt the largest ratios of modes from the core."""
         self.mode_ratio = monitor.mode_ratio
         self.ratio_by_mode = {tuple(x): ratio for x, ratio in monitor.ratio_by_mode}
 
     def _change_mode(self, run: "RunState", node: int) -> None:
-        """Continue with the largest ratio of the mode that begins at a node, if it is another one than before."""
+        """Continue with the largest ratio of the mode that begins at a node, if the mode is different."""
         left, entered = (mode for _, mode in run.mode_changes.modes[-2:])
         if left == entered:
             return
@@ -147,11 +148,11 @@ class SingularityLocation(EventSource):
         if entered in self.ratio_by_mode:
             self.mode_ratio = self.ratio_by_mode[entered]
             return
-        here, w = self._smallest_pivot(run.ts[node], run.ys[node]), self.workspace
+        current, w = self._smallest_pivot(run.ts[node], run.ys[node]), self.workspace
         w.enter(left)
         w.use_rows(run.rows_at(node - 1))
         before = w.smallest_pivot(run.ts[node - 1], run.ys[node - 1]) if w.in_use else SmallestPivot()
-        self.mode_ratio = largest_in_new_mode(before, here, self.mode_ratio)
+        self.mode_ratio = largest_in_new_mode(before, current, self.mode_ratio)
 
     def is_close(self, t: float, y: Array) -> bool:
         """Return whether a singular configuration is so close that the end of a step is inaccurate."""
@@ -164,15 +165,16 @@ class SingularityLocation(EventSource):
             EventError: if the run left its branch.
         """
         dt = run.ts[b] - run.ts[a]
-        crossed = next((x for x in self.found if (x.t - run.ts[a]) * dt > 0 and (run.ts[b] - x.t) * dt > 0), None)
-        if not crossed:
+        between = (x for x in self.configurations if (x.t - run.ts[a]) * dt > 0 and (run.ts[b] - x.t) * dt > 0)
+        crossing = next(between, None)
+        if not crossing:
             return
-        before, after = (self._end_of_neighbourhood(run, crossed.t, i, range(a, b)) for i in (a, b))
+        before, after = (self._end_of_neighbourhood(run, crossing.t, i, range(a, b)) for i in (a, b))
         angle = tangent_space_angle(*(tangent(self.workspace, *end) for end in (before, after)))
         dt = after[0] - before[0]
         expected = ROTATION_FACTOR * abs(dt) * tangent_space_rate(self.workspace, *before, dt)
         if angle > MAX_ANGLE + expected:
-            text = f"{crossed}: the run left its branch there, the tangent space changed by {angle:.2g} rad"
+            text = f"{crossing}: the run left its branch there, the tangent space changed by {angle:.2g} rad"
             raise EventError("rank", f"{text}; take a smaller rtol, or project=True", a)
 
     def _end_of_neighbourhood(self, run: "RunState", t: float, node: int, steps: range) -> tuple[float, Array]:
@@ -219,13 +221,13 @@ class SingularityLocation(EventSource):
         """
         violation = max(self._max_violation(run.ts[n], run.ys[n]) for n in nodes)
         limit = pivot_limit_with_violation(self.workspace, t, y, self.largest, violation)
-        found = singular(self.workspace, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
+        singularity = singular(self.workspace, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
         tolerance = COARSE * abs(run.ts[nodes[-1]] - run.ts[nodes[0]])
-        if found is None or any(abs(found.t - other.t) <= tolerance for other in self.found):
+        if singularity is None or any(abs(singularity.t - other.t) <= tolerance for other in self.configurations):
             return
-        self.found.append(found)
-        if not self.controlled and not self.kept and violation > SOLUTION_ROUNDING:
-            text = f"{found}: a singular configuration, after which a motion with a violation of {violation:.1e}"
+        self.configurations.append(singularity)
+        if not self.controlled and not self.enforces_g and violation > SOLUTION_ROUNDING:
+            text = f"{singularity}: a singular configuration, after which a motion with a violation of {violation:.1e}"
             text = f"{text} may be on another branch; avoid drift-off by project=True or formulation 'ggl'"
             raise EventError("rank", text, i)
         self.check_branch(run, nodes[0], nodes[-1])
@@ -238,12 +240,12 @@ class SingularityLocation(EventSource):
     def _path(self, run: "RunState", i: int) -> Callable[[float], tuple[float, Array]]:
         """Return theta -> (time, point) on step i; linear if an end is too close to singular for dense output."""
         t, h, y = run.ts[i], run.ts[i + 1] - run.ts[i], run.ys[i]
-        move = self.workspace.difference(y, run.ys[i + 1])
+        displacement = self.workspace.difference(y, run.ys[i + 1])
         try:
             dense = run.partial_solution().dense(i)
         except StepError:
-            dense = partial(self._straight, y, move)
+            dense = partial(self._straight, y, displacement)
         return lambda theta: (t + theta * h, dense(theta))
 
-    def _straight(self, y: Array, move: Array, theta: float) -> Array:
-        return self.workspace.add(y, theta * move)
+    def _straight(self, y: Array, displacement: Array, theta: float) -> Array:
+        return self.workspace.add(y, theta * displacement)

@@ -1,7 +1,7 @@
 """Interface between the time loop and the sources of events.
 
-After each step, the sources detect their first event in it, one source after the other; an event before the end of the
-step truncates the step, so the next source checks the shorter step. The source of the earliest event handles it: it
+After each step, each source in turn detects its first event in the step; an event before the end of the step truncates
+the step, so the next source checks the shorter step. The source of the earliest event handles it: it
 ends the run, or continues it from another point or in another mode. In order, the sources are
 
 1. `driver_checks`, at the end of the run only;
@@ -12,7 +12,7 @@ ends the run, or continues it from another point or in another mode. In order, t
 6. `resets`: user-defined events at which the state jumps;
 7. `jumps`: controllers, functions of time and times given by the user.
 
-Sources read the run, and change it by its methods only. Hooks of a source: `adjust_point` and `begin_interval` at the
+Sources read the run, and change it only by its methods. Hooks of a source: `adjust_point` and `begin_interval` at the
 start of a smooth interval, `end_interval` at its end, and `after_discontinuity` at the first node after a jump or a
 mode change.
 """
@@ -77,7 +77,7 @@ class EventSource:
         """Begin a smooth interval at the last node."""
 
     def is_idle(self, run: "RunState", t1: float) -> bool:
-        """Return whether the source need not check steps up to t1, unless the core finds them suspicious."""
+        """Return whether the source need not check steps up to t1 that the core finds regular."""
         return not self.each_step
 
     def replace_step(self, run: "RunState") -> bool:

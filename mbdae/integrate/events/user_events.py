@@ -17,7 +17,7 @@ from ...errors import InputError, StepError
 from ...system import Array, State, Step
 from ...tolerances import AGREEMENT, ROUNDING, SOLUTION_ROUNDING
 from .event import Event, event_value
-from .level_crossing import SignalEvent, crossing_at_jump, early_samples
+from .level_crossing import SignalEvent, crossing_at_jump, departure_samples
 from .source import EventSource, Occurrence
 
 if TYPE_CHECKING:
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
 
 brentq = lazy_import("scipy.optimize", "brentq")
-SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # fractions of a step: a function may change sign several times within it
+SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # fractions of a step, in which a function may change sign several times
 WIDTH = 1e-3  # fraction of a step: distance of the points on both sides of an event for the derivative of its function
-TRIALS = 8  # steps to locate a terminal event; three or four are typical
+MAX_TRIALS = 8  # trial steps to locate a terminal event; three or four are typical
 
 
 class UserEvents(EventSource):
@@ -40,7 +40,7 @@ class UserEvents(EventSource):
         events: the events.
         evaluate: evaluates the function of an event at (t, y).
         signals: the events of signals, bound to a workspace, by index.
-        modes: whether the run has modes, which switch in Python.
+        modes: whether the run has modes, so that Python changes them.
     """
 
     def __init__(
@@ -55,9 +55,9 @@ class UserEvents(EventSource):
         compiled = all(s.signal.compiled for s in self.signals.values())
         self.by_signal = not self.functions and compiled and not modes  # detected in the core
         self.checked_in_core = self.stopped = False  # for the last steps; whether it found a terminal event
-        self.found: list[list[tuple[float, Array]]] = [[] for _ in events]
+        self.recorded: list[list[tuple[float, Array]]] = [[] for _ in events]
         self._last_values: dict[int, float] = {}
-        self._sides: dict[int, float] = {}  # sides of zero from which functions come in the last step
+        self._sides: dict[int, float] = {}  # signs of the functions in the last step
         self._checked_until = np.nan  # time up to which steps were checked; nan after an impact
 
     @classmethod
@@ -87,13 +87,13 @@ class UserEvents(EventSource):
             return
         t, y, limit = run.t, run.ys[-1], run.sign * run.t + AGREEMENT * max(1.0, abs(run.t))
         self._checked_until = t
-        self.found = [[(when, x) for when, x in hits if run.sign * when <= limit] for hits in self.found]
+        self.recorded = [[(when, x) for when, x in hits if run.sign * when <= limit] for hits in self.recorded]
         self._evaluate_functions(t, y)
         for signal in self.signals.values():
             signal.advance(t, y, signal.value(t, y))
 
     def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
-        """Check for crossings at an impact, at the start of the next step."""
+        """Check for crossings at the impact when the next step is checked."""
         if mode_changed:
             self._checked_until = np.nan
 
@@ -109,10 +109,10 @@ class UserEvents(EventSource):
     @property
     def why_python(self) -> str:
         """Reason why the core cannot detect events."""
-        named = [f"event {function_name(e.function)!r} is a function" for e in self.functions.values()]
-        others = [self.events[i].function for i, s in self.signals.items() if not s.signal.compiled]
-        modes = [] if named or others or self.by_signal else ["modes switch in Python"]
-        return ", ".join([*modes, *named, *(f"the core does not have {text!r}" for text in others)])
+        functions = [f"event {function_name(e.function)!r} is a function" for e in self.functions.values()]
+        signals = [self.events[i].function for i, s in self.signals.items() if not s.signal.compiled]
+        modes = [] if functions or signals or self.by_signal else ["modes switch in Python"]
+        return ", ".join([*modes, *functions, *(f"the core does not have {text!r}" for text in signals)])
 
     def core_data(self) -> list[CoreData]:
         """Return core data of the signals."""
@@ -133,7 +133,7 @@ class UserEvents(EventSource):
             return
         self.checked_in_core, self.stopped = True, native.stopped
         for i, t, y in native.located():
-            self.found[i].append(self.origin if t == self.origin[0] else (t, y))
+            self.recorded[i].append(self.origin if t == self.origin[0] else (t, y))
         for signal, node in zip(self.signals.values(), native.nodes, strict=True):
             signal.node = node
             self._checked_until = node[0]
@@ -145,29 +145,29 @@ class UserEvents(EventSource):
             return Occurrence(step.t1) if self.stopped else None
         if not self.events or not (stop := self._terminal(step)):
             return None
-        theta, event, ending = stop
+        theta, event, simultaneous = stop
         out = self._occurrence(step, theta, event)
-        for i in ending:  # located on the dense output, which has one order less than the step
-            self.found[i][-1] = out.t, out.end.state.y if out.end else step.y
+        for i in simultaneous:  # located on the dense output, which has one order less than the step
+            self.recorded[i][-1] = out.t, out.end.state.y if out.end else step.y
         return out
 
     def handle_event(self, run: "RunState", ended: bool) -> bool:
-        """End the run; events at its end or, by the dense output, slightly beyond are moved to the end."""
+        """End the run; move events at its end, or slightly after it by the dense output, to the end."""
         t, y, sign = run.t, run.ys[-1], run.sign
         limit = sign * t - AGREEMENT * max(1.0, abs(t))
-        self.found = [[(t, y) if sign * when >= limit else (when, x) for when, x in hits] for hits in self.found]
+        self.recorded = [[(t, y) if sign * when >= limit else (when, x) for when, x in hits] for hits in self.recorded]
         return True
 
     def names_at(self, t: float) -> list[str]:
-        """Return the terminal events that occurred last at a time: their texts, or the names of their functions."""
-        found = zip(self.events, self.found, strict=True)
-        last = [event.function for event, hits in found if event.terminal and hits and hits[-1][0] == t]
+        """Return the terminal events whose last occurrence is at a time: strings, or names of functions."""
+        hits_of_events = zip(self.events, self.recorded, strict=True)
+        last = [event.function for event, hits in hits_of_events if event.terminal and hits and hits[-1][0] == t]
         return [f if isinstance(f, str) else function_name(f) for f in last]
 
     def results(self, run: "RunState") -> dict[str, Any]:
         """Return the times (k,) and points (k, ...) of the zeros of each event."""
         out = []
-        for hits in self.found:
+        for hits in self.recorded:
             valid = [(t, y) for t, y in hits if (t - run.ts[-1]) * run.sign <= 0]
             points = np.array([y for _, y in valid]).reshape(-1, *run.ys[-1].shape)
             out.append((np.array([t for t, _ in valid], float), points))
@@ -179,16 +179,16 @@ class UserEvents(EventSource):
         return {"events": where} if self.events else {}
 
     def _terminal(self, step: "StepMap") -> tuple[float, Event, list[int]] | None:
-        """Record the events of a step; return theta of its first terminal event, and it; all with it by index."""
+        """Record the events of a step; return theta of the first terminal event, the event, and simultaneous events."""
         t, h, located = step.t, step.h, list[tuple[float, int]]()
         tolerance, stop = AGREEMENT * max(1.0, abs(t)), None
         for theta, i, y in sorted(self._zeros_in_step(step), key=lambda hit: hit[:2]):
             if stop and (theta - stop[0]) * abs(h) > tolerance:
                 break
             at_start = t == self.origin[0] and theta * abs(h) <= tolerance
-            if theta * abs(h) <= tolerance and self.found[i] and abs(t - self.found[i][-1][0]) <= tolerance:
-                continue  # found before the impact
-            self.found[i].append(self.origin if at_start else (t + theta * h, y))
+            if theta * abs(h) <= tolerance and self.recorded[i] and abs(t - self.recorded[i][-1][0]) <= tolerance:
+                continue  # recorded before the impact
+            self.recorded[i].append(self.origin if at_start else (t + theta * h, y))
             if self.events[i].terminal and not at_start and stop is None:
                 stop = theta, self.events[i]
             located.append((theta, i))
@@ -214,14 +214,14 @@ class UserEvents(EventSource):
             zeros = [0.0] if crosses else []
         if abs(g0) > SOLUTION_ROUNDING:
             self._sides[i] = np.sign(g0)
-        known = {0.0: g0}
+        cache = {0.0: g0}
 
         def value(theta: float) -> float:
-            if theta not in known:
-                known[theta] = self.evaluate(event, step.t + theta * step.h, step.dense(theta))
-            return known[theta]
+            if theta not in cache:
+                cache[theta] = self.evaluate(event, step.t + theta * step.h, step.dense(theta))
+            return cache[theta]
 
-        for theta1 in [*early_samples(g0), *SAMPLES]:
+        for theta1 in [*departure_samples(g0), *SAMPLES]:
             g1 = value(theta1)
             direction = np.sign(g1) if g0 == 0 else np.sign(g1 - g0)
             if event.direction * direction >= 0:
@@ -254,8 +254,8 @@ class UserEvents(EventSource):
     def _on_step(self, step: "StepMap", theta: float, event: Event) -> Occurrence:
         """Return an event at the end of a step of the method.
 
-        The dense output, of one order less, provides the initial estimate of the zero of a function, and the derivative
-        for the secant method; if the latter fails (an event function that jumps), the estimate is used.
+        The dense output, one order lower, provides the initial zero of a function and the derivative for the secant
+        method; if this does not converge (an event function that jumps), the initial zero is used.
 
         Raises:
             StepError: if a shorter step cannot be taken.
@@ -270,7 +270,7 @@ class UserEvents(EventSource):
         rise = self.evaluate(event, t + high * h, step.dense(high)) - self.evaluate(event, t + low * h, step.dense(low))
         derivative = rise / (high - low)
         residual = self.evaluate(event, t + theta * h, end.state.y)
-        for _ in range(TRIALS):
+        for _ in range(MAX_TRIALS):
             next_theta = theta - residual / derivative if derivative else theta
             if next_theta == theta or not 0 < next_theta <= 1:
                 break

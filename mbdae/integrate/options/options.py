@@ -1,4 +1,4 @@
-"""Validated options of a run: its arguments, else settings of the mechanism file, else the defaults."""
+"""Validated options of a run, from its arguments, settings of the mechanism file, and defaults."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from math import inf
@@ -28,7 +28,7 @@ class RunOptions(NamedTuple):
     """Options of a run, see the arguments of `mbdae.solve`.
 
     Attributes:
-        method: a method, or a solver of another library, whose stepper uses nothing of the interface of methods.
+        method: a method, or a solver of another library, which has a stepper but not the interface of methods.
         t1: end of the span.
         t_eval: output times; None for the nodes of the run.
         end: end of the run: t1, or the end of the table of a driver that is not extrapolated.
@@ -57,7 +57,7 @@ class RunOptions(NamedTuple):
     def from_settings(
         cls, problem: Problem, t_span: float | Sequence[float] | None, settings: Mapping[str, Any]
     ) -> "RunOptions":
-        """Return the options for arguments of `mbdae.solve` by name, without events and times of output.
+        """Return the options for arguments of `mbdae.solve` by name, without events and output times.
 
         Raises:
             UnknownNameError, InputError: as `from_arguments`.
@@ -112,7 +112,7 @@ class RunOptions(NamedTuple):
 
 
 def _given_options(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options that are given, sizes of steps in double precision, absolute tolerances as an array.
+    """Return the given options, with step sizes in double precision and absolute tolerances as an array.
 
     Raises:
         InputError: for a size or number of steps that is not positive, or a tolerance that is negative.
@@ -145,7 +145,7 @@ def require_positive(**values: float | None) -> None:
 
 
 def complete_settings(problem: Problem, given: Mapping[str, object]) -> dict[str, Any]:
-    """Return the settings of a run: its method, and whether it projects positions; None means not given.
+    """Complete the settings of a run by those of the mechanism file and the defaults; None means not given.
 
     Raises:
         UnknownNameError, InputError: for an invalid method, or one that cannot project.
@@ -184,7 +184,7 @@ def _projects_positions(
     if project and not isinstance(problem, Mechanism):
         raise InputError("project=True is for mechanisms: the method itself satisfies 0 = g of a textbook problem")
     if project and not one_step and not isinstance(method, ExplicitMethod):
-        others = f"{', '.join(EXPLICIT)} of 'index1'"
-        valid = f"project=True is for one-step methods of formulation 'index2', and for {others}"
+        explicit = f"{', '.join(EXPLICIT)} of 'index1'"
+        valid = f"project=True is for one-step methods of formulation 'index2', and for {explicit}"
         raise InputError(f"{valid}; got {method.name!r} of {formulation!r}")
     return bool(project)

@@ -13,7 +13,7 @@ from ...system import Array
 
 
 def checked_span(t_span: Any, *, may_be_empty: bool = False, end: bool = False) -> tuple[float, float]:
-    """Return start and end of a run in s; the end may lie before the start.
+    """Return start and end of a run in s; the end may be before the start.
 
     Args:
         t_span: start and end, or only the end of a span from 0.
@@ -24,8 +24,8 @@ def checked_span(t_span: Any, *, may_be_empty: bool = False, end: bool = False) 
         InputError: for an invalid time span.
     """
     try:
-        alone = end or np.ndim(t_span) == 0
-        t0, t1 = (0.0, float(t_span)) if alone else (float(t) for t in t_span)
+        is_end = end or np.ndim(t_span) == 0
+        t0, t1 = (0.0, float(t_span)) if is_end else (float(t) for t in t_span)
     except (TypeError, ValueError):
         raise InputError(f"t_span is an end, or a start and an end in s, got {t_span!r:.60}") from None
     if end and not t1 > 0:
@@ -41,14 +41,14 @@ def end_of_tables(drivers: Sequence[Driver], t0: float, t1: float) -> float:
     Raises:
         InputError: if the run begins outside the table, or at its end.
     """
-    reached = t1
+    last = t1
     for d in drivers:
-        words = d.outside(t1)
-        end = (d.span[1] if t1 > t0 else d.span[0]) if words else t1
+        reason = d.outside(t1)
+        end = (d.span[1] if t1 > t0 else d.span[0]) if reason else t1
         if d.outside(t0) or (end - t0) * (t1 - t0) <= 0 < abs(t1 - t0):
-            raise InputError(f"{d.outside(t0) or words}; the run begins at t = {t0:g} s")
-        reached = min(reached, end) if t1 > t0 else max(reached, end)
-    return reached
+            raise InputError(f"{d.outside(t0) or reason}; the run begins at t = {t0:g} s")
+        last = min(last, end) if t1 > t0 else max(last, end)
+    return last
 
 
 def checked_times(t_eval: Array, t0: float, t1: float) -> Array:

@@ -1,4 +1,4 @@
-"""Backward steps from the last node of a run: states from which a polynomial crosses a singular configuration."""
+"""Backward steps from the last node of a run, to states from which a singular configuration is extrapolated."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ from .loop import time_loop
 from .run_state import RunState
 
 RTOL_FACTOR, MIN_RTOL = NEGLIGIBLE, SOLUTION_ROUNDING  # tolerance of these steps relative to rtol, and its minimum
-MAX_STEPS = 100  # from one time to the next; twice the largest number ever needed
+MAX_STEPS = 100  # from one time to the next; twice the largest number observed
 SOURCES = (UserEvents, Jumps)  # sources of events of the backward runs
 
 
@@ -45,7 +45,7 @@ class BackwardStepper:
 
         Raises:
             StepError: if a time cannot be reached.
-            InputError: if forces cannot be integrated backward in time: sampled controllers.
+            InputError: for forces that cannot be integrated backward in time, such as sampled controllers.
         """
         run.system.breakpoint(run.t, -run.sign)
         tableau = method(DEFAULTS["method"])

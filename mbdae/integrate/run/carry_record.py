@@ -15,7 +15,7 @@ class CarryRecord:
         self.restarted: list[int] = []
 
     def capacity_left(self, n: int) -> int:
-        """Return at how many nodes after the first n the carries can be stored."""
+        """Return the number of nodes after the first n whose carries can be stored."""
         return max(MAX_STORED - n, 0)
 
     def store(self, i: int, carry: object, restarted: bool = False) -> None:
@@ -24,7 +24,7 @@ class CarryRecord:
             self.extend(i, carry[None], [0] if restarted else [])
 
     def extend(self, first: int, carries: Array, restarted: list[int]) -> None:
-        """Store the carries at nodes from ``first`` on, (k, nc), in place of stored ones; none after a gap.
+        """Store the carries at nodes from ``first`` on, (k, nc), replacing stored ones; after a gap, store nothing.
 
         Args:
             first: first of the nodes.
@@ -47,7 +47,7 @@ class CarryRecord:
         self.n += len(block)
 
     def up_to(self, n: int) -> tuple[Array, list[int]] | None:
-        """Return the carries at nodes 0 to n - 1, (n, nc), and those to n that restart it; None if any is missing."""
+        """Return the carries at nodes 0 to n - 1, (n, nc), and nodes to n that restart it; None if one is missing."""
         if not 0 < n <= self.n:
             return None
         if len(self.blocks) > 1:

@@ -1,8 +1,8 @@
-"""Runs of a mechanism from many starts in the compiled core, from start to end, if they request nothing from Python.
+"""Complete runs of a mechanism in the compiled core, from many starts, if no run needs Python.
 
-The core begins each run, estimates its first step and takes all steps with the functions that `mbdae.solve` calls:
-results are equal bit for bit. A run that needs Python in between, or that may be inaccurate, is left to
-`mbdae.solve`, which has the warnings and messages.
+The core begins each run, estimates its first step and takes all steps by the same functions as `mbdae.solve`: results
+agree bit by bit. A run that needs Python in between, or that may be inaccurate, is left to `mbdae.solve`, which
+produces the warnings and messages.
 """
 
 from typing import NamedTuple
@@ -25,7 +25,7 @@ from ..steppers.stepper import smallest_step
 from .run_diagnostics import SAMPLES, are_accurate
 from .run_setup import START_DRIFT
 from .run_state import RunState
-from .skipped_shapes import shaped_closures, tables_over_time
+from .skipped_shapes import closures_with_curves, tables_over_time
 from .stiffness_detection import FIRST_CHECK
 
 COUNTS = ("steps", "rejected", *Counts().to_dict())
@@ -36,12 +36,12 @@ class CoreRuns(NamedTuple):
     """The first k of several runs in the core.
 
     Attributes:
-        finished: whether each finished in the core, (k,); others are left to `mbdae.solve`.
-        counts: `COUNTS` of each, (k, 10).
+        finished: whether each run finished in the core, (k,); other runs are left to `mbdae.solve`.
+        counts: `COUNTS` of each run, (k, 10).
         drift: largest |g| at the ends of steps, in rad or characteristic lengths, (k,).
-        y: their last points, (k, n).
-        z: their last multipliers of the method, (k, nz).
-        rows: their last rows in use.
+        y: last points, (k, n).
+        z: last multipliers of the method, (k, nz).
+        rows: last rows in use.
     """
 
     finished: Array
@@ -53,10 +53,10 @@ class CoreRuns(NamedTuple):
 
 
 def reason_for_python(run: RunState) -> str:
-    """Return why the runs of a mechanism with these options need Python; empty if they do not.
+    """Return why runs of a mechanism with these options need Python; empty if they do not.
 
     Args:
-        run: one of them, before its beginning.
+        run: one of the runs, before it begins.
     """
     mech, options, system = run.problem, run.options, run.system
     if not isinstance(mech, Mechanism) or not isinstance(system, CompiledSystem):
@@ -71,23 +71,23 @@ def reason_for_python(run: RunState) -> str:
 
 
 def calls_python(run: RunState) -> bool:
-    """Return whether evaluations of a run, before its beginning, call functions of Python."""
+    """Return whether evaluations of a run, before it begins, call Python functions."""
     return not isinstance(run.system, CompiledSystem) or run.system.core.calls_python
 
 
 def _feature_in_python(mech: Mechanism, system: CompiledSystem) -> str:
     """Return a feature of the mechanism that needs Python at the start, between steps or at the end; else ''."""
-    checked = [*closures_with_preconditions(mech), *rolling_closures(mech), *shaped_closures(mech)]
-    found = {
+    closures = [*closures_with_preconditions(mech), *rolling_closures(mech), *closures_with_curves(mech)]
+    features = {
         "modes of": [s.name for s in mech.switches],
         "event": [reset.name for reset in mech.resets],
         "closure friction": [interface.force.name for interface in system.closure_friction.interfaces],
         "flexible body": [body.name for body in flexible_bodies(mech.model)],
-        "checks of closure": [c.name for c in checked],
+        "checks of closure": [c.name for c in closures],
         "table of": [name for name, _ in tables_over_time(system)],
     }
-    named = next((f"{kind} {names[0]!r}" for kind, names in found.items() if names), "")
-    return named or ("functions of Python" if system.core.calls_python else "")
+    feature = next((f"{kind} {names[0]!r}" for kind, names in features.items() if names), "")
+    return feature or ("functions of Python" if system.core.calls_python else "")
 
 
 def _driver_in_python(mech: Mechanism, options: RunOptions) -> str:
@@ -110,12 +110,13 @@ def _in_core(run: RunState) -> tuple[Mechanism, CompiledSystem, NativeStepper]:
 
 
 def consistent_starts(run: RunState, y: Array, parameters: RunParameters) -> Array:
-    """Return whether points are consistent starts as `mbdae.solve` requires, (k,).
+    """Return whether points are consistent starts, by the criteria of `mbdae.solve`, (k,).
 
     Args:
         run: a run of the mechanism, before its beginning.
         y: the points, (k, n).
-        parameters: those of each run; the characteristic rate, which may depend on them, allows no violation then.
+        parameters: parameters of each run; if there are any, the characteristic rate, which depends on them, is not
+            used to allow violations.
     """
     (mech, system, _), options = _in_core(run), run.options
     tolerance = max(INPUT_DIGITS, 0.0 if options.step else START_DRIFT * float(options.rtol))
@@ -126,10 +127,10 @@ def consistent_starts(run: RunState, y: Array, parameters: RunParameters) -> Arr
         return valid
     g, rates, _ = system.residuals(np.full(len(y), options.t0), y)
     speed = np.abs(y[:, system.nq : system.nq + system.nv] / mech.coordinate_scales).max(axis=1)
-    gaps, slips = (_largest_violation(mech, x) for x in (g, rates))
-    slow = slips > tolerance * speed
-    limit = tolerance * (speed + (mech.characteristic_rate if slow.any() and not parameters.locations else 0.0))
-    return valid & (gaps <= tolerance) & (slips <= limit)
+    gaps, rate_violations = (_largest_violation(mech, x) for x in (g, rates))
+    is_slow = rate_violations > tolerance * speed
+    limit = tolerance * (speed + (mech.characteristic_rate if is_slow.any() and not parameters.locations else 0.0))
+    return valid & (gaps <= tolerance) & (rate_violations <= limit)
 
 
 def _is_configuration(mech: Mechanism, q: Array) -> bool:
@@ -147,7 +148,7 @@ def _largest_violation(mech: Mechanism, residuals: Array) -> Array:
 
 
 def supports_parameters_in_place(options: RunOptions) -> bool:
-    """Return whether parameters can differ between runs in the core: methods with partials use a second tree, too."""
+    """Return whether parameters can differ between runs in the core: not for methods with partials (a second tree)."""
     return isinstance(options.method, Tableau)
 
 
@@ -158,7 +159,8 @@ def solve_in_core(run: RunState, y: Array, stop: Array, parameters: RunParameter
         run: a run of the mechanism, before its beginning; another thread may not use it. See `reason_for_python`.
         y: starts, (k, n).
         stop: the flag, (1,) of type uint8, which another thread may set.
-        parameters: those of each run, whose mechanism belongs to this thread then; see `supports_parameters_in_place`.
+        parameters: parameters of each run; then the mechanism belongs to this thread. See
+            `supports_parameters_in_place`.
     """
     (_, system, stepper), options = _in_core(run), run.options
     core, native, control = stepper.core_run_before_start(run), system.native, stepper.control
@@ -167,12 +169,12 @@ def solve_in_core(run: RunState, y: Array, stop: Array, parameters: RunParameter
     if system.ns:  # controllers may sample at the start
         y = np.array([run.jumps.adjust_point(run, at) for at in y])
     start = system.run_start(smallest_step(run.t, run.t1), FIRST_CHECK - 1 if detects_stiffness else UNLIMITED)
-    first = native.FirstStep(**control.first_step_numbers(run)) if control and control.h is None else None
+    first = native.FirstStep(**control.first_step_data(run)) if control and control.h is None else None
     method, parameters = system.method(options.method), parameters or RunParameters()
     locations = [native.ParameterLocation(**x) for x in parameters.locations]
     values = parameters.values
-    found = system.core.solve_runs(method, start, first, core, y, locations, values, SAMPLES + 1, stop)
-    ended, records, points, energies, z, rows = found
+    results = system.core.solve_runs(method, start, first, core, y, locations, values, SAMPLES + 1, stop)
+    ended, records, points, energies, z, rows = results
     counts, extremes = np.split(records.reshape(-1, len(COUNTS) + 3), [len(COUNTS)], axis=1)
     finished = np.array(ended, bool) & are_accurate(extremes, energies, points[..., -1])
     return CoreRuns(finished, counts.astype(int), extremes[:, 0], points[:, -1], z, list(map(tuple, rows)))

@@ -1,9 +1,9 @@
-"""Vibrations of flexible bodies in a run: which limit its steps, and which it does not resolve.
+"""Vibrations of flexible bodies in a run: those that limit its steps, and those that its steps do not resolve.
 
 A vibration eta'' + 2 zeta w eta' + w^2 eta = F(t) follows the quasi-static deflection eta_s = F/w^2, and oscillates
 about it, to first order in 1/w, with the velocity amplitude r, r^2 = (eta' - eta_s')^2 + (w (eta - eta_s) +
 2 zeta eta_s')^2. A step h multiplies its oscillation by R(z), z = h w (-zeta + i sqrt(1 - zeta^2)), in place of exp(z).
-The relative error |R(z) exp(-z) - 1|, of phase and by damping, adds up over steps while the oscillation lasts. R is the
+The relative error |R(z) exp(-z) - 1|, in phase and amplitude, accumulates while the oscillation lasts. R is the
 stability function of a Runge-Kutta method; for others of order p (generalized-alpha, compositions, library solvers) the
 error is estimated by |z|^(p + 1)/12, that of the trapezoidal rule for p = 2.
 """
@@ -23,27 +23,27 @@ from ...system import Array
 from ...tolerances import COARSE, EVALUATION_ROUNDING, NEGLIGIBLE, TINY, VISIBLE
 from ..steppers.solvers import find_method
 
-SAMPLES = 9  # nodes at which the vibrations are computed, the first one among them
-SIZES = 48  # number of step sizes at which R is evaluated; interpolated between them
-QUOTIENT_WIDTH = 1e-3  # fraction of 1/w: step of the forward difference of the quasi-static deflection
+SAMPLES = 9  # number of nodes at which the vibrations are computed, including the first one
+SIZES = 48  # number of step sizes at which R is evaluated, with interpolation in between
+QUOTIENT_WIDTH = 1e-3  # fraction of 1/w: width of the forward difference of the quasi-static deflection
 RATE_ROUNDING = EVALUATION_ROUNDING / QUOTIENT_WIDTH  # rounding of such a difference, relative to sqrt(2 T)
-MAX_ERROR = 0.05  # fraction of the largest velocity amplitude: above it, a vibration is not resolved
-AMPLIFIED = 10.0  # amplification of a vibration over a run that has diverged
-LIMITING = 0.2  # h w: below it, a vibration does not limit the step
-OSCILLATING = 0.3  # damping ratio: above it, a vibration decays within a cycle
+MAX_ERROR = 0.05  # fraction of the largest velocity amplitude: a vibration with a larger error is not resolved
+DIVERGENCE_FACTOR = 10.0  # amplification of a vibration over a run that counts as divergence
+MIN_LIMITING = 0.2  # h w: vibrations with smaller values do not limit the step
+MAX_DAMPING = 0.3  # damping ratio: vibrations with larger ratios decay within a cycle
 
 
 class Vibrations(NamedTuple):
     """Vibrations at some nodes of a run.
 
     Attributes:
-        modes: at the first node.
+        modes: elastic modes at the first node.
         names: labels with the frequencies at the first node, (m,).
-        nodes: their indices, (n,).
-        rates: of the oscillation, (n, m), in m sqrt(kg)/s.
-        largest: largest rate of the oscillation or modal velocity over the nodes, (m,).
-        tolerance: of these rates.
-        errors: of these rates that step-size control allows, (m,): a method may excite such vibrations itself.
+        nodes: indices of the nodes, (n,).
+        rates: velocity amplitudes of the oscillation, (n, m), in m sqrt(kg)/s.
+        largest: largest velocity amplitude or modal velocity over the nodes, (m,).
+        tolerance: tolerance of velocity amplitudes.
+        errors: errors of velocity amplitudes that step-size control allows, (m,), so that the method may excite them.
     """
 
     modes: ElasticModes
@@ -55,14 +55,14 @@ class Vibrations(NamedTuple):
     errors: Array
 
 
-def unresolved_vibrations(sol: Solution, found: Vibrations) -> str:
+def unresolved_vibrations(sol: Solution, vibrations: Vibrations) -> str:
     """Return which vibrations of flexible bodies a run does not resolve; empty if there are none."""
     s, ts, method = sol.settings, sol.nodes[0], _method(sol)
     sizes = np.abs(np.diff(ts))
-    errors = np.array([_error(found, k, ts, sizes, method) for k in range(len(found.names))])
-    which = ", ".join(found.names[(errors > found.tolerance) & (errors > MAX_ERROR * found.largest)])
+    errors = np.array([_error(vibrations, k, ts, sizes, method) for k in range(len(vibrations.names))])
+    names = ", ".join(vibrations.names[(errors > vibrations.tolerance) & (errors > MAX_ERROR * vibrations.largest)])
     smaller = f"take a smaller {'step' if 'step' in s else 'rtol'}, damp it or drop it"
-    return f"not resolved: {which}, whose vibration {s['method']} damps or delays: {smaller}" if which else ""
+    return f"not resolved: {names}, whose vibration {s['method']} damps or delays: {smaller}" if names else ""
 
 
 def _method(sol: Solution) -> Any:
@@ -80,22 +80,23 @@ def amplified_vibrations(sol: Solution) -> str:
     except StepError:
         return ""
     factors = np.abs(stability_function(method, h * _exponents(modes)))
-    which = ", ".join(_names(modes)[factors ** len(ts) > AMPLIFIED])
+    names = ", ".join(_names(modes)[factors ** len(ts) > DIVERGENCE_FACTOR])
     remedy = "take a smaller step, damp it or drop it"
-    return f"the run diverges: steps of {h:g} s amplify {which}: {remedy}" if which else ""
+    return f"the run diverges: steps of {h:g} s amplify {names}: {remedy}" if names else ""
 
 
-def limiting_vibration(sol: Solution, found: Vibrations) -> str:
+def limiting_vibration(sol: Solution, vibrations: Vibrations) -> str:
     """Return which vibration of a flexible body limits the steps of a run; empty if none does."""
     if "step" in sol.settings:
         return ""
-    w, ratios, h = found.modes.frequencies, found.modes.ratios, np.abs(np.diff(sol.nodes[0]))
-    limits = (found.rates.max(axis=0) > found.tolerance) & (h.mean() * w > LIMITING) & (ratios < OSCILLATING)
-    return f"steps limited by {found.names[limits][-1]}; damp or drop it" if limits.any() else ""
+    w, ratios, h = vibrations.modes.frequencies, vibrations.modes.ratios, np.abs(np.diff(sol.nodes[0]))
+    excited = vibrations.rates.max(axis=0) > vibrations.tolerance
+    limits = excited & (h.mean() * w > MIN_LIMITING) & (ratios < MAX_DAMPING)
+    return f"steps limited by {vibrations.names[limits][-1]}; damp or drop it" if limits.any() else ""
 
 
 def find_vibrations(sol: Solution) -> Vibrations | None:
-    """Return the vibrations of flexible bodies; None without any, or where the equations cannot be evaluated."""
+    """Return the vibrations of flexible bodies; None if there are none, or if the equations cannot be evaluated."""
     ts, ys, _ = sol.nodes
     if len(ts) < 2 or not flexible_bodies(sol.mechanism.model):
         return None
@@ -108,8 +109,8 @@ def find_vibrations(sol: Solution) -> Vibrations | None:
         kinetic = max(system.energy(*system.split(ys[i]))[0] for i in nodes)
     except StepError:
         return None
-    of_v = system.nq + modes.at
-    deflections, speeds = (np.abs(ys[:, at] @ modes.rows.T).max(axis=0) for at in (modes.iq, of_v))
+    velocity_indices = system.nq + modes.at
+    deflections, speeds = (np.abs(ys[:, i] @ modes.rows.T).max(axis=0) for i in (modes.iq, velocity_indices))
     largest = np.maximum(rates.max(axis=0), speeds)  # at rest the deflections have the tolerance
     relative = VISIBLE if "step" in sol.settings else min(sol.settings["rtol"], COARSE)
     rounding = RATE_ROUNDING * np.sqrt(2 * kinetic)
@@ -121,8 +122,8 @@ def find_vibrations(sol: Solution) -> Vibrations | None:
 
 def _names(modes: ElasticModes) -> Array:
     """Return labels with frequencies, (m,)."""
-    listed = zip(modes.labels, modes.frequencies, strict=True)
-    return np.array([f"{label} ({float(f'{x:.3g}'):g} rad/s)" for label, x in listed])
+    pairs = zip(modes.labels, modes.frequencies, strict=True)
+    return np.array([f"{label} ({float(f'{x:.3g}'):g} rad/s)" for label, x in pairs])
 
 
 def _exponents(modes: ElasticModes) -> Array:
@@ -132,39 +133,40 @@ def _exponents(modes: ElasticModes) -> Array:
 
 
 def _oscillation(system: Index2System, modes: ElasticModes, t: float, y: Array) -> Array:
-    """Return the rate of oscillation of each vibration about the smooth deflection, (m,)."""
+    """Return the velocity amplitude of each vibration about the quasi-static deflection, (m,)."""
     nq, nv, w, lag = system.nq, system.nv, modes.frequencies, 2 * modes.ratios / modes.frequencies
 
-    def smooth(t: float, y: Array) -> tuple[Array, Array]:
+    def quasi_static(t: float, y: Array) -> tuple[Array, Array]:
         F = system.derivative(t, y)[0]
         eta, rate, acceleration = (modes.rows @ x for x in (y[modes.iq], y[nq + modes.at], F[nv + modes.at]))
         return eta + lag * rate + acceleration / w**2, F
 
     dt = QUOTIENT_WIDTH / w[-1]
-    deflection, F = smooth(t, y)
-    speed = (smooth(t + dt, system.add(y, dt * F))[0] - deflection) / dt
+    deflection, F = quasi_static(t, y)
+    speed = (quasi_static(t + dt, system.add(y, dt * F))[0] - deflection) / dt
     eta, rate = modes.rows @ y[modes.iq], modes.rows @ y[nq + modes.at]
     return np.hypot(rate - speed, w * (eta - deflection + lag * speed))
 
 
-def _error(found: Vibrations, k: int, ts: Array, h: Array, method: Any) -> float:
-    """Return the largest error of the rate of vibration k: summed over steps, while it oscillates.
+def _error(vibrations: Vibrations, k: int, ts: Array, h: Array, method: Any) -> float:
+    """Return the largest error of the velocity amplitude of vibration k, accumulated over steps while it oscillates.
 
-    After the start only vibrations count that are larger than errors of the run.
+    After the start, only vibrations larger than the errors of the run are considered.
     """
-    z = _exponents(found.modes)[k]
+    z = _exponents(vibrations.modes)[k]
     sizes = np.geomspace(max(h.min(), TINY), h.max() * (1 + NEGLIGIBLE), SIZES)
     errors = np.interp(h, sizes, step_error(method, z * sizes))
     total, worst = np.concatenate([[0.0], np.cumsum(errors)]), 0.0
-    rates = np.where((found.nodes == 0) | (found.rates[:, k] > found.errors[k]), found.rates[:, k], 0.0)
-    for i, rate in zip(found.nodes[:-1], rates[:-1], strict=True):
+    rates = vibrations.rates[:, k]
+    rates = np.where((vibrations.nodes == 0) | (rates > vibrations.errors[k]), rates, 0.0)
+    for i, rate in zip(vibrations.nodes[:-1], rates[:-1], strict=True):
         decay = np.exp(z.real * np.abs(ts[i + 1 :] - ts[i]))
         worst = max(worst, float((rate * decay * np.minimum(total[i + 1 :] - total[i], 1.0)).max()))
     return worst
 
 
 def step_error(method: Any, z: Array) -> Array:
-    """Return |R(z) exp(-z) - 1| of steps of a method, (n,); its estimate if it is no Runge-Kutta method."""
+    """Return |R(z) exp(-z) - 1| of steps of a method, (n,); an estimate if it is not a Runge-Kutta method."""
     if not isinstance(method, RungeKutta | ExplicitMethod):
         return np.abs(z) ** (method.order + 1) / 12
     return np.abs(stability_function(method, z) - np.exp(z)) / np.maximum(np.abs(np.exp(z)), TINY)

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, DTypeLike
 
 from ...system import Array
 
-CAPACITY = 8  # rows at first
+INITIAL_CAPACITY = 8  # rows
 
 
 class GrowingArray:
@@ -16,7 +16,7 @@ class GrowingArray:
 
     def __init__(self, first: ArrayLike) -> None:
         row = np.asarray(first, float)
-        self._data, self._n = np.empty((CAPACITY, len(row))), 1
+        self._data, self._n = np.empty((INITIAL_CAPACITY, len(row))), 1
         self._data[0] = row
 
     def __len__(self) -> int:

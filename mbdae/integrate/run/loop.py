@@ -6,7 +6,7 @@ Until the end of the span:
 singular configuration, an event function, a progress report); alternatively, a source of events replaces the step, to
 cross a singular configuration;
 2. each source of events returns its first event in the last step (`mbdae.integrate.events.source`);
-3. the earliest one acts: the run ends, or continues in another mode or after a jump.
+3. the source of the earliest event handles it: the run ends, or continues in another mode or after a jump.
 
 On both back ends, a step is proposed and taken, its error is compared with the tolerance, its end is projected onto the
 closures if the run projects, and the step is accepted or rejected; then the rows of the next step are selected
@@ -43,7 +43,7 @@ def run_to_end(run: RunState, progress: Progress | None) -> tuple[str, str]:
         except StepError as e:
             if isinstance(e, EventError):
                 run.drop_nodes_after(e.node)
-            if e.status == "force" and len(run.ts) == 1:  # no step was taken: an error in the law
+            if e.status == "force" and len(run.ts) == 1:  # no step was taken: the law itself is wrong
                 raise InputError(str(e)) from e
             for source in run.sources:
                 e = source.explain(run, e)
@@ -59,7 +59,7 @@ def run_to_end(run: RunState, progress: Progress | None) -> tuple[str, str]:
 
 
 def _complete(run: RunState, progress: Progress | None) -> bool:
-    """Complete a run without sources of events in one call of the core; if that cannot be, add its sources."""
+    """Complete a run without sources of events in one call of the core; if that is impossible, add its sources."""
     if not run.stepper.complete(run):
         run.add_sources()
         return False
@@ -69,16 +69,16 @@ def _complete(run: RunState, progress: Progress | None) -> bool:
 
 
 def time_loop(run: RunState, progress: Progress | None = None) -> bool:
-    """Step to the end of the span; return True if an event stopped the run before."""
+    """Step to the end of the span; return True if an event stopped the run earlier."""
     total = run.time_left()
     while run.time_left() > 0:
         before = len(run.ts)
         start = _advance(run)
-        acting = _detect_events(run, start, before) if len(run.ts) > before else None
-        if acting is None:  # no step was taken, or the last one was rejected
+        handlers = _detect_events(run, start, before) if len(run.ts) > before else None
+        if handlers is None:  # no step was taken, or the last one was rejected
             continue
         ended = False
-        for source in acting:
+        for source in handlers:
             ended |= source.handle_event(run, ended)
         if ended:
             return True
@@ -88,7 +88,7 @@ def time_loop(run: RunState, progress: Progress | None = None) -> bool:
 
 
 def _advance(run: RunState) -> State | None:
-    """Try one or several steps; return the state at the start of the last one, None if a source replaced the step.
+    """Try one or several steps; return the state at the start of the last step, None if a source replaced the step.
 
     Raises:
         StepError: if the largest number of steps is reached.
@@ -105,8 +105,8 @@ def _advance(run: RunState) -> State | None:
 
 
 def _detect_events(run: RunState, start: State | None, before: int) -> list[EventSource] | None:
-    """Truncate the last step at its earliest event, and return the sources of it; None if the step was rejected."""
-    step, acting = StepMap(run, start), list[EventSource]()
+    """Truncate the last step at its earliest event; return the sources of the event, None if the step was rejected."""
+    step, handlers = StepMap(run, start), list[EventSource]()
     if start and any(source.rejects(step) for source in run.sources):  # too long to detect its events
         run.reject_step(start)
         return None
@@ -116,9 +116,9 @@ def _detect_events(run: RunState, start: State | None, before: int) -> list[Even
             continue
         if event.end is not None or event.t != step.t1:  # earlier than the previous events
             run.truncate(step, event)
-            acting.clear()
-        acting.append(source)
+            handlers.clear()
+        handlers.append(source)
         if len(run.ts) == before:  # at the start of the step
             break
         step = step.ended_by_event()
-    return acting
+    return handlers

@@ -34,24 +34,24 @@ def accuracy_warnings(sol: Solution, system: Index2System, vibrations: Vibration
     Args:
         sol: a finished run of a mechanism.
         system: its workspace, which recorded the residuals of all rows at the ends of all steps.
-        vibrations: those of its flexible bodies.
+        vibrations: vibrations of its flexible bodies.
     """
-    inaccurate = [text for check in CHECKS if (text := check(sol, system))]
-    others = [text for check in ASSUMPTIONS if (text := check(sol, system))]
-    if inaccurate:
-        others.insert(0, f"{'; '.join(inaccurate)}: {_remedy(sol, system)}")
+    errors = [text for check in CHECKS if (text := check(sol, system))]
+    warnings = [text for check in ASSUMPTIONS if (text := check(sol, system))]
+    if errors:
+        warnings.insert(0, f"{'; '.join(errors)}: {_remedy(sol, system)}")
     if vibrations and (unresolved := unresolved_vibrations(sol, vibrations)):
-        others.append(unresolved)
-    return "; ".join(others)
+        warnings.append(unresolved)
+    return "; ".join(warnings)
 
 
 def _remedy(sol: Solution, system: Index2System) -> str:
-    """Return how to make a run more accurate, or which rows make that impossible."""
+    """Return how to make a run more accurate, or which contradicting rows make that impossible."""
     if names := contradicting_rows(system, sol.nodes[0][-1], sol.nodes[1][-1]):
         return f"{names} contradict each other"
-    fixed, formulation = "step" in sol.settings, sol.settings["formulation"]
-    closed = sol.settings["project"] or formulation == "ggl" or not system.ng or sol.settings["method"] in SOLVERS
-    return f"take a smaller {'step' if fixed else 'rtol'}{'' if closed else ', or project=True'}"
+    is_fixed, formulation = "step" in sol.settings, sol.settings["formulation"]
+    is_projected = sol.settings["project"] or formulation == "ggl" or not system.ng or sol.settings["method"] in SOLVERS
+    return f"take a smaller {'step' if is_fixed else 'rtol'}{'' if is_projected else ', or project=True'}"
 
 
 def violated_closures(sol: Solution, system: Index2System) -> str:
@@ -59,39 +59,39 @@ def violated_closures(sol: Solution, system: Index2System) -> str:
     if system.largest_g <= POSITION_TOLERANCE:
         return ""
     mech, t, q = sol.mechanism, sol.nodes[0][-1], system.split(sol.nodes[1][-1])[0]
-    which = largest_error(mech, system.closures(q, t)[0])
+    worst = largest_error(mech, system.closures(q, t)[0])
     size = f"{system.largest_g:.2g} rad or characteristic lengths of {mech.characteristic_length:.3g} m"
-    return f"closures were violated by {size} ({which.name!r} by {which.text} at the end)"
+    return f"closures were violated by {size} ({worst.name!r} by {worst.text} at the end)"
 
 
 def violated_velocity_rows(sol: Solution, system: Index2System) -> str:
-    """Return which row was violated at velocity level, and whether redundant ones alone were; empty if none."""
+    """Return which row was violated at velocity level, and whether only redundant rows were; empty if none."""
     slip = 0.0 if sol.settings["formulation"] == "index1" else _largest_slip(system)
     if slip <= VISIBLE:
         return ""
     t, (q, v) = sol.nodes[0][-1], system.split(sol.nodes[1][-1])
     rates = system.closures(q, t)[1] @ v + system.g_t(t)
-    which = largest_error(sol.mechanism, rates, "/s")
+    worst = largest_error(sol.mechanism, rates, "/s")
     sizes = np.abs(rates / sol.mechanism.row_scales)
     used = list(sol.in_use[-1][1]) if sol.in_use else slice(None)
     rows = "rows" if sizes[used].max() > NEGLIGIBLE * sizes.max() else "rows that depended on others"
-    slipped = f"{rows} are not kept: |G v| reached {slip:.2g} of the largest speeds"
-    return f"{slipped} ({which.name!r} {'slips' if which.velocity_only else 'is violated'} by {which.text} at the end)"
+    message = f"{rows} are not kept: |G v| reached {slip:.2g} of the largest speeds"
+    return f"{message} ({worst.name!r} {'slips' if worst.velocity_only else 'is violated'} by {worst.text} at the end)"
 
 
 def energy_imbalance(sol: Solution, system: Index2System) -> str:
-    """Return by how much the energy balance is violated, if by more than `ENERGY_TOLERANCE`; else empty."""
+    """Return the violation of the energy balance if it exceeds `ENERGY_TOLERANCE`; else empty."""
     ts, ys, _ = sol.nodes
-    at = _spread(len(ys), SAMPLES + 1)
-    some = ys[at]
-    energies = system.residuals(ts[at], some)[2]
-    few = energies.tolist()  # lists are faster than arrays of some nodes
-    balance = [T + U - work for (T, U), work in zip(few, some[:, -1].tolist(), strict=True)]
-    if isfinite(sum(balance)) and max(balance) - min(balance) <= ENERGY_TOLERANCE * max(T for T, _ in few):
+    nodes = _evenly_spaced(len(ys), SAMPLES + 1)
+    points = ys[nodes]
+    energies = system.residuals(ts[nodes], points)[2]
+    pairs = energies.tolist()  # lists are faster than short arrays
+    balance = [T + U - work for (T, U), work in zip(pairs, points[:, -1].tolist(), strict=True)]
+    if isfinite(sum(balance)) and max(balance) - min(balance) <= ENERGY_TOLERANCE * max(T for T, _ in pairs):
         return ""  # at most the energy exchanged
     with np.errstate(over="ignore", invalid="ignore"):
         kinetic, potential = energies.T
-        error, exchanged = energy_balance(sol, kinetic, potential, some[:, -1])
+        error, exchanged = energy_balance(sol, kinetic, potential, points[:, -1])
         relative = float(np.abs(error).max() / exchanged) if exchanged else 0.0
     if relative <= ENERGY_TOLERANCE:
         return ""
@@ -101,8 +101,8 @@ def energy_imbalance(sol: Solution, system: Index2System) -> str:
 def lost_preconditions(sol: Solution, system: Index2System) -> str:
     """Return which closure lost a precondition, and when; empty if none."""
     ts, ys, _ = sol.nodes
-    some = _spread(len(ts), PRECONDITION_NODES)
-    return precondition_violation(system, ts[some], ys[some, : system.nq])
+    nodes = _evenly_spaced(len(ts), PRECONDITION_NODES)
+    return precondition_violation(system, ts[nodes], ys[nodes, : system.nq])
 
 
 def _largest_slip(system: Index2System) -> float:
@@ -124,10 +124,10 @@ def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
         return ""
     G = mass_scaled_jacobian(system, ts[-1], system.split(ys[-1])[0])
     Q = np.linalg.qr(G[used].T)[0]
-    size, left = np.linalg.norm(G, axis=1).max(), np.linalg.norm(G - G @ Q @ Q.T, axis=1)
-    if not left.max() > AMBIGUOUS_PIVOT * size:
+    size, residual = np.linalg.norm(G, axis=1).max(), np.linalg.norm(G - G @ Q @ Q.T, axis=1)
+    if not residual.max() > AMBIGUOUS_PIVOT * size:
         return ""
-    name = sol.mechanism.row_names[int(left.argmax())]
+    name = sol.mechanism.row_names[int(residual.argmax())]
     return f"{name!r} depended on other closures at the start and does not now: they cannot all be kept while it moves"
 
 
@@ -137,7 +137,7 @@ def lift_off(sol: Solution, system: Index2System) -> str:
     The multipliers of the method select candidates; those of the hidden constraint decide.
     """
     mech, (ts, _, zs) = sol.mechanism, sol.nodes
-    found, switched = [], {row for s in mech.switches for row in s.rows}
+    messages, switched = [], {row for s in mech.switches for row in s.rows}
     for closure in rolling_closures(mech):
         row = mech.rows_of(closure.name)[0]
         if closure.contact is False or row in switched or not (zs[1:, row] < 0).any():
@@ -150,10 +150,10 @@ def lift_off(sol: Solution, system: Index2System) -> str:
                 break
         start = first_negative(ts, normal)
         if start is not None:
-            found.append(
+            messages.append(
                 f"{closure.name!r} is held on its surface from t = {start:.6g} s on, where N < 0: it would separate"
             )
-    return "; ".join(found)
+    return "; ".join(messages)
 
 
 def large_deflections(sol: Solution, system: Index2System) -> str:
@@ -167,7 +167,7 @@ def are_accurate(extremes: Array, energies: Array, work: Array) -> Array:
     Args:
         extremes: largest |g|, |G v + g_t| and |v| at the ends of steps, (k, 3), see `Index2System`.
         energies: kinetic and potential energies at `SAMPLES` + 1 nodes of each run in J, (k, n, 2).
-        work: work there in J, (k, n).
+        work: work at these nodes in J, (k, n).
     """
     g, slip, speed = extremes.T
     with np.errstate(over="ignore", invalid="ignore"):
@@ -176,10 +176,10 @@ def are_accurate(extremes: Array, energies: Array, work: Array) -> Array:
     return (g <= POSITION_TOLERANCE) & (slip <= VISIBLE * speed) & balanced
 
 
-def _spread(n: int, most: int) -> Array | slice:
-    """Return indices of n nodes, evenly spread from the first to the last, at most so many."""
-    return slice(None) if n <= most else np.linspace(0, n - 1, most).astype(int)
+def _evenly_spaced(n: int, count: int) -> Array | slice:
+    """Return the indices of at most ``count`` of n nodes, evenly spaced from the first to the last."""
+    return slice(None) if n <= count else np.linspace(0, n - 1, count).astype(int)
 
 
-CHECKS: Sequence[Check] = violated_closures, violated_velocity_rows, energy_imbalance  # a higher accuracy is the remedy
+CHECKS: Sequence[Check] = violated_closures, violated_velocity_rows, energy_imbalance  # remedied by a higher accuracy
 ASSUMPTIONS: Sequence[Check] = dependent_rows_changed, lift_off, lost_preconditions, large_deflections, skipped_shape

@@ -23,7 +23,7 @@ from ..steppers.stepper import PythonStepper, Stepper
 from .backward_steps import BackwardStepper
 from .run_state import SOURCES, RunState
 
-NEWTON_TOLERANCE = NEGLIGIBLE  # implicit stages are iterated to min(this, sqrt(rtol)) rtol, where RADAU5 has 0.03
+NEWTON_TOLERANCE = NEGLIGIBLE  # implicit stages are iterated to min(this, sqrt(rtol)) rtol; RADAU5 uses 0.03
 START_DRIFT = 100.0  # times rtol: largest constraint violation at the start, as after a run with drift
 
 
@@ -33,7 +33,7 @@ def prepare(
     start: tuple[Array | None, Array | None, Array | None],
     kinds: Sequence[type[EventSource]] = SOURCES,
 ) -> RunState:
-    """Return a run that is ready to begin from (q, v, s), with sources of events; None: the start of the mechanism.
+    """Return a run that is ready to begin from (q, v, s), with sources of events; None: start of the mechanism.
 
     Raises:
         InputError: for options that do not suit the problem, or an inconsistent start.
@@ -43,29 +43,29 @@ def prepare(
         y = _start(problem, start, options, bound[0])
     else:
         q, v, s = start
-        y = problem.point(q, v, options.t0, s)  # before it is bound, which requires valid functions
+        y = problem.point(q, v, options.t0, s)  # first, since binding requires valid functions
         bound = _bind(problem, options)
-    return _prepared(problem, options, bound, y, kinds)
+    return _make_run(problem, options, bound, y, kinds)
 
 
 def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
-    """Return a run that can begin at y (n,), which is not checked.
+    """Return a run that can begin at y (n,), without checks of y.
 
     Raises:
         InputError: for options that do not suit the problem.
     """
-    return _prepared(problem, options, _bind(problem, options), y, SOURCES)
+    return _make_run(problem, options, _bind(problem, options), y, SOURCES)
 
 
 def _bind(problem: Problem, o: RunOptions) -> tuple[System, str]:
-    """Bind a problem to a workspace that the method of the run can step, see `bind`."""
+    """Bind a problem to a workspace, see `bind`, and check that the method of the run can integrate it."""
     system, fallback = bind(problem, o.formulation, o.baumgarte, o.backend)
     if reason := obstacle(o.method, system):
         raise InputError(reason)
     return system, fallback
 
 
-def _prepared(
+def _make_run(
     problem: Problem, options: RunOptions, bound: tuple[System, str], y: Array, kinds: Sequence[type[EventSource]]
 ) -> RunState:
     system, fallback = bound
@@ -75,7 +75,7 @@ def _prepared(
         system.accuracy = min(NEWTON_TOLERANCE, rtol**0.5) * rtol
     run = RunState(problem, options, system, stepper, y, kinds)
     run.fallback = fallback or ("" if options.method.in_core else f"method {options.method.name!r}")
-    if isinstance(problem, Mechanism):  # before controllers, modes and projections change the start
+    if isinstance(problem, Mechanism):  # recorded before controllers, modes and projections change the start
         values, nq, nv = y.tolist(), problem.nq, problem.nv
         run.settings |= {"q": values[:nq], "v": values[nq : nq + nv], "s": values[nq + nv : -1]}
     if system.nz and run.mechanical and run.control:
@@ -90,7 +90,7 @@ def _stepper(system: System, o: RunOptions) -> Stepper:
         raise InputError(f"atol is one number or one for each of {n} components, got shape {shape}")
     if not system.native or isinstance(o.method, LibrarySolver) or not o.method.in_core:
         return inner
-    if inner.control and isinstance(o.method, NewtonMethod):  # Python controls the sizes of steps of the core
+    if inner.control and isinstance(o.method, NewtonMethod):  # Python controls the step size, the core takes the steps
         inner.backend = "native"
         return inner
     return NativeStepper(inner, system, o.method, o.project)
@@ -120,7 +120,7 @@ def _start(
 
 
 def bind(problem: Any, formulation: str, baumgarte: tuple[float, float] | None, backend: str) -> tuple[System, str]:
-    """Bind a problem to a workspace; to one of the compiled core, where possible.
+    """Bind a problem to a workspace, of the compiled core if possible.
 
     Returns:
         The workspace; and, for ``backend="auto"``, the reason why the run cannot use the core, or "".
@@ -166,5 +166,5 @@ def common_backend(
         reasons.add(reason)
         if isinstance(problem, Mechanism):
             problem.workspaces.release(system)  # type: ignore[arg-type]
-    because = "; ".join(sorted(reasons - {""}))
-    return "python" if backend == "python" or because else "native", because
+    reason_for_python = "; ".join(sorted(reasons - {""}))
+    return "python" if backend == "python" or reason_for_python else "native", reason_for_python

@@ -55,14 +55,14 @@ class RunState:
     ) -> None:
         self.problem, self.options, self.tableau, self.project = problem, options, options.method, options.project
         self.t, self.t1, self.sign, self.discontinuities = options.t0, options.end, options.sign, 0
-        self.continues = self.restarted = False  # beyond its end, see `continue_to`; carry recomputed by a projection
+        self.continues = self.restarted = False  # see `continue_to`; carry restarted by a projection
         self.system, self.stepper, self.state = system, stepper, State(start)
         self.mechanical = cast(Index2System, system) if isinstance(problem, Mechanism) else None  # the workspace
         self.control: Adaptive | None = None if options.formulation == "index1" else stepper.control  # None: baseline
-        self.interval = SmoothInterval(self.t1, self.t1, None)  # as far as is known before the run begins
+        self.interval = SmoothInterval(self.t1, self.t1, None)  # corrected when the run begins
         self.rejected: int | None = 0
-        self.undone_motion: Array | None = None  # since a step was undone, and its undone part, see `projected_step`
-        self.initial_point = start.copy()  # before controllers are sampled, see `unsampled`
+        self.undone_motion: Array | None = None  # motion since a projection undid a step, see `projected_step`
+        self.initial_point = start.copy()  # before controllers are sampled, see `point_before_sampling`
         self.ts, self.ys, self.zs = [self.t], GrowingArray(start), GrowingArray(np.full(system.nz, np.nan))
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # first node of each set of rows in use
         self.carries = CarryRecord()
@@ -78,19 +78,19 @@ class RunState:
         Raises:
             InputError: for options that a source does not support.
         """
-        found: Any = {kind: source for kind in kinds if (source := kind.from_run(self))}
-        self.sources: tuple[EventSource, ...] = tuple(source for source in found.values() if source.is_needed)
-        self.mode_changes: ModeChanges = found.get(ModeChanges)
-        self.singularity_monitor: SingularityMonitor = found.get(SingularityMonitor)
-        self.user_events: UserEvents = found.get(UserEvents)
-        self.jumps: Jumps = found.get(Jumps)
+        created: Any = {kind: source for kind in kinds if (source := kind.from_run(self))}
+        self.sources: tuple[EventSource, ...] = tuple(source for source in created.values() if source.is_needed)
+        self.mode_changes: ModeChanges = created.get(ModeChanges)
+        self.singularity_monitor: SingularityMonitor = created.get(SingularityMonitor)
+        self.user_events: UserEvents = created.get(UserEvents)
+        self.jumps: Jumps = created.get(Jumps)
 
     def begin(self, ahead: bool = False, jumps: bool = True) -> None:
         """Begin a smooth interval at the last node: adjust the point, and compute its derivative and the carry.
 
         Args:
-            ahead: whether the stepper may take the first steps, too, and records them when it advances.
-            jumps: whether sampled controllers whose instant this is are still to be sampled.
+            ahead: whether the stepper may already take the first steps, which it records when it advances.
+            jumps: whether controllers with a sampling instant at this time are still to be sampled.
         """
         y = self.ys[-1].copy()
         for source in reversed(self.sources):  # states jump before mode selection
@@ -104,8 +104,8 @@ class RunState:
         for source in self.sources:
             source.begin_interval(self)
 
-    def unsampled(self) -> Array:
-        """Return the point at the start of a mechanism, with the states before its controllers were sampled."""
+    def point_before_sampling(self) -> Array:
+        """Return the initial point, with the states that controllers had before they were sampled."""
         out, first = self.ys[-1].copy(), -1 - self.system.ns  # type: ignore[attr-defined]
         out[first:-1] = self.initial_point[first:-1]
         return out
@@ -132,7 +132,7 @@ class RunState:
 
         Args:
             t: time of the jump.
-            exact_end: whether the previous node is at t, too: its time moves to just before the jump.
+            exact_end: whether the previous node is also at t: its time is moved to just before the jump.
             jumps: see `begin`.
         """
         self.end_interval(len(self.ts) - 1)
@@ -153,7 +153,7 @@ class RunState:
         self.notify_discontinuity(len(self.ts) - 1, mode_changed=True)
 
     def continue_to(self, t1: float) -> None:
-        """Move the end of the run, which has reached its former one."""
+        """Move the end of the run, after the run has reached its previous end."""
         if self.state.carry is None and getattr(self.tableau, "carries", False):  # the last node ended no step
             self._start_at(self.ys[-1])
         self.t1 = t1
@@ -190,7 +190,7 @@ class RunState:
         return abs(self.t1 - self.t)
 
     def _append(self, t: float, y: Array, z: Array) -> None:
-        """Append a node; its time is last, so an interrupt leaves the record consistent."""
+        """Append a node, its time last, so that an interrupt leaves the record consistent."""
         self.zs.append(z)
         self.ys.append(y)
         self.ts.append(t)
@@ -219,8 +219,8 @@ class RunState:
     def projected(self, t: float, state: State, tight: bool = False) -> State:
         """Return the state projected onto the closures, with a new carry if the projection exceeds the tolerance."""
         y = self.system.project_state(t, state.y, tight)
-        move = self.system.difference(state.y, y)
-        self.restarted = not (state.carry is None or self.stepper.tolerates(self, y, move))
+        displacement = self.system.difference(state.y, y)
+        self.restarted = not (state.carry is None or self.stepper.tolerates(self, y, displacement))
         if not self.restarted:
             return State(y, state.carry)
         return State(y, self.system.carry(*self.system.derivative(t, y)))

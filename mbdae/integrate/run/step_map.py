@@ -33,20 +33,20 @@ class StepMap:
         self.run, self.start, self.ends, self.node = run, start, ends, len(run.ts) - 2
         self.t, self.t1 = run.ts[-2], run.ts[-1]
         self.h, self.y, self.y1, self.first = self.t1 - self.t, run.ys[-2], run.ys[-1], self.node == 0
-        self._known = {0.0: self.y, 1.0: self.y1}
+        self._cache = {0.0: self.y, 1.0: self.y1}
 
     def ended_by_event(self) -> "StepMap":
-        """Return the same step, which ends at an event now."""
+        """Return the same step, marked as ending at an event."""
         return StepMap(self.run, self.start, True)
 
     def dense(self, theta: float) -> Array:
         """Return y (n,) at t + theta h by dense output, one order below the method; values are cached."""
-        if theta not in self._known:
-            self._known[theta] = self._curve(theta)
-        return self._known[theta]
+        if theta not in self._cache:
+            self._cache[theta] = self._interpolant(theta)
+        return self._cache[theta]
 
     @cached_property
-    def _curve(self) -> Callable[[float], Array]:
+    def _interpolant(self) -> Callable[[float], Array]:
         run = self.run
         if run.singularity_monitor and self.start is None:
             return partial(run.singularity_monitor.crossing_point, self.h)
@@ -64,7 +64,7 @@ class StepMap:
         return self.dense(theta)
 
     def end(self, theta: float) -> Step:
-        """Return the step of size theta h; its end on the dense output if it fails."""
+        """Return the step of size theta h; if it fails, its end is on the dense output."""
         if self.start and self.run.stepper.any_size:
             with suppress(StepError):
                 return self.take(theta)
@@ -77,11 +77,11 @@ class StepMap:
             StepError: if the step fails.
         """
         run, system = self.run, self.run.system
-        now, rows, before = (run.t, run.state), system.in_use, run.rows_at(self.node)
+        saved, rows, rows_of_step = (run.t, run.state), system.in_use, run.rows_at(self.node)
         run.t, run.state = self.t, self.start or State(self.y)
         try:
-            if before != rows:
-                system.use_rows(before)
+            if rows_of_step != rows:
+                system.use_rows(rows_of_step)
             if run.singularity_monitor:
                 run.singularity_monitor.begin_step()
             step = run.stepper.take(run, theta * self.h)
@@ -89,6 +89,6 @@ class StepMap:
                 step = step._replace(state=run.projected(self.t + theta * self.h, step.state))
             return step
         finally:
-            run.t, run.state = now
-            if before != rows:
+            run.t, run.state = saved
+            if rows_of_step != rows:
                 system.use_rows(rows)

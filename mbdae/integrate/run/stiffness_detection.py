@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from .run_state import RunState
     from .step_map import StepMap
 
-FIRST_CHECK, MAX_PAUSE = 2000, 16000  # steps before the first check (shorter runs end soon); between checks, at most
+FIRST_CHECK, MAX_PAUSE = 2000, 16000  # steps before the first check; largest number of steps between checks
 WINDOW = 50  # steps over which one polynomial approximates the velocities
 NODES, COMPARED = (0, 7, 25, 43, 50), (3, 14, 19, 31, 36, 47)  # interpolation nodes and comparison points of a window
-ROUGH = 3.0  # times the tolerance: amplitude of fast modes that remain excited at the stability limit
-STEP_RATIO = 2.0  # ratio of a hypothetical longer step, which must be unstable
+MAX_RESIDUAL = 3.0  # times the tolerance: amplitude of fast modes excited at the stability limit
+STEP_RATIO = 2.0  # ratio of a hypothetical longer step that must be unstable
 ITERATIONS = 12  # iterations of the power method
 WIDTH = 1e-7  # fraction of 1 + |y|: size of the difference
-MAX_FREE = 0.9  # fraction of max_step: longer steps are limited by max_step, and by neither stability nor accuracy
+MAX_SIZE = 0.9  # fraction of max_step: longer steps are limited by max_step, not by stability or accuracy
 
 
 @dataclass
@@ -38,7 +38,7 @@ class Stiffness:
     Attributes:
         t: time in s.
         h: mean size of the previous steps in s.
-        h_rho: h times the spectral radius of the mechanism's equations, solved for accelerations.
+        h_rho: h times the spectral radius of the equations of motion, solved for accelerations.
     """
 
     t: float
@@ -51,7 +51,7 @@ class Stiffness:
 
 
 class StiffnessDetector(EventSource):
-    """Checks at intervals whether stability limits the controlled steps of a half-explicit method.
+    """Periodic check whether stability limits the controlled steps of a half-explicit method.
 
     A run is stiff under two conditions. First, a polynomial of degree 4 approximates the velocities of the last fifty
     steps to three times the tolerance, so accuracy does not require such short steps, as it would for vibrations.
@@ -68,8 +68,8 @@ class StiffnessDetector(EventSource):
 
     def __init__(self, system: Index2System, tableau: Tableau, control: Adaptive) -> None:
         self.system, self.tableau, self.control = system, tableau, control
-        self.next = self.pause = FIRST_CHECK  # the next node to check, and the number of nodes from it to the one after
-        self.found: Stiffness | None = None
+        self.next = self.pause = FIRST_CHECK  # next node to check, and number of nodes to the check after it
+        self.stiffness: Stiffness | None = None
 
     @classmethod
     def from_run(cls, run: "RunState") -> "StiffnessDetector | None":
@@ -78,10 +78,10 @@ class StiffnessDetector(EventSource):
         return cls(run.mechanical, run.tableau, control)
 
     def warning(self) -> str:
-        return str(self.found or "")
+        return str(self.stiffness or "")
 
     def statistics(self, run: "RunState") -> JsonObject:
-        return {"stiff": asdict(self.found)} if self.found else {}
+        return {"stiff": asdict(self.stiffness)} if self.stiffness else {}
 
     def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
         """Start the window after the discontinuity."""
@@ -97,21 +97,21 @@ class StiffnessDetector(EventSource):
 
     def check(self, run: "RunState", node: int) -> None:
         """Warn at the first stiff window up to a node."""
-        while not self.found and self.next <= node:
+        while not self.stiffness and self.next <= node:
             n = self.next
             self.next, self.pause = n + self.pause, min(2 * self.pause, MAX_PAUSE)
             with suppress(StepError):
-                self.found = self._check_window(run, n)
-            if self.found:
-                warnings.warn(str(self.found), stacklevel=7)
+                self.stiffness = self._check_window(run, n)
+            if self.stiffness:
+                warnings.warn(str(self.stiffness), stacklevel=7)
 
     def _check_window(self, run: "RunState", n: int) -> Stiffness | None:
         """Return the stiffness of the steps before node n; None if they are not stiff."""
         h = (run.ts[n] - run.ts[n - WINDOW]) / WINDOW
-        if abs(h) > MAX_FREE * self.control.max_step or not self._smooth(run, n):
+        if abs(h) > MAX_SIZE * self.control.max_step or not self._smooth(run, n):
             return None
         lam = _largest_eigenvalue(run.partial_solution().system, run.ts[n], run.ys[n])
-        z = abs(h) * complex(-abs(lam.real), lam.imag)  # a smooth motion decays, whatever the rounding
+        z = abs(h) * complex(-abs(lam.real), lam.imag)  # a smooth motion decays: a positive real part is rounding
         if not _stability_function(self.tableau, STEP_RATIO * z) > 1:
             return None
         return Stiffness(float(run.ts[n]), float(abs(h)), float(abs(z)))
@@ -123,7 +123,7 @@ class StiffnessDetector(EventSource):
         weights = lagrange(t[list(NODES)], t[list(COMPARED)])
         atol = self.control.atol[nv : 2 * nv + ns] if self.control.atol.ndim else self.control.atol
         residual = (v[list(COMPARED)] - weights @ v[list(NODES)]) / (atol + self.control.rtol * np.abs(v[-1]) + TINY)
-        return bool(np.vdot(residual, residual) <= ROUGH**2 * residual.size)
+        return bool(np.vdot(residual, residual) <= MAX_RESIDUAL**2 * residual.size)
 
 
 def _stability_function(tableau: Tableau, z: complex) -> float:
@@ -142,12 +142,12 @@ def _largest_eigenvalue(system: Index2System, t: float, y: Array) -> complex:
         StepError: if y' cannot be computed.
     """
     F = system.derivative(t, y)[0]
-    size = WIDTH * (1 + float(np.linalg.norm(y[:-1])))
+    norm = WIDTH * (1 + float(np.linalg.norm(y[:-1])))
     x = np.random.default_rng(0).normal(size=system.ny)
     iterates: list[tuple[Array, Array]] = []
     for _ in range(ITERATIONS):
-        x[-1] = 0.0  # the work has no effect
-        x *= size / np.linalg.norm(x)
+        x[-1] = 0.0  # the work component has no effect
+        x *= norm / np.linalg.norm(x)
         derivative = system.derivative(t, system.add(y, x))[0] - F
         derivative[-1] = 0.0
         if not derivative.any():
@@ -156,5 +156,5 @@ def _largest_eigenvalue(system: Index2System, t: float, y: Array) -> complex:
         x = derivative.copy()
     (x0, derivative0), (x1, derivative1) = iterates
     a, b = np.linalg.lstsq(np.column_stack([x1, x0]), derivative1, rcond=VISIBLE)[0]
-    roots = np.roots([1.0, -a, -b * np.linalg.norm(derivative0) / size])
+    roots = np.roots([1.0, -a, -b * np.linalg.norm(derivative0) / norm])
     return complex(max(roots, key=abs))

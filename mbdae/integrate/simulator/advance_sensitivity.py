@@ -25,7 +25,7 @@ BEFORE = "before "  # prefix of columns: the value of an input at the start of a
 
 
 class LastAdvance(NamedTuple):
-    """An advance: the node before, its time, its length in s, and whether a carry was restarted there."""
+    """The last advance: its first node, the time there, whether a carry was restarted there, and its length in s."""
 
     node: int
     t: float
@@ -40,14 +40,14 @@ class AdvanceParameters:
         inputs: the inputs.
         names: dotted names of parameters, as of `mbdae.sensitivity`.
         at: a point (t, q, v, s) where the derivatives must be accurate.
-        mode: of the mechanism there.
+        mode: mode of the mechanism at this point.
 
     Attributes:
-        names: those of the parameters.
+        names: names of the parameters.
         linear: names of the inputs that are linear over an advance.
-        span: of the last advance.
-        bound: the inputs, their values before, and the parameters.
-        columns: their names.
+        span: time span of the last advance.
+        bound: inputs, their values before the advance, and parameters, as parameters of the mechanism.
+        columns: names of these.
 
     Raises:
         UnknownNameError: for an unknown name.
@@ -94,16 +94,16 @@ class AdvanceParameters:
 
 
 class AdvanceSensitivity:
-    """An advance, differentiated.
+    """Derivatives of an advance of a simulator.
 
     Args:
         run: the run.
-        last: its last advance.
+        last: last advance of the run.
         parameters: inputs and parameters.
 
     Attributes:
-        sol: the nodes, from the one before the advance on; the inputs are those of the simulator.
-        trajectory: the same, recomputed on demand.
+        sol: the nodes of the advance, including its first one; the inputs are those of the simulator.
+        trajectory: the trajectory of these nodes, recomputed on demand.
 
     Raises:
         InputError: for steps without a derivative; the message names the reason.
@@ -125,7 +125,7 @@ class AdvanceSensitivity:
         return [[*self.trajectory.carry_restart_parts(0), *first], *others]
 
     def tangents(self, dy: Array, dp: Array, dt: Array) -> Array:
-        """Return the variations of y at the nodes, (n, ny, m), from those of y, (ny, m), of columns, (k, m), and dt."""
+        """Return variations of y at nodes, (n, ny, m), given those of the first y, (ny, m), columns, (k, m), dt."""
         carry, out = np.zeros((self.trajectory.n_carry, dy.shape[1])), [dy]
         if scaled := bool(np.any(dt)):
             self._require_autonomous()
@@ -138,7 +138,7 @@ class AdvanceSensitivity:
         return np.array(out)
 
     def fixed_inputs(self, dt: Array) -> Array:
-        """Return variations (k, m) that keep the inputs at a time that itself varies by dt (m,)."""
+        """Return variations (k, m) that keep the values of inputs at a time that itself varies by dt (m,)."""
         p = self.parameters
         out = np.zeros((len(p.columns), len(dt)))
         for name in p.linear:
@@ -147,9 +147,9 @@ class AdvanceSensitivity:
         return out
 
     def _scaled_inputs(self, t: float, dt: Array) -> Array:
-        """Return variations (k, m) that keep the inputs of a step from t on, while its time scales with the advance.
+        """Return variations (k, m) that keep the inputs of a step from t on, while its times scale with the advance.
 
-        Its derivative with respect to its size takes t as constant; the rest is -u' (t' - t) dt/length at t'.
+        Derivatives with respect to the step size hold t constant; the remainder is -u' (t' - t) dt/length at t'.
         """
         p, span = self.parameters, self.parameters.span
         out = np.zeros((len(p.columns), len(dt)))
@@ -160,24 +160,24 @@ class AdvanceSensitivity:
         return out
 
     def adjoint(self, bar: Array) -> tuple[Array, Array]:
-        """Return the cotangents of y before, (ny,), and of the columns, (k,), from those of y at the end, (ny,)."""
+        """Return the cotangents of the first y, (ny,), and of the columns, (k,), given those of the last y, (ny,)."""
         y, carry, p = bar[:, None], np.zeros((self.trajectory.n_carry, 1)), np.zeros(len(self.parameters.columns))
         for parts in reversed(self._steps()):
             for part in reversed(parts):
-                y, carry, by_p = part.reverse(y, carry)
-                p += by_p[:, 0]
+                y, carry, p_of_part = part.reverse(y, carry)
+                p += p_of_part[:, 0]
         return y[:, 0], p
 
     def _require_autonomous(self) -> None:
-        """Require equations that depend on time by inputs alone: then steps scale with the advance.
+        """Check that equations depend on time only by inputs, so that steps scale with the advance.
 
         Raises:
-            InputError: for others.
+            InputError: if they do not.
         """
         m, trajectory, cells = self.sol.mechanism, self.trajectory, list(self.parameters.inputs.user_inputs.values())
         if samplers_of(trajectory.system.laws) or any(trajectory.jumped[1:]):
-            why = "sampling times or jumps within the advance do not scale with dt"
-            raise InputError(f"{why}: no derivative with respect to dt")
+            obstacle = "sampling times or jumps within the advance do not scale with dt"
+            raise InputError(f"{obstacle}: no derivative with respect to dt")
         settings = [cell.setting for cell in cells]
         try:
             for cell in cells:
@@ -185,8 +185,8 @@ class AdvanceSensitivity:
             for i in (0, len(trajectory.ts) - 1):
                 q, v, s, _ = np.split(trajectory.ys[i], np.cumsum([m.nq, m.nv, len(m.states)]))
                 at = m.at(float(trajectory.ts[i]), q, v, s, mode=self.sol.mode(i) or trajectory.system.mode)
-                by_time = at.g_t, *(getattr(at.partials(), name) for name in ("r_t", "h_t", "Gv_t", "gamma_t"))
-                if any(x.any() for x in by_time):
+                time_partials = at.g_t, *(getattr(at.partials(), name) for name in ("r_t", "h_t", "Gv_t", "gamma_t"))
+                if any(x.any() for x in time_partials):
                     raise InputError("forces or drivers depend on time: no derivative with respect to dt")
         finally:
             for cell, setting in zip(cells, settings, strict=True):
@@ -194,16 +194,16 @@ class AdvanceSensitivity:
 
 
 def _nodes_from(run: RunState, first: int) -> Solution:
-    """Return the nodes of a run from one on."""
-    n, found = len(run.ts), dict[str, Any]()
+    """Return the nodes of a run from node ``first`` on, as a solution."""
+    n, results = len(run.ts), dict[str, Any]()
     for source in run.sources:
-        found |= source.results(run)
+        results |= source.results(run)
     changes: dict[str, Any] = {
-        name: [(0, x) for i, x in given if i <= first][-1:] + [(i - first, x) for i, x in given if first < i < n]
-        for name, given in (("in_use", run.in_use), ("modes", found.get("modes", [])))
+        name: [(0, x) for i, x in by_node if i <= first][-1:] + [(i - first, x) for i, x in by_node if first < i < n]
+        for name, by_node in (("in_use", run.in_use), ("modes", results.get("modes", [])))
     }
-    changes |= {name: [x for x in found.get(name, ()) if x.t > run.ts[first]] for name in ("impacts", "singular")}
-    changes["resets"] = [(i - first, name) for i, name in found.get("resets", ()) if i > first]
+    changes |= {name: [x for x in results.get(name, ()) if x.t > run.ts[first]] for name in ("impacts", "singular")}
+    changes["resets"] = [(i - first, name) for i, name in results.get("resets", ()) if i > first]
     t, y, z = np.array(run.ts[first:]), run.ys[first:n].copy(), run.zs[first:n].copy()
     settings, stats = {**run.settings, **run.stepper.settings()}, {"backend": run.stepper.backend}
     return Solution(run.problem, t, y, z, "finished", "", stats, settings, **changes)

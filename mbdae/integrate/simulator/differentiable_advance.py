@@ -25,14 +25,14 @@ class Tangent(NamedTuple):
 
 
 class Adjoint(NamedTuple):
-    """Derivatives of <q, q_1> + <v, v_1> + <s, s_1> of the state at the end of an advance.
+    """Derivatives of <q, q_1> + <v, v_1> + <s, s_1>, with the state (q_1, v_1, s_1) at the end of an advance.
 
     Attributes:
-        q, v, s: by the state before, (nv,), (nv,), (ns,), that of q in the tangent.
-        inputs: by the value of each input that was set for the advance.
-        inputs_before: by the value before, of each input with ``hold = "first"``.
-        parameters: by the given parameters.
-        dt: by the length of the advance; None unless requested.
+        q, v, s: with respect to the state at the start, (nv,), (nv,), (ns,), that of q in the tangent.
+        inputs: with respect to the value of each input that was set for the advance.
+        inputs_before: with respect to the value at the start, of each input with ``hold = "first"``.
+        parameters: with respect to the given parameters.
+        dt: with respect to the length of the advance; None unless requested.
     """
 
     q: Array
@@ -47,9 +47,9 @@ class Adjoint(NamedTuple):
 class DifferentiableAdvance:
     """The last advance (q_0, v_0, s_0, u, p) -> (q_1, v_1, s_1) of a simulator, and its derivatives.
 
-    They are those of the steps that were taken, with their sizes and rows in use, exact to rounding (see
-    `mbdae.sensitivity`). The carry of the method, if it has one, is a function of the state before: either an input
-    jumped, or the simulator has ``restart=True``.
+    The derivatives are those of the computed steps, with their sizes and rows in use, exact to rounding (see
+    `mbdae.sensitivity`). The carry of the method, if it has one, must be a function of the state at the start: either
+    an input jumped, or the simulator has ``restart=True``.
     """
 
     mechanism: Mechanism
@@ -61,7 +61,7 @@ class DifferentiableAdvance:
 
     @property
     def _run(self) -> RunState:
-        """The run, all its steps recorded."""
+        """The run, after all its steps are recorded."""
         raise NotImplementedError
 
     def tangent(
@@ -78,38 +78,38 @@ class DifferentiableAdvance:
         """Return the derivative of the last advance along a direction; omitted variations are 0.
 
         Args:
-            dq: of q before, in the tangent, (nv,), or (nv, m) for m directions; it need not satisfy closures.
-            dv: of v before, (nv,) or (nv, m).
-            ds: of s before, (ns,) or (ns, m).
-            inputs: of the values of inputs that were set for the advance, by name; numbers or (m,).
-            inputs_before: of inputs with ``hold = "first"`` at its start.
-            parameters: of parameters, by dotted name; they do not change the state before.
-            dt: of its length; all its steps scale with it.
+            dq: variation of q at the start, in the tangent, (nv,), or (nv, m); it may violate closures.
+            dv: variation of v at the start, (nv,) or (nv, m).
+            ds: variation of s at the start, (ns,) or (ns, m).
+            inputs: variations of the inputs that were set for the advance, by name; numbers or (m,).
+            inputs_before: variations of inputs with ``hold = "first"`` at the start.
+            parameters: variations of parameters, by dotted name; they do not change the state at the start.
+            dt: variation of the length; all steps scale with it.
 
         Raises:
-            InputError: without an advance to differentiate, or where its modes change or a terminal event ended it;
-                for wrong shapes, for a method without derivatives, and without the compiled core.
+            InputError: without an advance, if its modes change or a terminal event ended it; for wrong shapes, a
+                method without derivatives, and without the compiled core.
             UnknownNameError: for an unknown input or parameter.
         """
-        given = {"input": inputs or {}, "input of first order": inputs_before or {}, "parameter": parameters or {}}
-        _require_tables(given)
-        last = self.differentiated(tuple(given["parameter"]))
+        variations = {"input": inputs or {}, "input of first order": inputs_before or {}, "parameter": parameters or {}}
+        _require_tables(variations)
+        last = self.differentiated(tuple(variations["parameter"]))
         p, m = last.parameters, self.mechanism
         state: dict[str, tuple[Any, int]] = {"dq": (dq, m.nv), "dv": (dv, m.nv), "ds": (ds, len(m.states))}
-        numbers = [x for table in given.values() for x in table.values()] + [dt]
-        many = {np.shape(x)[-1] for x, _ in state.values() if np.ndim(x) > 1}
-        many |= {np.shape(x)[-1] for x in numbers if np.ndim(x)}
-        if len(many) > 1:
-            widths = ", ".join(map(str, sorted(many)))
-            raise InputError(f"variations must have the same number of columns, got {widths}")
-        width = next(iter(many), 1)
+        numbers = [x for table in variations.values() for x in table.values()] + [dt]
+        widths = {np.shape(x)[-1] for x, _ in state.values() if np.ndim(x) > 1}
+        widths |= {np.shape(x)[-1] for x in numbers if np.ndim(x)}
+        if len(widths) > 1:
+            listed = ", ".join(map(str, sorted(widths)))
+            raise InputError(f"variations must have the same number of columns, got {listed}")
+        width = next(iter(widths), 1)
         dy = np.vstack([*(_columns(name, x, n, width) for name, (x, n) in state.items()), np.zeros((1, width))])
         dp = np.zeros((len(p.columns), width))
-        for kind, table in given.items():
+        for kind, table in variations.items():
             for name, x in table.items():
                 dp[p.column(kind, name)] = _columns(f"{kind} {name!r}", np.reshape(x, (1, -1)), 1, width)[0]
-        found = last.tangents(dy, dp, _columns("dt", np.reshape(dt, (1, -1)), 1, width)[0])[-1]
-        parts = np.split(found if many else found[:, 0], [m.nv, 2 * m.nv, len(found) - 1])
+        dy_end = last.tangents(dy, dp, _columns("dt", np.reshape(dt, (1, -1)), 1, width)[0])[-1]
+        parts = np.split(dy_end if widths else dy_end[:, 0], [m.nv, 2 * m.nv, len(dy_end) - 1])
         return Tangent(*parts[:3])
 
     def adjoint(
@@ -128,7 +128,7 @@ class DifferentiableAdvance:
             v: weights of v, (nv,).
             s: weights of s, (ns,).
             parameters: dotted names.
-            dt: whether to differentiate by the length of the advance, too.
+            dt: whether to differentiate also with respect to the length of the advance.
 
         Raises:
             InputError: as for `tangent`.
@@ -138,16 +138,16 @@ class DifferentiableAdvance:
         state = {"q": (q, m.nv), "v": (v, m.nv), "s": (s, len(m.states))}
         bar = np.vstack([*(_columns(name, x, n, 1) for name, (x, n) in state.items()), np.zeros((1, 1))])[:, 0]
         y, p = last.adjoint(bar)
-        by_dt = None
+        dt_derivative = None
         if dt:
             zeros = np.zeros((len(bar), 1)), np.zeros((len(p), 1))
-            by_dt = float(bar @ last.tangents(*zeros, np.ones(1))[-1, :, 0])
+            dt_derivative = float(bar @ last.tangents(*zeros, np.ones(1))[-1, :, 0])
         gradient, column = [float(x) for x in p], last.parameters.column
         return Adjoint(
             y[: m.nv], y[m.nv : 2 * m.nv], y[2 * m.nv : -1],
             {name: gradient[column("input", name)] for name in self.inputs.user_inputs},
             {name: gradient[column("input of first order", name)] for name in last.parameters.linear},
-            {name: gradient[column("parameter", name)] for name in parameters}, by_dt,
+            {name: gradient[column("parameter", name)] for name in parameters}, dt_derivative,
         )  # fmt: skip
 
     def differentiated(self, parameters: Sequence[str] = ()) -> AdvanceSensitivity:
@@ -175,22 +175,22 @@ class DifferentiableAdvance:
         return self._differentiated
 
 
-def _require_tables(given: Mapping[str, object]) -> None:
-    for kind, table in given.items():
+def _require_tables(variations: Mapping[str, object]) -> None:
+    for kind, table in variations.items():
         require(table, Mapping, f"variations of each {kind} are given by name, {{name: number}}")
 
 
 def _columns(name: str, x: object, n: int, m: int) -> Array:
-    """Return variations of n numbers in m directions, (n, m), from (n,), the same for each, or (n, m); None is 0.
+    """Return variations of n numbers in m directions, (n, m), given as (n, m), or (n,) for all directions; None is 0.
 
     Raises:
         InputError: for wrong shapes, or numbers that are not finite.
     """
     try:
-        found = np.zeros((n, 1)) if x is None else np.asarray(x, float)
-        found = found[:, None] if found.ndim == 1 else found
+        columns = np.zeros((n, 1)) if x is None else np.asarray(x, float)
+        columns = columns[:, None] if columns.ndim == 1 else columns
     except (TypeError, ValueError):
-        found = np.empty((0, 0))
-    if found.shape not in ((n, 1), (n, m)) or not np.isfinite(found).all():
+        columns = np.empty((0, 0))
+    if columns.shape not in ((n, 1), (n, m)) or not np.isfinite(columns).all():
         raise InputError(f"{name} must be {n} finite numbers{f', or {n} rows of {m}' * (m > 1)}, got {x!r:.60}")
-    return np.broadcast_to(found, (n, m))
+    return np.broadcast_to(columns, (n, m))

@@ -1,4 +1,4 @@
-"""Snapshots: the numbers from which a run, or a simulator, continues bit by bit."""
+"""Snapshots: all data from which a run, or a simulator, continues bit by bit."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -19,17 +19,17 @@ from ..steppers.stepper import StepperState
 
 
 class RunSnapshot(NamedTuple):
-    """The numbers from which a run continues.
+    """All data from which a run continues.
 
     Attributes:
         t: time in s.
         y: the point (n,).
-        carry: the method's carry; None if it is computed again.
+        carry: the carry of the method; None if it is recomputed.
         compensation: see `mbdae.system.State`.
         rows: the rows in use; None if all are independent.
-        rank_threshold: pivot ratio below which the rank has fallen.
-        mode: of the mechanism.
-        stepper: of the step-size control.
+        rank_threshold: pivot ratio below which the constraints count as rank deficient.
+        mode: mode of the mechanism.
+        stepper: state of the step-size control.
         interval: the smooth interval, if a jump follows at t; None within one.
         initial_point: the point at the start of the run, before controllers were sampled.
     """
@@ -57,38 +57,38 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True)
 class SimulatorState:
-    """The numbers from which a simulator continues; may be pickled.
+    """All data from which a simulator continues; can be pickled.
 
     Attributes:
         run: time, state, rows in use, mode and step-size control.
         inputs: the setting of each input, by name.
-        wanted: inputs that were set, by name, since the last advance.
+        pending: inputs that were set, by name, since the last advance.
         start: time in s from which fixed steps are counted.
         origin: the simulator that saved it.
-        fresh: whether no step was taken since the start.
+        fresh: whether no step has been taken since the start.
         external: the states of FMUs, by the names of their forces.
     """
 
     run: RunSnapshot
     inputs: dict[str, InputSetting]
-    wanted: dict[str, float]
+    pending: dict[str, float]
     start: float
     origin: Origin
     fresh: bool
     external: dict[str, bytes | None]
 
     def require_external(self) -> None:
-        """Require the states of all FMUs.
+        """Check that the states of all FMUs are available.
 
         Raises:
-            InputError: names one that cannot save its state.
+            InputError: if an FMU cannot save its state; names the FMU.
         """
         for name, state in self.external.items():
             if state is None:
                 raise InputError(f"FMU {name!r} cannot save its state: it lacks canSerializeFMUState")
 
     def require_for(self, mechanism: Mechanism, inputs: Collection[str], origin: Origin) -> None:
-        """Require that the state is one of this mechanism, method and fixed step.
+        """Check that the state belongs to this mechanism, method and fixed step.
 
         Raises:
             InputError: if it is not.
@@ -98,8 +98,8 @@ class SimulatorState:
             raise InputError(f"the state was saved by a simulator of another mechanism, not of {mechanism.title}")
         if self.origin != origin:
             pairs = zip(Origin._fields, self.origin, origin, strict=True)
-            other = [f"{name} {a!r}, not {b!r}" for name, a, b in pairs if a != b]
-            raise InputError(f"the state was saved by a simulator of {', '.join(other)}")
+            differences = [f"{name} {a!r}, not {b!r}" for name, a, b in pairs if a != b]
+            raise InputError(f"the state was saved by a simulator of {', '.join(differences)}")
         if not np.isfinite(self.run.y).all():
             raise InputError("the saved state is not finite")
 
@@ -107,15 +107,15 @@ class SimulatorState:
 def external_states(run: RunState) -> dict[str, bytes | None]:
     """Return the states of FMUs at the last node of a run."""
     s: Any = run.system
-    found: dict[str, bytes | None] = s.laws.external_states(s.element_states(run.ys[-1]))
-    return found
+    states: dict[str, bytes | None] = s.laws.external_states(s.element_states(run.ys[-1]))
+    return states
 
 
-def prepare_again(run: RunState, options: RunOptions, state: SimulatorState) -> RunState:
-    """Return a run that can begin at a state, in place of a run of the same mechanism, whose FMUs it takes over."""
+def prepare_restored(run: RunState, options: RunOptions, state: SimulatorState) -> RunState:
+    """Return a run that can begin at a state; it replaces a run of the same mechanism, and adopts its FMUs."""
     saved_states.store({name: x for name, x in state.external.items() if x})
-    before: Any = run.system
-    programs, t = before.laws.detach_programs(), state.run.t
+    previous: Any = run.system
+    programs, t = previous.laws.detach_programs(), state.run.t
     run.release()
     out = prepare_at(run.problem, options._replace(t0=t, t1=t + 1, end=t + 1), state.run.y)
     system: Any = out.system

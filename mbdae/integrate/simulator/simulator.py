@@ -1,4 +1,4 @@
-"""Simulation in advances: a controller, a user interface or another program acts between them."""
+"""Simulation in advances, between which a controller, a user interface or another program may set inputs."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,10 +25,10 @@ from ..steppers.fixed import Fixed
 from .advance_sensitivity import LastAdvance
 from .differentiable_advance import DifferentiableAdvance
 from .input_settings import InputSettings
-from .run_snapshot import Origin, SimulatorState, external_states, prepare_again, resume, snapshot
+from .run_snapshot import Origin, SimulatorState, external_states, prepare_restored, resume, snapshot
 
-ENDLESS = 2**31 - 1  # fixed steps
-MAX_NODES = 4096  # number of nodes of a simulator without a record, which then begins a new run
+UNLIMITED = 2**31 - 1  # number of fixed steps
+MAX_NODES = 4096  # nodes after which a simulator without a record begins a new run
 
 
 class Simulator(DifferentiableAdvance):
@@ -36,8 +36,8 @@ class Simulator(DifferentiableAdvance):
 
         q' = v,   M(q) v' = f(t, q, v, s, u) + G(q)^T lam,   0 = G(q) v + g_t,   u(t) = u_k or u_k + u_k' (t - t_k)
 
-    With constant inputs and fixed steps the states are those of `mbdae.solve`, bit by bit. Where an input jumps, the
-    method restarts, as at jumps of functions of time. Not to be shared between threads.
+    With constant inputs and fixed steps the states agree with `mbdae.solve` bit by bit. Where an input jumps, the
+    method restarts, as at jumps of functions of time. A simulator must not be shared between threads.
 
     Args:
         model: a mechanism, or the name or path of one.
@@ -47,14 +47,14 @@ class Simulator(DifferentiableAdvance):
         s: start values (ns,) of states of actuators and controllers; their defaults if omitted.
         record: whether to keep all steps for `solution`; otherwise memory does not grow.
         restart: whether each advance restarts a method that carries v' between steps, as after a jump. Then its end
-            depends on the state before, inputs and parameters alone, for `tangent` and `adjoint`.
-        **options: as of `mbdae.solve`: method, formulation, project, baumgarte, step (fixed; controlled if omitted),
-            rtol, atol, first_step, max_step, jumps, events, backend.
+            depends only on the state at its start, inputs and parameters, for `tangent` and `adjoint`.
+        **options: options of `mbdae.solve`: method, formulation, project, baumgarte, step (fixed; controlled if
+            omitted), rtol, atol, first_step, max_step, jumps, events, backend.
 
     Attributes:
         mechanism: a copy whose inputs belong to this simulator.
         status: ``"running"``; ``"event"`` after an advance that a terminal event ended; otherwise why it has stopped.
-        message: the same in words.
+        message: description of the status.
 
     Raises:
         InputError: for wrong arguments, or an inconsistent start.
@@ -84,15 +84,15 @@ class Simulator(DifferentiableAdvance):
         problem = problem_of(model, "Simulator")
         if not isinstance(problem, Mechanism):
             raise InputError("a simulator needs a mechanism; textbook problems run by mbdae.solve")
-        if of_runs := options.keys() & {"t_span", "t_eval", "max_steps", "progress"}:
-            raise InputError(f"a simulator takes no {min(of_runs)}: it starts at t, and advance() steps it")
+        if excluded := options.keys() & {"t_span", "t_eval", "max_steps", "progress"}:
+            raise InputError(f"a simulator takes no {min(excluded)}: it starts at t, and advance() steps it")
         if not is_number(t):
             raise InputError(f"t must be a finite number, got {t!r:.60}")
         self.inputs = Inputs(problem)
         self.mechanism = self.inputs.mechanism
         span = t, np.nextafter(t, np.inf) + 1.0
-        of_run = RunOptions.from_arguments(self.mechanism, span, None, jumps, events, backend, **options)
-        self.options = of_run._replace(max_steps=None)  # that of the mechanism file is for runs
+        run_options = RunOptions.from_arguments(self.mechanism, span, None, jumps, events, backend, **options)
+        self.options = run_options._replace(max_steps=None)  # the limit of the mechanism file applies to runs
         self.recorded, self.restart, self.start, self.seconds = record, restart, float(t), 0.0
         self.status, self.message = "running", STATUS["finished"]
         self._settings = InputSettings(self.inputs)
@@ -106,17 +106,17 @@ class Simulator(DifferentiableAdvance):
         """Continue with a run, whose fixed steps are counted from the start of the simulator."""
         self._current, run.continues = run, True
         if isinstance(fixed := getattr(run.stepper, "inner", run.stepper), Fixed):
-            fixed.n, fixed.t0 = ENDLESS, self.start
+            fixed.n, fixed.t0 = UNLIMITED, self.start
 
     @property
     def _run(self) -> RunState:
-        """The run, all its steps recorded."""
+        """The run, after all its steps are recorded."""
         self._current.stepper.record(self._current)
         return self._current
 
     @property
     def _y(self) -> Array:
-        """The point (n,) now."""
+        """The current point (n,)."""
         return self._current.stepper.point(self._current)
 
     def __repr__(self) -> str:
@@ -149,7 +149,7 @@ class Simulator(DifferentiableAdvance):
         return self._current.system.mode  # type: ignore[attr-defined]
 
     def signals(self, *names: str) -> Array:
-        """Return signals now, (len(names),), by the names of `mbdae.Solution.signals`.
+        """Return current values of signals, (len(names),), by the names of `mbdae.Solution.signals`.
 
         Raises:
             UnknownNameError: for an unknown name.
@@ -159,7 +159,7 @@ class Simulator(DifferentiableAdvance):
         return np.array([value(system, find_point_signal(self.mechanism, name), t, y) for name in names])
 
     def __getitem__(self, name: str) -> float:
-        """Return an input now.
+        """Return the current value of an input.
 
         Raises:
             UnknownNameError: lists the inputs.
@@ -174,14 +174,14 @@ class Simulator(DifferentiableAdvance):
             InputError: for a value that is not a finite number.
         """
         self._require_running()
-        self._settings.want(name, value)
+        self._settings.set(name, value)
 
     def advance(self, dt: float) -> str:
-        """Advance by dt in s; return ``"running"``, or ``"event"`` if a terminal event ended the advance before.
+        """Advance by dt in s; return ``"running"``, or ``"event"`` if a terminal event ended the advance early.
 
         Raises:
             InputError: for a dt that is not positive, or a simulator that has stopped.
-            StepError: if the steps fail; everything up to there remains, and the simulator has stopped.
+            StepError: if the steps fail; the simulator then has stopped, and its steps up to the failure remain.
         """
         self._require_running()
         if not (is_number(dt) and dt > 0):
@@ -213,7 +213,7 @@ class Simulator(DifferentiableAdvance):
         return self.status
 
     def _apply_inputs(self, dt: float) -> bool:
-        """Let the inputs follow what was set, over dt; return whether the method restarts."""
+        """Apply the inputs that were set, over dt; return whether the method restarts."""
         carries = getattr(self._current.tableau, "carries", False)
         return self._settings.apply(self.t, dt) | (self.restart and carries and not self._fresh)
 
@@ -222,14 +222,14 @@ class Simulator(DifferentiableAdvance):
         run = self._run
         restarts |= (jumps := run.interval.leaves_jump(run.t))
         if restarts and self._fresh:  # controllers are sampled again at the start, with the inputs that were set
-            run.ys[-1], jumps = run.unsampled(), True
+            run.ys[-1], jumps = run.point_before_sampling(), True
         if restarts:
             run.restart_after_jump(run.t, len(run.ts) > 1 or bool(self._earlier), jumps)
         run.continue_to(end)
         return restarts, time_loop(run)
 
     def _on_grid(self, t: float) -> float:
-        """Return the time, that of a fixed step if they differ by rounding only."""
+        """Return the time, replaced by that of a fixed step if they differ only by rounding."""
         if not (h := self.options.step):
             return t
         on_grid = self.start + round((t - self.start) / h) * h
@@ -242,10 +242,10 @@ class Simulator(DifferentiableAdvance):
     # -- saving and results --------------------------------------------------------------------------------------
 
     def save(self) -> SimulatorState:
-        """Return the state, from which `restore` continues bit by bit as this simulator does from now on.
+        """Return the state, from which `restore` continues bit by bit like this simulator after this call.
 
-        Starting values of Newton's iteration are not saved: both begin without them. A simulator without a record
-        forgets the steps so far.
+        Starting values of Newton's iteration are not saved: both continue without them. A simulator without a record
+        discards the steps so far.
 
         Raises:
             InputError: for a simulator that has stopped, or with an FMU that cannot save its state.
@@ -255,11 +255,11 @@ class Simulator(DifferentiableAdvance):
         return state
 
     def _begin_new_run(self) -> SimulatorState:
-        """Return the state, after a new run has begun there."""
+        """Return the state, and begin a new run at this state."""
         self._require_running()
         settings, run = self._settings, self._run
-        saved = snapshot(run), self.inputs.values, dict(settings.wanted), self.start, self._origin, self._fresh
-        state = SimulatorState(*saved, external_states(run))
+        data = snapshot(run), self.inputs.values, dict(settings.pending), self.start, self._origin, self._fresh
+        state = SimulatorState(*data, external_states(run))
         earlier = [*self._earlier, self._solution_of_run()] if self.recorded else []
         self.restore(state)
         if self.recorded:
@@ -269,19 +269,19 @@ class Simulator(DifferentiableAdvance):
     def restore(self, state: SimulatorState) -> None:
         """Continue from a saved state, of this simulator or of another one with the same mechanism and options.
 
-        The record begins again.
+        A new record begins.
 
         Raises:
-            InputError: for anything but such a state.
+            InputError: for any other argument.
         """
         require(state, SimulatorState, "restore takes a state from save")
         state.require_for(self.mechanism, self.inputs.user_inputs, self._origin)
         for name, setting in state.inputs.items():
             self.inputs.user_input(name).set(setting)
-        self.start, self._settings, self._earlier = state.start, InputSettings(self.inputs, state.wanted), []
+        self.start, self._settings, self._earlier = state.start, InputSettings(self.inputs, state.pending), []
         self.status, self.message = "running", STATUS["finished"]
         self._last, self._differentiated, self._fresh = None, None, state.fresh
-        self._continue(prepare_again(self._run, self.options, state))
+        self._continue(prepare_restored(self._run, self.options, state))
         resume(self._run, state.run)
 
     @property

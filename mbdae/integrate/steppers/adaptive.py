@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..run.run_state import RunState
 
 SMALLEST_RTOL = 100 * EPS
-# Of Hairer's algorithm: small norms, and h_0 for them; h_1 of h_0 at rest; change of y in h_0; largest h_1 / h_0.
+# Hairer's algorithm: small norms, and h_0 for them; h_1 / h_0 at rest; change of y in h_0; largest h_1 / h_0.
 STARTING_STEP = {"small_norm": 1e-5, "default_step": 1e-6, "reduction": 1e-3, "change": 0.01, "growth": 100.0}
 
 
@@ -41,7 +41,7 @@ class Adaptive(PythonStepper):
         self.controller, self.max_step = Controller(power, control, min_growth), max_step
         self.h: Any = first_step
         self.cap = np.inf  # limit of the next step near singular configurations
-        self.reason = self._reason = ""  # failure of this and of the previous attempt
+        self.reason = self._reason = ""  # why the previous attempt, and this one, failed
         self.size_before_truncation = 0.0  # size of a step that is truncated at the end of an interval; else 0
 
     @property
@@ -111,8 +111,8 @@ class Adaptive(PythonStepper):
         size = np.maximum(run.system.component_magnitudes(run.state.y)[m], run.system.component_magnitudes(y)[m])
         return self.atol + self.rtol * size + TINY
 
-    def first_step_numbers(self, run: "RunState") -> dict[str, Any]:
-        """Return the numbers of the first step, see `mbdae.system.System.first_step`; if it is not given."""
+    def first_step_data(self, run: "RunState") -> dict[str, Any]:
+        """Return the data for an estimate of the first step, see `mbdae.system.System.first_step`."""
         return {
             "sign": run.sign, "left": run.time_to_interval_end(), "rtol": float(self.rtol), "atol": self.atol.ravel(),
             "power": self.controller.power, "zero_change": ROUNDING, "tiny": TINY, **STARTING_STEP,
@@ -120,12 +120,12 @@ class Adaptive(PythonStepper):
 
     def _estimate_first_step(self, run: "RunState") -> float:
         """Estimate the first step size (Hairer, Noersett, Wanner I, II.4, starting step size algorithm)."""
-        s, y, F, given = run.system, run.state.y, run.F, self.first_step_numbers(run)
-        found = s.first_step(run.t, y, F, **given)
-        if found is not None:
-            return found
+        s, y, F, data = run.system, run.state.y, run.F, self.first_step_data(run)
+        h_of_core = s.first_step(run.t, y, F, **data)
+        if h_of_core is not None:
+            return h_of_core
         small_norm, default_step, reduction, change, growth = STARTING_STEP.values()
-        left, power = given["left"], given["power"]
+        left, power = data["left"], data["power"]
         scale, m = self._scale(run, y), s.measured
 
         def norm(x: Array) -> float:
@@ -133,7 +133,7 @@ class Adaptive(PythonStepper):
 
         d0, d1 = norm(s.component_magnitudes(y)), norm(F)
         h0 = min(default_step if min(d0, d1) < small_norm else change * d0 / d1, left)
-        if not h0 > 0:  # the rates overflow: the error appears in the smallest step
+        if not h0 > 0:  # the rates overflow: the smallest step will fail with the reason
             return 0.0
         F1 = s.derivative(run.t + run.sign * h0, s.add(y, run.sign * h0 * F))[0]
         d2 = norm(F1 - F) / h0

@@ -23,7 +23,7 @@ def record_steps(run: "RunState", core: "Run", system: Any) -> None:
         system: the workspace of the run.
 
     Raises:
-        StepError: if the run cannot go on from one of their nodes.
+        StepError: if the run cannot continue from one of the nodes.
     """
     steps = _CoreSteps(run, core, system)
     if steps.t:
@@ -40,13 +40,13 @@ class _CoreSteps:
         self.suspicious = core.monitor.suspicious
 
     def store(self) -> None:
-        """Record all steps, and what happened in them."""
+        """Record all steps, with their events, mode changes and pivot ratios."""
         run, core, monitor, first = self.run, self.core, self.run.singularity_monitor, len(self.run.ts)
         run.carries.extend(first, *core.carries())
         run.in_use += [(first + k, tuple(rows)) for k, rows in core.row_changes]
         run.user_events.adopt_native(core.events)
         transitions = transitions_from_core(core.modes, run.mode_changes)
-        self.unchecked = transitions is None  # guards are checked first, and may truncate the step
+        self.unchecked = transitions is None  # Python checks the guards first, and may truncate the step
         self.state, interval = State(*core.state()), core.interval
         restart = None if isnan(core.jumps.restart) else core.jumps.restart
         if monitor:
@@ -65,7 +65,7 @@ class _CoreSteps:
         run.interval = SmoothInterval(interval.stop, interval.end, restart)
 
     def _record_intervals(self, transitions: dict[int, CoreTransition]) -> int:
-        """Record all smooth intervals but the last one; return its first node that is not recorded."""
+        """Record all smooth intervals except the last one; return the first node that is not recorded."""
         run, first, i, monitor = self.run, len(self.run.ts), 0, self.run.singularity_monitor
         starts = self.core.after_jumps
         if not starts:
@@ -88,7 +88,7 @@ class _CoreSteps:
                 run.notify_discontinuity(first + n, mode_changed=transition is not None)
                 i = n + 1
         except KeyboardInterrupt:
-            run.drop_nodes_after(first + n - 1)  # modes of the others are not recorded
+            run.drop_nodes_after(first + n - 1)  # the modes of later nodes are not recorded
             raise
         return i
 

@@ -13,8 +13,8 @@ from .stepper import PythonStepper, StepperState, smallest_step
 if TYPE_CHECKING:
     from ..run.run_state import RunState
 
-DETOUR = (0.309, 0.655)  # fractions of two steps: ends of the steps that avoid the grid point in between
-FIXED_STEP_TOLERANCE = HALF_DIGITS  # fraction of the magnitude of a component: largest projection without a new carry
+DETOUR = (0.309, 0.655)  # fractions of two steps: ends of steps that avoid the grid point in between
+FIXED_STEP_TOLERANCE = HALF_DIGITS  # fraction of the magnitude of a component: a larger projection restarts the carry
 
 
 class Fixed(PythonStepper):
@@ -73,7 +73,7 @@ class Fixed(PythonStepper):
         if end is None:
             return False
         self.i += 1
-        self.detour = [run.t + share * (end - run.t) for share in DETOUR] + [end]
+        self.detour = [run.t + fraction * (end - run.t) for fraction in DETOUR] + [end]
         return True
 
     def _grid_point_after_next(self, run: "RunState") -> float | None:

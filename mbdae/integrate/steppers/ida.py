@@ -6,9 +6,9 @@ unknowns,
     0 = E (f(t, y, Z') - y'),   0 = g(t, y),
 
 which lowers the index by one (Gear, SIAM J. Numer. Anal. 27 (1990)): BDF computes the same y, with z = Z', and its
-linear systems remain well-conditioned for small steps. z does not enter the error norm, whose order it would reduce. Z
-does, with the tolerance of its effect f_z Z on y: Newton's iteration would otherwise end before z has converged, which
-spoils problems that are nonlinear in z. Formulation ``"index2"`` satisfies G v = 0, and g drifts; ``"ggl"``, the
+linear systems remain well-conditioned for small steps. z is not in the error norm, whose order it would reduce. Z is,
+with the tolerance of its effect f_z Z on y: otherwise Newton's iteration would end before z has converged, with large
+errors in problems that are nonlinear in z. Formulation ``"index2"`` satisfies G v = 0, and g drifts; ``"ggl"``, the
 stabilized form of Gear, Gupta, Leimkuhler, is what BDF codes integrate.
 
 A multistep method needs one coordinate system for its whole history, so configurations are integrated in raw
@@ -66,7 +66,7 @@ IDA = IdaSolver("ida", 5)
 
 
 class Ida(LibraryStepper):
-    """Steps of IDA; rejected ones are not reported (None).
+    """Steps of IDA; the number of rejected steps is not reported (None).
 
     Raises:
         InputError: for several atol on a manifold.
@@ -82,8 +82,8 @@ class Ida(LibraryStepper):
         if self.atol.ndim and self.raw.units:
             raise InputError("method 'ida' needs one number as atol for quaternions and unbounded revolute joints")
 
-    def _open(self, run: "RunState") -> None:
-        """Open the chart of the next step; start IDA at a new point, or with new rows."""
+    def _begin_step(self, run: "RunState") -> None:
+        """Create the chart of the next step; start IDA at a new point, or with new rows in use."""
         y = run.state.y
         self.chart, self.start = self.system.chart(run.t, y), y
         if self.solver is not None and self.chart.unknowns == self.unknowns and np.array_equal(y, self.end):
@@ -106,10 +106,10 @@ class Ida(LibraryStepper):
         s, at = self.system, self.system.measured
         E, _, L, _ = self.chart.linearize(np.zeros(s.ny), F, z).matrices()
         f_z = np.abs(np.linalg.solve(E, L))[at]
-        of_y = np.full(len(y), UNCONTROLLED)
-        of_y[: len(y) - s.ny + len(f_z)] = self.atol
+        tolerances_y = np.full(len(y), UNCONTROLLED)
+        tolerances_y[: len(y) - s.ny + len(f_z)] = self.atol
         tolerance = self.atol + self.rtol * s.characteristic_magnitudes(y)[at]
-        return np.concatenate([of_y, 1 / (f_z / tolerance[:, None]).max(axis=0)])
+        return np.concatenate([tolerances_y, 1 / (f_z / tolerance[:, None]).max(axis=0)])
 
     def propose(self, run: "RunState") -> tuple[float, float]:
         """Let IDA take a step; return its size and end time.
@@ -118,21 +118,21 @@ class Ida(LibraryStepper):
             StepError: if IDA fails.
         """
         run.rejected = None
-        self._open(run)
+        self._begin_step(run)
         stop = run.interval.stop
-        found = self.solver.step(stop, method="onestep", tstop=stop)
-        if not found.success:
-            raise StepError("step_size", f"IDA stopped at t = {found.t:.17g}: {found.message}")
-        t = run.interval.end if found.t == stop else float(found.t)
+        result = self.solver.step(stop, method="onestep", tstop=stop)
+        if not result.success:
+            raise StepError("step_size", f"IDA stopped at t = {result.t:.17g}: {result.message}")
+        t = run.interval.end if result.t == stop else float(result.t)
         if abs(t - run.t) < smallest_step(run.t, run.t1):
             raise StepError("step_size", f"the steps of IDA fell below rounding at t = {run.t:.17g}")
-        self.found = found
+        self.result = result
         return abs(t - run.t), t
 
     def take(self, run: "RunState", h: float) -> Step:
         """Return the current point of IDA, with the multipliers there."""
         n = len(run.state.y)
-        y, dy = self.found.y[:n], self.found.yp
+        y, dy = self.result.y[:n], self.result.yp
         x = self.raw.move(self.start, y, dy[:n])[0]
         self.end, z = self.chart.end(run.t + run.sign * h, x, None, dy[n:])
         return self.end_of_step(self.end, z)
@@ -152,13 +152,13 @@ class Ida(LibraryStepper):
     def _jacobian(self, t: float, u: Array, du: Array, res: Array, cj: float, out: Array) -> None:
         """Evaluate their partials with respect to u plus cj times those with respect to u', (n + m, n + m)."""
         n, ny, m, counts = len(u) - self.m, self.system.ny, self.m, self.system.counts
-        moved = self.raw.move(self.start, u[:n], du[:n])
-        E, A, L, C = self.chart.linearize(*moved, du[n:]).matrices()
-        by_y, rate_by_y = self.raw.partials(moved[0], u[:n], du[:n])
+        x_dx = self.raw.move(self.start, u[:n], du[:n])
+        E, A, L, C = self.chart.linearize(*x_dx, du[n:]).matrices()
+        x_y, dx_y = self.raw.partials(x_dx[0], u[:n], du[:n])
         counts.factorizations += 1
         out[:] = 0.0
-        out[:ny, :n], out[:ny, n:] = A @ by_y - E @ (cj * by_y + rate_by_y), cj * L
-        out[ny : ny + m, :n] = -C @ by_y
+        out[:ny, :n], out[:ny, n:] = A @ x_y - E @ (cj * x_y + dx_y), cj * L
+        out[ny : ny + m, :n] = -C @ x_y
         for i, block in enumerate(self.raw.units):
             out[ny + m + i, block] = u[block]
 
@@ -183,7 +183,7 @@ class RawCoordinates:
         return block_diag(self.manifold.coordinate_partials(y[: self.nq]), np.eye(len(y) - self.nq))
 
     def _tangent(self, q: Array) -> Array:
-        """Return P, (nv, nq): the rate of q becomes the velocity."""
+        """Return P, (nv, nq), which maps q' to the velocity."""
         T = self.manifold.coordinate_partials(q)
         return np.linalg.solve(T.T @ T, T.T)
 
@@ -216,5 +216,5 @@ class RawCoordinates:
             return self._rate(x[:nv] + self.manifold.tangent(x[:nv], d), self.manifold.integrate(q, d), dy[:nq])
 
         rest = np.eye(n - nq)
-        by_q = self.manifold.tangent(x[:nv], P)
-        return block_diag(by_q, rest), block_diag(numerical_jacobian(rate, nv, RATE_WIDTH) @ P, 0 * rest)
+        x_q = self.manifold.tangent(x[:nv], P)
+        return block_diag(x_q, rest), block_diag(numerical_jacobian(rate, nv, RATE_WIDTH) @ P, 0 * rest)

@@ -1,4 +1,4 @@
-"""Solvers of other libraries, with their own step-size control, and the common part of their steppers."""
+"""Solvers of other libraries, with their own step-size control, and the base class of their steppers."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ class LibrarySolver(ABC):
 
     Attributes:
         name: its name.
-        order: its order; the largest one, if it is variable.
+        order: its order; the largest order if it is variable.
     """
 
     name: str
@@ -41,7 +41,7 @@ class LibrarySolver(ABC):
 
     @property
     def order_linear(self) -> int:
-        """Order on mechanisms."""
+        """Order for mechanisms."""
         return self.order
 
     @abstractmethod
@@ -57,7 +57,7 @@ class LibrarySolver(ABC):
 
 
 class LibraryStepper(Adaptive):
-    """Steps of a solver that has accepted them; rtol and atol as it defines them.
+    """Steps that a solver has already accepted; the solver defines the meaning of rtol and atol.
 
     Args:
         method: the solver.

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 CHECK_INTERVAL = 0.05  # s of computing between progress reports and checks for Ctrl-C
 STEPS_PER_CALL = 2000  # largest number of steps in a call of the core
-MAX_COMPLETED = 100  # steps of a run without sources of events, whose setup matters in short runs alone
-MAX_UNRECORDED = 200  # steps: to record them takes about a millisecond
+MAX_COMPLETED = 100  # steps of a run without sources of events: longer runs can afford their setup
+MAX_UNRECORDED = 200  # steps; recording them takes about a millisecond
 
 
 class NativeStepper(Stepper):
@@ -44,11 +44,11 @@ class NativeStepper(Stepper):
         self.fixed = cast(Fixed, inner) if self.control is None else None
         self.run = new_run(system.native, project, self.control, tableau)
         self.run.seconds = CHECK_INTERVAL
-        self.passed_events: UserEvents | None = None
+        self.events_in_core: UserEvents | None = None
         self.undecided = False  # whether the guards of the next step are left to Python
-        self.passed_switches = False
+        self.switches_in_core = False
         self.unrecorded = False  # whether the core has steps that are not recorded
-        self.attempted = self.ahead = False  # whether the core has tried to begin; the first steps
+        self.attempted = self.ahead = False  # whether the core has tried to begin; has taken the first steps
         self.start: tuple[Array, Array, Array] | None = None  # where it began: y, y' and z
 
     @property
@@ -57,12 +57,12 @@ class NativeStepper(Stepper):
 
     def complete(self, run: "RunState") -> bool:
         r, m = self.run, self.run.monitor
-        found = None if _needs_sources(run.options, self.system) else self._begin_in_core(run, run.ys[-1])
-        if not found or r.interval.t != run.t1 or r.taken > MAX_COMPLETED:
+        first_point = None if _needs_sources(run.options, self.system) else self._begin_in_core(run, run.ys[-1])
+        if not first_point or r.interval.t != run.t1 or r.taken > MAX_COMPLETED:
             return False
         if m.suspicious or m.last_ratio < m.suspicious_ratio * m.largest_ratio:
             return False
-        run.set_start(*found)
+        run.set_start(*first_point)
         run.rejected, (ts, ys, zs, _) = r.rejected, r.steps()
         run.carries.extend(1, *r.carries())
         self.system.adopt_rows(r)
@@ -78,13 +78,13 @@ class NativeStepper(Stepper):
         return self.start or super().begin_run(run, y, ahead)
 
     def _begin_in_core(self, run: "RunState", y: Array) -> tuple[Array, Array, Array] | None:
-        """Return the first point, y' and z by the core, which also tries the first steps; None if it does not begin."""
+        """Return the first point, y' and z by the core, which also tries the first steps; None if it cannot begin."""
         control, system = self.control, self.system
         if not system.starts_in_core or system.core.calls_python or not run.time_left() > 0 or (control and control.h):
             return None
         run.state, self.attempted = State(y), True
         self._to_native(run, min(run.options.max_steps or STEPS_PER_CALL, STEPS_PER_CALL))
-        first = control and control.first_step_numbers(run)
+        first = control and control.first_step_data(run)
         self.start = system.begin(self.tableau, self.run, smallest_step(run.t, run.t1), first)
         return self.start
 
@@ -93,8 +93,8 @@ class NativeStepper(Stepper):
 
         Steps, rejections and the state of the run are up to date afterwards, even after an interrupt.
         """
-        some = STEPS_PER_CALL if max_steps is None else min(max_steps, STEPS_PER_CALL)
-        if run.undone_motion is not None or not self._advance_core(run, some):
+        n = STEPS_PER_CALL if max_steps is None else min(max_steps, STEPS_PER_CALL)
+        if run.undone_motion is not None or not self._advance_core(run, n):
             self.inner.advance(run)
 
     def continue_unrecorded(self, run: "RunState", t1: float) -> bool:
@@ -115,13 +115,13 @@ class NativeStepper(Stepper):
         return interval.t == t1 and not r.monitor.suspicious
 
     def core_run(self, run: "RunState") -> "Run":
-        """Return the core's run, at the position of this one."""
+        """Return the run of the core, at the position of this run."""
         self.inner.ready_for_core(run)  # chooses the first step size
         self._to_native(run, MAX_UNRECORDED)
         return self.run
 
     def core_run_before_start(self, run: "RunState") -> "Run":
-        """Return the core's run before this one begins; its first step is 0 where it must be estimated."""
+        """Return the run of the core before this run begins; its first step is 0 if it must be estimated."""
         run.interval = run.jumps.interval(run.t)
         self._to_native(run, MAX_UNRECORDED)
         self.run.max_carries = 0
@@ -178,9 +178,9 @@ class NativeStepper(Stepper):
         modes, changes = self.run.modes, run.mode_changes
         modes.in_core = bool(changes and not changes.each_step and not self.undecided and max_steps > 1)
         if modes.in_core:
-            if not self.passed_switches:
+            if not self.switches_in_core:
                 modes.set_switches(changes.core_switches or [])
-                modes.unswitched, self.passed_switches = changes.unswitched.tolist(), True
+                modes.unswitched, self.switches_in_core = changes.unswitched.tolist(), True
             modes_to_core(modes, changes, shortest_step(run))
         elif changes:
             max_steps = 1
@@ -193,7 +193,7 @@ class NativeStepper(Stepper):
         return self._advance_core(run, 1) if self.undecided and not tried else tried
 
     def _take_from_core(self, run: "RunState") -> None:
-        """Record the steps of the core, and take over its step sizes."""
+        """Record the steps of the core, and adopt its step sizes."""
         self._from_native()
         run.rejected = (run.rejected or 0) + self.run.rejected
         record_steps(run, self.run, self.system)
@@ -223,12 +223,12 @@ class NativeStepper(Stepper):
     def _events_to_native(self, run: "RunState") -> None:
         """Pass events of signals and upcoming jumps to the core; Python evaluates event functions after each step."""
         e, j, events = self.run.events, self.run.jumps, run.user_events
-        if self.passed_events is not events:
-            self.passed_events = events
+        if self.events_in_core is not events:
+            self.events_in_core = events
             if events.events and events.by_signal:
                 e.set_events(events.core_data())
-            of_drivers = self.system.constraints.nonsmooth_times
-            j.times = sorted({*run.jumps.times, *self.system.laws.nonsmooth_times(), *of_drivers})
+            driver_times = self.system.constraints.nonsmooth_times
+            j.times = sorted({*run.jumps.times, *self.system.laws.nonsmooth_times(), *driver_times})
         j.in_core = (events.by_signal or not events.events) and not run.mode_changes
         j.restart = nan if run.interval.restart is None else run.interval.restart
         if events.events and events.by_signal:
@@ -246,5 +246,5 @@ class NativeStepper(Stepper):
 def _needs_sources(options: "RunOptions", system: Index2System) -> bool:
     """Return whether sources may have events in a run that stays away from singular configurations."""
     mech, jumps = system.mechanism, options.jumps
-    timed = mech.drivers or system.laws.time_dependent or not (isinstance(jumps, tuple) and not jumps)
-    return bool(options.events or mech.switches or mech.resets or timed)
+    has_times = mech.drivers or system.laws.time_dependent or not (isinstance(jumps, tuple) and not jumps)
+    return bool(options.events or mech.switches or mech.resets or has_times)

@@ -1,17 +1,17 @@
-"""A new run of the compiled core: all thresholds, and the numbers of step-size control."""
+"""A new run of the compiled core, with all thresholds and the parameters of step-size control."""
 
 from functools import cache
 from math import inf
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST, Control, Controller
+from ...methods.controller import COMPANION_WEIGHT, SAFETY, SMALLEST_ERROR, SMALLEST_LAST, Control, Controller
 from ...tolerances import AGREEMENT, COINCIDENT, JUMP_MARGIN, TINY
 from ..events.core_modes import set_constants
 from ..events.jumps import MAX_CLUSTER
 from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
 from ..events.singularity import ADJACENT_RATIO, MAX_RATIO_CHANGE, SINGULAR_RATIO
-from ..events.singularity_location import AHEAD, MONITORED_RATIO, NOTCH, SMALL, SUSPICIOUS_RATIO
+from ..events.singularity_location import MAX_STEPS_AHEAD, MONITORED_RATIO, NOTCH, SMALL, SUSPICIOUS_RATIO
 from .adaptive import Adaptive
 from .fixed import FIXED_STEP_TOLERANCE
 from .projected_step import MAX_UNDONE
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def new_run(native: ModuleType, project: bool, adaptive: Adaptive | None, method: Any) -> "Run":
-    """Return a run of the core without position and steps.
+    """Return a run of the core that has no point and no steps yet.
 
     Args:
         native: the core.
@@ -40,7 +40,7 @@ def new_run(native: ModuleType, project: bool, adaptive: Adaptive | None, method
 
 @cache
 def _template(native: ModuleType, controller: tuple[int, Control, float] | None, blend: float) -> "Run":
-    """Return a run with the numbers of step-size control; None for fixed steps."""
+    """Return a run with the parameters of step-size control; None for fixed steps."""
     run: Run = native.Run(_thresholds(native))
     run.adaptive = controller is not None
     if controller:
@@ -60,9 +60,9 @@ def _thresholds(native: ModuleType) -> "Run":
     r.grid.coincident = COINCIDENT
     set_constants(r.modes)
     m.suspicious_ratio, m.singular_ratio, m.monitored_ratio = SUSPICIOUS_RATIO, SINGULAR_RATIO, MONITORED_RATIO
-    m.notch_ratio, m.small_ratio, m.steps_ahead = NOTCH, SMALL, AHEAD
+    m.notch_ratio, m.small_ratio, m.steps_ahead = NOTCH, SMALL, MAX_STEPS_AHEAD
     m.adjacent_ratio, m.max_change, m.last_ratio = ADJACENT_RATIO, MAX_RATIO_CHANGE, inf
-    c.agreement, c.spacings, c.tiny, c.companion = AGREEMENT, SPACINGS, TINY, COMPANION
+    c.agreement, c.spacings, c.tiny, c.companion = AGREEMENT, SPACINGS, TINY, COMPANION_WEIGHT
     c.safety, c.smallest_error, c.smallest_last = SAFETY, SMALLEST_ERROR, SMALLEST_LAST
     e.agreement, e.iterations = AGREEMENT, MAX_ITERATIONS
     e.spacings, e.step_tolerance = TIME_SPACINGS, RELATIVE_TOLERANCE

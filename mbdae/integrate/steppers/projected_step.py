@@ -12,16 +12,16 @@ from ...system import Array, State
 if TYPE_CHECKING:
     from ..run.run_state import RunState
 
-MAX_UNDONE = 0.25  # share of the motion of a step, in position or velocity, that a projection may undo
+MAX_UNDONE = 0.25  # fraction of the motion of a step, in position or velocity, that a projection may undo
 
 
 def project_end(run: "RunState", t: float, state: State) -> State:
     """Project the end of a step onto the closures.
 
-    Rows that are redundant at the start of a run are not solved for. Where they become independent, a projection onto
-    all rows undoes each step: the run would creep or stall for any step size. A projection within the tolerance is
-    always accepted; after a step that was undone, the steps are assessed together until the motion progresses again.
-    (Gauss-Newton iterations towards a contact of order p leave a share 1 - 1/p of the distance.)
+    Steps do not solve for rows that are redundant at the start of a run. Where these rows become independent, the
+    projection onto all rows undoes each step, and the run would make no progress for any step size. A projection within
+    the tolerance is always accepted; after a step that was undone, steps are assessed together until the motion makes
+    progress. (Gauss-Newton iterations towards a contact of order p reduce the distance to its fraction 1 - 1/p.)
 
     Raises:
         StepError: if the projection undoes more than `MAX_UNDONE` of the step.
@@ -40,9 +40,9 @@ def project_end(run: "RunState", t: float, state: State) -> State:
         level = undone.index(largest)
         residual = system.residual(t, *system.split(state.y))[level]
         violation = largest_error(system.mechanism, residual, ("", "/s")[level])
-        share = f"{largest / max(motion, largest):.0%} of the motion"
+        fraction = f"{largest / max(motion, largest):.0%} of the motion"
         remark = shortening_remark(system.mechanism, violation.name)
-        undoes = f"its projection undoes {share}: the rows cannot all be satisfied{remark}"
+        undoes = f"its projection undoes {fraction}: the rows cannot all be satisfied{remark}"
         raise StepError("rank", f"{violation.message()} in a step from t = {run.t:.17g}, and {undoes}")
     if run.undone_motion is not None:
         run.undone_motion = None if MAX_UNDONE * motion > 1 else motions
@@ -50,8 +50,8 @@ def project_end(run: "RunState", t: float, state: State) -> State:
 
 
 def _motions(run: "RunState", system: Index2System, t: float, y: Array, end: Array) -> Array:
-    """Return the motion of a step to y, and the displacements of its projection in position and velocity, (3, ny)."""
-    step, move, nv = system.difference(run.state.y, y), system.difference(y, end), system.nv
-    out = np.zeros((3, len(move)))
-    out[:, :nv] = step[:nv], move[:nv], (t - run.t) * move[nv : 2 * nv]
+    """Return the motion of a step to y, and its displacements by projection in position and velocity, (3, ny)."""
+    step, displacement, nv = system.difference(run.state.y, y), system.difference(y, end), system.nv
+    out = np.zeros((3, len(displacement)))
+    out[:, :nv] = step[:nv], displacement[:nv], (t - run.t) * displacement[nv : 2 * nv]
     return out

@@ -1,6 +1,6 @@
 """Baseline: scipy's solvers for the index-1 formulation of a mechanism.
 
-The time loop is the same as for the methods of mbdae; scipy's solvers choose their steps. On manifolds they integrate
+The time loop is the same as for the methods of mbdae, but scipy's solvers choose the steps. On manifolds they integrate
 the raw coordinates (components of quaternions, cosines and sines).
 """
 

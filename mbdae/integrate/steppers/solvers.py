@@ -1,4 +1,4 @@
-"""Methods by formulation: those of mbdae, and the solvers of other libraries."""
+"""Selection of a method for a formulation, from the methods of mbdae and solvers of other libraries."""
 
 from typing import Any
 

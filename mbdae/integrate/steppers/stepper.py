@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..run.run_state import RunState
     from .adaptive import Adaptive
 
-SPACINGS = 16  # roundings of t: smallest step size
+SPACINGS = 16  # smallest step size in units of the spacing of t
 
 StepperState = tuple[Any, ...]  # state of step-size control: only `resume` of the same stepper reads it
 
@@ -40,7 +40,7 @@ class Stepper(ABC):
         return False
 
     def begin_run(self, run: "RunState", y: Array, ahead: bool) -> tuple[Array, Array, Array]:
-        """Return the first point, y' and z, see `mbdae.system.System.start`; ``ahead``: steps may be taken, too."""
+        """Return the first point, y' and z, see `mbdae.system.System.start`; ``ahead``: it may also take steps."""
         return run.system.start(run.t, y, run.project)
 
     @abstractmethod
@@ -52,7 +52,7 @@ class Stepper(ABC):
         """
 
     def continue_unrecorded(self, run: "RunState", t1: float) -> bool:
-        """Step to t1, where no source of events need check the steps, and leave them to `record`.
+        """Step to t1 if no source of events must check the steps, and leave their recording to `record`.
 
         Return False if the time loop must continue, after `record`.
         """
@@ -89,14 +89,14 @@ class Stepper(ABC):
     def settings(self) -> JsonObject:
         """Return the settings that are recorded with the solution."""
 
-    def restart(self) -> None:  # noqa: B027, most have nothing to do
+    def restart(self) -> None:  # noqa: B027, optional
         """Discard the history of steps, after a discontinuity."""
 
     def limit_step(self, h: float) -> None:  # noqa: B027
         """Limit the size of the next step, if it is controlled."""
 
     def snapshot(self) -> StepperState:
-        """Return what determines the next step sizes."""
+        """Return the data that determine the next step sizes."""
         return ()
 
     def resume(self, snapshot: StepperState) -> None:  # noqa: B027

@@ -23,8 +23,8 @@ class Checkpoints:
     Args:
         n: number of nodes.
         start: the state at node 0.
-        recompute: (i, j, state at node i) -> the states at nodes i, ..., j; called once for all nodes, later for single
-            segments.
+        recompute: (i, j, state at node i) -> the states at nodes i, ..., j; called once for all nodes, later for one
+            segment.
 
     Attributes:
         length: number of nodes of a segment, k.
@@ -46,7 +46,7 @@ class Checkpoints:
         return np.array([self[k].carry for k in range(i, j)])
 
     def segment(self, j: int) -> list[State]:
-        """Return the states at nodes j k, ..., j k + k - 1, possibly followed by one more."""
+        """Return the states at nodes j k, ..., j k + k - 1, possibly with the first state of the next segment."""
         return self._states if j == self._at else self._recompute_segment(j)
 
     def _recompute_segment(self, j: int) -> list[State]:

@@ -1,4 +1,4 @@
-"""Derivatives of columns of bodies and forces, by family; see `mbdae.solution.signals`."""
+"""Derivatives of signals of bodies and forces, in groups; see `mbdae.solution.signals`."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -31,18 +31,18 @@ from ...system import Array
 from ...tolerances import ITERATION_ROUNDING
 
 
-class DerivativeFamily(NamedTuple):
+class DerivativeGroup(NamedTuple):
     """Columns whose derivatives are computed together.
 
     Attributes:
-        names: of the columns.
+        names: names of the columns.
         rows: their partial derivatives, (n, m).
-        rated: whether they depend on accelerations or multipliers.
+        needs_rates: whether they depend on accelerations or multipliers.
     """
 
     names: Callable[[Mechanism], Mapping[str, str] | list[str]]
     rows: Callable[[MotionTangent], Array]
-    rated: bool
+    needs_rates: bool
 
 
 def _contact_names(mech: Mechanism) -> list[str]:
@@ -61,7 +61,7 @@ def _reactions(motion: MotionTangent) -> Array:
 
 
 def _positions_and_velocities(motion: MotionTangent) -> Array:
-    """Return derivatives of positions, then of velocities, after those of their magnitudes."""
+    """Return derivatives of positions, then of velocities, whose magnitudes come first."""
     values, derivatives = frame_motion_derivatives(motion, moving_frames(motion.mechanism))
     return np.concatenate([_flattened(derivatives[0]), _with_magnitude(values[1], derivatives[1])])
 
@@ -78,41 +78,41 @@ def _with_magnitude(x: Array, derivatives: Array) -> Array:
 def magnitude_derivatives(x: Array, derivatives: Array) -> Array:
     """Return derivatives of the magnitudes of n vectors x (n, ..., 3), from those of their components (n, ..., 3, m).
 
-    They are 0 for vectors that vanish relative to the largest one, whose direction is rounding.
+    They are 0 for vectors that vanish relative to the largest one, since their direction is rounding.
     """
     size = np.linalg.norm(x, axis=-1, keepdims=True)
     nonzero = size > ITERATION_ROUNDING * size.max(axis=0, initial=0.0)
     return np.einsum("...i,...im->...m", np.divide(x, size, out=np.zeros_like(x), where=nonzero), derivatives)
 
 
-def _frame_columns(mech: Mechanism, rated: bool) -> list[str]:
-    return [name for name in frame_units(mech) if name.startswith("acceleration.") == rated]
+def _frame_columns(mech: Mechanism, accelerations: bool) -> list[str]:
+    return [name for name in frame_units(mech) if name.startswith("acceleration.") == accelerations]
 
 
-FAMILIES = (
-    DerivativeFamily(lambda mech: [f"contact.{c.name}.{x}" for c in rolling_closures(mech) for x in "xyz"],
+DERIVATIVE_GROUPS = (
+    DerivativeGroup(lambda mech: [f"contact.{c.name}.{x}" for c in rolling_closures(mech) for x in "xyz"],
            lambda motion: _flattened(path_derivatives(motion)), False),
-    DerivativeFamily(_contact_names, lambda motion: _flattened(contact_derivatives(motion)), True),
-    DerivativeFamily(reaction_units, _reactions, True),
-    DerivativeFamily(lambda mech: list(unilateral_rows(mech)), gap_derivatives, False),
-    DerivativeFamily(lambda mech: [f"power.{d.name}" for d in mech.drivers], driver_power_derivatives, True),
-    DerivativeFamily(lambda mech: [f"power.{name}" for name in brake_rows(mech)], friction_power_derivatives, True),
-    DerivativeFamily(effort_units, effort_derivatives, False),
-    DerivativeFamily(lambda mech: _frame_columns(mech, False), _positions_and_velocities, False),
-    DerivativeFamily(lambda mech: _frame_columns(mech, True), _accelerations, True),
-    DerivativeFamily(lambda mech: MOMENTUM, momentum_derivatives, False),
-    DerivativeFamily(lambda mech: deformation_units(mech.model), deformation_derivatives, False),
-    DerivativeFamily(lambda mech: SHAKING, lambda motion: _with_magnitude(*shaking_derivatives(motion)), True),
+    DerivativeGroup(_contact_names, lambda motion: _flattened(contact_derivatives(motion)), True),
+    DerivativeGroup(reaction_units, _reactions, True),
+    DerivativeGroup(lambda mech: list(unilateral_rows(mech)), gap_derivatives, False),
+    DerivativeGroup(lambda mech: [f"power.{d.name}" for d in mech.drivers], driver_power_derivatives, True),
+    DerivativeGroup(lambda mech: [f"power.{name}" for name in brake_rows(mech)], friction_power_derivatives, True),
+    DerivativeGroup(effort_units, effort_derivatives, False),
+    DerivativeGroup(lambda mech: _frame_columns(mech, False), _positions_and_velocities, False),
+    DerivativeGroup(lambda mech: _frame_columns(mech, True), _accelerations, True),
+    DerivativeGroup(lambda mech: MOMENTUM, momentum_derivatives, False),
+    DerivativeGroup(lambda mech: deformation_units(mech.model), deformation_derivatives, False),
+    DerivativeGroup(lambda mech: SHAKING, lambda motion: _with_magnitude(*shaking_derivatives(motion)), True),
 )  # fmt: skip
 
 
-Derivatives = dict[str, tuple[DerivativeFamily, int]]
+Derivatives = dict[str, tuple[DerivativeGroup, int]]
 _DERIVATIVES: WeakKeyDictionary[Mechanism, Derivatives] = WeakKeyDictionary()  # mechanisms are immutable
 
 
-def find_column(mech: Mechanism, name: str) -> tuple[DerivativeFamily, int] | None:
-    """Return the family of a column, and its index in it; None if it has no derivatives."""
-    if mech not in _DERIVATIVES:  # the first family that has the name counts
-        found = [(name, (family, i)) for family in FAMILIES for i, name in enumerate(family.names(mech))]
-        _DERIVATIVES[mech] = dict(reversed(found))
+def find_column(mech: Mechanism, name: str) -> tuple[DerivativeGroup, int] | None:
+    """Return the group of a column, and its index in the group; None if it has no derivatives."""
+    if mech not in _DERIVATIVES:  # a name belongs to the first group that contains it
+        columns = [(name, (group, i)) for group in DERIVATIVE_GROUPS for i, name in enumerate(group.names(mech))]
+        _DERIVATIVES[mech] = dict(reversed(columns))
     return _DERIVATIVES[mech].get(name)

@@ -22,14 +22,14 @@ def require_differentiable(sol: Solution) -> Mechanism:
     """Return the mechanism of a run that can be recomputed and differentiated.
 
     Raises:
-        InputError: for other runs; the message names the unsupported feature.
+        InputError: for an unsupported run; the message names the feature.
     """
     mech, s = sol.mechanism, sol.settings
     form = s.get("formulation")
-    own = form in ("index2", "ggl") and s["method"] not in SOLVERS
-    if not own or not isinstance(method_from_settings(s), DIFFERENTIABLE):
-        known = "half-explicit methods and Radau IIA in formulations 'index2' and 'ggl'"
-        raise InputError(f"derivatives of runs are those of {known}, got {s['method']!r} in {form!r}")
+    is_mbdae_method = form in ("index2", "ggl") and s["method"] not in SOLVERS
+    if not is_mbdae_method or not isinstance(method_from_settings(s), DIFFERENTIABLE):
+        supported = "half-explicit methods and Radau IIA in formulations 'index2' and 'ggl'"
+        raise InputError(f"derivatives of runs are those of {supported}, got {s['method']!r} in {form!r}")
     for force in mech.forces:
         if isinstance(force, FMU):
             raise InputError(f"force {force.name!r} is an FMU: runs with it are not differentiable")
@@ -42,7 +42,7 @@ def require_differentiable(sol: Solution) -> Mechanism:
 
 
 def _require_separate_impacts(sol: Solution) -> None:
-    """Require that no contact came to rest by an accumulation of bounces.
+    """Check that no contact came to rest by an accumulation of bounces.
 
     Raises:
         InputError: names the contact and the time.

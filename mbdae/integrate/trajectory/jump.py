@@ -39,21 +39,21 @@ class Jump(NamedTuple):
     """Derivatives of the state after a change of mode.
 
     Attributes:
-        matrix: of y after it by (y, p) before it, both at fixed time, (ny, ny + k).
-        time: of the time of the event, (ny + k,); 0 at known times.
+        matrix: derivatives of y after the event with respect to (y, p) before it, at fixed time, (ny, ny + k).
+        time: derivatives of the time of the event, (ny + k,); 0 at known times.
     """
 
     matrix: Array
     time: Array
 
     def tangent(self, dy: Array, dp: Array) -> Array:
-        """Return the tangents after the event, (ny, m), from those before, (ny, m), and of the parameters, (k, m)."""
+        """Return the tangents after the event, (ny, m), given those before it, (ny, m), and of parameters, (k, m)."""
         return np.asarray(self.matrix @ np.concatenate([dy, dp]))
 
     def adjoint(self, bar: Array) -> tuple[Array, Array]:
-        """Return the cotangents of y before, (ny, m), and of the parameters, (k, m), from those of y after, (ny, m)."""
-        at_y, at_p = np.split(self.matrix.T @ bar, [len(bar)])
-        return at_y, at_p
+        """Return the cotangents of y before, (ny, m), and of parameters, (k, m), given those of y after, (ny, m)."""
+        y_bar, p_bar = np.split(self.matrix.T @ bar, [len(bar)])
+        return y_bar, p_bar
 
 
 class ModeJumps:
@@ -69,17 +69,17 @@ class ModeJumps:
         self.all_rows = AllRows(trajectory.system)
         self.unswitched = unswitched_rows(self.switches, trajectory.system.ng)
         self.first_nodes = [i for i, _ in trajectory.sol.modes]
-        self._known: dict[int, Jump] = {}
+        self._cache: dict[int, Jump] = {}
 
     def __getitem__(self, i: int) -> Jump:
         """Return the jump from node i to node i + 1, which have the same time.
 
         Raises:
-            InputError: where it has no derivative: grazing, or simultaneous events; names the switch and the time.
+            InputError: if it has no derivative: grazing, or simultaneous events; names the switch and the time.
         """
-        if i not in self._known:
-            self._known[i] = self._jump(i)
-        return self._known[i]
+        if i not in self._cache:
+            self._cache[i] = self._jump(i)
+        return self._cache[i]
 
     def _jump(self, i: int) -> Jump:
         trajectory, t, ny = self.trajectory, float(self.trajectory.ts[i]), self.sensitivity.ny
@@ -120,16 +120,16 @@ class ModeJumps:
         They are with respect to (y, p), (ny, ny + k).
         """
         self.enter_idle_mode()
-        found, R = self.impact(t, y, np.eye(self.sensitivity.ny, self.sensitivity.ny + self.sensitivity.k + 1))
+        after, R = self.impact(t, y, np.eye(self.sensitivity.ny, self.sensitivity.ny + self.sensitivity.k + 1))
         self.trajectory.enter_node(0)
-        return found, R[:, :-1]
+        return after, R[:, :-1]
 
     def enter_idle_mode(self) -> None:
         """Enter the idle mode, in which no switch is active, as at a start."""
         self.system.enter((0,) * len(self.system.mode))
 
     def impact(self, t: float, y: Array, jumped: Array) -> tuple[Array, Array]:
-        """Return the point after an impact, and its partials with respect to (y, p, t), from those before."""
+        """Return the point after an impact, and its partials with respect to (y, p, t), from the partials before it."""
         return self._map(ModePoint(self.system, self.all_rows, t, y), jumped)
 
     def _map(self, point: ModePoint, jumped: Array) -> tuple[Array, Array]:
@@ -138,13 +138,13 @@ class ModeJumps:
         if not impacts:
             return point.y, jumped
         nv, ny, k = self.system.nv, self.sensitivity.ny, self.sensitivity.k
-        found = impact_partials(self.sensitivity.parameters, point.t, point.q, impacts)
+        velocity_partials = impact_partials(self.sensitivity.parameters, point.t, point.q, impacts)
         out = np.eye(ny, ny + k + 1)
         out[nv : 2 * nv] = 0.0
-        out[nv : 2 * nv, np.r_[0 : 2 * nv, ny : ny + k + 1]] = found
+        out[nv : 2 * nv, np.r_[0 : 2 * nv, ny : ny + k + 1]] = velocity_partials
         kinetic = [self.sensitivity.energy(point.q, v)[0] for v in (point.v, impacts[-1].after)]
-        moved = np.vstack([out, np.eye(k, ny + k + 1, ny)])
-        out[-1] += kinetic[1] @ moved
+        directions = np.vstack([out, np.eye(k, ny + k + 1, ny)])
+        out[-1] += kinetic[1] @ directions
         out[-1, :-1] -= kinetic[0]
         R = out[:, :ny] @ jumped
         R[:, ny:] += out[:, ny:]
@@ -157,9 +157,9 @@ class ModeJumps:
         return {s.index for s in self.switches if t - last.get(s.name, -np.inf) < s.rest}
 
     def _rate_before(self, i: int) -> Array:
-        """Return F-, (ny,): the derivative of the end of the last step by its size, equal to y' within its error.
+        """Return F-, (ny,): the derivative of the end of the last step with respect to its size, y' to the local error.
 
-        Friction that changes its sign with the normal force within that step has kinks, which y' does not show.
+        Friction whose sign changes with the normal force within the step has kinks, which y' at its end does not see.
         """
         ny, k = self.sensitivity.ny, self.sensitivity.k
         zeros = np.zeros((ny, 1)), np.zeros((self.trajectory.n_carry, 1)), np.zeros((k, 1))
@@ -174,12 +174,12 @@ class ModeJumps:
             InputError: for grazing and for simultaneous events of different derivatives.
         """
         times = self._times(i, point, rates)
-        found = [(name, x) for name, x in times if len(x)]
-        if not found:
+        events = [(name, x) for name, x in times if len(x)]
+        if not events:
             name = next((name for name, _ in times), self.switches[0].name)
             raise InputError(f"{name!r} only grazes its limit at t = {point.t:.9g} s: the run is not differentiable")
-        self._require_one_time(point, found)
-        return found[0][1]
+        self._require_one_time(point, events)
+        return events[0][1]
 
     def _times(self, i: int, point: ModePoint, rates: Array) -> list[tuple[str, Array]]:
         """Return the guards that are zero at node i, and the derivatives of their times (ny + k,); empty if grazing."""
@@ -190,18 +190,18 @@ class ModeJumps:
         for g in guards:
             g.value(first)
         partials = GuardPartials(self.sensitivity, first, point)
-        found = ((g.name, self._time(g, i, partials, rates)) for g in guards)
-        return [(name, x) for name, x in found if x is not None]
+        times = ((g.name, self._time(g, i, partials, rates)) for g in guards)
+        return [(name, x) for name, x in times if x is not None]
 
     def _time(self, guard: Guard, i: int, partials: GuardPartials, rates: Array) -> Array | None:
-        """Return the derivatives of the time at which a guard falls below zero, (ny + k,); None if it does not here."""
+        """Return the derivatives of the time at which a guard falls below zero, (ny + k,); None if it does not."""
         gradient, point, trajectory = partials.gradient(guard), partials.point, self.trajectory
         terms = np.append(gradient[: self.sensitivity.ny] * rates, gradient[-1])
         total, size = float(terms.sum()), float(np.abs(terms).sum())
         tolerance = SAME_STATE * float(trajectory.ts[i] - trajectory.ts[i - 1]) + trajectory.sol.jump_margin
         if abs(guard.value(point)) > tolerance * size:
             return None
-        if guard.kind in LENGTHS:  # compared with a characteristic speed, since all speeds may be small
+        if guard.kind in LENGTHS:  # a characteristic speed, since all speeds may be small
             size = max(size, guard_unit(guard, point) * self.system.mechanism.characteristic_rate)
         if abs(total) <= VISIBLE * size:
             return np.empty(0)
@@ -223,13 +223,13 @@ class ModeJumps:
             raise InputError(f"the mode changes twice at {when}: the run is not differentiable")
         return False
 
-    def _require_one_time(self, point: ModePoint, found: list[tuple[str, Array]]) -> None:
-        """Require that simultaneous events remain simultaneous: the derivatives of their times agree.
+    def _require_one_time(self, point: ModePoint, events: list[tuple[str, Array]]) -> None:
+        """Check that simultaneous events remain simultaneous: the derivatives of their times agree.
 
         Raises:
             InputError: if their order depends on the variation; names the switches.
         """
-        if len(found) < 2:
+        if len(events) < 2:
             return
         nv, ny = self.system.nv, self.sensitivity.ny
         g, rate = row_rate_partials(self.sensitivity.parameters, point.t, point.q, point.v)
@@ -237,8 +237,8 @@ class ModeJumps:
         rows = np.vstack([g[active][self.system.constraints.positional[active]], rate[active]])[:, :-1]
         _, sizes, right = np.linalg.svd(rows)
         free = right[int(np.count_nonzero(sizes > RANK * sizes.max(initial=0.0))) :]
-        times = [x[np.r_[0 : 2 * nv, ny : len(x)]] @ free.T for _, x in found]
+        times = [x[np.r_[0 : 2 * nv, ny : len(x)]] @ free.T for _, x in events]
         if any(np.abs(x - times[0]).max() > INPUT_DIGITS * np.abs(times[0]).max() for x in times[1:]):
-            names = " and ".join(repr(name) for name, _ in found)
+            names = " and ".join(repr(name) for name, _ in events)
             why = "the run is not differentiable, since perturbations change their order"
             raise InputError(f"{names} switch at the same time, t = {point.t:.9g} s: {why}")

@@ -1,4 +1,4 @@
-"""Sequences of steps of a trajectory in the compiled core: carries, tangents and adjoints."""
+"""Carries, tangents and adjoints of sequences of steps of a trajectory, in the compiled core."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -30,7 +30,7 @@ class NodeRange(NamedTuple):
 
 
 class RecomputedStates(NamedTuple):
-    """States after some steps, whether the carry was restarted there, and whether all steps were reproduced."""
+    """States after each step, whether the carry was restarted there, and whether all steps were reproduced."""
 
     states: list[State]
     restarted: list[int]
@@ -38,7 +38,7 @@ class RecomputedStates(NamedTuple):
 
 
 class NativeTrajectory:
-    """Sequences of steps of a trajectory in the compiled core, without other maps between them.
+    """Sequences of steps of a trajectory in the compiled core; a sequence contains no jumps or row changes.
 
     Args:
         trajectory: trajectory of a run.
@@ -46,7 +46,7 @@ class NativeTrajectory:
 
     Attributes:
         varied: the varied parameters.
-        parameters: the same, bound to the core.
+        parameters: the varied parameters, bound to the core.
 
     Raises:
         InputError: without the core, and for features that the core does not support.
@@ -63,7 +63,7 @@ class NativeTrajectory:
         except NotCompiled as e:
             raise InputError(f"derivatives of runs need the compiled core, which does not compute {e}") from None
         self.trajectory, self.system, self.core, self.varied = trajectory, system, system.core, parameters
-        self._of_mode = {system.mode: self.parameters}
+        self._parameters_of_mode = {system.mode: self.parameters}
         self.method = system.method(trajectory.tableau)
         self.run = system.native.Run()
         self.run.project, self.run.adaptive, self.run.tolerated_move = (
@@ -76,14 +76,14 @@ class NativeTrajectory:
             control = self.run.control
             control.rtol, control.atol = trajectory.stepper.rtol, np.atleast_1d(trajectory.stepper.atol).tolist()
             control.tiny = TINY
-        self.blocked: set[int] = set()  # steps that are repeated in Python, for their carries
+        self.blocked: set[int] = set()  # steps that Python repeats to obtain their carries
 
     def enter_mode(self) -> "NativeParameters":
         """Return the parameters bound to the core in its mode."""
         mode = self.system.mode
-        if mode not in self._of_mode:
-            self._of_mode[mode] = bind_parameters(self.system, self.varied)
-        self.parameters = self._of_mode[mode]
+        if mode not in self._parameters_of_mode:
+            self._parameters_of_mode[mode] = bind_parameters(self.system, self.varied)
+        self.parameters = self._parameters_of_mode[mode]
         return self.parameters
 
     def segment_end(self, i: int, exclude_last: bool = False) -> int:
@@ -95,7 +95,7 @@ class NativeTrajectory:
         """
         length = self.trajectory.checkpoints.length if self.trajectory.checkpoints else STEPS_PER_CALL
         last, j = min(len(self.trajectory.ts) - 1 - exclude_last, (i // length + 1) * length), i
-        while j < last and self.is_plain_step(j) and not (j > i and self.trajectory.restarted[j]):
+        while j < last and self.is_core_step(j) and not (j > i and self.trajectory.restarted[j]):
             j += 1
         return j
 
@@ -103,16 +103,16 @@ class NativeTrajectory:
         """Return the first node of the sequence of steps that ends at node i; i itself if there is no such step."""
         length = self.trajectory.checkpoints.length if self.trajectory.checkpoints else STEPS_PER_CALL
         first, j = (i - 1) // length * length, i
-        while j > max(0, first) and self.is_plain_step(j - 1) and not (j < i and self.trajectory.restarted[j]):
+        while j > max(0, first) and self.is_core_step(j - 1) and not (j < i and self.trajectory.restarted[j]):
             j -= 1
         return j
 
-    def is_plain_step(self, i: int) -> bool:
+    def is_core_step(self, i: int) -> bool:
         """Return whether a step of the core leads from node i to the next node, except for a restarted carry."""
         return not (self.trajectory.jumped[i] or i + 1 in self.trajectory.changes or i in self.blocked)
 
     def nodes(self, i: int, j: int) -> NodeRange:
-        """Return nodes i, ..., j, and use the rows of their steps in the workspace."""
+        """Return nodes i, ..., j; the workspace then uses the rows of their steps."""
         trajectory, carries = self.trajectory, np.zeros((j - i + 1, self.trajectory.n_carry))
         if trajectory.checkpoints:
             carries[:-1] = trajectory.checkpoints.carries_between(i, j)
@@ -139,11 +139,12 @@ class NativeTrajectory:
         trajectory.enter_node(i)
         ts, ys = np.ascontiguousarray(trajectory.ts[i : j + 1]), np.array(trajectory.ys[i : j + 1])
         ys[0] = state.y
-        found = self.core.recompute(self.method, trajectory.halved, self.run, ts, ys, state.carry, *tolerances)
-        if found is None:
+        half_steps = trajectory.uses_half_steps
+        result = self.core.recompute(self.method, half_steps, self.run, ts, ys, state.carry, *tolerances)
+        if result is None:
             self.blocked |= set(range(i, j))
             return None
-        carries, restarted, steps, end = found
+        carries, restarted, steps, end = result
         points = [*ys[1:steps], end] if steps else []
         states = [State(y, carry) for y, carry in zip(points, carries[1:], strict=False)]
         return RecomputedStates(states, restarted[1 : steps + 1], i + steps == j)
@@ -156,9 +157,9 @@ class NativeTrajectory:
             extra: cotangents that are added at each node, (m + 1, costs, ny + nc); ignored at the first and the last.
             bars: the cotangents at the last node, (costs, ny + nc).
         """
-        given = self.parameters, self.method, self.trajectory.halved, self.trajectory.project
-        along = np.ascontiguousarray(extra), np.ascontiguousarray(bars)
-        return self._checked(nodes, self.core.adjoint(*given, *nodes[1:], *along, self._friction))
+        settings = self.parameters, self.method, self.trajectory.uses_half_steps, self.trajectory.project
+        vectors = np.ascontiguousarray(extra), np.ascontiguousarray(bars)
+        return self._checked(nodes, self.core.adjoint(*settings, *nodes[1:], *vectors, self._friction))
 
     def tangent(self, nodes: NodeRange, first: Array, dp: Array, dh: Array | None = None) -> Array:
         """Return the tangents of y and carry at the nodes, (m + 1, d, ny + nc).
@@ -169,27 +170,27 @@ class NativeTrajectory:
             dp: tangents of the parameters, (d, k).
             dh: tangents of the size of each step, (d,).
         """
-        given = self.parameters, self.method, self.trajectory.halved, self.trajectory.project
-        along = np.ascontiguousarray(first), np.ascontiguousarray(dp)
-        return self._checked(nodes, self.core.tangent(*given, *nodes[1:], *along, dh, self._friction))
+        settings = self.parameters, self.method, self.trajectory.uses_half_steps, self.trajectory.project
+        vectors = np.ascontiguousarray(first), np.ascontiguousarray(dp)
+        return self._checked(nodes, self.core.tangent(*settings, *nodes[1:], *vectors, dh, self._friction))
 
     @property
     def _friction(self) -> Any:
         """Partials of friction that depends on multipliers; the core calls Python for them."""
         return self.trajectory.sensitivity.friction if self.trajectory.system.closure_friction else None
 
-    def _checked(self, nodes: NodeRange, found: object) -> Any:
-        """Return a result of the core.
+    def _checked(self, nodes: NodeRange, result: object) -> Any:
+        """Return a result of the core if there is one.
 
         Raises:
             InputError: if the core could not repeat or differentiate the steps.
         """
-        if found is None:
+        if result is None:
             t0, t1 = nodes.ts[[0, -1]]
             self.trajectory.repeat_between(t0, t1)  # raises an error with the reason, if it fails in Python too
             steps = f"the steps from t = {t0:.9g} s to {t1:.9g} s have no derivatives"
             raise InputError(f"{steps}: numbers are not finite, or the equations of a stage are singular")
-        return found
+        return result
 
 
 class NativeStep(NamedTuple):
@@ -201,8 +202,8 @@ class NativeStep(NamedTuple):
     def forward(self, dy: Array, carry: Array, dp: Array, dh: Array | None = None) -> tuple[Array, Array]:
         """Return the tangents of y and of the carry, for dp (k, m) and the change dh (m,) of the step size."""
         nodes, ny = self.core.nodes(self.i, self.i + 1), len(dy)
-        found = self.core.tangent(nodes, np.concatenate([dy, carry]).T, dp.T, dh)[-1].T
-        return found[:ny], found[ny:]
+        tangent = self.core.tangent(nodes, np.concatenate([dy, carry]).T, dp.T, dh)[-1].T
+        return tangent[:ny], tangent[ny:]
 
     def reverse(self, y: Array, carry: Array) -> tuple[Array, Array, Array]:
         """Return the cotangents of y, of the carry and of the parameters, (..., costs)."""

@@ -20,7 +20,7 @@ class ResetJumps:
     """Jumps of the events of a trajectory.
 
     Args:
-        trajectory: of a run.
+        trajectory: trajectory of a run.
     """
 
     def __init__(self, trajectory: "Trajectory") -> None:
@@ -51,10 +51,10 @@ class ResetJumps:
             when = f"only grazes its level at t = {t:.9g} s"
             raise InputError(f"event {reset.name!r} {when}: the run is not differentiable")
         reset_map = ResetMap(trajectory.system, reset)
-        for k, (p, others) in enumerate(
+        for k, (p, perturbed) in enumerate(
             zip(sensitivity.parameters.all, reset_map.perturbed_resets(sensitivity), strict=True)
         ):
-            gradient[ny + k] -= p.quotient({j: np.array(_level(other)) for j, other in others.items()})
+            gradient[ny + k] -= p.quotient({j: np.array(_level(x)) for j, x in perturbed.items()})
         switched = bool(trajectory.system.mechanism.switches)
         R = self._map(reset_map, t, y) if switched else reset_map.partials(sensitivity, t, y)
         trajectory.enter_node(i + 1)

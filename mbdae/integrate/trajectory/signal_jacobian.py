@@ -13,13 +13,13 @@ from ...mechanism.signals.deformation import deformation_units
 from ...mechanism.tree.tree_terms import flexible_bodies
 from ...solution.signal_value import RESIDUALS, SignalValue, find_signal, signal_values
 from ...system import Array
-from .column_derivatives import DerivativeFamily, find_column
+from .column_derivatives import DerivativeGroup, find_column
 
 if TYPE_CHECKING:
     from .trajectory import Trajectory
 
 ENERGIES = {"kinetic": (1.0, 0.0), "potential": (0.0, 1.0), "energy": (1.0, 1.0)}
-KNOWN = ("t", "y", "angle", "rate", "lam", "force", *ENERGIES)
+DIRECT_KINDS = ("t", "y", "angle", "rate", "lam", "force", *ENERGIES)
 NOT_DIFFERENTIABLE = {
     **dict.fromkeys(RESIDUALS, "it is the largest magnitude over all rows"),
     "mode": "it counts the states of a switch",
@@ -33,8 +33,8 @@ class PointRates(NamedTuple):
     Attributes:
         F: Y', (ny,).
         lam: multipliers of all rows, (ng,).
-        rates: of Y', (ny, m).
-        multipliers: of lam, (ng, m).
+        rates: derivatives of Y', (ny, m).
+        multipliers: derivatives of lam, (ng, m).
     """
 
     F: Array
@@ -50,10 +50,10 @@ class PointRates(NamedTuple):
 
 
 class SignalPoint:
-    """A point after node i of a run with m directions; derivatives that several signals need are computed once.
+    """A point after node i of a run, with m directions; derivatives shared by several signals are computed once.
 
     Args:
-        trajectory: of the run.
+        trajectory: trajectory of the run.
         i: the node.
         t: time in s.
         y: the point.
@@ -65,7 +65,7 @@ class SignalPoint:
     ) -> None:
         self.trajectory, self.i, self.t, self.y = trajectory, i, t, y
         self.dy, self.dp, self.dt = directions
-        self.families: dict[int, Array] = {}  # derivatives of the families of columns that were requested last
+        self.groups: dict[int, Array] = {}  # derivatives of groups of columns, cached
 
     @cached_property
     def rates(self) -> PointRates:
@@ -84,12 +84,12 @@ class SignalPoint:
 
     @cached_property
     def energies(self) -> Array:
-        """Partial derivatives of the kinetic and the potential energy by y and the parameters, (2, ny + k)."""
+        """Partial derivatives of kinetic and potential energy with respect to y and the parameters, (2, ny + k)."""
         return self.trajectory.sensitivity.energy(*self.trajectory.system.split(self.y))
 
     @property
     def no_rates(self) -> PointRates:
-        """The same for signals that do not depend on them: zeros."""
+        """Zeros in place of `rates`, for signals that do not depend on them."""
         (ny, m), ng = self.dy.shape, self.trajectory.system.ng
         return PointRates(np.zeros(ny), np.zeros(ng), np.zeros((ny, m)), np.zeros((ng, m)))
 
@@ -98,8 +98,8 @@ class SignalJacobian:
     """Rows of derivatives of signals of `mbdae.Solution.signals`.
 
     Args:
-        trajectory: of a run.
-        names: of the signals.
+        trajectory: trajectory of a run.
+        names: names of the signals.
 
     Raises:
         UnknownNameError: for a signal that does not exist.
@@ -109,18 +109,18 @@ class SignalJacobian:
     def __init__(self, trajectory: "Trajectory", names: Sequence[str]) -> None:
         self.trajectory, self.names = trajectory, list(names)
         mech = trajectory.system.mechanism
-        known = signal_values(mech)
-        self.signals = [differentiable(mech, name, known) for name in names]
-        found = zip(names, self.signals, strict=True)
-        self.columns = {name: column_of(mech, name) for name, signal in found if signal.kind not in KNOWN}
-        self.families = {id(family): family for family, _ in self.columns.values()}
-        self.motion = MotionTangent(trajectory.sensitivity.parameters) if self.families else None
+        all_signals = signal_values(mech)
+        self.signals = [differentiable(mech, name, all_signals) for name in names]
+        named = zip(names, self.signals, strict=True)
+        self.columns = {name: column_of(mech, name) for name, signal in named if signal.kind not in DIRECT_KINDS}
+        self.groups = {id(group): group for group, _ in self.columns.values()}
+        self.motion = MotionTangent(trajectory.sensitivity.parameters) if self.groups else None
         kinds = {signal.kind for signal in self.signals}
-        self.rated = bool(kinds & {"lam", "force", "rate"}) or any(f.rated for f in self.families.values())
+        self.needs_rates = bool(kinds & {"lam", "force", "rate"}) or any(f.needs_rates for f in self.groups.values())
         self._fixed: Array | None = None
         uses_positions = any(signal.kind == "y" and signal.i < mech.nq for signal in self.signals)
-        varying = uses_positions and not trajectory.system.manifold.flat
-        self.fixed = kinds <= {"t", "y", "angle"} and not varying  # constant derivatives
+        has_curved_positions = uses_positions and not trajectory.system.manifold.flat
+        self.fixed = kinds <= {"t", "y", "angle"} and not has_curved_positions  # constant derivatives
 
     def rows(self, i: int, t: float, y: Array) -> Array:
         """Return the derivatives at a point after node i with respect to (y, p, t), (len(names), ny + k + 1).
@@ -152,13 +152,13 @@ class SignalJacobian:
         return out
 
     def _derivatives(self, signal: SignalValue, point: SignalPoint) -> Array:
-        """Return the derivatives of a signal that is no column of bodies and forces, (m,)."""
+        """Return the derivatives of a signal that is not a column of bodies or forces, (m,)."""
         s, kind = self.trajectory.system, signal.kind
         if kind == "t":
             return point.dt
         if kind in ENERGIES:
-            by_y, by_p = np.split(np.array(ENERGIES[kind]) @ point.energies, [s.ny])
-            return by_y @ point.dy + by_p @ point.dp
+            y_partials, p_partials = np.split(np.array(ENERGIES[kind]) @ point.energies, [s.ny])
+            return y_partials @ point.dy + p_partials @ point.dp
         if kind in ("lam", "force"):
             return point.rates.of_multipliers(kind, list(signal.rows))
         if kind == "rate":
@@ -171,15 +171,15 @@ class SignalJacobian:
 
     def _columns(self, point: SignalPoint) -> dict[str, Array]:
         """Return the derivatives of the columns of bodies and forces, (m,) each."""
-        if self.motion and not self.families.keys() <= point.families.keys():
-            s, rates = self.trajectory.system, point.rates if self.rated else point.no_rates
+        if self.motion and not self.groups.keys() <= point.groups.keys():
+            s, rates = self.trajectory.system, point.rates if self.needs_rates else point.no_rates
             (q, v), nv, dy = s.split(point.y), s.nv, point.dy
             self.trajectory.enter_node(point.i)
-            of_point = dy[:nv], dy[nv : 2 * nv], dy[2 * nv : 2 * nv + s.ns], rates.rates[nv : 2 * nv], rates.multipliers
-            d = TangentDirections(*of_point, point.dp, point.dt)
+            tangents = dy[:nv], dy[nv : 2 * nv], dy[2 * nv : 2 * nv + s.ns], rates.rates[nv : 2 * nv], rates.multipliers
+            d = TangentDirections(*tangents, point.dp, point.dt)
             self.motion.evaluate(point.t, q, v, s.element_states(point.y), rates.F[nv : 2 * nv], rates.lam, d)
-            point.families = {at: family.rows(self.motion) for at, family in self.families.items()}
-        return {name: point.families[id(family)][i] for name, (family, i) in self.columns.items()}
+            point.groups = {key: group.rows(self.motion) for key, group in self.groups.items()}
+        return {name: point.groups[id(group)][i] for name, (group, i) in self.columns.items()}
 
 
 def differentiable(mech: Mechanism, name: str, known: dict[str, SignalValue] | None = None) -> SignalValue:
@@ -189,23 +189,23 @@ def differentiable(mech: Mechanism, name: str, known: dict[str, SignalValue] | N
         UnknownNameError: for a signal that does not exist.
         InputError: for a signal that has no gradient.
     """
-    found = find_signal(mech, name, known)
-    if found.kind not in KNOWN:
+    signal = find_signal(mech, name, known)
+    if signal.kind not in DIRECT_KINDS:
         column_of(mech, name)
-    return found
+    return signal
 
 
-def column_of(mech: Mechanism, name: str) -> tuple[DerivativeFamily, int]:
-    """Return the family of a column, and its index in it.
+def column_of(mech: Mechanism, name: str) -> tuple[DerivativeGroup, int]:
+    """Return the group of a column, and its index in the group.
 
     Raises:
         InputError: for a signal that has no gradient.
     """
-    known = not flexible_bodies(mech.model) or name in deformation_units(mech.model)
-    if known and (found := find_column(mech, name)):
-        return found
-    if not known:
-        words = "coordinates, multipliers, energies, displacement, strain and stress have one"
-        raise InputError(f"signal {name!r} of a mechanism with flexible bodies has no gradient: {words}")
-    why = NOT_DIFFERENTIABLE.get(name.partition(".")[0], "its derivative is not known")
-    raise InputError(f"signal {name!r} has no gradient: {why}")
+    supported = not flexible_bodies(mech.model) or name in deformation_units(mech.model)
+    if supported and (column := find_column(mech, name)):
+        return column
+    if not supported:
+        alternatives = "coordinates, multipliers, energies, displacement, strain and stress have one"
+        raise InputError(f"signal {name!r} of a mechanism with flexible bodies has no gradient: {alternatives}")
+    reason = NOT_DIFFERENTIABLE.get(name.partition(".")[0], "its derivative is not known")
+    raise InputError(f"signal {name!r} has no gradient: {reason}")

@@ -1,4 +1,4 @@
-"""Recompute the steps of a run for its discrete tangent and adjoint.
+"""Trajectory of a run: its steps are recomputed for discrete tangents and adjoints.
 
 The nodes of a run define its steps: each step leads from one node to the next, with the accepted size. Two nodes at the
 same time, or with the same q at times that differ by rounding, are a jump. Besides the nodes, a trajectory stores the
@@ -54,8 +54,8 @@ class LinearMap(NamedTuple):
     def reverse(self, y: Array, carry: Array) -> tuple[Array, Array, Array]:
         """Return the cotangents of y, of the carry and of the parameters."""
         cotangent = self.matrix.T @ (carry if self.maps_carry else y)
-        at_y, at_p = cotangent[: len(y)], cotangent[len(y) :]
-        return (y + at_y, np.zeros_like(carry), at_p) if self.maps_carry else (at_y, carry, at_p)
+        y_bar, p_bar = cotangent[: len(y)], cotangent[len(y) :]
+        return (y + y_bar, np.zeros_like(carry), p_bar) if self.maps_carry else (y_bar, carry, p_bar)
 
 
 TrajectoryPart = NativeStep | LinearMap
@@ -70,7 +70,7 @@ class Trajectory:
 
     Attributes:
         ts: times of the nodes, (n,).
-        ys: points there, (n, ...).
+        ys: points at the nodes, (n, ...).
         initial_point: the point at the start, before controllers, mode selection and projection change it.
         system: a workspace, shared by runs with the same parameters; `enter_node` sets its mode and rows in use.
         sensitivity: discrete sensitivity of the maps other than steps.
@@ -133,18 +133,18 @@ class Trajectory:
             self.sensitivity.native = self.core.enter_mode()
 
     def _set_slip_directions(self, i: int, parameters: Parameters) -> None:
-        """Set the directions of exact sliding friction in the mode of node i: they do not change in a mode.
+        """Set the directions of exact sliding friction in the mode of node i; within a mode they are constant.
 
         Raises:
-            InputError: for a slip that has several components, whose direction changes.
+            InputError: for slip with several components, whose direction varies.
         """
         friction = self.system.closure_friction
         friction.reject_planar_slips("the run")
         starts = [first for first, _ in self.sol.modes]
-        at = bisect_right(starts, i)
-        last = starts[at] if at < len(starts) else len(self.ys)
-        set_slip_directions(self.system, self.ys[starts[at - 1] : last])
-        for other in (parameters.system, *(s for near in parameters.perturbed_systems for s in near.values())):
+        k = bisect_right(starts, i)
+        last = starts[k] if k < len(starts) else len(self.ys)
+        set_slip_directions(self.system, self.ys[starts[k - 1] : last])
+        for other in (parameters.system, *(s for systems in parameters.perturbed_systems for s in systems.values())):
             other.closure_friction.slip_directions[:] = friction.slip_directions
 
     def state(self, i: int) -> State:
@@ -164,11 +164,11 @@ class Trajectory:
             y, impact = self.at_start("initial rows", lambda: self.sensitivity.initial_impact(t, y))
             yield LinearMap(impact, False)
         if self.project:
-            yield LinearMap(self.at_start("restored", lambda: self.sensitivity.projection(t, y)), False)
+            yield LinearMap(self.at_start("projection", lambda: self.sensitivity.projection(t, y)), False)
         if self.project and (y != self.ys[0]).any():  # a perturbed start may need another Gauss-Newton step
-            yield LinearMap(self.at_start("closed", lambda: self.sensitivity.projection(t, self.ys[0])), False)
+            yield LinearMap(self.at_start("projection 2", lambda: self.sensitivity.projection(t, self.ys[0])), False)
         if self.n_carry:
-            yield LinearMap(self.at_start("renewal", lambda: self.sensitivity.restarted_carry(t, self.ys[0])), True)
+            yield LinearMap(self.at_start("carry", lambda: self.sensitivity.restarted_carry(t, self.ys[0])), True)
 
     def at_start(self, name: str, find: Callable[[], Any]) -> Any:
         """Return partials at the first node, computed once for runs with the same start and parameters."""
@@ -198,7 +198,7 @@ class Trajectory:
             yield from self._carry_restart(t1, y1)
 
     def carry_restart_parts(self, i: int) -> Iterator[TrajectoryPart]:
-        """Yield the map that restarts the carry after a step to node i and its projection, if there is one."""
+        """Yield the map that restarts the carry at node i after a step and its projection, if it was restarted."""
         if self.restarted[i]:
             self.enter_node(i)
             yield from self._carry_restart(float(self.ts[i]), self.ys[i])
@@ -207,11 +207,11 @@ class Trajectory:
         """Return the point (n,) after a shorter step from node i."""
         start = self.state(i)
         self.enter_node(i)
-        y = self._taken(float(self.ts[i]), t - float(self.ts[i]), start).y
+        y = self._end_of_step(float(self.ts[i]), t - float(self.ts[i]), start).y
         return self.system.project_state(t, y) if self.project else y
 
     @property
-    def halved(self) -> bool:
+    def uses_half_steps(self) -> bool:
         """Whether a step consists of two half steps."""
         return self.controlled and not self.tableau.b_embedded
 
@@ -223,11 +223,11 @@ class Trajectory:
         """Return the states at nodes i, ..., j."""
         states = [state]
         while i < j:
-            if self.core and (found := self.core.recompute(i, j, states[-1], (SAME_STATE, AGREEMENT))):
-                states += found.states
-                self.restarted[i + 1 : i + 1 + len(found.states)] = found.restarted
-                i += len(found.states)
-                if not found.complete:
+            if self.core and (recomputed := self.core.recompute(i, j, states[-1], (SAME_STATE, AGREEMENT))):
+                states += recomputed.states
+                self.restarted[i + 1 : i + 1 + len(recomputed.states)] = recomputed.restarted
+                i += len(recomputed.states)
+                if not recomputed.complete:
                     raise InputError(self._mismatch(i))
                 continue
             states.append(self._advance(i, states[-1]))
@@ -271,19 +271,19 @@ class Trajectory:
         """Repeat the step from node i; return its end, and whether the carry was restarted."""
         t, h = float(self.ts[i]), float(self.ts[i + 1] - self.ts[i])
         try:
-            state = self._taken(t, h, start)
+            state = self._end_of_step(t, h, start)
             if not self.project:
                 return State(state.y, state.carry), False
-            closed, view = self.system.project_state(t + h, state.y), _RunView(self.system, start)
-            if self.stepper.tolerates(view, closed, self.system.difference(state.y, closed)):
-                return State(closed, state.carry), False
-            return State(closed, self._restarted_carry(i + 1, closed)), True
+            projected, view = self.system.project_state(t + h, state.y), _RunView(self.system, start)
+            if self.stepper.tolerates(view, projected, self.system.difference(state.y, projected)):
+                return State(projected, state.carry), False
+            return State(projected, self._restarted_carry(i + 1, projected)), True
         except StepError as e:
             raise InputError(f"the step from t = {t:.9g} s cannot be repeated: {e}") from None
 
-    def _taken(self, t: float, h: float, start: State) -> State:
+    def _end_of_step(self, t: float, h: float, start: State) -> State:
         """Return the end of a step."""
-        if not self.halved:
+        if not self.uses_half_steps:
             return self.tableau.step(self.system, t, h, start).state
         half = self.tableau.step(self.system, t, h / 2, start)
         return self.tableau.step(self.system, t + h / 2, h / 2, half.state).state

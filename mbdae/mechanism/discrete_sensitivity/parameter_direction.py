@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ...finite_differences import ABOVE, BELOW, OF_AFFINE, STENCIL, central_difference, converged_difference
+from ...finite_differences import ABOVE, AFFINE_STENCIL, BELOW, STENCIL, central_difference, converged_difference
 from ...system import Array
 from ...tolerances import SUM_ROUNDING
 from ..closures.constraints import Constraints
@@ -192,7 +192,7 @@ class LawDifferences:
 
     def use_affinity(self) -> None:
         """Use only two of the values, for laws that are affine in the parameter."""
-        self.perturbed = {k: x for k, x in self.perturbed.items() if k in OF_AFFINE}
+        self.perturbed = {k: x for k, x in self.perturbed.items() if k in AFFINE_STENCIL}
 
     def values(self, t: float, q: Array, v: Array, s: Array) -> dict[int, Array]:
         """Return (tau, s', power) with the perturbed values, (nv + ns + 1,)."""

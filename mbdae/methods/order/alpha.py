@@ -1,4 +1,4 @@
-"""Order and stability of generalized-alpha methods, from their exact numbers.
+"""Order and stability of generalized-alpha methods, from their exact coefficients.
 
 On y'' = f, a approximates y'' at t + offset h, offset = alpha_m - alpha_f, and has order 2 with
 gamma = 1/2 - offset; y and y' then have order 2. The method is unconditionally stable for linear oscillations if
@@ -14,11 +14,11 @@ from ..alpha import GeneralizedAlpha
 
 @dataclass(frozen=True)
 class AlphaReport:
-    """Result of the conditions of a generalized-alpha method.
+    """Result of the order and stability conditions of a generalized-alpha method.
 
     Attributes:
         name: the method.
-        claimed: its order.
+        claimed: the claimed order.
         order: the order of q, v and lam, 1 or 2.
         stable: whether it is unconditionally stable.
         numbers: alpha_m, alpha_f, gamma, beta as text.

@@ -1,4 +1,4 @@
-"""Simplifying assumptions: quadrature-like equations that imply most of the order of a tableau."""
+"""Simplifying assumptions B, C, D of a tableau, from which most of its order conditions follow."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from ..tableau import Row
 
 @dataclass(frozen=True)
 class Assumptions:
-    """Largest k up to which each assumption holds; C and Chat are checked up to the method's order, at most 2 stages.
+    """Largest k up to which each assumption holds; C and Chat are checked up to the order of the method, at most 2 n.
 
     Attributes:
         B: sum_i b_i c_i^(k-1) = 1/k for k = 1..B.
@@ -37,13 +37,13 @@ class Assumptions:
 
 
 def assumptions(tableau: RungeKutta) -> Assumptions:
-    """Find the simplifying assumptions that a tableau satisfies, rounded coefficients to their last decimals.
+    """Find the simplifying assumptions that a tableau satisfies; rounded coefficients satisfy them to rounding.
 
     Args:
         tableau: the method.
 
     Returns:
-        The largest k of each; for rows at most the claimed order, since a row of zeros satisfies all.
+        The largest k of each; for rows at most the claimed order, since a row of zeros satisfies C(k) for all k.
     """
     tolerance = PUBLISHED_DECIMALS if tableau.rounded else 0.0
     A, Ahat, b = tableau.exact_A, tableau.exact_Ahat, tableau.exact_b

@@ -3,9 +3,9 @@
 A step of size h of the basic method is exp(h X_1 + h^3 X_3 + h^5 X_5 + ...) with vector fields X_k (Hairer, Lubich,
 Wanner, Geometric Numerical Integration, section IX.2). Steps gamma_i h give the product of the exponentials of
 sum_k gamma_i^k h^k X_k: a series over words in the letters 1, 3, 5, ..., the sum of which is the power of h. The
-composition has order p exactly if, up to the power h^p, this series is that of exp(h X_1): 1/k! for the word 1...1 of
-k letters, 0 for all others. For a symmetric composition even powers follow. Sums of odd powers of gamma_i are the
-conditions of words with one letter, which do not suffice above order 4.
+composition has order p if and only if, up to the power h^p, this series is that of exp(h X_1): 1/k! for the word 1...1
+of k letters, 0 for all others. For a symmetric composition, the conditions of even powers follow. Sums of odd powers of
+gamma_i are the conditions of words with one letter, which are insufficient above order 4.
 """
 
 from collections.abc import Iterator
@@ -28,10 +28,10 @@ class CompositionReport:
 
     Attributes:
         name: the method.
-        claimed: its order.
+        claimed: the claimed order.
         order: the order found, at most one above the claim.
-        symmetric: whether the weights are the same from both ends.
-        conditions: the number of words that agree up to the order.
+        symmetric: whether the weights are a palindrome.
+        conditions: the number of words that agree up to the order found.
         residual: the largest difference among them, below `PUBLISHED_DECIMALS`.
         failure: the first word that differs, with its coefficient; "" if none does.
     """
@@ -66,22 +66,23 @@ class CompositionReport:
 def check_composition(method: Composition) -> CompositionReport:
     """Compare the series of a composition with that of the exact flow, up to one order above its claim."""
     weights, highest = method.exact_weights, method.order + 1
-    found = _exponential(weights[0], highest)
+    series = _exponential(weights[0], highest)
     for gamma in weights[1:]:
-        found = _product(found, _exponential(gamma, highest), highest)
+        series = _product(series, _exponential(gamma, highest), highest)
     conditions, residual, symmetric = 0, 0.0, weights == weights[::-1]
     for order in range(1, highest + 1):
-        misses = {word: found[word] - _exact(word) for word in _words(order)}
-        for word, miss in misses.items():
-            if abs(float(miss)) > PUBLISHED_DECIMALS:
-                text = f"the word {' '.join(map(str, word))} has {float(found[word]):.6g}, not {_exact(word)}"
+        differences = {word: series[word] - _exact(word) for word in _words(order)}
+        for word, difference in differences.items():
+            if abs(float(difference)) > PUBLISHED_DECIMALS:
+                text = f"the word {' '.join(map(str, word))} has {float(series[word]):.6g}, not {_exact(word)}"
                 return CompositionReport(method.name, method.order, order - 1, symmetric, conditions, residual, text)
-        conditions, residual = conditions + len(misses), max(residual, *(abs(float(x)) for x in misses.values()))
+        conditions += len(differences)
+        residual = max(residual, *(abs(float(x)) for x in differences.values()))
     return CompositionReport(method.name, method.order, highest, symmetric, conditions, residual, "")
 
 
 def _words(power: int) -> Iterator[Word]:
-    """Yield the words of odd letters with this sum."""
+    """Yield the words of odd letters whose sum is a given power."""
     if not power:
         yield ()
     for letter in range(1, power + 1, 2):
@@ -93,7 +94,7 @@ def _exact(word: Word) -> Fraction:
 
 
 def _exponential(gamma: Number, highest: int) -> Series:
-    """Return the series of exp(sum_k gamma^k X_k)."""
+    """Return the series of exp(sum_k gamma^k h^k X_k), up to the highest power."""
     powers: list[Number] = [Fraction(1)]
     for _ in range(highest):
         powers.append(powers[-1] * gamma)

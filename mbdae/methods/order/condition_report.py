@@ -1,4 +1,4 @@
-"""Results of the order conditions of a tableau: small immutable results of `mbdae.methods.order.conditions`."""
+"""Results of the order conditions of a tableau, see `mbdae.methods.order.conditions`."""
 
 from dataclasses import asdict, dataclass
 
@@ -22,7 +22,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class Check:
-    """All conditions up to ``order`` hold.
+    """Result for one kind of conditions: all hold up to ``order``.
 
     Attributes:
         order: the order found.
@@ -60,21 +60,21 @@ class Embedded:
 
 @dataclass(frozen=True)
 class ConditionReport:
-    """Results of the order conditions of one tableau, and its claims.
+    """Results of the order conditions of a tableau, and its claimed orders.
 
     Attributes:
         name: the method.
         y: conditions of y for general f.
-        y_linear: those that remain when f is linear in z.
-        own: conditions of the method's z.
+        y_linear: conditions of y that remain when f is linear in z.
+        own: conditions of the z of the method.
         ode: conditions of y without constraints, of a half-explicit method.
         normal: conditions of the error along f_z, which y does not contain, if the step does not end at a stage.
-        normal_linear: those that remain when f is linear in z.
-        growth: R(infinity) of an implicit method.
+        normal_linear: conditions of this error that remain when f is linear in z.
+        growth: R(infinity) of an implicit method, the growth factor of errors along f_z.
         w_last_1: growth factor per step of the error of the carried z; None if nothing is carried.
         assumptions: the simplifying assumptions that hold.
         embedded: one entry for each embedded formula.
-        claims: claimed order, order_linear, order_own, order_embedded, and order_ode of a half-explicit method.
+        claims: claims of order, order_linear, order_own, order_embedded, and order_ode of a half-explicit method.
         tolerance: residuals up to this count as zero; 0 for exact coefficients.
     """
 
@@ -107,12 +107,12 @@ class ConditionReport:
 
     @property
     def order_own(self) -> int:
-        """Order of the method's z, at most that of y; 0 if it does not converge."""
+        """Order of the z of the method, at most that of y; 0 if it does not converge."""
         if self.normal is None:
             return min(self.own.order, self.y.order)
-        accumulated = self.growth == 1  # local errors add up; those of y add up in z even if their signs alternate
-        lost = 0 if abs(self.growth or 0) < 1 else 1 + accumulated
-        return max(0, min(self.own.order - accumulated, self.normal.order - lost)) * self.stable
+        accumulated = self.growth == 1  # local errors add up; in z those of y add up even if their signs alternate
+        loss = 0 if abs(self.growth or 0) < 1 else 1 + accumulated
+        return max(0, min(self.own.order - accumulated, self.normal.order - loss)) * self.stable
 
     @property
     def order_embedded(self) -> int:
@@ -126,12 +126,12 @@ class ConditionReport:
 
     @property
     def holds(self) -> bool:
-        """Whether every claim is reached, and the carried z is stable."""
-        found = {"order": self.order_y, "order_linear": self.order_y_linear, "order_own": self.order_own}
-        found["order_embedded"] = self.order_embedded
+        """Whether every claimed order is reached, and the carried z is stable."""
+        orders = {"order": self.order_y, "order_linear": self.order_y_linear, "order_own": self.order_own}
+        orders["order_embedded"] = self.order_embedded
         if self.ode:
-            found["order_ode"] = self.ode.order
-        return self.stable and all(found[name] >= claim for name, claim in self.claims.items())
+            orders["order_ode"] = self.ode.order
+        return self.stable and all(orders[name] >= claim for name, claim in self.claims.items())
 
     def __str__(self) -> str:
         rounded = f" (rounded coefficients: residuals up to {self.tolerance:g} count as zero)"
@@ -144,12 +144,12 @@ class ConditionReport:
         if self.ode and self.claims["order_ode"] != self.claims["order"]:
             lines.append(f"  y, no constraints   claimed {self.claims['order_ode']}, found {self.ode}")
         if self.w_last_1 is not None:
-            state = "damped" if self.stable else "NOT DAMPED"
-            lines.append(f"  carried z           its error is {state}, factor {self.w_last_1:.4g} per step")
+            damping = "damped" if self.stable else "NOT DAMPED"
+            lines.append(f"  carried z           its error is {damping}, factor {self.w_last_1:.4g} per step")
         if self.normal is not None:
-            state = "damped" if abs(self.growth or 0) < 1 else "NOT DAMPED: |R(infinity)| < 1 is violated"
+            damping = "damped" if abs(self.growth or 0) < 1 else "NOT DAMPED: |R(infinity)| < 1 is violated"
             lines += [
-                f"  error along f_z     order {self.normal}; it is {state}",
+                f"  error along f_z     order {self.normal}; it is {damping}",
                 f"  together            y {self.order_y}, f linear in z {self.order_y_linear}, own z "
                 + (str(self.order_own) if self.order_own else "does not converge"),
             ]
@@ -157,10 +157,10 @@ class ConditionReport:
             lines.append(f"  {formula.name:<19} claimed {self._claim(formula)}, found {formula.used}")
             if formula.used is formula.projected:
                 lines.append(f"                      after projection; without it {formula.y}")
-        held = str(self.assumptions)
+        assumptions = str(self.assumptions)
         if self.growth is not None:
-            held = f"{self.assumptions.implicit}, R(infinity) = {self.growth:g}"
-        return "\n".join([*lines, f"  {held}"])
+            assumptions = f"{self.assumptions.implicit}, R(infinity) = {self.growth:g}"
+        return "\n".join([*lines, f"  {assumptions}"])
 
     def _claim(self, formula: Embedded) -> int:
         return self.claims["order_embedded"] - (formula.name == "b_companion")

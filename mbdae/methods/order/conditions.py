@@ -8,14 +8,14 @@ With the elementary weights phi, psi of a tableau (`mbdae.methods.order.weights`
 (with p >= m, and for a carried z with |w_n1| < 1).
 
 An implicit method whose step does not end at a stage violates 0 = g(y_1). The trees [u]_y with one fat son are the part
-of its local error along f_z; let them hold up to order q, the others up to p, and those of z up to m - 1. The error
-along f_z is multiplied by R(infinity) in each step, as that of z, to which it contributes its h-th part. Therefore
+of its local error along f_z; let them hold up to order q, the other trees up to p, and the trees of z up to m - 1. The
+error along f_z is multiplied by R(infinity) in each step, like that of z, in which it appears divided by h. Therefore
 
     |R(infinity)| < 1:  y min(p, q + 1),  z min(m, q)
     R(infinity) = -1:   y min(p, q + 1),  z min(m, q - 1)
     R(infinity) = 1:    y min(p, q),      z min(m - 1, q - 2)
 
-where z does not converge with order 0 (Hairer, Wanner II, section VII.4 with table 4.1). Trees in which
+where z of order 0 does not converge (Hairer, Wanner II, section VII.4 with table 4.1). Trees in which
 a vertex has two fat sons drop out when f is linear in z, as in mechanics. Sources: Hairer, Lubich and Roche 1989,
 chapter 5; A. Murua, Computing 59 (1997).
 """
@@ -36,17 +36,17 @@ from .condition_report import Check, ConditionReport, Embedded, Failure
 from .trees import RootedTree, iterate_y, plain_trees, trees_z
 from .weights import Weight, Weights
 
-MAX_PROVEN_ORDER = 5  # the highest order that is checked for a tableau without claims
+MAX_PROVEN_ORDER = 5  # highest order that is checked for a tableau without claimed orders
 
 Trees = Callable[[int], Iterable[RootedTree]]
 
 
 def check_conditions(tableau: RungeKutta, max_order: int | None = None) -> ConditionReport:
-    """Check every order condition of a tableau up to one order above its claims.
+    """Check every order condition of a tableau up to one order above the claimed order.
 
     Args:
         tableau: the method.
-        max_order: highest order to check; each claim plus one if left out. Higher claims are not confirmed.
+        max_order: highest order to check, which may be too low to confirm a claim; each claim plus one if left out.
 
     Returns:
         The orders found, the first condition that fails above each, and the simplifying assumptions.
@@ -75,7 +75,7 @@ def check_conditions(tableau: RungeKutta, max_order: int | None = None) -> Condi
         claims.append("order_ode")
 
     def conditions(trees: Trees, order: int) -> tuple[Check, Check | None]:
-        """Check all trees; those of the error along f_z apart if it remains at the end of a step."""
+        """Check all trees; separately those of the error along f_z, if it remains at the end of a step."""
 
         def along_fz(normal: bool) -> Trees:
             return lambda n: (t for t in trees(n) if normal == (not t.sons_y and len(t.sons_z) == 1))
@@ -106,27 +106,27 @@ def check_conditions(tableau: RungeKutta, max_order: int | None = None) -> Condi
 
 
 def with_proven_orders(tableau: Tableau) -> Tableau:
-    """Return a tableau without claims with those that the conditions prove, up to order `MAX_PROVEN_ORDER`.
+    """Return a tableau without claims with the orders that the conditions prove, up to `MAX_PROVEN_ORDER`.
 
     Raises:
-        InputError: for one of order 0.
+        InputError: for a tableau of order 0.
     """
     weights, b, tolerance = Weights(tableau), tableau.exact_b, PUBLISHED_DECIMALS if tableau.rounded else 0.0
 
-    def found(row: Row, trees: Trees) -> int:
+    def proven_order(row: Row, trees: Trees) -> int:
         return _search(weights.sums(row), trees, MAX_PROVEN_ORDER, tolerance).order
 
-    order = found(b, iterate_y)
+    order = proven_order(b, iterate_y)
     if not order:
         raise InputError(f"tableau {tableau.name!r}: its weights b must add up to 1")
     embedded = tableau.order_embedded
     if tableau.b_embedded and not embedded:
-        embedded = found([exact(x) for x in tableau.b_embedded], _linear_y)
+        embedded = proven_order([exact(x) for x in tableau.b_embedded], _linear_y)
     return replace(
         tableau,
         order=order,
-        order_linear=found(b, _linear_y),
-        order_ode=found(b, plain_trees),
+        order_linear=proven_order(b, _linear_y),
+        order_ode=proven_order(b, plain_trees),
         order_own=1 + _search(weights.last, trees_z, order - 1, tolerance).order,
         order_embedded=embedded,
     )
@@ -134,16 +134,16 @@ def with_proven_orders(tableau: Tableau) -> Tableau:
 
 def _search(weight: Weight, trees: Trees, highest: int, tolerance: float) -> Check:
     """Check the conditions weight(t) = 1 / gamma(t) order by order until one fails."""
-    counted, largest = 0, 0.0
+    checked, largest = 0, 0.0
     for order in range(1, highest + 1):
-        passed = counted
+        passed = checked
         for tree in trees(order):
-            size = float(weight(tree) - 1 / tree.gamma)
-            if abs(size) > tolerance:
-                failure = Failure(str(tree), order, _short(weight(tree)), str(1 / tree.gamma), size)
+            residual = float(weight(tree) - 1 / tree.gamma)
+            if abs(residual) > tolerance:
+                failure = Failure(str(tree), order, _short(weight(tree)), str(1 / tree.gamma), residual)
                 return Check(order - 1, passed, largest, failure)
-            counted, largest = counted + 1, max(largest, abs(size))
-    return Check(highest, counted, largest, None)
+            checked, largest = checked + 1, max(largest, abs(residual))
+    return Check(highest, checked, largest, None)
 
 
 def _linear_y(order: int) -> Iterable[RootedTree]:
@@ -151,7 +151,7 @@ def _linear_y(order: int) -> Iterable[RootedTree]:
 
 
 def _projected(weights: Weights, b: Row, row: Row) -> Weight:
-    """Return elementary weights of y_0 + h sum row_i F_i + h f_z(y_1, z_1) mu, with mu such that it satisfies 0 = g.
+    """Return elementary weights of y_0 + h sum row_i F_i + h f_z(y_1, z_1) mu, with mu from 0 = g.
 
     The last term adds, for every fat son u_j of the root, the product over the other sons at (y_1, Z_n) times the
     weight of u_j in mu; by 0 = g, the weight of [u]_y, u = [t_1..]_z, is the product of those of the t_i.
@@ -162,9 +162,9 @@ def _projected(weights: Weights, b: Row, row: Row) -> Weight:
     def projected_weight(tree: RootedTree) -> Number:
         value = row_weight(tree)
         for j, u in enumerate(tree.sons_z):
-            others = [end_weight(t) for t in tree.sons_y]
-            others += [weights.last(x) for x in tree.sons_z[:j] + tree.sons_z[j + 1 :]]
-            value = value + prod(others, start=Fraction(1)) * multiplier_weight(u)
+            factors = [end_weight(t) for t in tree.sons_y]
+            factors += [weights.last(x) for x in tree.sons_z[:j] + tree.sons_z[j + 1 :]]
+            value = value + prod(factors, start=Fraction(1)) * multiplier_weight(u)
         return value
 
     @cache

@@ -6,7 +6,7 @@ vertex, the trees of the Taylor series of y and z in y' = f(y, z), 0 = g(y) are
     DAT2_y:  tau;  [t_1..t_k, u_1..u_l]_y            with t_i in DAT2_y, u_j in DAT2_z
     DAT2_z:  [t_1..t_m]_z                            with m > 1, or m = 1 and t_1 neither tau nor [u]_y
 
-(the exceptions cancel by g_y f = 0 and (g_y f_z)^-1 g_y f_z = 1). The order rho of a tree is the
+(the excluded trees cancel by g_y f = 0 and (g_y f_z)^-1 g_y f_z = 1). The order rho of a tree is the
 number of its meagre vertices minus that of its fat ones. Source: E. Hairer, Ch. Lubich and M. Roche, The
 Numerical Solution of Differential-Algebraic Systems by Runge-Kutta Methods, Springer 1989, chapter 5.
 """
@@ -32,7 +32,7 @@ class RootedTree:
         order: rho, the number of meagre vertices minus that of fat ones.
         gamma: 1 for tau, rho prod gamma(sons) for [..]_y, prod gamma(sons) / (rho + 1) for [..]_z.
         linear: appears when f is linear in z, as in mechanics: no vertex has two fat sons.
-        plain: without fat vertices, a tree of ordinary differential equations.
+        plain: has no fat vertices, as the trees of ordinary differential equations.
     """
 
     fat: bool
@@ -89,9 +89,9 @@ def trees_z(order: int) -> tuple[RootedTree, ...]:
     """Return DAT2_z of one order: 2, 13, 112, 1131, 12579 trees of orders 1 to 5."""
     if order < 1:
         return ()
-    alone = (t for t in plain_trees(order + 1) + _branched(order + 1))
-    several = (sons for sons in _forests(order + 1, trees_y, largest=order))
-    return tuple(_tree(True, sons) for sons in chain(((t,) for t in alone), several))
+    single = (t for t in plain_trees(order + 1) + _branched(order + 1))
+    multiple = (sons for sons in _forests(order + 1, trees_y, largest=order))
+    return tuple(_tree(True, sons) for sons in chain(((t,) for t in single), multiple))
 
 
 def iterate_y(order: int) -> Iterator[RootedTree]:
@@ -102,7 +102,7 @@ def iterate_y(order: int) -> Iterator[RootedTree]:
 
 @cache
 def _branched(order: int) -> tuple[RootedTree, ...]:
-    """Return DAT2_y of one order without the plain trees and the [u]_y, which need DAT2_z of order - 1."""
+    """Return DAT2_y of one order without the plain trees and the trees [u]_y, which depend on DAT2_z of order - 1."""
     pool = _forests(order - 1, lambda k: trees_y(k) + (trees_z(k) if k < order - 1 else ()))
     trees = (_tree(False, sons) for sons in pool)
     return tuple(t for t in trees if not t.plain)
@@ -112,8 +112,8 @@ def _forests(
     total: int, pool: Callable[[int], tuple[RootedTree, ...]], largest: int | None = None
 ) -> Iterator[tuple[RootedTree, ...]]:
     """Yield every multiset of trees whose orders add up to ``total``."""
-    for part in _partitions(total, total if largest is None else largest):
-        choices = [combinations_with_replacement(pool(k), part.count(k)) for k in sorted(set(part))]
+    for partition in _partitions(total, total if largest is None else largest):
+        choices = [combinations_with_replacement(pool(k), partition.count(k)) for k in sorted(set(partition))]
         for choice in product(*choices):
             yield tuple(chain.from_iterable(choice))
 

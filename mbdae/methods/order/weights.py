@@ -1,7 +1,7 @@
-"""Elementary weights of a tableau for a tree, exact and fast.
+"""Elementary weights of a tableau for a tree, in exact arithmetic.
 
-Vectors over the stages are integers over one common denominator; over Q(sqrt d) a vector holds its rational
-parts followed by its irrational ones. A sub-tree is evaluated once.
+Vectors over the stages are integers over one common denominator; over Q(sqrt d) a vector consists of its rational
+parts, followed by its irrational parts. Each sub-tree is evaluated once.
 """
 
 from collections.abc import Callable
@@ -31,7 +31,7 @@ class Weights:
         phi_i(tau) = 1,  phi_i([t_1.., u_1..]_y) = prod_k (A phi(t_k))_i prod_l psi_i(u_l)
         psi(u) = W prod_k (Ahat phi(t_k))  for u = [t_1..]_z,  W the inverse of Ahat
 
-    An explicit first stage has psi_1 = 0 (z_0 is exact), its row of Ahat is e_1 before the inversion.
+    An explicit first stage has psi_1 = 0 (z_0 is exact): its row of Ahat is replaced by e_1 before the inversion.
 
     Args:
         tableau: the coefficients.
@@ -75,25 +75,25 @@ class Weights:
     def sums_at_end(self, b: Row) -> Weight:
         """Return the function tree -> psi of z_1 = R(infinity) z_0 + sum_ij b_i w_ij Z_j.
 
-        It is that of a stage whose row of Ahat is b.
+        It is the weight of a stage whose row of Ahat is b.
         """
         columns = zip(*self.W, strict=True)
         return self.sums([sum((x * w for x, w in zip(b, col, strict=True)), start=Fraction(0)) for col in columns])
 
-    def _memo(self, known: dict[RootedTree, Vector], matrix: "_Matrix", tree: RootedTree) -> Vector:
-        if tree not in known:
-            known[tree] = self._apply(matrix, self.stages(tree))
-        return known[tree]
+    def _memo(self, memo: dict[RootedTree, Vector], matrix: "_Matrix", tree: RootedTree) -> Vector:
+        if tree not in memo:
+            memo[tree] = self._apply(matrix, self.stages(tree))
+        return memo[tree]
 
     def _matrix(self, M: list[Row]) -> "_Matrix":
-        """Integers over one denominator, of the rational matrix that acts as M."""
+        """Return the matrix that represents M on such vectors, as integers over one denominator."""
         rational = self._rational(M)
         den = lcm(*(x.denominator for r in rational for x in r))
         sparse = [[(j, int(x * den)) for j, x in enumerate(r) if x] for r in rational]
         return _Matrix(sparse, den)
 
     def _rational(self, M: list[Row]) -> list[list[Fraction]]:
-        """A matrix of fractions; a + b sqrt d is [[a, d b], [b, a]] on (rational, irrational)."""
+        """Return a matrix of fractions; a + b sqrt d becomes [[a, d b], [b, a]] on (rational, irrational)."""
         a = [[x.a if isinstance(x, Surd) else x for x in r] for r in M]
         if not self.d:
             return a

@@ -155,7 +155,7 @@ def run_data(simulator: Simulator, system: CompiledSystem) -> JsonObject:
         "restart_margin": RESTART_MARGIN,
     }
     rows = list(system.core.rows)
-    start = {"t": simulator.t, "y": run.unsampled(), "rows": rows, "floor": float(system.rank_threshold)}
+    start = {"t": simulator.t, "y": run.point_before_sampling(), "rows": rows, "floor": float(system.rank_threshold)}
     modes = _modes(run, core_run)
     found = {
         "tableau": _fields(run.tableau.compiled(_Recorder()), "Tableau"),

@@ -1,4 +1,4 @@
-"""Textbook problems: one file each, whose ``__all__`` names the function that creates it."""
+"""Textbook problems: one file each, whose ``__all__`` contains the function that creates the problem."""
 
 import copyreg
 from collections.abc import Callable
@@ -13,13 +13,13 @@ TEXTBOOK: dict[str, Callable[[], Hessenberg]] = {
     name: getattr(import_module(module), name) for name, module in public_names(__name__).items()
 }
 """Every problem by name."""
-globals().update(TEXTBOOK)  # a problem has the name of its function, not of the file
+globals().update(TEXTBOOK)  # a problem is named after its function, not its file
 
 
 def listed(problem: Hessenberg) -> bool:
-    """Return whether a problem is one of these, with its default start: then its name identifies it."""
-    own = TEXTBOOK[problem.name]() if problem.name in TEXTBOOK else None
-    return own is not None and (own.y0, own.z0, own.title) == (problem.y0, problem.z0, problem.title)
+    """Return whether a problem is one of `TEXTBOOK` with its default start, so that its name identifies it."""
+    default = TEXTBOOK[problem.name]() if problem.name in TEXTBOOK else None
+    return default is not None and (default.y0, default.z0, default.title) == (problem.y0, problem.z0, problem.title)
 
 
 def _make(name: str) -> Hessenberg:

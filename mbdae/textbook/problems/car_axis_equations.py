@@ -1,4 +1,4 @@
-"""The car axis of the test set for initial value problem solvers, at velocity level."""
+"""The car axis problem from the test set for initial value problem solvers, at velocity level."""
 
 from math import cos as cosine
 from math import hypot, sin, sqrt
@@ -11,11 +11,11 @@ from ..hessenberg import Hessenberg
 __all__ = ["car_axis_equations"]
 
 EPS, MASS, LENGTH, REST, HEIGHT, OMEGA, GRAVITY = 1e-2, 10.0, 1.0, 0.5, 0.1, 10.0, 1.0
-K = MASS * EPS**2 / 2  # mass of a point, over the stiffness of its spring
+K = MASS * EPS**2 / 2  # point mass divided by the stiffness of its spring
 
 
 def road(t: float) -> tuple[float, float, float, float, float, float]:
-    """Return the right wheel x, y, at the axle length from the origin, and its rates: x', y', x'', y''."""
+    """Return x, y of the right wheel, at one axle length from the left wheel at the origin, and x', y', x'', y''."""
     y, dy = HEIGHT * sin(OMEGA * t), HEIGHT * OMEGA * cosine(OMEGA * t)
     x, ddy = sqrt(LENGTH**2 - y * y), -(OMEGA**2) * y
     dx = -y * dy / x

@@ -1,4 +1,4 @@
-"""A point on a circle, which runs around at unit speed."""
+"""A point that moves around a circle at unit speed."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ def circle() -> Hessenberg:
 
         y1' = -y2 + z y1,   y2' = y1 + z y2,   0 = y1^2 + y2^2 - 1
 
-    The smallest problem whose constraint a method can leave between its stages.
+    The smallest problem in which stages of a method may violate the constraint.
     """
     return Hessenberg(
         f=lambda t, y, z: np.array([-y[1] + z[0] * y[0], y[0] + z[0] * y[1]]),

@@ -1,4 +1,4 @@
-"""A stirred tank reactor that a valve of coolant keeps on a path of temperatures."""
+"""A stirred tank reactor whose coolant valve makes the temperature follow a prescribed path."""
 
 import numpy as np
 
@@ -38,14 +38,14 @@ def f_y(t: float, y: Array, z: Array) -> Array:
 
 
 def controlled_reactor() -> Hessenberg:
-    """Concentration c and temperature T of a stirred tank, and the position z of a valve of coolant.
+    """Concentration c and temperature T of a stirred tank, and the position z of the coolant valve.
 
         c' = 1 - c - k(T) c,   T' = T_f - T + H k(T) c - B e^z (T - T_c),   0 = T - T_r(t)
 
     The temperature follows a path; all quantities are scaled. The valve has an equal-percentage characteristic, so that
-    f is nonlinear in z. Path control has index 2 if the control acts on the rate of what it controls.
+    f is nonlinear in z. Path control has index 2 if the control input acts on the rate of the controlled variable.
     Source: Brenan, Campbell, Petzold, Numerical Solution of Initial-Value Problems in Differential-Algebraic Equations
-    (1996), chapter 1, for such problems.
+    (1996), chapter 1, for path control.
     """
     return Hessenberg(
         f=f,

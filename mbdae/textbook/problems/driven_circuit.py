@@ -1,4 +1,4 @@
-"""A voltage source on a network of capacitors, whose current is the multiplier."""
+"""A network of capacitors driven by a voltage source, whose current is the multiplier."""
 
 import numpy as np
 
@@ -7,8 +7,8 @@ from ..hessenberg import Hessenberg
 
 __all__ = ["driven_circuit"]
 
-C1, C2, C3 = 1.0, 0.5, 1.0  # nF: of node 1, between both nodes, of node 2
-CONDUCTANCE, INDUCTANCE, RESISTANCE = 0.2, 2.0, 0.5  # mS of node 2, mH from node 2 to ground, in series with kOhm
+C1, C2, C3 = 1.0, 0.5, 1.0  # nF: node 1 to ground, between the nodes, node 2 to ground
+CONDUCTANCE, INDUCTANCE, RESISTANCE = 0.2, 2.0, 0.5  # node 2 to ground: mS; mH in series with kOhm
 SATURATION, THERMAL = 1e-3, 0.25  # mA and V of the diode at node 2
 CAPACITANCE = np.array([[C1 + C2, -C2], [-C2, C2 + C3]])
 ELASTANCE = np.linalg.inv(CAPACITANCE)
@@ -45,7 +45,7 @@ def driven_circuit() -> Hessenberg:
 
         C e' = (z, -G e2 - I(e2) - i),   L i' = e2 - R i,   0 = e1 - V(t),   I(e) = I_s (exp(e/U) - 1)
 
-    The loop of the source and capacitors gives modified nodal analysis the index 2; a diode makes it nonlinear.
+    Modified nodal analysis has index 2 because of the loop of the source and capacitors; a diode makes it nonlinear.
     Units: V, mA, microseconds, nF, mH, kOhm. Source: C. Tischendorf, Surv. Math. Ind. 8 (1999), for the index.
     """
     rate = source(0.0)[1]

@@ -15,11 +15,11 @@ def scalars(y: Array, z: Array, u: Array) -> tuple[float, float, float, float]:
 
 
 def mixed_index() -> MixedHessenberg:
-    """A problem with a multiplier z and an algebraic variable u that solves locally.
+    """A problem with a multiplier z and an algebraic variable u of index 1.
 
         y1' = y1 y2^2 z u^2,  y2' = y1^2 y2^2 - 3 y2^2 u^2,  0 = y1^2 y2 - 1,  0 = u^3 + u - y1 z - y1
 
-    Its solution is y = (e^t, e^-2t), z = e^2t, u = e^t. It is `hessenberg_a` with an equation of index 1 in f:
+    Its solution is y = (e^t, e^-2t), z = e^2t, u = e^t. It is `hessenberg_a` with an index-1 variable in f:
     k_u = 3 u^2 + 1 is positive, u depends on z, and g_y (f_z - f_u k_u^-1 k_z) is at least 4/3 e^-2t.
     """
 

@@ -100,7 +100,7 @@ def test_the_jacobian_is_that_of_the_residual(name, formulation):
     system, (q, v) = mech.system(formulation), start_of(mech)
     y = np.concatenate([q, v, np.zeros(len(mech.states)), [0.0]])
     stepper = IDA.stepper(system, 1e-6, None, None, np.inf)
-    stepper._open(_Run(system, y))
+    stepper._begin_step(_Run(system, y))
     F, z = stepper.chart.start()
     u = np.concatenate([system.add(y, 1e-3 * F), np.zeros(len(z))])
     n = len(y)

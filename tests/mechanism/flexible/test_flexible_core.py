@@ -11,8 +11,8 @@ from mbdae.mechanism.tree.tree_terms import inverse, update_poses
 
 
 @pytest.fixture(scope="module")
-def crowd():
-    mech = flexible_bodies.crowd()
+def rigid_and_flexible():
+    mech = flexible_bodies.rigid_and_flexible()
     rng = np.random.default_rng(4)
     return mech, *flexible_bodies.state(mech), rng.normal(size=mech.nv), rng.normal(size=mech.ng)
 
@@ -21,8 +21,8 @@ def close(a, b, digits=1e-12):
     np.testing.assert_allclose(a, b, rtol=digits, atol=digits * np.abs(b).max())
 
 
-def test_both_back_ends_have_the_same_terms(crowd):
-    mech, q, v, a, _ = crowd
+def test_both_back_ends_have_the_same_terms(rigid_and_flexible):
+    mech, q, v, a, _ = rigid_and_flexible
     core, python = mech.system(native=backend.load()), mech.system()
     M, nle, _, full, _, _ = core.core.dynamics(q, v, a)
     close(M, mech.mass_matrix(q))
@@ -38,18 +38,18 @@ def test_both_back_ends_have_the_same_terms(crowd):
     close(energies[0], python.energy(q, v))
 
 
-def test_G_and_gamma_are_derivatives_of_g(crowd):
-    mech, q, v, _, _ = crowd
+def test_G_and_gamma_are_derivatives_of_g(rigid_and_flexible):
+    mech, q, v, _, _ = rigid_and_flexible
     system = mech.system()
     G = system.closures(q)[1]
-    close(G, flexible_bodies.by_tangent(mech, lambda x: system.closures(x)[0], q), 1e-9)
+    close(G, flexible_bodies.tangent_derivatives(mech, lambda x: system.closures(x)[0], q), 1e-9)
     rate = flexible_bodies.derivative(lambda t: system.closures(mech.manifold.integrate(q, t * v))[1] @ v, 0.0)
     close(system.gamma(q, v, 0.0), rate, 1e-9)
 
 
 @pytest.mark.slow
-def test_partials_are_derivatives_of_the_equations(crowd):
-    mech, q, v, a, lam = crowd
+def test_partials_are_derivatives_of_the_equations(rigid_and_flexible):
+    mech, q, v, a, lam = rigid_and_flexible
     system, u = mech.system(), np.concatenate([v, [0.0]])
 
     def residual(q, v):
@@ -59,14 +59,14 @@ def test_partials_are_derivatives_of_the_equations(crowd):
         return tau + G.T @ lam - inverse(system.model, system.workspace, q, v, a)
 
     p = equation_partials(system, 0.0, q, u, a, lam, np.arange(mech.ng))
-    close(p.K[:-1], flexible_bodies.by_tangent(mech, lambda x: residual(x, v), q), 1e-9)
+    close(p.K[:-1], flexible_bodies.tangent_derivatives(mech, lambda x: residual(x, v), q), 1e-9)
     by_v = np.array([flexible_bodies.derivative(lambda s, e=e: residual(q, v + s * e), 0.0) for e in np.eye(mech.nv)]).T
     close(p.D[:-1, :-1], by_v, 1e-9)
-    close(p.B, flexible_bodies.by_tangent(mech, lambda x: system.closures(x)[1] @ v, q), 1e-9)
+    close(p.B, flexible_bodies.tangent_derivatives(mech, lambda x: system.closures(x)[1] @ v, q), 1e-9)
 
 
-def test_the_core_has_the_same_partials(crowd):
-    mech, q, v, a, lam = crowd
+def test_the_core_has_the_same_partials(rigid_and_flexible):
+    mech, q, v, a, lam = rigid_and_flexible
     u, core = np.concatenate([v, [0.0]]), mech.system(native=backend.load())
     core.determine_rank(0.0, np.concatenate([q, v, [0.0]]))
     core.expand()
@@ -77,9 +77,9 @@ def test_the_core_has_the_same_partials(crowd):
         close(ours, reference)
 
 
-def test_wrenches_of_joints_give_their_torques(crowd):
+def test_wrenches_of_joints_give_their_torques(rigid_and_flexible):
     """Along the axes of a joint they are M v' + nle - G^T lam - forces between frames."""
-    mech, q, v, a, lam = crowd
+    mech, q, v, a, lam = rigid_and_flexible
     system = mech.system()
     wrenches = joint_wrenches(system, 0.0, q, v, a, lam)
     joint = mech.model.joints[mech.model.getJointId("b")]

@@ -105,10 +105,10 @@ def test_a_changed_modulus(four_bar):
 
 @pytest.mark.slow
 def test_a_model_made_in_python_is_saved_with_its_bodies(tmp_path):
-    mech = flexible_bodies.crowd()
+    mech = flexible_bodies.rigid_and_flexible()
     sol = mbdae.solve(mech, (0, 1e-3), method="pherk5", step=1e-3)
-    sol.save(tmp_path / "crowd.npz")
-    again = mbdae.Solution.load(tmp_path / "crowd.npz").mechanism
+    sol.save(tmp_path / "rigid_and_flexible.npz")
+    again = mbdae.Solution.load(tmp_path / "rigid_and_flexible.npz").mechanism
     np.testing.assert_array_equal(again.mass_matrix(sol.q[-1]), mech.mass_matrix(sol.q[-1]))
     np.testing.assert_array_equal(again.residual(sol.q[-1], sol.v[-1]), mech.residual(sol.q[-1], sol.v[-1]))
 

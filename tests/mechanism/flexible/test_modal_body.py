@@ -86,7 +86,7 @@ def test_the_weight_acts_on_the_deformed_body():
     q, _ = flexible_bodies.state(mech)
     zero = np.zeros(mech.nv)
     springs = mech.system().laws.potential
-    potential = flexible_bodies.by_tangent(mech, lambda x: mech.energy(x, zero)[1] - springs(x), q)
+    potential = flexible_bodies.tangent_derivatives(mech, lambda x: mech.energy(x, zero)[1] - springs(x), q)
     np.testing.assert_allclose(mech.bias(q, zero), potential, rtol=1e-10, atol=1e-9)
 
 

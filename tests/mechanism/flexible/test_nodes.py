@@ -49,7 +49,7 @@ def test_series_keep_all_digits(x):
 
 @pytest.mark.parametrize("size", [0.0, 0.3, 1.5])
 def test_velocities_and_accelerations_of_nodes_are_derivatives_of_poses(size):
-    mech = flexible_bodies.crowd()
+    mech = flexible_bodies.rigid_and_flexible()
     model, (q, v) = mech.model, flexible_bodies.state(mech, size=0.3 + size)
     a = np.random.default_rng(3).normal(size=mech.nv)
     data = mech.make_workspace()

@@ -5,7 +5,7 @@ import typing
 
 import numpy as np
 import pytest
-from unit_files import ALL, IN_MM, IN_SI, PRESS, SI, TRADE
+from unit_files import ALL, IN_MM, IN_SI, OTHER_UNITS, PRESS, SI
 from unit_systems import UnitSystem
 
 import mbdae
@@ -32,10 +32,10 @@ def runs(tmp_path_factory):
     def run(values):
         return mbdae.solve(mechanism_of(PRESS.format(**values), folder), (0, 0.3), step=5e-3)
 
-    return {name: run(values) for name, values in {"SI": SI, **TRADE}.items()}
+    return {name: run(values) for name, values in {"SI": SI, **OTHER_UNITS}.items()}
 
 
-@pytest.mark.parametrize("name", TRADE)
+@pytest.mark.parametrize("name", OTHER_UNITS)
 def test_a_press_in_other_units_runs_the_same(runs, name):
     found, expected = runs[name], runs["SI"]
     assert len(expected.t) > 10
@@ -216,6 +216,6 @@ def test_wrong_units_are_one_line(text, said, tmp_path):
 
 
 def test_archives_are_in_si(tmp_path):
-    file = mechanism_of(PRESS.format(**TRADE["mm, deg, kg"]), tmp_path).source["file"]
+    file = mechanism_of(PRESS.format(**OTHER_UNITS["mm, deg, kg"]), tmp_path).source["file"]
     assert list(file["body"][1]["xyz"]) == [0.0, 0.0, 0.1]
     assert "units" not in file

@@ -4,7 +4,7 @@ import os
 from contextlib import closing
 
 import pytest
-from fuzzing import Child, Mutants, hunt
+from fuzzing import Child, Mutants, try_mutants
 
 FEW = int(os.environ.get("MBDAE_MUTANTS", "4"))
 
@@ -21,4 +21,4 @@ def worker():
 def test_files_with_mistakes_are_read_or_rejected_in_one_line(kind, worker):
     if kind in ("mjcf", "replicated", "saved"):
         pytest.importorskip("mujoco", reason="mujoco is not installed")
-    assert not hunt(worker, [kind], FEW)[0]
+    assert not try_mutants(worker, [kind], FEW)[0]

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 from mujoco_models import at, mass_matrix
 from random_bodies import G, accelerations, random_mechanism
-from random_files import planted, to_mjcf, to_sdf, to_urdf
+from random_files import to_mjcf, to_sdf, to_urdf, with_unknown_elements
 
 import mbdae
 
@@ -136,7 +136,7 @@ def test_random_mjcf_files_have_the_mass_matrix_and_forces_of_mujoco_anywhere(tm
 def test_planted_elements_attributes_and_texts_are_named(kind, tmp_path):
     for seed in range(MANY):
         of, content = described(kind, seed)
-        content, plants = planted(content, np.random.default_rng(seed))
+        content, plants = with_unknown_elements(content, np.random.default_rng(seed))
         if immobile(of):
             continue
         mech, said = read(kind, content, tmp_path)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from frozen import compare, quotient, runs_of
-from signal_names import without_works
+from signal_names import without_work
 from smooth import SMOOTH
 
 import mbdae
@@ -20,7 +20,7 @@ def test_every_model(model):
     sol = mbdae.solve(mech, (0.0, T.get(model, 0.1)), rtol=1e-5)
     assert sol.ended, sol.message
     signals = [f"q.{mech.joint_names[0]}", *(f"v.{name}" for name in mech.joint_names[-2:]), "energy"]
-    names = [name for name in without_works(mech) if name.startswith((*signals, "s."))]
+    names = [name for name in without_work(mech) if name.startswith((*signals, "s."))]
     rows = [f"lam.{mech.row_names[0]}.1"] if mech.ng else []
     compare(sol, ["gravity.2"], [*names, *rows, "work"], start=True)
 

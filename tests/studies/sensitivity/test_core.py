@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from frozen import FROZEN, assert_derivative, free_velocity, runs_of
-from signal_names import without_works
+from signal_names import without_work
 from smooth import SMOOTH
 
 import mbdae
@@ -28,7 +28,7 @@ STEPS = {"flexible_four_bar": 2e-4, "flexible_slider_crank": 2e-5,
 def random_cost(sol, seed=0):
     """Random weights of all coordinates, velocities and states, and a cost with them."""
     rng = np.random.default_rng(seed)
-    names = [name for name in without_works(sol.mechanism) if name.startswith(("q.", "v.", "s."))]
+    names = [name for name in without_work(sol.mechanism) if name.startswith(("q.", "v.", "s."))]
     weights = {name: rng.standard_normal(len(sol.t)) for name in names}
     return weights, lambda values: (sum(float(w @ values[name]) for name, w in weights.items()), weights)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from frozen import compare, quotient, runs_of
-from signal_names import without_works
+from signal_names import without_work
 
 import mbdae
 from mbdae.errors import InputError
@@ -20,7 +20,7 @@ WIDTHS = (1e-2, 1e-3)
 
 def with_derivatives(mech):
     """Names of signals with derivatives."""
-    return [x for x in without_works(mech) if x not in WITHOUT and not x.startswith("mode.")]
+    return [x for x in without_work(mech) if x not in WITHOUT and not x.startswith("mode.")]
 
 
 def wrong(model, name, T, **options):
