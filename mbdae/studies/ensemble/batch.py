@@ -23,7 +23,7 @@ from ...system import Array
 from ..factories import ParametricFactory
 from ..final_signals import need_only_kinematics, reason_not_in_core, signals_at_end
 from ..run_columns import equal_rows, row
-from ..varied_starts import Begun, VariedStarts
+from ..varied_starts import RunStarts, VariedStarts
 from ..workers import StopFlag, batch_size
 from .run_results import RunResults
 
@@ -101,7 +101,7 @@ class EnsembleJob:
             )
         return mech
 
-    def begin(self, i: Array) -> Iterator[tuple[Mechanism, Begun]]:
+    def begin(self, i: Array) -> Iterator[tuple[Mechanism, RunStarts]]:
         """Yield the runs that can begin, grouped by mechanism.
 
         Raises:
@@ -116,9 +116,9 @@ class EnsembleJob:
         else:
             yield from self._begin_at_starts_of_model(i)
             return
-        yield mech, Begun(i, self.starts.points(mech, i, points))
+        yield mech, RunStarts(i, self.starts.points(mech, i, points))
 
-    def _begin_at_starts_of_model(self, i: Array) -> Iterator[tuple[Mechanism, Begun]]:
+    def _begin_at_starts_of_model(self, i: Array) -> Iterator[tuple[Mechanism, RunStarts]]:
         """See `begin`: starts of the model depend on the parameters. Runs with separate mechanisms are left out."""
         remaining = np.ones(len(i), bool)
         for group in self.varied_starts.groups(self._columns(i), len(i)):
@@ -128,7 +128,7 @@ class EnsembleJob:
             runs, remaining[which] = i[which], False
             with self.results.recording_errors(runs):
                 mech = self._checked(group.mech)
-                yield mech, Begun(runs, self.starts.points(mech, runs, y), parameters)
+                yield mech, RunStarts(runs, self.starts.points(mech, runs, y), parameters)
         self.results.leave(i[remaining], OTHER_MECHANISM)
 
     @cached_property
@@ -200,7 +200,7 @@ def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
         job.seconds = (perf_counter() - started) / completed
 
 
-def _complete(job: EnsembleJob, run: RunState, begun: Begun, stop: StopFlag) -> int:
+def _complete(job: EnsembleJob, run: RunState, begun: RunStarts, stop: StopFlag) -> int:
     """Run a group in the core; return the number of completed runs."""
     i, y, parameters = begun
     reason = reason_not_in_core(run, job.names)

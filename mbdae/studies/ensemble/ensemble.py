@@ -68,7 +68,7 @@ def ensemble(
             parameter that is not valid, a mechanism without the signals, or a function that fails, is the status
             ``"input"``, ``"assembly"`` or ``"error"`` of its run.
     """
-    check_settings(list(settings), others=(*NOT_SETTINGS, "events"))
+    check_settings(list(settings), excluded=(*NOT_SETTINGS, "events"))
     values = _columns(parameters)
     source = _source(model, values)
     first = source if isinstance(source, Mechanism) else _first_mechanism(source, values)

@@ -124,7 +124,7 @@ def _check_names(parameters: object, settings: Mapping[str, object]) -> None:
     for name in ("t_eval", "events"):
         if name in settings:
             raise InputError(f"a fit takes no {name}: the times of the data are those of its runs")
-    check_settings(settings, others=("problem", "t_span", "t_eval", "events", "progress"))
+    check_settings(settings, excluded=("problem", "t_span", "t_eval", "events", "progress"))
 
 
 def _check_starts(starts: object, seed: object) -> None:

@@ -167,7 +167,7 @@ def runs(make: MechanismFactory, t_span: tuple[float, float] | None, settings: M
         UnknownNameError: for an unknown setting.
         InputError: for an incomplete run; KeyboardInterrupt for an interrupted one.
     """
-    check_settings(settings, others=("problem", "t_span", "progress"))
+    check_settings(settings, excluded=("problem", "t_span", "progress"))
     parameters = VaryingParameters(make)
 
     def run(values: dict[str, float]) -> RunMotion:
