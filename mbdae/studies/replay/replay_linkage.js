@@ -3,8 +3,8 @@
 
 const CLOSED = 1e-10, ITERATIONS = 20, LARGEST_STEP = 0.5;  // tolerance of g; iterations per pose; in rad or m, to stay on the branch
 
-function linkage({joints, values, pairs, rows, held}) {
-  const {Matrix4} = MeshCat.THREE, n = values.length, pivots = new Set(held);
+function linkage({joints, values, pairs, rows, prescribed}) {
+  const {Matrix4} = MeshCat.THREE, n = values.length, pivots = new Set(prescribed);
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
   const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
   const subtract = (a, b) => a.map((x, i) => x - b[i]);
@@ -118,9 +118,9 @@ function linkage({joints, values, pairs, rows, held}) {
   const close = (state, targets) => {
     for (let k = 0; k < ITERATIONS; k++) {
       const {g, G} = residual(state), x = new Float64Array(n);
-      held.forEach((c, i) => { x[c] = targets[i] - state.u[c]; });
-      const left = g.map((value, r) => held.reduce((sum, c) => sum + G[r][c] * x[c], value));
-      if (Math.max(0, ...g.map(Math.abs), ...held.map(c => Math.abs(x[c]))) < CLOSED) return state;
+      prescribed.forEach((c, i) => { x[c] = targets[i] - state.u[c]; });
+      const left = g.map((value, r) => prescribed.reduce((sum, c) => sum + G[r][c] * x[c], value));
+      if (Math.max(0, ...g.map(Math.abs), ...prescribed.map(c => Math.abs(x[c]))) < CLOSED) return state;
       if (rows.length) minimumNormStep(G, left).forEach((step, i) => { x[i] += step; });
       if (!(Math.max(...x.map(Math.abs)) < LARGEST_STEP)) return null;
       state = integrate(state, x);

@@ -8,8 +8,8 @@ function sliders(page, scene) {
   main.classList.toggle("bare", scene.sliders.length === 0);
   const make = (tag, className, text = "") => Object.assign(document.createElement(tag), {className, textContent: text});
   scene.sliders.forEach((slider, k) => {
-    const {joint, share, dead, says} = slider, wrap = make("div", "slider"), input = make("input", "");
-    const head = make("div", "head"), value = make("output", ""), track = make("div", "track"), note = make("div", "note", says);
+    const {joint, share, dead, description} = slider, wrap = make("div", "slider"), input = make("input", "");
+    const head = make("div", "head"), value = make("output", ""), track = make("div", "track"), note = make("div", "note", description);
     Object.assign(input, {type: "range", min: 0, max: 1, step: "any", value: share, ariaLabel: joint});
     head.append(make("b", "", joint), value);
     track.append(input);
@@ -36,10 +36,10 @@ function sliders(page, scene) {
     return u[i] + part * (u[i + 1] - u[i]);
   };
   const show = (k, over) => {
-    wraps.forEach(({input, at, value, unit, scale, wrap, note, says, ...slider}, j) => {
+    wraps.forEach(({input, at, value, unit, scale, wrap, note, description, ...slider}, j) => {
       if (Number(input.value) !== at) input.value = at;
       value.textContent = `${number(scale * valueOf({at, ...slider}))} ${unit}`;
-      note.textContent = j === k && over || says;
+      note.textContent = j === k && over || description;
       wrap.classList.toggle("over", j === k && Boolean(over));
     });
     page.said = `${wraps[k].joint} = ${wraps[k].value.textContent}${over ? `, ${over}` : ""}`;
